@@ -178,9 +178,7 @@ def is_mistake(error: BaseException | None) -> bool:
     """Is the exception of a formula a mistake in the program?  Any other one is a failure of the
     step in which it was raised.
     """
-    return isinstance(error, (*PROGRAMMING, LiemechError)) and not isinstance(
-        error, IntegrationFailure
-    )
+    return isinstance(error, (*PROGRAMMING, LiemechError)) and not isinstance(error, IntegrationFailure)
 
 
 def failure(error: Exception | None, what: str, at: str) -> IntegrationFailure:
@@ -196,10 +194,7 @@ def failure(error: Exception | None, what: str, at: str) -> IntegrationFailure:
     elif error is not None:
         cls, text = IntegrationFailure, f"{what}: {type(error).__name__}: {error}"
     else:
-        cls, text = (
-            NotFinite,
-            f"{what}: the step overflowed or left the domain of a formula; a smaller h may help",
-        )
+        cls, text = (NotFinite, f"{what}: the step overflowed or left the domain of a formula; a smaller h may help")
     made = cls.__new__(cls)  # of a user's class too, whatever its constructor takes
     made.args, made.__cause__ = (f"{text} [{at}]",), error
     return made

@@ -77,11 +77,7 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
                 raise ImportError(said, name=name)
             raise AttributeError(said, name=name, obj=module)
         home = homes[name]
-        value = (
-            import_module(f"{package}.{name}")
-            if home == "."
-            else getattr(import_module(home, package), name)
-        )
+        value = import_module(f"{package}.{name}") if home == "." else getattr(import_module(home, package), name)
         vars(module)[name] = value
         return value
 
@@ -112,9 +108,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     from difflib import get_close_matches
 
     alike = {one.lower().replace("_", ""): one for one in known}
-    return next(
-        (alike[n] for n in get_close_matches(name.lower().replace("_", ""), alike, 1)), None
-    )
+    return next((alike[n] for n in get_close_matches(name.lower().replace("_", ""), alike, 1)), None)
 
 
 def meant(name: str, known: Iterable[str]) -> str:

@@ -80,9 +80,7 @@ class Retraction(Record):
             if not rest > TOLERANCE * TOLERANCE * size:
                 break
         if not rest <= TOLERANCE * TOLERANCE * size:
-            raise NoConvergence(
-                f"{type(self).__name__}: no xi found with tau(xi) = g, |log g| = {sqrt(size):.2g}"
-            )
+            raise NoConvergence(f"{type(self).__name__}: no xi found with tau(xi) = g, |log g| = {sqrt(size):.2g}")
         return xi
 
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
@@ -112,9 +110,7 @@ class Retraction(Record):
 
     def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
         """Its inverse.  xi, eta : (dim,)."""
-        return solve(
-            mat(*[self.dtau(group, xi, unit) for unit in identity_matrix(group.dim)]).T, eta
-        )
+        return solve(mat(*[self.dtau(group, xi, unit) for unit in identity_matrix(group.dim)]).T, eta)
 
     def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi,
@@ -134,11 +130,7 @@ class Retraction(Record):
         Returns r, dr/dp (a number or a matrix) and dr/dxi (a matrix), for Newton's method.  xi, p,
         mu : (dim,).
         """
-        return (
-            p - self.dtau_dual(group, -xi, mu),
-            1.0,
-            jacobian(lambda x: -self.dtau_dual(group, -x, mu), xi),
-        )
+        return (p - self.dtau_dual(group, -xi, mu), 1.0, jacobian(lambda x: -self.dtau_dual(group, -x, mu), xi))
 
     # ---------------------------------------------------------------- 3. what follows
 

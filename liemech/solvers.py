@@ -9,22 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .errors import NoConvergence
-from .formulas import (
-    Mat,
-    Record,
-    Vec,
-    cross,
-    dot,
-    jacobian,
-    mat,
-    record,
-    solve,
-    solve3,
-    sqrt,
-    sum,
-    vec,
-    where,
-)
+from .formulas import Mat, Record, Vec, cross, dot, jacobian, mat, record, solve, solve3, sqrt, sum, vec, where
 from .formulas.double_double import is_long
 from .formulas.dual import value_of
 from .formulas.pytree import double_double, layout_of, moving_as, rounded
@@ -129,14 +114,11 @@ def newton_of_kicks(
     size = enough = dot(guess, guess)
     for _ in range(LIMIT):
         k, tangent = kicks(w), jacobian(kicks, w)
-        slopes = [
-            slope_beside(k[i], idle[i], foreseen[i], w[i], tangent[i, i]) for i in range(len(w))
-        ]
+        slopes = [slope_beside(k[i], idle[i], foreseen[i], w[i], tangent[i, i]) for i in range(len(w))]
         found, scale = led_to(k)
         r, size, enough = w - found, dot(w - found, w - found), TOLERANCE * TOLERANCE * scale
         rows = [
-            vec(*[(1.0 if i == j else 0.0) - by_kick[i, j] * slopes[j] for j in range(len(w))])
-            for i in range(len(w))
+            vec(*[(1.0 if i == j else 0.0) - by_kick[i, j] * slopes[j] for j in range(len(w))]) for i in range(len(w))
         ]
         step = correction(mat(*rows), r)
         w, foreseen = w - step, vec(*[k[i] - slopes[i] * step[i] for i in range(len(w))])
@@ -198,9 +180,7 @@ def swept(
 
 
 def refined(
-    equation: Callable[[Vec], tuple[Vec, Mat, float]],
-    x: Vec,
-    solved: Callable[[Mat, Vec], Vec] | None = None,
+    equation: Callable[[Vec], tuple[Vec, Mat, float]], x: Vec, solved: Callable[[Mat, Vec], Vec] | None = None
 ) -> Vec:
     """A root that is known to 16 digits, in numbers of two doubles: 31 digits of the residual, 16
     of its derivative.
@@ -244,9 +224,7 @@ def _asked(solved: Callable[[Mat, Vec], Vec] | None, jacobian: Mat, r: Vec) -> V
     return correction(jacobian, r) if solved is None else solved(jacobian, r)
 
 
-def fixed_point(
-    sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], guess: Any, method: Any, h: float
-) -> Any:
+def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], guess: Any, method: Any, h: float) -> Any:
     """A fixed point of sweeps: they are repeated until they change no more than rounding does.
 
     sweep : gives of an unknown a better one, how much they differ and how large the data are; for
@@ -309,11 +287,7 @@ class Settling(Record):
         done = change <= epsilon * size
         if before > 0.0:
             ratio = change / before
-            done = (
-                done
-                or 16.0 * ratio * change <= epsilon * size
-                or (ratio >= 1.0 and change <= noise * size)
-            )
+            done = done or 16.0 * ratio * change <= epsilon * size or (ratio >= 1.0 and change <= noise * size)
         if _is_in_units(changes):
             since = where(change < least, 0.0, since + 1.0)
             least = where(change < least, change, least)
@@ -353,9 +327,7 @@ def correction(jacobian: Mat, residual: Vec) -> Vec:
 def solve2(m: Mat, rhs: Vec) -> Vec:
     """The solution of a 2 by 2 system by Cramer's rule: no branch, one division."""
     scale = 1.0 / (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
-    return vec(
-        scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0])
-    )
+    return vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
 
 
 def solve6(m: Mat, rhs: Vec) -> Vec:
@@ -367,14 +339,7 @@ def solve6(m: Mat, rhs: Vec) -> Vec:
     A, B = _block(m, 0, 0), _block(m, 0, 3)
     C, D = _block(m, 3, 0), _block(m, 3, 3)
     last = vec(rhs[3], rhs[4], rhs[5])
-    if (
-        D[0, 1] == 0.0
-        and D[0, 2] == 0.0
-        and D[1, 0] == 0.0
-        and D[1, 2] == 0.0
-        and D[2, 0] == 0.0
-        and D[2, 1] == 0.0
-    ):
+    if D[0, 1] == 0.0 and D[0, 2] == 0.0 and D[1, 0] == 0.0 and D[1, 2] == 0.0 and D[2, 0] == 0.0 and D[2, 1] == 0.0:
         d = vec(1.0 / D[0, 0], 1.0 / D[1, 1], 1.0 / D[2, 2])  # an inertia, along its axes
         G, g = mat(*[d[i] * C[i] for i in range(3)]), d * last
     else:

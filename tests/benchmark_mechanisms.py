@@ -120,9 +120,7 @@ def one_freedom(
             (0.0, end), start, method="DOP853", rtol=1e-12, atol=1e-13,
         )  # fmt: skip
         assert low < found.y[0].min() and found.y[0].max() < high, found.y[0]
-        assert max(abs(M.coef[-4:]).max() / abs(M.coef[0]), abs(V.coef[-4:]).max()) < 1e-10, M.coef[
-            -4:
-        ]
+        assert max(abs(M.coef[-4:]).max() / abs(M.coef[0]), abs(V.coef[-4:]).max()) < 1e-10, M.coef[-4:]
         return np.asarray(found.y[:, -1])
     weights = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
 
@@ -204,11 +202,7 @@ def squeezer(end: float = 0.03) -> Mechanism:
 def slider_crank(end: float = 1.0) -> Mechanism:
     """A crank of 0.2 m, a rod of 0.5 m and a slider in one plane, all hinges."""
     r, L, masses = 0.2, 0.5, (1.0, 2.0, 1.5)
-    links = [
-        Link.rod(masses[0], r, 0.02),
-        Link.rod(masses[1], L, 0.02),
-        Link(masses[2], [0.01] * 3),
-    ]
+    links = [Link.rod(masses[0], r, 0.02), Link.rod(masses[1], L, 0.02), Link(masses[2], [0.01] * 3)]
     start = 0.4, 12.0
     along = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # e3 of rods to e1
 
@@ -217,11 +211,7 @@ def slider_crank(end: float = 1.0) -> Mechanism:
         pin = r * np.array([np.cos(q), 0.0, -np.sin(q)])
         tilt = -np.arcsin(r * np.sin(q) / L)
         end = pin + L * np.array([np.cos(tilt), 0.0, -np.sin(tilt)])
-        return [
-            (turn(q, 1) @ along, 0.5 * pin),
-            (turn(tilt, 1) @ along, 0.5 * (pin + end)),
-            (np.eye(3), end),
-        ]
+        return [(turn(q, 1) @ along, 0.5 * pin), (turn(tilt, 1) @ along, 0.5 * (pin + end)), (np.eye(3), end)]
 
     parts = posed(placed(start[0]))
     low, high = np.array([0, 0, -0.5 * r]), np.array([0, 0, 0.5 * r])
@@ -235,9 +225,7 @@ def slider_crank(end: float = 1.0) -> Mechanism:
     bodies = [(m, np.diag(link.inertia)) for m, link in zip(masses, links)]
     height = lambda q: sum(m * p[2] for (_, p), m in zip(placed(q), masses))  # noqa: E731
     q, _ = one_freedom(placed, bodies, start, end, lambda q: G * height(q))
-    state = linkage.state(
-        angles={"slider": placed(start[0])[2][1][0]}, rates={"crank": start[1]}, near=parts
-    )
+    state = linkage.state(angles={"slider": placed(start[0])[2][1][0]}, rates={"crank": start[1]}, near=parts)
     return Mechanism(
         linkage, state, ("slider",), end, 1000, np.array([placed(q)[2][1][0]]),
         "minimal coordinate, DOP853 to 1e-12",
@@ -264,11 +252,7 @@ def spatial_slider_crank(end: float = 1.0) -> Mechanism:
         u = np.cross(d, Z)  # the arm of the cross that the rod carries, across the slider's
         u = u / np.sqrt(u @ u)
         rod = np.transpose([u, np.cross(d, u), d])
-        return [
-            (turn(q, 0), pivot + 0.5 * (pin - pivot)),
-            (rod, 0.5 * (pin + slider)),
-            (np.eye(3), slider),
-        ]
+        return [(turn(q, 0), pivot + 0.5 * (pin - pivot)), (rod, 0.5 * (pin + slider)), (np.eye(3), slider)]
 
     parts = posed(placed(start[0]))
     joints = [
@@ -318,9 +302,7 @@ def bricard(end: float = 0.4) -> Mechanism:
         if k == 5:
             ends[1], directions[1] = upright @ point, upright @ axes[5]
         joints.append(RevoluteJoint(first, second, *ends, *directions, name=f"hinge {k + 1}"))
-    parts = posed(
-        [(upright @ frames[k], upright @ (corners[k] + 0.5 * edges[k])) for k in range(5)]
-    )
+    parts = posed([(upright @ frames[k], upright @ (corners[k] + 0.5 * edges[k])) for k in range(5)])
     rod = Link.rod(1.0, 1.0, 0.05)
     linkage = Linkage([rod] * 5, joints, G)
 
@@ -355,9 +337,7 @@ def bricard(end: float = 0.4) -> Mechanism:
         return chained(closed(q0))[0][:5]
 
     height = lambda q: sum(p[2] for _, p in placed(q))  # noqa: E731
-    q, _ = one_freedom(
-        placed, [(1.0, np.diag(rod.inertia))] * 5, (0.0, 0.0), end, lambda q: G * height(q), BRICARD
-    )
+    q, _ = one_freedom(placed, [(1.0, np.diag(rod.inertia))] * 5, (0.0, 0.0), end, lambda q: G * height(q), BRICARD)
     start = linkage.independent(parts)
     state = start.assembled(parts)
     zero = np.array(start.motion_at(None, 0).at.angles(0.0, state.g))[0]
@@ -435,9 +415,7 @@ def governor(end: float = 2.0) -> Mechanism:
         force += -k * (low(q) + rest) * s - c * s * s * v - collar * s * bend * v * v
         return [v, force / mass, L / inertia(q)]
 
-    y = solve_ivp(rhs, (0, end), [start, 0.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-13).y[
-        :, -1
-    ]
+    y = solve_ivp(rhs, (0, end), [start, 0.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     angles = {"spindle": 0.0, "arm": -start, "other arm": start, "collar": rest}
     state = linkage.state(angles=angles, rates={"spindle": spin, "arm": 0.0}, near=poses)
     return Mechanism(
@@ -459,13 +437,9 @@ def four_bars(loops: int, end: float = 1.0) -> Mechanism:
     low, high = [0, 0, -0.5], [0, 0, 0.5]
     across = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     ends = [np.array([k, 0.0, 0.0]) - turn(start, 1) @ Z for k in range(loops + 1)]
-    cranks = [
-        (turn(start, 1), np.array([k, 0, 0]) - 0.5 * turn(start, 1) @ Z) for k in range(loops + 1)
-    ]
+    cranks = [(turn(start, 1), np.array([k, 0, 0]) - 0.5 * turn(start, 1) @ Z) for k in range(loops + 1)]
     bars = [(across, 0.5 * (ends[k] + ends[k + 1])) for k in range(loops)]
-    joints: list[Any] = [
-        RevoluteJoint(k, None, high, [k, 0, 0], Y, Y, name=f"crank {k}") for k in range(loops + 1)
-    ]
+    joints: list[Any] = [RevoluteJoint(k, None, high, [k, 0, 0], Y, Y, name=f"crank {k}") for k in range(loops + 1)]
     for k in range(loops):
         b = loops + 1 + k
         joints += [

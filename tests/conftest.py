@@ -42,9 +42,7 @@ def can_compile() -> bool:
     """Whether native code may be made in this run: llvmlite is installed and nobody asked for plain
     Python.
     """
-    switched_off = os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get(
-        "NUMBA_DISABLE_JIT", "0"
-    ) not in ("", "0")
+    switched_off = os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
     return not switched_off and importlib.util.find_spec("llvmlite") is not None
 
 
@@ -75,19 +73,9 @@ def pytest_sessionfinish() -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--one-in", type=int, default=1, metavar="N", help="run every N-th of the selected tests only")
     parser.addoption(
-        "--one-in",
-        type=int,
-        default=1,
-        metavar="N",
-        help="run every N-th of the selected tests only",
-    )
-    parser.addoption(
-        "--part",
-        type=int,
-        default=0,
-        metavar="K",
-        help="which of the N parts --one-in leaves, by K modulo N",
+        "--part", type=int, default=0, metavar="K", help="which of the N parts --one-in leaves, by K modulo N"
     )
 
 
@@ -130,9 +118,7 @@ def leave_a_sample(items: list[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_collection_modifyitems(
-    config: pytest.Config, items: list[pytest.Item]
-) -> Iterator[None]:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
     leave_a_sample(items)
     yield  # the tests are chosen by their marks
     every = max(1, config.getoption("one_in"))

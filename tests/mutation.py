@@ -89,15 +89,7 @@ LONGEST = 1.0
 """Seconds of processor time for a test in plain Python; longer ones are left to native code."""
 PLAIN, NATIVE = 40.0, 90.0
 """Seconds of processor time for one change, in a fork and in a new process."""
-PRELOADED = (
-    "llvmlite.binding",
-    "matplotlib",
-    "mpmath",
-    "scipy.integrate",
-    "scipy.linalg",
-    "scipy.special",
-    "sympy",
-)
+PRELOADED = ("llvmlite.binding", "matplotlib", "mpmath", "scipy.integrate", "scipy.linalg", "scipy.special", "sympy")
 SURVIVED, CAUGHT, HUNG, UNDECIDED = "SURVIVED", "caught", "hung", "undecided"
 JUDGED = re.compile(r"\| `(\S+\.py)` \| `(.+?)` \| .+ \|")
 """A row of the table of changes that nobody can see: file, the line with the change, why."""
@@ -160,9 +152,7 @@ def changes(file: Path) -> list[Change]:
     source = (ROOT / file).read_text(encoding="utf-8")
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         (line, column), text = token.start, token.line.strip()
-        if text.startswith(
-            ("import ", "from ", "@", "class ", "def ", "raise ", "__all__", '"', 'f"')
-        ):
+        if text.startswith(("import ", "from ", "@", "class ", "def ", "raise ", "__all__", '"', 'f"')):
             continue
         if re.search(r"reshape\(.*-$", token.line[:column]):
             continue  # any negative length is the one that NumPy finds
@@ -180,12 +170,7 @@ def changes(file: Path) -> list[Change]:
             if called and (not after.startswith("(") or token.line[column - 1 : column] == "."):
                 continue  # a name of something else
             found.append(Change(file, line, column, token.string, WORDS[token.string]))
-        elif (
-            token.type == tokenize.OP
-            and token.string in OTHERS
-            and not text.startswith("*")
-            and "->" not in text
-        ):
+        elif token.type == tokenize.OP and token.string in OTHERS and not text.startswith("*") and "->" not in text:
             left, right = (
                 token.line[column - 1 : column],
                 token.line[column + len(token.string) : column + len(token.string) + 1],
@@ -207,16 +192,10 @@ def statement(change: Change) -> tuple[range, str]:
     the top that it belongs to.
     """
     tree = ast.parse((ROOT / change.file).read_text(encoding="utf-8"))
-    inside = [
-        n
-        for n in ast.walk(tree)
-        if isinstance(n, ast.stmt) and n.lineno <= change.line <= (n.end_lineno or 0)
-    ]
+    inside = [n for n in ast.walk(tree) if isinstance(n, ast.stmt) and n.lineno <= change.line <= (n.end_lineno or 0)]
     top, last = inside[0], inside[-1]
     body = getattr(last, "body", None)
-    names = [
-        n.id for n in ast.walk(top) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-    ]
+    names = [n.id for n in ast.walk(top) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)]
     owner = top.name if isinstance(top, ast.ClassDef | ast.FunctionDef) else (names or [""])[0]
     return range(last.lineno, body[0].lineno if body else (last.end_lineno or 0) + 1), owner
 
@@ -256,13 +235,7 @@ def outcome(item: pytest.Item, following: pytest.Item | None, seconds: float) ->
     except TooLong:
         return HUNG
     failed = [r for r in reports if r.failed]
-    return (
-        HUNG
-        if any("TooLong" in str(r.longrepr) for r in failed)
-        else CAUGHT
-        if failed
-        else SURVIVED
-    )
+    return HUNG if any("TooLong" in str(r.longrepr) for r in failed) else CAUGHT if failed else SURVIVED
 
 
 def in_forks(works: list[Callable[[], Any]], folder: Path) -> list[Any]:
@@ -307,9 +280,7 @@ class Reach:
 
     def of(self, file: Path, lines: range) -> Any:
         """Which tests reach one of the lines."""
-        columns = [
-            self.places[str(file), line] for line in lines if (str(file), line) in self.places
-        ]
+        columns = [self.places[str(file), line] for line in lines if (str(file), line) in self.places]
         found = np.zeros(len(self.names), bool)
         for k in columns:
             found |= (self.reached[:, k // 8] >> (7 - k % 8)) & 1 == 1
@@ -338,20 +309,14 @@ class Reach:
 
 def reach(items: list[pytest.Item], tree: Path) -> Reach:
     """Run tests in plain Python and see what each of them reaches."""
-    monitoring, tool, prefix = (
-        sys.monitoring,
-        sys.monitoring.COVERAGE_ID,
-        str(tree / "liemech") + os.sep,
-    )
+    monitoring, tool, prefix = (sys.monitoring, sys.monitoring.COVERAGE_ID, str(tree / "liemech") + os.sep)
     places: dict[tuple[str, int], int] = {}
     lines: set[int] = set()
     rows, seconds, passed = [], [], []
 
     def line(code: types.CodeType, number: int) -> Any:
         if code.co_filename.startswith(prefix):
-            lines.add(
-                places.setdefault((code.co_filename[len(str(tree)) + 1 :], number), len(places))
-            )
+            lines.add(places.setdefault((code.co_filename[len(str(tree)) + 1 :], number), len(places)))
         return monitoring.DISABLE
 
     monitoring.use_tool_id(tool, "mutation")
@@ -361,10 +326,7 @@ def reach(items: list[pytest.Item], tree: Path) -> Reach:
         lines.clear()
         begin = time.process_time()
         monitoring.restart_events()
-        passed.append(
-            not item.get_closest_marker("compiled")
-            and outcome(item, following, LONGEST) == SURVIVED
-        )
+        passed.append(not item.get_closest_marker("compiled") and outcome(item, following, LONGEST) == SURVIVED)
         seconds.append(time.process_time() - begin)
         rows.append(np.array(sorted(lines), np.int64))
         if len(rows) % 500 == 0:
@@ -372,13 +334,7 @@ def reach(items: list[pytest.Item], tree: Path) -> Reach:
     bits = np.zeros((len(items), len(places)), bool)
     for row, found in zip(bits, rows, strict=True):
         row[found] = True
-    return Reach(
-        [i.nodeid for i in items],
-        places,
-        np.packbits(bits, axis=1),
-        np.array(seconds),
-        np.array(passed),
-    )
+    return Reach([i.nodeid for i in items], places, np.packbits(bits, axis=1), np.array(seconds), np.array(passed))
 
 
 # Changes of functions, in forks of a process that has collected all tests.
@@ -419,28 +375,17 @@ class Trials:
         self.reach = pickle.loads(self.kept.read_bytes())
         for i, change in enumerate(self.chosen, 1):
             with change.made(self.tree):
-                path, old = (
-                    self.tree / change.file,
-                    (ROOT / change.file).read_text(encoding="utf-8"),
-                )
-                before, after = (
-                    compile(t, str(path), "exec", dont_inherit=True) for t in (old, change.text())
-                )
+                path, old = (self.tree / change.file, (ROOT / change.file).read_text(encoding="utf-8"))
+                before, after = (compile(t, str(path), "exec", dont_inherit=True) for t in (old, change.text()))
                 other = {a: b for a, b in zip(nested(before), nested(after), strict=True) if a != b}
-                swapped = [
-                    (f, other[f.__code__]) for f in functions[str(path)] if f.__code__ in other
-                ]
+                swapped = [(f, other[f.__code__]) for f in functions[str(path)] if f.__code__ in other]
                 if swapped:
                     tests = self.ordered(change, items)
-                    self.verdicts[change] = (
-                        in_fork(functools.partial(self.trial, swapped, tests), self.tree) or HUNG
-                    )
+                    self.verdicts[change] = in_fork(functools.partial(self.trial, swapped, tests), self.tree) or HUNG
                     say(f"{i:4} {self.verdicts[change]:9} {len(tests):4} tests {change}")
         return True
 
-    def ordered(
-        self, change: Change, items: dict[str, pytest.Item]
-    ) -> list[tuple[pytest.Item, float]]:
+    def ordered(self, change: Change, items: dict[str, pytest.Item]) -> list[tuple[pytest.Item, float]]:
         """The tests that reach the change: of each test function one variant, then one more, the
         quick and particular first.
         """
@@ -452,17 +397,12 @@ class Trials:
         for k in sorted(np.flatnonzero(found), key=lambda k: self.reach.seconds[k] * lines[k]):
             name = self.reach.names[k]
             function = name.partition("[")[0]
-            order.append(
-                (turns[function], self.reach.seconds[k] * lines[k], name, self.reach.seconds[k])
-            )
+            order.append((turns[function], self.reach.seconds[k] * lines[k], name, self.reach.seconds[k]))
             turns[function] += 1
         return [(items[name], seconds) for _, _, name, seconds in sorted(order) if name in items]
 
     @staticmethod
-    def trial(
-        swapped: list[tuple[types.FunctionType, types.CodeType]],
-        tests: list[tuple[pytest.Item, float]],
-    ) -> str:
+    def trial(swapped: list[tuple[types.FunctionType, types.CodeType]], tests: list[tuple[pytest.Item, float]]) -> str:
         """Does a test fail with other code in these functions?"""
         for function, code in swapped:
             function.__code__ = code
@@ -488,19 +428,13 @@ def test_files(change: Change, reached: Reach) -> list[str]:
         statement(change)[1],
     )
     reaching = {
-        name.partition("::")[0]
-        for name, yes in zip(reached.names, reached.of(change.file, range(10**5)))
-        if yes
+        name.partition("::")[0] for name, yes in zip(reached.names, reached.of(change.file, range(10**5))) if yes
     }
     points = {}
     for path in sorted(Path("tests").rglob("test_*.py")):  # those of the copy
         name, text = str(path), path.read_text(encoding="utf-8")
-        points[name] = (
-            2 * (change.file.stem in path.stem) + 3 * name.startswith(home) + 2 * (module in text)
-        )
-        points[name] += (name in reaching) + (
-            3 * bool(re.search(rf"\b{owner}\b", text)) if owner else 0
-        )
+        points[name] = 2 * (change.file.stem in path.stem) + 3 * name.startswith(home) + 2 * (module in text)
+        points[name] += (name in reaching) + (3 * bool(re.search(rf"\b{owner}\b", text)) if owner else 0)
     return sorted([name for name in points if points[name] > 1], key=lambda name: -points[name])
 
 
@@ -524,13 +458,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument(
-        "--under", nargs="+", default=FOLDERS, help="only these folders and files of liemech"
-    )
+    parser.add_argument("--under", nargs="+", default=FOLDERS, help="only these folders and files of liemech")
     parser.add_argument("--list", action="store_true", help="only show the changes")
-    parser.add_argument(
-        "--reach", type=Path, help="what each test reaches: written here, or read if it is there"
-    )
+    parser.add_argument("--reach", type=Path, help="what each test reaches: written here, or read if it is there")
     options = parser.parse_args()
     files = []
     for name in options.under:
@@ -539,9 +469,7 @@ def main() -> None:
         if not inside:
             parser.error(f"--under: there is no file under liemech/{name}")
         files += [p.relative_to(ROOT) for p in inside]
-    chosen = random.Random(options.seed).sample(
-        [c for file in files for c in changes(file)], options.count
-    )
+    chosen = random.Random(options.seed).sample([c for file in files for c in changes(file)], options.count)
     unseen = judged()
     equal = [c for c in chosen if (str(c.file), c.line_after) in unseen]
     chosen = [c for c in chosen if c not in equal]
@@ -570,10 +498,7 @@ def main() -> None:
                 "-W",
                 "ignore::pluggy.PluggyTeardownRaisedWarning",
             )
-            pytest.main(
-                [*quiet, *(f"--ignore={tree / 'tests' / name}" for name in ELSEWHERE)],
-                plugins=[trials],
-            )
+            pytest.main([*quiet, *(f"--ignore={tree / 'tests' / name}" for name in ELSEWHERE)], plugins=[trials])
             return trials.verdicts
 
         for name in PRELOADED:

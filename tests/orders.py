@@ -37,9 +37,7 @@ class Problem:
     def end(self, method: lm.Method, n: int, bodies: int = 4) -> list[np.ndarray]:
         """Momentum, if there is one, and attitude of the first bodies after n steps."""
         start = type(self.starts)(*(x[:bodies] for x in self.starts.parts.values()))
-        run = lm.integrate(
-            self.system, method, start, h=self.t_end / n, steps=n, every=n, progress=False
-        )
+        run = lm.integrate(self.system, method, start, h=self.t_end / n, steps=n, every=n, progress=False)
         return [*((run.mu[-1],) if "mu" in start.parts else ()), self.seen(run.g[-1])]
 
     def seen(self, g: np.ndarray) -> np.ndarray:
@@ -51,8 +49,7 @@ class Problem:
         """Where the starts lead: in closed form, or by a method of order 8 far beyond convergence."""
         if isinstance(self.system, lm.RigidBody):
             ends = [
-                self.system.exact(self.system.state(mu, g), self.t_end)
-                for mu, g in zip(self.starts.mu, self.starts.g)
+                self.system.exact(self.system.state(mu, g), self.t_end) for mu, g in zip(self.starts.mu, self.starts.g)
             ]
             return [np.array([end.mu for end in ends]), np.array([end.g for end in ends])]
         return self.end(lm.RKMK(order=8), round(32 * self.t_end))
@@ -67,10 +64,7 @@ class Problem:
 
     def errors(self, method: lm.Method, n: int, bodies: int) -> list[float]:
         """The root mean squares of the errors of momentum and attitude."""
-        return [
-            float(np.sqrt(np.mean((a - b[:bodies]) ** 2)))
-            for a, b in zip(self.end(method, n, bodies), self.exact)
-        ]
+        return [float(np.sqrt(np.mean((a - b[:bodies]) ** 2))) for a, b in zip(self.end(method, n, bodies), self.exact)]
 
     def slopes(self, method: lm.Method, order: int) -> list[float]:
         """The measured orders of momentum and attitude, by least squares over three steps, each
@@ -112,11 +106,7 @@ class Smooth(Problem):
         """The measured orders, by least squares over three steps from the first with a `SMALL`
         error on; at order 8 closer ones.
         """
-        bodies, n, ratio = (
-            (1 if order < 4 else 2),
-            round(self.t_end),
-            (2.0 if order < 8 else 2.0**0.5),
-        )
+        bodies, n, ratio = ((1 if order < 4 else 2), round(self.t_end), (2.0 if order < 8 else 2.0**0.5))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of steps too large to be made
             while not max(self.errors(method, n, bodies)) < SMALL[order]:
@@ -172,20 +162,12 @@ class Table:
     def text(self) -> str:
         """All rows, measured now."""
         with ProcessPoolExecutor() as pool:
-            lines = [
-                self.line(name, slopes)
-                for name, slopes in zip(self.rows, pool.map(self.measured, self.rows))
-            ]
+            lines = [self.line(name, slopes) for name, slopes in zip(self.rows, pool.map(self.measured, self.rows))]
         return "\n".join((self.head, "| --- " * (self.head.count("|") - 1) + "|", *lines))
 
     def printed(self) -> dict[str, str]:
         """The lines of the table in the page, by their first cells."""
-        lines = (
-            PAGE.read_text(encoding="utf-8")
-            .partition(self.head)[2]
-            .partition("\n\n")[0]
-            .splitlines()[2:]
-        )
+        lines = PAGE.read_text(encoding="utf-8").partition(self.head)[2].partition("\n\n")[0].splitlines()[2:]
         return {text.split("|")[1].strip(): text for text in lines}
 
     def agrees(self, name: str, slopes: list[float | None]) -> None:
@@ -196,11 +178,7 @@ class Table:
         for cell, p in zip(cells, slopes, strict=True):
             if p is not None and math.isnan(p):
                 continue
-            assert (
-                cell.strip("*") == ""
-                if p is None
-                else float(cell.strip("*")) == pytest.approx(p, abs=0.05)
-            )
+            assert cell.strip("*") == "" if p is None else float(cell.strip("*")) == pytest.approx(p, abs=0.05)
             assert cell.endswith("*") == (p is not None and p > self.rows[name][1] + 0.1)
 
     def main(self) -> None:

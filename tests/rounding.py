@@ -34,9 +34,7 @@ Array = np.ndarray
 
 def cross(a: Array, b: Array) -> Array:
     """a x b."""
-    return np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def dot(a: Array, b: Array) -> Array:
@@ -46,9 +44,7 @@ def dot(a: Array, b: Array) -> Array:
 
 def series(x: Array, first: int) -> Array:
     """sum_k (-x)^k/(2k + first)!, for angles up to 1.6."""
-    terms = [
-        1 / x.dtype.type(math.factorial(2 * k + first)) for k in range(12 if x.dtype == Wide else 9)
-    ]
+    terms = [1 / x.dtype.type(math.factorial(2 * k + first)) for k in range(12 if x.dtype == Wide else 9)]
     total = terms[-1] - 0 * x
     for term in reversed(terms[:-1]):
         total = term - x * total
@@ -79,17 +75,11 @@ class Turn:
     def matrices(self, x: Array) -> Array:
         """tau(x), (n, 3, 3)."""
         a, b = self.way(dot(x, x))
-        units = [
-            np.repeat(np.eye(3, dtype=Wide)[:, i : i + 1], x.shape[1], axis=1) for i in range(3)
-        ]
-        return np.stack(
-            [e + a * cross(x, e) + b * cross(x, cross(x, e)) for e in units], axis=1
-        ).transpose(2, 0, 1)
+        units = [np.repeat(np.eye(3, dtype=Wide)[:, i : i + 1], x.shape[1], axis=1) for i in range(3)]
+        return np.stack([e + a * cross(x, e) + b * cross(x, cross(x, e)) for e in units], axis=1).transpose(2, 0, 1)
 
 
-EXPONENTIAL = Turn(
-    lambda x: (series(x, 1), series(x, 2)), lambda x: (1, series(x, 2), series(x, 3))
-)
+EXPONENTIAL = Turn(lambda x: (series(x, 1), series(x, 2)), lambda x: (1, series(x, 2), series(x, 3)))
 CAYLEY_MAP = Turn(lambda x: (4 / (4 + x), 2 / (4 + x)), lambda x: (4 / (4 + x), 2 / (4 + x), 0))
 
 
@@ -124,18 +114,12 @@ class Scene:
     @property
     def system(self) -> lm.System:
         """The library's."""
-        return (
-            lm.models.HeavyTop(self.moments, self.weight, self.centre)
-            if self.weight
-            else lm.RigidBody(self.moments)
-        )
+        return lm.models.HeavyTop(self.moments, self.weight, self.centre) if self.weight else lm.RigidBody(self.moments)
 
     def energy(self, mu: Array, vertical: Array) -> Array:
         """mu . J^-1 mu/2 + w Gamma . c."""
         centre = wide(self.centre)
-        return dot(mu, mu / wide(self.moments)) / 2 + self.weight * dot(
-            vertical, centre * np.ones_like(vertical)
-        )
+        return dot(mu, mu / wide(self.moments)) / 2 + self.weight * dot(vertical, centre * np.ones_like(vertical))
 
     def kick(self, vertical: Array) -> Array:
         """The torque w Gamma x c."""
@@ -222,25 +206,13 @@ class Case:
         return mu, vertical, ways
 
     def run(
-        self,
-        steps: int,
-        h: float = 0.1,
-        every: int = 1,
-        compensated: bool | None = None,
-        **start: Array,
+        self, steps: int, h: float = 0.1, every: int = 1, compensated: bool | None = None, **start: Array
     ) -> lm.Trajectory:
         """A run of the library."""
         system = self.scene.system
         state = system.state(**({"mu": self.scene.mu, "g": ATTITUDE} | start))
         return lm.integrate(
-            system,
-            self.method,
-            state,
-            h=h,
-            steps=steps,
-            every=every,
-            compensated=compensated,
-            progress=False,
+            system, self.method, state, h=h, steps=steps, every=every, compensated=compensated, progress=False
         )
 
 
@@ -274,9 +246,7 @@ class Rounding:
     attitude: float
 
 
-def rounding(
-    case: Case, steps: int, h: float = 0.1, compensated: bool | None = None, chunk: int = 4096
-) -> Rounding:
+def rounding(case: Case, steps: int, h: float = 0.1, compensated: bool | None = None, chunk: int = 4096) -> Rounding:
     """Every step of a run against the same step in long doubles."""
     run = case.run(steps, h, compensated=compensated)
     energies, casimirs, product = [], [], ATTITUDE.astype(Wide)
@@ -287,21 +257,12 @@ def rounding(
         energy = case.scene.energy(after, upright)
         scale = EPS * np.abs(case.scene.energy(mu[:, :1], vertical[:, :1]))
         energies.append((case.scene.energy(mu[:, 1:], vertical[:, 1:]) - energy) / scale)
-        casimirs.append(
-            casimir(case.scene, mu[:, 1:], vertical[:, 1:]) - casimir(case.scene, after, upright)
-        )
+        casimirs.append(casimir(case.scene, mu[:, 1:], vertical[:, 1:]) - casimir(case.scene, after, upright))
         product = product @ whole_turn([case.turn.matrices(x) for x in ways])
     energy, other = (np.concatenate(parts).astype(float) for parts in (energies, casimirs))
     other = other / EPS / float(np.abs(casimir(case.scene, wide(run.mu[0]), wide(run.g[0, 2])))[0])
     attitude = float(np.abs(run.g[-1] - product).max())
-    return Rounding(
-        energy.mean(),
-        error_of_mean(energy),
-        energy.std(),
-        other.mean(),
-        error_of_mean(other),
-        attitude,
-    )
+    return Rounding(energy.mean(), error_of_mean(energy), energy.std(), other.mean(), error_of_mean(other), attitude)
 
 
 def casimir(scene: Scene, mu: Array, vertical: Array) -> Array:
@@ -330,11 +291,7 @@ def whole_turn(substeps: list[Array]) -> Array:
 def multiplied(a: Array, b: Array) -> Array:
     """Products of matrices, entry by entry: there is no fast routine for long doubles."""
     return np.stack(
-        [
-            np.stack([sum(a[:, i, k] * b[:, k, j] for k in range(3)) for j in range(3)], -1)
-            for i in range(3)
-        ],
-        -2,
+        [np.stack([sum(a[:, i, k] * b[:, k, j] for k in range(3)) for j in range(3)], -1) for i in range(3)], -2
     )
 
 
@@ -342,38 +299,27 @@ WINDOW = np.kaiser(4096, 40.0)
 """Weights of a mean in which an oscillation of less than 300 steps is invisible, by 16 digits."""
 
 
-def growth(
-    case: Case, compensated: bool | None = None, h: float = 0.1, most: int = 1_000_000
-) -> tuple[float, Array]:
+def growth(case: Case, compensated: bool | None = None, h: float = 0.1, most: int = 1_000_000) -> tuple[float, Array]:
     """How the root mean square over 16 starts of the change of the mean energy grows with the
     steps: its exponent, and itself.
     """
-    counts, rng = (
-        np.unique(np.geomspace(most / 100, most, 9).round().astype(int)),
-        np.random.default_rng(11),
-    )
+    counts, rng = (np.unique(np.geomspace(most / 100, most, 9).round().astype(int)), np.random.default_rng(11))
     mu = starts(case.scene, rng)
     run, means = case.run(len(WINDOW), h, compensated=compensated, mu=mu), []
     done = len(WINDOW)
     for n in (0, *counts):
         if n:
-            run = case.run(
-                n - done, h, every=n - done, compensated=compensated, mu=run.mu[-1], g=run.g[-1]
-            )
+            run = case.run(n - done, h, every=n - done, compensated=compensated, mu=run.mu[-1], g=run.g[-1])
             run = case.run(len(WINDOW), h, compensated=compensated, mu=run.mu[-1], g=run.g[-1])
             done = n + len(WINDOW)
-        energy = case.scene.energy(
-            *(a[1:].astype(Wide).reshape(-1, 3).T for a in (run.mu, run.g[:, :, 2]))
-        )
+        energy = case.scene.energy(*(a[1:].astype(Wide).reshape(-1, 3).T for a in (run.mu, run.g[:, :, 2])))
         means.append(WINDOW @ energy.reshape(-1, 16) / WINDOW.sum())
     change = np.array([(m - means[0]) / means[0] for m in means[1:]], dtype=float)
     rms = np.sqrt((change**2).mean(axis=1))
     return float(np.polyfit(np.log(counts), np.log(rms), 1)[0]), rms
 
 
-def energy_walk(
-    method: lm.Method, counts: Array, h: float = 0.1, **sums: object
-) -> tuple[Array, Array]:
+def energy_walk(method: lm.Method, counts: Array, h: float = 0.1, **sums: object) -> tuple[Array, Array]:
     """After numbers of steps, root mean square over 16 free bodies: the change of the mean energy,
     and that of the energy itself.
 
@@ -414,20 +360,14 @@ def casimir_drift(case: Case, steps: int, compensated: bool | None = None, h: fl
     return float(np.abs(value / value[0] - 1).max())
 
 
-def reversibility(
-    case: Case, compensated: bool | None = None, h: float = 0.1, steps: int = 10_000
-) -> float:
+def reversibility(case: Case, compensated: bool | None = None, h: float = 0.1, steps: int = 10_000) -> float:
     """How far from the start many steps forth and back lead."""
     there = case.run(steps, h, every=steps, compensated=compensated)
     back = case.run(steps, -h, every=steps, compensated=compensated, mu=there.mu[-1], g=there.g[-1])
-    return float(
-        max(np.abs(back.mu[-1] - there.mu[0]).max(), np.abs(back.g[-1] - there.g[0]).max())
-    )
+    return float(max(np.abs(back.mu[-1] - there.mu[0]).max(), np.abs(back.g[-1] - there.g[0]).max()))
 
 
-def spatial_drift(
-    case: Case, steps: int, compensated: bool | None = None, h: float = 0.1
-) -> tuple[float, float]:
+def spatial_drift(case: Case, steps: int, compensated: bool | None = None, h: float = 0.1) -> tuple[float, float]:
     """The largest changes of what the space sees, the momentum (of a top its vertical part), and of
     g^T g.
     """
@@ -448,14 +388,7 @@ def driven_attitude(
     system, product = Driven(lm.SO3()), ATTITUDE.astype(Wide)
     start = system.state(ATTITUDE)
     run = lm.integrate(
-        system,
-        lm.Magnus(2),
-        start,
-        h=h,
-        steps=steps,
-        every=steps,
-        compensated=compensated,
-        progress=False,
+        system, lm.Magnus(2), start, h=h, steps=steps, every=steps, compensated=compensated, progress=False
     )
     for first in range(0, steps, chunk):
         t = h * np.arange(first, min(first + chunk, steps)) + 0.5 * h
@@ -464,9 +397,7 @@ def driven_attitude(
     return float(np.abs(run.g[-1] - product).max())
 
 
-def offset(
-    method: lm.Method, delta: float = 1e-12, steps: int = 1_000_000, **sums: object
-) -> float:
+def offset(method: lm.Method, delta: float = 1e-12, steps: int = 1_000_000, **sums: object) -> float:
     """The offset from the middle axis of the article's body that explains the mean time between its
     flips; 16 starts with another.
 
@@ -477,9 +408,7 @@ def offset(
     body, _ = seed_body()
     mu = np.tile([0.0, 1.0, 0.0], (16, 1))
     mu[0::2, 0] = mu[1::2, 2] = delta * np.linspace(0.95, 1.05, 8) * np.resize([1.0, -1.0], 8)
-    run = lm.integrate(
-        body, method, body.state(mu), h=0.1, steps=steps, every=10, progress=False, **sums
-    )  # type: ignore[arg-type]
+    run = lm.integrate(body, method, body.state(mu), h=0.1, steps=steps, every=10, progress=False, **sums)  # type: ignore[arg-type]
     flips = [np.flatnonzero(np.diff(np.sign(y))) for y in run.mu[:, :, 1].T]
     between = np.mean([(f[-1] - f[0]) / (len(f) - 1) for f in flips])
     return float(8.0**0.5 * np.exp(-between / 4.0))

@@ -98,18 +98,12 @@ def errors_at(
     return np.array(mu), np.array(g)
 
 
-def step_map(
-    system: lm.LiePoissonSystem, method: lm.Method, h: float
-) -> Callable[[np.ndarray], np.ndarray]:
+def step_map(system: lm.LiePoissonSystem, method: lm.Method, h: float) -> Callable[[np.ndarray], np.ndarray]:
     """One step of a method as a map of momenta (n, dim) to momenta."""
-    return lambda mu: lm.integrate(
-        system, method, system.state(mu), h=h, steps=1, compiled=False
-    ).mu[-1]
+    return lambda mu: lm.integrate(system, method, system.state(mu), h=h, steps=1, compiled=False).mu[-1]
 
 
-def poisson_defect(
-    system: lm.LiePoissonSystem, method: lm.Method, mu: np.ndarray, h: float
-) -> float:
+def poisson_defect(system: lm.LiePoissonSystem, method: lm.Method, mu: np.ndarray, h: float) -> float:
     """max |phi' B(mu) phi'^T - B(phi(mu))| of one step phi; phi' by central differences,
     extrapolated.
     """
@@ -200,15 +194,11 @@ def falling_body() -> tuple[lm.models.FallingBody, lm.BodyState]:
 
 def orbiting_body(radius: float = 3.0) -> tuple[lm.models.OrbitingBody, lm.BodyState]:
     """A satellite in a gravity gradient, on a circular orbit, inclined."""
-    body = lm.models.OrbitingBody(
-        [[0.05, 0.01, 0.0], [0.01, 0.08, 0.0], [0.0, 0.0, 0.11]], mass=1.7, attraction=1.0
-    )
+    body = lm.models.OrbitingBody([[0.05, 0.01, 0.0], [0.01, 0.08, 0.0], [0.0, 0.0, 0.11]], mass=1.7, attraction=1.0)
     return body, body.circular_orbit(radius, lm.SO3().exp([0.1, 0.2, 0.3]))
 
 
-def kirchhoff_body() -> tuple[
-    lm.models.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]
-]:
+def kirchhoff_body() -> tuple[lm.models.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]]:
     """A body in a fluid with all its couplings, a start, and where it is later: times, momenta and
     poses, to 20 digits.
     """
@@ -216,11 +206,7 @@ def kirchhoff_body() -> tuple[
     A, D, M, R0, x0 = (numbers(data[name]) for name in ("A", "D", "M", "R0", "x0"))
     body = lm.models.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
     later = [
-        (
-            float(at["t"]),
-            np.array(at["Pi"] + at["P"], float),
-            pose(*(np.array(at[name], float) for name in ("R", "x"))),
-        )
+        (float(at["t"]), np.array(at["Pi"] + at["P"], float), pose(*(np.array(at[name], float) for name in ("R", "x"))))
         for at in data["samples"]
     ]
     return body, body.state(np.array(data["Pi0"] + data["P0"], float), pose(R0, x0)), later

@@ -86,10 +86,7 @@ class Scene:
     @property
     def times(self) -> list[float]:
         """Times between start and end, both included."""
-        return [
-            self.t0 + (self.end - self.t0) * x
-            for x in (0.0, 0.125, 0.25, 0.53125, 0.75, 0.96875, 1.0)
-        ]
+        return [self.t0 + (self.end - self.t0) * x for x in (0.0, 0.125, 0.25, 0.53125, 0.75, 0.96875, 1.0)]
 
     @property
     def short(self) -> dict[str, Any]:
@@ -103,21 +100,14 @@ class Scene:
         """Are the steps equal in a fictive time?"""
         return bool(self.system.fictive or self.method.fictive)
 
-    def spans(
-        self, span: dict[str, Any]
-    ) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], list[float]]:
+    def spans(self, span: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], list[float]]:
         """What the whole run asks for, its first half, its second, and times for samples."""
         if self.by_time:
             ends = span.get("t_end")
             half, whole = self.first, self.rest
             if ends is not None:
                 half, whole = np.multiply(0.5, ends).tolist(), ends
-            return (
-                {"t_end": self.rest, "t0": self.t0},
-                {"t_end": half, "t0": self.t0},
-                {"t_end": whole},
-                self.times,
-            )
+            return ({"t_end": self.rest, "t0": self.t0}, {"t_end": half, "t0": self.t0}, {"t_end": whole}, self.times)
         t0 = {"t0": self.t0}
         if "t_end" in span:
             return t0, t0 | {"t_end": 0.5 * span["t_end"]}, {"t_end": span["t_end"]}, self.times
@@ -251,16 +241,9 @@ ON_ORBITS = dict(
     states=orbits_of, names=("q", "p"), functions=("energy", far), events=(below, beside), ends=(beside, second_time)
 )  # fmt: skip
 
-EQUAL = Scene(
-    "equal", BODY, lm.RKMK(order=4), options={"h": 0.3}, by=("start", "inertia", "h"), **ON_BODIES
-)
+EQUAL = Scene("equal", BODY, lm.RKMK(order=4), options={"h": 0.3}, by=("start", "inertia", "h"), **ON_BODIES)
 COVARIANT = Scene(
-    "covariant",
-    BODY,
-    lm.CovariantVariational(lm.Cayley()),
-    options={"h": 0.3},
-    by=("start", "inertia"),
-    **ON_BODIES,
+    "covariant", BODY, lm.CovariantVariational(lm.Cayley()), options={"h": 0.3}, by=("start", "inertia"), **ON_BODIES
 )
 TOLERANCE = Scene(
     "tolerance", BODY, lm.RKMK(order=5), options={"rtol": 1e-5, "atol": 1e-8}, first=2.9, rest=7.0, libm=True,
@@ -292,12 +275,7 @@ def turned(scene: Scene) -> Scene:
         options["h"] = -options["h"]
     if scene.by_time:
         return replace(
-            scene,
-            name=scene.name + "-back",
-            options=options,
-            t0=t0,
-            first=t0 - scene.first,
-            rest=t0 - scene.rest,
+            scene, name=scene.name + "-back", options=options, t0=t0, first=t0 - scene.first, rest=t0 - scene.rest
         )
     return replace(scene, name=scene.name + "-back", options=options, t0=t0)
 
@@ -324,16 +302,10 @@ def own(scene: Scene) -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
         found["inertias+ends"] = (several, ends)
         found["ends+times"] = ({}, ends | times)
     if scene is TOLERANCE:
-        found["tolerances"] = (
-            {"rtol": [1e-4, 1e-5, 1e-6, 1e-7, 1e-8], "max_step": [0.5, 9.0, 9.0, 9.0, 0.25]},
-            {},
-        )
+        found["tolerances"] = ({"rtol": [1e-4, 1e-5, 1e-6, 1e-7, 1e-8], "max_step": [0.5, 9.0, 9.0, 9.0, 0.25]}, {})
         found["first steps"] = ({"h": [0.5, 0.25, 0.125, 0.75, 1.0]}, {})
     if scene is FICTIVE:
-        ways = [
-            lm.ReversibleController(lm.StormerVerlet(), sigma=Widening(0.25 + i / 8.0))
-            for i in range(5)
-        ]
+        ways = [lm.ReversibleController(lm.StormerVerlet(), sigma=Widening(0.25 + i / 8.0)) for i in range(5)]
         found["methods"] = ({"method": ways}, {})
     return found
 
@@ -389,9 +361,7 @@ def ratio(t, state):
 
 FRAGILE = lm.LiePoissonSystem(lm.SO3(), Fragile([1.0, 1.5, 2.0], 0.6))
 PLANE = Exploding(lm.VectorSpace(2))
-ON_PLANES = dict(
-    states=growing, names=("g",), functions=(ratio,), events=(coordinate,), ends=(coordinate,)
-)
+ON_PLANES = dict(states=growing, names=("g",), functions=(ratio,), events=(coordinate,), ends=(coordinate,))
 FAILING = (
     Scene("fragile-equal", FRAGILE, lm.RKMK(order=4), options={"h": 0.3}, alone=1, **{**ON_BODIES, "functions": ("energy",)}),
     Scene("fragile-tolerance", FRAGILE, lm.RKMK(order=5), options={"rtol": 1e-5}, first=2.9, rest=7.0, libm=True,
@@ -416,12 +386,8 @@ def tops_of(count: int) -> dict[str, np.ndarray]:
 
 def pendulums_of(count: int) -> dict[str, np.ndarray]:
     """Below the point they hang from."""
-    places = np.array([[0.6, 0.0, -0.8], [0.0, -0.6, -0.8], [0.48, 0.36, -0.8]])[
-        np.arange(count) % 3
-    ]
-    speeds = np.array([[0.0, 1.25, 0.0], [0.75, 0.0, 0.0], [-0.375, 0.5, 0.0]])[
-        np.arange(count) % 3
-    ]
+    places = np.array([[0.6, 0.0, -0.8], [0.0, -0.6, -0.8], [0.48, 0.36, -0.8]])[np.arange(count) % 3]
+    speeds = np.array([[0.0, 1.25, 0.0], [0.75, 0.0, 0.0], [-0.375, 0.5, 0.0]])[np.arange(count) % 3]
     return {"q": places, "p": speeds}
 
 
@@ -450,9 +416,7 @@ class Height(lm.Potential):
 
 TOP = lm.models.HeavyTop([1.0, 1.25, 0.75], 0.5, [0.125, 0.25, 0.5])
 POINT = lm.ConstrainedBody(
-    lm.MechanicalSystem(
-        lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height(1.0)
-    ),
+    lm.MechanicalSystem(lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height(1.0)),
     Sphere(1.0),
 )
 
@@ -463,9 +427,7 @@ def _method(name: str, system: Any, method: Any, states: Any, h: float, **rest: 
 
 def _adaptive(name: str, system: Any, method: Any, states: Any, **rest: Any) -> Scene:
     options = {"rtol": 1e-5, "atol": 1e-8}
-    return Scene(
-        name, system, method, states, options=options, first=0.9, rest=2.3, libm=True, **rest
-    )
+    return Scene(name, system, method, states, options=options, first=0.9, rest=2.3, libm=True, **rest)
 
 
 METHODS = (

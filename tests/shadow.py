@@ -33,12 +33,7 @@ def weights(side: int) -> np.ndarray:
     -1, -2, ... have the other sign.
     """
     f = math.factorial
-    return np.array(
-        [
-            (-1) ** (k + 1) * f(side) ** 2 / (k * f(side - k) * f(side + k))
-            for k in range(1, side + 1)
-        ]
-    )
+    return np.array([(-1) ** (k + 1) * f(side) ** 2 / (k * f(side - k) * f(side + k)) for k in range(1, side + 1)])
 
 
 def apart(g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -58,10 +53,7 @@ class Shadow:
         self.system, self.tableau, self.h, self.side = system, method.tableau, h, side
         self.J = np.array(moments)
         self.body = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy(self.J.tolist()))
-        self.free = {
-            a: lm.Plan(self.body, method.free, h=a * h, progress=False)
-            for a in {*method.tableau.drifts}
-        }
+        self.free = {a: lm.Plan(self.body, method.free, h=a * h, progress=False) for a in {*method.tableau.drifts}}
 
     def drift(self, a: float, mu: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """All bodies of all members, free for a time a h."""

@@ -135,9 +135,7 @@ def parts(node: ast.AST) -> Iterator[ast.AST]:
     return (child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr))
 
 
-def executed(
-    node: ast.AST, lazy: bool = False
-) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
+def executed(node: ast.AST, lazy: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
     """The import statements that run, and whether only when some function is called; annotations do
     not count.
     """
@@ -148,9 +146,7 @@ def executed(
             for other in child.orelse:
                 yield from executed(ast.Module([other], []), lazy)
         else:
-            yield from executed(
-                child, lazy or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef)
-            )
+            yield from executed(child, lazy or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef))
 
 
 def for_typing(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
@@ -200,17 +196,11 @@ def complain(offenders: list[object], law: str) -> None:
 
 @pytest.mark.slow
 def test_the_reader_of_imports_sees_through_every_spelling() -> None:
-    inside = "from ..formulas import Vec\nfrom .ad import hat\nimport liemech.errors\nfrom liemech import formulas, SO3\n"
-    found = [
-        target for node in ast.parse(inside).body for target in targets("liemech.groups.so3", node)
-    ]
-    assert found == [
-        "liemech.formulas",
-        "liemech.groups.ad",
-        "liemech.errors",
-        "liemech.formulas",
-        "liemech",
-    ]
+    inside = (
+        "from ..formulas import Vec\nfrom .ad import hat\nimport liemech.errors\nfrom liemech import formulas, SO3\n"
+    )
+    found = [target for node in ast.parse(inside).body for target in targets("liemech.groups.so3", node)]
+    assert found == ["liemech.formulas", "liemech.groups.ad", "liemech.errors", "liemech.formulas", "liemech"]
     package = ast.parse("from .so3 import SO3\nfrom ..errors import LawViolation\n").body
     found = [target for node in package for target in targets("liemech.groups", node)]
     assert found == ["liemech.groups.so3", "liemech.errors"]
@@ -224,9 +214,7 @@ def test_the_reader_of_imports_sees_through_every_spelling() -> None:
 
 
 def test_every_module_belongs_to_a_layer() -> None:
-    strangers = [
-        module for module in trees() if module != "liemech" and layer(module) not in LAYERS
-    ]
+    strangers = [module for module in trees() if module != "liemech" and layer(module) not in LAYERS]
     complain(strangers, "Modules that no layer knows; add a layer to LAYERS, in its place:")
 
 
@@ -283,8 +271,7 @@ def test_imports_between_the_rooms_of_simulation_go_one_way() -> None:
     upward = [
         one
         for one in within
-        if ROOMS.index(room(one.module)[1]) < ROOMS.index(room(one.target)[1])
-        and not opens_a_room(one)
+        if ROOMS.index(room(one.module)[1]) < ROOMS.index(room(one.target)[1]) and not opens_a_room(one)
     ]
     complain(upward, "Imports that point up the rooms of simulation/:")
     opened = {(room(x.module)[0], room(x.target)[1]) for x in within if opens_a_room(x)}
@@ -313,9 +300,7 @@ def test_no_circles() -> None:
 
 def test_each_optional_package_has_one_home() -> None:
     strays = [
-        one
-        for one in outside()
-        if HOMES.get(one.target.partition(".")[0], layer(one.module)) != layer(one.module)
+        one for one in outside() if HOMES.get(one.target.partition(".")[0], layer(one.module)) != layer(one.module)
     ]
     complain(strays, f"Packages imported away from home, which is {HOMES}:")
 
@@ -324,13 +309,9 @@ def test_only_numpy_is_imported_before_it_is_needed() -> None:
     eager = [
         one
         for one in outside()
-        if not one.lazy
-        and (top := one.target.partition(".")[0]) != "numpy"
-        and HOMES.get(top) != layer(one.module)
+        if not one.lazy and (top := one.target.partition(".")[0]) != "numpy" and HOMES.get(top) != layer(one.module)
     ]
-    complain(
-        eager, "Packages imported with the module; import them in the function that needs them:"
-    )
+    complain(eager, "Packages imported with the module; import them in the function that needs them:")
 
 
 def loaded_by(statements: str) -> set[str]:
@@ -338,9 +319,7 @@ def loaded_by(statements: str) -> set[str]:
     liemech.
     """
     code = f"{statements}\nimport json, sys; print(json.dumps(sorted(sys.modules)))"
-    run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
-    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
     names = {name.partition(".")[0] for name in json.loads(run.stdout.splitlines()[-1])}
     return names - sys.stdlib_module_names - {"liemech", "__main__", "__mp_main__"}
 
@@ -351,14 +330,8 @@ def test_import_loads_numpy_and_nothing_else() -> None:
 
 @pytest.mark.slow
 def test_naming_groups_systems_and_methods_loads_numpy_and_nothing_else() -> None:
-    names = [
-        name
-        for name in ("SO3", "Cayley", "RigidBody", "RKMK", "integrate")
-        if name in liemech.__all__
-    ]
-    assert loaded_by(f"import liemech; [getattr(liemech, name) for name in {names}]") <= loaded_by(
-        "import numpy"
-    )
+    names = [name for name in ("SO3", "Cayley", "RigidBody", "RKMK", "integrate") if name in liemech.__all__]
+    assert loaded_by(f"import liemech; [getattr(liemech, name) for name in {names}]") <= loaded_by("import numpy")
 
 
 # --- what a public name owes
@@ -375,16 +348,10 @@ def test_public_names_are_unique() -> None:
 
 def test_public_names_exist_and_are_documented() -> None:
     names = [name for name in liemech.__all__ if not name.startswith("__")]
-    complain(
-        [name for name in names if name not in dir(liemech)], "Public names that are not there:"
-    )
+    complain([name for name in names if name not in dir(liemech)], "Public names that are not there:")
     kinds = inspect.isclass, inspect.isroutine, inspect.ismodule
     things = {name: getattr(liemech, name) for name in names}
-    silent = [
-        name
-        for name, it in things.items()
-        if any(kind(it) for kind in kinds) and not (it.__doc__ or "").strip()
-    ]
+    silent = [name for name, it in things.items() if any(kind(it) for kind in kinds) and not (it.__doc__ or "").strip()]
     complain(silent, "Public names without a docstring of their own:")
 
 
@@ -397,10 +364,7 @@ def test_public_formulas_name_their_source() -> None:
         and name not in UNSOURCED
         and "Source:" not in (thing.__doc__ or "")
     ]
-    complain(
-        silent,
-        "Public names of the mathematical layers without `Source:` (book or paper, equation):",
-    )
+    complain(silent, "Public names of the mathematical layers without `Source:` (book or paper, equation):")
 
 
 def test_modules_of_formulas_name_their_source() -> None:
@@ -410,11 +374,7 @@ def test_modules_of_formulas_name_their_source() -> None:
         for module, tree in trees().items()
         if layer(module) in SOURCED
         and any(isinstance(node, ast.ClassDef | ast.FunctionDef) for node in tree.body)
-        and not any(
-            "Source:" in (ast.get_docstring(n) or "")
-            for n in ast.walk(tree)
-            if isinstance(n, documented)
-        )
+        and not any("Source:" in (ast.get_docstring(n) or "") for n in ast.walk(tree) if isinstance(n, documented))
     ]
     complain(silent, "Modules of the mathematical layers that nowhere say `Source:`:")
 
@@ -429,8 +389,7 @@ def test_docstrings_say_what_things_are() -> None:
         f"{module}, {getattr(node, 'name', 'module')}: {text.partition(chr(10))[0]}"
         for module, tree in trees().items()
         for node in ast.walk(tree)
-        if isinstance(node, documented)
-        and (text := ast.get_docstring(node) or "").startswith(OPENINGS)
+        if isinstance(node, documented) and (text := ast.get_docstring(node) or "").startswith(OPENINGS)
     ]
     complain(opening, f"Docstrings that open with {', '.join(OPENINGS)}:")
 
@@ -446,7 +405,6 @@ def test_trajectories_are_made_in_one_place() -> None:
         for module, tree in trees().items()
         if module.startswith("liemech.simulation") and module not in RESULTS
         for node in ast.walk(tree)
-        if isinstance(node, ast.Call)
-        and str(getattr(node.func, "attr", getattr(node.func, "id", ""))) in makers
+        if isinstance(node, ast.Call) and str(getattr(node.func, "attr", getattr(node.func, "id", ""))) in makers
     ]
     complain(others, "Trajectories that are not made by simulation/result.py:")

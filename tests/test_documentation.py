@@ -25,9 +25,7 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PAGES = [
-    page for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))] if page.exists()
-]
+PAGES = [page for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))] if page.exists()]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "json", "bibtex"}
@@ -58,10 +56,7 @@ COMPILED = {
 }
 """Pages and examples about native code, or too long without it."""
 
-QUICK = {
-    *("README", "conventions", "notation", "tableaus"),
-    *("changelog", "verification", "tennis_racket"),
-}
+QUICK = {*("README", "conventions", "notation", "tableaus"), *("changelog", "verification", "tennis_racket")}
 """Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs a
 third of them.
 """
@@ -116,17 +111,10 @@ def run(program: Path, folder: Path) -> str:
     """
     printed = folder.with_name(f"{folder.name}.printed")
     if "fork" in multiprocessing.get_all_start_methods():
-        for module in (
-            "llvmlite.binding",
-            "matplotlib.pyplot",
-            "scipy.optimize",
-            "scipy.spatial.transform",
-        ):
+        for module in ("llvmlite.binding", "matplotlib.pyplot", "scipy.optimize", "scipy.spatial.transform"):
             with contextlib.suppress(ImportError):
                 importlib.import_module(module)
-        copy = multiprocessing.get_context("fork").Process(
-            target=inside, args=(program, folder, printed)
-        )
+        copy = multiprocessing.get_context("fork").Process(target=inside, args=(program, folder, printed))
         with warnings.catch_warnings():
             # a worker of xdist has a second thread, which only listens
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -199,20 +187,8 @@ def test_an_output_that_is_not_printed_is_noticed() -> None:
     assert outputs.promised(page) == {2: "2.001 x\n"}
     assert outputs.program(page)[2] == "print(2.0, 'x')"
     assert outputs.outputs("a\x1e2 2.0 x \n\x1fb") == {2: "2.0 x\n"}
-    alike = [
-        ("2.0 x", "2.001 x"),
-        ("1e-15", "-3e-14"),
-        ("a\n...\nb 1", "a\nq\nr\nb 1"),
-        ("a  1", "a 1"),
-    ]
-    unlike = [
-        ("2.0 x", "2.0 y"),
-        ("2.0", "2.1"),
-        ("1e-15", "1e-9"),
-        ("a", "a\nb"),
-        ("a\nb", "a"),
-        ("...\nb", "a"),
-    ]
+    alike = [("2.0 x", "2.001 x"), ("1e-15", "-3e-14"), ("a\n...\nb 1", "a\nq\nr\nb 1"), ("a  1", "a 1")]
+    unlike = [("2.0 x", "2.0 y"), ("2.0", "2.1"), ("1e-15", "1e-9"), ("a", "a\nb"), ("a\nb", "a"), ("...\nb", "a")]
     for wanted, found in alike:
         assert outputs.difference(wanted + "\n", found + "\n") is None, wanted
     for wanted, found in unlike:
@@ -222,9 +198,7 @@ def test_an_output_that_is_not_printed_is_noticed() -> None:
 @pytest.mark.parametrize("example", programs(EXAMPLES), ids=lambda example: example.stem)
 def test_example_runs_and_shows_something(example: Path, tmp_path: Path) -> None:
     printed = run(example, tmp_path)
-    assert printed.strip() or any(tmp_path.iterdir()), (
-        f"{example.name} ends with neither a number nor a picture"
-    )
+    assert printed.strip() or any(tmp_path.iterdir()), f"{example.name} ends with neither a number nor a picture"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
@@ -234,9 +208,7 @@ def test_links_inside_the_tree_lead_somewhere(page: Path) -> None:
     text = re.sub(r"^```.*?^```$|`[^`\n]+`", "", text, flags=re.MULTILINE | re.DOTALL)
     for target in re.findall(r"\]\(([^)#\s]+)", text):
         if "://" not in target and not target.startswith("mailto:"):
-            assert (page.parent / target).exists(), (
-                f"{page_name(page)} links to {target}, which does not exist"
-            )
+            assert (page.parent / target).exists(), f"{page_name(page)} links to {target}, which does not exist"
 
 
 def test_readme_has_two_commands_and_ci_runs_them() -> None:

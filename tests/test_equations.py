@@ -13,12 +13,7 @@ from liemech.names import everything
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
-FOLDERS = {
-    "The article": "",
-    "Constrained systems": "constrained",
-    "Poisson systems": "poisson",
-    "Time": "timing",
-}
+FOLDERS = {"The article": "", "Constrained systems": "constrained", "Poisson systems": "poisson", "Time": "timing"}
 
 NUMBERS = {
     "The article": [f"({k})" for k in range(1, 16)],
@@ -128,11 +123,7 @@ def test_every_equation_names_a_test_that_is_there(head: str) -> None:
         names = re.findall(r"`(?:([\w/]+\.py)::)?(test_\w+)`", row[3])
         assert names, f"no test: {row}"
         for path, name in names:
-            files = (
-                [ROOT / "tests" / path]
-                if path
-                else sorted((ROOT / "tests" / FOLDERS[head]).glob("test_*.py"))
-            )
+            files = [ROOT / "tests" / path] if path else sorted((ROOT / "tests" / FOLDERS[head]).glob("test_*.py"))
             assert path or FOLDERS[head], f"{name}: which file?"
             code = "".join(file.read_text(encoding="utf-8") for file in files)
             assert f"def {name}(" in code, f"{name} is not in {files}"

@@ -37,9 +37,7 @@ def page() -> Any:
 def test_the_page_of_names_is_that_of_the_list() -> None:
     text = (DOCS / "names.md").read_text(encoding="utf-8")
     assert page().page() == text, "run: python docs/site/names.py"
-    rows = re.findall(
-        r"^\| `(lm\.[\w.]+)` \| (.+) \| \[.+\]\(([\w/]+)\.md(#[\w-]+)?\) \|$", text, re.M
-    )
+    rows = re.findall(r"^\| `(lm\.[\w.]+)` \| (.+) \| \[.+\]\(([\w/]+)\.md(#[\w-]+)?\) \|$", text, re.M)
     listed = {f for f in names.public().values() if f.split(".")[1] not in APART}
     assert {row[0] for row in rows} == listed and len(rows) == len(listed)
     for full, about, where, _ in rows:

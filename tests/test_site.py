@@ -22,9 +22,7 @@ def test_every_page_is_in_the_lists_of_the_first_page() -> None:
     spec.loader.exec_module(contents)
     groups = contents.groups((DOCS / "index.md").read_text(encoding="utf-8"))
     assert all(groups), "a page is linked from a list above the first heading"
-    listed = [
-        page for pages in groups.values() for page in pages if not page.startswith("generated/")
-    ]
+    listed = [page for pages in groups.values() for page in pages if not page.startswith("generated/")]
     pages = {str(page.relative_to(DOCS).with_suffix("")) for page in DOCS.rglob("*.md")} - {"index"}
     assert sorted(listed) == sorted(pages)
 
@@ -38,15 +36,11 @@ def test_tests_that_the_pages_name_exist(name: str) -> None:
         path = ROOT / "tests" / file
         assert path.exists(), f"{name}.md names {file}, which does not exist"
         if function:
-            assert f"def {function}(" in path.read_text(encoding="utf-8"), (
-                f"{name}.md names {function} in {file}"
-            )
+            assert f"def {function}(" in path.read_text(encoding="utf-8"), f"{name}.md names {function} in {file}"
 
 
 def test_every_link_to_a_term_of_the_glossary_finds_it() -> None:
-    terms = re.findall(
-        r"^### (.+)$", (DOCS / "glossary.md").read_text(encoding="utf-8"), flags=re.MULTILINE
-    )
+    terms = re.findall(r"^### (.+)$", (DOCS / "glossary.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert len(terms) == len(set(terms))
     anchors = {re.sub(r"[^\w -]", "", term.lower()).replace(" ", "-") for term in terms}
     for page in DOCS.rglob("*.md"):
@@ -69,15 +63,11 @@ def test_every_row_of_a_table_has_as_many_cells_as_its_head() -> None:
                 continue
             here = len(re.split(r"(?<!\\)\|", line.strip())) - 2
             cells = cells or here
-            assert here == cells, (
-                f"{page.name}, line {number}: {here} cells under a head of {cells}"
-            )
+            assert here == cells, f"{page.name}, line {number}: {here} cells under a head of {cells}"
 
 
 def test_no_picture_of_the_gallery_is_shown_twice() -> None:
-    pictures = re.findall(
-        r"\]\((figures/\w+\.png)\)", (DOCS / "gallery.md").read_text(encoding="utf-8")
-    )
+    pictures = re.findall(r"\]\((figures/\w+\.png)\)", (DOCS / "gallery.md").read_text(encoding="utf-8"))
     assert len(pictures) == len(set(pictures))
 
 
@@ -124,9 +114,7 @@ def test_programs_are_no_formulas(code: str) -> None:
 def test_words_stand_in_formulas_of_their_own_lines() -> None:
     read = _typeset().read
     assert read("P = F n, the first row first", True) == r"P = F\, n, \text{ the first row first}"
-    assert read("rho = density exp(-z/height)", True) == (
-        r"\rho = \text{ density }\exp (-z/\text{height})"
-    )
+    assert read("rho = density exp(-z/height)", True) == (r"\rho = \text{ density }\exp (-z/\text{height})")
     assert read('y = u  first="kick"', True) == r'y = u\quad \text{ first="kick"}'
     lines = _typeset().lines
     assert lines(["body = plan.stepper(start)"]) is None

@@ -47,9 +47,7 @@ def many() -> list[lm.Trajectory]:
     pair = lm.MechanicalSystem(bodies, lm.Terms(pull, mass=lm.each([1.0, 2.0])))
     water = lm.models.SPC()
     molecules = lm.LiePoissonSystem(lm.SE3() ** 2, lm.PerSite(water.kinetic_energy))
-    drop = lm.MechanicalSystem(
-        molecules, lm.Terms(water.over(lm.neighbours.within(9.0, box=[18.6] * 3)))
-    )
+    drop = lm.MechanicalSystem(molecules, lm.Terms(water.over(lm.neighbours.within(9.0, box=[18.6] * 3))))
     print(drop)
     return [
         lm.integrate(spins, lm.RKMK(order=4), start, h=0.1, steps=10),

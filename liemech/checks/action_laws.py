@@ -45,10 +45,7 @@ def compatibility(action: Any, at: At) -> Iterator[Same]:
 def infinitesimal_action(action: Any, at: At) -> Iterator[Same]:
     found = slope(lambda s: action.act(at.group.exp(s * at.eta), at.point))
     yield Same(
-        action.infinitesimal(at.eta, at.point),
-        found,
-        (size(at.point) + size(found)) / STEP,
-        lambda: factors(found),
+        action.infinitesimal(at.eta, at.point), found, (size(at.point) + size(found)) / STEP, lambda: factors(found)
     )
 
 
@@ -57,18 +54,13 @@ def exp_act(action: Any, at: At) -> Iterator[Same]:
     moved = action.act(at.g, at.point)
     scale = at.share(at.g) * (size(at.point) + size(moved)) * (1.0 + at.length)
     yield Same(
-        action.exp_act(at.xi, at.point),
-        moved,
-        scale,
-        lambda: {"a wrong sign of xi": action.act(at.back, at.point)},
+        action.exp_act(at.xi, at.point), moved, scale, lambda: {"a wrong sign of xi": action.act(at.back, at.point)}
     )
 
 
 @axiom(ACTION, "points stay", "defect(g . x) = 0", optional=True)
 def points_stay(action: Any, at: At) -> Iterator[Same]:
-    yield Same(
-        action.defect(action.act(at.g, at.point)), 0.0, at.share(at.g, at.back) * (1.0 + at.length)
-    )
+    yield Same(action.defect(action.act(at.g, at.point)), 0.0, at.share(at.g, at.back) * (1.0 + at.length))
 
 
 def arguments(at: At) -> Arguments:

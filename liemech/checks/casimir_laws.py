@@ -25,9 +25,7 @@ class Independent(Same):
         )
 
 
-def independence(
-    values: Callable[[Any], Any], slopes: Callable[[Any], np.ndarray], points: Iterable[Any]
-) -> Same:
+def independence(values: Callable[[Any], Any], slopes: Callable[[Any], np.ndarray], points: Iterable[Any]) -> Same:
     """The rank of the gradients at the best of some points, beside the number of Casimirs; no
     Casimirs are independent.
 

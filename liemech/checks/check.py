@@ -50,9 +50,7 @@ size.
 
 
 @spelt
-def check_group(
-    group: LieGroup, *, native: bool = False, raises: bool = True, seed: int = 0
-) -> Report:
+def check_group(group: LieGroup, *, native: bool = False, raises: bool = True, seed: int = 0) -> Report:
     """Does a group obey its laws, and do its closed forms agree with what follows from the laws?
 
     native : make a short run of native code too, and compare it bit by bit with plain Python.
@@ -67,9 +65,7 @@ def check_group(
 
 
 @spelt
-def check_retraction(
-    retraction: Retraction, group: LieGroup, *, raises: bool = True, seed: int = 0
-) -> Report:
+def check_retraction(retraction: Retraction, group: LieGroup, *, raises: bool = True, seed: int = 0) -> Report:
     """Is a map from the algebra to a group a retraction, and are its differential, inverses and
     duals what they claim to be?
 
@@ -100,25 +96,16 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
         name = f"check_action: points[{i}]" if points is not None else "check_action: action.random"
         shape = getattr(action, "point_shape", None)
         if shape is not None and x.shape != shape:
-            raise InvalidInput(
-                f"{name} has shape {x.shape}; a point of {action!r} has shape {shape}"
-            )
+            raise InvalidInput(f"{name} has shape {x.shape}; a point of {action!r} has shape {shape}")
         check_finite(x, name)
-    where = [
-        dataclasses.replace(at, point=small(some[i % len(some)])) for i, at in enumerate(where)
-    ]
+    where = [dataclasses.replace(at, point=small(some[i % len(some)])) for i, at in enumerate(where)]
     laws = [*ACTION, *laws_of_closed_forms(action, arguments, named)]
     return finished(repr(action), verdicts(laws, action, where, lambda name: True), raises)
 
 
 @spelt
 def check_system(
-    system: System,
-    states: State | None = None,
-    *,
-    native: bool = False,
-    raises: bool = True,
-    seed: int = 0,
+    system: System, states: State | None = None, *, native: bool = False, raises: bool = True, seed: int = 0
 ) -> Report:
     """Do the formulas of a system belong together?
 
@@ -211,8 +198,7 @@ def check_method(
     require("check_method: start", start, State)
     if rho is not None and not callable(rho):
         raise InvalidType(
-            "check_method: rho must be a function of a state, such as "
-            f"lambda s: system.state(s.q, -s.p); got {rho!r}"
+            f"check_method: rho must be a function of a state, such as lambda s: system.state(s.q, -s.p); got {rho!r}"
         )
     if start.bodies is not None:
         raise InvalidInput(f"check_method: start is an ensemble of {start.bodies}; give one start")
@@ -230,10 +216,7 @@ def check_method(
     place = dataclasses.replace(place, t0=at_times("", base, start, (0.0,))[0].t)
     speed = pace(base, place.t0, start)
     if not math.isfinite(speed) or (speed == 0.0 and h is None):
-        raise InvalidInput(
-            "check_method: the start is at rest, which tells "
-            "nothing; give one that moves, or a step h"
-        )
+        raise InvalidInput("check_method: the start is at rest, which tells nothing; give one that moves, or a step h")
     if rho is not None and speed > 0.0:
         _require_reversal(place, rho)
     findings = _claims(place, h, speed, tuple(keeps), native, rho)
@@ -241,12 +224,7 @@ def check_method(
 
 
 def _claims(
-    place: Place,
-    h: float | None,
-    speed: float,
-    keeps: tuple[str, ...],
-    native: bool,
-    rho: Any,
+    place: Place, h: float | None, speed: float, keeps: tuple[str, ...], native: bool, rho: Any
 ) -> Iterator[Finding]:
     """Observations from the start, or from elsewhere where the claim is broken only there; then
     those that short runs alone can make.
@@ -255,9 +233,7 @@ def _claims(
     given: list[Observation] = []
     if place.fictive:
         if h is not None:
-            raise InvalidInput(
-                "check_method: h is a step in fictive time here, and several are tried; leave it out"
-            )
+            raise InvalidInput("check_method: h is a step in fictive time here, and several are tried; leave it out")
     else:
         time = (1.5 / speed if speed > 0.0 else 0.0) if h is None else float(h)
         if speed * abs(time) > LONGEST:
@@ -282,9 +258,7 @@ def _claims(
 def _require_reversal(place: Place, rho: Any) -> None:
     """Refuse a rho that does not turn the motion back."""
     if not isinstance(rho(place.start), type(place.start)):
-        raise InvalidType(
-            f"check_method: rho must return a {type(place.start).__name__}; got {rho(place.start)!r}"
-        )
+        raise InvalidType(f"check_method: rho must return a {type(place.start).__name__}; got {rho(place.start)!r}")
     off = is_reversible(place, rho)
     if not off <= SURELY:
         raise InvalidInput(

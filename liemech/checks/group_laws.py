@@ -64,11 +64,7 @@ def matrix_product(G: LieGroup, at: At) -> Iterator[Same]:
 # ---------------------------------------------------------------- exponential
 
 
-@axiom(
-    GROUP,
-    "one-parameter subgroup",
-    "exp(0) = e, exp(s xi) exp(t xi) = exp((s + t) xi), exp(-xi) = exp(xi)^-1",
-)
+@axiom(GROUP, "one-parameter subgroup", "exp(0) = e, exp(s xi) exp(t xi) = exp((s + t) xi), exp(-xi) = exp(xi)^-1")
 def one_parameter_subgroup(G: LieGroup, at: At) -> Iterator[Same]:
     scale = at.elements(at.g, at.back) * (1.0 + at.length)
     yield Same(G.exp(0.0 * at.xi), G.identity(), at.units.weight)
@@ -76,11 +72,7 @@ def one_parameter_subgroup(G: LieGroup, at: At) -> Iterator[Same]:
     yield Same(G.exp(-at.xi), at.back, scale)
 
 
-@axiom(
-    GROUP,
-    "exponential",
-    "exp(xi) is that of the matrix hat(xi), and d/ds exp(s xi) = hat(xi) at s = 0",
-)
+@axiom(GROUP, "exponential", "exp(xi) is that of the matrix hat(xi), and d/ds exp(s xi) = hat(xi) at s = 0")
 def exponential_of_matrices(G: LieGroup, at: At) -> Iterator[Same]:
     if at.units.are_matrices:
         x, y = np.asarray(G.algebra.hat(at.xi)), np.asarray(G.algebra.hat(at.eta))
@@ -94,16 +86,10 @@ def exponential_of_matrices(G: LieGroup, at: At) -> Iterator[Same]:
 
 @axiom(GROUP, "left action of Ad", "Ad_gh = Ad_g Ad_h")
 def left_action(G: LieGroup, at: At) -> Iterator[Same]:
-    gh, scale = (
-        G.compose(at.g, at.h),
-        at.condition * at.share(at.h, G.inverse(at.h)) * size(at.zeta),
-    )
+    gh, scale = (G.compose(at.g, at.h), at.condition * at.share(at.h, G.inverse(at.h)) * size(at.zeta))
     backwards = "it is a right action, or `compose` swaps its factors"
     yield Same(
-        G.Ad(gh, at.zeta),
-        G.Ad(at.g, G.Ad(at.h, at.zeta)),
-        scale,
-        lambda: {backwards: G.Ad(at.h, G.Ad(at.g, at.zeta))},
+        G.Ad(gh, at.zeta), G.Ad(at.g, G.Ad(at.h, at.zeta)), scale, lambda: {backwards: G.Ad(at.h, G.Ad(at.g, at.zeta))}
     )
 
 
@@ -121,20 +107,13 @@ def conjugation(G: LieGroup, at: At) -> Iterator[Same]:
 @axiom(GROUP, "automorphism", "Ad_g [eta, zeta] = [Ad_g eta, Ad_g zeta]")
 def automorphism(G: LieGroup, at: At) -> Iterator[Same]:
     moved = G.Ad(at.g, at.eta), G.Ad(at.g, at.zeta)
-    scale = (
-        max(at.units.bracket_size(*moved), at.units.bracket_size(at.eta, at.zeta)) * at.condition
-    )
+    scale = max(at.units.bracket_size(*moved), at.units.bracket_size(at.eta, at.zeta)) * at.condition
     yield Same(G.Ad(at.g, G.ad(at.eta, at.zeta)), G.ad(*moved), scale)
 
 
 @axiom(GROUP, "exp of ad", "Ad_exp(xi) = exp(ad_xi)")
 def exp_of_ad(G: LieGroup, at: At) -> Iterator[Same]:
-    yield Same(
-        at.Ad,
-        exponential(at.ad),
-        at.condition * (1.0 + at.length),
-        partial(cases, exponential, factors(at.ad)),
-    )
+    yield Same(at.Ad, exponential(at.ad), at.condition * (1.0 + at.length), partial(cases, exponential, factors(at.ad)))
 
 
 # ---------------------------------------------------------------- coadjoint action
@@ -143,10 +122,7 @@ def exp_of_ad(G: LieGroup, at: At) -> Iterator[Same]:
 @axiom(GROUP, "dual of Ad", "<Ad*_g mu, xi> = <mu, Ad_g xi>", "Ad_star")
 def dual_of_Ad(G: LieGroup, at: At) -> Iterator[Same]:
     mu, Ad = flat(at.mu), at.Ad
-    slips = {
-        "it is Ad_g, not its dual": Ad @ mu,
-        "it is the left action K_g = Ad*_(g^-1)": solve(Ad.T, mu),
-    }
+    slips = {"it is Ad_g, not its dual": Ad @ mu, "it is the left action K_g = Ad*_(g^-1)": solve(Ad.T, mu)}
     yield Same(G.Ad_star(at.g, at.mu), Ad.T @ mu, size(mu) * at.condition, lambda: slips)
 
 
@@ -158,11 +134,7 @@ def right_action(G: LieGroup, at: At) -> Iterator[Same]:
 
 @axiom(GROUP, "slope of Ad*", "d/ds Ad*_exp(s xi) mu = ad*_xi mu at s = 0")
 def slope_of_Ad_star(G: LieGroup, at: At) -> Iterator[Same]:
-    yield Same(
-        slope(lambda s: G.Ad_star(G.exp(s * at.eta), at.mu)),
-        G.ad_star(at.eta, at.mu),
-        size(at.mu) / STEP,
-    )
+    yield Same(slope(lambda s: G.Ad_star(G.exp(s * at.eta), at.mu)), G.ad_star(at.eta, at.mu), size(at.mu) / STEP)
 
 
 # ---------------------------------------------------------------- momenta and arrays
@@ -182,20 +154,13 @@ def gradients(G: LieGroup, mu: Vec) -> np.ndarray:
     return slope(along).reshape(G.dim, -1) / length
 
 
-@axiom(
-    PLACE,
-    "Casimirs",
-    "casimirs(Ad*_g mu) = casimirs(mu), and their gradients C' have B(mu) C' = 0",
-    "casimirs",
-)
+@axiom(PLACE, "Casimirs", "casimirs(Ad*_g mu) = casimirs(mu), and their gradients C' have B(mu) C' = 0", "casimirs")
 def casimirs(G: LieGroup, at: At) -> Iterator[Same]:
     moved = G.Ad_star(at.g, at.mu)
     here, there = (gradients(G, mu) for mu in (at.mu, moved))
     b = of_rows(lambda a: G.ad_star(a, at.mu), np.eye(at.dim)).T
     change = float((norm(here, axis=0) + norm(there, axis=0)).max(initial=0.0))
-    yield Same(
-        G.casimirs(moved), G.casimirs(at.mu), change * (size(at.mu) + size(moved)) * at.condition
-    )
+    yield Same(G.casimirs(moved), G.casimirs(at.mu), change * (size(at.mu) + size(moved)) * at.condition)
     yield vanishes(b @ here, float(norm(b, 2)) * change * math.sqrt(at.dim) / STEP)
 
 
@@ -210,28 +175,17 @@ def independent_casimirs(G: LieGroup, at: At) -> Iterator[Same]:
     yield independence(G.casimirs, lambda mu: gradients(G, mu).T, (at.mu, at.nu, at.mu + at.nu))
 
 
-@axiom(
-    PLACE,
-    "membership",
-    "defect(g h) = 0; what is off the group by a thousandth is refused",
-    "defect",
-)
+@axiom(PLACE, "membership", "defect(g h) = 0; what is off the group by a thousandth is refused", "defect")
 def membership(G: LieGroup, at: At) -> Iterator[Same]:
     product = G.compose(at.g, at.h)
-    yield Same(
-        G.defect(product), 0.0, at.share(at.g, at.h, at.back, G.inverse(at.h)) * (1.0 + at.length)
-    )
+    yield Same(G.defect(product), 0.0, at.share(at.g, at.h, at.back, G.inverse(at.h)) * (1.0 + at.length))
     yield Same(bool(G.contains(np.asarray(product))), True)
     if flat(product).size > G.dim:  # else every array near an element is one
         yield Same(bool(G.contains(np.asarray(at.disturbed(product)))), False)
 
 
 @axiom(
-    PLACE,
-    "nearest",
-    "nearest(g) = g, and the element nearest to a disturbed one is an element",
-    "nearest",
-    slack=64.0,
+    PLACE, "nearest", "nearest(g) = g, and the element nearest to a disturbed one is an element", "nearest", slack=64.0
 )
 def nearest(G: LieGroup, at: At) -> Iterator[Same]:
     yield Same(G.nearest(at.g), at.g, at.elements(at.g, at.back))
@@ -239,9 +193,7 @@ def nearest(G: LieGroup, at: At) -> Iterator[Same]:
     yield Same(G.defect(found), 0.0, at.share(found, G.inverse(found)))
 
 
-@axiom(
-    PLACE, "random", "random elements are elements, and as many as asked for", "random", once=True
-)
+@axiom(PLACE, "random", "random elements are elements, and as many as asked for", "random", once=True)
 def random_elements(G: LieGroup, at: At) -> Iterator[Same]:
     some = np.asarray(G.random(1, (2, 3)))
     yield Same(np.array(some.shape), np.array((2, 3, *G.element_shape)))
@@ -273,8 +225,6 @@ def same_bits(G: LieGroup, at: At) -> Iterator[Same]:
     body = LiePoissonSystem(G, KineticEnergy(Vec.of([1.0 + 0.3 * i / G.dim for i in range(G.dim)])))
     start = body.state(mu=np.array(at.mu), g=np.asarray(at.k))
     h = 0.05 / at.units.length(body.velocity(at.mu))
-    plain, native = (
-        integrate(body, RKMK(order=4), start, h=h, steps=4, compiled=c) for c in (False, True)
-    )
+    plain, native = (integrate(body, RKMK(order=4), start, h=h, steps=4, compiled=c) for c in (False, True))
     for a, b in ((native.mu, plain.mu), (native.g, plain.g)):
         yield Same(flat(a).view(np.int64) == flat(b).view(np.int64), np.ones(flat(b).size))

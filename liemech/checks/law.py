@@ -41,25 +41,17 @@ class Same:
     def defect(self) -> float:
         """The largest difference, in roundings of the size."""
         left, right = flat(self.left), flat(self.right)
-        difference = (
-            float(np.abs(left - right).max(initial=0.0)) if left.size == right.size else math.inf
-        )
+        difference = float(np.abs(left - right).max(initial=0.0)) if left.size == right.size else math.inf
         if not difference:
             return 0.0
-        return (
-            difference / (ROUNDING * self.size)
-            if math.isfinite(difference) and self.size > 0.0
-            else math.inf
-        )
+        return difference / (ROUNDING * self.size) if math.isfinite(difference) and self.size > 0.0 else math.inf
 
     def slips(self, allowed: float) -> str:
         """Which of the usual slips give this left side; of no numbers, that they are none."""
         if not all(np.isfinite(flat(side)).all() for side in (self.left, self.right)):
             return "a formula gives nan or infinity here, whatever the law"
         fit = (
-            slip
-            for slip, value in self.instead().items()
-            if dataclasses.replace(self, right=value).defect <= allowed
+            slip for slip, value in self.instead().items() if dataclasses.replace(self, right=value).defect <= allowed
         )
         return "; or ".join(fit)
 
@@ -77,11 +69,7 @@ def shaped(x: np.ndarray, shape: tuple[int, ...]) -> Iterator[Same]:
 
 def factors(right: Any) -> dict[str, Any]:
     """The commonest slips."""
-    return {
-        "a wrong sign": -right,
-        "a factor 2 too many": 2.0 * right,
-        "a factor 1/2 too many": 0.5 * right,
-    }
+    return {"a wrong sign": -right, "a factor 2 too many": 2.0 * right, "a factor 1/2 too many": 0.5 * right}
 
 
 def cases(f: Callable[[Any], Any], slips: dict[str, Any]) -> dict[str, Any]:
@@ -105,9 +93,7 @@ class Law:
     slack: float = SLACK
 
 
-def axiom(
-    table: list[Law], name: str, formula: str, *closed: str, **options: Any
-) -> Callable[[Any], Any]:
+def axiom(table: list[Law], name: str, formula: str, *closed: str, **options: Any) -> Callable[[Any], Any]:
     """Enter a function that compares both sides into a table of laws."""
 
     def enter(sides: Callable[[Any, Any], Iterable[Same]]) -> Callable[[Any, Any], Iterable[Same]]:
@@ -122,9 +108,7 @@ def replaced(thing: Any, base: type, name: str) -> bool:
     return bare(getattr(type(thing), name, None)) is not bare(getattr(base, name, None))
 
 
-def verdicts(
-    laws: Iterable[Law], subject: Any, where: Sequence[Any], own: Callable[[str], bool]
-) -> Iterator[Finding]:
+def verdicts(laws: Iterable[Law], subject: Any, where: Sequence[Any], own: Callable[[str], bool]) -> Iterator[Finding]:
     """The laws in their order; those about methods that the class leaves to its base follow from
     the others.
     """
@@ -147,33 +131,12 @@ def judge(law: Law, subject: Any, where: Sequence[Any]) -> Finding:
                     remark = worst.remark or (same.slips(bound) if defect > bound else "")
                     if defect > worst.defect or not worst.bound:
                         verdict = "holds" if defect <= bound else "broken"
-                        worst = Finding(
-                            law.name,
-                            law.formula,
-                            verdict,
-                            str(at),
-                            defect,
-                            bound,
-                            same.size,
-                            remark,
-                        )
+                        worst = Finding(law.name, law.formula, verdict, str(at), defect, bound, same.size, remark)
                     elif remark:
                         worst = dataclasses.replace(worst, remark=remark)
         except (NotImplementedError, IncompatibleSystem) as missing:
-            return Finding(
-                law.name,
-                law.formula,
-                "not there" if law.optional else "broken",
-                remark=str(missing),
-            )
-        except (
-            ArithmeticError,
-            ValueError,
-            TypeError,
-            LookupError,
-            AttributeError,
-            LiemechError,
-        ) as error:
+            return Finding(law.name, law.formula, "not there" if law.optional else "broken", remark=str(missing))
+        except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError, LiemechError) as error:
             remark = f"it raises {type(error).__name__}: {error}"
             return Finding(law.name, law.formula, "broken", str(at), remark=remark)
     return worst

@@ -90,9 +90,7 @@ class Local:
                 error = place.distances(place.plainly(end), exact)
             except UNSTABLE:
                 error, doubts = {}, {}
-            told = [
-                e <= place.noise or CLEAR * doubts[name] < e < np.inf for name, e in error.items()
-            ]
+            told = [e <= place.noise or CLEAR * doubts[name] < e < np.inf for name, e in error.items()]
             if error and all(told):
                 found.append((h, error))
                 if max(error.values()) <= place.noise:
@@ -115,9 +113,7 @@ class Local:
         return self.sensible[0]
 
 
-def seen_errors(
-    errors: list[tuple[float, dict[str, float]]], name: str, noise: float
-) -> list[tuple[float, float]]:
+def seen_errors(errors: list[tuple[float, dict[str, float]]], name: str, noise: float) -> list[tuple[float, float]]:
     """Steps and errors between nonsense and rounding, of a part or of all."""
     series = [(h, max(e.values()) if name == "all" else e[name]) for h, e in errors]
     return [(h, e) for h, e in series if noise < e <= SENSIBLE]
@@ -152,12 +148,7 @@ def local_order(local: Local, errors: list[tuple[float, dict[str, float]]]) -> O
     if worst is None:
         return None
     return Observation(
-        "order",
-        ORDER,
-        "broken",
-        str(local.place),
-        observed=f"{worst[0]:.2f}, of {worst[1]}",
-        wanted=f"{p}",
+        "order", ORDER, "broken", str(local.place), observed=f"{worst[0]:.2f}, of {worst[1]}", wanted=f"{p}"
     )
 
 
@@ -272,15 +263,7 @@ class Seen:
         self.order: Observation | None = None
         self.slope: float | None = None
 
-    def enter(
-        self,
-        law: str,
-        formula: str,
-        claimed: bool,
-        defect: float,
-        where: Place,
-        bound: float = EXACT,
-    ) -> None:
+    def enter(self, law: str, formula: str, claimed: bool, defect: float, where: Place, bound: float = EXACT) -> None:
         """A defect, in roundings, at a place."""
         defect = defect if defect == defect else np.inf
         if law not in self.defects or defect > self.defects[law][2]:
@@ -306,16 +289,12 @@ class Seen:
             yield Observation("order", ORDER, "holds", observed=observed, wanted=f"{p}")
         for law, (formula, claimed, defect, bound, where) in self.defects.items():
             good = defect <= bound
-            verdict = (
-                ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
-            )
+            verdict = ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
             wanted = f"below {bound:.1e}" if claimed else "no claim"
             yield Observation(law, formula, verdict, where, observed=f"{defect:.1e}", wanted=wanted)
 
 
-def look_around(
-    first: Place, keeps: tuple[str, ...], rho: Reversal | None
-) -> Iterator[Observation]:
+def look_around(first: Place, keeps: tuple[str, ...], rho: Reversal | None) -> Iterator[Observation]:
     """Claims at the place of the start and at others: for each law what is worst."""
     seen = Seen(first.method)
     for i, place in enumerate(places(first)):

@@ -41,9 +41,7 @@ class Map:
     retraction: Retraction
     group: LieGroup
     author: LieGroup
-    differentials: dict[tuple[At, str], tuple[np.ndarray, float]] = field(
-        default_factory=dict, repr=False
-    )
+    differentials: dict[tuple[At, str], tuple[np.ndarray, float]] = field(default_factory=dict, repr=False)
 
     def __getattr__(self, name: str) -> Any:
         return partial(getattr(self.retraction, name), self.group)
@@ -61,10 +59,7 @@ class Map:
     def laws(self) -> list[Law]:
         """The laws, in the words of the map."""
         words = self.words
-        return [
-            replace(law, name=law.name.format(**words), formula=law.formula.format(**words))
-            for law in MAPS
-        ]
+        return [replace(law, name=law.name.format(**words), formula=law.formula.format(**words)) for law in MAPS]
 
     def own(self, name: str) -> bool:
         """Is the method the author's own?  What a retraction leaves out is made by differentiating
@@ -78,10 +73,7 @@ class Map:
                 return replaced(self.author.algebra, LieAlgebra, word)
             return replaced(self.author, LieGroup, word)
         derived = ("dtau", "dtau_dual", "dtau_inv", "dtau_inv_dual", "residual")
-        return (
-            replaced(self.retraction, Retraction, name)
-            or name in derived[: None if self.group.dim <= LARGE else 1]
-        )
+        return replaced(self.retraction, Retraction, name) or name in derived[: None if self.group.dim <= LARGE else 1]
 
     def differential(self, at: At, side: str) -> tuple[np.ndarray, float]:
         """The matrix of dtau by definition, and how many roundings are in it: found once, for
@@ -160,11 +152,7 @@ def map_of_the_opposite(tau: Map, at: At) -> Iterator[Same]:
 
 
 @axiom(
-    MAPS,
-    "{tau_inv}",
-    "{tau_inv}({tau}(xi)) = xi inside the chart, {tau}({tau_inv}(g)) = g",
-    "tau_inv",
-    optional=True,
+    MAPS, "{tau_inv}", "{tau_inv}({tau}(xi)) = xi inside the chart, {tau}({tau_inv}(g)) = g", "tau_inv", optional=True
 )
 def inverse_map(tau: Map, at: At) -> Iterator[Same]:
     # where the logarithm changes its branch
@@ -183,19 +171,11 @@ def inverse_map(tau: Map, at: At) -> Iterator[Same]:
             continue  # so close to the cut, to refuse is honest
         beside = cut / (cut - angle * size(xi) / size(at.xi)) if tau.is_exp and size(xi) else 1.0
         scale = at.share(g, tau.group.inverse(g)) * (1.0 + at.length) * beside
-        yield Same(
-            found, xi, (size(xi) + size(at.eta)) * scale * at.condition, partial(factors, xi)
-        )
+        yield Same(found, xi, (size(xi) + size(at.eta)) * scale * at.condition, partial(factors, xi))
         yield Same(tau.tau(found), g, at.units.weight * scale)
 
 
-@axiom(
-    MAPS,
-    "{tau_Ad_star}",
-    "{tau_Ad_star}(xi, mu) = Ad_star({tau}(xi), mu)",
-    "tau_Ad_star",
-    optional=True,
-)
+@axiom(MAPS, "{tau_Ad_star}", "{tau_Ad_star}(xi, mu) = Ad_star({tau}(xi), mu)", "tau_Ad_star", optional=True)
 def coadjoint_shortcut(tau: Map, at: At) -> Iterator[Same]:
     group, g = tau.group, tau.tau(at.xi)
     back = group.inverse(g)
@@ -225,13 +205,7 @@ def composition_shortcut(tau: Map, at: At) -> Iterator[Same]:
     yield Same(tau.tau_compose(at.xi, at.h), group.compose(g, at.h), scale)
 
 
-@axiom(
-    MAPS,
-    "{is_chart}",
-    "{is_chart}(xi) is true at zero, and false where {dtau} is singular",
-    "is_chart",
-    once=True,
-)
+@axiom(MAPS, "{is_chart}", "{is_chart}(xi) is true at zero, and false where {dtau} is singular", "is_chart", once=True)
 def chart(tau: Map, at: At) -> Iterator[Same]:
     yield Same(bool(tau.is_chart(0.0 * at.eta)), True)
     for axis in (at.axes if at.dim <= MANY else at.axes[:LARGE]) if tau.is_exp else []:
@@ -254,13 +228,7 @@ def differential_by_definition(tau: Map, at: At) -> Iterator[Same]:
     yield Same(tau.dtau(at.xi, at.eta), found, scale, partial(tau.slips, at, False, False))
 
 
-@axiom(
-    MAPS,
-    "{dtau_dual}",
-    "<{dtau_dual}_xi mu, eta> = <mu, {dtau}_xi eta>",
-    "dtau_dual",
-    optional=True,
-)
+@axiom(MAPS, "{dtau_dual}", "<{dtau_dual}_xi mu, eta> = <mu, {dtau}_xi eta>", "dtau_dual", optional=True)
 def dual_differential(tau: Map, at: At) -> Iterator[Same]:
     d, roundings = tau.differential(at, "left")
     scale = max(1.0, float(norm(d, 2))) * size(at.mu) * (1.0 + at.length) * roundings
@@ -268,13 +236,7 @@ def dual_differential(tau: Map, at: At) -> Iterator[Same]:
     yield Same(tau.dtau_dual(at.xi, at.mu), d.T @ flat(at.mu), scale, slips)
 
 
-@axiom(
-    MAPS,
-    "{dtau_inv}",
-    "{dtau_inv}_xi {dtau}_xi eta = eta",
-    "dtau_inv",
-    optional=True,
-)
+@axiom(MAPS, "{dtau_inv}", "{dtau_inv}_xi {dtau}_xi eta = eta", "dtau_inv", optional=True)
 def inverse_differential(tau: Map, at: At) -> Iterator[Same]:
     d, roundings = tau.differential(at, "left")
     scale = float(norm(inv(d), 2) * cond(d)) * size(at.eta) * (1.0 + at.length)
@@ -313,30 +275,21 @@ NEWTON = "r = 0 where p = {dtau_dual}_-xi mu, and dr/dp and dr/dxi are the deriv
 
 @axiom(MAPS, "{residual}", NEWTON, "residual", "dtau_dual", optional=True)
 def residual(tau: Map, at: At) -> Iterator[Same]:
-    if lies_in_memory(tau.group) or (
-        at.dim > MANY and not (at.name == "random" and at.length < 1.1)
-    ):
+    if lies_in_memory(tau.group) or (at.dim > MANY and not (at.name == "random" and at.length < 1.1)):
         return  # large matrices do not take Newton's method; many formulas cost their time
     d, roundings = tau.differential(at, "right")
     p = Vec.of((d.T @ flat(at.mu)).tolist())
     r, by_p, _ = tau.residual(at.xi, p, at.mu)
     scale = (1.0 + size(by_p)) * (size(p) + size(at.mu)) * (1.0 + at.length) ** 2
     left = flat(p) - tau.differential(at, "left")[0].T @ flat(at.mu)
-    yield Same(
-        r,
-        0.0 * p,
-        scale * roundings,
-        lambda: {"it is that of the left-trivialised dual": times(by_p, left)},
-    )
+    yield Same(r, 0.0 * p, scale * roundings, lambda: {"it is that of the left-trivialised dual": times(by_p, left)})
 
     q = p + at.nu
     _, by_p, by_xi = tau.residual(at.xi, q, at.mu)
     found = slope(lambda s: tau.residual(at.xi + s * at.eta, q + s * at.nu, at.mu)[0])
     by_formula = times(by_xi, at.eta) + times(by_p, at.nu)
     scale = (
-        (size(by_xi) + size(by_p) * (size(q) + size(at.nu)) + size(at.mu))
-        * (1.0 + size(at.eta))
-        * (1.0 + at.length)
+        (size(by_xi) + size(by_p) * (size(q) + size(at.nu)) + size(at.mu)) * (1.0 + size(at.eta)) * (1.0 + at.length)
     )
     slips = {
         "dr/dxi is transposed": found + times(by_xi, at.eta) - times(np.asarray(by_xi).T, at.eta),
@@ -357,12 +310,7 @@ def times(derivative: Any, direction: Any) -> np.ndarray:
 EXPONENTIAL: list[Law] = []
 
 
-@axiom(
-    EXPONENTIAL,
-    "dexp as a series",
-    "dexp_xi = sum of (-ad_xi)^k/(k + 1)!",
-    "dtau",
-)
+@axiom(EXPONENTIAL, "dexp as a series", "dexp_xi = sum of (-ad_xi)^k/(k + 1)!", "dtau")
 def series_of_the_differential(exp: Map, at: At) -> Iterator[Same]:
     d, _ = exp.differential(at, "left")
     scale = max(1.0, float(norm(d, 2))) * size(at.eta) * (1.0 + at.length)
@@ -370,9 +318,7 @@ def series_of_the_differential(exp: Map, at: At) -> Iterator[Same]:
     yield Same(exp.dtau(at.xi, at.eta), d @ flat(at.eta), scale, slips)
 
 
-@axiom(
-    EXPONENTIAL, "dexp_inv_series", "sum of B_k/k! (-ad_xi)^k, k = 0, ..., terms", "dexp_inv_series"
-)
+@axiom(EXPONENTIAL, "dexp_inv_series", "sum of B_k/k! (-ad_xi)^k, k = 0, ..., terms", "dexp_inv_series")
 def series_of_the_inverse(exp: Map, at: At) -> Iterator[Same]:
     terms = bernoulli_terms(-at.ad, flat(at.eta))
     scale = float(norm(terms, axis=1).sum()) * (1.0 + at.length)
@@ -396,12 +342,7 @@ def cayley_as_matrices(cay: Map, at: At) -> Iterator[Same]:
         yield Same(cay.tau(at.xi), cayley(x), scale, partial(cases, cayley, factors(x)))
 
 
-@axiom(
-    CAYLEY,
-    "dcayley_inv as matrices",
-    "dcayley_inv_xi eta = (1 + X/2) Y (1 - X/2)",
-    "dtau_inv",
-)
+@axiom(CAYLEY, "dcayley_inv as matrices", "dcayley_inv_xi eta = (1 + X/2) Y (1 - X/2)", "dtau_inv")
 def dcayley_inv_as_matrices(cay: Map, at: At) -> Iterator[Same]:
     def product(x: np.ndarray) -> np.ndarray:
         return (np.eye(len(x)) + 0.5 * x) @ y @ (np.eye(len(x)) - 0.5 * x)

@@ -113,9 +113,7 @@ class Trial:
     def ends(self, starts: list[dict[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
         """The states after a step from states that are given by their parts."""
         names = [*starts[0]]
-        many = self.system.state(
-            **{name: np.stack([start[name] for start in starts]) for name in names}
-        )
+        many = self.system.state(**{name: np.stack([start[name] for start in starts]) for name in names})
         last = ended(self.run(1, self.h, many))
         return [{name: last[name][i] for name in names} for i in range(len(starts))]
 
@@ -131,9 +129,7 @@ class Trial:
     @cached_property
     def exact(self) -> tuple[dict[str, np.ndarray], float]:
         """The state after the motion, by RKMK of order 8, and the relative error that it may have."""
-        found, doubts = settled(
-            lambda n: self.end(n, RKMK(order=8)), 32, self.distances, 64.0 * ROUNDING
-        )
+        found, doubts = settled(lambda n: self.end(n, RKMK(order=8)), 32, self.distances, 64.0 * ROUNDING)
         return found, max(*doubts.values(), 16.0 * ROUNDING)
 
     @property
@@ -157,10 +153,7 @@ class Trial:
         """How far parts of two states differ, relative to their size here, at the start and at the
         end.
         """
-        return {
-            name: size(a[name] - b[name]) / (max(size(b[name]), self.sizes[name]) or 1.0)
-            for name in b
-        }
+        return {name: size(a[name] - b[name]) / (max(size(b[name]), self.sizes[name]) or 1.0) for name in b}
 
     @cached_property
     def errors(self) -> list[tuple[int, dict[str, float]]]:
@@ -195,13 +188,8 @@ class Trial:
     def visible(self, name: str) -> list[tuple[int, float]]:
         """Numbers of steps and errors of a part, or of "all", between nonsense and rounding."""
         doubt = self.exact[1]
-        found = [
-            (n, math.hypot(*error.values()) if name == "all" else error[name])
-            for n, error in self.errors
-        ]
-        nonsense = (
-            0.1 if found[-1][1] <= 0.1 else math.inf
-        )  # what does not come down to sense has its order too
+        found = [(n, math.hypot(*error.values()) if name == "all" else error[name]) for n, error in self.errors]
+        nonsense = 0.1 if found[-1][1] <= 0.1 else math.inf  # what does not come down to sense has its order too
         return [(n, e) for n, e in found if CLEAR * doubt < e <= nonsense]
 
     def slope(self, name: str) -> float | None:
@@ -235,10 +223,7 @@ class Trial:
             with contextlib.suppress(IntegrationFailure, InvalidInput):
                 there = self.run(WAY, h)
                 return h, there, self.run(WAY, -h, self.at(ended(there)), elapsed=WAY * h)
-        raise InvalidInput(
-            f"check_method: {self.method!r} made no sensible step "
-            f"on {self.system!r}; give a smaller h"
-        )
+        raise InvalidInput(f"check_method: {self.method!r} made no sensible step on {self.system!r}; give a smaller h")
 
     @property
     def h(self) -> float:
@@ -287,9 +272,7 @@ def order_over(trial: Trial) -> Observation:
         return Observation("order", formula, "not seen", observed=text, wanted=f"{p}", remark=few)
     parts = [q for q in map(trial.fastest, found) if q is not None]
     good = whole >= p - MISSING and not any(q < p - 2.0 * MISSING for q in parts)
-    return Observation(
-        "order", formula, "holds" if good else "broken", observed=text, wanted=f"{p}"
-    )
+    return Observation("order", formula, "holds" if good else "broken", observed=text, wanted=f"{p}")
 
 
 def _in_words(order: float | None) -> str:
@@ -351,8 +334,7 @@ def kept(trial: Trial, keeps: tuple[str, ...]) -> Iterator[Observation]:
         if not any(constant.name.startswith(name) for constant in drift.kept):
             known = ", ".join(constant.name for constant in drift.kept) or "none"
             raise InvalidInput(
-                f"check_method: keeps names {name!r}, which is no "
-                f"constant of this motion; known are: {known}"
+                f"check_method: keeps names {name!r}, which is no constant of this motion; known are: {known}"
             )
 
 
@@ -361,19 +343,12 @@ def equivariance(trial: Trial) -> Observation:
     group, g = trial.system.group, trial.start.g
     units = Units(group)
     k = group.exp(units.of_length(np.cos(1.0 + np.arange(group.dim)), 1.0))
-    turned = trial.system.state(
-        np.asarray(trial.start.mu), np.asarray(group.compose(k, small(np.asarray(g))))
-    )
+    turned = trial.system.state(np.asarray(trial.start.mu), np.asarray(group.compose(k, small(np.asarray(g)))))
     a, b = trial.journey[1], trial.run(WAY, trial.h, turned)
     last = ended(a)
-    wanted = {
-        "mu": last["mu"],
-        "g": np.asarray(group.compose(k, small(last["g"]))),
-    }
+    wanted = {"mu": last["mu"], "g": np.asarray(group.compose(k, small(last["g"])))}
     defect = max(trial.distances(ended(b), wanted).values()) / (1.0 + size(k))
-    return _exactly(
-        "equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT
-    )
+    return _exactly("equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT)
 
 
 def native_code(trial: Trial) -> Observation:
@@ -386,9 +361,7 @@ def native_code(trial: Trial) -> Observation:
     a, b = (ended(run) for run in runs)
     same = all(np.array_equal(a[name], b[name]) for name in a)
     observed = "the same" if same else f"different by {max(trial.distances(a, b).values()):.1e}"
-    return Observation(
-        "native code", formula, "holds" if same else "broken", observed=observed, wanted="the same"
-    )
+    return Observation("native code", formula, "holds" if same else "broken", observed=observed, wanted="the same")
 
 
 def _exactly(law: str, formula: str, claimed: bool, defect: float, roundings: float) -> Observation:
@@ -397,11 +370,7 @@ def _exactly(law: str, formula: str, claimed: bool, defect: float, roundings: fl
     good = defect <= bound
     verdict = ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
     return Observation(
-        law,
-        formula,
-        verdict,
-        observed=f"{defect:.1e}",
-        wanted=f"below {bound:.1e}" if claimed else "no claim",
+        law, formula, verdict, observed=f"{defect:.1e}", wanted=f"below {bound:.1e}" if claimed else "no claim"
     )
 
 

@@ -48,9 +48,7 @@ class Outcomes(NoisySteps):
     def random(self, system: Any, path: float, number: float) -> tuple[Vec, float]:
         """The digits of the path."""
         count = len(system.fields)
-        rest = (path // float(self.points**count * self.coins) ** number) % float(
-            self.points**count * self.coins
-        )
+        rest = (path // float(self.points**count * self.coins) ** number) % float(self.points**count * self.coins)
         z: list[Any] = []
         for _ in range(count):
             z, rest = [*z, rest % float(self.points)], rest // float(self.points)
@@ -87,27 +85,19 @@ def noisy_claims(
     for i in range(casimirs.shape[-1]):
         off = np.abs(casimirs[:, i] - first[i]).max() / (abs(first[i]) or 1.0)
         verdict = "seen" if off < 1e-12 else "not seen"
-        yield Observation(
-            f"Casimir {i + 1}", KEPT, verdict, observed=f"{off:.1e}", wanted="no claim"
-        )
+        yield Observation(f"Casimir {i + 1}", KEPT, verdict, observed=f"{off:.1e}", wanted="no claim")
 
 
-def _of_order(
-    law: str, formula: str, coarse: float, fine: float, ratio: float, claim: float
-) -> Observation:
+def _of_order(law: str, formula: str, coarse: float, fine: float, ratio: float, claim: float) -> Observation:
     """The order that two errors show, beside the claim."""
     if not fine > 0.0:
         return Observation(law, formula, "not seen", wanted=f"{claim:g}", remark="no error is seen")
     observed = math.log(coarse / fine, ratio)
     verdict = "holds" if observed > claim - MISSED else "broken"
-    return Observation(
-        law, formula, verdict, "the start", observed=f"mu {observed:.2f}", wanted=f"{claim:g}"
-    )
+    return Observation(law, formula, verdict, "the start", observed=f"mu {observed:.2f}", wanted=f"{claim:g}")
 
 
-def _weak(
-    method: NoisySteps, system: Stochastic, start: Any, time: float, compiled: bool | None
-) -> Observation:
+def _weak(method: NoisySteps, system: Stochastic, start: Any, time: float, compiled: bool | None) -> Observation:
     """The order of the mean momentum, by all outcomes of bounded increments for 1, 2 and 4 steps."""
     points, coins = (2, 1) if method.weak_order == 1 else (3, 2)
     base = points ** len(system.fields) * coins

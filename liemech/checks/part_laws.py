@@ -23,9 +23,7 @@ FIELDS: list[Law] = []
 CONSTRAINED_PARTS: list[Law] = []
 
 
-def _motion(
-    flow: Callable[[float], Vec], rate: Callable[[Vec], Vec], y: Vec, pace: float
-) -> Iterator[Same]:
+def _motion(flow: Callable[[float], Vec], rate: Callable[[Vec], Vec], y: Vec, pace: float) -> Iterator[Same]:
     """Does a motion begin at y, and follow its velocity, at several times of both signs?"""
     yield Same(flow(0.0), y, size(y))
     for t in (0.0, 0.1, -0.1, 0.7):
@@ -42,13 +40,7 @@ def on_manifold(system: Any, q: Vec, p: Vec) -> Iterator[Same]:
     yield vanishes(G @ v, size(G) * size(v))
 
 
-@axiom(
-    FIELDS,
-    "flow",
-    "flow(y, 0) = y, d/dt flow = f(flow), of the field and of its parts",
-    optional=True,
-    slack=CLOSE,
-)
+@axiom(FIELDS, "flow", "flow(y, 0) = y, d/dt flow = f(flow), of the field and of its parts", optional=True, slack=CLOSE)
 def flows(system: VectorField, at: AtState) -> Iterator[Same]:
     parts = system.parts if isinstance(system, SplitField) else (system,)
     known = [part for part in parts if has_flow(part) and not isinstance(part, RecognisedField)]
@@ -59,12 +51,7 @@ def flows(system: VectorField, at: AtState) -> Iterator[Same]:
         yield from _motion(partial(part.flow, y), part.velocity, y, at.pace)
 
 
-@axiom(
-    CONSTRAINED_PARTS,
-    "parts stay on M",
-    "G dH_i/dp = 0 where g = 0 and G H_p = 0",
-    slack=CLOSE,
-)
+@axiom(CONSTRAINED_PARTS, "parts stay on M", "G dH_i/dp = 0 where g = 0 and G H_p = 0", slack=CLOSE)
 def parts_stay(system: SplitConstrainedSystem, at: AtState) -> Iterator[Same]:
     q, p = at.state.q, at.state.p
     G = system.constraint_jacobian(q)
@@ -85,9 +72,7 @@ def motions(system: SplitConstrainedSystem, at: AtState) -> Iterator[Same]:
     n = system.degrees
     q, p = at.state.q, at.state.p
     written = [
-        (number, part)
-        for number, part in enumerate(system.parts)
-        if type(part).flow is not ConstrainedPart.flow
+        (number, part) for number, part in enumerate(system.parts) if type(part).flow is not ConstrainedPart.flow
     ]
     if not written:
         raise NotDefined("no motion is written")
@@ -97,9 +82,7 @@ def motions(system: SplitConstrainedSystem, at: AtState) -> Iterator[Same]:
         return vec(*there, *after)
 
     def rate(number: int, y: Vec) -> Vec:
-        return system.rate_of_part(
-            number, vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)])
-        )
+        return system.rate_of_part(number, vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)]))
 
     for number, part in written:
         yield from _motion(partial(flow, part), partial(rate, number), vec(*q, *p), at.pace)

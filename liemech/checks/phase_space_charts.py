@@ -81,9 +81,7 @@ class Charts:
     def group(self) -> Any:
         """The configurations."""
         return (
-            self.system.configurations
-            if isinstance(self.system, (MechanicalSystem, BoundBody))
-            else self.system.group
+            self.system.configurations if isinstance(self.system, (MechanicalSystem, BoundBody)) else self.system.group
         )
 
     def displaced(self, x: np.ndarray) -> dict[str, np.ndarray]:
@@ -103,10 +101,7 @@ class Charts:
     def coordinates(self, about: Any, state: dict[str, np.ndarray]) -> np.ndarray:
         """The coordinates of a state about another one."""
         if isinstance(self.system, FREE_OF_CONSTRAINTS):
-            return (
-                np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)])
-                / self.units
-            )
+            return np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)]) / self.units
         if isinstance(self.system, PoissonSystem):
             return (state["y"] - flat(about.y)) / self.units
         change = state["mu"] - flat(about.mu)
@@ -143,9 +138,7 @@ class Charts:
         ends = trial.ends([self.displaced(x) for x in shifts])
         end = type(self.begin)(**{name: small(np.asarray(x)) for name, x in ends[half].items()})
         found = [self.coordinates(end, state) for state in ends]
-        columns = [
-            sum(w * found[size * j + k] for k, w in enumerate(weights)) / apart for j in range(n)
-        ]
+        columns = [sum(w * found[size * j + k] for k, w in enumerate(weights)) / apart for j in range(n)]
         return end, np.stack(columns, axis=1)
 
 

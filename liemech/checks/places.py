@@ -123,15 +123,11 @@ class Place:
                 memory = self.method.step(self.whole, self.t0 + elapsed + i * h, memory, h)
             return self.method.observe(memory)
 
-    def led(
-        self, method: Any, state: Any, h: float, steps: int, elapsed: float = 0.0
-    ) -> dict[str, np.ndarray]:
+    def led(self, method: Any, state: Any, h: float, steps: int, elapsed: float = 0.0) -> dict[str, np.ndarray]:
         """The parts of the last state, or states, of a run in physical time."""
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            begin, compiled = as_accepted(
-                method, self.base, self.base.vouched(state), self.compiled
-            )
+            begin, compiled = as_accepted(method, self.base, self.base.vouched(state), self.compiled)
             run = integrate(
                 self.base,
                 method,
@@ -209,9 +205,7 @@ class Place:
 
     def distances(self, a: Any, b: Any) -> dict[str, float]:
         """How far parts of two states differ, beside their size here, at the start and soon after."""
-        there, here = (
-            {name: flat(x) for name, x in s.parts.items() if x is not None} for s in (a, b)
-        )
+        there, here = ({name: flat(x) for name, x in s.parts.items() if x is not None} for s in (a, b))
         return {
             name: size(there[name] - x) / (max(size(x), self.sizes[name]) or 1.0)
             for name, x in here.items()
@@ -221,21 +215,14 @@ class Place:
     def moved(self, starts: list[dict[str, np.ndarray]], h: float, steps: int) -> list[Any]:
         """The states after some steps from states that are given by their parts."""
         if not self.fictive:
-            many = self.base.state(
-                **{name: np.stack([parts[name] for parts in starts]) for name in starts[0]}
-            )
+            many = self.base.state(**{name: np.stack([parts[name] for parts in starts]) for name in starts[0]})
             last = self.led(self.method, many, h, steps)
             kind = type(self.start)
-            return [
-                small_state(kind, {name: x[i] for name, x in last.items()})
-                for i in range(len(starts))
-            ]
+            return [small_state(kind, {name: x[i] for name, x in last.items()}) for i in range(len(starts))]
         kind = type(self.begin)
         names = self.begin.parts
         return [
-            self.after(
-                kind(*[small(parts[name]) if name in parts else None for name in names]), h, steps
-            )
+            self.after(kind(*[small(parts[name]) if name in parts else None for name in names]), h, steps)
             for parts in starts
         ]
 
@@ -302,9 +289,7 @@ def _maker(system: Any) -> Callable[[Any, float, np.random.Generator], Any] | No
     def mixed(x: Any, factor: float, rng: np.random.Generator) -> np.ndarray:
         """All components, a little of the others in each."""
         x = flat(x)
-        return np.asarray(
-            factor * (x + 0.3 * (size(x) or 1.0) / x.size**0.5 * rng.normal(size=x.size))
-        )
+        return np.asarray(factor * (x + 0.3 * (size(x) or 1.0) / x.size**0.5 * rng.normal(size=x.size)))
 
     def canonical(start: Any, factor: float, rng: np.random.Generator) -> Any:
         p = mixed(start.p, abs(factor) if factor != -1.0 else -1.0, rng)

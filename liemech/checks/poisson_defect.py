@@ -28,9 +28,7 @@ manifold of the chart.
 """
 
 
-def poisson_defect(
-    method: Method, system: System, state: State, h: float, chart: LocalChart | None = None
-) -> float:
+def poisson_defect(method: Method, system: System, state: State, h: float, chart: LocalChart | None = None) -> float:
     """How far a step Phi of length h is from a Poisson map: max |Phi' B(y) Phi'^T - B(Phi(y))|/max
     |B(Phi(y))|.
 
@@ -50,9 +48,7 @@ def poisson_defect(
     the slides, (2.20).
     """
     if not isinstance(method, Method):
-        raise InvalidType(
-            f"poisson_defect: method must be a Method, such as Splitting(order=2); got {method!r}"
-        )
+        raise InvalidType(f"poisson_defect: method must be a Method, such as Splitting(order=2); got {method!r}")
     structure, y = _point(system, state) if chart is None else _in_chart(system, state, chart)
     method.require(system)
 
@@ -66,8 +62,7 @@ def poisson_defect(
 
     if chart is not None and _off(chart, end(y)):
         raise InvalidInput(
-            f"poisson_defect: a step of {method!r} leaves the manifold of {chart!r}; it has no "
-            "coordinates there"
+            f"poisson_defect: a step of {method!r} leaves the manifold of {chart!r}; it has no coordinates there"
         )
     after = step(y)
     B, there = (np.array(structure.matrix(x), dtype=float) for x in (y, after))
@@ -79,8 +74,7 @@ def poisson_defect(
             found.append(float(np.abs(D @ B @ D.T - there).max(initial=0.0)) / unit)
     if not found or not math.isfinite(min(found)):
         raise InvalidInput(
-            f"poisson_defect: a step of {method!r} with h = {h:g} has "
-            f"no derivative at {list(map(float, y))}"
+            f"poisson_defect: a step of {method!r} with h = {h:g} has no derivative at {list(map(float, y))}"
         )
     return min(found)
 
@@ -125,8 +119,7 @@ def _point(system: Any, state: Any) -> tuple[PoissonStructure, Vec]:
         )
     else:
         raise IncompatibleSystem(
-            "poisson_defect needs a PoissonSystem, "
-            f"LiePoissonSystem or HamiltonianSystem; got {system!r}"
+            f"poisson_defect needs a PoissonSystem, LiePoissonSystem or HamiltonianSystem; got {system!r}"
         )
     return structure, _numbers(system, state)
 
@@ -135,8 +128,7 @@ def _in_chart(system: Any, state: Any, chart: Any) -> tuple[PoissonStructure, Ve
     """The induced structure, and the coordinates of the state in the chart."""
     if not isinstance(system, (ConstrainedSystem, HamiltonianSystem)):
         raise IncompatibleSystem(
-            "poisson_defect: with a chart, a ConstrainedSystem or a HamiltonianSystem is needed; "
-            f"got {system!r}"
+            f"poisson_defect: with a chart, a ConstrainedSystem or a HamiltonianSystem is needed; got {system!r}"
         )
     if not isinstance(chart, LocalChart):
         raise InvalidType(f"poisson_defect: chart must be a LocalChart; got {chart!r}")
@@ -159,9 +151,7 @@ def _off(chart: LocalChart, x: Vec) -> bool:
 def _numbers(system: Any, state: Any) -> Vec:
     """The coordinates of one state."""
     if not isinstance(state, State) or state.bodies is not None:
-        raise InvalidInput(
-            f"poisson_defect: state must be one state, system.state(...); got {state!r}"
-        )
+        raise InvalidInput(f"poisson_defect: state must be one state, system.state(...); got {state!r}")
     parts = [small(np.asarray(getattr(state, name))) for name in system.coordinates]
     return vec(*[x for part in parts for x in part])
 

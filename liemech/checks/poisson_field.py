@@ -60,20 +60,12 @@ def velocity(f: Field, at: AtField) -> Iterator[Same]:
     yield from shaped(at.velocity, (at.dim,))
 
 
-@axiom(
-    FIELD,
-    "flow of Poisson maps",
-    "sum_l (f_l d_l b_ij - b_lj d_l f_i - b_il d_l f_j) = 0 for i < j",
-    slack=CLOSE,
-)
+@axiom(FIELD, "flow of Poisson maps", "sum_l (f_l d_l b_ij - b_lj d_l f_i - b_il d_l f_j) = 0 for i < j", slack=CLOSE)
 def poisson_maps(f: Field, at: AtField) -> Iterator[Same]:
     v, b = at.velocity, at.matrix
     along = np.array(derivative(lambda y: at.B.matrix(y), at.y, v.tolist()), dtype=float)
     D = np.array(jacobian(lambda y: at.f(y), at.y), dtype=float)
-    slopes = [
-        np.array(derivative(lambda y: at.B.matrix(y), at.y, e), dtype=float)
-        for e in np.eye(at.dim).tolist()
-    ]
+    slopes = [np.array(derivative(lambda y: at.B.matrix(y), at.y, e), dtype=float) for e in np.eye(at.dim).tolist()]
     terms = np.abs(D) @ np.abs(b)
     terms = terms + terms.T + sum(abs(x) * np.abs(s) for x, s in zip(v, slopes, strict=True))
     total, scale = along - D @ b - b @ D.T, terms + _largest(terms)
@@ -87,9 +79,7 @@ def leaves(f: Field, at: AtField) -> Iterator[Same]:
     for k in null_vectors(at.matrix):
         row = flat(k)
         terms = float(np.abs(row) @ np.abs(at.velocity))
-        told = "the field leaves the symplectic leaf of the point, across " + ", ".join(
-            f"{x:.3g}" for x in row
-        )
+        told = "the field leaves the symplectic leaf of the point, across " + ", ".join(f"{x:.3g}" for x in row)
         yield Told(row @ at.velocity, 0.0, terms, told=told)
 
 
@@ -141,14 +131,11 @@ def check_poisson_field(
     motion: Any = field
     if isinstance(motion, VectorField):
         if motion.dim != structure.dim:
-            raise InvalidInput(
-                f"{me}: {field!r} is of dimension {motion.dim}, {structure!r} of {structure.dim}"
-            )
+            raise InvalidInput(f"{me}: {field!r} is of dimension {motion.dim}, {structure!r} of {structure.dim}")
         motion = motion.velocity
     elif not callable(motion) or isinstance(motion, type):
         raise InvalidType(
-            f"{me}: field must be a VectorField or a formula of y such as "
-            f"lambda y: lm.vec(y[1], -y[0]); got {field!r}"
+            f"{me}: field must be a VectorField or a formula of y such as lambda y: lm.vec(y[1], -y[0]); got {field!r}"
         )
     if points is not None:
         found = given_points(me, structure.dim, points)

@@ -60,12 +60,7 @@ class AtStructure(AtPoint):
         n = self.dim
         return np.array(
             [
-                np.array(
-                    derivative(
-                        lambda x: self.B.matrix(x), self.y, [float(i == l) for i in range(n)]
-                    ),
-                    dtype=float,
-                )
+                np.array(derivative(lambda x: self.B.matrix(x), self.y, [float(i == l) for i in range(n)]), dtype=float)
                 for l in range(n)
             ]
         )
@@ -118,10 +113,7 @@ def skew_symmetry(B: Any, at: AtStructure) -> Iterator[Same]:
 
 
 @axiom(
-    POISSON,
-    "Jacobi identity",
-    "sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0 for i < j < k",
-    slack=CLOSE,
+    POISSON, "Jacobi identity", "sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0 for i < j < k", slack=CLOSE
 )
 def jacobi(B: Any, at: AtStructure) -> Iterator[Same]:
     def cyclic(d: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -180,11 +172,7 @@ def independent_casimirs(B: Any, at: AtStructure) -> Iterator[Same]:
 
 
 @axiom(
-    POISSON,
-    "motion of coordinates",
-    "d/ds coordinate_flow(y, i, s) = B e_i, at two s",
-    "coordinate_flow",
-    slack=CLOSE,
+    POISSON, "motion of coordinates", "d/ds coordinate_flow(y, i, s) = B e_i, at two s", "coordinate_flow", slack=CLOSE
 )
 def coordinate_flow(B: Any, at: AtStructure) -> Iterator[Same]:
     y, n = np.abs(flat(at.y)), at.dim
@@ -201,33 +189,21 @@ def coordinate_flow(B: Any, at: AtStructure) -> Iterator[Same]:
             yield from _entries(found, b[:, i], terms, f"the motion of y_{i + 1}")
 
 
-def _entries(
-    left: np.ndarray, right: np.ndarray, sizes: np.ndarray, entries: str
-) -> Iterator[Entry]:
+def _entries(left: np.ndarray, right: np.ndarray, sizes: np.ndarray, entries: str) -> Iterator[Entry]:
     """Components, each with the size of its own rounding."""
     for a, b, size in zip(left, right, sizes, strict=True):
         yield Entry(a, b, float(size), entries=entries)
 
 
-@axiom(
-    POISSON,
-    "rank",
-    "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left",
-)
+@axiom(POISSON, "rank", "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left")
 def rank(B: Any, at: AtStructure) -> Iterator[Same]:
     found = B.rank_at(at.y)
-    yield Entry(
-        found, at.generic, entries=f"the point: B has rank {found} here, {at.generic} elsewhere"
-    )
+    yield Entry(found, at.generic, entries=f"the point: B has rank {found} here, {at.generic} elsewhere")
     yield Entry(found % 2, 0, entries="the skew symmetry")
     if B.rank is not None:
         yield Entry(B.rank, at.generic, entries=f"`rank`, which is {B.rank}")
     number = len(flat(B.casimirs(at.y)))
-    yield Entry(
-        max(number, at.dim - at.generic),
-        at.dim - at.generic,
-        entries=f"`casimirs`, which are {number}",
-    )
+    yield Entry(max(number, at.dim - at.generic), at.dim - at.generic, entries=f"`casimirs`, which are {number}")
 
 
 def _polynomial(n: int, seed: int) -> Any:
@@ -237,9 +213,7 @@ def _polynomial(n: int, seed: int) -> Any:
     return lambda y: dot(a, y) + dot(b, y) * dot(a, y) + y[seed % n] ** 2
 
 
-def check_poisson(
-    structure: PoissonStructure, points: Any = None, *, raises: bool = True, seed: int = 0
-) -> Report:
+def check_poisson(structure: PoissonStructure, points: Any = None, *, raises: bool = True, seed: int = 0) -> Report:
     """Does a matrix B(y) make a Poisson bracket, and do the closed forms of its class belong to it?
 
     Checked are skew symmetry, the identity of Jacobi for all i < j < k, Leibniz' rule, Casimirs,
@@ -257,9 +231,7 @@ def check_poisson(
     """
     require("check_poisson: structure", structure, PoissonStructure)
     where = _places(structure, points, seed)
-    return finished(
-        repr(structure), verdicts(POISSON, structure, where, own_formulas(structure)), raises
-    )
+    return finished(repr(structure), verdicts(POISSON, structure, where, own_formulas(structure)), raises)
 
 
 def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtStructure]:

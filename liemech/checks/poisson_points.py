@@ -79,9 +79,7 @@ def random_points(
         found = [Vec.of(y.tolist()) for y in positive]
     kept = [(name, y) for name, y in zip(names, found, strict=True) if defined(y)]
     if not kept:
-        raise InvalidInput(
-            f"{me}: {what} is not defined at random points; give some, points=[[...], ...]"
-        )
+        raise InvalidInput(f"{me}: {what} is not defined at random points; give some, points=[[...], ...]")
     return kept
 
 

@@ -22,10 +22,7 @@ CLEAR = 30.0
 
 
 def settled(
-    follow: Callable[[int], State],
-    steps: int,
-    distances: Callable[[State, State], dict[str, float]],
-    enough: float,
+    follow: Callable[[int], State], steps: int, distances: Callable[[State, State], dict[str, float]], enough: float
 ) -> tuple[State, dict[str, float]]:
     """The state at the end of a motion, and how far each of its parts may be off: by as much as it
     differs from the one that was made in half as many steps.

@@ -46,10 +46,7 @@ class Finding:
             lines.append(f"  where     {self.where}")
         if self.bound:
             lines.append(f"  defect    {self.defect * unit:.1e}, {self.defect:.2g} roundings")
-            lines.append(
-                f"  expected  below {self.bound * unit:.1e}, "
-                f"{self.bound:.3g} roundings of {self.size:.2g}"
-            )
+            lines.append(f"  expected  below {self.bound * unit:.1e}, {self.bound:.3g} roundings of {self.size:.2g}")
         if self.remark:
             lines.append(f"  {'probably' if self.bound else 'because '}  {self.remark}")
         return lines

@@ -133,9 +133,7 @@ class Units:
         if self.dim > MANY:
             units = np.eye(self.dim)
             return np.asarray(self.group.algebra.bracket(units[:, None], units[None]))
-        return np.array(
-            [[flat(self.group.algebra.bracket(a, b)) for b in self.axes] for a in self.axes]
-        )
+        return np.array([[flat(self.group.algebra.bracket(a, b)) for b in self.axes] for a in self.axes])
 
     def ad(self, xi: Vec) -> np.ndarray:
         """The matrix of ad_xi, from the structure constants."""
@@ -163,21 +161,14 @@ class Units:
         among them?
         """
         e, x = np.asarray(self.group.identity()), self.hat(self.axes[0])
-        return (
-            x is not None
-            and e.ndim == 2
-            and e.shape == x.shape
-            and np.array_equal(e, np.eye(len(e)))
-        )
+        return x is not None and e.ndim == 2 and e.shape == x.shape and np.array_equal(e, np.eye(len(e)))
 
     def length(self, xi: Vec) -> float:
         """The size of a velocity: the norm of ad_xi, of its matrix if it commutes with all, else of
         its coordinates.
         """
         matrices = self.ad(xi), self.hat(xi), np.diag(flat(xi))
-        norms = [
-            float(np.linalg.norm(a, 2)) for a in matrices if a is not None and np.isfinite(a).all()
-        ]
+        norms = [float(np.linalg.norm(a, 2)) for a in matrices if a is not None and np.isfinite(a).all()]
         return next((n for n in norms if n > 0.0), 1.0)
 
     @cached_property
@@ -192,13 +183,7 @@ class Units:
     def weight(self) -> float:
         """How large elements are, not far from the neutral one."""
         g = self.group
-        return (
-            max(
-                size(g.identity()),
-                *(size(g.exp(a * (1.0 / r))) for a, r in zip(self.axes, self.lengths)),
-            )
-            or 1.0
-        )
+        return max(size(g.identity()), *(size(g.exp(a * (1.0 / r))) for a, r in zip(self.axes, self.lengths))) or 1.0
 
     @cached_property
     def tangents(self) -> np.ndarray:
@@ -331,20 +316,12 @@ def sample_points(group: LieGroup, seed: int) -> list[At]:
 
     def at(name: str, xi: np.ndarray) -> At:
         return At(
-            name,
-            units,
-            *(
-                Vec.of(v.tolist())
-                for v in (xi, unit(), unit(), rng.normal(size=n), rng.normal(size=n))
-            ),
+            name, units, *(Vec.of(v.tolist()) for v in (xi, unit(), unit(), rng.normal(size=n), rng.normal(size=n)))
         )
 
     found = [at("the neutral element", 0.0 * unit()), at("size 1e-8", 1e-8 * unit())]
     found += [at("random", 1.3 * unit()), at("random", unit())]
-    found += [
-        at("mixed sizes", unit() * 10.0 ** -rng.integers(0, 9, size=n))
-        for _ in range(3 if n <= LARGE else 1)
-    ]
+    found += [at("mixed sizes", unit() * 10.0 ** -rng.integers(0, 9, size=n)) for _ in range(3 if n <= LARGE else 1)]
     for i in range(n) if n <= LARGE else sorted(rng.choice(n, 3, replace=False)):
         found.append(at(f"along axis {i + 1}", flat(units.of_length(np.eye(n)[i], 1.0))))
     u = unit()

@@ -10,13 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
-from ..errors import (
-    IncompatibleSystem,
-    InconsistentState,
-    InvalidInput,
-    LiemechError,
-    NoConvergence,
-)
+from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, LiemechError, NoConvergence
 from ..formulas.vectors import small
 from ..retractions import Exponential
 from ..systems.canonical import CanonicalState, CanonicalSystem, PhaseSpace
@@ -97,9 +91,7 @@ class AtState:
         first order.
         """
         times = [k * self.unit for k in range(-4, 5)]
-        return [
-            self.system.displaced(Exponential(), self.state, time * self.rate) for time in times
-        ]
+        return [self.system.displaced(Exponential(), self.state, time * self.rate) for time in times]
 
     @property
     def unit(self) -> float:
@@ -125,16 +117,12 @@ def pace(system: Any, t: float, state: Any) -> float:
     """
     rate = system.rate(t, state)
     group = system.group
-    found = (
-        max(size(group.ad(rate, e)) for e in np.eye(group.dim).tolist()) if group.dim <= 32 else 0.0
-    )
+    found = max(size(group.ad(rate, e)) for e in np.eye(group.dim).tolist()) if group.dim <= 32 else 0.0
     change, large = (flat(x) for x in system.variation(state, rate))
     return max(float(found), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
 
 
-def as_accepted(
-    method: Any, system: Any, start: Any, compiled: bool | None
-) -> tuple[Any, bool | None]:
+def as_accepted(method: Any, system: Any, start: Any, compiled: bool | None) -> tuple[Any, bool | None]:
     """The start and whether runs are native: if the method takes no system of all sites as one body,
     with an axis of sites, and natively where they can be, because plain Python sweeps over all sites.
     """
@@ -173,9 +161,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
     if states is not None:
         times = TIMES if knows_time(system) else (0.0,)
         return [
-            place
-            for i, state in enumerate(members(states))
-            for place in at_times(f"state {i}", system, state, times)
+            place for i, state in enumerate(members(states)) for place in at_times(f"state {i}", system, state, times)
         ]
     rng, reason = generator("check_system", seed), ""
     drawn = rng.bit_generator.state
@@ -191,8 +177,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
             reason = undefined or reason
     if not found:
         raise InvalidInput(
-            f"check_system: {system!r} is not defined at random states ({reason}); "
-            "give some, states=system.state(...)"
+            f"check_system: {system!r} is not defined at random states ({reason}); give some, states=system.state(...)"
         )
     return found
 
@@ -210,17 +195,10 @@ def at_times(name: str, system: Any, state: Any, times: tuple[float, ...]) -> li
 def members(states: State) -> list[Any]:
     """The members of an ensemble, or the one state, with small arrays."""
     if states.bodies is None:
-        return [
-            type(states)(
-                *(None if x is None else small(np.asarray(x)) for x in states.parts.values())
-            )
-        ]
+        return [type(states)(*(None if x is None else small(np.asarray(x)) for x in states.parts.values()))]
     rows = range(states.bodies)
     return [
-        type(states)(
-            *(None if x is None else small(np.asarray(x[i])) for x in states.parts.values())
-        )
-        for i in rows
+        type(states)(*(None if x is None else small(np.asarray(x[i])) for x in states.parts.values())) for i in rows
     ]
 
 
@@ -252,14 +230,11 @@ def random_state(system: Any, rng: np.random.Generator, large: float = 1.0) -> A
     if isinstance(system, HomogeneousEquation):
         return Point(small(np.asarray(system.action.random(rng))))
     raise InvalidInput(
-        f"check_system: how states of {system!r} are drawn is not "
-        "known; give some, states=system.state(...)"
+        f"check_system: how states of {system!r} are drawn is not known; give some, states=system.state(...)"
     )
 
 
-def _consistent(
-    system: ConstrainedSystem, rng: np.random.Generator, large: float = 1.0
-) -> CanonicalState:
+def _consistent(system: ConstrainedSystem, rng: np.random.Generator, large: float = 1.0) -> CanonicalState:
     """A state on the constraints, near a random one; if none is found, for what is wrong is for the
     laws to tell, a random one.
     """

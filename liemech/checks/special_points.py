@@ -56,9 +56,7 @@ def _energies(system: Any, at: AtState) -> Iterator[tuple[Function, Function, An
         yield body.hamiltonian.energy, body.hamiltonian.gradient, state.mu, 1.0
     if isinstance(system, MechanicalSystem):
         group, V = system.configurations, system.potential
-        places = (
-            (state.g, group.identity()) if len(flat(state.g)) == len(flat(group.identity())) else ()
-        )
+        places = (state.g, group.identity()) if len(flat(state.g)) == len(flat(group.identity())) else ()
         for g in places:
             energy = partial(_displaced, V, group, g)
             yield energy, partial(gradient, energy), state.mu / (size(state.mu) or 1.0), 1.0

@@ -50,9 +50,7 @@ def derived(f: Callable[[Any], Any], x: Any) -> tuple[np.ndarray, float]:
     what these enlarge rounding.
     """
     try:
-        return np.asarray(
-            jacobian(f, x) if isinstance(f(x), (tuple, list)) else gradient(f, x), dtype=float
-        ), 1.0
+        return np.asarray(jacobian(f, x) if isinstance(f(x), (tuple, list)) else gradient(f, x), dtype=float), 1.0
     except TypeError:
         near = STEP / 16.0  # of formulas that grow fast, such as exponentials
         unit = near * (size(x) or 1.0)
@@ -103,11 +101,7 @@ def hessian_of_lagrangian(system: LiePoissonSystem, at: AtState) -> Iterator[Sam
 
 
 @axiom(
-    BODY,
-    "Legendre transform",
-    "mu = dl/dxi at xi = dH/dmu, and H(mu) + l(xi) = <mu, xi>",
-    optional=True,
-    slack=CLOSE,
+    BODY, "Legendre transform", "mu = dl/dxi at xi = dH/dmu, and H(mu) + l(xi) = <mu, xi>", optional=True, slack=CLOSE
 )
 def legendre(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
     mu, xi, l = at.state.mu, system.velocity(at.state.mu), _lagrangian(system)
@@ -166,9 +160,7 @@ def force_of_potential(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     yield _matches(V.force(group, g), lambda eta: V.energy(group.compose_exp(g, eta)), rest, -1.0)
 
 
-@axiom(
-    FIELD, "load", "a vector of dim finite numbers, and dE/dt = <F, xi>", optional=True, slack=CLOSE
-)
+@axiom(FIELD, "load", "a vector of dim finite numbers, and dE/dt = <F, xi>", optional=True, slack=CLOSE)
 def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     if system.load is None:
         raise NotDefined("there is no load")
@@ -223,24 +215,14 @@ def ends_of_edges(system: Any, at: AtState) -> Iterator[Same]:
 BOUND: list[Law] = []
 
 
-@axiom(
-    BOUND,
-    "rows of the constraint",
-    "rows(g), put together as `touches` says, are jacobian(g)",
-    slack=CLOSE,
-)
+@axiom(BOUND, "rows of the constraint", "rows(g), put together as `touches` says, are jacobian(g)", slack=CLOSE)
 def rows_of_constraint(system: BoundBody, at: AtState) -> Iterator[Same]:
     rows, G = system.rows(at.state.g), np.array(system.jacobian(at.state.g), dtype=float)
     put = system._matrix(rows)
     yield Same(put.toarray() if hasattr(put, "toarray") else put, G, size(G))
 
 
-@axiom(
-    BOUND,
-    "constraints stay",
-    "d/dt c(g) = G xi = 0 and d/dt (G xi) = 0 along the motion",
-    slack=CLOSE,
-)
+@axiom(BOUND, "constraints stay", "d/dt c(g) = G xi = 0 and d/dt (G xi) = 0 along the motion", slack=CLOSE)
 def constraints_stay(system: BoundBody, at: AtState) -> Iterator[Same]:
     for near, far in zip(_leaving(system, at.closer), _leaving(system, at), strict=True):
         yield min(near, far, key=lambda same: same.defect)
@@ -253,9 +235,7 @@ def _leaving(system: BoundBody, at: AtState) -> Iterator[Same]:
         yield vanishes(change, scale + G * size(system.velocity(at.state.mu)))
     G = max(size(system.jacobian(state.g)) for state in at.nearby)
     speeds = [system.velocity(state.mu) for state in at.nearby]
-    change, _ = at.along(
-        [flat(system.jacobian(s.g) @ v) for s, v in zip(at.nearby, speeds, strict=True)]
-    )
+    change, _ = at.along([flat(system.jacobian(s.g) @ v) for s, v in zip(at.nearby, speeds, strict=True)])
     yield vanishes(change, G * max(map(size, speeds)) / at.unit)
 
 
@@ -310,13 +290,7 @@ def quadratic(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
 CONSTRAINED: list[Law] = []
 
 
-@axiom(
-    CONSTRAINED,
-    "Jacobian of the constraints",
-    "constraint_jacobian(q) = dg/dq",
-    "constraint_jacobian",
-    slack=CLOSE,
-)
+@axiom(CONSTRAINED, "Jacobian of the constraints", "constraint_jacobian(q) = dg/dq", "constraint_jacobian", slack=CLOSE)
 def jacobian_of_constraints(system: ConstrainedSystem, at: AtState) -> Iterator[Same]:
     yield _matches(system.constraint_jacobian(at.state.q), system.constraint, at.state.q)
 
@@ -324,8 +298,7 @@ def jacobian_of_constraints(system: ConstrainedSystem, at: AtState) -> Iterator[
 @axiom(
     CONSTRAINED,
     "geodesic",
-    "geodesic(q, p, t) begins with the velocity, stays on g = 0 "
-    "and G H_p = 0, keeps T, and t is t/2 + t/2",
+    "geodesic(q, p, t) begins with the velocity, stays on g = 0 and G H_p = 0, keeps T, and t is t/2 + t/2",
     optional=True,
     slack=CLOSE,
 )
@@ -376,13 +349,7 @@ def independent_casimirs_of_structure(system: PoissonSystem, at: AtState) -> Ite
     yield independence(system.casimirs, _rows(system.casimirs, dim), places)
 
 
-@axiom(
-    PARTS,
-    "motions of parts",
-    "d/dt flow(y, t) = B dH_i at flow(y, t), at two t",
-    optional=True,
-    slack=CLOSE,
-)
+@axiom(PARTS, "motions of parts", "d/dt flow(y, t) = B dH_i at flow(y, t), at two t", optional=True, slack=CLOSE)
 def motions_of_parts(system: PoissonSystem, at: AtState) -> Iterator[Same]:
     known = [part for part in system.parts if isinstance(part, Part)]
     if not known:
@@ -403,30 +370,18 @@ def motions_of_parts(system: PoissonSystem, at: AtState) -> Iterator[Same]:
 KEPT: list[Law] = []
 
 
-@axiom(
-    KEPT,
-    "constants",
-    "d/dt C = 0 along the motion, for all that `constants` names",
-    optional=True,
-    slack=CLOSE,
-)
+@axiom(KEPT, "constants", "d/dt C = 0 along the motion, for all that `constants` names", optional=True, slack=CLOSE)
 def constants(system: Any, at: AtState) -> Iterator[Same]:
     for near, far in zip(_changes(system, at.closer), _changes(system, at), strict=True):
         yield min(near, far, key=lambda same: same.defect)
 
 
 def _changes(system: Any, at: AtState) -> Iterator[Same]:
-    states = {
-        name: np.stack([state.arrays[name] for state in at.nearby]) for name in at.state.arrays
-    }
+    states = {name: np.stack([state.arrays[name] for state in at.nearby]) for name in at.state.arrays}
     values, terms = constants_and_terms(system, states, len(at.nearby))
     # they are zero, and so are their terms at some states
     if isinstance(system, ConstrainedSystem):
-        values = {
-            name: value
-            for name, value in values.items()
-            if name not in ("constraint", "hidden constraint")
-        }
+        values = {name: value for name, value in values.items() if name not in ("constraint", "hidden constraint")}
     if not values:
         raise NotDefined("the system names none")
     for name, value in values.items():
@@ -447,10 +402,7 @@ def native_code(system: Any, at: AtState) -> Iterator[Same]:
         raise NotDefined(reason)
     start = system.state(**at.state.arrays)
     h = 0.1 / (at.pace or 1.0)
-    runs = [
-        integrate(system, RKMK(order=4), start, h=h, steps=2, compiled=c, progress=False)
-        for c in (True, False)
-    ]
+    runs = [integrate(system, RKMK(order=4), start, h=h, steps=2, compiled=c, progress=False) for c in (True, False)]
     for name, x in runs[0].last.parts.items():
         if x is not None:
             yield Same(flat(x), flat(runs[1].last.parts[name]), 0.0)
@@ -461,9 +413,7 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     written itself.
     """
     yield SYSTEM, system, lambda name: True
-    tables: list[
-        tuple[list[Law], Any, Any, Callable[[str], bool]]
-    ] = []  # with whose formulas these are
+    tables: list[tuple[list[Law], Any, Any, Callable[[str], bool]]] = []  # with whose formulas these are
     own: Callable[[str], bool]
     body = system.body if isinstance(system, (MechanicalSystem, BoundBody)) else system
     field = system.body if isinstance(system, BoundBody) else system

@@ -40,11 +40,7 @@ def bench(arguments: Sequence[str]) -> int:
         metavar="module:system",
         help="a system of yours, a class or an object; or one of the library with its arguments",
     )
-    add(
-        "--start",
-        metavar="module:start",
-        help="where it starts, an object of yours; a random state if not given",
-    )
+    add("--start", metavar="module:start", help="where it starts, an object of yours; a random state if not given")
     add("--method", default="RKMK(order=4)", metavar="METHOD", help="the method (RKMK(order=4))")
     add("--h", type=number, default=0.01, metavar="H", help="length of a step (0.01)")
     add("--steps", type=count, default=100_000, metavar="N", help="number of steps (100000)")
@@ -102,9 +98,7 @@ def measured(system: Any, method: Any, start: Any, h: float, steps: int) -> dict
 def _start(text: str | None, system: Any) -> Any:
     if text is None:
         state = random_state(system, np.random.default_rng(0))
-        return system.state(
-            **{name: np.asarray(x) for name, x in state.parts.items() if x is not None}
-        )
+        return system.state(**{name: np.asarray(x) for name, x in state.parts.items() if x is not None})
     module, _, name = text.rpartition(":")
     start = getattr(imported(module, "argument --start"), name, None) if module else None
     if not isinstance(start, lm.State):
@@ -120,18 +114,13 @@ def _flat(run: Any) -> np.ndarray:
 
 def _report(found: dict[str, Any]) -> str:
     how = "native code" if found["compiled"] else "plain Python"
-    order = (
-        "not seen: errors do not fall; take a larger --h"
-        if found["order"] is None
-        else f"{found['order']:.2f}"
-    )
+    order = "not seen: errors do not fall; take a larger --h" if found["order"] is None else f"{found['order']:.2f}"
     return "\n".join(
         [
             found["system"] if len(found["system"]) <= 80 else found["system"][:77] + "...",
             f"  method    {found['method']}, {', '.join(found['parts'])} recorded",
             f"  a step    {duration(1e-9 * found['ns per step'])}, {how}",
-            f"  before    {short(found['seconds before'])} s to prepare "
-            "and compile (less if the kernel is on disk)",
+            f"  before    {short(found['seconds before'])} s to prepare and compile (less if the kernel is on disk)",
             f"  order     {order}",
         ]
     )

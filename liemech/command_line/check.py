@@ -17,9 +17,7 @@ from .options import Parser
 GROUPS = (lm.SO3(), lm.SE3())
 """Where a retraction is checked."""
 
-BELOW = np.array(
-    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -0.5], [0.0, 0.0, 0.0, 1.0]]
-).ravel()
+BELOW = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -0.5], [0.0, 0.0, 0.0, 1.0]]).ravel()
 """The pose of a body that hangs half a metre below its fixed point."""
 
 
@@ -34,9 +32,7 @@ def check(arguments: Sequence[str]) -> int:
         formatter_class=RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "what",
-        metavar="module:Class",
-        help="a class of yours, with or without arguments, or one of the library",
+        "what", metavar="module:Class", help="a class of yours, with or without arguments, or one of the library"
     )
     parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
     options = parser.parse_args(arguments)
@@ -45,14 +41,7 @@ def check(arguments: Sequence[str]) -> int:
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
     if options.json:
-        print(
-            json.dumps(
-                [
-                    {"subject": r.subject, "laws": {f.law: f.verdict for f in r.findings}}
-                    for r in reports
-                ]
-            )
-        )
+        print(json.dumps([{"subject": r.subject, "laws": {f.law: f.verdict for f in r.findings}} for r in reports]))
     else:
         print(*reports, sep="\n\n")
     return int(any(report.broken for report in reports))
@@ -93,9 +82,7 @@ def _problems() -> list[tuple[Any, Any]]:
     body, planet = library.RigidBody([1.0, 1.5, 2.0]), library.Kepler()
     ball, species = library.SphericalPendulum(), library.models.LotkaVolterra()
     hung = library.joints.Linkage(
-        [lm.joints.Link(3.0, [0.1, 0.2, 0.2])],
-        [lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5])],
-        9.81,
+        [lm.joints.Link(3.0, [0.1, 0.2, 0.2])], [lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5])], 9.81
     )
     top = library.models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
     return [

@@ -52,9 +52,7 @@ def read(text: str, kind: type, where: str, own: bool = True) -> Any:
     if isinstance(found, type):
         found = _call(found, (), {}, where)
     if not isinstance(found, kind):
-        raise lm.errors.InvalidInput(
-            f"{where}: {text!r} is no {_known(kind)}{_instead(text, kind)}"
-        )
+        raise lm.errors.InvalidInput(f"{where}: {text!r} is no {_known(kind)}{_instead(text, kind)}")
     return found
 
 
@@ -63,17 +61,13 @@ def build(name: Any, arguments: Mapping[str, Any], kind: type, where: str, own: 
     turn.  own : as in `read`.
     """
     if not isinstance(name, str):
-        raise lm.errors.InvalidInput(
-            f"{where}: name must be a text such as {names(kind)[0]!r}; got {name!r}"
-        )
+        raise lm.errors.InvalidInput(f"{where}: name must be a text such as {names(kind)[0]!r}; got {name!r}")
     module, _, rest = name.rpartition(":")
     found = _public(rest, kind, where, _own(module, name, where, own))
     given = {key: _argument(value, f"{where}: {key}", own) for key, value in arguments.items()}
     if not isinstance(found, type):  # an object of a module of the user's
         if given:
-            raise lm.errors.InvalidInput(
-                f"{where}: {name!r} is an object and takes no {', '.join(given)}"
-            )
+            raise lm.errors.InvalidInput(f"{where}: {name!r} is an object and takes no {', '.join(given)}")
         return found
     return _call(found, (), given, where)
 
@@ -112,20 +106,12 @@ def imported(module: str, where: str) -> Any:
     except ModuleNotFoundError as missing:
         if missing.name == module.partition(".")[0] or missing.name == module:
             raise lm.errors.InvalidInput(f"{where}: there is no module {module!r} here") from None
-        raise lm.errors.InvalidInput(
-            f"{where}: module {module!r} cannot be imported: {missing}"
-        ) from missing
+        raise lm.errors.InvalidInput(f"{where}: module {module!r} cannot be imported: {missing}") from missing
     except Exception as wrong:  # whatever the module does when it is loaded
-        place = (
-            wrong
-            if isinstance(wrong, SyntaxError)
-            else traceback.extract_tb(wrong.__traceback__)[-1]
-        )
+        place = wrong if isinstance(wrong, SyntaxError) else traceback.extract_tb(wrong.__traceback__)[-1]
         at = f"{place.filename}, line {place.lineno}"
         told = f"{type(wrong).__name__}: {getattr(wrong, 'msg', wrong)}".partition("\n")[0]
-        raise lm.errors.InvalidInput(
-            f"{where}: module {module!r} cannot be imported: {told} ({at})"
-        ) from wrong
+        raise lm.errors.InvalidInput(f"{where}: module {module!r} cannot be imported: {told} ({at})") from wrong
 
 
 def names(kind: type) -> list[str]:
@@ -149,18 +135,14 @@ def _argument(value: Any, where: str, own: bool) -> Any:
 
 def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:
     """A node of the text, as the number, list or object it is."""
-    if isinstance(node, ast.Constant) and isinstance(
-        node.value, (int, float, str, bool, type(None))
-    ):
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float, str, bool, type(None))):
         return node.value
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
         value = _value(node.operand, kind, where, modules)
         return -value if isinstance(node.op, ast.USub) else value
     if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Div, ast.Mult)):
         left, right = (_value(side, kind, where, modules) for side in (node.left, node.right))
-        if all(isinstance(side, (int, float)) for side in (left, right)) and (
-            right or isinstance(node.op, ast.Mult)
-        ):
+        if all(isinstance(side, (int, float)) for side in (left, right)) and (right or isinstance(node.op, ast.Mult)):
             return left / right if isinstance(node.op, ast.Div) else left * right
     if isinstance(node, (ast.List, ast.Tuple)):
         return [_value(item, kind, where, modules) for item in node.elts]
@@ -174,19 +156,11 @@ def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:
             return _array(values, ast.unparse(node), where)
         if any(k.arg is None for k in node.keywords):
             raise lm.errors.InvalidInput(
-                f"{where}: {ast.unparse(node)!r}: ** is not read; "
-                "write the arguments out, name=value"
+                f"{where}: {ast.unparse(node)!r}: ** is not read; write the arguments out, name=value"
             )
         cls = _public(node.func.id, kind, where, modules)
-        options = {
-            k.arg: _value(k.value, lm.Record, where, modules) for k in node.keywords if k.arg
-        }
-        return _call(
-            cls,
-            [_made(v, where) for v in values],
-            {k: _made(v, where) for k, v in options.items()},
-            where,
-        )
+        options = {k.arg: _value(k.value, lm.Record, where, modules) for k in node.keywords if k.arg}
+        return _call(cls, [_made(v, where) for v in values], {k: _made(v, where) for k, v in options.items()}, where)
     raise lm.errors.InvalidInput(
         f"{where}: {ast.unparse(node)!r} is neither a number, a list, nor a class of the library"
     )
@@ -199,8 +173,7 @@ def _array(values: list[Any], text: str, where: str) -> np.ndarray:
         return np.array(rows, dtype=float)
     except (TypeError, ValueError):
         raise lm.errors.InvalidInput(
-            f"{where}: {text!r} is no array; give one list, of "
-            "numbers or of rows of the same length"
+            f"{where}: {text!r} is no array; give one list, of numbers or of rows of the same length"
         ) from None
 
 
@@ -218,9 +191,7 @@ def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
     if mine and isinstance(found, kind):  # an object that the module has made
         return found
     there = f" in {modules[0].__name__}" if modules else ""
-    raise lm.errors.InvalidInput(
-        f"{where}: {name!r} is no {_known(kind)}{there}{_instead(name, kind)}"
-    )
+    raise lm.errors.InvalidInput(f"{where}: {name!r} is no {_known(kind)}{there}{_instead(name, kind)}")
 
 
 def _known(kind: type) -> str:
@@ -249,8 +220,7 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
     for key in options:
         if key not in allowed and cls not in (lm.Vec, lm.Mat):
             raise lm.errors.InvalidInput(
-                f"{where}: {cls.__name__} has no {key!r}{meant(key, allowed)}; "
-                f"allowed are {', '.join(allowed)}"
+                f"{where}: {cls.__name__} has no {key!r}{meant(key, allowed)}; allowed are {', '.join(allowed)}"
             )
     try:
         return cls(*values, **options)
@@ -258,6 +228,4 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
         raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
     except Exception as wrong:  # whatever a class makes of arguments that nobody meant
         told = f"{wrong}" or type(wrong).__name__
-        raise lm.errors.InvalidInput(
-            f"{where}: {told}; {cls.__name__}{inspect.signature(cls)}"
-        ) from wrong
+        raise lm.errors.InvalidInput(f"{where}: {told}; {cls.__name__}{inspect.signature(cls)}") from wrong

@@ -39,11 +39,7 @@ def scenes(arguments: Sequence[str]) -> int:
         }
         rows.append(row)
     width = max(map(len, SCENES)) + 2
-    print(
-        json.dumps(rows)
-        if as_json
-        else "\n".join(_row(f"{r['scene']:<{width}}", r["about"]) for r in rows)
-    )
+    print(json.dumps(rows) if as_json else "\n".join(_row(f"{r['scene']:<{width}}", r["about"]) for r in rows))
     return 0
 
 
@@ -60,10 +56,7 @@ def methods(arguments: Sequence[str]) -> int:
         symmetric, symplectic = marks
         columns = f"{r['method']:<26}{order:<7}{symmetric:<11}{symplectic:<12}"
         lines.append(_row(columns, r["about"]))
-    lines.append(
-        "The order is that of the default; most take another as "
-        "order=...; docs/methods.md says which to use."
-    )
+    lines.append("The order is that of the default; most take another as order=...; docs/methods.md says which to use.")
     print("\n".join(lines))
     return 0
 
@@ -83,12 +76,7 @@ def method_rows() -> list[dict[str, Any]]:
         method = read(EXAMPLES.get(name, name), lm.Method, name)
         order = None if math.isinf(method.order) else method.order
         rows.append(
-            {
-                "method": name,
-                "order": order,
-                "symmetric": bool(method.symmetric),
-                "symplectic": bool(method.symplectic),
-            }
+            {"method": name, "order": order, "symmetric": bool(method.symmetric), "symplectic": bool(method.symplectic)}
             | {"about": sentence(cls)}
         )
     return rows

@@ -8,14 +8,7 @@ from importlib import import_module
 
 from ..names import meant
 
-COMMANDS = {
-    "run": "run",
-    "scenes": "lists",
-    "methods": "lists",
-    "check": "check",
-    "bench": "bench",
-    "view": "view",
-}
+COMMANDS = {"run": "run", "scenes": "lists", "methods": "lists", "check": "check", "bench": "bench", "view": "view"}
 """The commands, and the file of each, which is loaded when it is wanted."""
 
 MAIN = "main_job"
@@ -39,9 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         raise SystemExit(2)
     name, *options = words
-    command: Callable[[Sequence[str]], int] = getattr(
-        import_module(f".{COMMANDS.get(name, MAIN)}", __package__), name
-    )
+    command: Callable[[Sequence[str]], int] = getattr(import_module(f".{COMMANDS.get(name, MAIN)}", __package__), name)
     try:
         return command(options)
     except KeyboardInterrupt:

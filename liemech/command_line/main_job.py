@@ -90,10 +90,7 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
             except lm.errors.IntegrationInterrupted as stopped:
                 interrupted = True
                 cut = stopped.trajectory
-                print(
-                    f"{name}: interrupted at t = {cut.t[-1]:g}; the errors told are those there",
-                    file=sys.stderr,
-                )
+                print(f"{name}: interrupted at t = {cut.t[-1]:g}; the errors told are those there", file=sys.stderr)
                 if len(cut) > 1:
                     runs.append((name, cut))
                 break
@@ -114,17 +111,8 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
     if not options.quiet:
         print(header(body, start, step, notes), table(rows), how, sep="\n\n")
     captions = [f"momentum error {row[1]}\nenergy error {row[3]}, {row[4]}" for row in rows]
-    panels = [
-        (name, run.mu, text, exact.mu[len(run) - 1]) for (name, run), text in zip(runs, captions)
-    ]
-    page(
-        body,
-        start,
-        runs,
-        float(t[-1]),
-        options.out.with_suffix(".html"),
-        options.quiet,
-    )
+    panels = [(name, run.mu, text, exact.mu[len(run) - 1]) for (name, run), text in zip(runs, captions)]
+    page(body, start, runs, float(t[-1]), options.out.with_suffix(".html"), options.quiet)
     drawn = draw(body, start, panels, options.out, options.quiet)
     if interrupted:
         return 130
@@ -134,9 +122,7 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
 # ------------------------------------------------------------------ what is computed
 
 
-def timed(
-    body: Any, start: Any, runs: Sequence[tuple[str, lm.Trajectory]]
-) -> tuple[list[float], str]:
+def timed(body: Any, start: Any, runs: Sequence[tuple[str, lm.Trajectory]]) -> tuple[list[float], str]:
     """Seconds of a step of each method, the least of three short native runs, and a sentence that
     says so.
     """
@@ -144,14 +130,7 @@ def timed(
     for name, run in runs:
         steps = TIMED if native else len(run)
         again = functools.partial(
-            lm.integrate,
-            body,
-            run.method,
-            start,
-            h=run.h,
-            steps=steps,
-            every=steps,
-            progress=False,
+            lm.integrate, body, run.method, start, h=run.h, steps=steps, every=steps, progress=False
         )
         with warnings.catch_warnings(), named(name):
             warnings.simplefilter("ignore")
@@ -166,15 +145,9 @@ def timed(
     return costs, f"The time of a step is that of {how}."
 
 
-def compare(
-    body: Any, name: str, run: Any, t: np.ndarray, exact: lm.BodyState, seconds: float
-) -> tuple[str, ...]:
+def compare(body: Any, name: str, run: Any, t: np.ndarray, exact: lm.BodyState, seconds: float) -> tuple[str, ...]:
     """A line of the table: the errors of a run at its end, and how well it kept what is constant."""
-    energy, casimir, spatial = (
-        body.energy(run.mu),
-        body.casimirs(run.mu),
-        body.spatial_momentum(run.mu, run.g),
-    )
+    energy, casimir, spatial = (body.energy(run.mu), body.casimirs(run.mu), body.spatial_momentum(run.mu, run.g))
     turn = body.group.log(exact.g[-1].T @ run.g[-1])
     return (
         name,
@@ -197,9 +170,7 @@ def _until(exact: lm.BodyState, samples: int) -> Any:
 # ------------------------------------------------------------------ what is printed
 
 
-def header(
-    body: lm.RigidBody, start: lm.BodyState, step: dict[str, Any], notes: Sequence[Any]
-) -> str:
+def header(body: lm.RigidBody, start: lm.BodyState, step: dict[str, Any], notes: Sequence[Any]) -> str:
     """The lines that say what is simulated."""
     end, period = step["h"] * step["steps"], body.period(start)
     laps = f", {abs(end) / period:.3g} periods of mu" if 0.0 < period < math.inf else ""
@@ -211,10 +182,7 @@ def header(
         f"  run      {step['steps']} steps of h = {step['h']:g} s to t = {end:g} s{laps}{kept}",
     ]
     first, others = "  note     ", " " * 11
-    lines += [
-        textwrap.fill(str(n.message), 80, initial_indent=first, subsequent_indent=others)
-        for n in notes
-    ]
+    lines += [textwrap.fill(str(n.message), 80, initial_indent=first, subsequent_indent=others) for n in notes]
     return "\n".join(lines)
 
 
@@ -227,9 +195,7 @@ def table(rows: Sequence[Sequence[str]]) -> str:
     ]
     lines.append("-" * len(lines[-1]))
     widths = (9, 10, 10, 11, 10, 9, 9)
-    lines += [
-        f"{name:<20}" + "".join(f"{c:>{w}}" for c, w in zip(cells, widths)) for name, *cells in rows
-    ]
+    lines += [f"{name:<20}" + "".join(f"{c:>{w}}" for c, w in zip(cells, widths)) for name, *cells in rows]
     return "\n".join(lines)
 
 
@@ -241,12 +207,7 @@ def listed(numbers: Any) -> str:
 
 
 def page(
-    body: lm.RigidBody,
-    start: lm.BodyState,
-    runs: list[tuple[str, Any]],
-    end: float,
-    file: Path,
-    quiet: bool,
+    body: lm.RigidBody, start: lm.BodyState, runs: list[tuple[str, Any]], end: float, file: Path, quiet: bool
 ) -> None:
     """Bodies and momenta as a moving picture for the browser, the exact motion among them; a line
     where there is none.
@@ -266,9 +227,7 @@ def page(
         print(f"Page for the browser: {file}")
 
 
-def draw(
-    body: lm.RigidBody, start: lm.BodyState, panels: list[Any], file: Path, quiet: bool
-) -> bool:
+def draw(body: lm.RigidBody, start: lm.BodyState, panels: list[Any], file: Path, quiet: bool) -> bool:
     """The momenta on their sphere, a panel for each run.  False if there should be a picture and is
     none.
     """
@@ -303,36 +262,11 @@ def parse(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, Parser]:
     three: dict[str, Any] = {"nargs": 3, "type": number}
     add = parser.add_argument
     add("--steps", type=count, default=200, metavar="N", help="number of steps (200)")
-    add(
-        "--h",
-        type=number,
-        default=0.3,
-        metavar="H",
-        help="length of a step in s (0.3); a negative one runs backwards",
-    )
-    add(
-        "--inertia",
-        **three,
-        default=(1.0, 1.5, 2.0),
-        metavar="J",
-        help="principal moments in kg m^2 (1 3/2 2)",
-    )
-    add(
-        "--mu",
-        **three,
-        default=(0.5, 0.0, 0.75**0.5),
-        metavar="M",
-        help="momentum in kg m^2/s (0.5 0 sqrt(3)/2)",
-    )
+    add("--h", type=number, default=0.3, metavar="H", help="length of a step in s (0.3); a negative one runs backwards")
+    add("--inertia", **three, default=(1.0, 1.5, 2.0), metavar="J", help="principal moments in kg m^2 (1 3/2 2)")
+    add("--mu", **three, default=(0.5, 0.0, 0.75**0.5), metavar="M", help="momentum in kg m^2/s (0.5 0 sqrt(3)/2)")
     names = " ".join(METHODS)
-    add(
-        "--methods",
-        nargs="+",
-        choices=METHODS,
-        default=[*METHODS],
-        metavar="NAME",
-        help=f"among {names} (all)",
-    )
+    add("--methods", nargs="+", choices=METHODS, default=[*METHODS], metavar="NAME", help=f"among {names} (all)")
     where = "folder for rigid_body.png, or a .png, .svg or .pdf file (here)"
     add("--out", type=picture, default="", metavar="PATH", help=where)
     add("--quiet", action="store_true", help="print nothing but errors; the picture is still drawn")

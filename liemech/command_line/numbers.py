@@ -22,7 +22,5 @@ def called(thing: Any) -> str:
 
 
 def duration(seconds: float) -> str:
-    unit, size = next(
-        ((u, s) for u, s in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)) if seconds >= s), ("ns", 1e-9)
-    )
+    unit, size = next(((u, s) for u, s in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)) if seconds >= s), ("ns", 1e-9))
     return f"{seconds / size:.3g} {unit}"

@@ -42,9 +42,7 @@ def count(text: str) -> int:
     """A whole number from 1 on; 1e6 is one."""
     value = number(text)
     if value != int(value) or not 1 <= value <= MOST_STEPS:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not a whole number from 1 to {MOST_STEPS:.0e}"
-        )
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to {MOST_STEPS:.0e}")
     return int(value)
 
 
@@ -54,9 +52,7 @@ def picture(text: str, name: str = "rigid_body.png") -> Path:
     if not path.suffix or path.is_dir():
         path = path / name
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is neither a folder nor a .png, .svg or .pdf file"
-        )
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a folder nor a .png, .svg or .pdf file")
     return writable(path)
 
 

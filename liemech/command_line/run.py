@@ -43,9 +43,7 @@ def run(arguments: Sequence[str]) -> int:
     options, parser = _options(arguments)
     try:
         scene = _scene(options)
-        saved, viewed, plotted = (
-            getattr(options, name) is not None for name in ("save", "view", "plot")
-        )
+        saved, viewed, plotted = (getattr(options, name) is not None for name in ("save", "view", "plot"))
         refused = []
         try:
             record = scene.parts(saved=saved, viewed=viewed, plotted=plotted)
@@ -67,9 +65,7 @@ def run(arguments: Sequence[str]) -> int:
             except (lm.errors.IntegrationFailure, lm.errors.IntegrationInterrupted) as stopped:
                 done = stopped.trajectory
                 status, said = (
-                    (1, str(stopped))
-                    if isinstance(stopped, lm.errors.IntegrationFailure)
-                    else (130, "interrupted")
+                    (1, str(stopped)) if isinstance(stopped, lm.errors.IntegrationFailure) else (130, "interrupted")
                 )
         compiled = WANTED.compiled - compiled
         spent = time.perf_counter() - begun - compiled
@@ -84,53 +80,33 @@ def run(arguments: Sequence[str]) -> int:
     for text in refused:
         print(f"liemech: {text}", file=sys.stderr)
     if options.json:
-        print(
-            json.dumps(_data(options.scene, scene, done, (spent, compiled), files), allow_nan=False)
-        )
+        print(json.dumps(_data(options.scene, scene, done, (spent, compiled), files), allow_nan=False))
     elif not options.quiet:
-        print(
-            _report(scene, done, spent, compiled), *(f"Written: {file}" for file in files), sep="\n"
-        )
+        print(_report(scene, done, spent, compiled), *(f"Written: {file}" for file in files), sep="\n")
     return status or int(bool(refused))
 
 
 def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
     """Lines that say what is computed and what is not, and why."""
     known = [name for name, x in scene.start.parts.items() if x is not None]
-    essential = [
-        name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None
-    ]
+    essential = [name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None]
     lines = [f"{scene.title}: {called(scene.system)}", f"  method        {scene.method!r}"]
     if scene.system.fictive or scene.method.fictive:
         end = f"{scene.steps} of them" if scene.t_end is None else f"to t = {scene.t_end:g}"
-        lines.append(
-            f"  steps         of h = {scene.h:g} in fictive time, {end}; one in {every} is kept"
-        )
+        lines.append(f"  steps         of h = {scene.h:g} in fictive time, {end}; one in {every} is kept")
     elif scene.t_end is not None and scene.h is not None and not chooses_steps(scene.method):
-        lines.append(
-            f"  steps         of h = {scene.h:g}, all alike, to t = "
-            f"{scene.t_end:g}; one in {every} is kept"
-        )
+        lines.append(f"  steps         of h = {scene.h:g}, all alike, to t = {scene.t_end:g}; one in {every} is kept")
     elif scene.t_end is None:
         assert scene.steps is not None
         samples = scene.steps // every + 1 + bool(scene.steps % every)
-        lines.append(
-            f"  steps         {scene.steps} of h = {scene.h:g}; {samples} samples are kept"
-        )
+        lines.append(f"  steps         {scene.steps} of h = {scene.h:g}; {samples} samples are kept")
     else:
-        lines.append(
-            f"  steps         adaptive, to t = {scene.t_end:g}; "
-            "every one is kept, and the way between them"
-        )
+        lines.append(f"  steps         adaptive, to t = {scene.t_end:g}; every one is kept, and the way between them")
     for name in known:
         if name in essential:
             why = "computed, the motion depends on it"
         else:
-            why = (
-                "computed, it is recorded or shown"
-                if name in record
-                else "not computed, nothing shows it"
-            )
+            why = "computed, it is recorded or shown" if name in record else "not computed, nothing shows it"
         lines.append(f"  {name:<13} {why}")
     arrays = {name: np.asarray(x)[None] for name, x in scene.start.arrays.items()}
     whole: Any = scene.system
@@ -155,15 +131,11 @@ def _scene(options: Any) -> Scene:
             f"{options.scene!r} is neither a scene nor a .toml file{meant(options.scene, SCENES)}; "
             f"there are {', '.join(SCENES)}"
         )
-    method = (
-        None if options.method is None else read(options.method, lm.Method, "argument --method")
-    )
+    method = None if options.method is None else read(options.method, lm.Method, "argument --method")
     return scene.changed(h=options.h, steps=options.steps, method=method)
 
 
-def _files(
-    scene: Scene, done: lm.Trajectory, options: Any, said: str
-) -> tuple[list[str], list[str]]:
+def _files(scene: Scene, done: lm.Trajectory, options: Any, said: str) -> tuple[list[str], list[str]]:
     """Write what was asked for: the files, and what went wrong."""
     files: list[str] = []
     refused: list[str] = []
@@ -197,14 +169,10 @@ def _report(scene: Scene, done: lm.Trajectory, spent: float, compiled: float) ->
     apart = f" and {duration(compiled)} to compile" if compiled > 0.0 else ""
     steps = f"{done.method!r}, {done.steps} steps to t = {done.t[-1]:g}, {how}, {duration(spent)}"
     lines = [f"{scene.title}: {called(scene.system)}", steps + apart]
-    return "\n".join(
-        [*lines, str(done.drift()) if len(done) > 1 else "the start alone; no constants to compare"]
-    )
+    return "\n".join([*lines, str(done.drift()) if len(done) > 1 else "the start alone; no constants to compare"])
 
 
-def _data(
-    name: str, scene: Scene, done: lm.Trajectory, spent: tuple[float, float], files: list[str]
-) -> dict[str, Any]:
+def _data(name: str, scene: Scene, done: lm.Trajectory, spent: tuple[float, float], files: list[str]) -> dict[str, Any]:
     """The report as data, for programs."""
     kept = done.drift().kept if len(done) > 1 else ()
     return {
@@ -218,16 +186,9 @@ def _data(
         "compiled": done.compiled,
         "seconds": spent[0],
         "seconds to compile": spent[1],
-        "last": {"t": float(done.t[-1])}
-        | {part: rows[-1].tolist() for part, rows in done.states.items()},
+        "last": {"t": float(done.t[-1])} | {part: rows[-1].tolist() for part, rows in done.states.items()},
         "kept": [
-            {
-                "name": k.name,
-                "verdict": k.verdict,
-                "largest change": k.largest,
-                "measure": k.measure,
-            }
-            for k in kept
+            {"name": k.name, "verdict": k.verdict, "largest change": k.largest, "measure": k.measure} for k in kept
         ],
         "files": files,
     }
@@ -245,11 +206,7 @@ def _options(arguments: Sequence[str]) -> tuple[Any, Parser]:
     add("scene", metavar="SCENE", help="one of the scenes below, or a file, scene.toml")
     add("--h", type=number, metavar="H", help="length of a step")
     add("--steps", type=count, metavar="N", help="number of steps")
-    add(
-        "--method",
-        metavar="METHOD",
-        help='another method, such as "RKMK(order=4)"; `liemech methods` lists them',
-    )
+    add("--method", metavar="METHOD", help='another method, such as "RKMK(order=4)"; `liemech methods` lists them')
     add(
         "--save",
         nargs="?",
@@ -266,24 +223,9 @@ def _options(arguments: Sequence[str]) -> tuple[Any, Parser]:
         metavar="FILE",
         help="write a page for the browser, SCENE.html",
     )
-    add(
-        "--plot",
-        nargs="?",
-        const=HERE,
-        type=picture,
-        metavar="FILE",
-        help="draw a picture, SCENE.png (or .svg, .pdf)",
-    )
-    add(
-        "--explain",
-        action="store_true",
-        help="tell what would be computed and what would not, and stop",
-    )
-    add(
-        "--trusted",
-        action="store_true",
-        help="import the modules that a file names; this runs their code",
-    )
+    add("--plot", nargs="?", const=HERE, type=picture, metavar="FILE", help="draw a picture, SCENE.png (or .svg, .pdf)")
+    add("--explain", action="store_true", help="tell what would be computed and what would not, and stop")
+    add("--trusted", action="store_true", help="import the modules that a file names; this runs their code")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the result as JSON")
     return parser.parse_args(arguments), parser

@@ -56,11 +56,7 @@ class Scene:
         recorded, saved or shown.
         """
         known = [name for name, x in self.start.parts.items() if x is not None]
-        wanted = {
-            name
-            for name, x in self.system.essential_part(self.start).parts.items()
-            if x is not None
-        }
+        wanted = {name for name, x in self.system.essential_part(self.start).parts.items() if x is not None}
         wanted |= set(self.record or (known if saved else ()))
         ensemble = self.start.bodies is not None
         if viewed:
@@ -68,11 +64,7 @@ class Scene:
             from ..viewer.content import chosen
 
             have = frozenset(known)
-            contents = (
-                suited(self.system, have, ensemble)
-                if self.view is None
-                else chosen(self.view, KNOWN)
-            )
+            contents = suited(self.system, have, ensemble) if self.view is None else chosen(self.view, KNOWN)
             wanted |= {name for content in contents for name in content.needs(self.system)}
         if plotted:
             wanted |= shown_parts(self.system, known)
@@ -91,21 +83,8 @@ class Scene:
 
     def run(self, record: tuple[str, ...], every: int, progress: bool | None) -> lm.Trajectory:
         """The run; raises what `integrate` raises."""
-        asked = {
-            "h": self.h,
-            "steps": self.steps,
-            "t_end": self.t_end,
-            "rtol": self.rtol,
-            "atol": self.atol,
-        }
+        asked = {"h": self.h, "steps": self.steps, "t_end": self.t_end, "rtol": self.rtol, "atol": self.atol}
         given: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
         return lm.integrate(
-            self.system,
-            self.method,
-            self.start,
-            **given,
-            every=every,
-            record=record,
-            t0=self.t0,
-            progress=progress,
+            self.system, self.method, self.start, **given, every=every, record=record, t0=self.t0, progress=progress
         )

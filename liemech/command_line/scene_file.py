@@ -80,15 +80,11 @@ def scene_file(path: Path, trusted: bool = False) -> Scene:
     _strict(data, ("title", *LISTS, *TABLES), where, "the file")
     for name in TABLES:
         if not isinstance(data.get(name), Mapping):
-            raise lm.errors.InvalidInput(
-                f"{where}: needs a table [{name}]; wanted are [{'], ['.join(TABLES)}]"
-            )
+            raise lm.errors.InvalidInput(f"{where}: needs a table [{name}]; wanted are [{'], ['.join(TABLES)}]")
     title = data.get("title", path.stem)
     if not isinstance(title, str):
         raise lm.errors.InvalidInput(f"{where}: title must be a text; got {title!r}")
-    lists: dict[str, Any] = {
-        name: _names(data[name], f"{where}: {name}") for name in LISTS if name in data
-    }
+    lists: dict[str, Any] = {name: _names(data[name], f"{where}: {name}") for name in LISTS if name in data}
     system = _object(data["system"], lm.System, f"{where} [system]", trusted)
     method = _object(data["method"], lm.Method, f"{where} [method]", trusted)
     start = _start(system, data["start"], f"{where} [start]")
@@ -114,9 +110,7 @@ def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
     group: Any = getattr(system, "configurations", getattr(system, "group", None))
     g = given.get("g")
     if isinstance(g, str) and g != "identity":
-        raise lm.errors.InvalidInput(
-            f'{where}: g is "identity", {{ exp = [...] }}, or an element as rows; got {g!r}'
-        )
+        raise lm.errors.InvalidInput(f'{where}: g is "identity", {{ exp = [...] }}, or an element as rows; got {g!r}')
     if isinstance(g, Mapping):
         _strict(g, ("exp",), f"{where}: g", "g")
     try:
@@ -152,16 +146,12 @@ def _bounded(table: dict[str, Any], system: Any, method: lm.Method, where: str) 
         most = min(MOST_STEPS, MOST_KEPT * max(1, table.get("every", MOST_STEPS)))
         advice = "; --steps takes more"
     if steps > most:
-        raise lm.errors.InvalidInput(
-            f"{where}: {steps:.2g} steps; a file may ask for {most:.0e} at most{advice}"
-        )
+        raise lm.errors.InvalidInput(f"{where}: {steps:.2g} steps; a file may ask for {most:.0e} at most{advice}")
 
 
 def _names(value: Any, where: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
-        raise lm.errors.InvalidInput(
-            f'{where} must be a list of names such as ["mu"]; got {value!r}'
-        )
+        raise lm.errors.InvalidInput(f'{where} must be a list of names such as ["mu"]; got {value!r}')
     return tuple(value)
 
 
@@ -169,6 +159,5 @@ def _strict(table: Mapping[str, Any], allowed: Any, where: str, what: str) -> No
     for key in table:
         if key not in allowed:
             raise lm.errors.InvalidInput(
-                f"{where}: {key!r} is no key of {what}{meant(key, allowed)}; "
-                f"allowed are {', '.join(allowed)}"
+                f"{where}: {key!r} is no key of {what}{meant(key, allowed)}; allowed are {', '.join(allowed)}"
             )

@@ -29,9 +29,7 @@ def free_body() -> Scene:
     """A body that tumbles freely."""
     body = library.RigidBody([1.0, 1.5, 2.0])
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
-    return Scene(
-        "a free rigid body", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600
-    )
+    return Scene("a free rigid body", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
 
 
 @scene
@@ -39,9 +37,7 @@ def flip() -> Scene:
     """Dzhanibekov's flip: spun about its middle axis, a body turns over again and again."""
     body = library.RigidBody([1.0, 2.0, 3.0])
     start = body.state(mu=[0.01, 1.0, 0.01], g=np.eye(3))
-    return Scene(
-        "Dzhanibekov's flip", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600
-    )
+    return Scene("Dzhanibekov's flip", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
 
 
 @scene
@@ -65,9 +61,7 @@ def kirchhoff() -> Scene:
     """An ellipsoid that sinks nowhere: it swims in an ideal fluid, and its path winds."""
     body = library.models.KirchhoffBody.of_blocks(angular=[1.2, 2.0, 2.6], linear=[1.2, 1.8, 5.0])
     start = body.state(mu=[0.2, -0.8, 2.3, 0.8, 0.9, -0.7], g=np.eye(4))
-    return Scene(
-        "a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=500
-    )
+    return Scene("a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=500)
 
 
 @scene
@@ -75,9 +69,7 @@ def satellite() -> Scene:
     """A long satellite that librates about the vertical of its orbit, in the gradient of gravity."""
     body = library.models.OrbitingBody(inertia=[0.05, 0.08, 0.11], mass=1.7, attraction=1.0)
     start = body.circular_orbit(3.0, lm.SO3().exp([0.1, 0.2, 0.3]))
-    return Scene(
-        "a satellite in a gravity gradient", body, lm.KickDrift(), start, h=0.1, steps=1000
-    )
+    return Scene("a satellite in a gravity gradient", body, lm.KickDrift(), start, h=0.1, steps=1000)
 
 
 @scene
@@ -108,9 +100,7 @@ def double_pendulum() -> Scene:
 def kepler() -> Scene:
     """A planet on a long ellipse."""
     system = library.Kepler()
-    return Scene(
-        "Kepler's planet", system, lm.Splitting(order=4), system.pericentre(0.6), h=0.02, steps=1000
-    )
+    return Scene("Kepler's planet", system, lm.Splitting(order=4), system.pericentre(0.6), h=0.02, steps=1000)
 
 
 @scene
@@ -144,37 +134,21 @@ def chain() -> Scene:
     """Four links that swing from rest."""
     system = library.models.ChainPendulum(masses=[0.2] * 4, lengths=[0.25] * 4)
     q = system.hanging(np.tile([np.cos(0.3), 0.0, -np.sin(0.3)], 4))
-    return Scene(
-        "a chain of four links",
-        system,
-        lm.RATTLE(),
-        system.consistent(q, np.zeros(12)),
-        h=0.005,
-        steps=1000,
-    )
+    return Scene("a chain of four links", system, lm.RATTLE(), system.consistent(q, np.zeros(12)), h=0.005, steps=1000)
 
 
 @scene
 def figure_eight() -> Scene:
     """Three equal masses follow each other on an eight."""
     system, start = library.models.NBody.figure_eight()
-    return Scene(
-        "three bodies on an eight", system, lm.Splitting(order=6), start, h=0.02, steps=316
-    )
+    return Scene("three bodies on an eight", system, lm.Splitting(order=6), start, h=0.02, steps=316)
 
 
 @scene
 def hares_and_foxes() -> Scene:
     """Lotka and Volterra's species, whose numbers circle for ever: by a Poisson integrator."""
     system = library.models.LotkaVolterra()
-    return Scene(
-        "hares and foxes",
-        system,
-        lm.Splitting(order=4),
-        system.state([1.5, 1.0]),
-        h=0.05,
-        steps=400,
-    )
+    return Scene("hares and foxes", system, lm.Splitting(order=4), system.state([1.5, 1.0]), h=0.05, steps=400)
 
 
 @scene
@@ -184,14 +158,7 @@ def four_bar() -> Scene:
     """
     system = library.models.FourBarLinkage(loops=2)
     joints = np.ravel([(j + np.sin(1.1), -np.cos(1.1)) for j in range(3)])
-    return Scene(
-        "a four-bar linkage",
-        system,
-        lm.RATTLE(),
-        system.consistent(joints, np.zeros(6)),
-        h=0.01,
-        steps=1000,
-    )
+    return Scene("a four-bar linkage", system, lm.RATTLE(), system.consistent(joints, np.zeros(6)), h=0.01, steps=1000)
 
 
 @scene
@@ -203,9 +170,7 @@ def hanging_rods() -> Scene:
         pose[:3, :3] = lm.SO3().exp(axis)
         pose[:3, 3] = top - 0.5 * pose[:3, 2]
         top = top - pose[:3, 2]
-    return Scene(
-        "two hanging rods", system, lm.LieRATTLE(), system.assembled(poses), h=0.01, steps=900
-    )
+    return Scene("two hanging rods", system, lm.LieRATTLE(), system.assembled(poses), h=0.01, steps=900)
 
 
 @scene
@@ -213,10 +178,7 @@ def slider_crank() -> Scene:
     """A crank on a hinge, a piston in its cylinder, a rod between them: a loop that is closed."""
     turn, out = [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]
     hinge: Any = lm.joints.RevoluteJoint
-    crank, piston = (
-        lm.joints.Link(1.0, [0.002, 0.02, 0.02]),
-        lm.joints.Link(0.5, [0.002, 0.002, 0.002]),
-    )
+    crank, piston = (lm.joints.Link(1.0, [0.002, 0.02, 0.02]), lm.joints.Link(0.5, [0.002, 0.002, 0.002]))
     joints = [
         hinge(0, None, [-0.25, 0.0, 0.0], [0.0, 0.0, 0.0], turn, turn),
         lm.joints.PrismaticJoint(1, None, axis=out),

@@ -14,10 +14,7 @@ from .options import Parser, output
 
 def view(arguments: Sequence[str]) -> int:
     """The command.  Returns the exit status: 0."""
-    parser = Parser(
-        prog="liemech view",
-        description="Show a run saved by `liemech run SCENE --save` in the browser.",
-    )
+    parser = Parser(prog="liemech view", description="Show a run saved by `liemech run SCENE --save` in the browser.")
     add = parser.add_argument
     add("file", type=Path, metavar="FILE", help="a run, .npz, or a page, .html")
     add(
@@ -33,17 +30,8 @@ def view(arguments: Sequence[str]) -> int:
         metavar="MODULE",
         help="where classes of yours are, which the run is made of",
     )
-    add(
-        "--trusted",
-        action="store_true",
-        help="import whatever modules the file names; this runs their code",
-    )
-    add(
-        "--out",
-        type=output(".html"),
-        metavar="PAGE",
-        help="write the page there, and do not open it",
-    )
+    add("--trusted", action="store_true", help="import whatever modules the file names; this runs their code")
+    add("--out", type=output(".html"), metavar="PAGE", help="write the page there, and do not open it")
     options = parser.parse_args(arguments)
     try:
         if options.file.suffix == ".html":

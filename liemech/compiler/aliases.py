@@ -38,9 +38,7 @@ class Aliases:
             )
         own = name.id if isinstance(name, ast.Name) else ""
         if id(items) in self.shared or self._held(items, [(own, env)]):
-            raise NotCompilable(
-                f"`{it}` is changed in place and has another name: change a copy, {copy}"
-            )
+            raise NotCompilable(f"`{it}` is changed in place and has another name: change a copy, {copy}")
 
     def meet(self, name: str, result: Any, ways: Iterable[tuple[Any, Env]]) -> bool:
         """A variable has these values on the ways that meet here, and becomes the result.  Is a list
@@ -50,11 +48,7 @@ class Aliases:
         found = [x for value, _ in ways for x in lists(value)]
         # what a call returns outlives its variables
         around = [(name, env) for _, env in ways if name != RETURN]
-        held = [
-            x
-            for x in found
-            if id(x) in self.shared or self.reads.from_outside(x) or self._held(x, around)
-        ]
+        held = [x for x in found if id(x) in self.shared or self.reads.from_outside(x) or self._held(x, around)]
         if held:
             self.share([*found, *lists(result)])
         return bool(held)

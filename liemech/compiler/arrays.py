@@ -25,14 +25,7 @@ from .content_hashes import MADE
 from .ir_numbers import Emitter, Num, kind_of
 
 REMEDY = "write liemech.vec(...) for np.array([...]), liemech.mat(...) for one of two axes"
-_BY_NUMBERS = (
-    operator.add,
-    operator.sub,
-    operator.mul,
-    operator.truediv,
-    operator.neg,
-    operator.pos,
-)
+_BY_NUMBERS = (operator.add, operator.sub, operator.mul, operator.truediv, operator.neg, operator.pos)
 
 
 @record
@@ -74,16 +67,10 @@ def made(emitter: Emitter, x: Any, options: dict[str, Any]) -> Array:
     """np.array(x)."""
     found = small(vector(x))
     numbers = [n for row in found for n in row] if isinstance(found, Mat) else found
-    if (
-        not isinstance(found, (Vec, Mat))
-        or set(options) - {"dtype"}
-        or options.get("dtype", float) is not float
-    ):
+    if not isinstance(found, (Vec, Mat)) or set(options) - {"dtype"} or options.get("dtype", float) is not float:
         raise NotCompilable(f"np.array of one number, or with options: {REMEDY}")
     objects = any(isinstance(n, Operand) for n in numbers)
-    if any(isinstance(n, (Vec, Mat, Record, list, tuple)) for n in numbers) or (
-        objects and options
-    ):
+    if any(isinstance(n, (Vec, Mat, Record, list, tuple)) for n in numbers) or (objects and options):
         raise refuse("three axes, or `dtype`")
     if not objects and (
         any(isinstance(n, Num) and n.mixed for n in numbers)
@@ -116,14 +103,10 @@ def computed(emitter: Emitter, op: Any, x: tuple[Any, ...]) -> Any:
     none.
     """
     if not any(isinstance(a, Array) for a in x):
-        if not any(isinstance(a, np.ndarray) and a.ndim for a in x) or not any(
-            isinstance(a, Num) for a in x
-        ):
+        if not any(isinstance(a, np.ndarray) and a.ndim for a in x) or not any(isinstance(a, Num) for a in x):
             return None
         for a in x:
-            if isinstance(a, np.ndarray) and (
-                a.dtype != float or not 0 < a.ndim < 3 or a.size > MANY
-            ):
+            if isinstance(a, np.ndarray) and (a.dtype != float or not 0 < a.ndim < 3 or a.size > MANY):
                 raise NotCompilable(
                     f"an array of {a.dtype.name} with {a.ndim} axes beside a number of the run: make "
                     f"it a Vec or Mat, or one of floats of one or two axes, of at most {MANY}"

@@ -64,9 +64,7 @@ _refused: set[Any] = set()
 """Formulas and layouts that cannot be compiled: nobody tries again."""
 
 
-_ready: collections.OrderedDict[Any, tuple[Job, weakref.ref[kernel.Kernel]]] = (
-    collections.OrderedDict()
-)
+_ready: collections.OrderedDict[Any, tuple[Job, weakref.ref[kernel.Kernel]]] = collections.OrderedDict()
 """Jobs and their native code by the form of a batch, those used last at the end: such a batch needs
 no row of plain Python.
 """
@@ -154,11 +152,7 @@ class Driver:
         self.kernels: dict[Any, kernel.Kernel] = {}
 
     def rows(
-        self,
-        values: Values,
-        x: np.ndarray,
-        width: int,
-        in_numpy: Callable[[np.ndarray, np.ndarray], None],
+        self, values: Values, x: np.ndarray, width: int, in_numpy: Callable[[np.ndarray, np.ndarray], None]
     ) -> np.ndarray:
         """A row of so many numbers for every x, (n,).  in_numpy : fills them, given x and the rows,
         without native code.
@@ -232,15 +226,7 @@ class Job:
         """This job for another batch of its form, with the numbers of that one."""
         static = self.static | batch.rest
         *_, plan, _, results = self.arguments
-        arguments = (
-            batch.formula,
-            batch.owner,
-            batch.group,
-            MEMBERSHIP,
-            plan,
-            tuple(static.values()),
-            results,
-        )
+        arguments = (batch.formula, batch.owner, batch.group, MEMBERSHIP, plan, tuple(static.values()), results)
         return Job(arguments, self.example, self.parts, self.layouts, self.rows, static)
 
     @property
@@ -267,15 +253,7 @@ def job_of(batch: Batch, example: Any) -> Job | None:
             plan.append((len(static), None, False))
             static[name] = value
     results = tuple([vector_layout(layout.width) for layout in layouts])
-    arguments = (
-        batch.formula,
-        batch.owner,
-        batch.group,
-        MEMBERSHIP,
-        tuple(plan),
-        tuple(static.values()),
-        results,
-    )
+    arguments = (batch.formula, batch.owner, batch.group, MEMBERSHIP, tuple(plan), tuple(static.values()), results)
     one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(results))]
     job = Job(arguments, example, parts, layouts, one, static)
     return None if job.key in _refused else job
@@ -305,9 +283,7 @@ def _stored(job: Job) -> kernel.Kernel | None:
     return next((run for run in found if run is not None), None)
 
 
-def compiled(
-    driver: Callable[..., None], job: Job, batch: Batch, several: tuple[int, ...]
-) -> kernel.Kernel | None:
+def compiled(driver: Callable[..., None], job: Job, batch: Batch, several: tuple[int, ...]) -> kernel.Kernel | None:
     """Its native code for the first of these numbers of lanes that it admits, made now; None if that
     cannot be done, which is said once and remembered.
     """
@@ -339,10 +315,7 @@ def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> 
     # at least a register full of rows, some of them twice
     start = min(len(values), len(batch) - run.lanes)
     whole = [np.empty((len(batch), layout.width)) for layout in job.layouts]
-    arrays = [
-        *[_in_rows(array[start:]) for array in batch.arrays.values()],
-        *[array[start:] for array in whole],
-    ]
+    arrays = [*[_in_rows(array[start:]) for array in batch.arrays.values()], *[array[start:] for array in whole]]
     count = len(batch) - start
 
     def evaluate(marks: np.ndarray) -> None:
@@ -355,17 +328,12 @@ def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> 
         marks = np.zeros((count, 1))
         evaluate(marks)
     results = _nested(
-        job.example,
-        iter([_assembled(*part) for part in zip(job.parts, job.layouts, whole, strict=True)]),
+        job.example, iter([_assembled(*part) for part in zip(job.parts, job.layouts, whole, strict=True)])
     )
     marked = [start + int(i) for i in np.flatnonzero(marks)]
     rows = [*range(len(values)), *[i for i in marked if i >= len(values)]]
     if rows:
-        _put(
-            results,
-            rows,
-            batch.stacked([*values, *[batch.row(i) for i in rows[len(values) :]]], rows),
-        )
+        _put(results, rows, batch.stacked([*values, *[batch.row(i) for i in rows[len(values) :]]], rows))
     return results
 
 
@@ -387,9 +355,7 @@ def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
         if n % lanes:
             run(n - lanes, n)
         return
-    processors = (
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    )
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads, whole = max(1, min(processors, n // SHARE)), n // lanes
     bounds = [whole * i // threads * lanes for i in range(threads + 1)]
     works = [functools.partial(run, *ends) for ends in itertools.pairwise(bounds)]
@@ -411,15 +377,7 @@ def _in_rows(array: np.ndarray) -> np.ndarray:
 
 
 def each(
-    formula: Any,
-    owner: Any,
-    space: Any,
-    tolerance: Any,
-    plan: Any,
-    static: Any,
-    results: Any,
-    suspect: Any,
-    *rows: Any,
+    formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, static: Any, results: Any, suspect: Any, *rows: Any
 ) -> None:
     arguments: list[Any] = []
     for at, layout, _ in plan:
@@ -480,13 +438,7 @@ def _assembled(example: Any, layout: Layout, rows: np.ndarray) -> np.ndarray:
     """Rows of numbers as an array of the example's shape, the batch axis first."""
     shape = (
         len(rows),
-        *(
-            example.shape
-            if isinstance(example, Mat)
-            else (len(example),)
-            if isinstance(example, Vec)
-            else ()
-        ),
+        *(example.shape if isinstance(example, Mat) else (len(example),) if isinstance(example, Vec) else ()),
     )
     widths = list(_entries(layout))
     if set(widths) == {2}:

@@ -46,9 +46,7 @@ class Branches(Joins):
         if yes_calls is not no_calls:
             fork.set_weights([1, RARE] if yes_calls else [RARE, 1])
 
-    def masked_branch(
-        self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env
-    ) -> None:
+    def masked_branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> None:
         e, b = self.emitter, self.builder
         outer, here = self.state.base, self.everyone(self.active(env))
         before = {name: value for name, value in env.items() if name != ACTIVE}
@@ -81,15 +79,11 @@ class Branches(Joins):
                 merged.setdefault(has(n), False)
             changed = {n: v for n, v in inside.items() if v is not before.get(n, inside)}
             after = {
-                n: self.blended(n, mask, (v, inside), (merged[n], merged))
-                if n in merged and n not in LEFT
-                else v
+                n: self.blended(n, mask, (v, inside), (merged[n], merged)) if n in merged and n not in LEFT else v
                 for n, v in changed.items()
             }
             skipped = dict(merged) | {
-                n: False if n in LEFT else self.blank(v)
-                for n, v in after.items()
-                if n not in merged
+                n: False if n in LEFT else self.blank(v) for n, v in after.items() if n not in merged
             }
             after = skipped | after
             if isinstance(left, Num):
@@ -98,10 +92,7 @@ class Branches(Joins):
             if aside:
                 end_of_body, merged = b.block, {}
                 self.join(
-                    [
-                        Open(end_of_body, after),
-                        Open(skip, skipped, self._entering(some, start, e.calls > calls)),
-                    ],
+                    [Open(end_of_body, after), Open(skip, skipped, self._entering(some, start, e.calls > calls))],
                     merged,
                 )
             else:
@@ -114,9 +105,7 @@ class Branches(Joins):
         known = {has(n) for n in (set.intersection(*certain) if certain else merged)}
         replace(env, {n: v for n, v in merged.items() if n not in known})
         if someone_left:
-            env[ACTIVE] = (
-                NO_LANE if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
-            )
+            env[ACTIVE] = NO_LANE if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
         elif live is not None:
             env[ACTIVE] = live
 

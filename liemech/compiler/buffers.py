@@ -125,18 +125,12 @@ class Columns(Array):
         e, b = self.emitter, self.emitter.builder
         offset = i if self.alone else b.mul(ir.Constant(I64, i), self.step)
         places = [self.after(place, offset) for place in first]
-        return (
-            places
-            if e.lanes == 1
-            else [b.bitcast(place, e.type("f", True).as_pointer()) for place in places]
-        )
+        return places if e.lanes == 1 else [b.bitcast(place, e.type("f", True).as_pointer()) for place in places]
 
     def load(self, first: list[ir.Value], i: int) -> Any:
         e = self.emitter
         type_ = e.type("f", e.lanes > 1)
-        return e.num(
-            [e.builder.load(place, align=8, typ=type_) for place in self.addresses(first, i)]
-        )
+        return e.num([e.builder.load(place, align=8, typ=type_) for place in self.addresses(first, i)])
 
     def store(self, first: list[ir.Value], i: int, x: Any) -> None:
         e = self.emitter
@@ -209,9 +203,7 @@ class Rows(Array):
         values = e.cast(x, "f", e.lanes > 1)
         for lane, place in enumerate(first):
             value = values[lane // e.width]
-            value = (
-                b.extract_element(value, ir.Constant(I32, lane % e.width)) if e.lanes > 1 else value
-            )
+            value = b.extract_element(value, ir.Constant(I32, lane % e.width)) if e.lanes > 1 else value
             b.store(value, self.after(place, i), align=8)
 
 
@@ -252,11 +244,7 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
         elif kind == "integer":
             args.append(emitter.num([load(integers, "integer", I64)]))
         elif kind == "rows":
-            args.append(
-                Rows(
-                    emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)
-                )
-            )
+            args.append(Rows(emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)))
         elif kind == "planes":
             pointer, count = load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)
             args.append(SiteRows(emitter, pointer, count))
@@ -268,9 +256,7 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
     return args
 
 
-def hidden(
-    emitter: Emitter, kinds: Any, args: list[Any], function: ir.Function
-) -> tuple[SiteRows, ir.Value, ir.Value]:
+def hidden(emitter: Emitter, kinds: Any, args: list[Any], function: ir.Function) -> tuple[SiteRows, ir.Value, ir.Value]:
     """Behind the driver's arrays: the rows that loops over sites work in, the place where they say
     which site has failed, and the words that threads share.
     """
@@ -278,8 +264,7 @@ def hidden(
     count = next(a for a, kind in zip(args, kinds, strict=True) if kind == "planes").count
     first = _arrays(kinds)
     rows, notes, crew = (
-        b.load(b.gep(function.args[2], [I64(k)], source_etype=POINTER), typ=POINTER)
-        for k in range(first, first + 3)
+        b.load(b.gep(function.args[2], [I64(k)], source_etype=POINTER), typ=POINTER) for k in range(first, first + 3)
     )
     words = [b.bitcast(place, I64.as_pointer()) for place in (notes, crew)]
     return SiteRows(emitter, rows, count.value), words[0], words[1]
@@ -312,8 +297,7 @@ def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int, pa
             b.store(I64(int(pairs)), places[1])
             b.ret_void()
     integer, array, number = (
-        b.bitcast(p, a.type)
-        for p, a in zip(places[3:], (function.args[i] for i in (1, 2, 0)), strict=True)
+        b.bitcast(p, a.type) for p, a in zip(places[3:], (function.args[i] for i in (1, 2, 0)), strict=True)
     )
     b.call(function, [number, integer, array, bodies, begin, end])
     b.ret_void()

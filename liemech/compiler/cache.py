@@ -144,9 +144,7 @@ def _tidy(place: Path) -> None:
     processes left behind.
     """
     files = [
-        (f.stat().st_mtime, f.stat().st_size, f.path)
-        for f in os.scandir(place)
-        if f.name.endswith((".o", ".tmp"))
+        (f.stat().st_mtime, f.stat().st_size, f.path) for f in os.scandir(place) if f.name.endswith((".o", ".tmp"))
     ]
     room = LIMIT
     for used, size, path in sorted(files, reverse=True):
@@ -160,8 +158,7 @@ def _content(file: Path) -> tuple[bytes, bytes] | None:
     """Manifest and code, if the file is there, no link, and whole."""
     try:
         with open(
-            os.open(file, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)),
-            "rb",
+            os.open(file, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)), "rb"
         ) as opened:
             content = opened.read()
     except OSError:

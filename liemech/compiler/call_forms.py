@@ -119,18 +119,11 @@ class CallForms:
         """A constant that has no parts for a run: a function, an array, a record or tuple of nothing
         but constants.
         """
-        if (
-            id(x) in self.kept
-            or isinstance(x, _OBJECTS)
-            or (isinstance(x, Table) and x.content is not None)
-        ):
+        if id(x) in self.kept or isinstance(x, _OBJECTS) or (isinstance(x, Table) and x.content is not None):
             return True
         if type(x) is tuple:
             return all(
-                y is None
-                or isinstance(y, (bool, int, float, str))
-                or (type(y) is tuple and self._whole(y))
-                for y in x
+                y is None or isinstance(y, (bool, int, float, str)) or (type(y) is tuple and self._whole(y)) for y in x
             )
         return isinstance(x, Record) and not layout_of(x).width
 
@@ -138,40 +131,23 @@ class CallForms:
         """Which of the kernel's arguments a number is: the functions read these themselves."""
         v = x.values[0]
         place = self._parameter_of(x)
-        return (
-            place
-            if place is not None and v.operands[0].pointer is self.e.builder.function.args[0]
-            else None
-        )
+        return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None
 
     def _parameter_of(self, x: Num) -> int | None:
         v = x.values[0]
         if isinstance(v, ir.LoadInstr) and isinstance(v.operands[0], ir.GEPInstr) and v.type == F64:
             pointer = v.operands[0]
-            if isinstance(pointer.pointer, ir.Argument) and isinstance(
-                pointer.indices[0], ir.Constant
-            ):
+            if isinstance(pointer.pointer, ir.Argument) and isinstance(pointer.indices[0], ir.Constant):
                 return pointer.indices[0].constant
         return None
 
     def _loaded(self, place: int) -> Num:
         """This argument of the kernel, in the present function."""
         b = self.e.builder
-        return self.e.num(
-            [
-                b.load(
-                    b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64
-                )
-            ]
-        )
+        return self.e.num([b.load(b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64)])
 
     def inside(
-        self,
-        given: dict[str, Any],
-        active: Any,
-        call: Call,
-        inner: list[Num],
-        general: bool,
+        self, given: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool
     ) -> tuple[dict[str, Any], list[Any]]:
         """The arguments as the function sees them, and their parts."""
         of = {x.values: y for x, y in zip(call.passed(general), inner)}
@@ -206,9 +182,7 @@ class CallForms:
 
         return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
 
-    def pattern(
-        self, result: Any, inner: list[Num], parts: list[Any]
-    ) -> tuple[tuple[str, Any], list[Num]]:
+    def pattern(self, result: Any, inner: list[Num], parts: list[Any]) -> tuple[tuple[str, Any], list[Num]]:
         """How a caller puts a result together, of arguments, constants and numbers that the function
         returns; and these numbers.  inner, parts : the arguments as the function sees them.
         """
@@ -243,9 +217,7 @@ class CallForms:
 
         return pattern(result), numbers
 
-    def restored(
-        self, pattern: tuple[str, Any], call: Call, passed: list[Num], numbers: list[Num]
-    ) -> Any:
+    def restored(self, pattern: tuple[str, Any], call: Call, passed: list[Num], numbers: list[Num]) -> Any:
         """The result of a call, put together by its pattern."""
         kind, x = pattern
         match kind:
@@ -267,15 +239,7 @@ class CallForms:
 
 
 _STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record, Table)
-_OBJECTS = (
-    types.FunctionType,
-    types.BuiltinFunctionType,
-    type,
-    np.ndarray,
-    np.generic,
-    range,
-    Layout,
-)
+_OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)
 
 
 def _parts(x: Any) -> list[Any]:
@@ -293,10 +257,7 @@ def _of_parts(x: Any, parts: list[Any]) -> Any:
         layout = dataclasses.replace(
             layout_of(x, is_any_number), parts=tuple([layout_of(y, is_any_number) for y in parts])
         )
-        return build(
-            layout,
-            iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]),
-        )
+        return build(layout, iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]))
     if isinstance(x, Record):
         return fill(type(x), {f.name: y for f, y in zip(dataclasses.fields(x), parts)})  # type: ignore[arg-type]
     if isinstance(x, Table):

@@ -21,9 +21,7 @@ from ..formulas import blas
 from ..formulas.large import TABLES
 from .interrupts import THREAD
 
-_MATH = (
-    "acosh asinh atanh cbrt erf erfc exp2 fmod gamma hypot lgamma log10 log2 nextafter remainder"
-)
+_MATH = "acosh asinh atanh cbrt erf erfc exp2 fmod gamma hypot lgamma log10 log2 nextafter remainder"
 _NUMPY = (
     "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp exp2 "
     "expm1 log log2 log10 log1p logaddexp power hypot cbrt square reciprocal sign floor ceil trunc "
@@ -31,9 +29,7 @@ _NUMPY = (
 )
 
 FUNCTIONS: dict[Any, str] = {
-    **{
-        getattr(math, name): f"liemech_math_{name}" for name in _MATH.split() if hasattr(math, name)
-    },
+    **{getattr(math, name): f"liemech_math_{name}" for name in _MATH.split() if hasattr(math, name)},
     **{getattr(np, name): f"liemech_numpy_{name}" for name in _NUMPY.split()},
 }
 """The functions and their names in native code, one for each number of arguments."""
@@ -52,10 +48,7 @@ _PYTHON = (
 @functools.cache
 def addresses() -> dict[str, int]:
     """Where the definitions find Python's C functions."""
-    return {
-        name: ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value or 0
-        for name in _PYTHON.split()
-    }
+    return {name: ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value or 0 for name in _PYTHON.split()}
 
 
 def in_memory(code: bytes) -> dict[str, int]:

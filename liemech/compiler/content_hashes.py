@@ -32,18 +32,7 @@ from ..formulas.records import Record
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat
 
-ATOMS = {
-    types.NoneType,
-    bool,
-    int,
-    float,
-    complex,
-    str,
-    bytes,
-    range,
-    types.EllipsisType,
-    types.NotImplementedType,
-}
+ATOMS = {types.NoneType, bool, int, float, complex, str, bytes, range, types.EllipsisType, types.NotImplementedType}
 """Types whose values are known by their text."""
 
 _NUMBERS_AND_TEXTS = (int, float, complex, str, bytes)  # which may have subclasses
@@ -59,9 +48,7 @@ identity tells apart.
 
 def digest(value: Any, known: Known | None = None) -> str:
     """The token of a value, as a short text; the first of its name has no number, another one has."""
-    return hashlib.sha256(repr(_token(value, {} if known is None else known)).encode()).hexdigest()[
-        :32
-    ]
+    return hashlib.sha256(repr(_token(value, {} if known is None else known)).encode()).hexdigest()[:32]
 
 
 def same(a: Any, b: Any) -> bool:
@@ -116,11 +103,7 @@ def is_mutable(value: Any) -> bool:
     """Can its content change while it stays the same object?"""
     if isinstance(value, (list, dict, set, np.ndarray)):
         return True
-    return (
-        type(value) not in ATOMS
-        and not isinstance(value, Layout)
-        and any(is_mutable(x) for *_, x in inner(value))
-    )
+    return type(value) not in ATOMS and not isinstance(value, Layout) and any(is_mutable(x) for *_, x in inner(value))
 
 
 def known(value: Any, inside: bool = True) -> bool:
@@ -137,11 +120,7 @@ def known(value: Any, inside: bool = True) -> bool:
         return True
     if isinstance(value, np.ndarray) and type(value) not in _ARRAYS:
         return False
-    if (
-        not has_content(value)
-        or isinstance(value, types.ModuleType)
-        or (isinstance(value, type) and of_python(value))
-    ):
+    if not has_content(value) or isinstance(value, types.ModuleType) or (isinstance(value, type) and of_python(value)):
         return False
     return not inside or all(known(x) for *_, x in inner(value))
 
@@ -160,11 +139,7 @@ def has_content(value: Any) -> bool:
 
 def of_python(cls: type) -> bool:
     """Is it a class of the user or of liemech, whose methods are formulas?"""
-    return (
-        bool(cls.__flags__ & _HEAP)
-        and not is_own(cls)
-        and str(cls.__module__).partition(".")[0] not in _SETTLED
-    )
+    return bool(cls.__flags__ & _HEAP) and not is_own(cls) and str(cls.__module__).partition(".")[0] not in _SETTLED
 
 
 _HEAP = 1 << 9  # Python's flag of classes made while it runs
@@ -233,9 +208,7 @@ def is_own(value: Any) -> bool:
     if isinstance(value, types.ModuleType):
         return value.__name__.startswith(_OWN)
     cls = value if isinstance(value, (type, types.FunctionType)) else type(value)
-    return str(cls.__module__).startswith(_OWN) and not (
-        isinstance(cls, type) and issubclass(cls, Record)
-    )
+    return str(cls.__module__).startswith(_OWN) and not (isinstance(cls, type) and issubclass(cls, Record))
 
 
 _OWN = f"{__package__}.", f"{__package__.rpartition('.')[0]}.formulas."
@@ -269,9 +242,7 @@ def _together(value: Any) -> str | None:
             depth += 1
             if not kinds <= _NESTED or depth > 8:
                 return None
-            entries = [
-                *itertools.chain.from_iterable(x for x in entries if type(x) in (tuple, list))
-            ]
+            entries = [*itertools.chain.from_iterable(x for x in entries if type(x) in (tuple, list))]
         text = repr(value)
         if "nan" in text:  # one of many
             return None
@@ -310,19 +281,12 @@ def _head(value: Any, known: Known) -> tuple[Any, ...] | None:
     if isinstance(value, (set, frozenset)):  # in the order in which a loop takes them
         return _named(kind, known), *[_token(x, known) for x in value]
     if isinstance(value, (np.ndarray, np.generic)) and not value.dtype.hasobject:
-        return (
-            _named(kind, known),
-            value.dtype.str,
-            str(value.shape),
-            hashlib.sha256(value.tobytes()).hexdigest(),
-        )
+        return (_named(kind, known), value.dtype.str, str(value.shape), hashlib.sha256(value.tobytes()).hexdigest())
     if isinstance(value, (fractions.Fraction, decimal.Decimal, np.dtype)):
         return _named(kind, known), repr(value)
     if isinstance(value, types.CodeType):
         return "code", code_token(value)
-    if isinstance(value, np.ufunc) or (
-        isinstance(value, types.BuiltinFunctionType) and _of_module(value)
-    ):
+    if isinstance(value, np.ufunc) or (isinstance(value, types.BuiltinFunctionType) and _of_module(value)):
         return "builtin", _named(value, known)
     if isinstance(value, _DESCRIPTORS):
         return "descriptor", _named(value.__objclass__, known), value.__name__
@@ -342,7 +306,9 @@ def _of_module(function: types.BuiltinFunctionType) -> bool:
 
 
 def _named(value: Any, known: Known) -> str:
-    name = f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', None) or getattr(value, '__name__', '')}"
+    name = (
+        f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', None) or getattr(value, '__name__', '')}"
+    )
     return name + _one_of(name, value, known) if isinstance(value, type) else name
 
 
@@ -368,12 +334,7 @@ def _code(code: types.CodeType) -> Any:
     if constants and isinstance(constants[0], str) and _has_docstring(code):
         constants[0] = None
     names = code.co_names, code.co_varnames, code.co_cellvars, code.co_freevars
-    counts = (
-        code.co_argcount,
-        code.co_posonlyargcount,
-        code.co_kwonlyargcount,
-        code.co_flags & _MEANING,
-    )
+    counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags & _MEANING)
     return code.co_code.hex(), names, counts, [_constant(c) for c in constants]
 
 

@@ -69,11 +69,7 @@ class Reads:
 
     def source(self, function: types.FunctionType) -> Source:
         """The source of a function, without the checks that a method makes of its arguments."""
-        formula = (
-            self._read(function, "attribute", "__formula__")
-            if bare(function) is not function
-            else function
-        )
+        formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
         for name in ("__code__", "__defaults__", "__kwdefaults__"):
             if getattr(formula, name) is not None:
                 self._read(formula, "attribute", name)
@@ -83,9 +79,7 @@ class Reads:
         """The value of a name that is not local to the function."""
         if name in function.__code__.co_freevars:
             return self._read(function, "cell", name)
-        return self._read(
-            self._spaces.setdefault(id(function.__globals__), function), "global", name
-        )
+        return self._read(self._spaces.setdefault(id(function.__globals__), function), "global", name)
 
     def class_of(self, value: Any) -> type:
         """The class of an object, which may get another one."""
@@ -122,13 +116,9 @@ class Reads:
 
     def has(self, value: Any, name: str) -> bool:
         """hasattr(value, name)."""
-        if id(value) in self._given or (
-            isinstance(value, Record) and id(value) not in self._origins
-        ):
+        if id(value) in self._given or (isinstance(value, Record) and id(value) not in self._origins):
             return name in vars(value) or self._read(type(value), "has", name)
-        outside = of_python(type(value)) or isinstance(
-            value, (type, types.ModuleType, types.FunctionType)
-        )
+        outside = of_python(type(value)) or isinstance(value, (type, types.ModuleType, types.FunctionType))
         if not outside and (id(value) not in self._origins or content_hashes.known(value, False)):
             return hasattr(value, name)  # what is there does not change, or the token tells
         return self._read(value, "has", name)
@@ -200,15 +190,10 @@ class Reads:
             if isinstance(value, decimal.Decimal):
                 self._read(self.entry, "decimals", "")
             foreign = (
-                id(value) in self._origins
-                or of_python(type(value))
-                or isinstance(value, (type, types.FunctionType))
+                id(value) in self._origins or of_python(type(value)) or isinstance(value, (type, types.FunctionType))
             )
             if foreign and not content_hashes.known(value, inside):
-                what = (
-                    getattr(value, "__qualname__", None)
-                    or f"an object of {type(value).__qualname__}"
-                )
+                what = getattr(value, "__qualname__", None) or f"an object of {type(value).__qualname__}"
                 raise NotCompilable(
                     f"Python would have to compute with {what} before the "
                     "run: formulas use attributes and calls; make it a tuple, a dict or a float"
@@ -244,11 +229,7 @@ class Reads:
         if isinstance(owner, (types.ModuleType, types.FunctionType)):
             return self._read(owner, "attribute", name)
         if not isinstance(owner, Record) and not of_python(cls):
-            if (
-                id(owner) not in self._origins
-                or is_own(owner)
-                or content_hashes.known(owner, False)
-            ):
+            if id(owner) not in self._origins or is_own(owner) or content_hashes.known(owner, False):
                 return getattr(value, name)
             return self._read(owner, "attribute", name)
         if name == "__class__":
@@ -260,9 +241,7 @@ class Reads:
             return own[name] if copied else self._read(owner, "attribute", name)
         if member is MISSING and id(owner) in self._before:
             return self.attribute(self._before[id(owner)], name, call)
-        if member is MISSING or "__getattribute__" in {
-            n for c in cls.__mro__[:-1] for n in vars(c)
-        }:
+        if member is MISSING or "__getattribute__" in {n for c in cls.__mro__[:-1] for n in vars(c)}:
             return self._read(owner, "attribute", name)
         if after == 0 and hasattr(owner, "__dict__") and not isinstance(owner, Record):
             # an attribute of its own would hide that of the class
@@ -270,9 +249,7 @@ class Reads:
             self._read(owner, "own", name)
         return self._bound(self._read(cls, f"member {after}", name), owner, cls, name, call)
 
-    def _bound(
-        self, member: Any, owner: Any, cls: type, name: str, call: Callable[..., Any]
-    ) -> Any:
+    def _bound(self, member: Any, owner: Any, cls: type, name: str, call: Callable[..., Any]) -> Any:
         """The attribute that a member of a class becomes, through an instance or, if there is none,
         through the class.
         """
@@ -338,11 +315,7 @@ class Reads:
         if not isinstance(function, types.FunctionType) or id(function) in seen or is_own(function):
             return
         seen.add(id(function))
-        formula = (
-            self._read(function, "attribute", "__formula__")
-            if bare(function) is not function
-            else function
-        )
+        formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
         self._read(formula, "attribute", "__code__")
         for name in content_hashes.names(formula.__code__):
             if name in formula.__globals__:
@@ -350,9 +323,7 @@ class Reads:
             member = member_of(cls, 0, name)
             if member is not MISSING:
                 member = self._read(cls, "member 0", name)
-                self._glance(
-                    getattr(member, "fget", None) or getattr(member, "func", member), cls, seen
-                )
+                self._glance(getattr(member, "fget", None) or getattr(member, "func", member), cls, seen)
 
     # -------------------------------------------------------------- the record
 
@@ -383,8 +354,7 @@ class Reads:
             if is_own(value):
                 return _OWN
             raise NotCompilable(
-                f"where `{value!r:.60}` comes from cannot be told, so "
-                "that a change of it would not be seen"
+                f"where `{value!r:.60}` comes from cannot be told, so that a change of it would not be seen"
             )
         holder, how, name = origin
         step = (-1 if holder is None else self._number(holder)), how, name
@@ -439,9 +409,7 @@ class Reads:
         return [[*step, token] for step, token in zip(self.steps, self.tokens, strict=True)]
 
     @classmethod
-    def found(
-        cls, entry: Callable[..., Any], args: Sequence[Any], manifest: list[Any]
-    ) -> Reads | None:
+    def found(cls, entry: Callable[..., Any], args: Sequence[Any], manifest: list[Any]) -> Reads | None:
         """These reads, made in this process, if everything is as it was."""
         reads = cls(entry)
         for parent, how, name, token in manifest:
@@ -497,14 +465,7 @@ _OWN: Any = object()
 _LIBRARY = f"{__name__.partition('.')[0]}."
 _PLAIN_CLASSES = {type, abc.ABCMeta}
 _OF_PYTHON = {"abc", "typing"}
-_OF_ONE_NAME = (
-    bool,
-    type,
-    enum.Enum,
-    types.ModuleType,
-    types.FunctionType,
-    types.BuiltinFunctionType,
-)
+_OF_ONE_NAME = (bool, type, enum.Enum, types.ModuleType, types.FunctionType, types.BuiltinFunctionType)
 """Types that `is` may compare: their tokens say which object it is."""
 
 

@@ -17,16 +17,7 @@ import numpy as np
 
 from ..errors import InvalidType
 from ..formulas.large import sum_of
-from ..formulas.pytree import (
-    Layout,
-    build,
-    carried_layout,
-    difference,
-    fits,
-    is_any_number,
-    layout_of,
-    leaves,
-)
+from ..formulas.pytree import Layout, build, carried_layout, difference, fits, is_any_number, layout_of, leaves
 from ..formulas.vectors import Vec
 
 
@@ -123,9 +114,7 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
         if isinstance(error, TypeError) and "complex" in str(error) and not _writes_complex(error):
             return Rejected(ArithmeticError(f"a power of a negative number is complex: {error}"))
         if isinstance(error, ValueError) and str(error).startswith("The truth value of an array"):
-            mistake = InvalidType(
-                f"a formula gives a NumPy array where a number belongs, write liemech.vec: {error}"
-            )
+            mistake = InvalidType(f"a formula gives a NumPy array where a number belongs, write liemech.vec: {error}")
             return Rejected(mistake.with_traceback(error.__traceback__))
         return Rejected(error)
 
@@ -178,9 +167,7 @@ def pairwise_sum(terms: list[Any]) -> Any:
     if not terms:
         return 0.0
     while len(terms) > 1:
-        terms = [a + b for a, b in zip(terms[::2], terms[1::2], strict=False)] + terms[
-            len(terms) & ~1 :
-        ]
+        terms = [a + b for a, b in zip(terms[::2], terms[1::2], strict=False)] + terms[len(terms) & ~1 :]
     return terms[0]
 
 

@@ -126,26 +126,17 @@ class Expressions(Loops):
                 value, certain = self.frames[-1].value(name)
                 if certain is not True:
                     if not self.state.escapes:
-                        raise NotCompilable(
-                            f"`{name}` may have no value here: give it "
-                            "one on every way to this line"
-                        )
+                        raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
                     self.fail_if(self.emitter.negation(certain))
                 return value
             case ast.Attribute():
                 return self.attribute(self.expression(node.value, env), node.attr)
             case ast.Call():
                 function = self.expression(node.func, env)
-                if (
-                    function in (any, all)
-                    and len(node.args) == 1
-                    and isinstance(node.args[0], ast.GeneratorExp)
-                ):
+                if function in (any, all) and len(node.args) == 1 and isinstance(node.args[0], ast.GeneratorExp):
                     return self.some_or_every(function, node.args[0], env)
                 args = self.items(node.args, env)
-                return self.call(
-                    function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)}
-                )
+                return self.call(function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)})
             case ast.BinOp():
                 left, right = self.nested_in(node.left, env), self.nested_in(node.right, env)
                 return self.operate(node, left, right)
@@ -164,12 +155,7 @@ class Expressions(Loops):
             case ast.IfExp():
                 return self.choice(node, env)
             case ast.Slice():
-                return slice(
-                    *(
-                        self.expression(x, env) if x else None
-                        for x in (node.lower, node.upper, node.step)
-                    )
-                )
+                return slice(*(self.expression(x, env) if x else None for x in (node.lower, node.upper, node.step)))
             case ast.Tuple():
                 return tuple(self.items(node.elts, env))
             case ast.List():
@@ -178,9 +164,7 @@ class Expressions(Loops):
                 if None in node.keys:
                     raise NotCompilable(f"`{ast.unparse(node)}`: a dict made of others")
                 return {
-                    self.key(k, env): self.expression(v, env)
-                    for k, v in zip(node.keys, node.values, strict=True)
-                    if k
+                    self.key(k, env): self.expression(v, env) for k, v in zip(node.keys, node.values, strict=True) if k
                 }
             case ast.DictComp():
                 pair = ast.copy_location(ast.Tuple([node.key, node.value], ast.Load()), node)
@@ -194,9 +178,7 @@ class Expressions(Loops):
                 return self.stream(self.comprehension(node, env))
             case ast.NamedExpr():
                 if not isinstance(self.frames[-1].scope, Function):
-                    raise NotCompilable(
-                        f"`{ast.unparse(node)}` inside of a comprehension: use a loop"
-                    )
+                    raise NotCompilable(f"`{ast.unparse(node)}` inside of a comprehension: use a loop")
                 value = self.expression(node.value, env)
                 self.assign(node.target, value, env)
                 return value
@@ -206,17 +188,12 @@ class Expressions(Loops):
                 value = self.expression(node.value, env)
                 self.textual(value)
                 if node.conversion != -1:
-                    value = getattr(
-                        builtins, {"s": "str", "r": "repr", "a": "ascii"}[chr(node.conversion)]
-                    )(value)
-                return format(
-                    value, self.expression(node.format_spec, env) if node.format_spec else ""
-                )
+                    value = getattr(builtins, {"s": "str", "r": "repr", "a": "ascii"}[chr(node.conversion)])(value)
+                return format(value, self.expression(node.format_spec, env) if node.format_spec else "")
             case Later():
                 return node.compute()
         raise NotCompilable(
-            f"`{ast.unparse(node)}`: this expression has no place in a formula: "
-            f"{instead_of_syntax(node)}"
+            f"`{ast.unparse(node)}`: this expression has no place in a formula: {instead_of_syntax(node)}"
         )
 
     def nested_in(self, node: ast.expr, env: Env) -> Any:
@@ -242,9 +219,7 @@ class Expressions(Loops):
             self.textual(operands[1])
         try:
             found = arrays.computed(self.emitter, operator_, operands)
-            return (
-                memory_loops.matmul(self.emitter, operator_, operands) if found is None else found
-            )
+            return memory_loops.matmul(self.emitter, operator_, operands) if found is None else found
         except NotCompilable:
             raise
         except TypeError as error:
@@ -265,9 +240,7 @@ class Expressions(Loops):
         found: list[Any] = []
         for n in nodes:
             found += (
-                self.iterate(self.expression(n.value, env))
-                if isinstance(n, ast.Starred)
-                else [self.expression(n, env)]
+                self.iterate(self.expression(n.value, env)) if isinstance(n, ast.Starred) else [self.expression(n, env)]
             )
         return found
 
@@ -285,9 +258,7 @@ class Expressions(Loops):
         """A `lambda` or a `def` inside a formula."""
         a = node.args
         options = {
-            p.arg: self.expression(v, env)
-            for p, v in zip(a.kwonlyargs, a.kw_defaults, strict=True)
-            if v is not None
+            p.arg: self.expression(v, env) for p, v in zip(a.kwonlyargs, a.kw_defaults, strict=True) if v is not None
         }
         return Closure(self.frames[-1], node, tuple(self.items(a.defaults, env)), options)
 
@@ -321,10 +292,7 @@ class Expressions(Loops):
                     continue
                 if rest:
                     yield from turns(
-                        rest,
-                        self.within(
-                            frame, lambda: self.iterate(self.expression(rest[0].iter, frame.env))
-                        ),
+                        rest, self.within(frame, lambda: self.iterate(self.expression(rest[0].iter, frame.env)))
                     )
                 else:
                     yield self.within(frame, lambda: self.expression(node.elt, frame.env))
@@ -350,11 +318,7 @@ class Expressions(Loops):
 
                 def value() -> Any:
                     self.assign(generator.target, item, frame.env)
-                    tests = (
-                        generator.ifs
-                        if some
-                        else [ast.UnaryOp(ast.Not(), test) for test in generator.ifs]
-                    )
+                    tests = generator.ifs if some else [ast.UnaryOp(ast.Not(), test) for test in generator.ifs]
                     return self.decided(some, [*tests, Later(inner)], frame.env)
 
                 return Later(value)
@@ -370,9 +334,7 @@ class Expressions(Loops):
         node = ast.BoolOp(ast.And() if every else ast.Or(), tests) if len(tests) > 1 else tests[0]
         return self.truth(self.expression(node, env))
 
-    def stream(
-        self, items: list[Any] | Iterator[Any], sources: tuple[Any, ...] | None = None
-    ) -> Stream:
+    def stream(self, items: list[Any] | Iterator[Any], sources: tuple[Any, ...] | None = None) -> Stream:
         """An iterator made here."""
         self.streams.append(Stream(items, self.state.region, sources))
         return self.streams[-1]
@@ -415,10 +377,7 @@ class Expressions(Loops):
 
     def item(self, value: Any, index: Any) -> Any:
         if isinstance(value, Array):
-            if not all(
-                isinstance(i, (int, slice, Num))
-                for i in (index if type(index) is tuple else [index])
-            ):
+            if not all(isinstance(i, (int, slice, Num)) for i in (index if type(index) is tuple else [index])):
                 raise arrays.refuse("this index")
             return arrays.array(self.item(value.entries, index))
         if (
@@ -443,9 +402,7 @@ class Expressions(Loops):
             )
         self.reads.settled(value)
         if isinstance(value, dict):
-            raise NotCompilable(
-                "a key of a dict must be known now: write `if` and `elif`, or a list"
-            )
+            raise NotCompilable("a key of a dict must be known now: write `if` and `elif`, or a list")
         if index.kind == "b":
             if isinstance(value, np.ndarray):
                 raise NotCompilable("a truth value as an index of an array is a mask: write int(x)")
@@ -454,9 +411,7 @@ class Expressions(Loops):
             self.emitter.meet_numpy()
         entries = _entries(value)
         count = len(entries)
-        self.fail_if(
-            self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
-        )
+        self.fail_if(self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count)))
         result = lookups.picked(self.emitter, entries, index)
         if result is not None:
             return result
@@ -484,20 +439,13 @@ class Expressions(Loops):
                 stream.taken != before for stream, before, _ in here.streams
             )
             if self.builder.block is block and self.state.raises == raises and not acts:
-                if all(
-                    isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b")
-                    for x in (value, other)
-                ):
+                if all(isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b") for x in (value, other)):
                     return self.emitter.logic("or_" if either else "and_", test, other)
                 return self.where(test, value, other) if either else self.where(test, other, value)
             here.restore()
             self.branching.add(rest)
         known = Later(lambda: value)
-        choice = (
-            ast.IfExp(Later(lambda: test), known, rest)
-            if either
-            else ast.IfExp(Later(lambda: test), rest, known)
-        )
+        choice = ast.IfExp(Later(lambda: test), known, rest) if either else ast.IfExp(Later(lambda: test), rest, known)
         return self.choice(ast.copy_location(choice, node), env)
 
     def _others(self, node: ast.BoolOp) -> ast.expr:
@@ -533,9 +481,7 @@ class Expressions(Loops):
         if len(node.ops) == 1:
             return first
         rest = ast.Compare(Later(lambda: right), node.ops[1:], node.comparators[1:])
-        return self.boolean(
-            ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env
-        )
+        return self.boolean(ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env)
 
     def among(self, x: Any, items: Any) -> Any:
         """`x in items`: is it equal to one of them?  (Of nan, identity would decide.)"""
@@ -554,9 +500,7 @@ class Expressions(Loops):
             if len(x) != len(item):
                 return False
             return functools.reduce(
-                lambda all_, pair: self.emitter.logic("and_", all_, self.equal(*pair)),
-                zip(x, item, strict=True),
-                True,
+                lambda all_, pair: self.emitter.logic("and_", all_, self.equal(*pair)), zip(x, item, strict=True), True
             )
         for n in (x, item):
             if isinstance(n, Num) and n.kind == "f":
@@ -588,8 +532,7 @@ class Expressions(Loops):
             return self.expression(node.body if test else node.orelse, env)
         name = "<choice>"
         bodies = [
-            [ast.copy_location(ast.Assign([ast.Name(name, ast.Store())], x), x)]
-            for x in (node.body, node.orelse)
+            [ast.copy_location(ast.Assign([ast.Name(name, ast.Store())], x), x)] for x in (node.body, node.orelse)
         ]
         at = self.frames[-1].node
         self.branch(test, bodies[0], bodies[1], env)  # type: ignore[arg-type]
@@ -651,6 +594,4 @@ def holds_number(value: Any) -> bool:
         return holds_number((value.start, value.stop, value.step))
     if isinstance(value, dict):
         return holds_number([*value.values()])
-    return isinstance(value, Num) or (
-        isinstance(value, (tuple, list, Mat)) and any(map(holds_number, value))
-    )
+    return isinstance(value, Num) or (isinstance(value, (tuple, list, Mat)) and any(map(holds_number, value)))

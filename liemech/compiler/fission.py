@@ -30,9 +30,7 @@ class Pass:
 
     left: ir.Block | None = None
 
-    def __init__(
-        self, b: ir.IRBuilder, begin: ir.Value, end: ir.Value, paired: bool = False
-    ) -> None:
+    def __init__(self, b: ir.IRBuilder, begin: ir.Value, end: ir.Value, paired: bool = False) -> None:
         self.function, self.before, self.paired = b.function, b.block, paired
         self.start = len(b.function.blocks)
         self.head = b.append_basic_block()
@@ -77,12 +75,7 @@ class Fission:
         self.loops: list[tuple[int, int]] = over.loops
         self.again: set[ir.Value] = over.again
         # by instruction, in which pass it is
-        self.at = {
-            i: q
-            for q, p in enumerate(self.passes)
-            for block in p.blocks
-            for i in block.instructions
-        }
+        self.at = {i: q for q, p in enumerate(self.passes) for block in p.blocks for i in block.instructions}
         self.indices = {p.index for p in self.passes}
         self.fixed: set[ir.Value] = set()
         self.derived: set[ir.Value] = set()
@@ -211,9 +204,7 @@ class Fission:
         """Store values of a block, each behind the instruction that makes it."""
         for x in some:
             behind = block.instructions.index(x)
-            while isinstance(x, kinds.PhiInstr) and isinstance(
-                block.instructions[behind + 1], kinds.PhiInstr
-            ):
+            while isinstance(x, kinds.PhiInstr) and isinstance(block.instructions[behind + 1], kinds.PhiInstr):
                 behind += 1
             self.b._block, self.b._anchor = block, behind + 1
             self._access(self.at[x], x, x)
@@ -239,9 +230,7 @@ class Fission:
         return self.places[row]
 
     def _other(self, q: int, x: ir.Value, value: ir.Value | None) -> ir.Value:
-        raise NotCompilable(
-            f"a value of the type {x.type} is needed after sites have met: compute it there anew"
-        )
+        raise NotCompilable(f"a value of the type {x.type} is needed after sites have met: compute it there anew")
 
     def _is_there(self, x: ir.Value, q: int) -> bool:
         """Does a pass know a value as it stands?"""
@@ -254,9 +243,7 @@ class Fission:
         found = []
         for i, q in [*self.at.items()]:
             body = self.passes[q].body
-            before = (
-                i if i.parent is body and not isinstance(i, kinds.PhiInstr) else body.terminator
-            )
+            before = i if i.parent is body and not isinstance(i, kinds.PhiInstr) else body.terminator
             for x in dict.fromkeys(used(i)):
                 if not self._is_there(x, q):
                     found.append((i, x, self._value(x, q, before)))
@@ -287,9 +274,7 @@ class Fission:
 def _acts(i: ir.Value) -> bool:
     """Does an instruction do more than to make a value?"""
     if isinstance(i, kinds.CallInstr):
-        return "readnone" not in getattr(i.callee, "attributes", ()) and not str(
-            i.callee.name
-        ).startswith("llvm.")
+        return "readnone" not in getattr(i.callee, "attributes", ()) and not str(i.callee.name).startswith("llvm.")
     return isinstance(i, (kinds.StoreInstr, kinds.Terminator))
 
 

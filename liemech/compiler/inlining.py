@@ -84,9 +84,7 @@ class Outliner:
 
     def fitting(self, layout: Layout) -> Layout:
         """The layout of a state, refused if it is too wide.  Raises TooLong."""
-        width = (
-            sum(kind != "large" for kind, *_ in spans(layout)) if layout.in_memory else layout.width
-        )
+        width = sum(kind != "large" for kind, *_ in spans(layout)) if layout.in_memory else layout.width
         if width > WIDEST:
             raise TooLong(
                 f"the native code would be too long: a state of {layout.width} numbers, more than "
@@ -217,10 +215,7 @@ class Outliner:
         None for neither.
         """
         known, general = self._cost(call.known), self._cost(call.general)
-        for key, is_general, worth in (
-            (call.general, True, general > known),
-            (call.known, False, True),
-        ):
+        for key, is_general, worth in ((call.general, True, general > known), (call.known, False, True)):
             if self.made.get(key) is not None:
                 return key, is_general
             if worth and key not in self.made and (general if is_general else known) >= WORTH:

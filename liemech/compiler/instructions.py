@@ -133,12 +133,7 @@ class Names:
 
 def _called(function: ir.Function) -> set[ir.Function]:
     """The functions of the module that a function calls."""
-    calls = (
-        i.callee
-        for block in function.blocks
-        for i in block.instructions
-        if isinstance(i, ir.CallInstr)
-    )
+    calls = (i.callee for block in function.blocks for i in block.instructions if isinstance(i, ir.CallInstr))
     return {f for f in calls if isinstance(f, ir.Function) and f.blocks}
 
 

@@ -53,10 +53,7 @@ def addresses() -> dict[str, int]:
         "liemech_is_stopped": _is_stopped,
     }
     found = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
-    return found | {
-        "liemech_raised": ctypes.addressof(_raised),
-        "liemech_stopped": ctypes.addressof(_count),
-    }
+    return found | {"liemech_raised": ctypes.addressof(_raised), "liemech_stopped": ctypes.addressof(_count)}
 
 
 def stop_if_asked() -> None:

@@ -95,11 +95,7 @@ class Emitter:
         values = tuple(values)
         type_ = values[0].type
         scalar = type_.element if isinstance(type_, ir.VectorType) else type_
-        return Num(
-            self,
-            values,
-            "f" if scalar is F64 else next(kind for kind, t in TYPES.items() if t == scalar),
-        )
+        return Num(self, values, "f" if scalar is F64 else next(kind for kind, t in TYPES.items() if t == scalar))
 
     def each(self, instruction: Callable[..., ir.Value], *numbers: Values) -> Num:
         """One instruction for every register."""
@@ -109,9 +105,7 @@ class Emitter:
         kind = kind or kind_of(value)
         python = {"f": float, "i": int, "b": int}[kind](value)
         if kind == "i" and not -HUGE <= python < HUGE:
-            raise NotCompilable(
-                f"{python} is beyond the integers of native code, 2**63: make it a float"
-            )
+            raise NotCompilable(f"{python} is beyond the integers of native code, 2**63: make it a float")
         one = ir.Constant(self.type(kind, varying), [python] * self.width if varying else python)
         return Num(self, (one,) * self.registers(varying), kind)
 
@@ -129,9 +123,7 @@ class Emitter:
         b = self.builder
         if value.kind != kind:
             if value.kind == "b":
-                integer = self.each(
-                    lambda v: b.zext(v, self.type("i", value.varying)), value.values
-                )
+                integer = self.each(lambda v: b.zext(v, self.type("i", value.varying)), value.values)
                 return self.cast(integer, kind, varying)
             if (value.kind, kind) != ("i", "f"):
                 raise NotCompilable("a run-time float cannot become an integer")
@@ -151,9 +143,7 @@ class Emitter:
         zeros = ir.Constant(ir.VectorType(I32, width), [0] * width)
         return self.builder.shuffle_vector(first, undefined, zeros)
 
-    def alike(
-        self, *items: Any, kind: str = "b", varying: bool = False
-    ) -> tuple[str, list[Values]]:
+    def alike(self, *items: Any, kind: str = "b", varying: bool = False) -> tuple[str, list[Values]]:
         """Numbers made alike: at least of the given kind, floats before integers before truth
         values.
         """
@@ -166,10 +156,7 @@ class Emitter:
         if (
             self.lanes > 1
             or not self.packs
-            or not all(
-                type(x) is float or (type(x) is Num and x.kind == "f" and not x.mixed)
-                for x in numbers
-            )
+            or not all(type(x) is float or (type(x) is Num and x.kind == "f" and not x.mixed) for x in numbers)
         ):
             return None
         n = len(numbers)
@@ -196,9 +183,7 @@ class Emitter:
         if floats:
             if op == "div":
                 self.fail_if(self.zero(b))
-            return Num(
-                self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*floats)]), "f"
-            )
+            return Num(self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*floats)]), "f")
         kind, pair = self.alike(a, b, kind="f" if op == "div" else "i")
         if op in ("add", "sub") and kind_of(a) == kind_of(b) == "b":
             self.unless_numpy("a sum of truth values")
@@ -248,9 +233,7 @@ class Emitter:
 
     def unmixed(self, what: str, *items: Any) -> None:
         """Refuse what integers and floats do differently: -0 is 0, -0.0 is not."""
-        if any(isinstance(x, Num) and x.mixed for x in items) and all(
-            kind_of(x) != "f" or is_mixed(x) for x in items
-        ):
+        if any(isinstance(x, Num) and x.mixed for x in items) and all(kind_of(x) != "f" or is_mixed(x) for x in items):
             raise NotCompilable(
                 f"{what} of a number that is an integer on one way and a "
                 "float on another: write its integers as floats, 0.0 instead of 0"
@@ -263,9 +246,7 @@ class Emitter:
         """A sum, difference or product of integers; one beyond 2^63 (a product: 2^62) is a failure."""
         result = self.each(getattr(self.builder, op), a.values, b.values)
         if op == "mul":
-            size = abs(
-                self.num(self.cast(a, "f", a.varying)) * self.num(self.cast(b, "f", b.varying))
-            )
+            size = abs(self.num(self.cast(a, "f", a.varying)) * self.num(self.cast(b, "f", b.varying)))
             self.fail_if(size >= float(HUGE // 2))
         # the sign of the result is that of neither (of a sum), of b and not of a (of a difference)
         else:
@@ -293,9 +274,7 @@ class Emitter:
             overflow = (q == -1) & (p == -HUGE)
             self.fail_if(overflow)
             q = self.select(overflow | (q == 0), 1, q)
-            quotient, rest = (
-                self.each(f, p.values, q.values) for f in (self.builder.sdiv, self.builder.srem)
-            )
+            quotient, rest = (self.each(f, p.values, q.values) for f in (self.builder.sdiv, self.builder.srem))
             down = (rest != 0) & ((rest < 0) != (q < 0))
             return (self.select(down, self.each(self.builder.sub, quotient.values, self.alike(1, quotient)[1][0]), quotient),
                     self.select(down, self.each(self.builder.add, rest.values, q.values), rest))  # fmt: skip
@@ -314,10 +293,7 @@ class Emitter:
         self.unmixed("a power", a, b)
         if kind_of(a) != "f" and kind_of(b) != "f":
             if not isinstance(b, int):
-                raise NotCompilable(
-                    "an integer to the power of one known only at "
-                    "run time: make one of them a float"
-                )
+                raise NotCompilable("an integer to the power of one known only at run time: make one of them a float")
             if b >= 0:
                 return math.prod([a] * b) if b else 1
         result = self.call("pow", a, b)
@@ -327,9 +303,7 @@ class Emitter:
     def overflowed(self, result: Num, *x: Any) -> Num:
         """Is the result of a function nan or infinite, and are its arguments finite?"""
         finite = [self.compare("==", a - a, 0.0) for a in x if isinstance(a, Num) and a.kind == "f"]
-        return functools.reduce(
-            lambda a, b: self.logic("and_", a, b), finite, result - result != 0.0
-        )
+        return functools.reduce(lambda a, b: self.logic("and_", a, b), finite, result - result != 0.0)
 
     def compare(self, op: str, a: Any, b: Any) -> Any:
         """A comparison, exact like Python's of integers with floats."""
@@ -372,9 +346,7 @@ class Emitter:
             self.fail_if(self.rounded(n, kind))
         conditions = condition.values * (len(x) // len(condition.values))
         result = self.each(self.builder.select, conditions, x, y)
-        result.mixed = result.kind == "f" and any(
-            kind_of(x) != "f" or is_mixed(x) for x in (yes, no)
-        )
+        result.mixed = result.kind == "f" and any(kind_of(x) != "f" or is_mixed(x) for x in (yes, no))
         return result
 
     def rounded(self, n: Any, kind: str) -> Any:
@@ -389,21 +361,13 @@ class Emitter:
         some, *others = condition.values
         for other in others:
             some = self.builder.or_(some, other)
-        return self.num(
-            [
-                self.builder.icmp_unsigned(
-                    "!=", self.builder.bitcast(some, word), ir.Constant(word, 0)
-                )
-            ]
-        )
+        return self.num([self.builder.icmp_unsigned("!=", self.builder.bitcast(some, word), ir.Constant(word, 0))])
 
     def slot(self) -> list[ir.Value]:
         """A place in memory for a truth value of every lane."""
         varying = self.lanes > 1
         with self.builder.goto_entry_block():
-            return [
-                self.builder.alloca(self.type("b", varying)) for _ in range(self.registers(varying))
-            ]
+            return [self.builder.alloca(self.type("b", varying)) for _ in range(self.registers(varying))]
 
     def store(self, value: Any, slot: list[ir.Value]) -> None:
         for v, place in zip(self.cast(value, "b", self.lanes > 1), slot, strict=True):
@@ -421,9 +385,7 @@ class Emitter:
         varying = isinstance(values[0][0].type, ir.VectorType)
         if name.startswith("llvm."):
             function = self._declared(
-                name + (f".v{self.width}f64" if varying else ".f64"),
-                self.type("f", varying),
-                len(args),
+                name + (f".v{self.width}f64" if varying else ".f64"), self.type("f", varying), len(args)
             )
             return self.each(lambda *v: b.call(function, v), *values)
         self.calls += 1
@@ -599,9 +561,7 @@ class Num(StandIn):
                         f"NumPy computes with {type(x).__name__} and whole numbers in a way of its "
                         f"own: write int({x!r}) or a float"
                     )
-                items = tuple(
-                    [int(y) if isinstance(y, (np.integer, np.bool_)) else y for y in items]
-                )
+                items = tuple([int(y) if isinstance(y, (np.integer, np.bool_)) else y for y in items])
         return function(*items)
 
     def _equality(self, op: str, other: Any) -> Any:
@@ -633,11 +593,7 @@ class Num(StandIn):
         e.unmixed("the negative", self)
         if self.kind == "b":
             e.unless_numpy("the negative of a truth value")
-        return (
-            e.each(e.builder.fneg, self.values)
-            if self.kind == "f"
-            else e.arithmetic("sub", 0, self)
-        )
+        return e.each(e.builder.fneg, self.values) if self.kind == "f" else e.arithmetic("sub", 0, self)
 
     def __pos__(self) -> Num:
         return 1 * self if self.kind == "b" else self

@@ -25,9 +25,7 @@ class Stream:
     sources : what the items are taken from; None if they may be computed from anything.
     """
 
-    def __init__(
-        self, items: list[Any] | Iterator[Any], region: Region, sources: tuple[Any, ...] | None
-    ) -> None:
+    def __init__(self, items: list[Any] | Iterator[Any], region: Region, sources: tuple[Any, ...] | None) -> None:
         self.items, self.region, self.taken, self.sources = items, region, 0, sources
         self.refusal = ""
 
@@ -42,9 +40,7 @@ class Stream:
         if not self.refusal and any(loop for _, loop in between):
             self.refusal = "made outside of a loop of unknown length is advanced in it"
         if self.refusal:
-            raise NotCompilable(
-                f"an iterator that {self.refusal}: take its items with `list(...)` and an index"
-            )
+            raise NotCompilable(f"an iterator that {self.refusal}: take its items with `list(...)` and an index")
         if isinstance(self.items, list):
             if self.taken >= len(self.items):
                 raise StopIteration

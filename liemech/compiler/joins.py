@@ -43,9 +43,7 @@ class Retype(Exception):
     mask.
     """
 
-    def __init__(
-        self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False
-    ) -> None:
+    def __init__(self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False) -> None:
         self.number, self.type = number, (kind, varying, mixed)
 
 
@@ -143,16 +141,12 @@ class Joins:
         if "place" not in layout.kinds:
             return self._numberwise([value], arbitrary)
         numbers = zip(leaves(value, layout), layout.kinds, strict=True)
-        return build(
-            layout,
-            iter([e.large.anywhere() if kind == "place" else arbitrary(x) for x, kind in numbers]),
-        )
+        return build(layout, iter([e.large.anywhere() if kind == "place" else arbitrary(x) for x, kind in numbers]))
 
     def zeros(self, value: Any) -> Any:
         """A value of the same structure whose numbers are 0: those known now what they are."""
         return self._numberwise(
-            [value],
-            lambda x: self.emitter.constant(0, x.kind, x.varying) if isinstance(x, Num) else x,
+            [value], lambda x: self.emitter.constant(0, x.kind, x.varying) if isinstance(x, Num) else x
         )
 
     def _numberwise(self, items: list[Any], combine: Callable[..., Any]) -> Any:
@@ -176,21 +170,12 @@ class Joins:
                 shapes += ": let it be a number on every way, such as 0 or 1"
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
-        return build(
-            layouts[0],
-            iter([row[0] if len(row) > 1 and _alike(row) else combine(*row) for row in rows]),
-        )
+        return build(layouts[0], iter([row[0] if len(row) > 1 and _alike(row) else combine(*row) for row in rows]))
 
     def active(self, env: Env) -> Any:
         """The mask of lanes running here; None for all."""
         live = env.get(ACTIVE)
-        return (
-            self.emitter.constant(False, "b", True)
-            if live is NO_LANE
-            else self.state.base
-            if live is None
-            else live
-        )
+        return self.emitter.constant(False, "b", True) if live is NO_LANE else self.state.base if live is None else live
 
     @contextlib.contextmanager
     def apart(self, loop: bool = False) -> Iterator[None]:
@@ -212,10 +197,7 @@ class Joins:
         self.state.raises, self.state.marks = self.state.raises + 1, self.state.marks + 1
         mask = None if everywhere else self.active(self.frames[-1].env)
         lanes = self.emitter.logic("and_", condition, self.everyone(mask))
-        self.emitter.store(
-            self.emitter.logic("or_", self.emitter.load(self.state.failed), lanes),
-            self.state.failed,
-        )
+        self.emitter.store(self.emitter.logic("or_", self.emitter.load(self.state.failed), lanes), self.state.failed)
 
     def everyone(self, mask: Any) -> Any:
         return True if mask is None else mask
@@ -236,17 +218,13 @@ class Joins:
         self._align_masks(opens)
         merged: Env = {}
         blocks = [o.block for o in opens]
-        for name in dict.fromkeys(
-            name for o in opens for name in o.env if not name.startswith("<has ")
-        ):
+        for name in dict.fromkeys(name for o in opens for name in o.env if not name.startswith("<has ")):
             there = [o.env[name] for o in opens if name in o.env]
             certain = [o.env.get(has(name), name in o.env) for o in opens]
             if len(there) < len(opens):
                 if name.startswith("<"):
                     continue
-                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(
-                    there[0]
-                )
+                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(there[0])
                 there = [o.env.get(name, blank) for o in opens]
             merged[name] = self._together(into, blocks, there)
             if any(v is not merged[name] for v in there):
@@ -266,9 +244,7 @@ class Joins:
         the items.
         """
         return (
-            items[0]
-            if len(items) == 1
-            else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
+            items[0] if len(items) == 1 else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
         )
 
     def _phi(self, into: ir.Block, blocks: list[ir.Block], numbers: Iterable[Any]) -> Num:
@@ -294,9 +270,7 @@ class Joins:
 
     def _align_masks(self, opens: list[Open]) -> None:
         """Give every open place the masks that any of them has."""
-        if any(ACTIVE in o.env for o in opens) and not all(
-            o.env.get(ACTIVE) is NO_LANE for o in opens
-        ):
+        if any(ACTIVE in o.env for o in opens) and not all(o.env.get(ACTIVE) is NO_LANE for o in opens):
             for o in opens:
                 mask = self.active(o.env)
                 o.env[ACTIVE] = self.emitter.constant(True, "b", True) if mask is None else mask
@@ -314,22 +288,10 @@ def leveled(items: list[Any]) -> list[Any]:
     """These values at one level: a number becomes a pair (of derivative, of what it remembers, zero) where it
     meets one.
     """
-    makers: dict[Any, Any] = {
-        Vec: lambda v: Vec(*v),
-        Mat: lambda v: Mat(*v),
-        tuple: tuple,
-        list: list,
-    }
+    makers: dict[Any, Any] = {Vec: lambda v: Vec(*v), Mat: lambda v: Mat(*v), tuple: tuple, list: list}
     kind = type(items[0])
-    if (
-        kind in makers
-        and len(items[0])
-        and all(type(v) is kind and len(v) == len(items[0]) for v in items)
-    ):
-        return [
-            makers[kind](v)
-            for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)
-        ]
+    if kind in makers and len(items[0]) and all(type(v) is kind and len(v) == len(items[0]) for v in items):
+        return [makers[kind](v) for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)]
     pairs = [v for v in items if isinstance(v, PAIRS)]
     if pairs and all(isinstance(v, PAIRS) or is_any_number(v) for v in items):
         form = max(pairs, key=lambda v: v.level).form
@@ -340,10 +302,7 @@ def leveled(items: list[Any]) -> list[Any]:
         if form[0] is not Compensated and not all(type(second) is int for _, second in parts):
             still = at_rest(next(second for _, second in parts if type(second) is not int))
             parts = [(first, still if type(second) is int else second) for first, second in parts]
-        return [
-            paired(form, p)
-            for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)
-        ]
+        return [paired(form, p) for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)]
     return items
 
 
@@ -356,8 +315,7 @@ def come_from(phi: Num, values: Values, block: ir.Block) -> None:
 def _alike(numbers: tuple[Any, ...]) -> bool:
     first = numbers[0]
     return all(
-        x is first or (type(x) is type(first) and not isinstance(x, Num) and repr(x) == repr(first))
-        for x in numbers
+        x is first or (type(x) is type(first) and not isinstance(x, Num) and repr(x) == repr(first)) for x in numbers
     )
 
 

@@ -87,10 +87,7 @@ class Several:
     def of(cls, values: Sequence[Any], columns: int) -> Several:
         """Values for so many columns; the last value is repeated."""
         numbers = np.array([*map(gatherer(layout_of(values[0])), values)], dtype=float).T
-        return cls(
-            tuple(values),
-            np.ascontiguousarray(numbers[:, np.minimum(np.arange(columns), len(values) - 1)]),
-        )
+        return cls(tuple(values), np.ascontiguousarray(numbers[:, np.minimum(np.arange(columns), len(values) - 1)]))
 
 
 def examples(args: Sequence[Any]) -> list[Any]:
@@ -100,10 +97,7 @@ def examples(args: Sequence[Any]) -> list[Any]:
 
 def available() -> str | None:
     """None if native code can be made here, else the reason why not."""
-    if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in (
-        "",
-        "0",
-    ):
+    if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return "compilation is switched off in the environment (LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1)"
     try:
         from . import llvm  # noqa: F401
@@ -135,14 +129,9 @@ class Kernel:
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
         key = _key(entry, kinds, lanes)
         known = [
-            a if isinstance(_layout(k), Layout) else None
-            for a, k in zip(examples(args or kinds), kinds, strict=True)
+            a if isinstance(_layout(k), Layout) else None for a, k in zip(examples(args or kinds), kinds, strict=True)
         ]
-        found = (
-            cache.load(key, lambda manifest: Reads.found(entry, known, manifest))
-            if key and args
-            else None
-        )
+        found = cache.load(key, lambda manifest: Reads.found(entry, known, manifest)) if key and args else None
         self.cached = found is not None
         if found is not None:
             self.reads, code = found
@@ -276,9 +265,7 @@ _importing = threading.RLock()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
     os.register_at_fork(
-        before=_importing.acquire,
-        after_in_parent=_importing.release,
-        after_in_child=_importing.release,
+        before=_importing.acquire, after_in_parent=_importing.release, after_in_child=_importing.release
     )
 
 
@@ -393,9 +380,7 @@ def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str 
     if own is None:
         return None
     python = sys.implementation.cache_tag, np.__version__, own, *llvm.machine()
-    return hashlib.sha256(
-        repr((content_hashes.digest((entry, *kinds)), lanes, python)).encode()
-    ).hexdigest()[:32]
+    return hashlib.sha256(repr((content_hashes.digest((entry, *kinds)), lanes, python)).encode()).hexdigest()[:32]
 
 
 def width() -> int:
@@ -434,10 +419,7 @@ def translated(entry: Callable[..., Any], *args: Any) -> str:
 
 
 def _translated(
-    entry: Callable[..., Any],
-    kinds: tuple[Kind, ...],
-    lanes: int,
-    given: Sequence[Any] | None = None,
+    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, given: Sequence[Any] | None = None
 ) -> tuple[Any, str]:
     """The dependencies of the driver, and the kernel in LLVM's language.
 
@@ -461,11 +443,7 @@ def _translated(
 
 
 def _translation(
-    entry: Callable[..., Any],
-    kinds: tuple[Kind, ...],
-    lanes: int,
-    given: Sequence[Any] | None,
-    limit: int,
+    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, given: Sequence[Any] | None, limit: int
 ) -> tuple[Any, str]:
     """A loop over bodies around the driver, inlined, of at most so many instructions."""
     with _importing:
@@ -485,8 +463,7 @@ def _translation(
     module = ir.Module("liemech", ir.Context())
     module.triple = llvm.triple()
     signature = ir.FunctionType(
-        ir.VoidType(),
-        [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64],
+        ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64]
     )
     function = ir.Function(module, signature, "loop")
     function.scope = Names(function)
@@ -564,6 +541,5 @@ def _located(error: Exception, interpreter: Any) -> Exception:
     reason = str(error) if isinstance(error, NotCompilable) else f"{type(error).__name__}: {error}"
     kind = type(error) if isinstance(error, NotCompilable) else NotCompilable
     return kind(
-        f"{frame.source.name} ({os.path.basename(frame.source.file)}, "
-        f"line {line}) cannot be compiled: {reason}"
+        f"{frame.source.name} ({os.path.basename(frame.source.file)}, line {line}) cannot be compiled: {reason}"
     )

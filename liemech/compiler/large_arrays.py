@@ -66,9 +66,7 @@ class LargeArrays:
 
     def __init__(self, emitter: Emitter) -> None:
         self.e, self.used, self.widest, self.nested = emitter, 0, 0, 0
-        self.results: list[
-            ir.Value
-        ] = []  # where results lie, which are not carried from turn to turn
+        self.results: list[ir.Value] = []  # where results lie, which are not carried from turn to turn
         b = emitter.builder
         self.size, self.spare = ir.Constant(I64, 0), ir.Constant(I64, 0)
         self.raw = b.call(self._function("malloc", BYTE.as_pointer(), [I64]), [self.size])
@@ -130,8 +128,7 @@ class LargeArrays:
         What lies where another one is going to lie is first brought out of the way.
         """
         at = [
-            place if any(place.value is x for x in self.results) else self.copied(place, form)
-            for place, form in moves
+            place if any(place.value is x for x in self.results) else self.copied(place, form) for place, form in moves
         ]
         return [self.copied(place, form) for place, (_, form) in zip(at, moves)]
 
@@ -221,10 +218,7 @@ class LargeArrays:
 
         def body(target: ir.Value, *given: ir.Value) -> None:
             sources = dict(zip(leaves, given))
-            self.wide(
-                size_of(form),
-                lambda i, width: self.store(self._value(node, sources, i, width, {}), target, i),
-            )
+            self.wide(size_of(form), lambda i, width: self.store(self._value(node, sources, i, width, {}), target, i))
 
         self.apart((pattern, size_of(form)), [self.pointer(place), *leaves.values()], body)
         return place
@@ -264,12 +258,7 @@ class LargeArrays:
         return b.call(function, values)
 
     def _value(
-        self,
-        node: Any,
-        sources: dict[int, ir.Value],
-        i: ir.Value,
-        width: int,
-        known: dict[int, Any],
+        self, node: Any, sources: dict[int, ir.Value], i: ir.Value, width: int, known: dict[int, Any]
     ) -> ir.Value:
         if id(node) not in known:
             b = self.e.builder
@@ -366,9 +355,7 @@ class LargeArrays:
         )
         return found
 
-    def _multiply(
-        self, a: Large, b: Large, left: ir.Value, right: ir.Value, found: ir.Value
-    ) -> None:
+    def _multiply(self, a: Large, b: Large, left: ir.Value, right: ir.Value, found: ir.Value) -> None:
         (m, k), n = a.shape, b.shape[1]
         kind = "z" if a.is_complex else "d"
         no, sizes = self._known(BYTE, ord("N")), [self._known(I32, x) for x in (n, m, k)]
@@ -404,14 +391,10 @@ class LargeArrays:
         factors, pivots = self.new(a.form), self.allocate(len(a))
         places = [self.address(a), self.address(factors), self.pointer(pivots), self.pointer(both)]
         self.apart(("determinant", a.form), places, lambda *given: self._pivots(a, *given))
-        parts = [
-            self.e.num([self.load(self.pointer(both), ir.Constant(I64, k), 1)]) for k in range(2)
-        ]
+        parts = [self.e.num([self.load(self.pointer(both), ir.Constant(I64, k), 1)]) for k in range(2)]
         return Complex(*parts) if a.is_complex else parts[0]
 
-    def _pivots(
-        self, a: Large, source: ir.Value, factors: ir.Value, pivots: ir.Value, both: ir.Value
-    ) -> None:
+    def _pivots(self, a: Large, source: ir.Value, factors: ir.Value, pivots: ir.Value, both: ir.Value) -> None:
         b, n, width = self.e.builder, len(a), 2 if a.is_complex else 1
         self.move(source, factors, a.size)
         info, size = b.alloca(I32), self._known(I32, n)
@@ -425,9 +408,7 @@ class LargeArrays:
             s = b.select(own, ir.Constant(F64, 1.0), ir.Constant(F64, -1.0))
             place = b.mul(k, ir.Constant(I64, width * (n + 1)))
             x = b.fmul(s, self.load(factors, place, 1))
-            y = b.fmul(
-                s, self.load(factors, b.add(place, one), 1) if width == 2 else ir.Constant(F64, 0.0)
-            )
+            y = b.fmul(s, self.load(factors, b.add(place, one), 1) if width == 2 else ir.Constant(F64, 0.0))
             re, im = self.load(both, zero, 1), self.load(both, one, 1)
             self.store(b.fsub(b.fmul(re, x), b.fmul(im, y)), both, zero)
             self.store(b.fadd(b.fmul(re, y), b.fmul(im, x)), both, one)
@@ -451,12 +432,7 @@ class LargeArrays:
             at = b.add(b.mul(i, ir.Constant(I64, columns)), j)
             return b.mul(at, ir.Constant(I64, parts)) if parts > 1 else at
 
-        with (
-            self.turns(m, TILE) as i0,
-            self.turns(n, TILE) as j0,
-            self._until(i0, m) as i,
-            self._until(j0, n) as j,
-        ):
+        with self.turns(m, TILE) as i0, self.turns(n, TILE) as j0, self._until(i0, m) as i, self._until(j0, n) as j:
             x = self.load(source, place(i, j, n), parts)
             if conjugate:
                 x = b.fmul(x, signs)
@@ -560,10 +536,7 @@ class LargeArrays:
                 if terms <= 2:
                     total = self._term(places, factors, source, first)
                     for t in range(1, terms):
-                        total = b.fadd(
-                            total,
-                            self._term(places, factors, source, b.add(first, ir.Constant(I64, t))),
-                        )
+                        total = b.fadd(total, self._term(places, factors, source, b.add(first, ir.Constant(I64, t))))
                 else:
                     total = self._terms(places, factors, source, first, terms)
                 self.store(total, target, self._integer(at, i))
@@ -594,10 +567,7 @@ class LargeArrays:
 
             def body(i: ir.Value, w: int) -> None:
                 own = at(first, i, to)
-                product = b.fmul(
-                    self.load(factor, own, w),
-                    self.load(target, at(own, ir.Constant(I64, 0), other), w),
-                )
+                product = b.fmul(self.load(factor, own, w), self.load(target, at(own, ir.Constant(I64, 0), other), w))
                 self.store(b.fsub(self.load(target, own, w), product), target, own)
 
             self.wide(inner, body)
@@ -643,9 +613,7 @@ class LargeArrays:
             at = b.mul(k, step)
             self.store(b.fsub(self.load(target, at, 2), mean), target, at)
 
-    def _terms(
-        self, places: ir.Value, factors: ir.Value, source: ir.Value, first: ir.Value, terms: int
-    ) -> ir.Value:
+    def _terms(self, places: ir.Value, factors: ir.Value, source: ir.Value, first: ir.Value, terms: int) -> ir.Value:
         """The sum of many terms, from left to right."""
         b = self.e.builder
         begun = self._term(places, factors, source, first)
@@ -663,9 +631,7 @@ class LargeArrays:
         b.position_at_end(done)
         return more
 
-    def _term(
-        self, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value
-    ) -> ir.Value:
+    def _term(self, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value) -> ir.Value:
         b = self.e.builder
         return b.fmul(self.load(factors, at, 1), self.load(source, self._integer(places, at), 1))
 

@@ -39,9 +39,7 @@ passes take half the time, and steps are within 2 % of those at the third level.
 _numbers = itertools.count()
 _lock = threading.RLock()
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(
-        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
-    )
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
 @functools.cache
@@ -96,16 +94,12 @@ def portable(texts: Sequence[str], target: str | None) -> tuple[bytes, str, str,
             )
         except RuntimeError as error:
             raise NotCompilable(
-                f"Plan.export: LLVM knows no target {target!r}, such as "
-                f'"aarch64-linux-gnu:cortex-a72": {error}'
+                f'Plan.export: LLVM knows no target {target!r}, such as "aarch64-linux-gnu:cortex-a72": {error}'
             ) from None
         if "p:32:32" in (data := str(machine.target_data)) or "-p:16" in data:
             raise NotCompilable(f"Plan.export: {target!r} has no addresses of 64 bits")
         own = f'target triple = "{triple()}"'
-        first, *others = [
-            llvm.parse_assembly(text.replace(own, f'target triple = "{triple_of}"'))
-            for text in texts
-        ]
+        first, *others = [llvm.parse_assembly(text.replace(own, f'target triple = "{triple_of}"')) for text in texts]
         for other in others:
             first.link_in(other)
         first.verify()
@@ -202,11 +196,7 @@ def _target_machine() -> Any:
     _prepare()
     addresses = {"codemodel": "small", "reloc": "pic"} if NEAR else {}
     return llvm.Target.from_triple(triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=3,
-        jit=True,
-        **addresses,
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True, **addresses
     )
 
 
@@ -231,8 +221,7 @@ def _functions() -> dict[str, int]:
     """
     library = _c_library()
     of_c = {
-        f"liemech_{f.__name__}": ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value
-        or 0
+        f"liemech_{f.__name__}": ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value or 0
         for f in (*LIBM, pow)
     }
     of_c["liemech_sleep"], of_c["liemech_yield"] = _pauses(library)

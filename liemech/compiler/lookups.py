@@ -112,9 +112,7 @@ def _loaded(e: Emitter, first: ir.Value | None, place: Any, i: Any, kind: str) -
     varying = any(isinstance(x, Num) and x.varying for x in (place, i))
 
     def load(at: ir.Value, index: ir.Value) -> ir.Value:
-        begin = first or b.inttoptr(
-            b.mul(b.fptosi(at, I64), ir.Constant(I64, 8)), type_.as_pointer()
-        )
+        begin = first or b.inttoptr(b.mul(b.fptosi(at, I64), ir.Constant(I64, 8)), type_.as_pointer())
         return b.load(b.gep(begin, [index], source_etype=type_), align=8, typ=type_)
 
     places, indices = e.cast(place, "f", varying), e.cast(i, "i", varying)
@@ -125,8 +123,6 @@ def _loaded(e: Emitter, first: ir.Value | None, place: Any, i: Any, kind: str) -
         register: ir.Value = ir.Constant(e.type(kind, True), ir.Undefined)
         for lane in range(e.width):
             k = ir.Constant(I32, lane)
-            register = b.insert_element(
-                register, load(b.extract_element(at, k), b.extract_element(index, k)), k
-            )
+            register = b.insert_element(register, load(b.extract_element(at, k), b.extract_element(index, k)), k)
         registers.append(register)
     return e.num(registers)

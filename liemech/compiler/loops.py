@@ -18,33 +18,9 @@ from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
 from .branches import Branches
 from .driver import is_part_of_driver
 from .ir_numbers import Num, kind_of
-from .joins import (
-    ACTIVE,
-    BROKEN,
-    CONTINUED,
-    LEFT,
-    NO_LANE,
-    Loop,
-    Open,
-    Promote,
-    Returns,
-    Retype,
-    come_from,
-    leveled,
-)
+from .joins import ACTIVE, BROKEN, CONTINUED, LEFT, NO_LANE, Loop, Open, Promote, Returns, Retype, come_from, leveled
 from .large_arrays import spans
-from .scopes import (
-    FOUND,
-    HAS_FOUND,
-    Closure,
-    Env,
-    Undefined,
-    breaks,
-    changed_names,
-    changes_lists,
-    has,
-    returns,
-)
+from .scopes import FOUND, HAS_FOUND, Closure, Env, Undefined, breaks, changed_names, changes_lists, has, returns
 from .state import Snapshot
 from .stop_checks import Look
 
@@ -67,15 +43,11 @@ class Loops(Branches):
         # a dynamic loop takes those up again that are not broken
         if how == "break" or not loop.dynamic:
             name = BROKEN if how == "break" else CONTINUED
-            env[name] = self.emitter.logic(
-                "or_", env.get(name, False), self.everyone(self.active(env))
-            )
+            env[name] = self.emitter.logic("or_", env.get(name, False), self.everyone(self.active(env)))
         env[ACTIVE] = NO_LANE
         return True
 
-    def written_out(
-        self, turns: Iterable[Callable[[Env], Any]], body: list[ast.stmt], env: Env
-    ) -> bool:
+    def written_out(self, turns: Iterable[Callable[[Env], Any]], body: list[ast.stmt], env: Env) -> bool:
         """A loop with a static number of turns; each first sets its variables, or ends the loop by
         returning False.
         """
@@ -99,9 +71,7 @@ class Loops(Branches):
             for stream, before in taken:
                 stream.part_ways(before)
         self._take_up(BROKEN, env)
-        alive = self.join(
-            loop.breaks + ([Open(self.builder.block, dict(env))] if alive else []), env
-        )
+        alive = self.join(loop.breaks + ([Open(self.builder.block, dict(env))] if alive else []), env)
         env |= outer
         return alive
 
@@ -109,9 +79,7 @@ class Loops(Branches):
         """Lanes that left the turn or the loop run again."""
         lanes = env.pop(name, False)
         if lanes is not False and ACTIVE in env:
-            env[ACTIVE] = (
-                lanes if env[ACTIVE] is NO_LANE else self.emitter.logic("or_", lanes, env[ACTIVE])
-            )
+            env[ACTIVE] = lanes if env[ACTIVE] is NO_LANE else self.emitter.logic("or_", lanes, env[ACTIVE])
 
     def loop(
         self,
@@ -300,9 +268,7 @@ class NativeLoop:
             elif _grows(self.env[name], new, layout):
                 grown[name] = new
             elif found != layout:
-                changed.append(
-                    f"`{name}` changes its structure in the loop: from {layout} to {found}"
-                )
+                changed.append(f"`{name}` changes its structure in the loop: from {layout} to {found}")
             else:
                 self._refuse_other_names(name, new, old, inside)
                 pairs = [*zip(leaves(new, layout), leaves(old, layout), strict=True)]
@@ -390,9 +356,7 @@ class NativeLoop:
         self.t.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
         env |= self.masks
         for name in local:
-            env[name] = Undefined(
-                "it gets one inside the loop only, which may have no turn: give it a value before"
-            )
+            env[name] = Undefined("it gets one inside the loop only, which may have no turn: give it a value before")
 
 
 def _grown(value: Any, new: Any) -> Any:
@@ -429,9 +393,7 @@ def _form(value: Any) -> Any:
     layout = layout_of(value, is_any_number)
     return layout, tuple(
         [
-            (x.kind, x.varying, x.mixed)
-            if isinstance(x, Num)
-            else (type(x), x if isinstance(x, int) else None)
+            (x.kind, x.varying, x.mixed) if isinstance(x, Num) else (type(x), x if isinstance(x, int) else None)
             for x in leaves(value, layout)
         ]
     )

@@ -81,9 +81,7 @@ def turns(b: ir.IRBuilder, count: int) -> Iterator[ir.Value]:
 def _floats(numbers: Sequence[Any]) -> bool:
     """Are they floats, and not all known now?"""
     of_run = [isinstance(x, Num) for x in numbers]
-    return any(of_run) and all(
-        x.kind == "f" if run else type(x) is float for x, run in zip(numbers, of_run)
-    )
+    return any(of_run) and all(x.kind == "f" if run else type(x) is float for x, run in zip(numbers, of_run))
 
 
 def _varying(numbers: Sequence[Any]) -> bool:
@@ -119,9 +117,7 @@ def product(emitter: Emitter, a: Any, b: Any) -> Any:
     return Mat(*whole) if isinstance(a, Mat) and isinstance(b, Mat) else Vec(*whole[0])
 
 
-def _product(
-    e: Emitter, a: list[Any], b: list[Any], complex_: bool, varying: bool
-) -> list[list[Any]]:
+def _product(e: Emitter, a: list[Any], b: list[Any], complex_: bool, varying: bool) -> list[list[Any]]:
     """The product of matrices given by rows."""
     builder, n, m, p = e.builder, len(a), len(b), len(b[0])
     alone = not varying and e.lanes == 1
@@ -194,9 +190,7 @@ def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
     return Vec(*result)
 
 
-def _sums(
-    e: Emitter, antisymmetric: bool, terms: list[Any], count: int, X: Memory, Y: Memory
-) -> Memory:
+def _sums(e: Emitter, antisymmetric: bool, terms: list[Any], count: int, X: Memory, Y: Memory) -> Memory:
     """Sums, `count` of them, of equally many terms (c, i, j): of c x_i y_j, or of c (x_i y_j - x_j y_i)."""
     b, length = e.builder, len(terms) // count
     factors = constants(e, [float(c) for c, _, _ in terms], F64)

@@ -61,14 +61,7 @@ class NativeFunctions:
     # -------------------------------------------------------------- the function
 
     def make(
-        self,
-        name: str,
-        call: Call,
-        frame: Frame,
-        given: dict[str, Any],
-        general: bool,
-        least: int,
-        copied: bool,
+        self, name: str, call: Call, frame: Frame, given: dict[str, Any], general: bool, least: int, copied: bool
     ) -> NativeFunction | None:
         """The native function for calls of this form; None if the formula must be written out.
         Raises Small if it has fewer instructions than `least`.
@@ -84,9 +77,7 @@ class NativeFunctions:
             with self._within(function, copied):
                 b.position_at_end(function.append_basic_block("entry"))
                 values = iter(function.args[1:])
-                inner = [
-                    Num(e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed
-                ]
+                inner = [Num(e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed]
                 arguments, parts = self.forms.inside(given, active, call, inner, general)
                 t.state.base = arguments.pop("<mask>")
                 if failed:
@@ -148,12 +139,7 @@ class NativeFunctions:
             t.state, e.calls = outer, calls
 
     def _finished(
-        self,
-        function: ir.Function,
-        result: Any,
-        inner: list[Num],
-        parts: list[Any],
-        copied: bool,
+        self, function: ir.Function, result: Any, inner: list[Num], parts: list[Any], copied: bool
     ) -> NativeFunction:
         """Let the function return its numbers, the lanes that have failed, and whether all have."""
         e, state = self.e, self.t.state
@@ -272,9 +258,7 @@ class NativeFunctions:
         e.calls += made.calls
         return self.forms.restored(made.pattern, call, passed, numbers)
 
-    def _results(
-        self, made: NativeFunction, structure: ir.Value, arguments: list[ir.Value]
-    ) -> Iterator[ir.Value]:
+    def _results(self, made: NativeFunction, structure: ir.Value, arguments: list[ir.Value]) -> Iterator[ir.Value]:
         """The values that a call has returned, or written into memory, one after the other."""
         b = self.e.builder
         for i in itertools.count():

@@ -23,9 +23,7 @@ _NEVER = f"\ndefine internal {KEEPING} i1 @look() {{\n  ret i1 false\n}}\n"
 _DECLARED = re.compile(r'^declare double @"(liemech_\w+)"\(([^)]*)\).*$', re.MULTILINE)
 
 
-def object_file(
-    kernels: dict[str, str], target: str | None
-) -> tuple[bytes, str, str, Bound | None]:
+def object_file(kernels: dict[str, str], target: str | None) -> tuple[bytes, str, str, Bound | None]:
     """Machine code of kernels, by the names that C calls them by, the platform and processor that it
     is for, and a bound on the steps of the first one, None if there is none.
 
@@ -86,15 +84,11 @@ class Bound:
     overhead: int
 
 
-_ARITHMETIC = re.compile(
-    r"= (?:tail |fast )*(?:fadd|fsub|fmul|fneg|fcmp)\b|@llvm\.(?:fabs|copysign)"
-)
+_ARITHMETIC = re.compile(r"= (?:tail |fast )*(?:fadd|fsub|fmul|fneg|fcmp)\b|@llvm\.(?:fabs|copysign)")
 _DIVISION = re.compile(r"= (?:fdiv|frem)\b|@llvm\.sqrt")
 _CALL = re.compile(r'call [^@]*@"?(liemech_\w+)')
 _OTHER_CALL = re.compile(r'call [^@]*@(?:"([^"]+)"|([\w.$-]+))\(')
-_FUNCTION = re.compile(
-    r"^define [^\n]*?@(?:\"([^\"]+)\"|([\w.$-]+))\([^\n]*\{\n(.*?)^\}", re.M | re.S
-)
+_FUNCTION = re.compile(r"^define [^\n]*?@(?:\"([^\"]+)\"|([\w.$-]+))\([^\n]*\{\n(.*?)^\}", re.M | re.S)
 _LABEL = re.compile(r'^(?:"([^"]+)"|([\w.$-]+)):')
 _TARGET = re.compile(r'label %(?:"([^"]+)"|([\w.$-]+))')
 
@@ -153,12 +147,7 @@ def _blocks(body: str) -> Blocks:
 
 
 def _most(
-    functions: dict[str, Blocks],
-    name: str,
-    weigh: Callable[[str], int],
-    steps: list[int],
-    deep: int,
-    loops: list[int],
+    functions: dict[str, Blocks], name: str, weigh: Callable[[str], int], steps: list[int], deep: int, loops: list[int]
 ) -> int:
     """The most that a call of a function weighs, with one turn of each loop.
 

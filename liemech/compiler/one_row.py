@@ -81,9 +81,7 @@ class Native:
         ends = [0, *itertools.accumulate(sizes)]
         self.memory = np.zeros(ends[-1])
         rows = [self.memory[a:b].reshape(1, -1) for a, b in itertools.pairwise(ends)]
-        views = [
-            flat[0].view(dtype).reshape(shape) for flat, dtype, shape in zip(rows, dtypes, shapes)
-        ]
+        views = [flat[0].view(dtype).reshape(shape) for flat, dtype, shape in zip(rows, dtypes, shapes)]
         self.inputs, self.outputs = views[1 : 1 + given], views[1 + given :]
         self.kinds = [type(part) for part in parts]
         arguments = job.arguments

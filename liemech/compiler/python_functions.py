@@ -47,7 +47,9 @@ COMPENSATED_SUMS = sys.version_info >= (3, 12)
 
 TYPES = {"f": float, "i": int, "b": bool}
 NUMPYS: dict[str, type] = {"f": np.float64, "i": np.int64, "b": np.bool_}
-OUTSIDE = "print input open eval exec compile setattr delattr globals locals vars dir id hash memoryview breakpoint object"
+OUTSIDE = (
+    "print input open eval exec compile setattr delattr globals locals vars dir id hash memoryview breakpoint object"
+)
 """Functions that have no place in a formula, whatever their arguments."""
 
 STRUCTURE = {isinstance, type, callable, hasattr, getattr, super, next, map, filter}
@@ -82,9 +84,7 @@ class PythonFunctions:
             len: self.len,
             list: lambda items=(): list(self.t.iterate(items)),
             tuple: lambda items=(): tuple(self.t.iterate(items)),
-            iter: lambda items: (
-                items if isinstance(items, Stream) else self.t.stream(list(items), (items,))
-            ),
+            iter: lambda items: items if isinstance(items, Stream) else self.t.stream(list(items), (items,)),
             next: self.next,
             zip: self.zip,
             map: self.map,
@@ -92,13 +92,9 @@ class PythonFunctions:
             enumerate: lambda items, start=0: self.lazily(enumerate, items, start=start),
             reversed: lambda items: self.t.stream(list(reversed(items)), (items,)),
             math.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), math.fabs),
-            math.copysign: self.plain_number(
-                lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign
-            ),
+            math.copysign: self.plain_number(lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign),
             math.floor: self.stepwise("llvm.floor", math.floor, double_double.floor),
-            math.ceil: self.stepwise(
-                "llvm.ceil", math.ceil, lambda x, floor: -double_double.floor(-x, floor)
-            ),
+            math.ceil: self.stepwise("llvm.ceil", math.ceil, lambda x, floor: -double_double.floor(-x, floor)),
             math.trunc: self.stepwise("llvm.trunc", math.trunc, double_double.truncated),
             math.isnan: self.plain_number(lambda x: x != x, math.isnan),
             math.isfinite: self.plain_number(lambda x: x - x == 0.0, math.isfinite),
@@ -108,9 +104,7 @@ class PythonFunctions:
             math.sqrt: self.of_math(math.sqrt, "llvm.sqrt"),
             math.log: self.log,
             math.fsum: self.refused(math.fsum, "liemech.sum"),
-            math.prod: lambda items, start=1: functools.reduce(
-                operator.mul, self.t.iterate(items), start
-            ),
+            math.prod: lambda items, start=1: functools.reduce(operator.mul, self.t.iterate(items), start),
             np.sqrt: self.of_numpy(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
             np.abs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.abs),
             np.fabs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.fabs),
@@ -158,9 +152,7 @@ class PythonFunctions:
         question = lambda cls: hasattr(cls, name)  # noqa: E731
         return self.asked("hasattr", value, question, lambda x: reads.has(x, name))
 
-    def asked(
-        self, name: str, value: Any, of_class: Callable[..., Any], of_object: Callable[..., Any]
-    ) -> Any:
+    def asked(self, name: str, value: Any, of_class: Callable[..., Any], of_object: Callable[..., Any]) -> Any:
         """The answer to a question about an object, for what the compiler computes with about its
         class.
         """
@@ -207,9 +199,7 @@ class PythonFunctions:
         inside = abs(x) < float(HUGE)
         self.t.fail_if(self.e.negation(inside))
         whole = self.e.call(rounding, self.e.select(inside, x, 0.0))
-        return self.e.each(
-            lambda v: self.e.builder.fptosi(v, self.e.type("i", x.varying)), whole.values
-        )
+        return self.e.each(lambda v: self.e.builder.fptosi(v, self.e.type("i", x.varying)), whole.values)
 
     def cut(self, x: Any = 0, *base: Any) -> Any:
         if isinstance(x, (Num, ByValue)):
@@ -235,9 +225,7 @@ class PythonFunctions:
         if key is None and not holds_number(items) and all(map(is_any_number, items)):
             return (min if better is operator.lt else max)(items, **options)
         if options or not items:
-            raise NotCompilable(
-                "`min` and `max` of run-time numbers take no `default`, and at least one number"
-            )
+            raise NotCompilable("`min` and `max` of run-time numbers take no `default`, and at least one number")
         result, *others = items
         best = result if key is None else self.t.call(key, result)
         for x in others:
@@ -261,34 +249,24 @@ class PythonFunctions:
                         break
                     if _kind(x) == "f":
                         larger = total + x
-                        lost = lost + self.t.where(
-                            abs(total) >= abs(x), (total - larger) + x, (x - larger) + total
-                        )
+                        lost = lost + self.t.where(abs(total) >= abs(x), (total - larger) + x, (x - larger) + total)
                         total = larger
                     else:
                         total = total + x
                     taken += 1
                 if taken:
-                    total = self.t.where(
-                        self.e.logic("and_", lost != 0.0, lost - lost == 0.0), total + lost, total
-                    )
+                    total = self.t.where(self.e.logic("and_", lost != 0.0, lost - lost == 0.0), total + lost, total)
                     rest = rest[taken:]
                     continue
             total, rest = total + rest[0], rest[1:]
         return total
 
     def sorted(self, items: Any, **options: Any) -> list[Any]:
-        found, key, reverse = (
-            list(self.t.iterate(items)),
-            options.get("key"),
-            options.get("reverse"),
-        )
+        found, key, reverse = (list(self.t.iterate(items)), options.get("key"), options.get("reverse"))
         if key is None and not any(isinstance(x, ByValue) or holds_number(x) for x in found):
             return sorted(found, **options)
         keys = [*found] if key is None else [self.t.call(key, x) for x in found]
-        if isinstance(reverse, Num) or not all(
-            isinstance(x, ByValue) or is_any_number(x) for x in keys
-        ):
+        if isinstance(reverse, Num) or not all(isinstance(x, ByValue) or is_any_number(x) for x in keys):
             raise NotCompilable(
                 "`sorted` of run-time numbers sorts by plain numbers, its direction known before "
                 "the run: give a `key` that is one number"
@@ -307,9 +285,7 @@ class PythonFunctions:
         return found[::-1] if reverse else found
 
     def together(self, operation: str, start: bool, items: Any) -> Any:
-        return functools.reduce(
-            lambda a, x: self.e.logic(operation, a, self.t.truth(x)), self.t.iterate(items), start
-        )
+        return functools.reduce(lambda a, x: self.e.logic(operation, a, self.t.truth(x)), self.t.iterate(items), start)
 
     def len(self, items: Any) -> int:
         if isinstance(items, (Stream, Num)):
@@ -355,9 +331,7 @@ class PythonFunctions:
 
     # -------------------------------------------------------------- functions of floats
 
-    def plain_number(
-        self, native: Callable[..., Any], function: Callable[..., Any]
-    ) -> Callable[..., Any]:
+    def plain_number(self, native: Callable[..., Any], function: Callable[..., Any]) -> Callable[..., Any]:
         """A function of plain numbers only: Python's own of what is known now."""
 
         def value(*x: Any) -> Any:
@@ -378,9 +352,7 @@ class PythonFunctions:
 
         return value
 
-    def of_numpy(
-        self, native: Callable[..., Any], function: Callable[..., Any]
-    ) -> Callable[..., Any]:
+    def of_numpy(self, native: Callable[..., Any], function: Callable[..., Any]) -> Callable[..., Any]:
         """A function of NumPy's, of floats: of truth values it has half precision, and some of them
         are others for integers.
         """
@@ -409,8 +381,7 @@ class PythonFunctions:
                 isinstance(a, Num) and (a.kind != "f" or a.mixed) for a in numbers
             ):
                 raise NotCompilable(
-                    f"`np.{function.__name__}` of integers or truth values: write float(x), or "
-                    "liemech.formulas.where"
+                    f"`np.{function.__name__}` of integers or truth values: write float(x), or liemech.formulas.where"
                 )
             if any(len(a) > TABLED for a in x if isinstance(a, (np.ndarray, tuple, list))):
                 raise NotCompilable(
@@ -462,13 +433,7 @@ class PythonFunctions:
 
     def log(self, x: Any, *base: Any) -> Any:
         one = self.of_math(math.log, "log")
-        return (
-            one(x) / one(*base)
-            if base and holds_number((x, *base))
-            else math.log(x, *base)
-            if base
-            else one(x)
-        )
+        return one(x) / one(*base) if base and holds_number((x, *base)) else math.log(x, *base) if base else one(x)
 
     def or_formula(self, function: Any, of_numbers: Any) -> Callable[..., Any]:
         """A function of NumPy: the formula of the same meaning, of vectors, matrices and numbers
@@ -515,9 +480,7 @@ class PythonFunctions:
             result = self.e.call(f"{symbol.removeprefix('liemech_')}_{len(x)}", *x)
             return result if isinstance(function, np.ufunc) else self.raising(result, *x)
 
-        return (self.of_numpy if isinstance(function, np.ufunc) else self.plain_number)(
-            native, function
-        )
+        return (self.of_numpy if isinstance(function, np.ufunc) else self.plain_number)(native, function)
 
     def raising(self, result: Num, *x: Any) -> Num:
         """The result of a function of `math`: it raises where there is none, nan or infinite, and
@@ -537,8 +500,7 @@ class PythonFunctions:
             if holds_number((x, options)) or any(isinstance(a, Operand) for a in inside(x)):
                 home = "math" if function.__module__ == "math" else "np"
                 raise NotCompilable(
-                    f"`{home}.{function.__name__}` rounds or returns arrays in ways of its own: "
-                    f"use {instead}"
+                    f"`{home}.{function.__name__}` rounds or returns arrays in ways of its own: use {instead}"
                 )
             return self.t.known(function, x, options)
 

@@ -26,15 +26,7 @@ class Rounds:
     layout: Layout
 
 
-def of_eight(
-    pairs: Rounds,
-    formula: Any,
-    i: int,
-    first: int,
-    last: int,
-    count: int,
-    turns: int,
-) -> None:
+def of_eight(pairs: Rounds, formula: Any, i: int, first: int, last: int, count: int, turns: int) -> None:
     """The pairs of eight sites from i on with those from first to last, of so many sites."""
     a, mine = seen(pairs, i), sums(pairs, i)
     for j in range(first, last, EIGHT):

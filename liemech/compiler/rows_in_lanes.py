@@ -97,10 +97,7 @@ class RowsInLanes:
         if x.mixed:
             raise NotCompilable("`in_lanes`: a result that is an integer in some rows only")
         places = [divmod(k, self.width) for k in range(rows)]
-        return [
-            self.e.num([self.b.extract_element(x.values[r], ir.Constant(I32, k))])
-            for r, k in places
-        ]
+        return [self.e.num([self.b.extract_element(x.values[r], ir.Constant(I32, k))]) for r, k in places]
 
 
 def _alike(rows: list[list[Any]]) -> bool:

@@ -49,12 +49,7 @@ class SquareBlocks:
     def at(self, sites: Any, i: Any, n: int) -> Mat:
         """Its numbers."""
         place = self._place(sites, i, n)
-        return Mat(
-            *[
-                Vec(*[self.e.num([self._number(place, k, j, n)]) for j in range(n)])
-                for k in range(n)
-            ]
-        )
+        return Mat(*[Vec(*[self.e.num([self._number(place, k, j, n)]) for j in range(n)]) for k in range(n)])
 
     def put(self, sites: Any, i: Any, block: Mat) -> None:
         """Its numbers, one by one."""

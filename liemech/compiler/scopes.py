@@ -75,9 +75,7 @@ class Frame:
                     raise NotCompilable(f"`{name}` has no one value here: {value.reason}")
                 return value, frame.env.get(has(name), True)
             if name in local_names(frame.scope):
-                raise NotCompilable(
-                    f"`{name}` may have no value here: give it one on every way to this line"
-                )
+                raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
             frame = frame.around
         return self.source.outer(name), True
 
@@ -116,17 +114,13 @@ class Closure:
         ]  # fmt: skip
         if a.vararg:
             parameters.append(P(a.vararg.arg, P.VAR_POSITIONAL))
-        parameters += [
-            P(p.arg, P.KEYWORD_ONLY, default=self.options.get(p.arg, none)) for p in a.kwonlyargs
-        ]
+        parameters += [P(p.arg, P.KEYWORD_ONLY, default=self.options.get(p.arg, none)) for p in a.kwonlyargs]
         if a.kwarg:
             raise NotCompilable(f"`**{a.kwarg.arg}` among the parameters of `{self.name}`")
         return bound(inspect.Signature(parameters), self.name, args, options)
 
 
-def bound(
-    signature: inspect.Signature, name: str, args: tuple[Any, ...], options: dict[str, Any]
-) -> Env:
+def bound(signature: inspect.Signature, name: str, args: tuple[Any, ...], options: dict[str, Any]) -> Env:
     """The variables that a call begins with."""
     try:
         filled = signature.bind(*args, **options)
@@ -143,9 +137,7 @@ def bound(
 def local_names(node: Function | Comprehension) -> frozenset[str]:
     """The variables of a function or a comprehension: what it assigns, and its parameters."""
     if isinstance(node, Comprehension):
-        return frozenset(
-            n.id for g in node.generators for n in ast.walk(g.target) if isinstance(n, ast.Name)
-        )
+        return frozenset(n.id for g in node.generators for n in ast.walk(g.target) if isinstance(n, ast.Name))
     a = node.args
     parameters = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))]
     return frozenset(p.arg for p in parameters) | frozenset(stored_names(_body(node)))
@@ -193,9 +185,7 @@ def changed_names(body: list[Any]) -> set[str]:
         match n:
             case ast.Subscript(value=ast.Name(id=name), ctx=ast.Store()):
                 names.add(name)
-            case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr=method)) if (
-                method in CHANGES
-            ):
+            case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr=method)) if method in CHANGES:
                 names.add(name)
     return names
 

@@ -62,9 +62,7 @@ class SiteCalls:
         crew = np.zeros(WORDS, dtype=np.int64)
         crew[0], crew[7] = len(self.shares), len(self.scratch)
         works = [
-            functools.partial(
-                self.kernel.run, numbers, integers, [*arrays, self.scratch, notes, crew], 1, *share
-            )
+            functools.partial(self.kernel.run, numbers, integers, [*arrays, self.scratch, notes, crew], 1, *share)
             for share, notes in zip(self.shares, self._notes, strict=True)
         ]
         if len(works) == 1:

@@ -44,13 +44,7 @@ from .joins import Open, come_from
 from .rounds import Rounds
 from .rows_of_blocks import SquareBlocks
 
-OF_SERIES = (
-    SeriesMeeting.of,
-    SeriesMeeting.at,
-    SeriesMeeting.sum,
-    SeriesMeeting.some,
-    SeriesMeeting.pairs,
-)
+OF_SERIES = (SeriesMeeting.of, SeriesMeeting.at, SeriesMeeting.sum, SeriesMeeting.some, SeriesMeeting.pairs)
 """Methods that run as they stand."""
 
 ROWS = 7
@@ -133,9 +127,7 @@ def _alike(x: ir.Value, y: ir.Value, known: set[tuple[ir.Value, ir.Value]]) -> b
     pure = x.opname in (*CHEAP, "fdiv", "fcmp", "select") or (
         x.opname == "call" and x.callee is y.callee and x.callee.name.startswith("llvm.")
     )
-    if not pure or any(
-        getattr(x, n, None) != getattr(y, n, None) for n in ("opname", "op", "flags")
-    ):
+    if not pure or any(getattr(x, n, None) != getattr(y, n, None) for n in ("opname", "op", "flags")):
         return False
     if not all(_alike(a, b, known) for a, b in zip(x.operands, y.operands, strict=True)):
         return False
@@ -233,10 +225,7 @@ class SiteLoops:
         if over.range is not None:
             first, last = over.range
             groups = b.sdiv(b.sub(last, first), I64(TOGETHER))
-            begin, end = (
-                b.add(first, b.mul(self._share(groups, place), I64(TOGETHER)))
-                for place in (begin, end)
-            )
+            begin, end = (b.add(first, b.mul(self._share(groups, place), I64(TOGETHER))) for place in (begin, end))
         if self.e.few:
             begin, end = I64(0), I64(self.lanes)
         over.passes.append(Pass(b, begin, end))
@@ -244,9 +233,7 @@ class SiteLoops:
     def _share(self, many: ir.Value, place: ir.Value) -> ir.Value:
         """Where among so many things the thread's begin or end that has this place among the sites."""
         b, count = self.b, self.t.state.over.sites.count.value
-        place = b.select(
-            b.icmp_signed("<", place, count), place, count
-        )  # the last end is rounded up
+        place = b.select(b.icmp_signed("<", place, count), place, count)  # the last end is rounded up
         return b.sdiv(b.add(b.mul(many, place), b.sdiv(count, I64(2))), count)
 
     def _close(self, lanes: int | None = None) -> None:
@@ -255,9 +242,7 @@ class SiteLoops:
         over, here = state.over, state.over.passes[-1]
         if state.raises:
             before = b.load(over.where, typ=I64)
-            failed = b.and_(
-                self.e.any(self.e.load(state.failed)).value, b.icmp_signed("<", before, I64(0))
-            )
+            failed = b.and_(self.e.any(self.e.load(state.failed)).value, b.icmp_signed("<", before, I64(0)))
             b.store(b.select(failed, here.index, before), over.where)
         here.close(b, lanes or self.lanes)
 
@@ -305,9 +290,7 @@ class SiteLoops:
         if over is None:
             raise NotCompilable(f"`{word}` outside of a loop over sites")
         if t.state.region != over.region or t.active(t.frames[-1].env) is not None or t.state.depth:
-            raise NotCompilable(
-                f"`{word}` inside a branch or a loop of unknown length: all sites come together there"
-            )
+            raise NotCompilable(f"`{word}` inside a branch or a loop of unknown length: all sites come together there")
         if len(t.state.escapes) > over.attempts or self.b.function is not self.kernel:
             raise NotCompilable(f"`{word}` inside of an attempt or a native function")
         if over.saved:
@@ -343,11 +326,7 @@ class SiteLoops:
 
     def value_at(self, sites: SiteRows, i: Any, k: Any, layout: Layout) -> Any:
         """Value number k of site i, gathered lane by lane if the lanes ask for several."""
-        b, start, over = (
-            self.b,
-            self.e.cast(sites.start(k, layout), "i", False)[0],
-            self.t.state.over,
-        )
+        b, start, over = (self.b, self.e.cast(sites.start(k, layout), "i", False)[0], self.t.state.over)
         rows = [(sites, self.e.num([b.add(start, I64(j))])) for j in range(layout.width)]
         if over is not None and isinstance(i, Num) and i.varying:
             numbers = self._gathered(rows, i)
@@ -394,9 +373,7 @@ class SiteLoops:
             return Meeting(Published(layout, came, None), None)
         if over.range is not None:
             raise NotCompilable("sites of which some rest meet with numbers that lie in memory")
-        rows = self._publish(
-            over, [self.scratch._kept(x, k) for x, k in zip(numbers, layout.kinds)]
-        )
+        rows = self._publish(over, [self.scratch._kept(x, k) for x, k in zip(numbers, layout.kinds)])
         self._pass_on()
         self._open()
         over.met = Published(layout, rows, over.meetings, len(over.passes), numbers)
@@ -436,8 +413,7 @@ class SiteLoops:
         return self._published(
             meeting,
             lambda rows: [
-                self.e.num([b.load(rows.after(rows.at(row), place), align=8, typ=F64)])
-                for rows, row in rows
+                self.e.num([b.load(rows.after(rows.at(row), place), align=8, typ=F64)]) for rows, row in rows
             ],
         )
 
@@ -483,9 +459,7 @@ class SiteLoops:
             low = b.sub(number, b.sub(blocks, I64(1)))
             low = b.select(b.icmp_signed(">", low, I64(0)), low, I64(0))
             many = b.sub(b.add(b.sdiv(number, I64(2)), I64(1)), low)
-            begin, stop = (
-                b.mul(b.add(low, self._share(many, place)), block) for place in b.function.args[4:6]
-            )
+            begin, stop = (b.mul(b.add(low, self._share(many, place)), block) for place in b.function.args[4:6])
             stop = b.select(b.icmp_signed("<", stop, count), stop, count)
             over.passes.append(Pass(b, begin, stop, paired=True))
             i = over.passes[-1].index
@@ -527,8 +501,7 @@ class SiteLoops:
         """Numbers that eight sites have published, from site j on."""
         place = self.e.cast(j, "i", False)[0]
         return self._published(
-            pairs.meeting,
-            lambda rows: [self.e.num(self._eight(r.after(r.at(k), place))) for r, k in rows],
+            pairs.meeting, lambda rows: [self.e.num(self._eight(r.after(r.at(k), place))) for r, k in rows]
         )
 
     def sums(self, pairs: Rounds, j: Any) -> Any:
@@ -565,9 +538,7 @@ class SiteLoops:
     def _of_eight(self, value: Any, formula: Callable[[Num], Num]) -> Any:
         """A value whose numbers of eight sites were exchanged."""
         layout = carried_layout(value)
-        numbers = [
-            formula(x) if isinstance(x, Num) and x.varying else x for x in leaves(value, layout)
-        ]
+        numbers = [formula(x) if isinstance(x, Num) and x.varying else x for x in leaves(value, layout)]
         return build(layout, iter(numbers))
 
     def _moved(self, x: Num, by: int, period: int = EIGHT) -> Num:
@@ -596,9 +567,7 @@ class SiteLoops:
 
     def again_and_again(self, value: Any, period: Any) -> Any:
         """Numbers of the first sites of eight, repeated."""
-        return self._of_eight(
-            value, lambda x: self._by_period(period, {p: self._moved(x, 0, p) for p in (1, 2, 4)})
-        )
+        return self._of_eight(value, lambda x: self._by_period(period, {p: self._moved(x, 0, p) for p in (1, 2, 4)}))
 
     def only(self, value: Any, period: Any) -> Any:
         """Numbers of the first sites of eight, and zeros."""
@@ -608,9 +577,7 @@ class SiteLoops:
 
         def cut(x: Num) -> Num:
             type_ = ir.VectorType(I64, e.width)
-            places = [
-                ir.Constant(type_, [*range(r, r + e.width)]) for r in range(0, EIGHT, e.width)
-            ]
+            places = [ir.Constant(type_, [*range(r, r + e.width)]) for r in range(0, EIGHT, e.width)]
             there = [b.icmp_signed("<", p, e.spread(count, e.width)) for p in places]
             return e.num([b.select(t, v, zero) for t, v in zip(there, x.values, strict=True)])
 
@@ -640,8 +607,7 @@ class SiteLoops:
             lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(r, r + e.width)])
             place = b.and_(b.add(lanes, e.spread(turns, e.width)), ring)
             there = [
-                b.icmp_signed("<", x, e.spread(b.sub(count, y), e.width))
-                for x, y in ((lanes, first), (place, second))
+                b.icmp_signed("<", x, e.spread(b.sub(count, y), e.width)) for x, y in ((lanes, first), (place, second))
             ]
             found.append(b.and_(b.and_(*there), e.spread(other, e.width)))
         return e.num(found)
@@ -673,9 +639,7 @@ class SiteLoops:
             over.again.add(found[-1])
         return [b.sext(x, I64) for x in found]
 
-    def _gathered(
-        self, rows: list[tuple[SiteRows, Any]], which: Num, reach: list[ir.Value] | None = None
-    ) -> list[Num]:
+    def _gathered(self, rows: list[tuple[SiteRows, Any]], which: Num, reach: list[ir.Value] | None = None) -> list[Num]:
         """The numbers of rows at the places of the lanes: side by side, as neighbours on a lattice
         mostly are; out of sixteen that are; or lane by lane.
 
@@ -721,23 +685,17 @@ class SiteLoops:
                 b.icmp_signed("==", places, b.add(e.spread(first, e.width), steps))
                 for places, first in zip(which.values, begins)
             ]
-            together = all_of(
-                b.icmp_signed("==", b.bitcast(x, bits), ir.Constant(bits, -1)) for x in same
-            )
+            together = all_of(b.icmp_signed("==", b.bitcast(x, bits), ir.Constant(bits, -1)) for x in same)
             if_so(together, lambda k, r: some(k, begins[r]))
         else:
             begins = reach
-            if_so(
-                all_of(b.icmp_signed(">=", x, I64(0)) for x in reach),
-                lambda k, r: some(k, begins[r]),
-            )
+            if_so(all_of(b.icmp_signed(">=", x, I64(0)) for x in reach), lambda k, r: some(k, begins[r]))
             least = [b.select(b.icmp_signed("<", x, I64(0)), b.not_(x), x) for x in reach]
             among = [b.sub(p, e.spread(x, EIGHT)) for p, x in zip(which.values, least)]
             if_so(
                 all_of(b.icmp_signed("!=", x, I64(FAR)) for x in reach),
                 lambda k, r: b.call(
-                    self._of_sixteen(),
-                    [some(k, least[r]), among[r], some(k, b.add(least[r], I64(EIGHT)))],
+                    self._of_sixteen(), [some(k, least[r]), among[r], some(k, b.add(least[r], I64(EIGHT)))]
                 ),
             )
         singly = [[b.extract_element(places, lane) for lane in lanes] for places in which.values]
@@ -844,10 +802,7 @@ class SiteLoops:
         if any(isinstance(x, Num) and x.varying for x in (*found, enough)):
             raise NotCompilable("a judge of sweeps that asks single sites")
         following = b.add(count, I64(1))
-        more = b.and_(
-            e.cast(e.negation(e.lift(enough)), "b", False)[0],
-            b.icmp_signed("<", following, I64(turns)),
-        )
+        more = b.and_(e.cast(e.negation(e.lift(enough)), "b", False)[0], b.icmp_signed("<", following, I64(turns)))
         for phi, x, y in zip(phis, given, found, strict=True):
             come_from(phi, e.cast(x, phi.kind, False), before)
             come_from(phi, e.cast(y, phi.kind, False), b.block)

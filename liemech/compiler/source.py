@@ -34,13 +34,9 @@ class Source:
         """The value of a name that is not local: from the enclosing function, the module or Python."""
         code = self.function.__code__
         if name in code.co_varnames or (name in code.co_cellvars and name not in code.co_freevars):
-            raise NotCompilable(
-                f"`{name}` may have no value here: give it one on every way to this line"
-            )
+            raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
         if name not in (*names(code), *code.co_freevars):
-            raise NotCompilable(
-                f"`{name}`: in a class Python gives private names with two underscores others; use one"
-            )
+            raise NotCompilable(f"`{name}`: in a class Python gives private names with two underscores others; use one")
         return self.reads.outer(self.function, name)
 
 
@@ -55,18 +51,12 @@ def _syntax_tree(code: types.CodeType) -> ast.FunctionDef | ast.Lambda:
         return alone
     text = "".join(lines)
     if not text:
-        raise NotCompilable(
-            f"the source of {name} cannot be read: define it in a file or a notebook"
-        )
+        raise NotCompilable(f"the source of {name} cannot be read: define it in a file or a notebook")
     alike = [
-        (n, c)
-        for n, c in _functions(file, text)
-        if c.co_name == code.co_name and code_token(c) == code_token(code)
+        (n, c) for n, c in _functions(file, text) if c.co_name == code.co_name and code_token(c) == code_token(code)
     ]
     if not alike:
-        raise NotCompilable(
-            f"the source of {name} cannot be told: {file} has changed since it was imported"
-        )
+        raise NotCompilable(f"the source of {name} cannot be told: {file} has changed since it was imported")
     return min(alike, key=lambda pair: abs(pair[1].co_firstlineno - code.co_firstlineno))[0]
 
 
@@ -124,11 +114,7 @@ def _functions(file: str, text: str) -> list[tuple[ast.FunctionDef | ast.Lambda,
             if places:
                 around = [n for n in candidates if all(_within(p, _body(n)) for p in places)]
             else:  # it only returns a constant, which Python 3.12 has no place for
-                around = [
-                    n
-                    for n in candidates
-                    if isinstance(n, ast.Lambda) and _alone(n, file) == code_token(code)
-                ]
+                around = [n for n in candidates if isinstance(n, ast.Lambda) and _alone(n, file) == code_token(code)]
             candidates = sorted(around, key=_extent)[:1]
         pairs += [(node, code) for node in candidates]
     return pairs
@@ -160,9 +146,7 @@ def _places(code: types.CodeType) -> list[Place]:
 
 
 def _body(node: ast.FunctionDef | ast.Lambda) -> Place:
-    first, last = (
-        (node.body, node.body) if isinstance(node, ast.Lambda) else (node.body[0], node.body[-1])
-    )
+    first, last = (node.body, node.body) if isinstance(node, ast.Lambda) else (node.body[0], node.body[-1])
     return (first.lineno, first.col_offset), (last.end_lineno or 0, last.end_col_offset or 0)
 
 

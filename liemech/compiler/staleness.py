@@ -46,9 +46,7 @@ class Guard:
     different.
     """
 
-    def __init__(
-        self, steps: list[Step], values: list[Any], all_tokens: list[str], known: Known
-    ) -> None:
+    def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str], known: Known) -> None:
         self.steps, self.values, self.tokens, self.known = steps, values, all_tokens, known
         # relations: the reads that lead to the two
         self.pairs: list[tuple[tuple[int, int], int]] = []
@@ -77,10 +75,7 @@ class Guard:
             if all_tokens[i] and above is not None and parent >= 0:
                 self.of_arguments.append(([*above, (how, name)], i))
             elif all_tokens[i] or (
-                parent >= 0
-                and above is None
-                and how in ("item", "value")
-                and is_mutable(values[parent])
+                parent >= 0 and above is None and how in ("item", "value") and is_mutable(values[parent])
             ):
                 self.compared.append(i)
             if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
@@ -102,9 +97,7 @@ class Guard:
                     found[i] = words
         return found
 
-    def _expressions(
-        self, shown: Collection[int]
-    ) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
+    def _expressions(self, shown: Collection[int]) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
         """One for each module, which sees its names as any function there does, and one for
         everything else.
 
@@ -128,10 +121,7 @@ class Guard:
         for path, i in self.of_arguments:
             found.append(f"{self._along(path)} is _values[{i}]")
         for pair, i in self.pairs:
-            left, right = [
-                f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k])
-                for k in pair
-            ]
+            left, right = [f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k]) for k in pair]
             related = self._other(RELATIONS[self.steps[i][1]])
             found.append(f"{related}({left}, {right}) is {self.values[i]}")
         same = [_expression(found, known | {f"o{i}": value for i, value in enumerate(self.others)})]
@@ -234,10 +224,7 @@ class Guard:
                     return None
                 self.values[i] = value
         for pair, i in self.pairs:
-            left, right = [
-                self.values[k] if self.paths[k] is None else self._now(self.paths[k], args)
-                for k in pair
-            ]
+            left, right = [self.values[k] if self.paths[k] is None else self._now(self.paths[k], args) for k in pair]
             if RELATIONS[self.steps[i][1]](left, right) is not self.values[i]:
                 return False
         return True

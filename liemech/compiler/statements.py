@@ -74,18 +74,14 @@ class Statements(Expressions):
                 self.aliases.require_own(env[name], ast.Name(name), env)
                 items = self.expression(item, env)
                 self.assign(
-                    ast.Name(name),
-                    [*env[name], *([items] if method == "append" else self.iterate(items))],
-                    env,
+                    ast.Name(name), [*env[name], *([items] if method == "append" else self.iterate(items))], env
                 )
             case ast.Expr():
                 self.expression(node.value, env)
             case ast.FunctionDef(name=name, decorator_list=[]):
                 self.assign(ast.Name(name), self.nested(node, env), env)
             case ast.Assert():
-                failure = ast.If(
-                    ast.UnaryOp(ast.Not(), node.test), [ast.copy_location(ast.Raise(), node)], []
-                )
+                failure = ast.If(ast.UnaryOp(ast.Not(), node.test), [ast.copy_location(ast.Raise(), node)], [])
                 return self.statement(ast.copy_location(failure, node), env)
             case ast.If():
                 test = self.truth(self.expression(node.test, env))
@@ -158,13 +154,10 @@ class Statements(Expressions):
                     places = range(len(changed))
                     self.item(list(places), index)  # which fails outside of the list
                     changed = [
-                        self.where((index == i) | (index == i - len(changed)), value, changed[i])
-                        for i in places
+                        self.where((index == i) | (index == i - len(changed)), value, changed[i]) for i in places
                     ]
                 else:
-                    changed[index] = (
-                        list(self.iterate(value)) if isinstance(index, slice) else value
-                    )
+                    changed[index] = list(self.iterate(value)) if isinstance(index, slice) else value
                 self.assign(target.value, changed, env)
             case _:
                 raise NotCompilable(
@@ -204,10 +197,7 @@ class Statements(Expressions):
             raise NotCompilable("`raise` outside an attempted step")
         self.state.raises += 1
         e = self.emitter
-        e.store(
-            True if mask is None else e.logic("or_", e.load(self.state.failed), mask),
-            self.state.failed,
-        )
+        e.store(True if mask is None else e.logic("or_", e.load(self.state.failed), mask), self.state.failed)
         if self.state.depth == 0 and mask is None:
             self.state.escapes[-1].append(Open(b.block, {}))
             return False
@@ -325,9 +315,7 @@ class Statements(Expressions):
         """A loop with `else`: what is there runs unless the loop was left by `break`."""
         broken = f"<left the loop of line {node.lineno}>"
         body = [_Breaks(broken).visit(copy.deepcopy(statement)) for statement in node.body]
-        loop = ast.copy_location(
-            type(node)(**{**dict(ast.iter_fields(node)), "body": body, "orelse": []}), node
-        )
+        loop = ast.copy_location(type(node)(**{**dict(ast.iter_fields(node)), "body": body, "orelse": []}), node)
         otherwise = ast.If(ast.UnaryOp(ast.Not(), ast.Name(broken, ast.Load())), node.orelse, [])
         env[broken] = False
         return self.block([loop, ast.copy_location(otherwise, node)], env)
@@ -340,12 +328,7 @@ class _Breaks(ast.NodeTransformer):
         self.name = name
 
     def visit_Break(self, node: ast.Break) -> Any:
-        return [
-            ast.copy_location(
-                ast.Assign([ast.Name(self.name, ast.Store())], ast.Constant(True)), node
-            ),
-            node,
-        ]
+        return [ast.copy_location(ast.Assign([ast.Name(self.name, ast.Store())], ast.Constant(True)), node), node]
 
     def visit_For(self, node: Any) -> Any:
         node.orelse = [line for statement in node.orelse for line in _lines(self.visit(statement))]

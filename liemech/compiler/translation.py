@@ -105,9 +105,7 @@ class Interpreter(Statements):
                 for slopes in (tangent, carried)
             },
             sums.bilinear_map: lambda *x: memory_loops.sums(emitter, sums.bilinear_map, *x),
-            sums.antisymmetric_map: lambda *x: memory_loops.sums(
-                emitter, sums.antisymmetric_map, *x
-            ),
+            sums.antisymmetric_map: lambda *x: memory_loops.sums(emitter, sums.antisymmetric_map, *x),
             tables.entry: lambda *x: lookups.entry(emitter, *x),
             tables.whole: lambda *x: lookups.whole(emitter, *x),
             philox.uniforms: emitter.uniforms,
@@ -126,12 +124,7 @@ class Interpreter(Statements):
             return self.call(function.__func__, function.__self__, *args, **options)
         if isinstance(function, Closure):
             self.deeper()
-            frame = Frame(
-                function.frame.source,
-                function.node,
-                function.arguments(args, options),
-                function.frame,
-            )
+            frame = Frame(function.frame.source, function.node, function.arguments(args, options), function.frame)
             return self.enter(frame)
         intrinsic = self.intrinsics.get(function) if isinstance(function, Hashable) else None
         if intrinsic is not None:
@@ -147,10 +140,7 @@ class Interpreter(Statements):
             return self.construct(function, args, options)
         if function in (Vec, Mat):
             return function(*args, **options)
-        if (
-            function in (Series, SeriesInMemory, *PAIRS)
-            or getattr(function, "__module__", None) in _ARITHMETIC
-        ):
+        if function in (Series, SeriesInMemory, *PAIRS) or getattr(function, "__module__", None) in _ARITHMETIC:
             if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(
                 ("Vec.", "Mat.", "Series.", "SeriesInMemory.")
             ):
@@ -159,10 +149,7 @@ class Interpreter(Statements):
         if isinstance(function, (large.LinearMap, large.DiagonalSolver)):
             return function(*args)
         if isinstance(function, types.FunctionType) and not _of_numbers(function):
-            if function.__module__ in (
-                sums.__name__,
-                large.__name__,
-            ):  # Python runs these as they stand
+            if function.__module__ in (sums.__name__, large.__name__):  # Python runs these as they stand
                 self.reads.settled(*args)
                 return function(*args, **options)
             return self.inline(function, args, options)
@@ -176,18 +163,14 @@ class Interpreter(Statements):
     def known(self, function: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         """A call that Python makes now, of what is known now."""
         name = getattr(function, "__qualname__", repr(function))
-        method = isinstance(function, types.BuiltinMethodType) and not isinstance(
-            function.__self__, types.ModuleType
-        )
+        method = isinstance(function, types.BuiltinMethodType) and not isinstance(function.__self__, types.ModuleType)
         if not (
             name.rpartition(".")[2] in _READING.split()
             if method
             else (isinstance(function, Hashable) and function in _PYTHON) or _of_numbers(function)
         ):
             raise NotCompilable(f"`{name}` is not known to native code: {instead_of(function)}")
-        if method and (
-            not content_hashes.known(function.__self__, False) or self.reads.from_outside(function)
-        ):
+        if method and (not content_hashes.known(function.__self__, False) or self.reads.from_outside(function)):
             raise NotCompilable(
                 f"`{name}` asks an object of {type(function.__self__).__qualname__}, whose content "
                 "nobody has read: give its value to a name or a field before the run"
@@ -199,9 +182,7 @@ class Interpreter(Statements):
         if "out" in options or (isinstance(function, np.ufunc) and len(args) > function.nin):
             raise NotCompilable(f"`{name}` changes an array in place: assign its result to a name")
         if varies([*args, *options.values(), *([function.__self__] if method else [])]):
-            raise NotCompilable(
-                f"`{name}` of numbers known only at run time: {instead_of(function)}"
-            )
+            raise NotCompilable(f"`{name}` of numbers known only at run time: {instead_of(function)}")
         self.reads.settled(*args, *options.values(), inside=function not in (dict, range, slice))
         if function in _TEXTS or (method and isinstance(function.__self__, str)):
             for x in (*args, *options.values()):
@@ -212,9 +193,7 @@ class Interpreter(Statements):
         if len(self.frames) > DEPTH:
             raise NotCompilable("formulas call each other without end")
 
-    def inline(
-        self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]
-    ) -> Any:
+    def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         self.deeper()
         source = self.reads.source(function)
         if bare(function) is not function and any(isinstance(x, Array) for x in args):
@@ -245,9 +224,7 @@ class Interpreter(Statements):
             if not isinstance(frame.scope, ast.FunctionDef):
                 return self.expression(frame.scope.body, frame.env)  # type: ignore[union-attr]
             if self.block(frame.scope.body, frame.env):
-                frame.returns.append(
-                    Open(self.builder.block, {RETURN: None} | frame.captured(frame.env))
-                )
+                frame.returns.append(Open(self.builder.block, {RETURN: None} | frame.captured(frame.env)))
             if not any(RETURN in way.env for way in frame.returns):
                 raise NotCompilable("every way through the formula raises")
             frame.env = {}
@@ -267,8 +244,7 @@ class Interpreter(Statements):
             if f.name not in given:
                 if f.default is dataclasses.MISSING or not f.init:
                     raise NotCompilable(
-                        f"{cls.__name__} needs its field {f.name} (derived "
-                        "fields cannot be made by formulas)"
+                        f"{cls.__name__} needs its field {f.name} (derived fields cannot be made by formulas)"
                     )
                 given[f.name] = f.default
         if len(given) != len(fields) or len(args) > len(fields):
@@ -323,21 +299,14 @@ class Interpreter(Statements):
         return super().where(condition, yes, no)
 
     def named(self, value: Any, name: str, *default: Any) -> Any:
-        return (
-            default[0]
-            if default and not self.call(hasattr, value, name)
-            else self.attribute(value, name)
-        )
+        return default[0] if default and not self.call(hasattr, value, name) else self.attribute(value, name)
 
     def attempt(self, function: Any, *args: Any) -> Any:
         """The value of a call in which formulas may raise; after it, `accepted` tells whether one
         did.
         """
         b, e = self.builder, self.emitter
-        outer, self.state.failed = (
-            self.state.failed,
-            e.slot(),
-        )  # one attempt may be a part of another
+        outer, self.state.failed = (self.state.failed, e.slot())  # one attempt may be a part of another
         e.store(False, self.state.failed)
         self.state.escapes.append([])
         before, self.state.raises, self.state.marks = (self.state.raises, self.state.marks), 0, 0
@@ -345,13 +314,7 @@ class Interpreter(Statements):
         escapes, (self.state.raises, self.state.marks) = self.state.escapes.pop(), before
         self.state.failed, self.state.outcome = outer, self.state.failed
         joined: Env = {}
-        self.join(
-            [
-                Open(b.block, {"": result}),
-                *(Open(o.block, {"": self.blank(result)}) for o in escapes),
-            ],
-            joined,
-        )
+        self.join([Open(b.block, {"": result}), *(Open(o.block, {"": self.blank(result)}) for o in escapes)], joined)
         return joined[""]
 
     def accepted(self, value: Any, shown: Any, layout: Any = None) -> Num:
@@ -374,17 +337,13 @@ def _parameters(source: Source, args: tuple[Any, ...], options: dict[str, Any]) 
     )
     if len(args) == len(names) and not options and not special and not code.co_kwonlyargcount:
         return dict(zip(names, args, strict=True))
-    return bound(
-        inspect.signature(source.function, follow_wrapped=False), source.name, args, options
-    )
+    return bound(inspect.signature(source.function, follow_wrapped=False), source.name, args, options)
 
 
 def _of_numbers(function: Any) -> bool:
     """A function of `math` or NumPy, or a type of numbers."""
     if isinstance(function, type):
-        return not of_python(function) and issubclass(
-            function, (np.generic, fractions.Fraction, decimal.Decimal)
-        )
+        return not of_python(function) and issubclass(function, (np.generic, fractions.Fraction, decimal.Decimal))
     name = getattr(function, "__name__", "")
     if isinstance(function, np.ufunc):
         return getattr(np, name, None) is function

@@ -98,8 +98,7 @@ def checked(where: str, group: LieGroup, g: Any, covariance: Any, side: str) -> 
     least = np.linalg.eigvalsh(Q).min()
     if least < -ROUNDING:
         raise InvalidInput(
-            f"{where}: covariance has the negative eigenvalue {least:.1e} (in units in which the "
-            "variances are 1)"
+            f"{where}: covariance has the negative eigenvalue {least:.1e} (in units in which the variances are 1)"
         )
     return Belief(group, element, np.broadcast_to(P, (*lead, group.dim, group.dim)), side)
 

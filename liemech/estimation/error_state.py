@@ -4,26 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..formulas import (
-    Ambient,
-    Element,
-    Mat,
-    Vec,
-    dot,
-    mat,
-    record,
-    solve,
-    transpose,
-    vec,
-)
-from .errors_of_elements import (
-    by_error,
-    moved,
-    squares,
-    symmetric,
-    transition,
-    transported,
-)
+from ..formulas import Ambient, Element, Mat, Vec, dot, mat, record, solve, transpose, vec
+from .errors_of_elements import by_error, moved, squares, symmetric, transition, transported
 from .filter import Correction, Filter
 
 

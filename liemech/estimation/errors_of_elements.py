@@ -28,8 +28,7 @@ def check_side(where: str, side: Any) -> None:
     """Refuse what is neither "left" nor "right"."""
     if side not in SIDES:
         raise InvalidInput(
-            f'{where}: side is "left", the error seen from the body, or "right", seen from space; '
-            f"got {side!r}"
+            f'{where}: side is "left", the error seen from the body, or "right", seen from space; got {side!r}'
         )
 
 

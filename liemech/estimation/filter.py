@@ -76,9 +76,7 @@ class Filter(Record):
         super().__post_init__()
         check_side(type(self).__name__, self.side)
         if not isinstance(self.process, Process):
-            raise InvalidType(
-                f"{type(self).__name__}: process must be a Process; got {self.process!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: process must be a Process; got {self.process!r}")
 
     @cached_property
     def _known(self) -> dict[Any, Correction]:
@@ -127,9 +125,7 @@ class Filter(Record):
         correction = self._correction("update", belief, sensor, gate)
         of = sensor.elements
         if of is not None and not np.all(of.contains(z)):
-            raise InvalidInput(
-                f"{type(self).__name__}.update: z is not in {of!r}: {_reason(of, z)}"
-            )
+            raise InvalidInput(f"{type(self).__name__}.update: z is not in {of!r}: {_reason(of, z)}")
         g, covariance, nis = correction.corrected(belief.g, belief.covariance, z)
         return Belief(belief.group, g, covariance, self.side, nis, nis <= correction.limit)
 
@@ -147,8 +143,7 @@ class Filter(Record):
             )
         if belief.group is not self.group and belief.group != self.group:
             raise InvalidInput(
-                f"{type(self).__name__}.{name}: the belief is of {belief.group!r}, the filter of "
-                f"{self.group!r}"
+                f"{type(self).__name__}.{name}: the belief is of {belief.group!r}, the filter of {self.group!r}"
             )
         if belief.side != self.side:
             raise InvalidInput(
@@ -162,9 +157,7 @@ class Filter(Record):
         found = kept.get((id(sensor), gate))
         if found is None or found.sensor is not sensor:
             if not isinstance(sensor, Sensor):
-                raise InvalidType(
-                    f"{type(self).__name__}.{name}: sensor must be a Sensor; got {sensor!r}"
-                )
+                raise InvalidType(f"{type(self).__name__}.{name}: sensor must be a Sensor; got {sensor!r}")
             if sensor.group != self.group:
                 raise InvalidInput(
                     f"{type(self).__name__}.{name}: the sensor measures {sensor.group!r}, the filter "

@@ -106,17 +106,13 @@ def fit(
     last = max(int(at.max(initial=0)) for _, at, _ in seen)
     if prior is not None:
         known = prior.seen_from("left")
-        seen.append(
-            (Sight(Prior(space, known.covariance, "left"), "left"), np.array([0]), known.g[None])
-        )
+        seen.append((Sight(Prior(space, known.covariance, "left"), "left"), np.array([0]), known.g[None]))
     values = {name: np.asarray(parameter(system, name), dtype=float) for name in names[1:]}
     mover, dim, parts = Mover(space, "left"), space.dim, [*start.arrays]
 
     def linear(x: Any, before: Any) -> tuple[float, float, Any]:
         g, numbers = x
-        run = _plan(plan, numbers).tangent(
-            _state(space, start, g), steps=max(last, 1), by=list(names)
-        )
+        run = _plan(plan, numbers).tangent(_state(space, start, g), steps=max(last, 1), by=list(names))
         path = _element(space, {name: getattr(run, name) for name in parts})
         T = np.concatenate([run.tangent[name] for name in names], axis=2)
         A, b = np.zeros((T.shape[2], T.shape[2])), np.zeros(T.shape[2])
@@ -160,15 +156,7 @@ def fit(
         "fit", (_element(space, start.arrays), values), linear, step, move, tolerance, iterations
     )
     residuals = sum(len(at) * len(sight.sensor.deviation) for sight, at, _ in seen)
-    return Fit(
-        _state(space, start, g),
-        numbers,
-        np.linalg.inv(A),
-        run,
-        2.0 * cost,
-        residuals - len(A),
-        steps,
-    )
+    return Fit(_state(space, start, g), numbers, np.linalg.inv(A), run, 2.0 * cost, residuals - len(A), steps)
 
 
 ALMOST = 1e-13

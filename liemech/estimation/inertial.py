@@ -22,10 +22,7 @@ def _navigated(g: Any, turn: Vec, force: Vec, shift: Vec, gravity: Vec, h: float
     (R, v, p, _) = parts(g)
     D, dv, dp, _ = parts(SGal3().exp(vec(*(h * turn), *(h * force), 0.0, 0.0, 0.0, h)))
     return extended(
-        R @ D,
-        v + (h * gravity + R @ dv),
-        p + (h * v + ((0.5 * h * h) * gravity + R @ (dp + h * shift))),
-        0.0,
+        R @ D, v + (h * gravity + R @ dv), p + (h * v + ((0.5 * h * h) * gravity + R @ (dp + h * shift))), 0.0
     )
 
 
@@ -33,9 +30,7 @@ def _inertial(gyroscope: Vec, accelerometer: Vec, h: float) -> Vec:
     """Deviations of the means of white noise over a step, and of what their integral adds to a position
     beside them: h^3/12 of the variance h^3/3.
     """
-    return vec(
-        *(gyroscope / sqrt(h)), *(accelerometer / sqrt(h)), *(accelerometer * sqrt(h / 12.0))
-    )
+    return vec(*(gyroscope / sqrt(h)), *(accelerometer / sqrt(h)), *(accelerometer * sqrt(h / 12.0)))
 
 
 @record

@@ -15,13 +15,10 @@ def check_noise(record: Any, least: float = 0.0, **lengths: int) -> None:
     """
     for name, length in lengths.items():
         values = getattr(record, name)
-        if len(values) != length or not all(
-            least <= x < INFINITY and x > -INFINITY for x in values
-        ):
+        if len(values) != length or not all(least <= x < INFINITY and x > -INFINITY for x in values):
             kind = ", positive" if least > 0.0 else ", not negative" if not least else ""
             raise InvalidInput(
-                f"{type(record).__name__}: {name} must be {length} finite numbers{kind}; "
-                f"got {[*values]}"
+                f"{type(record).__name__}: {name} must be {length} finite numbers{kind}; got {[*values]}"
             )
 
 

@@ -57,9 +57,7 @@ class Process(Record):
         still = vec(*[0.0] * len(size))
         there = self.move(g, u, still, h)
         rates = [derivative(lambda w: self.move(g, u, w, h), still, d) for d in axes(still)]
-        return transpose(
-            mat(*[s * velocity(self.group, side, there, rate) for s, rate in zip(size, rates)])
-        )
+        return transpose(mat(*[s * velocity(self.group, side, there, rate) for s, rate in zip(size, rates)]))
 
     @property
     def inputs(self) -> int:

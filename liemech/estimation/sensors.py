@@ -46,9 +46,7 @@ class Sensor(Record):
     def covariance(self, g: Element) -> Mat:
         """Of the residual, (m, m): diagonal, the squares of `deviation`."""
         s = self.deviation
-        return mat(
-            *[[s[i] * s[i] if i == j else 0.0 for j in range(len(s))] for i in range(len(s))]
-        )
+        return mat(*[[s[i] * s[i] if i == j else 0.0 for j in range(len(s))] for i in range(len(s))])
 
     @property
     def value_shape(self) -> tuple[int, ...]:
@@ -213,9 +211,7 @@ class OfPart(Sensor):
         super().__post_init__()
         factors = self.group.factors
         if not 0 <= self.part < len(factors) or factors[self.part] != self.sensor.group:
-            raise InvalidInput(
-                f"OfPart: factor {self.part} of {self.group!r} is not {self.sensor.group!r}"
-            )
+            raise InvalidInput(f"OfPart: factor {self.part} of {self.group!r} is not {self.sensor.group!r}")
 
     @property
     def deviation(self) -> Vec:

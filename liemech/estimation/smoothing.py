@@ -8,18 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import (
-    Ambient,
-    Element,
-    Mat,
-    Record,
-    Vec,
-    mat,
-    record,
-    sqrt,
-    transpose,
-    vec,
-)
+from ..formulas import Ambient, Element, Mat, Record, Vec, mat, record, sqrt, transpose, vec
 from ..formulas.arrays import real_array
 from ..formulas.frozen import frozen
 from ..groups.lie_group import LieGroup
@@ -211,19 +200,14 @@ def smooth(
         raise InvalidInput(f"smooth: prior is of {prior.group!r}, the process of {group!r}")
     u, times = _inputs(process, inputs, h)
     n = len(u)
-    sights = [
-        observed("smooth", group, side, n, number, *each)
-        for number, each in enumerate(observations)
-    ]
+    sights = [observed("smooth", group, side, n, number, *each) for number, each in enumerate(observations)]
     if prior is not None:
         known = Prior(group, prior.covariance, side)
         sights = [(Sight(known, side), np.array([0]), np.array([prior.g])), *sights]
     if initial is not None:
         path = real_array(initial, "smooth: initial")
         if path.shape != (n + 1, *group.element_shape):
-            raise InvalidInput(
-                f"smooth: initial has shape {path.shape}; it must be {(n + 1, *group.element_shape)}"
-            )
+            raise InvalidInput(f"smooth: initial has shape {path.shape}; it must be {(n + 1, *group.element_shape)}")
     elif prior is None:
         raise InvalidInput("smooth: without a prior give a path to begin with, initial=")
     else:
@@ -261,14 +245,10 @@ def smooth(
         d = -_solver(damped, E).solve(b)
         return d, float(0.5 * np.sum(d * (damping * diagonal * d - b)))
 
-    found, (D, E, _, _), cost, steps = minimise(
-        "smooth", path, linear, step, mover.moved, tolerance, iterations
-    )
+    found, (D, E, _, _), cost, steps = minimise("smooth", path, linear, step, mover.moved, tolerance, iterations)
     covariance = _solver(D, E).diagonal_of_inverse()
     residuals = n * group.dim + sum(len(s) * len(o.sensor.deviation) for o, s, _ in sights)
-    return Smoothed(
-        Belief(group, found, covariance, side), 2.0 * cost, residuals - (n + 1) * group.dim, steps
-    )
+    return Smoothed(Belief(group, found, covariance, side), 2.0 * cost, residuals - (n + 1) * group.dim, steps)
 
 
 def led(process: Process, g: Any, u: np.ndarray, h: np.ndarray) -> np.ndarray:
@@ -282,9 +262,7 @@ def led(process: Process, g: Any, u: np.ndarray, h: np.ndarray) -> np.ndarray:
 def _inputs(process: Process, inputs: Any, h: Any) -> tuple[np.ndarray, np.ndarray]:
     u = real_array(inputs, "smooth: inputs")
     if u.ndim != 2 or u.shape[1] != process.inputs or not len(u):
-        raise InvalidInput(
-            f"smooth: inputs has shape {u.shape}; it must be (n, {process.inputs}), a row for each step"
-        )
+        raise InvalidInput(f"smooth: inputs has shape {u.shape}; it must be (n, {process.inputs}), a row for each step")
     times = real_array(h, "smooth: h")
     if times.shape not in ((), (len(u),)) or not np.all(times > 0.0):
         raise InvalidInput(f"smooth: h is a positive step in s, or ({len(u)},) of them; got {h!r}")
@@ -307,9 +285,7 @@ def observed(
         raise InvalidInput(f"{where}: times are whole numbers from 0 {most}; got {steps!r}")
     values = real_array(z, f"{where}: values")
     if values.shape != (len(at), *sensor.value_shape):
-        raise InvalidInput(
-            f"{where}: values have shape {values.shape}; they must be {(len(at), *sensor.value_shape)}"
-        )
+        raise InvalidInput(f"{where}: values have shape {values.shape}; they must be {(len(at), *sensor.value_shape)}")
     return Sight(sensor, side), at, values
 
 

@@ -59,19 +59,7 @@ from .removable import (
     stumpff,
     versine_over,
 )
-from .vectors import (
-    cross,
-    diagonal,
-    dot,
-    horner,
-    identity_matrix,
-    mat,
-    norm,
-    outer,
-    sum,
-    transpose,
-    vec,
-)
+from .vectors import cross, diagonal, dot, horner, identity_matrix, mat, norm, outer, sum, transpose, vec
 
 # formulas are dynamically typed: floats, symbols and arrays pass through the same source
 if TYPE_CHECKING:

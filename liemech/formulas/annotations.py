@@ -73,9 +73,7 @@ def own_annotations(thing: Any) -> Mapping[str, Any]:
         import annotationlib
 
         return annotationlib.get_annotations(thing, format=annotationlib.Format.FORWARDREF)
-    return (
-        vars(thing).get("__annotations__", {}) if isinstance(thing, type) else thing.__annotations__
-    )
+    return vars(thing).get("__annotations__", {}) if isinstance(thing, type) else thing.__annotations__
 
 
 def members(annotation: Any, *places: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -109,11 +107,7 @@ def _union(parts: Iterable[Any], places: tuple[Mapping[str, Any], ...]) -> tuple
 
 def _value(annotation: Any, places: tuple[Mapping[str, Any], ...]) -> Any:
     for _ in range(8):  # a quoted text may stand for another
-        text = (
-            annotation
-            if isinstance(annotation, str)
-            else getattr(annotation, "__forward_arg__", None)
-        )
+        text = annotation if isinstance(annotation, str) else getattr(annotation, "__forward_arg__", None)
         if not isinstance(text, str):
             return annotation
         # what Python 3.14 knows about a text of its own making
@@ -143,13 +137,7 @@ def _later(value: Callable[[], Any]) -> Any:
 
 # ------------------------------------------------------------------ of methods
 
-_KINDS = {
-    id(Element): "Element",
-    id(Ambient): "Ambient",
-    id(Mat): "Mat",
-    id(Vec): "Vec",
-    id(float): "float",
-}
+_KINDS = {id(Element): "Element", id(Ambient): "Ambient", id(Mat): "Mat", id(Vec): "Vec", id(float): "float"}
 _WRAPPERS = {id(x) for x in (typing.Optional, typing.Union, Annotated, typing.Final)}
 
 

@@ -77,10 +77,7 @@ class Anything(Operand, StandIn):
     def _function(self, *others: Any) -> Anything:
         """Some function of this number and others."""
         numbers = [self, *(x for x in others if isinstance(x, Anything))]
-        return Anything(
-            inf if any(x.degree for x in numbers) else 0,
-            frozenset().union(*(x.of for x in numbers)),
-        )
+        return Anything(inf if any(x.degree for x in numbers) else 0, frozenset().union(*(x.of for x in numbers)))
 
     def elementary(self, name: str, *x: Any) -> Any:
         """A function of the number, except `copysign`, which looks at a sign."""

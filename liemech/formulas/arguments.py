@@ -20,9 +20,7 @@ from .signatures import ARRAYS, RECORDS, Signature, keywords, misspelt
 from .vectors import Mat, Vec
 
 
-def checked(
-    signature: Signature, owner: Any, args: tuple[Any, ...], options: dict[str, Any]
-) -> Any:
+def checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
     """The method with every argument converted and checked."""
     formula, arguments = signature.formula, signature.bound(args, options)
     where = f"{type(owner).__name__}.{signature.name}"
@@ -123,14 +121,8 @@ _OPTIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "int": ("a whole number", _whole),
     "bool": ("True or False", _truth),
     "dict": ("a dict", _of(dict)),
-    "Generator | int": (
-        "a seed, a whole number from 0 on, or a numpy.random.Generator",
-        _generator,
-    ),
-    "int | tuple": (
-        "a whole number from 0 on, or several as a tuple, below 2**31 altogether",
-        _axes,
-    ),
+    "Generator | int": ("a seed, a whole number from 0 on, or a numpy.random.Generator", _generator),
+    "int | tuple": ("a whole number from 0 on, or several as a tuple, below 2**31 altogether", _axes),
 }
 """By annotation, the words for other arguments and their conversions."""
 
@@ -142,8 +134,7 @@ def _whole_array(signature: Signature, space: Any, where: str, name: str, value:
     leading = array.shape[: max(array.ndim - len(shape), 0)] if many else ()
     if array.shape != leading + shape:
         raise InvalidInput(
-            f"{where}: {name} has shape {array.shape}; "
-            f"it{'s last axes' if many else ''} must be {shape}"
+            f"{where}: {name} has shape {array.shape}; it{'s last axes' if many else ''} must be {shape}"
         )
     if many:
         check_elements(space, where, name, array, leading)
@@ -157,11 +148,7 @@ def _is_small(value: Any, kind: str) -> bool:
     if isinstance(value, (int, float, np.integer, np.floating)):
         return not isinstance(value, bool)
     # series, symbols
-    return (
-        isinstance(value, (StandIn, Pair))
-        or hasattr(value, "elementary")
-        or hasattr(value, "free_symbols")
-    )
+    return isinstance(value, (StandIn, Pair)) or hasattr(value, "elementary") or hasattr(value, "free_symbols")
 
 
 def _number(where: str, name: str, value: Any) -> Any:
@@ -177,9 +164,7 @@ def _number(where: str, name: str, value: Any) -> Any:
     return number
 
 
-def _small(
-    signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any]
-) -> Any:
+def _small(signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any]) -> Any:
     """The formula on small vectors, the shapes known to be right."""
     _check_shapes(signature, space, where, arguments)
     try:
@@ -190,9 +175,7 @@ def _small(
     except KeyError as error:
         for name, value in arguments.items():
             if isinstance(value, dict) and error.args[0] not in value:
-                raise InvalidInput(
-                    f"{where}: {name} has no {error.args[0]!r}; got {shown(value)}"
-                ) from error
+                raise InvalidInput(f"{where}: {name} has no {error.args[0]!r}; got {shown(value)}") from error
         raise
 
 

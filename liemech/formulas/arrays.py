@@ -32,9 +32,7 @@ def real_array(value: Any, name: str, or_complex: bool = False) -> np.ndarray:
         return array
     if array.dtype.kind not in ("iufc" if or_complex else "iuf"):
         kind = "complex" if or_complex else "real"
-        raise InvalidType(
-            f"{name} must be {kind} numbers; got dtype {array.dtype} from {shown(value)}"
-        )
+        raise InvalidType(f"{name} must be {kind} numbers; got dtype {array.dtype} from {shown(value)}")
     with np.errstate(over="ignore"):  # of long doubles; what becomes infinite is refused as that
         return array.astype(np.complex128 if or_complex else np.float64, copy=False)
 
@@ -50,30 +48,19 @@ def at_a_glance(value: Any, shape: tuple[int, ...]) -> Any:
     """
     kind = type(value)
     if kind is np.ndarray:
-        return (
-            of_floats(value)
-            if value.dtype is _DOUBLE and value.shape == shape and len(shape) in (1, 2)
-            else None
-        )
+        return of_floats(value) if value.dtype is _DOUBLE and value.shape == shape and len(shape) in (1, 2) else None
     if kind not in _SEQUENCES or (len(value),) != shape:
         return None
     if not _FLOAT.issuperset(map(type, value)):
         whole = [x for x in value if type(x) is int]
-        if (
-            not _REAL.issuperset(map(type, value))
-            or not -(2**53) < min(whole) <= max(whole) < 2**53
-        ):
+        if not _REAL.issuperset(map(type, value)) or not -(2**53) < min(whole) <= max(whole) < 2**53:
             return None
         value = map(float, value)
     made = tuple.__new__(Vec, value)
     return made if all(map(math.isfinite, made)) else None
 
 
-_SEQUENCES, _FLOAT, _REAL = (
-    frozenset([list, tuple, Vec]),
-    frozenset([float]),
-    frozenset([float, int]),
-)
+_SEQUENCES, _FLOAT, _REAL = (frozenset([list, tuple, Vec]), frozenset([float]), frozenset([float, int]))
 
 
 def check_finite(array: np.ndarray, name: str, leading: tuple[int, ...] = ()) -> None:
@@ -84,9 +71,7 @@ def check_finite(array: np.ndarray, name: str, leading: tuple[int, ...] = ()) ->
     finite = np.isfinite(array)
     if not finite.all():
         at = tuple(map(int, np.argwhere(~finite)[0]))
-        raise InvalidInput(
-            f"{name}{[*leading, *at] or ''} is {array[at]}; every entry must be finite"
-        )
+        raise InvalidInput(f"{name}{[*leading, *at] or ''} is {array[at]}; every entry must be finite")
 
 
 def shown(value: Any) -> str:

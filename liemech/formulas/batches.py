@@ -30,12 +30,7 @@ AXES = {"float": 0, "Vec": 1, "Mat": 2}
 
 
 def broadcast(
-    signature: Signature,
-    owner: Any,
-    space: Any,
-    where: str,
-    arguments: dict[str, Any],
-    numbers: list[str],
+    signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any], numbers: list[str]
 ) -> Any:
     """The formula on arrays: shapes, numbers and membership are checked, leading axes broadcast."""
     kinds = signature.kinds
@@ -54,9 +49,7 @@ def broadcast(
         if array.ndim < axes or (shape is not None and core != shape):
             expected = ("n",) * axes if shape is None else shape
             got = "" if array.ndim else f"; got {shown(value)}"
-            raise InvalidInput(
-                f"{where}: {name} has shape {array.shape}; its last axes must be {expected}{got}"
-            )
+            raise InvalidInput(f"{where}: {name} has shape {array.shape}; its last axes must be {expected}{got}")
         arrays[name], lead[name] = array, array.shape[: array.ndim - axes]
     try:
         leads = {*lead.values()}
@@ -86,9 +79,7 @@ def refuse(space: Any, where: str, name: str, value: Any, shown: str | None = No
         raise InvalidInput(f"{where}: {shown or name} {objection}")
 
 
-def check_elements(
-    space: Any, where: str, name: str, array: np.ndarray, leading: tuple[int, ...]
-) -> None:
+def check_elements(space: Any, where: str, name: str, array: np.ndarray, leading: tuple[int, ...]) -> None:
     """Raise InvalidInput if one of many arrays is no element of the group."""
     rows = {name: _flattened(array, leading, array.shape[len(leading) :])}
     batch = Batch(None, None, rows, {}, (name,), space, where, leading)
@@ -137,9 +128,7 @@ class Batch:
             self.owner._explain(self.rest)
             raise
         except (ZeroDivisionError, OverflowError) as error:
-            raise InvalidInput(
-                f"{self.where} has no finite value at {self.at(i)}: {error}"
-            ) from error
+            raise InvalidInput(f"{self.where} has no finite value at {self.at(i)}: {error}") from error
 
     def check(self, i: int) -> None:
         """Refuse a row with numbers that are not finite, or with an array that is no element of the

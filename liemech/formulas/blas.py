@@ -56,10 +56,7 @@ def _threads() -> Any:
         library = ctypes.CDLL(path)
         for prefix in ("scipy_openblas", "openblas"):
             with contextlib.suppress(AttributeError):
-                return (
-                    getattr(library, f"{prefix}_get_num_threads"),
-                    getattr(library, f"{prefix}_set_num_threads"),
-                )
+                return (getattr(library, f"{prefix}_get_num_threads"), getattr(library, f"{prefix}_set_num_threads"))
     return None
 
 
@@ -95,10 +92,7 @@ def product(a: np.ndarray, b: np.ndarray, is_complex: bool) -> np.ndarray:
     """A B.  a : (m, k), b : (k, n), of complex ones with a last axis of 2, in one piece."""
     (m, k), n = a.shape[:2], b.shape[1]
     found = np.empty((m, n, *a.shape[2:]))
-    no, sizes = (
-        ctypes.byref(ctypes.c_char(b"N")),
-        [ctypes.byref(ctypes.c_int(x)) for x in (n, m, k)],
-    )
+    no, sizes = (ctypes.byref(ctypes.c_char(b"N")), [ctypes.byref(ctypes.c_int(x)) for x in (n, m, k)])
     with one_thread():
         _routine("zgemm" if is_complex else "dgemm")(
             no, no, *sizes, _ONE, b.ctypes.data, sizes[0], a.ctypes.data, sizes[2], _ZERO,

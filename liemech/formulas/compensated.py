@@ -56,9 +56,7 @@ class Compensated(ByValue):
         if not _is_operand(other):
             return NotImplemented
         increment = (
-            other.value + (_rest(self) + _rest(other))
-            if isinstance(other, Compensated)
-            else other + _rest(self)
+            other.value + (_rest(self) + _rest(other)) if isinstance(other, Compensated) else other + _rest(self)
         )
         total = self.value + increment
         return Compensated(total, increment - (total - self.value))

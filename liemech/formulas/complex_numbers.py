@@ -15,9 +15,7 @@ from .numbers import INTEGER_POWER, Pair, StandIn, whole_power
 
 def is_vector(x: Any) -> bool:
     """A `Vec`, a `Mat` or an array, which know how to multiply themselves by a number."""
-    return not isinstance(x, _REAL) and (
-        isinstance(x, (tuple, list, np.ndarray)) or hasattr(x, "rows")
-    )
+    return not isinstance(x, _REAL) and (isinstance(x, (tuple, list, np.ndarray)) or hasattr(x, "rows"))
 
 
 def outranks(x: Any) -> bool:
@@ -54,9 +52,7 @@ class Complex(Pair):
             return Complex(self.re + other.re, self.im + other.im)
         if is_vector(other):
             return NotImplemented
-        return (
-            self + _ours(other) if isinstance(other, complex) else Complex(self.re + other, self.im)
-        )
+        return self + _ours(other) if isinstance(other, complex) else Complex(self.re + other, self.im)
 
     __radd__ = __add__
 
@@ -65,25 +61,17 @@ class Complex(Pair):
             return Complex(self.re - other.re, self.im - other.im)
         if is_vector(other):
             return NotImplemented
-        return (
-            self - _ours(other) if isinstance(other, complex) else Complex(self.re - other, self.im)
-        )
+        return self - _ours(other) if isinstance(other, complex) else Complex(self.re - other, self.im)
 
     def __rsub__(self, other: Any) -> Any:
         return -self + other
 
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, Complex):
-            return Complex(
-                self.re * other.re - self.im * other.im, self.re * other.im + self.im * other.re
-            )
+            return Complex(self.re * other.re - self.im * other.im, self.re * other.im + self.im * other.re)
         if is_vector(other):
             return NotImplemented
-        return (
-            self * _ours(other)
-            if isinstance(other, complex)
-            else Complex(self.re * other, self.im * other)
-        )
+        return self * _ours(other) if isinstance(other, complex) else Complex(self.re * other, self.im * other)
 
     __rmul__ = __mul__
 
@@ -92,20 +80,14 @@ class Complex(Pair):
             return self * other.conjugate() / (other.re * other.re + other.im * other.im)
         if is_vector(other):
             return NotImplemented
-        return (
-            self / _ours(other)
-            if isinstance(other, complex)
-            else Complex(self.re / other, self.im / other)
-        )
+        return self / _ours(other) if isinstance(other, complex) else Complex(self.re / other, self.im / other)
 
     def __rtruediv__(self, other: Any) -> Any:
         return NotImplemented if is_vector(other) else _ours(other) / self
 
     def __pow__(self, n: Any) -> Any:
         if type(n) is not int or abs(n) > INTEGER_POWER:
-            raise TypeError(
-                f"a power of a Complex has an int of at most {INTEGER_POWER} as exponent; got {n!r}"
-            )
+            raise TypeError(f"a power of a Complex has an int of at most {INTEGER_POWER} as exponent; got {n!r}")
         power = whole_power(self, abs(n)) if n else Complex(1.0, 0.0)
         return power if n >= 0 else 1.0 / power
 
@@ -138,10 +120,4 @@ class Complex(Pair):
 
 def _ours(x: Any) -> Complex:
     """Any number as one of ours."""
-    return (
-        x
-        if isinstance(x, Complex)
-        else Complex(x.real, x.imag)
-        if isinstance(x, complex)
-        else Complex(x, 0.0)
-    )
+    return x if isinstance(x, Complex) else Complex(x.real, x.imag) if isinstance(x, complex) else Complex(x, 0.0)

@@ -64,11 +64,7 @@ def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
 
 
 def tangent(
-    formula: Callable[[Any], Any],
-    x: Any,
-    direction: Any,
-    signed: bool = False,
-    alone: bool = False,
+    formula: Callable[[Any], Any], x: Any, direction: Any, signed: bool = False, alone: bool = False
 ) -> tuple[Any, Any]:
     """f(x) and f'(x) d.  Inside, the depth of derivatives is one more; the compiler runs this as it
     stands, as of `formula`.
@@ -100,57 +96,34 @@ def carried(formula: Callable[[Any], Any], x: Any) -> tuple[Any, Any]:
 def axes(x: Any) -> list[list[Any]]:
     """The unit vectors of the space of x; an integer 0 says that a component rests."""
     if isinstance(x, InMemory):
-        raise InvalidType(
-            f"derivatives by every component of {x!r} are not derived: write the gradient of the energy"
-        )
+        raise InvalidType(f"derivatives by every component of {x!r} are not derived: write the gradient of the energy")
     if not isinstance(x, (Vec, tuple, list, np.ndarray)):
-        raise InvalidType(
-            f"x must be a vector; got {type(x).__name__} (of a number: `derivative(f, x)`)"
-        )
+        raise InvalidType(f"x must be a vector; got {type(x).__name__} (of a number: `derivative(f, x)`)")
     return [[1.0 if i == j else 0 for i in range(len(x))] for j in range(len(x))]
 
 
 def _moving(x: Any, direction: Any, level: float) -> Any:
     """x + e d."""
-    if type(x) is float and (
-        type(direction) is float or (type(direction) is int and not direction)
-    ):
+    if type(x) is float and (type(direction) is float or (type(direction) is int and not direction)):
         return Dual(x, direction, level)
     if (isinstance(x, np.ndarray) and x.ndim) or isinstance(x, (tuple, list, Mat)):
         if not isinstance(direction, (tuple, list, Mat, np.ndarray)) or len(direction) != len(x):
-            size = (
-                f"{len(direction)} components"
-                if hasattr(direction, "__len__")
-                else f"{direction!r}"
-            )
+            size = f"{len(direction)} components" if hasattr(direction, "__len__") else f"{direction!r}"
             raise InvalidType(
-                "the direction of a derivative at a vector of "
-                f"{len(x)} components has as many; got {size}"
+                f"the direction of a derivative at a vector of {len(x)} components has as many; got {size}"
             )
         parts = [_moving(a, d, level) for a, d in zip(x, direction)]
         return mat(*parts) if parts and isinstance(parts[0], Vec) else vec(*parts)
     if isinstance(direction, (tuple, list, Mat, np.ndarray)):
-        raise InvalidType(
-            f"the direction of a derivative at a number is a number; got {direction!r}"
-        )
+        raise InvalidType(f"the direction of a derivative at a number is a number; got {direction!r}")
     if isinstance(x, (complex, Complex)) or isinstance(direction, (complex, Complex)):
         (a, b), (u, v) = _re_im(x), _re_im(direction)
         return Complex(_moving(a, u, level), _moving(b, v, level))
-    return Dual(
-        _float(x),
-        direction if type(direction) is int and not direction else _float(direction),
-        level,
-    )
+    return Dual(_float(x), direction if type(direction) is int and not direction else _float(direction), level)
 
 
 def _re_im(x: Any) -> tuple[Any, Any]:
-    return (
-        x.parts
-        if isinstance(x, Complex)
-        else (x.real, x.imag)
-        if isinstance(x, complex)
-        else (x, 0.0)
-    )
+    return x.parts if isinstance(x, Complex) else (x.real, x.imag) if isinstance(x, complex) else (x, 0.0)
 
 
 def _float(x: Any) -> Any:
@@ -167,9 +140,7 @@ def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
             return value.value, _slope(value.slope, signed)
         if value.level < level:
             return value, 0.0
-        parts = [
-            _split(part, level, signed) for part in value.parts
-        ]  # one that a formula made by hand
+        parts = [_split(part, level, signed) for part in value.parts]  # one that a formula made by hand
         return tuple([Dual(a, b, value.level) for a, b in zip(*parts)])  # type: ignore[return-value]
     if isinstance(value, (int, float, Pair, np.number)) and not isinstance(value, Complex):
         return value, 0.0
@@ -177,22 +148,12 @@ def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
         rows = value.tolist()
         return _split(Mat.of(rows) if value.ndim == 2 else Vec.of(rows), level, signed)
     if isinstance(value, (tuple, list, Mat, Complex)):
-        pairs = [
-            _split(item, level, signed)
-            for item in (value.parts if isinstance(value, Complex) else value)
-        ]
+        pairs = [_split(item, level, signed) for item in (value.parts if isinstance(value, Complex) else value)]
         a, b = zip(*pairs) if pairs else ((), ())
-        return (
-            (type(value)(a), type(value)(b))
-            if type(value) in (tuple, list)
-            else (type(value)(*a), type(value)(*b))
-        )
+        return (type(value)(a), type(value)(b)) if type(value) in (tuple, list) else (type(value)(*a), type(value)(*b))
     if isinstance(value, Record):
         fields = fields_of(value)
-        made = {
-            name: (x, x) if isinstance(x, int) else _split(x, level, signed)
-            for name, x in fields.items()
-        }
+        made = {name: (x, x) if isinstance(x, int) else _split(x, level, signed) for name, x in fields.items()}
         return tuple([fill(type(value), {n: pair[i] for n, pair in made.items()}) for i in (0, 1)])
     if value is None or isinstance(value, str):
         return value, value
@@ -200,8 +161,7 @@ def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
     if hasattr(value, "elementary") or hasattr(value, "free_symbols"):
         return value, 0.0
     raise InvalidType(
-        "a formula to be differentiated returns numbers, vectors, "
-        f"matrices or records; got {type(value).__name__}"
+        f"a formula to be differentiated returns numbers, vectors, matrices or records; got {type(value).__name__}"
     )
 
 

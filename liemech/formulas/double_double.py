@@ -89,9 +89,7 @@ class DoubleDouble(ByValue):
             return NotImplemented
         high = self.value / other  # algorithm 15
         product, error = two_product(high, 1.0 * other)
-        return DoubleDouble(
-            *fast_two_sum(high, (((self.value - product) - error) + self.low) / other)
-        )
+        return DoubleDouble(*fast_two_sum(high, (((self.value - product) - error) + self.low) / other))
 
     def __pow__(self, n: Any) -> Any:
         """An int as exponent makes products, where they are few; any other exponent is one of
@@ -105,9 +103,7 @@ class DoubleDouble(ByValue):
         # has the sign, and knows what there is at zero and below
         ordinary = f.pow(self.value, rounded_number(1.0 * n))
         zero = 1.0 * (self.value == 0.0)
-        return (f.copysign(1.0, ordinary) * (1.0 - zero)) * _exp(
-            n * _log(abs(self) + zero)
-        ) + zero * ordinary
+        return (f.copysign(1.0, ordinary) * (1.0 - zero)) * _exp(n * _log(abs(self) + zero)) + zero * ordinary
 
     def __divmod__(self, other: Any) -> Any:
         return divided(self, other) if _is_operand(other) else NotImplemented
@@ -135,10 +131,7 @@ class DoubleDouble(ByValue):
 
     def __round__(self, *digits: int) -> Any:
         if digits:
-            raise TypeError(
-                "`round` of a number of two doubles to a number of digits: write "
-                "round(x * 100.0) / 100.0"
-            )
+            raise TypeError("`round` of a number of two doubles to a number of digits: write round(x * 100.0) / 100.0")
         return nearest(self, math.floor)
 
     def __neg__(self) -> DoubleDouble:
@@ -306,9 +299,7 @@ def sin_cos(x: Any) -> tuple[Any, Any]:
     quarter = _modulo_4(_modulo_4(many) + few)
     odd = 1.0 * (abs(quarter) == 1.0)
     back = 1.0 - 2.0 * (abs(quarter) == 2.0)  # half a turn changes both signs
-    return (back * (1.0 - odd)) * s + (quarter * odd) * c, (back * (1.0 - odd)) * c - (
-        quarter * odd
-    ) * s
+    return (back * (1.0 - odd)) * s + (quarter * odd) * c, (back * (1.0 - odd)) * c - (quarter * odd) * s
 
 
 def _modulo_4(k: Any) -> Any:
@@ -370,9 +361,7 @@ def _sqrt(x: Any) -> Any:
     root = f.sqrt(x.value)
     square, error = two_product(root, root)
     return DoubleDouble(
-        *fast_two_sum(
-            root, (((x.value - square) - error) + x.low) / (2.0 * root + 1.0 * (root == 0.0))
-        )
+        *fast_two_sum(root, (((x.value - square) - error) + x.low) / (2.0 * root + 1.0 * (root == 0.0)))
     )
 
 

@@ -24,21 +24,9 @@ from ..errors import NotCompilable
 from . import functions as f
 from .complex_numbers import outranks
 from .functions import LOG_2, LOG_10
-from .numbers import (
-    AN_INT,
-    INTEGER_POWER,
-    ONLY_THERE,
-    ByValue,
-    CarriesMore,
-    Operand,
-    StandIn,
-    raise_if,
-    whole_power,
-)
+from .numbers import AN_INT, INTEGER_POWER, ONLY_THERE, ByValue, CarriesMore, Operand, StandIn, raise_if, whole_power
 
-DEPTH: ContextVar[int] = ContextVar(
-    "how many derivatives are being taken, one inside the other", default=0
-)
+DEPTH: ContextVar[int] = ContextVar("how many derivatives are being taken, one inside the other", default=0)
 
 ALONE: ContextVar[tuple[int, ...]] = ContextVar(
     "the levels of derivatives along which one site moves and all others rest", default=()
@@ -83,9 +71,7 @@ class Dual(ByValue):
             if other.level > self.level:
                 return other + self
             return Dual(self.value + other.value, _sum(self.slope, other.slope), self.level)
-        return (
-            NotImplemented if outranks(other) else Dual(self.value + other, self.slope, self.level)
-        )
+        return NotImplemented if outranks(other) else Dual(self.value + other, self.slope, self.level)
 
     __radd__ = __add__
 
@@ -94,14 +80,10 @@ class Dual(ByValue):
             if other.level > self.level:
                 return other.__rsub__(self)
             return Dual(self.value - other.value, _sum(self.slope, -other.slope), self.level)
-        return (
-            NotImplemented if outranks(other) else Dual(self.value - other, self.slope, self.level)
-        )
+        return NotImplemented if outranks(other) else Dual(self.value - other, self.slope, self.level)
 
     def __rsub__(self, other: Any) -> Any:
-        return (
-            NotImplemented if outranks(other) else Dual(other - self.value, -self.slope, self.level)
-        )
+        return NotImplemented if outranks(other) else Dual(other - self.value, -self.slope, self.level)
 
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, Dual) and other.level >= self.level:
@@ -109,11 +91,7 @@ class Dual(ByValue):
                 return other * self
             slope = _sum(_scaled(self.value, other.slope), _scaled(other.value, self.slope))
             return Dual(self.value * other.value, slope, self.level)
-        return (
-            NotImplemented
-            if outranks(other)
-            else Dual(self.value * other, _scaled(other, self.slope), self.level)
-        )
+        return NotImplemented if outranks(other) else Dual(self.value * other, _scaled(other, self.slope), self.level)
 
     __rmul__ = __mul__
 
@@ -122,16 +100,8 @@ class Dual(ByValue):
             if other.level > self.level:
                 return other.__rtruediv__(self)
             quotient = self.value / other.value
-            return Dual(
-                quotient,
-                _over(_sum(self.slope, -_scaled(quotient, other.slope)), other.value),
-                self.level,
-            )
-        return (
-            NotImplemented
-            if outranks(other)
-            else Dual(self.value / other, _over(self.slope, other), self.level)
-        )
+            return Dual(quotient, _over(_sum(self.slope, -_scaled(quotient, other.slope)), other.value), self.level)
+        return NotImplemented if outranks(other) else Dual(self.value / other, _over(self.slope, other), self.level)
 
     def __rtruediv__(self, other: Any) -> Any:
         if outranks(other):
@@ -152,8 +122,7 @@ class Dual(ByValue):
             return NotImplemented
         if isinstance(n, StandIn) and n.is_integer:
             raise NotCompilable(
-                "a power of a number that carries a derivative, with "
-                f"{AN_INT}: make it a float, `x ** float(n)`"
+                f"a power of a number that carries a derivative, with {AN_INT}: make it a float, `x ** float(n)`"
             )
         if isinstance(n, Dual) and n.level > self.level:
             return n.__rpow__(self)
@@ -162,9 +131,7 @@ class Dual(ByValue):
         some = 1.0 * (constant(exponent) != 0.0) if _rests(exponent) else 1.0
         rise = exponent * self.value ** (exponent - some)  # x^0 = 1 at x = 0 too
         return Dual(
-            value,
-            _sum(_scaled(rise, self.slope), _by_exponent(self.value, exponent, value, by_exponent)),
-            self.level,
+            value, _sum(_scaled(rise, self.slope), _by_exponent(self.value, exponent, value, by_exponent)), self.level
         )
 
     def __rpow__(self, base: Any) -> Any:
@@ -179,9 +146,7 @@ class Dual(ByValue):
                 return other.__rmod__(self)
             slope = _sum(self.slope, -_scaled(self // other, other.slope))
             return Dual(self.value % other.value, slope, self.level)
-        return (
-            NotImplemented if outranks(other) else Dual(self.value % other, self.slope, self.level)
-        )
+        return NotImplemented if outranks(other) else Dual(self.value % other, self.slope, self.level)
 
     def __rmod__(self, other: Any) -> Any:
         return (
@@ -317,10 +282,7 @@ def _not_only_here(equal: Any, a: Any, b: Any) -> None:
         return
     motion = _motion(a - b)
     if type(motion) is not int:
-        raise_if(
-            equal & (constant(motion) != 0.0),
-            ONLY_THERE.format("a number that carries a derivative"),
-        )
+        raise_if(equal & (constant(motion) != 0.0), ONLY_THERE.format("a number that carries a derivative"))
 
 
 _COMPARED = (int, float, np.number, StandIn, Operand)
@@ -396,9 +358,7 @@ _OVER: dict[str, Callable[[Any, Any], Any]] = {
 
 
 def _rule(
-    function: Callable[[Any], Any],
-    factor: Callable[[Any, Any], Any],
-    combine: Callable[[Any, Any], Any],
+    function: Callable[[Any], Any], factor: Callable[[Any, Any], Any], combine: Callable[[Any, Any], Any]
 ) -> Callable[[Any], Dual]:
     """An elementary function of a number that carries a derivative."""
 
@@ -428,10 +388,7 @@ def _of_two(x: Any, y: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], float]:
 
 
 f.RULES.update(
-    {
-        name: _rule(getattr(f, name), slope, lambda s, k: _scaled(k, s))
-        for name, slope in _TIMES.items()
-    }
+    {name: _rule(getattr(f, name), slope, lambda s, k: _scaled(k, s)) for name, slope in _TIMES.items()}
     | {name: _rule(getattr(f, name), slope, _over) for name, slope in _OVER.items()}
     | {"atan2": _atan2, "copysign": _copysign, "pow": operator.pow}
 )

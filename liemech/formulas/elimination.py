@@ -135,9 +135,7 @@ def _reciprocal(x: Any) -> Any:
 def unit(m: Mat) -> Mat:
     """The unit matrix of the shape of m, its entries of the kind of m's."""
     zero = 0.0 if isinstance(m[0, 0], float) else 0.0 * m[0, 0]
-    return mat(
-        *[vec(*[zero + 1.0 if i == j else zero for j in range(len(m))]) for i in range(len(m))]
-    )
+    return mat(*[vec(*[zero + 1.0 if i == j else zero for j in range(len(m))]) for i in range(len(m))])
 
 
 def inverse(m: Mat) -> Mat:

@@ -45,10 +45,7 @@ class FrozenDict(dict[Any, Any]):
     __slots__ = ()
 
     def _refuse(self, *args: Any, **options: Any) -> NoReturn:
-        raise TypeError(
-            "the dict in a field of a record cannot be changed; "
-            "make a new record with dataclasses.replace"
-        )
+        raise TypeError("the dict in a field of a record cannot be changed; make a new record with dataclasses.replace")
 
     __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _refuse
 
@@ -69,15 +66,8 @@ class OfEach:
 
 # ------------------------------------------------------------------ values of any kind
 
-CONSTANT: frozenset[type] = frozenset(
-    (float, int, bool, str, bytes, complex, type(None), Vec, Mat, Large, FrozenDict)
-)
-_CURES: dict[type, str] = {
-    list: "lm.Vec, lm.Mat or tuple",
-    dict: "dict",
-    set: "frozenset",
-    collections.deque: "tuple",
-}
+CONSTANT: frozenset[type] = frozenset((float, int, bool, str, bytes, complex, type(None), Vec, Mat, Large, FrozenDict))
+_CURES: dict[type, str] = {list: "lm.Vec, lm.Mat or tuple", dict: "dict", set: "frozenset", collections.deque: "tuple"}
 
 
 def immutable(owner: Any, name: str, value: Any) -> Any:
@@ -107,9 +97,7 @@ def frozen_array(array: np.ndarray, name: str) -> np.ndarray:
     kind: Any = type(array)
     base: Any = array.base
     if kind is not np.ndarray or array.dtype.hasobject:
-        raise InvalidType(
-            f"{name} must be an array of numbers; got {kind.__name__} of dtype {array.dtype}"
-        )
+        raise InvalidType(f"{name} must be an array of numbers; got {kind.__name__} of dtype {array.dtype}")
     if isinstance(base, bytes):
         return array
     return np.ndarray(array.shape, array.dtype, array.tobytes())
@@ -122,9 +110,7 @@ def array_held(owner: Any, name: str, value: Any) -> Any:
     try:
         return frozen_array(np.array(value), f"{type(owner).__name__}.{name}")
     except ValueError:
-        raise InvalidInput(
-            f"{type(owner).__name__}.{name} is ragged: its rows have different lengths"
-        ) from None
+        raise InvalidInput(f"{type(owner).__name__}.{name} is ragged: its rows have different lengths") from None
 
 
 def _unknown(owner: Any, name: str) -> str:
@@ -132,8 +118,7 @@ def _unknown(owner: Any, name: str) -> str:
     field = next(f for f in dataclasses.fields(owner) if f.name == name.partition("[")[0])
     unknown = UNKNOWN in members(field.type, *_places(type(owner), field.name))
     return (
-        f" (where {type(owner).__name__} is defined, nothing is "
-        f"known by its annotation {field.type!r})"
+        f" (where {type(owner).__name__} is defined, nothing is known by its annotation {field.type!r})"
         if unknown
         else ""
     )
@@ -158,12 +143,7 @@ def converters(cls: Any) -> tuple[tuple[str, Convert, set[type], bool], ...]:
             found.append((field.name, cls._held, set(CONSTANT), True))
         else:
             found.append(
-                (
-                    field.name,
-                    _or_default(convert, field.default),
-                    set(_EASY.get(convert, ())),
-                    convert is _integer,
-                )
+                (field.name, _or_default(convert, field.default), set(_EASY.get(convert, ())), convert is _integer)
             )
     return tuple(found)
 
@@ -216,9 +196,7 @@ def _conversion(annotation: Any, places: Places) -> Convert | None:
     small = tuple(kind for kind in (Vec, Mat) if kind in allowed)
     singles = {kind: _single(kind, places) for kind in allowed if kind not in small}
     # an int is a float too
-    steps = [
-        step for _, step in sorted(singles.items(), key=lambda item: item[0] is not int) if step
-    ]
+    steps = [step for _, step in sorted(singles.items(), key=lambda item: item[0] is not int) if step]
     if small:
         steps.append(functools.partial(_small, allowed=small))
     if not steps:
@@ -267,16 +245,12 @@ def _number(owner: Any, name: str, value: Any) -> Any:
         return _of_each(owner, name, value, {0}, "a number")
     if type(value) is float or isinstance(value, (StandIn, Pair)):
         return of_an_int(value)
-    if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (
-        isinstance(value, np.ndarray) and value.ndim
-    ):
+    if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (isinstance(value, np.ndarray) and value.ndim):
         raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}")
     try:
         return float(value)
     except OverflowError:
-        raise InvalidInput(
-            f"{type(owner).__name__}.{name} is larger than a float can be, which is 1.8e308"
-        ) from None
+        raise InvalidInput(f"{type(owner).__name__}.{name} is larger than a float can be, which is 1.8e308") from None
     except (TypeError, ValueError):
         if not hasattr(value, "free_symbols"):
             raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}") from None
@@ -318,8 +292,7 @@ def _of_each(owner: Any, name: str, value: Any, axes: set[int], what: str) -> An
     shape = getattr(value, "shape", None)
     if shape is not None and len(shape) not in axes:
         raise InvalidInput(
-            f"{type(owner).__name__}.{name} is {what} for each; got {value!r}, whose values have shape "
-            f"{shape}"
+            f"{type(owner).__name__}.{name} is {what} for each; got {value!r}, whose values have shape {shape}"
         )
     return value
 
@@ -337,16 +310,13 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
         if all(_FLOAT.issuperset(map(type, row)) for row in rows):
             return value
         ordinary = all(
-            type(x) is float
-            or not (isinstance(x, (int, np.number)) or getattr(x, "is_integer", None) is True)
+            type(x) is float or not (isinstance(x, (int, np.number)) or getattr(x, "is_integer", None) is True)
             for row in rows
             for x in row
         )
         return value if ordinary else type(value).of(value)  # type: ignore[attr-defined]
     if isinstance(value, (list, tuple)) and any(
-        isinstance(x, StandIn)
-        for row in value
-        for x in (row if isinstance(row, (list, tuple)) else [row])
+        isinstance(x, StandIn) for row in value for x in (row if isinstance(row, (list, tuple)) else [row])
     ):
         raise InvalidType(
             f"{type(owner).__name__}.{name} is a list or a tuple of numbers known only at run time: "
@@ -357,19 +327,13 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
         if array.ndim == AXES[kind.__name__]:
             return kind.of(array.tolist())  # type: ignore[attr-defined]
     expected = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)
-    raise InvalidInput(
-        f"{type(owner).__name__}.{name} is {expected}; got an array of shape {array.shape}"
-    )
+    raise InvalidInput(f"{type(owner).__name__}.{name} is {expected}; got an array of shape {array.shape}")
 
 
 def _sequence(args: tuple[Any, ...], fixed: bool, places: Places) -> Convert:
     """To tuples: of parts of one kind, or of one kind each for `tuple[A, B]`."""
     fixed = fixed and bool(args) and args[-1] is not Ellipsis
-    parts = (
-        [_conversion(a, places) or immutable for a in args if a is not Ellipsis]
-        if args
-        else [_nested]
-    )
+    parts = [_conversion(a, places) or immutable for a in args if a is not Ellipsis] if args else [_nested]
 
     def convert(owner: Any, name: str, value: Any) -> Any:
         if isinstance(value, tuple) and type(value) is not tuple:
@@ -378,9 +342,7 @@ def _sequence(args: tuple[Any, ...], fixed: bool, places: Places) -> Convert:
         if not isinstance(items, (tuple, list, range, collections.deque)):
             raise InvalidType(f"{type(owner).__name__}.{name} is a tuple; got {value!r}")
         if fixed and len(items) != len(parts):
-            raise InvalidInput(
-                f"{type(owner).__name__}.{name} is a tuple of {len(parts)} parts; got {value!r}"
-            )
+            raise InvalidInput(f"{type(owner).__name__}.{name} is a tuple of {len(parts)} parts; got {value!r}")
         chosen = parts if fixed else parts * len(items)
         made = tuple(
             [
@@ -388,13 +350,7 @@ def _sequence(args: tuple[Any, ...], fixed: bool, places: Places) -> Convert:
                 for i, (x, c) in enumerate(zip(items, chosen))
             ]
         )
-        return (
-            value
-            if items is value
-            and type(value) is tuple
-            and not any(map(operator.is_not, made, value))
-            else made
-        )
+        return value if items is value and type(value) is tuple and not any(map(operator.is_not, made, value)) else made
 
     return convert
 

@@ -63,17 +63,13 @@ def frozen(cls: Any = None, *, eq: bool = True, repr: bool = True) -> Any:
     fields |= _own_fields(made)
     setattr(made, _FIELDS, fields)
     setattr(made, _PARAMS, vars(_Example)[_PARAMS])
-    in_order = [
-        f for f in fields.values() if f._field_type is not _NO_FIELD and f.init and not f.kw_only
-    ]
+    in_order = [f for f in fields.values() if f._field_type is not _NO_FIELD and f.init and not f.kw_only]
     needed = [f.default is MISSING and f.default_factory is MISSING for f in in_order]
     if needed != sorted(needed, reverse=True):
         _initialiser(made)  # which says what is wrong
     unwanted = {"__eq__": eq, "__hash__": eq, "__repr__": repr}
     own = {*vars(made), *[name for name, wanted in unwanted.items() if not wanted]}
-    if (
-        eq and vars(made).get("__hash__") is None and "__eq__" in own
-    ):  # which Python puts beside `__eq__`
+    if eq and vars(made).get("__hash__") is None and "__eq__" in own:  # which Python puts beside `__eq__`
         own.discard("__hash__")
     methods = _methods(made, [f for f in fields.values() if f._field_type is _FIELD])
     for name, value in methods.items():
@@ -153,9 +149,7 @@ def _field(cls: Any, name: str, text: str) -> Any:
         given = MISSING
     field: Any = given if isinstance(given, dataclasses.Field) else dataclasses.field(default=given)
     if field.default.__class__.__hash__ is None:
-        raise ValueError(
-            f"mutable default {type(field.default)} for field {name} is not allowed: use default_factory"
-        )
+        raise ValueError(f"mutable default {type(field.default)} for field {name} is not allowed: use default_factory")
     field.name, field.type, field._field_type = name, text, _FIELD
     if field.kw_only is MISSING:
         field.kw_only = False
@@ -202,10 +196,7 @@ def _methods(cls: Any, fields: list[Any]) -> dict[str, Any]:
 # written finds them
 _methods.__code__ = _methods.__code__.replace(
     co_consts=tuple(
-        [
-            c.replace(co_filename="<string>") if isinstance(c, types.CodeType) else c
-            for c in _methods.__code__.co_consts
-        ]
+        [c.replace(co_filename="<string>") if isinstance(c, types.CodeType) else c for c in _methods.__code__.co_consts]
     )
 )
 
@@ -261,9 +252,7 @@ def _initialiser(cls: Any) -> Any:
     space = {"__module__": cls.__module__, "__qualname__": cls.__qualname__, "__doc__": "of fields"}
     if hasattr(cls, "__post_init__"):
         space["__post_init__"] = cls.__post_init__
-    made: Any = dataclasses.dataclass(frozen=True, repr=False, eq=False)(
-        type(cls.__name__, (base,), space)
-    )
+    made: Any = dataclasses.dataclass(frozen=True, repr=False, eq=False)(type(cls.__name__, (base,), space))
     return made.__init__
 
 

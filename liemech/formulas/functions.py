@@ -78,9 +78,7 @@ def _of_others(name: str, on_array: Callable[..., Any], x: tuple[Any, ...]) -> A
 
         return SYMBOLIC[name](*x) if name in SYMBOLIC else getattr(sympy, name)(*x)
     kinds = " and ".join(type(a).__name__ for a in x)
-    raise TypeError(
-        f"{name} is a function of numbers; got {kinds} (of a vector: of its components, one by one)"
-    )
+    raise TypeError(f"{name} is a function of numbers; got {kinds} (of a vector: of its components, one by one)")
 
 
 def _remembering_nothing(x: Any) -> Any:

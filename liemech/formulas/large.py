@@ -112,9 +112,7 @@ class Large(InMemory):
 
     def __eq__(self, other: object) -> Any:
         return (
-            isinstance(other, Large)
-            and self.form == other.form
-            and self.numbers.tobytes() == other.numbers.tobytes()
+            isinstance(other, Large) and self.form == other.form and self.numbers.tobytes() == other.numbers.tobytes()
         )
 
     def __hash__(self) -> int:
@@ -144,9 +142,7 @@ class Large(InMemory):
                 engine = x._engine if x.numbers is None else engine
             elif isinstance(x, StandIn):
                 engine = x.emitter.large  # type: ignore[attr-defined]
-            elif isinstance(x, InMemory) or (
-                not isinstance(x, (int, float)) and getattr(x, "shape", ()) != self.shape
-            ):
+            elif isinstance(x, InMemory) or (not isinstance(x, (int, float)) and getattr(x, "shape", ()) != self.shape):
                 return NotImplemented
         if engine is not None:
             return engine.by_numbers(op, a, b)
@@ -161,11 +157,7 @@ class Large(InMemory):
         return self._by_numbers(operator.add, self, other)
 
     def __radd__(self, other: Any) -> Any:
-        return (
-            self
-            if type(other) is int and other == 0
-            else self._by_numbers(operator.add, other, self)
-        )
+        return self if type(other) is int and other == 0 else self._by_numbers(operator.add, other, self)
 
     def __sub__(self, other: Any) -> Any:
         return self._by_numbers(operator.sub, self, other)
@@ -385,9 +377,7 @@ class LinearMap:
             for array in group:
                 told.update(array.tobytes())
         self.content = told.hexdigest()[:24]
-        TABLES.setdefault(
-            self.content, [group[part] for group in self.groups for part in (2, 1, 0)]
-        )
+        TABLES.setdefault(self.content, [group[part] for group in self.groups for part in (2, 1, 0)])
 
     def symbol(self, group: int, part: int) -> str:
         """The name by which native code knows a table: places, coefficients or rows of a group."""
@@ -442,9 +432,7 @@ class DiagonalSolver:
         if self.singular:
             pivots[-1, -1] = np.inf
         # of real and imaginary part
-        self.down, self.up, self.inverse = (
-            np.repeat(x[..., None], 2, axis=2) for x in (down, up, 1.0 / pivots)
-        )
+        self.down, self.up, self.inverse = (np.repeat(x[..., None], 2, axis=2) for x in (down, up, 1.0 / pivots))
         import hashlib
 
         tables = [self.down, self.up, self.inverse]

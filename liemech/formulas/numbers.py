@@ -16,9 +16,7 @@ INTEGER_POWER = 64
 logarithm does not.
 """
 
-AN_INT = (
-    "an int as exponent that is known only at run time (products would be made of one known before)"
-)
+AN_INT = "an int as exponent that is known only at run time (products would be made of one known before)"
 
 
 class StandIn:

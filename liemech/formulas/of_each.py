@@ -41,12 +41,7 @@ class Each(Record, OfEach):
         first, n = i * math.prod(self.shape), self.shape[-1]
         if len(self.shape) == 1:
             return vec(*[entry(self.numbers, first + k) for k in range(n)])
-        return mat(
-            *[
-                vec(*[entry(self.numbers, first + j * n + k) for k in range(n)])
-                for j in range(self.shape[0])
-            ]
-        )
+        return mat(*[vec(*[entry(self.numbers, first + j * n + k) for k in range(n)]) for j in range(self.shape[0])])
 
     def __repr__(self) -> str:
         return f"each({len(self)} values{f' of shape {self.shape}' if self.shape else ''})"
@@ -61,8 +56,7 @@ def each(values: Any) -> Each:
     array = real_array(values, "each: values")
     if array.ndim not in (1, 2, 3) or not len(array):
         raise InvalidInput(
-            "each: values have a value for each edge or site, (n,), (n, dim) or (n, k, l); got shape "
-            f"{array.shape}"
+            f"each: values have a value for each edge or site, (n,), (n, dim) or (n, k, l); got shape {array.shape}"
         )
     check_finite(array, "each: values")
     return Each(Table(array.ravel()), array.shape[1:])

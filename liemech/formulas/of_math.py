@@ -22,10 +22,7 @@ def _log(x: Any, *base: Any) -> Any:
 
 OF_MATH: dict[Any, Callable[..., Any]] = {
     **functions.OF_MATH,
-    **{
-        getattr(math, name): getattr(functions, name)
-        for name in ("degrees", "fabs", "hypot", "radians")
-    },
+    **{getattr(math, name): getattr(functions, name) for name in ("degrees", "fabs", "hypot", "radians")},
     math.log: _log,
 }
 """Python's functions, and the formulas of the same meaning."""
@@ -70,9 +67,7 @@ def _again(formula: types.FunctionType, known: dict[int, Any]) -> Any:
     if id(formula) in known:
         return known[id(formula)]
     names = dict(formula.__globals__)
-    made: Any = types.FunctionType(
-        formula.__code__, names, formula.__name__, formula.__defaults__, formula.__closure__
-    )
+    made: Any = types.FunctionType(formula.__code__, names, formula.__name__, formula.__defaults__, formula.__closure__)
     made.__kwdefaults__ = formula.__kwdefaults__
     known[id(formula)] = made
     for name in _named(formula.__code__):

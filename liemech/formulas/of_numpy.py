@@ -53,17 +53,13 @@ def truncated_remainder(x: Any, y: Any) -> Any:
 
 def sign(x: Any) -> Any:
     """1, -1, or 0 for 0; nan for nan."""
-    return functions.where(
-        x > 0.0, 1.0, functions.where(x < 0.0, -1.0, functions.where(x != x, x, 0.0))
-    )
+    return functions.where(x > 0.0, 1.0, functions.where(x < 0.0, -1.0, functions.where(x != x, x, 0.0)))
 
 
 def hypot(x: Any, y: Any) -> Any:
     """sqrt(x^2 + y^2), of whatever size: no square overflows, and none is lost."""
     size = plain(larger(abs(x), abs(y)))
-    unit = functions.where(
-        size > LARGE, LARGE, functions.where(size < 1.0 / LARGE, 1.0 / LARGE, 1.0)
-    )
+    unit = functions.where(size > LARGE, LARGE, functions.where(size < 1.0 / LARGE, 1.0 / LARGE, 1.0))
     x, y = x / unit, y / unit
     return unit * functions.sqrt(x * x + y * y)
 
@@ -158,9 +154,7 @@ def formula_of(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Fo
     operands = [_operand(a) for a in x]
     if function in BY_COMPONENTS:
         formula = BY_COMPONENTS[function]
-        operands = [
-            float(a) if type(a) is int and function is not np.power else a for a in operands
-        ]
+        operands = [float(a) if type(a) is int and function is not np.power else a for a in operands]
         return functools.partial(by_components, formula) if axes else formula, operands, {}
     found = OPERATORS.get(function) or (None if axes else COMPARISONS.get(function))
     return found and (found, operands, {})

@@ -31,25 +31,13 @@ class OneRow:
     native : the same in native code, once that pays.
     """
 
-    __slots__ = (
-        "axes",
-        "batch",
-        "dtypes",
-        "elements",
-        "formula",
-        "least",
-        "native",
-        "next",
-        "shapes",
-        "spent",
-    )
+    __slots__ = ("axes", "batch", "dtypes", "elements", "formula", "least", "native", "next", "shapes", "spent")
 
     def __init__(self, signature: Signature, owner: Any, kinds: list[str]) -> None:
         self.formula, self.least = signature.formula, len(signature.names)
         self.least -= len(signature.defaults)
         self.shapes: list[Any] = [
-            () if kind == "float" else owner._shape(name, kind)
-            for name, kind in zip(signature.names, kinds)
+            () if kind == "float" else owner._shape(name, kind) for name, kind in zip(signature.names, kinds)
         ]
         self.axes = [AXES.get(kind) for kind in kinds]
         self.dtypes = [_COMPLEX if owner._complex(kind) else _DOUBLE for kind in kinds]

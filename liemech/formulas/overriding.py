@@ -41,8 +41,7 @@ def require_signatures(cls: type, formula_of: Any) -> None:
             own, other = formula_of(member), formula_of(base[1])
             if _yields(own) and not _yields(other):
                 raise InvalidType(
-                    f"{home.__name__}.{name} yields, and is called once for a result: end it with "
-                    "`return ...`"
+                    f"{home.__name__}.{name} yields, and is called once for a result: end it with `return ...`"
                 )
             taken, wanted = _positional(own), _positional(other)
             if None in (taken, wanted):
@@ -63,9 +62,7 @@ def require_signatures(cls: type, formula_of: Any) -> None:
                     f"as {base[0].__name__}.{name}({promised}): write `def {name}({promised})`{clock}"
                 )
             if _gives_nothing(own) and not _gives_nothing(other):
-                raise InvalidType(
-                    f"{home.__name__}.{name} returns nothing: end it with `return ...`"
-                )
+                raise InvalidType(f"{home.__name__}.{name} returns nothing: end it with `return ...`")
 
 
 def overridden(cls: type, home: type, name: str) -> tuple[type, Any] | None:
@@ -109,9 +106,7 @@ def _gives_nothing(function: Any) -> bool:
         if instruction.opname == "RETURN_CONST":
             returns.append(instruction.argval is None)
         elif instruction.opname == "RETURN_VALUE":
-            returns.append(
-                before is not None and before.opname == "LOAD_CONST" and before.argval is None
-            )
+            returns.append(before is not None and before.opname == "LOAD_CONST" and before.argval is None)
         before = instruction
     return bool(returns) and all(returns)
 

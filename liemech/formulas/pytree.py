@@ -83,9 +83,7 @@ class Layout:
     def remembers(self) -> bool:
         """Are there numbers in it that carry a rest or a derivative along?"""
         inside = any(part.remembers for part in self.parts)
-        return inside or (
-            self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual)
-        )
+        return inside or (self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual))
 
     @functools.cached_property
     def levels(self) -> tuple[float, ...]:
@@ -102,9 +100,7 @@ class Layout:
     @functools.cached_property
     def long(self) -> bool:
         """Are there numbers of two doubles in it?"""
-        return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(
-            part.long for part in self.parts
-        )
+        return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(part.long for part in self.parts)
 
     @functools.cached_property
     def in_memory(self) -> bool:
@@ -246,11 +242,7 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
         return NUMBER if number is not _changing else _of_number(value)
     if isinstance(value, Vec):
         ordinary = _FLOAT.issuperset(map(type, value)) or all(map(is_any_number, value))
-        return (
-            vector_layout(len(value))
-            if ordinary
-            else _sequence("vec", tuple([layout_of(x, number) for x in value]))
-        )
+        return vector_layout(len(value)) if ordinary else _sequence("vec", tuple([layout_of(x, number) for x in value]))
     if isinstance(value, Large):
         of_place = number is is_any_number and value.numbers is None
         if of_place or number is not is_any_number:
@@ -262,9 +254,7 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     # else a constant of native code
     if isinstance(value, Table) and (number is not is_any_number or value.content is None):
         return TABLE
-    if isinstance(value, list) or (
-        isinstance(value, tuple) and (number is not is_number or not is_static(value))
-    ):
+    if isinstance(value, list) or (isinstance(value, tuple) and (number is not is_number or not is_static(value))):
         whole = _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
         if whole.width or number is not _changing or not is_static(value):
             return whole
@@ -422,9 +412,7 @@ def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
     elif layout.plain and layout.kind != "pair":
         found.extend(value)
     elif layout.width:
-        for item, part in zip(
-            value.parts if layout.kind == "pair" else value, layout.parts, strict=True
-        ):
+        for item, part in zip(value.parts if layout.kind == "pair" else value, layout.parts, strict=True):
             _gather(item, part, found)
 
 
@@ -448,9 +436,7 @@ def _places(layout: Layout, value: str) -> Iterator[str]:
         yield f"*{value}"
     elif layout.width:
         names = layout.detail[1] if layout.kind == "record" else range(len(layout.parts))
-        inside = {"record": ".{}", "mat": ".rows[{}]", "pair": ".parts[{}]"}.get(
-            layout.kind, "[{}]"
-        )
+        inside = {"record": ".{}", "mat": ".rows[{}]", "pair": ".parts[{}]"}.get(layout.kind, "[{}]")
         for name, part in zip(names, layout.parts, strict=True):
             if part.width:
                 yield from _places(part, value + inside.format(name))
@@ -493,10 +479,7 @@ def restricted(value: Any, layout: Layout) -> Any:
     if known_layout(value) == layout:
         return value
     parts = zip(layout.detail[1], layout.parts, strict=True)
-    made = fill(
-        type(value),
-        {n: getattr(value, n) if part.kind != "static" else part.detail for n, part in parts},
-    )
+    made = fill(type(value), {n: getattr(value, n) if part.kind != "static" else part.detail for n, part in parts})
     _know(made, layout)
     return made
 
@@ -533,9 +516,7 @@ def inside(value: Any, kind: type) -> list[Any]:
     return []
 
 
-def exchanged(
-    value: Any, kind: type, others: Iterable[Any], told: Callable[[Any, Any], None] | None = None
-) -> Any:
+def exchanged(value: Any, kind: type, others: Iterable[Any], told: Callable[[Any, Any], None] | None = None) -> Any:
     """The value with other records of a kind, as many as `inside` finds, in order.  What a record
     has beside its fields, the new one has too, unless there are records of the kind in it.
 
@@ -582,9 +563,7 @@ def plain(value: Any) -> Any:
 
 def double_double(value: Any) -> Any:
     """The value in numbers of two doubles; ask `rounded` for it in one."""
-    return _mapped(
-        value, lambda x: x if isinstance(x, DoubleDouble) else DoubleDouble(value_of(x), 0.0)
-    )
+    return _mapped(value, lambda x: x if isinstance(x, DoubleDouble) else DoubleDouble(value_of(x), 0.0))
 
 
 def with_slopes(value: Any, level: float, still: Any = 0.0) -> Any:
@@ -645,10 +624,7 @@ def fitted(value: Any, layout: Layout) -> Any:
         still = build(layout.parts[1], itertools.repeat(0.0))
         return Dual(fitted(value, layout.parts[0]), still, layout.detail[1])
     if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):
-        return fill(
-            type(value),
-            {n: fitted(x, part) for (n, x), part in zip(fields_of(value).items(), layout.parts)},
-        )
+        return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(fields_of(value).items(), layout.parts)})
     if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):
         return _like(value, [fitted(x, part) for x, part in zip(_parts(value), layout.parts)])
     return value
@@ -664,9 +640,7 @@ def fields_of(value: Any) -> dict[str, Any]:
 
 
 def _parts(value: Any) -> Any:
-    return (
-        value.rows if isinstance(value, Mat) else value.parts if isinstance(value, PAIRS) else value
-    )
+    return value.rows if isinstance(value, Mat) else value.parts if isinstance(value, PAIRS) else value
 
 
 def _like(value: Any, parts: list[Any]) -> Any:

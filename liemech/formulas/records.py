@@ -166,18 +166,14 @@ def _require_dataclass(cls: Any) -> None:
         known = [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
         forgotten = [n for n, a in own_annotations(cls).items() if "ClassVar" not in str(a)]
         if not known and not forgotten and not dataclasses.is_dataclass(cls):
-            raise InvalidType(
-                f"{cls.__name__} is no dataclass yet: put @liemech.record above the class"
-            )
+            raise InvalidType(f"{cls.__name__} is no dataclass yet: put @liemech.record above the class")
         if not set(forgotten) <= set(known):
             raise InvalidType(
-                f"{cls.__name__} has the fields "
-                f"{', '.join(forgotten)}: put @liemech.record above the class"
+                f"{cls.__name__} has the fields {', '.join(forgotten)}: put @liemech.record above the class"
             )
     elif not params.frozen:
         raise InvalidType(
-            f"{cls.__name__} can be changed in place: put "
-            "@liemech.record above the class instead of @dataclass"
+            f"{cls.__name__} can be changed in place: put @liemech.record above the class instead of @dataclass"
         )
 
 
@@ -219,7 +215,6 @@ def record(cls: T) -> T:
     """
     if not issubclass(cls, Record):
         raise InvalidType(
-            "@record is for subclasses of Record, such as "
-            f"liemech.Hamiltonian; {cls.__name__} is not one"
+            f"@record is for subclasses of Record, such as liemech.Hamiltonian; {cls.__name__} is not one"
         )
     return frozen(cls)

@@ -209,9 +209,7 @@ def einsum(subscripts: str, *operands: Any) -> Any:
     every = [k for k in "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz" if k in given]
     out = results[0] if results else "".join([k for k in every if given.count(k) == 1])
     if len(out) > 2 or [len(names) for names in letters] != [len(x.shape) for x in operands]:
-        raise InvalidType(
-            f"einsum: {subscripts!r} does not fit its operands, or its result has more than two axes"
-        )
+        raise InvalidType(f"einsum: {subscripts!r} does not fit its operands, or its result has more than two axes")
     summed = "".join([k for k in every if k not in out])
     sizes = [_reach(name, letters, operands) for name in out + summed]
     inner = _places(sizes[len(out) :])
@@ -227,9 +225,7 @@ def einsum(subscripts: str, *operands: Any) -> Any:
 
 def _reach(index: str, letters: Any, operands: Any) -> int:
     """How far an index runs."""
-    found = [
-        n for names, x in zip(letters, operands) for name, n in zip(names, x.shape) if name == index
-    ]
+    found = [n for names, x in zip(letters, operands) for name, n in zip(names, x.shape) if name == index]
     if [n for n in found if n != found[0]]:
         raise InvalidType(f"einsum: the index {index} runs to {found[0]} and farther")
     return found[0]

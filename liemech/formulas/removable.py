@@ -57,11 +57,7 @@ def _sum(words: Words, count: int, x: Any) -> Any:
 
 
 def _quotient(
-    x: Any,
-    reach: float,
-    near: Callable[[Any], Any],
-    far: Callable[[Any], Any],
-    size: Callable[[Any], Any] = abs,
+    x: Any, reach: float, near: Callable[[Any], Any], far: Callable[[Any], Any], size: Callable[[Any], Any] = abs
 ) -> Any:
     """near(x) where the size of x is at most `reach`, far(x) elsewhere.
 
@@ -137,9 +133,7 @@ def versine_over(x: Any) -> Any:
 
 def segment_over(x: Any) -> Any:
     """(x - sin x)/x^3, 1/6 at zero."""
-    return _quotient(
-        x, NEAR, lambda x: _stumpff_near(3, x * x), lambda x: (1.0 - sin(x) / x) / x / x
-    )
+    return _quotient(x, NEAR, lambda x: _stumpff_near(3, x * x), lambda x: (1.0 - sin(x) / x) / x / x)
 
 
 def sinh_over(x: Any) -> Any:

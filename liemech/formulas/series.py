@@ -20,17 +20,7 @@ from typing import Any, cast
 from ..errors import InvalidType, NotCompilable
 from . import functions as f
 from .functions import LOG_2, LOG_10
-from .numbers import (
-    INTEGER_POWER,
-    ONLY_THERE,
-    CarriesMore,
-    InMemory,
-    Operand,
-    Pair,
-    StandIn,
-    raise_if,
-    whole_power,
-)
+from .numbers import INTEGER_POWER, ONLY_THERE, CarriesMore, InMemory, Operand, Pair, StandIn, raise_if, whole_power
 from .products import Products, cauchy, plus
 from .pytree import build, fields_of, fill, layout_of, leaves
 from .taken_back import noted
@@ -113,9 +103,7 @@ class Series(Operand):
             return self / SeriesInMemory(other)
         if not isinstance(other, Series):
             return (
-                _made(lambda k: _each(lambda c: c / other, self.term(k)), self)
-                if _is_number(other)
-                else NotImplemented
+                _made(lambda k: _each(lambda c: c / other, self.term(k)), self) if _is_number(other) else NotImplemented
             )
         quotient, inverse = _undetermined(self, other), _inverse(other)
         quotient._rank += 1
@@ -139,10 +127,7 @@ class Series(Operand):
             power = whole_power(self, abs(int(n))) if n else Series(1.0)
             return power if n >= 0 else 1.0 / power
         if isinstance(n, StandIn):
-            raise NotCompilable(
-                "a power of a series whose exponent is known only "
-                "at run time: write `exp(n * log(x))`"
-            )
+            raise NotCompilable("a power of a series whose exponent is known only at run time: write `exp(n * log(x))`")
         if isinstance(n, Series):
             return _integral(Series(self[0] ** n[0]), lambda power: power, n * f.log(self))
         if not _is_number(n):
@@ -224,11 +209,7 @@ class Series(Operand):
     def chosen(choose: Callable[[Any, Any], Any], yes: Any, no: Any) -> Series:
         """Term by term one or the other."""
         a, b = (x if isinstance(x, Series) else Series(x) for x in (yes, no))
-        return _made(
-            lambda k: None if a.term(k) is None and b.term(k) is None else choose(a[k], b[k]),
-            a,
-            b,
-        )
+        return _made(lambda k: None if a.term(k) is None and b.term(k) is None else choose(a[k], b[k]), a, b)
 
     @staticmethod
     def unknown(start: Any, products: Products) -> Any:
@@ -238,8 +219,7 @@ class Series(Operand):
         layout = layout_of(start)
         if layout.long:
             raise InvalidType(
-                "precision: power series have numbers of one double; "
-                "take precision='double' or another method"
+                "precision: power series have numbers of one double; take precision='double' or another method"
             )
         return build(layout, iter([Series(x).among(products) for x in leaves(start, layout)]))
 
@@ -281,8 +261,7 @@ class Series(Operand):
         """Let this unknown series y solve y' = h rate, where the rate may depend on y."""
         if isinstance(rate, Pair):
             raise InvalidType(
-                "a series can go on by numbers and series only: a method "
-                "of power series cannot be differentiated"
+                "a series can go on by numbers and series only: a method of power series cannot be differentiated"
             )
         series = rate if isinstance(rate, Series) else Series(rate)
         if series._multiple:  # one factor for each term, which is known before the term is
@@ -535,16 +514,12 @@ def _sqrt(x: Series) -> Series:
     return _divided(y, x, 2.0 * y, rest)
 
 
-def _rule(
-    function: Callable[..., Any], slope: Callable[[Series, Series], Any]
-) -> Callable[[Series], Series]:
+def _rule(function: Callable[..., Any], slope: Callable[[Series, Series], Any]) -> Callable[[Series], Series]:
     """An elementary function of a series x: y = f(x), from f' as a function of y and x."""
     return lambda x: _integral(Series(function(x[0])), lambda y: slope(y, x), x)
 
 
-def _over(
-    function: Callable[..., Any], steepness: Callable[[Series], Series]
-) -> Callable[[Series], Series]:
+def _over(function: Callable[..., Any], steepness: Callable[[Series], Series]) -> Callable[[Series], Series]:
     """The series of the inverse from d = 1/f' as a function of x, in one sum of products.
 
     d y' = x':   d_0 y_k = x_k - sum_j (j/k) y_j d_(k-j),   0 < j < k
@@ -578,10 +553,7 @@ def _atan2(y: Any, x: Any) -> Series:
     """The angle a of (x, y): a' = (x y' - y x')/(x^2 + y^2)."""
     y, x = (a if isinstance(a, Series) else Series(a) for a in (y, x))
     square = x * x + y * y
-    rise, fall = (
-        _integral(Series(None), lambda _: x / square, y),
-        _integral(Series(None), lambda _: y / square, x),
-    )
+    rise, fall = (_integral(Series(None), lambda _: x / square, y), _integral(Series(None), lambda _: y / square, x))
     return Series(f.atan2(y[0], x[0])) + (rise - fall)
 
 

@@ -50,12 +50,7 @@ class SeriesMeeting:
     """
 
     def __init__(
-        self,
-        value: Any,
-        meet: Any,
-        call: Callable[..., Any],
-        methods: Any,
-        company: list[SeriesMeeting],
+        self, value: Any, meet: Any, call: Callable[..., Any], methods: Any, company: list[SeriesMeeting]
     ) -> None:
         self.meet, self.call, self.methods, self.company = meet, call, methods, company
         self.layout = layout_of(value, _number)
@@ -148,10 +143,7 @@ class SeriesMeeting:
             return [next(numbers) if k == 0 or type(x) is Series else None for x in self.leaves]
 
         terms = self._asks(ask)
-        found = [
-            self._series(terms, i) if type(x) is Series else terms[0][i]
-            for i, x in enumerate(self.leaves)
-        ]
+        found = [self._series(terms, i) if type(x) is Series else terms[0][i] for i, x in enumerate(self.leaves)]
         return build(self.layout, iter(found))
 
     def _last(self, numbers: Any, k: int) -> list[Any]:
@@ -163,19 +155,12 @@ class SeriesMeeting:
         """A published value up to the order k."""
         given = iter(numbers)
         found = [
-            Series(*[next(given) for _ in range(k + 1)]) if type(x) is Series else next(given)
-            for x in self.leaves
+            Series(*[next(given) for _ in range(k + 1)]) if type(x) is Series else next(given) for x in self.leaves
         ]
         return build(self.layout, iter(found))
 
     def _sums(
-        self,
-        method: Any,
-        formula: Any,
-        start: Any,
-        before: tuple[Any, ...],
-        behind: tuple[Any, ...],
-        ends: int,
+        self, method: Any, formula: Any, start: Any, before: tuple[Any, ...], behind: tuple[Any, ...], ends: int
     ) -> Any:
         """A sum of the values of a formula, made anew at each meeting, of which the last term counts.
 

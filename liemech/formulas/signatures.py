@@ -185,10 +185,7 @@ def _told(formula: types.FunctionType) -> list[Told]:
     found: list[Told] = [
         None
         if name not in annotations
-        else (
-            kind_of(annotations[name], formula.__globals__),
-            class_text(annotations[name]) if counted else None,
-        )
+        else (kind_of(annotations[name], formula.__globals__), class_text(annotations[name]) if counted else None)
         for name in arguments(formula)
     ]
     if (formula.__module__ or "").partition(".")[0] == LIBRARY:

@@ -215,13 +215,7 @@ class Meeting:
             found = found + formula(self.of(table, d), d)
         return found
 
-    def some(
-        self,
-        formula: Callable[[Any, int], Any],
-        start: Any,
-        reach: Vec,
-        mine: float | None = None,
-    ) -> Any:
+    def some(self, formula: Callable[[Any, int], Any], start: Any, reach: Vec, mine: float | None = None) -> Any:
         """start + formula(b, j) + ... over the sites j of a range, in their order; b is what site j has
         published.
 
@@ -279,9 +273,7 @@ def chains_of_partners(i: int, count: int) -> Iterator[list[list[tuple[int, bool
             [
                 (j, first)
                 for turn in range(period)
-                for j in [
-                    other * EIGHT + ((begin + turn) % period if first else (begin - turn) % EIGHT)
-                ]
+                for j in [other * EIGHT + ((begin + turn) % period if first else (begin - turn) % EIGHT)]
                 if j != i and j < count
             ]
             for begin in begins
@@ -382,9 +374,7 @@ class Visit:
             raise _Asked(kind, value)
         before, answer = self.answers[self.asked]
         if before != kind:
-            raise InvalidInput(
-                f"site {self.site} asks for `{kind}` where others ask for `{before}`"
-            )
+            raise InvalidInput(f"site {self.site} asks for `{kind}` where others ask for `{before}`")
         self.asked += 1
         return answer
 
@@ -401,8 +391,7 @@ _present = _Present()
 def _visit(word: str) -> Visit:
     if _present.visit is None:
         raise InvalidInput(
-            f"{word}: there is no site here: formulas of sites are run by `integrate`, for all sites "
-            "together"
+            f"{word}: there is no site here: formulas of sites are run by `integrate`, for all sites together"
         )
     return _present.visit
 
@@ -478,9 +467,7 @@ class _Early(Visit):
     until : the question after which it may end.  visit : lets another site come as far as to one.
     """
 
-    def __init__(
-        self, site: int, count: int, answers: list[tuple[str, Any]], until: int, visit: Any
-    ) -> None:
+    def __init__(self, site: int, count: int, answers: list[tuple[str, Any]], until: int, visit: Any) -> None:
         super().__init__(site, count, answers)
         self.until, self.visit = until, visit
 
@@ -536,9 +523,7 @@ def _placed(error: Any, site: int) -> None:
         trace = trace.tb_next
 
 
-def _visited(
-    site: int, count: int, answers: list[Any], formula: Any, args: tuple[Any, ...]
-) -> tuple[str, Any]:
+def _visited(site: int, count: int, answers: list[Any], formula: Any, args: tuple[Any, ...]) -> tuple[str, Any]:
     """The next question of a site, and the value it gives for it."""
     before, _present.visit = _present.visit, Visit(site, count, answers)
     try:
@@ -580,11 +565,7 @@ def _added(values: list[Any]) -> Any:
     return build(layout, iter([interleaved_sum(list(column)) for column in columns]))
 
 
-_ANSWERS: dict[str, Callable[[list[Any]], Any]] = {
-    "meet": lambda values: values,
-    "total": _added,
-    "repeated": _swept,
-}
+_ANSWERS: dict[str, Callable[[list[Any]], Any]] = {"meet": lambda values: values, "total": _added, "repeated": _swept}
 """What is answered to all sites, of what each of them asks with."""
 
 

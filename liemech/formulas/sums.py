@@ -49,9 +49,7 @@ def antisymmetric(terms: Terms, x: Vec, y: Vec) -> Any:
 
 def entries(terms: Terms, m: Any) -> Any:
     """The sum of c times the real (0) or imaginary (1) part of m_ij over the terms (c, i, j, part)."""
-    return (
-        total([scaled(c, _part(m[i, j], part)) for c, i, j, part in terms]) if len(terms) else 0.0
-    )
+    return total([scaled(c, _part(m[i, j], part)) for c, i, j, part in terms]) if len(terms) else 0.0
 
 
 def bilinear_map(table: tuple[Terms, ...], x: Vec, y: Vec) -> Vec:

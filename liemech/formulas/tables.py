@@ -29,8 +29,7 @@ class Table:
         self.place: Any = float(address // 8)
         if address % 8 or int(self.place) * 8 != address:  # no Python does so
             raise MemoryError(
-                f"a table of {len(self.array)} numbers lies at "
-                f"{address:#x}, which native code cannot use"
+                f"a table of {len(self.array)} numbers lies at {address:#x}, which native code cannot use"
             )
         _alive[self.place] = self
 

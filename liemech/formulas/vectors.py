@@ -161,10 +161,7 @@ class Vec(tuple[Any, ...], Operand):
         other = small(other)
         if isinstance(other, Mat):
             if len(other) != len(self):
-                raise InvalidType(
-                    f"a Vec of {len(self)} components cannot "
-                    f"multiply a matrix of shape {other.shape}"
-                )
+                raise InvalidType(f"a Vec of {len(self)} components cannot multiply a matrix of shape {other.shape}")
             return _make(Vec, [_product(self, column) for column in zip(*other.rows, strict=True)])
         return _product(self, _same_length(self, other))
 
@@ -296,10 +293,7 @@ _WHOLE: dict[Any, type[Vec]] = {operator.eq: Equal, operator.ne: Unequal}
 _VECTORS = (np.ndarray, list, tuple)
 _NUMBERS = (int, float, complex, np.generic, StandIn, Operand)
 _FLOATS = frozenset([float])
-_NO_TRUTH = (
-    "a vector or matrix is neither true nor false: write any(...), all(...) or len(...), or compare "
-    "one number"
-)
+_NO_TRUTH = "a vector or matrix is neither true nor false: write any(...), all(...) or len(...), or compare one number"
 
 
 def _numbers(components: Iterable[Any]) -> None:
@@ -352,9 +346,7 @@ def _same_length(v: Vec, other: Any) -> Any:
     other = small(other)
     if isinstance(other, Vec) and len(other) == len(v):
         return other
-    kind = (
-        f"a vector of {len(other)} components" if isinstance(other, Vec) else type(other).__name__
-    )
+    kind = f"a vector of {len(other)} components" if isinstance(other, Vec) else type(other).__name__
     raise InvalidType(f"a Vec of {len(v)} components cannot be combined with {kind}")
 
 
@@ -380,8 +372,7 @@ class Mat(Operand):
         made = tuple([row if type(row) is Vec else Vec(*row) for row in rows])
         if len(set(map(len, made))) > 1:
             raise InvalidType(
-                "the rows of a Mat have the same length; got rows of "
-                f"{', '.join([str(len(row)) for row in made])}"
+                f"the rows of a Mat have the same length; got rows of {', '.join([str(len(row)) for row in made])}"
             )
         _set_rows(self, made)
 
@@ -436,9 +427,7 @@ class Mat(Operand):
         other = small(other)
         if isinstance(other, Mat):
             if other.shape != self.shape:
-                raise InvalidType(
-                    f"matrices of shapes {self.shape} and {other.shape} cannot be combined"
-                )
+                raise InvalidType(f"matrices of shapes {self.shape} and {other.shape} cannot be combined")
             return Mat(*map(op, self.rows, other.rows))
         if isinstance(other, Vec) and op in (operator.add, operator.sub):
             raise InvalidType(f"a Mat cannot be added to or subtracted from {type(other).__name__}")
@@ -492,11 +481,7 @@ class Mat(Operand):
             return np.asarray(self) @ other
         other = small(other)
         if not isinstance(other, (Vec, Mat)) or self.shape[1] != len(other):
-            kind = (
-                f"one with {len(other)} rows"
-                if isinstance(other, (Vec, Mat))
-                else type(other).__name__
-            )
+            kind = f"one with {len(other)} rows" if isinstance(other, (Vec, Mat)) else type(other).__name__
             raise InvalidType(f"a matrix of shape {self.shape} cannot multiply {kind}")
         if isinstance(other, Mat):
             columns = tuple(zip(*other.rows, strict=True))

@@ -39,9 +39,7 @@ class LeftMultiplication(GroupAction):
         """
         if self.group.is_complex:  # a group of matrices
             return self.group.algebra.hat(xi) @ x
-        return derivative(
-            lambda v: self.group.compose(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi
-        )
+        return derivative(lambda v: self.group.compose(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi)
 
     def exp_act(self, xi: Vec, x: Element) -> Element:
         """exp(xi) x.  xi : (dim,), x : an element."""
@@ -55,9 +53,7 @@ class LeftMultiplication(GroupAction):
         """Is an array an element of the group?  x : shaped like an element."""
         return self.group.contains(x)
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Random elements of the group."""
         return self.group.random(rng, size)
 
@@ -78,9 +74,7 @@ class TranslationAction(GroupAction):
         if not isinstance(given, LieGroup):
             object.__setattr__(self, "group", VectorSpace(given))
         elif not isinstance(given, VectorSpace):
-            raise InvalidType(
-                f"TranslationAction: group must be a VectorSpace or its dimension; got {given!r}"
-            )
+            raise InvalidType(f"TranslationAction: group must be a VectorSpace or its dimension; got {given!r}")
 
     @property
     def point_shape(self) -> tuple[int, ...]:
@@ -120,9 +114,7 @@ class SphereAction(GroupAction):
         for xi in identity_matrix(self.group.dim):
             x = np.array([one.infinitesimal(xi, unit) for unit in units])
             if np.abs(x + x.T).max() > 1e-12 * np.abs(x).max():
-                raise InvalidInput(
-                    f"SphereAction: {self.group!r} does not keep the lengths of vectors"
-                )
+                raise InvalidInput(f"SphereAction: {self.group!r} does not keep the lengths of vectors")
 
     @property
     def _linear(self) -> Representation:
@@ -150,9 +142,7 @@ class SphereAction(GroupAction):
         """| |x|^2 - 1 |.  x : (n,)."""
         return abs(dot(x, x) - 1.0)
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Uniformly distributed points."""
         x = super().random(rng, size)
         return x / np.linalg.norm(x, axis=-1, keepdims=True)

@@ -78,6 +78,5 @@ def _quadratic(ad: np.ndarray, from_form: np.ndarray) -> list[np.ndarray]:
     moved = np.einsum("xab,pbc->pxac", ad, forms)
     equations = (moved + moved.swapaxes(-1, -2))[:, :, i, j].reshape(len(forms), -1).T
     return [
-        np.einsum("p,pab->ab", weights, forms)
-        for weights in null_space(np.asarray(np.linalg.qr(equations, mode="r")))
+        np.einsum("p,pab->ab", weights, forms) for weights in null_space(np.asarray(np.linalg.qr(equations, mode="r")))
     ]

@@ -111,24 +111,17 @@ def pfaffian(a: Mat) -> Any:
     characteristic polynomial of a J^T.
     """
     n = len(a)
-    m = mat(
-        *[vec(*[a[i, j + 1] if j % 2 == 0 else -a[i, j - 1] for j in range(n)]) for i in range(n)]
-    )
+    m = mat(*[vec(*[a[i, j + 1] if j % 2 == 0 else -a[i, j - 1] for j in range(n)]) for i in range(n)])
     power, powers, products = m, [0.0], [1.0]
     for k in range(1, n // 2 + 1):
         power = m if k == 1 else power @ m
         powers = [*powers, 0.5 * total([power[i, i] for i in range(n)])]
-        terms = [
-            products[k - i] * powers[i] if i % 2 else -(products[k - i] * powers[i])
-            for i in range(1, k + 1)
-        ]
+        terms = [products[k - i] * powers[i] if i % 2 else -(products[k - i] * powers[i]) for i in range(1, k + 1)]
         products = [*products, total(terms) / float(k)]
     return products[n // 2]
 
 
-def haar(
-    rng: np.random.Generator | int | None, size: int | tuple[int, ...], n: int, complex_: bool
-) -> np.ndarray:
+def haar(rng: np.random.Generator | int | None, size: int | tuple[int, ...], n: int, complex_: bool) -> np.ndarray:
     """Orthogonal or unitary matrices, uniformly distributed: the QR decomposition of Gaussian
     matrices, signs made unique.
 
@@ -223,14 +216,10 @@ class SO(ClassicalGroup):
         """
         h = nearest_unitary(np.array(g, dtype=float), oriented=True)
         if h is None:
-            raise InvalidInput(
-                f"SO({self.n}).nearest: the array is as close to one rotation as to others"
-            )
+            raise InvalidInput(f"SO({self.n}).nearest: the array is as close to one rotation as to others")
         return Mat.of(h.tolist())
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Rotations distributed uniformly (Haar measure)."""
         q = haar(rng, size, self.n, False)
         q[..., :, 0] *= np.linalg.det(q)[..., None]
@@ -301,8 +290,7 @@ class GL(ClassicalGroup):
         """The matrix itself.  Raises InvalidInput for a singular one: there is no nearest."""
         if np.linalg.slogdet(np.array(g, dtype=float))[0] == 0.0:
             raise InvalidInput(
-                f"GL({self.n}).nearest: the matrix is singular; "
-                "invertible ones are as close as one likes"
+                f"GL({self.n}).nearest: the matrix is singular; invertible ones are as close as one likes"
             )
         return g
 
@@ -344,9 +332,7 @@ class SU(ClassicalGroup):
         u = _polar(f"SU({self.n})", g)
         return Mat.of((u * np.exp(-1j * np.angle(np.linalg.det(u)) / self.n)).tolist())
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Elements distributed uniformly (Haar measure)."""
         q = haar(rng, size, self.n, True)
         q[..., :, 0] /= np.linalg.det(q)[..., None]
@@ -389,9 +375,7 @@ class U(ClassicalGroup):
         """
         return Mat.of(_polar(f"U({self.n})", g).tolist())
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Elements distributed uniformly (Haar measure)."""
         return haar(rng, size, self.n, True)
 
@@ -417,8 +401,7 @@ class Sp(ClassicalGroup):
         super().__post_init__()
         if self.n % 2:
             raise InvalidInput(
-                f"Sp({self.n}): the argument is the number of rows 2n, "
-                "an even number; Sp(2) is the smallest"
+                f"Sp({self.n}): the argument is the number of rows 2n, an even number; Sp(2) is the smallest"
             )
 
     @cached_property
@@ -489,7 +472,5 @@ def _polar(name: str, g: Ambient) -> np.ndarray:
     """The unitary factor of a = u p.  Raises InvalidInput."""
     u = nearest_unitary(np.array(g, dtype=complex), oriented=False)
     if u is None:
-        raise InvalidInput(
-            f"{name}.nearest: the array is singular; it is as close to one element as to others"
-        )
+        raise InvalidInput(f"{name}.nearest: the array is singular; it is as close to one element as to others")
     return u

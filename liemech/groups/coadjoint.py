@@ -103,10 +103,7 @@ class CoadjointAction(Representation):
 
     @final
     def random_on_orbit(
-        self,
-        mu: Any,
-        rng: np.random.Generator | int | None = None,
-        size: int | tuple[int, ...] = (),
+        self, mu: Any, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
     ) -> np.ndarray:
         """Momenta K_g mu with random elements g of the group.  mu : (dim,).  rng : a generator or a
         seed.  size : leading axes.
@@ -114,9 +111,7 @@ class CoadjointAction(Representation):
         try:
             elements = self.group.random(rng, size)
         except (InvalidInput, InvalidType) as error:
-            raise type(error)(
-                f"{type(self).__name__}.random_on_orbit: {str(error).partition(': ')[2]}"
-            ) from None
+            raise type(error)(f"{type(self).__name__}.random_on_orbit: {str(error).partition(': ')[2]}") from None
         momentum = self._momentum(mu, "random_on_orbit")
         try:
             return np.asarray(self.group.K(elements, momentum))
@@ -124,9 +119,7 @@ class CoadjointAction(Representation):
             raise InvalidInput(f"{type(self).__name__}.random_on_orbit: {error}") from None
 
     @final
-    def poisson_bracket(
-        self, F: Callable[[Any], Any], G: Callable[[Any], Any]
-    ) -> Callable[[Any], Any]:
+    def poisson_bracket(self, F: Callable[[Any], Any], G: Callable[[Any], Any]) -> Callable[[Any], Any]:
         """The minus Lie-Poisson bracket, {F, G}(mu) = -<mu, [dF, dG]>, of two formulas of momenta:
         again such a formula.
 
@@ -152,9 +145,7 @@ class CoadjointAction(Representation):
 
         tolerance : by how much Casimirs may differ, relative to the sizes of their terms.
         """
-        same = orbits.same(
-            self, np.array(mu, dtype=float), np.array(nu, dtype=float), float(tolerance)
-        )
+        same = orbits.same(self, np.array(mu, dtype=float), np.array(nu, dtype=float), float(tolerance))
         if same is None:
             raise NotDefined(
                 f"on_same_orbit: whether these momenta of {self.group!r} lie on one orbit is not "
@@ -168,8 +159,7 @@ class CoadjointAction(Representation):
         array = real_array(mu, where)
         if array.shape != (self.group.dim,):
             raise InvalidInput(
-                f"{where} must have shape ({self.group.dim},), a "
-                f"momentum of {self.group!r}; got {array.shape}"
+                f"{where} must have shape ({self.group.dim},), a momentum of {self.group!r}; got {array.shape}"
             )
         check_finite(array, where)
         return array

@@ -9,18 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import InvalidType, NotDefined, undefined
-from ..formulas import (
-    Element,
-    Mat,
-    Record,
-    Vec,
-    derivative,
-    identity_matrix,
-    mat,
-    record,
-    vec,
-    vectors,
-)
+from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec, vectors
 from ..formulas.batches import MEMBERSHIP
 from ..formulas.derived import derived
 from .lie_group import LieGroup
@@ -52,9 +41,7 @@ class GroupAction(Record):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.group, LieGroup):
-            raise InvalidType(
-                f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}")
 
     # ---------------------------------------------------------------- 1. a subclass writes
 
@@ -72,9 +59,7 @@ class GroupAction(Record):
     @derived
     def infinitesimal(self, xi: Vec, x: Vec) -> Vec:
         """The velocity of a point, d/ds exp(s xi) . x at s = 0.  xi : (dim,), x : a point."""
-        return derivative(
-            lambda v: self.act(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi
-        )
+        return derivative(lambda v: self.act(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi)
 
     @derived
     def exp_act(self, xi: Vec, x: Vec) -> Vec:
@@ -87,9 +72,7 @@ class GroupAction(Record):
         """
         return 0.0
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Random points, where nothing better is said vectors of normally distributed components.
 
         rng : a generator or a seed.  size : leading axes.

@@ -174,11 +174,7 @@ class Heisenberg(MatrixLieGroup):
 
     def _parts(self, g: Mat) -> tuple[Vec, Vec, float]:
         n = self.n
-        return (
-            vec(*[g[0, i + 1] for i in range(n)]),
-            vec(*[g[i + 1, n + 1] for i in range(n)]),
-            g[0, n + 1],
-        )
+        return (vec(*[g[0, i + 1] for i in range(n)]), vec(*[g[i + 1, n + 1] for i in range(n)]), g[0, n + 1])
 
     def _element(self, q: Vec, p: Vec, z: float) -> Mat:
         n = self.n

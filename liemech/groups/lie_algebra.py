@@ -9,18 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import InvalidType, LawViolation, NotDefined, undefined
-from ..formulas import (
-    Mat,
-    Record,
-    Vec,
-    dot,
-    identity_matrix,
-    jacobian,
-    mat,
-    record,
-    solve,
-    vec,
-)
+from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, vec
 from ..formulas.dual import value_of
 from ..formulas.signatures import bare
 from .ad_series import bernoulli_series, exponential_series, mean
@@ -77,9 +66,7 @@ class LieAlgebra(Record):
     def structure_constants(self) -> Constants:
         """c[k][i][j] with [E_i, E_j] = sum_k c[k][i][j] E_k, as nested tuples of numbers."""
         if type(self).bracket is LieAlgebra.bracket:
-            raise NotDefined(
-                f"{type(self).__name__} must define `bracket` or `structure_constants`"
-            )
+            raise NotDefined(f"{type(self).__name__} must define `bracket` or `structure_constants`")
         units = list(identity_matrix(self.dim))
         c = np.array([[self.bracket(a, b) for b in units] for a in units], dtype=float)
         return tuple(tuple(tuple(row) for row in plane) for plane in c.transpose(2, 0, 1).tolist())
@@ -343,10 +330,7 @@ class LieAlgebra(Record):
         antisymmetry = c + c.transpose(1, 0, 2)
         nested = np.einsum("jkb,iba->ijka", c, c)
         jacobi = nested + nested.transpose(1, 2, 0, 3) + nested.transpose(2, 0, 1, 3)
-        for law, defect, size in (
-            ("antisymmetry", antisymmetry, scale),
-            ("the Jacobi identity", jacobi, scale**2),
-        ):
+        for law, defect, size in (("antisymmetry", antisymmetry, scale), ("the Jacobi identity", jacobi, scale**2)):
             worst = np.unravel_index(np.abs(defect).argmax(), defect.shape)
             if abs(defect[worst]) > 64 * np.finfo(float).eps * size:
                 indices = tuple(int(i) + 1 for i in worst[:-1])
@@ -387,11 +371,7 @@ def sided(xi: Vec, side: str) -> Vec:
 def refuse_sides(cls: type, base: type) -> None:
     """Raise InvalidType for a formula of a subclass that has a side, where that of `base` has none."""
     for name, formula in vars(cls).items():
-        if (
-            _has_side(formula)
-            and callable(getattr(base, name, None))
-            and not _has_side(getattr(base, name))
-        ):
+        if _has_side(formula) and callable(getattr(base, name, None)) and not _has_side(getattr(base, name)):
             raise InvalidType(
                 f"{cls.__name__}.{name} takes `side`: formulas of differentials are left-trivialised, "
                 "and the right-trivialised one is asked for at -xi; leave `side` out, and write "
@@ -401,9 +381,7 @@ def refuse_sides(cls: type, base: type) -> None:
 
 def _has_side(formula: Any) -> bool:
     code = getattr(bare(formula), "__code__", None)
-    return (
-        code is not None and "side" in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-    )
+    return code is not None and "side" in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
 
 
 def _columns(formula: Callable[[Vec, Vec], Vec], xi: Vec) -> Mat:

@@ -11,45 +11,15 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotDefined, undefined
-from ..formulas import (
-    Ambient,
-    Element,
-    Mat,
-    Record,
-    Vec,
-    derivative,
-    dot,
-    identity_matrix,
-    mat,
-    record,
-    sqrt,
-    vec,
-)
+from ..formulas import Ambient, Element, Mat, Record, Vec, derivative, dot, identity_matrix, mat, record, sqrt, vec
 from ..formulas.arrays import check_finite, real_array
 from ..formulas.batches import MEMBERSHIP as MEMBERSHIP
 from ..formulas.vectors import small
 from .lie_algebra import LieAlgebra, objection, sided
 
 OF_THE_ALGEBRA = {
-    *(
-        "bracket",
-        "ad_star",
-        "ad_matrix",
-        "hat",
-        "vee",
-        "exp_Ad_star",
-        "dexp",
-        "dexp_dual",
-        "dexp_inv",
-    ),
-    *(
-        "dexp_inv_dual",
-        "dexp_inv_series",
-        "exp_residual",
-        "is_exp_chart",
-        "cayley_Ad_star",
-        "dcayley",
-    ),
+    *("bracket", "ad_star", "ad_matrix", "hat", "vee", "exp_Ad_star", "dexp", "dexp_dual", "dexp_inv"),
+    *("dexp_inv_dual", "dexp_inv_series", "exp_residual", "is_exp_chart", "cayley_Ad_star", "dcayley"),
     *("dcayley_dual", "dcayley_inv", "dcayley_inv_dual", "cayley_residual"),
 }
 """Maps of velocities and momenta alone: closed forms stand in the class of the algebra."""
@@ -63,9 +33,7 @@ def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
         name = f"{type(self).__name__}.{formula.__name__}: mu"
         momentum = real_array(mu, name)
         if momentum.shape != (self.dim,):
-            raise InvalidInput(
-                f"{name} must be one momentum, of shape ({self.dim},); got shape {momentum.shape}"
-            )
+            raise InvalidInput(f"{name} must be one momentum, of shape ({self.dim},); got shape {momentum.shape}")
         check_finite(momentum, name)
         return formula(self, momentum)
 
@@ -234,11 +202,7 @@ class LieGroup(Record):
         element.
         """
         defect = self.defect(small(g))
-        return (
-            None
-            if defect <= MEMBERSHIP
-            else f"it is off the group by {defect:.1e}, more than {MEMBERSHIP:.0e}"
-        )
+        return None if defect <= MEMBERSHIP else f"it is off the group by {defect:.1e}, more than {MEMBERSHIP:.0e}"
 
     def scale(self, g: Element | None) -> Vec:
         """The displacements that count as large at g (None: anywhere), for the error control of
@@ -255,9 +219,7 @@ class LieGroup(Record):
         """
         raise NotDefined(f"{type(self).__name__} does not know the element nearest to an array")
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Random elements: exp of normally distributed velocities, or Haar measure where a group
         knows better.
 

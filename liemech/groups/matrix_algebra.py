@@ -16,27 +16,12 @@ from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
 from ..formulas.double_double import is_long
 from ..formulas.elimination import INFINITE, inverse, solve_matrix
 from ..formulas.numbers import InMemory, raise_if
-from ..formulas.sums import (
-    antisymmetric_map,
-    bilinear,
-    bilinear_map,
-    entries,
-    linear,
-    scaled,
-    total,
-)
+from ..formulas.sums import antisymmetric_map, bilinear, bilinear_map, entries, linear, scaled, total
 from . import matrix_arrays
 from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .matrix_basis import MatrixBasis
-from .matrix_functions import (
-    LOST,
-    digits,
-    expm1,
-    frobenius2,
-    phi1m,
-    plus,
-)
+from .matrix_functions import LOST, digits, expm1, frobenius2, phi1m, plus
 
 EVEN = BERNOULLI[2::2]
 """B_2k/(2k)!, k = 1, 2, ...: the coefficients of dexp^-1 but the first two."""
@@ -139,9 +124,7 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def _assembled(self, places: Any, v: Vec) -> Mat:
         if self.generated.complex:
-            return mat(
-                *[vec(*[Complex(linear(re, v), linear(im, v)) for re, im in row]) for row in places]
-            )
+            return mat(*[vec(*[Complex(linear(re, v), linear(im, v)) for re, im in row]) for row in places])
         return mat(*[vec(*[linear(re, v) for re, _ in row]) for row in places])
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -156,9 +139,7 @@ class MatrixLieAlgebra(LieAlgebra):
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """sum_k ad*_xi^k mu/k!, without forming a matrix unless xi is large."""
         if self.is_large:
-            return self._moved(
-                expm1(self.hat(xi)), None if self.group._form else expm1(self.hat(-xi)), mu
-            )
+            return self._moved(expm1(self.hat(xi)), None if self.group._form else expm1(self.hat(-xi)), mu)
         if self.ad_size2(xi) <= 4.0:
             return mu + _series(self.ad_star, xi, mu, self.ad_size2(xi), 0.0)
         g, group = self.group.exp(xi), self.group
@@ -246,12 +227,7 @@ class MatrixLieAlgebra(LieAlgebra):
         terms, dim = self.generated.ad_star_terms, self.dim
         return mat(
             *[
-                vec(
-                    *[
-                        _sum([scaled(c, mu[k]) for c, i, k in terms[j] if i == m])
-                        for m in range(dim)
-                    ]
-                )
+                vec(*[_sum([scaled(c, mu[k]) for c, i, k in terms[j] if i == m]) for m in range(dim)])
                 for j in range(dim)
             ]
         )
@@ -268,10 +244,7 @@ class MatrixLieAlgebra(LieAlgebra):
     def ad_matrix(self, xi: Vec) -> Mat:
         """The matrix of ad_xi, from the structure constants."""
         terms, dim = self.generated.ad_star_terms, self.dim
-        rows = [
-            [[scaled(c, xi[i]) for c, i, k in terms[j] if k == m] for m in range(dim)]
-            for j in range(dim)
-        ]
+        rows = [[[scaled(c, xi[i]) for c, i, k in terms[j] if k == m] for m in range(dim)] for j in range(dim)]
         return mat(*[vec(*[_sum(entry) for entry in row]) for row in rows]).T
 
     def _moved(self, e: Mat, back: Mat | None, mu: Vec) -> Vec:
@@ -310,9 +283,7 @@ class MatrixLieAlgebra(LieAlgebra):
         if self.dim == 3 and self.generated.few_triples:
             return solve3(self._dcayley_inv_dual(-xi), mu)
         half = adjoint(0.5 * self.hat(-xi))
-        return self.pairing(
-            solve_matrix(plus(-half, 1.0), self.covector(mu)) @ inverse(plus(half, 1.0))
-        )
+        return self.pairing(solve_matrix(plus(-half, 1.0), self.covector(mu)) @ inverse(plus(half, 1.0)))
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """mu + ad*_xi mu/2 - (the dual of eta -> xi eta xi) mu/4."""
@@ -334,27 +305,15 @@ class MatrixLieAlgebra(LieAlgebra):
         if not self.generated.few_triples:
             return LieAlgebra.cayley_residual(self, xi, p, mu)
         by_p = self._dcayley_inv_dual(xi)
-        linear, square, dim = (
-            self.generated.ad_star_terms,
-            self.generated.triple_dual_terms,
-            self.dim,
-        )
+        linear, square, dim = (self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim)
         by_xi = mat(
             *[
                 vec(
                     *[
                         _sum(
                             [scaled(-0.5 * c, p[k]) for c, i, k in linear[j] if i == m]
-                            + [
-                                scaled(-0.25 * c, xi[b] * p[k])
-                                for c, a, b, k in square[j]
-                                if a == m
-                            ]
-                            + [
-                                scaled(-0.25 * c, xi[a] * p[k])
-                                for c, a, b, k in square[j]
-                                if b == m
-                            ]
+                            + [scaled(-0.25 * c, xi[b] * p[k]) for c, a, b, k in square[j] if a == m]
+                            + [scaled(-0.25 * c, xi[a] * p[k]) for c, a, b, k in square[j] if b == m]
                         )
                         for m in range(dim)
                     ]
@@ -366,11 +325,7 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def _dcayley_inv_dual(self, x: Vec) -> Mat:
         """The matrix of (dcay_x^-1)*, right-trivialised, from the constants of ad* and of y -> x y x."""
-        linear, square, dim = (
-            self.generated.ad_star_terms,
-            self.generated.triple_dual_terms,
-            self.dim,
-        )
+        linear, square, dim = (self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim)
         return mat(
             *[
                 vec(
@@ -378,11 +333,7 @@ class MatrixLieAlgebra(LieAlgebra):
                         _sum(
                             ([1.0] if j == k else [])
                             + [scaled(-0.5 * c, x[i]) for c, i, col in linear[j] if col == k]
-                            + [
-                                scaled(-0.25 * c, x[a] * x[b])
-                                for c, a, b, col in square[j]
-                                if col == k
-                            ]
+                            + [scaled(-0.25 * c, x[a] * x[b]) for c, a, b, col in square[j] if col == k]
                         )
                         for k in range(dim)
                     ]
@@ -430,17 +381,14 @@ def _bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) 
     """
     if is_long(size2):
         raise InvalidType(
-            "precision: the inverse of dexp is known to 16 digits only "
-            "here; take Cayley() or precision='double'"
+            "precision: the inverse of dexp is known to 16 digits only here; take Cayley() or precision='double'"
         )
     if size2 <= 0.02:
         return _bernoulli_sum(EVEN[:5], action, x, v)
     return _bernoulli_sum(EVEN, action, x, v)
 
 
-def _bernoulli_sum(
-    coefficients: tuple[float, ...], action: Callable[..., Vec], x: Vec, v: Vec
-) -> Vec:
+def _bernoulli_sum(coefficients: tuple[float, ...], action: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
     power = action(x, v)
     change = -0.5 * power
     for b in coefficients:
@@ -456,10 +404,7 @@ AT_ONCE = 20
 FARTHEST = 20.0
 """The square of the size of ad up to which the series of dexp^-1, which ends at 2 pi, is summed up."""
 
-FAR = (
-    *EVEN,
-    *[-2.0 * (1.0 + 0.25**k) / (-4.0 * math.pi**2) ** k for k in range(len(EVEN) + 1, 65)],
-)
+FAR = (*EVEN, *[-2.0 * (1.0 + 0.25**k) / (-4.0 * math.pi**2) ** k for k in range(len(EVEN) + 1, 65)])
 """More of B_2k/(2k)! = -2 zeta(2k)/(-4 pi^2)^k, with zeta(2k) = 1 + 4^-k but for 9^-k.
 
 Source: NIST Handbook of Mathematical Functions, 25.2.1 and 25.6.2.
@@ -470,8 +415,7 @@ def _long_bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: fl
     """The series of Bernoulli numbers for |A|^2 up to 20.  Raises InvalidInput for larger ones."""
     raise_if(
         size2 > FARTHEST,
-        "dexp_inv: a displacement of large matrices whose commutators may be longer than 4.5; take a "
-        "shorter step",
+        "dexp_inv: a displacement of large matrices whose commutators may be longer than 4.5; take a shorter step",
     )
     power = action(x, v)
     change, bound = -0.5 * power, size2

@@ -197,21 +197,14 @@ def log(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
 
     logs = np.array([logm(m) for m in g])
     xi = basis.vee(logs if basis.complex else logs.real)
-    off = np.linalg.norm(logs - basis.hat(xi), axis=(1, 2)) > 1e-6 * (
-        1.0 + np.linalg.norm(logs, axis=(1, 2))
-    )
+    off = np.linalg.norm(logs - basis.hat(xi), axis=(1, 2)) > 1e-6 * (1.0 + np.linalg.norm(logs, axis=(1, 2)))
     if off.any() or not np.isfinite(logs).all():
-        raise InvalidInput(
-            f"{basis.name}.log: the element has no principal logarithm in the algebra"
-        )
+        raise InvalidInput(f"{basis.name}.log: the element has no principal logarithm in the algebra")
     return xi
 
 
 def _defects(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
     basis = group.generated
     return np.array(
-        [
-            max(d for d, _ in [(0.0, ""), *objections(group.invariants, basis.core, m)])
-            for m in basis.to_core(g)
-        ]
+        [max(d for d, _ in [(0.0, ""), *objections(group.invariants, basis.core, m)]) for m in basis.to_core(g)]
     )

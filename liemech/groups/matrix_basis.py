@@ -281,9 +281,7 @@ class MatrixBasis:
     def _entries(self, columns: np.ndarray) -> Any:
         n, terms = self.n, [linear_terms(row) for row in columns]
         parts = [terms[: n * n], terms[n * n :] or [()] * (n * n)]
-        return tuple(
-            tuple((parts[0][n * i + j], parts[1][n * i + j]) for j in range(n)) for i in range(n)
-        )
+        return tuple(tuple((parts[0][n * i + j], parts[1][n * i + j]) for j in range(n)) for i in range(n))
 
     @cached_property
     def vee_terms(self) -> tuple[Terms, ...]:
@@ -299,10 +297,7 @@ class MatrixBasis:
 
     def _readings(self, rows: np.ndarray) -> tuple[Terms, ...]:
         n = self.n
-        return tuple(
-            tuple((c, k % (n * n) // n, k % n, k // (n * n)) for c, k in linear_terms(row))
-            for row in rows
-        )
+        return tuple(tuple((c, k % (n * n) // n, k % n, k // (n * n)) for c, k in linear_terms(row)) for row in rows)
 
     @cached_property
     def bracket_terms(self) -> tuple[Terms, ...]:
@@ -310,9 +305,7 @@ class MatrixBasis:
         with c > 0.
         """
         upper = [products(np.triu(c, 1)) for c in self.structure_constants]
-        return tuple(
-            tuple((v, i, j) if v > 0 else (-v, j, i) for v, i, j in terms) for terms in upper
-        )
+        return tuple(tuple((v, i, j) if v > 0 else (-v, j, i) for v, i, j in terms) for terms in upper)
 
     @cached_property
     def ad_star_terms(self) -> tuple[Terms, ...]:
@@ -338,17 +331,10 @@ class MatrixBasis:
             square = (self.columns.T @ self.columns).toarray()
             lengths = np.linalg.eigvalsh(square)
             return products(
-                clean(
-                    2.0
-                    * lengths[-1]
-                    / lengths[0]
-                    * (2.0 * np.triu(square, 1) + np.diag(np.diag(square)))
-                )
+                clean(2.0 * lengths[-1] / lengths[0] * (2.0 * np.triu(square, 1) + np.diag(np.diag(square))))
             )
         ad = self.structure_constants.transpose(1, 0, 2)
-        square = np.einsum("iab,jab->ij", ad, ad) * (
-            0.5 if np.array_equal(ad, -ad.swapaxes(1, 2)) else 1.0
-        )
+        square = np.einsum("iab,jab->ij", ad, ad) * (0.5 if np.array_equal(ad, -ad.swapaxes(1, 2)) else 1.0)
         return products(clean(2.0 * np.triu(square, 1) + np.diag(np.diag(square))))
 
     @cached_property
@@ -433,9 +419,7 @@ class SparseBasis(MatrixBasis):
     k, i, j, values : which E_k, row, column, value.
     """
 
-    def __init__(
-        self, name: str, n: int, k: np.ndarray, i: np.ndarray, j: np.ndarray, values: np.ndarray
-    ) -> None:
+    def __init__(self, name: str, n: int, k: np.ndarray, i: np.ndarray, j: np.ndarray, values: np.ndarray) -> None:
         self.name, self.n, self.balanced, self.large = name, n, True, True
         self.dim, self.complex = int(k[-1]) + 1, np.iscomplexobj(values)
         self._sparse = k, i, j, values
@@ -509,9 +493,7 @@ def basis_of(generators: Any, name: str) -> MatrixBasis:
     try:
         array = np.asarray(generators)
     except ValueError:
-        raise InvalidInput(
-            f"{name}.generators is ragged: its rows have different lengths"
-        ) from None
+        raise InvalidInput(f"{name}.generators is ragged: its rows have different lengths") from None
     if array.dtype == object or array.nbytes > 2**22:
         return MatrixBasis(array, name)
     import hashlib
@@ -530,21 +512,16 @@ def _checked(array: np.ndarray, name: str) -> np.ndarray:
     independent.
     """
     if array.dtype.kind not in "iufc":
-        raise InvalidType(
-            f"{name}.generators must be real or complex numbers; got dtype {array.dtype}"
-        )
+        raise InvalidType(f"{name}.generators must be real or complex numbers; got dtype {array.dtype}")
     if array.ndim != 3 or array.shape[1] != array.shape[2] or not array.size:
         raise InvalidInput(
-            f"{name}.generators has shape {array.shape}; it must be (dim, "
-            "n, n): square matrices, one per generator"
+            f"{name}.generators has shape {array.shape}; it must be (dim, n, n): square matrices, one per generator"
         )
     array = np.array(array, dtype=complex if array.dtype.kind == "c" else float)
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         at = tuple(map(int, bad[0]))
-        raise InvalidInput(
-            f"{name}.generators{list(at)} is {array[at]}; every entry must be finite"
-        )
+        raise InvalidInput(f"{name}.generators{list(at)} is {array[at]}; every entry must be finite")
     largest = float(max(np.abs(array.real).max(), np.abs(array.imag).max()))
     if largest > np.finfo(float).max ** 0.5 / array.shape[1]:
         raise InvalidInput(
@@ -559,8 +536,7 @@ def _checked(array: np.ndarray, name: str) -> np.ndarray:
         rank = int((sizes > 0.0).sum())
     if rank < len(array):
         raise LawViolation(
-            f"{name}.generators are linearly dependent: {len(array)} "
-            f"matrices of rank {rank}. Leave some out"
+            f"{name}.generators are linearly dependent: {len(array)} matrices of rank {rank}. Leave some out"
         )
     array.flags.writeable = False
     return array

@@ -42,9 +42,7 @@ def plus(m: Mat, s: float) -> Mat:
     """m + s 1."""
     if isinstance(m, InMemory):
         return m.plus(s)
-    return mat(
-        *[vec(*[m[i, j] + s if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))]
-    )
+    return mat(*[vec(*[m[i, j] + s if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))])
 
 
 def expm1(x: Mat) -> Mat:
@@ -151,12 +149,7 @@ def _series_by_characteristic(x: Mat, size2: float) -> Mat:
         k = k + 1.0
         part = one / k
         a, b, c = part * (s * a + b), part * (t * a + c), part * (d * a)
-        of_square, of_x, of_one, bound = (
-            of_square + a,
-            of_x + b,
-            of_one + c,
-            bound * (size2 * (part * part)),
-        )
+        of_square, of_x, of_one, bound = (of_square + a, of_x + b, of_one + c, bound * (size2 * (part * part)))
     return x + plus(square * of_square + x * of_x, of_one)
 
 

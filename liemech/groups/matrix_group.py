@@ -10,19 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NotDefined
-from ..formulas import (
-    Ambient,
-    Complex,
-    Element,
-    Mat,
-    Vec,
-    dot,
-    identity_matrix,
-    mat,
-    record,
-    sqrt,
-    vec,
-)
+from ..formulas import Ambient, Complex, Element, Mat, Vec, dot, identity_matrix, mat, record, sqrt, vec
 from ..formulas.elimination import determinant, inverse, solve_matrix
 from ..formulas.large import Large
 from ..formulas.sums import abs2, scaled, total
@@ -31,13 +19,7 @@ from .casimir_polynomials import casimir_polynomials
 from .lie_group import MEMBERSHIP, LieGroup
 from .matrix_algebra import MatrixLieAlgebra, adjoint
 from .matrix_basis import MatrixBasis, basis_of
-from .matrix_functions import (
-    expm1,
-    frobenius2,
-    log1pm,
-    logm,
-    plus,
-)
+from .matrix_functions import expm1, frobenius2, log1pm, logm, plus
 from .matrix_invariants import Invariants, invariants_of, objections
 from .nearest import nearest
 
@@ -66,8 +48,7 @@ class MatrixLieGroup(LieGroup):
     def __new__(cls, *arguments: Any, **options: Any) -> Any:
         if cls is MatrixLieGroup:
             raise NotDefined(
-                "MatrixLieGroup is abstract: write MatrixLieGroup.of(generators), or a subclass "
-                "with `generators`"
+                "MatrixLieGroup is abstract: write MatrixLieGroup.of(generators), or a subclass with `generators`"
             )
         return super().__new__(cls)
 
@@ -76,9 +57,7 @@ class MatrixLieGroup(LieGroup):
     @property
     def generators(self) -> Any:
         """A basis E_1, ..., E_dim of the algebra.  (dim, n, n), real or complex."""
-        raise NotDefined(
-            f"{type(self).__name__} must define `generators`, an array of shape (dim, n, n)"
-        )
+        raise NotDefined(f"{type(self).__name__} must define `generators`, an array of shape (dim, n, n)")
 
     @staticmethod
     def of(generators: Any) -> MatrixLieGroup:
@@ -140,12 +119,7 @@ class MatrixLieGroup(LieGroup):
             return adjoint(g)
         if b is None or self.is_large:
             return inverse(g)
-        return mat(
-            *[
-                vec(*[scaled(b[i] * b[j], _of(g, j, i)) for j in range(len(b))])
-                for i in range(len(b))
-            ]
-        )
+        return mat(*[vec(*[scaled(b[i] * b[j], _of(g, j, i)) for j in range(len(b))]) for i in range(len(b))])
 
     @cached_property
     def _form(self) -> tuple[float, ...] | None:
@@ -225,9 +199,7 @@ class MatrixLieGroup(LieGroup):
 
     def _require_cayley(self) -> None:
         if self.why_no_cayley() is not None:
-            raise IncompatibleSystem(
-                f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}"
-            )
+            raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
 
     def cayley(self, xi: Vec) -> Element:
         """1 + (1 - x/2)^-1 x with the matrix x."""
@@ -288,10 +260,7 @@ class MatrixLieGroup(LieGroup):
                 power = power @ m
                 if k in powers:
                     trace = total([power[i, i] for i in range(len(power))])
-                    values = [
-                        *values,
-                        trace.im if isinstance(trace, Complex) and k % 2 else _real(trace),
-                    ]
+                    values = [*values, trace.im if isinstance(trace, Complex) and k % 2 else _real(trace)]
         return vec(*values)
 
     @cached_property
@@ -321,9 +290,7 @@ class MatrixLieGroup(LieGroup):
                 found.append(1.0)
                 continue
             moved = self._in_core(g @ self.algebra.hat(unit))
-            away, by = (
-                total([abs2(x[i, j]) for j, rows in blocks for i in rows]) for x in (here, moved)
-            )
+            away, by = (total([abs2(x[i, j]) for j, rows in blocks for i in rows]) for x in (here, moved))
             found.append(sqrt(away / by))
         return vec(*found)
 
@@ -340,21 +307,13 @@ class MatrixLieGroup(LieGroup):
             return spread
         g_t, g_h = g.T, adjoint(g)
         second = [g_t @ b @ g - b for b in forms] + [g_h @ b @ g - b for b in hermitian]
-        second = (
-            second + [g @ c @ g_t - c for c in coforms] + [g @ c @ g_h - c for c in cohermitian]
-        )
+        second = second + [g @ c @ g_t - c for c in coforms] + [g @ c @ g_h - c for c in cohermitian]
         first = [g @ v - v for v in vectors] + [w @ g - w for w in covectors]
         commutators = [g @ a - a @ g for a in commuting]
-        of_forms = max([0.0, 0.0] + [abs2(x) for m in second for row in m for x in row]) / (
-            spread * spread
-        )
+        of_forms = max([0.0, 0.0] + [abs2(x) for m in second for row in m for x in row]) / (spread * spread)
         of_vectors = max([0.0, 0.0] + [abs2(x) for v in first for x in v]) / spread
-        of_matrices = (
-            max([0.0, 0.0] + [abs2(x) for m in commutators for row in m for x in row]) / spread
-        )
-        others = max(
-            self._determinant_defect(g), self._normaliser_defect(given), self._further_defect(g)
-        )
+        of_matrices = max([0.0, 0.0] + [abs2(x) for m in commutators for row in m for x in row]) / spread
+        others = max(self._determinant_defect(g), self._normaliser_defect(given), self._further_defect(g))
         return max(sqrt(max(of_forms, of_vectors, of_matrices)), others)
 
     def _determinant_defect(self, g: Mat) -> float:
@@ -380,9 +339,7 @@ class MatrixLieGroup(LieGroup):
             once = [total([scaled(a, t) for a, t in zip(x, form)]) for x in columns]
             for i, one in enumerate(once):
                 there = columns @ (one @ g) - form[i]
-                worst = max(
-                    worst, *[abs2(x) / (spread * spread * spread) for row in there for x in row]
-                )
+                worst = max(worst, *[abs2(x) / (spread * spread * spread) for row in there for x in row])
         return sqrt(worst)
 
     def _normaliser_defect(self, g: Mat) -> float:
@@ -401,21 +358,9 @@ class MatrixLieGroup(LieGroup):
         has to compare.
         """
         kind = self._kind
-        names = (
-            "vectors",
-            "covectors",
-            "commuting",
-            "forms",
-            "hermitian",
-            "coforms",
-            "cohermitian",
-            "rays",
-        )
+        names = ("vectors", "covectors", "commuting", "forms", "hermitian", "coforms", "cohermitian", "rays")
         cubic = [t / np.abs(t).max() for t in self.invariants.cubic]
-        laws = [
-            [_constant(np.asarray(x, dtype=kind)) for x in getattr(self.invariants, name)]
-            for name in names
-        ]
+        laws = [[_constant(np.asarray(x, dtype=kind)) for x in getattr(self.invariants, name)] for name in names]
         forms = [tuple([_constant(np.asarray(m, dtype=kind)) for m in t]) for t in cubic]
         return (*map(tuple, laws), tuple(forms))
 
@@ -424,9 +369,7 @@ class MatrixLieGroup(LieGroup):
         return next(
             (
                 words
-                for off, words in objections(
-                    self.invariants, self.generated.core, self.generated.to_core(g)
-                )
+                for off, words in objections(self.invariants, self.generated.core, self.generated.to_core(g))
                 if not off <= MEMBERSHIP
             ),
             None,
@@ -476,9 +419,7 @@ class GeneratedGroup(MatrixLieGroup):
 
     def __post_init__(self) -> None:
         if not isinstance(self.matrices, Matrices):
-            object.__setattr__(
-                self, "matrices", Matrices(basis_of(self.matrices, "MatrixLieGroup").generators)
-            )
+            object.__setattr__(self, "matrices", Matrices(basis_of(self.matrices, "MatrixLieGroup").generators))
 
     @property
     def generators(self) -> np.ndarray:

@@ -119,9 +119,7 @@ def _cubic_forms(e: np.ndarray) -> tuple[np.ndarray, ...]:
     return (mixed,) if len(found) else ()
 
 
-def _not_inverse(
-    coforms: tuple[np.ndarray, ...], forms: tuple[np.ndarray, ...]
-) -> tuple[np.ndarray, ...]:
+def _not_inverse(coforms: tuple[np.ndarray, ...], forms: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
     """The coforms, unless forms can be inverted and say the same."""
     return () if any(np.linalg.cond(b) < 1e6 for b in forms) else coforms
 
@@ -201,9 +199,7 @@ def _moved_cubic(x: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.asarray(turned + turned.swapaxes(1, 2) + turned.swapaxes(1, 3))
 
 
-def objections(
-    laws: Invariants, basis: MatrixBasis | None, g: np.ndarray
-) -> list[tuple[float, str]]:
+def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> list[tuple[float, str]]:
     """How far each law is broken, relative to the size of an element, and words for it.
     g : (n, n).
     """
@@ -221,13 +217,7 @@ def objections(
         law(off, size**2, f"{product} differs from {name} by {{:.1e}}{what}")
 
     for b in laws.forms:
-        kind = (
-            "antisymmetric"
-            if np.allclose(b, -b.T)
-            else "symmetric"
-            if np.allclose(b, b.T)
-            else "bilinear"
-        )
+        kind = "antisymmetric" if np.allclose(b, -b.T) else "symmetric" if np.allclose(b, b.T) else "bilinear"
         form(kind, "g^T", b, g.T @ b @ g - b)
     for b in laws.hermitian:
         form("sesquilinear", "g^H", b, star @ b @ g - b)
@@ -236,24 +226,14 @@ def objections(
     for c in laws.cohermitian:
         law(g @ c @ star - c, size**2, f"g C g^H differs from C = {_shown(c)} by {{:.1e}}")
     for v in laws.vectors:
-        law(
-            g @ v - v,
-            size,
-            f"it moves the vector {_shown(v)}, which every element leaves alone, by {{:.1e}}",
-        )
+        law(g @ v - v, size, f"it moves the vector {_shown(v)}, which every element leaves alone, by {{:.1e}}")
     for w in laws.covectors:
-        law(
-            w @ g - w,
-            size,
-            f"it changes the covector {_shown(w)}, which every element leaves alone, by {{:.1e}}",
-        )
+        law(w @ g - w, size, f"it changes the covector {_shown(w)}, which every element leaves alone, by {{:.1e}}")
     for a in laws.commuting:
         law(g @ a - a @ g, size, f"it does not commute with {_shown(a)}, off by {{:.1e}}")
     for t in laws.cubic:
         moved = np.einsum("abc,ai,bj,ck->ijk", t, g, g, g, optimize=True)
-        law(
-            (moved - t) / np.abs(t).max(), size**3, "it changes a cubic form of the group by {:.1e}"
-        )
+        law((moved - t) / np.abs(t).max(), size**3, "it changes a cubic form of the group by {:.1e}")
     for v in laws.rays:
         along = float(v @ g @ v)
         words = f"it does not stretch {_shown(v)} by a positive factor, as every element does"
@@ -280,15 +260,12 @@ def objections(
         off = basis.sticks_out(moved) / np.maximum(np.linalg.norm(moved, axis=(1, 2)), 1e-300)
         worst = int(off.argmax())
         found.append(
-            (
-                float(off[worst]),
-                f"g E_{worst + 1} g^-1 sticks out of the algebra by {off[worst]:.1e} of its size",
-            )
+            (float(off[worst]), f"g E_{worst + 1} g^-1 sticks out of the algebra by {off[worst]:.1e} of its size")
         )
     return found
 
 
 def _shown(values: Any) -> str:
-    return np.array2string(
-        np.asarray(values), separator=", ", precision=4, suppress_small=True, threshold=16
-    ).replace("\n", "")
+    return np.array2string(np.asarray(values), separator=", ", precision=4, suppress_small=True, threshold=16).replace(
+        "\n", ""
+    )

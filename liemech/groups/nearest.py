@@ -57,9 +57,7 @@ def nearest(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
             h = group.generated.from_core(h)
             if group.objection(h) is None:
                 return h
-    raise InvalidInput(
-        f"{basis.name}.nearest: the array is too far from the group to have a nearest element"
-    )
+    raise InvalidInput(f"{basis.name}.nearest: the array is too far from the group to have a nearest element")
 
 
 def nearest_unitary(g: np.ndarray, oriented: bool) -> np.ndarray | None:
@@ -74,13 +72,7 @@ def nearest_unitary(g: np.ndarray, oriented: bool) -> np.ndarray | None:
         return None
     u, sizes, v = np.linalg.svd(g / size)
     turned = oriented and np.linalg.det(u) * np.linalg.det(v) < 0.0
-    least = (
-        sizes[-1]
-        if not oriented
-        else sizes[-2] + (-sizes[-1] if turned else sizes[-1])
-        if len(sizes) > 1
-        else 1.0
-    )
+    least = sizes[-1] if not oriented else sizes[-2] + (-sizes[-1] if turned else sizes[-1]) if len(sizes) > 1 else 1.0
     if least <= len(g) * 2.0**-50 * sizes[0]:
         return None
     if turned:
@@ -104,9 +96,7 @@ def _projected(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
     return np.asarray(expm(basis.hat(basis.vee(log_g if basis.complex else log_g.real))))
 
 
-def _from_somewhere(
-    basis: MatrixBasis, form: np.ndarray | None, g: np.ndarray
-) -> np.ndarray | None:
+def _from_somewhere(basis: MatrixBasis, form: np.ndarray | None, g: np.ndarray) -> np.ndarray | None:
     """The nearest element of a group that is known by its exponentials only, from a start that
     leads to one.
 
@@ -223,9 +213,7 @@ def _least_difference(basis: MatrixBasis, g: np.ndarray, h: np.ndarray | None) -
     for _ in range(60):
         if h is None or not np.isfinite(h).all():
             return None
-        xi, *_ = np.linalg.lstsq(
-            _reals(h @ basis.generators).T, _reals((g - h)[None])[0], rcond=None
-        )
+        xi, *_ = np.linalg.lstsq(_reals(h @ basis.generators).T, _reals((g - h)[None])[0], rcond=None)
         step = float(np.linalg.norm(basis.hat(xi)))
         h = h @ expm(basis.hat(xi * min(1.0, 1.0 / max(step, 1e-300))))
         if step <= 1e-13 * float(np.linalg.norm(h)):

@@ -88,11 +88,7 @@ class AlgebraOfOne(AlgebraOfParts):
             kind = self.kinds[k]
             n = kind.dim
             r, by_p, by_xi = getattr(kind, name)(xi[:n], p[:n], mu[:n])
-            return (
-                lengthened(r, p - mu),
-                widened(by_p, n, self.dim, 1.0),
-                widened(by_xi, n, self.dim, 0.0),
-            )
+            return (lengthened(r, p - mu), widened(by_p, n, self.dim, 1.0), widened(by_xi, n, self.dim, 0.0))
 
         return chosen(self.which, self.kinds, of)
 
@@ -159,9 +155,7 @@ class OneOf(LieGroup):
 
     def compose(self, g: Element, h: Element) -> Element:
         """g h."""
-        return self.chosen(
-            lambda k, kind: self._like(kind.compose(self.element(k, g), self.element(k, h)), g)
-        )
+        return self.chosen(lambda k, kind: self._like(kind.compose(self.element(k, g), self.element(k, h)), g))
 
     def inverse(self, g: Element) -> Element:
         """g^-1."""
@@ -173,9 +167,7 @@ class OneOf(LieGroup):
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """g exp xi."""
-        return self.chosen(
-            lambda k, kind: self._like(kind.compose_exp(self.element(k, g), xi[: kind.dim]), g)
-        )
+        return self.chosen(lambda k, kind: self._like(kind.compose_exp(self.element(k, g), xi[: kind.dim]), g))
 
     def why_no_cayley(self) -> str | None:
         """The first kind that has none."""
@@ -190,9 +182,7 @@ class OneOf(LieGroup):
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """g cay xi."""
-        return self.chosen(
-            lambda k, kind: self._like(kind.compose_cayley(self.element(k, g), xi[: kind.dim]), g)
-        )
+        return self.chosen(lambda k, kind: self._like(kind.compose_cayley(self.element(k, g), xi[: kind.dim]), g))
 
     def nearest(self, g: Ambient) -> Element:
         """That of its kind."""
@@ -208,22 +198,16 @@ class OneOf(LieGroup):
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
         """Ad_g xi."""
-        return self.chosen(
-            lambda k, kind: lengthened(kind.Ad(self.element(k, g), xi[: kind.dim]), xi)
-        )
+        return self.chosen(lambda k, kind: lengthened(kind.Ad(self.element(k, g), xi[: kind.dim]), xi))
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """Ad*_g mu."""
-        return self.chosen(
-            lambda k, kind: lengthened(kind.Ad_star(self.element(k, g), mu[: kind.dim]), mu)
-        )
+        return self.chosen(lambda k, kind: lengthened(kind.Ad_star(self.element(k, g), mu[: kind.dim]), mu))
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """The xi with g' = g xi."""
         return self.chosen(
-            lambda k, kind: self._velocity(
-                kind.body_velocity(self.element(k, g), self.element(k, rate))
-            )
+            lambda k, kind: self._velocity(kind.body_velocity(self.element(k, g), self.element(k, rate)))
         )
 
     def log(self, g: Element) -> Vec:

@@ -59,9 +59,7 @@ def same(action: CoadjointAction, mu: np.ndarray, nu: np.ndarray, tolerance: flo
     further = group.further_invariants(mu), group.further_invariants(nu)
     if further[0] is not None and further[1] is not None:
         c, d = np.array(further[0]), np.array(further[1])
-        return len(c) == len(d) and bool(
-            np.linalg.norm(c - d) <= tolerance * max(np.linalg.norm(c), np.linalg.norm(d))
-        )
+        return len(c) == len(d) and bool(np.linalg.norm(c - d) <= tolerance * max(np.linalg.norm(c), np.linalg.norm(d)))
     return True if _transported(action, mu, nu) else None
 
 
@@ -69,11 +67,7 @@ def _casimirs(action: CoadjointAction, mu: np.ndarray) -> tuple[np.ndarray, np.n
     """The Casimirs at mu and the sizes of their partial derivatives.  (k,), (k, dim)"""
     at = Vec.of(mu.tolist())
     values = np.array(action.casimirs(at), dtype=float)
-    slopes = (
-        np.array(jacobian(action.casimirs, at), dtype=float)
-        if len(values)
-        else np.zeros((0, len(mu)))
-    )
+    slopes = np.array(jacobian(action.casimirs, at), dtype=float) if len(values) else np.zeros((0, len(mu)))
     return values, np.abs(slopes)
 
 
@@ -90,12 +84,8 @@ def _transported(action: CoadjointAction, mu: np.ndarray, nu: np.ndarray) -> boo
             off = weights * (nu - y)
             if np.linalg.norm(off) <= TRANSPORTED * np.linalg.norm(weights * nu):
                 return True
-            xi, *_ = np.linalg.lstsq(
-                -weights[:, None] * np.asarray(action.poisson_structure(y)), off, rcond=1e-10
-            )
-            y = np.asarray(
-                action.exp_act(xi * min(1.0, 1.0 / max(float(np.linalg.norm(xi)), 1e-300)), y)
-            )
+            xi, *_ = np.linalg.lstsq(-weights[:, None] * np.asarray(action.poisson_structure(y)), off, rcond=1e-10)
+            y = np.asarray(action.exp_act(xi * min(1.0, 1.0 / max(float(np.linalg.norm(xi)), 1e-300)), y))
             if not np.isfinite(y).all():
                 break
     return False
@@ -110,9 +100,7 @@ def _decomposed(group: LieGroup, mu: np.ndarray) -> tuple[np.ndarray, np.ndarray
     terms = np.zeros_like(structure)
     for block in range(len(group.unit_blocks)):
         part = np.where(_blocks(group) == block, sizes, 0.0)
-        terms = np.maximum(
-            terms, np.abs(np.array(group.algebra.poisson_structure(part), dtype=float))
-        )
+        terms = np.maximum(terms, np.abs(np.array(group.algebra.poisson_structure(part), dtype=float)))
     blocks = _blocks(group)
     # the same for all components of a unit, whatever direction mu has
     for a in set(blocks.tolist()):

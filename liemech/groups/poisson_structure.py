@@ -139,8 +139,7 @@ class PoissonStructure(Record):
                 if not self.commute(invariant, H, y):
                     rate = self.bracket(invariant, H)(y)
                     raise LawViolation(
-                        f"poisson_theorem: {name} is no invariant of H: at y "
-                        f"= {list(y)} its rate is {rate:.3g}"
+                        f"poisson_theorem: {name} is no invariant of H: at y = {list(y)} its rate is {rate:.3g}"
                     )
         return self.bracket(F, G)
 
@@ -173,9 +172,7 @@ class PoissonStructure(Record):
             points = np.random.default_rng(seed).normal(size=(5, self.dim))
         array = np.atleast_2d(real_array(points, f"{method}: points"))
         if array.shape[1:] != (self.dim,):
-            raise InvalidInput(
-                f"{method}: points must have shape (m, {self.dim}); got {array.shape}"
-            )
+            raise InvalidInput(f"{method}: points must have shape (m, {self.dim}); got {array.shape}")
         check_finite(array, f"{method}: points")
         return [Vec.of(row) for row in array.tolist()]
 
@@ -222,12 +219,7 @@ class Canonical(PoissonStructure):
     def matrix(self, y: Vec) -> Mat:
         """[[0, 1], [-1, 0]].  y : (2n,)."""
         n = self.degrees
-        return mat(
-            *[
-                vec(*[float(j == i + n) - float(i == j + n) for j in range(2 * n)])
-                for i in range(2 * n)
-            ]
-        )
+        return mat(*[vec(*[float(j == i + n) - float(i == j + n) for j in range(2 * n)]) for i in range(2 * n)])
 
     def sharp(self, y: Vec, a: Vec) -> Vec:
         """(a_p, -a_q).  y, a : (2n,)."""
@@ -237,12 +229,7 @@ class Canonical(PoissonStructure):
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """The conjugate coordinate moves, y + s B e_index.  y : (2n,)."""
         n = self.degrees
-        return vec(
-            *[
-                y[i] + s if i + n == index else y[i] - s if i == index + n else y[i]
-                for i in range(2 * n)
-            ]
-        )
+        return vec(*[y[i] + s if i + n == index else y[i] - s if i == index + n else y[i] for i in range(2 * n)])
 
 
 @record
@@ -326,12 +313,7 @@ class LogCanonical(_OfMatrix):
         """y_i exp(s c_i,index y_index): positive for every s.  y : (n,)."""
         here = plain(y)
         rate = s * here[index]
-        return vec(
-            *[
-                y[i] if i == index else here[i] * exp(self.values[i, index] * rate)
-                for i in range(len(y))
-            ]
-        )
+        return vec(*[y[i] if i == index else here[i] * exp(self.values[i, index] * rate) for i in range(len(y))])
 
 
 @record
@@ -350,13 +332,10 @@ class LiePoissonStructure(PoissonStructure):
 
     def __post_init__(self) -> None:
         if not isinstance(self.group, LieGroup):
-            raise InvalidType(
-                f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}")
         if type(self.sign) is not int or self.sign not in (-1, 1):
             raise InvalidInput(
-                f"{type(self).__name__}: sign is -1 (momenta in the "
-                f"body) or 1 (in space); got {self.sign!r}"
+                f"{type(self).__name__}: sign is -1 (momenta in the body) or 1 (in space); got {self.sign!r}"
             )
 
     @property
@@ -386,9 +365,7 @@ class LiePoissonStructure(PoissonStructure):
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """Ad* of exp(-+ s E_index).  y : (dim,)."""
         turn = s if self.sign == -1 else -s
-        return self.group.exp_Ad_star(
-            vec(*[turn if i == index else 0.0 for i in range(self.group.dim)]), y
-        )
+        return self.group.exp_Ad_star(vec(*[turn if i == index else 0.0 for i in range(self.group.dim)]), y)
 
 
 def skew(value: Any, name: str) -> np.ndarray:

@@ -79,13 +79,10 @@ class PowerGroup(DirectProduct):
             cure = "; write it with brackets" if isinstance(self.base, type) else ""
             raise InvalidType(f"PowerGroup: base must be a LieGroup; got {self.base!r}{cure}")
         if hasattr(base, "copies"):
-            raise InvalidInput(
-                f"PowerGroup: base is the group of one site, and {base!r} is one of {base.copies}"
-            )
+            raise InvalidInput(f"PowerGroup: base is the group of one site, and {base!r} is one of {base.copies}")
         if isinstance(self.copies, bool) or self.copies < 1:
             raise InvalidInput(
-                f"{self.base!r} ** {self.copies!r}: the exponent is how many sites there are, a "
-                "whole number from 1 on"
+                f"{self.base!r} ** {self.copies!r}: the exponent is how many sites there are, a whole number from 1 on"
             )
 
     def __repr__(self) -> str:
@@ -207,11 +204,7 @@ class PowerGroup(DirectProduct):
         """The objection of the first site that has one."""
         elements = self.by_site(np.asarray(g), "Element")
         outside = np.flatnonzero(~np.atleast_1d(self.base.contains(elements)))
-        return (
-            f"at site {outside[0]} {self.base.objection(elements[outside[0]])}"
-            if len(outside)
-            else None
-        )
+        return f"at site {outside[0]} {self.base.objection(elements[outside[0]])}" if len(outside) else None
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
         kinds = {name: "Element" if name in ELEMENTS else "Vec" for name in arguments}

@@ -31,9 +31,7 @@ class DirectSum(AlgebraOfParts):
 
     def parts(self, xi: Vec) -> tuple[Vec, ...]:
         """The coordinates of each factor.  xi : (dim,)."""
-        return tuple(
-            [xi[start:end] for start, end in spans([factor.dim for factor in self.factors])]
-        )
+        return tuple([xi[start:end] for start, end in spans([factor.dim for factor in self.factors])])
 
     def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """The map of each factor.  xi, eta : (dim,)."""
@@ -94,12 +92,7 @@ class DirectProduct(LieGroup):
     def places(self) -> tuple[tuple[int, int], ...]:
         """Where the entries of each factor's element begin and end."""
         return tuple(
-            spans(
-                [
-                    np.prod(f.element_shape, dtype=int).item() * (2 if f.is_complex else 1)
-                    for f in self.factors
-                ]
-            )
+            spans([np.prod(f.element_shape, dtype=int).item() * (2 if f.is_complex else 1) for f in self.factors])
         )
 
     def join(self, *elements: Any) -> Any:
@@ -121,9 +114,7 @@ class DirectProduct(LieGroup):
 
     def _joined_arrays(self, elements: tuple[Any, ...]) -> np.ndarray:
         if len(elements) != len(self.factors):
-            raise InvalidInput(
-                f"{self!r}.join: {len(elements)} elements for {len(self.factors)} factors"
-            )
+            raise InvalidInput(f"{self!r}.join: {len(elements)} elements for {len(self.factors)} factors")
         rows = []
         for number, (factor, g) in enumerate(zip(self.factors, elements, strict=True), 1):
             array, axes = (
@@ -135,20 +126,15 @@ class DirectProduct(LieGroup):
                     f"{self!r}.join: element {number} has shape {array.shape}; its last axes must "
                     f"be {factor.element_shape}"
                 )
-            flat = np.ascontiguousarray(array).reshape(
-                *array.shape[: array.ndim - axes], np.prod(factor.element_shape)
-            )
+            flat = np.ascontiguousarray(array).reshape(*array.shape[: array.ndim - axes], np.prod(factor.element_shape))
             rows.append(flat.view(float))
         try:
             lead = np.broadcast_shapes(*(row.shape[:-1] for row in rows))
         except ValueError:
             raise InvalidInput(
-                f"{self!r}.join: the leading axes "
-                f"{[row.shape[:-1] for row in rows]} do not broadcast"
+                f"{self!r}.join: the leading axes {[row.shape[:-1] for row in rows]} do not broadcast"
             ) from None
-        return np.concatenate(
-            [np.broadcast_to(row, (*lead, row.shape[-1])) for row in rows], axis=-1
-        )
+        return np.concatenate([np.broadcast_to(row, (*lead, row.shape[-1])) for row in rows], axis=-1)
 
     def _each(self, formula: Callable[..., Any], *arguments: Sequence[Any]) -> Vec:
         """The vector of a formula's values, for each factor and its share of the arguments."""
@@ -178,9 +164,7 @@ class DirectProduct(LieGroup):
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """The body velocities of the factors."""
-        return self._each(
-            lambda f, a, r: f.body_velocity(a, r), self._elements(g), self._elements(rate)
-        )
+        return self._each(lambda f, a, r: f.body_velocity(a, r), self._elements(g), self._elements(rate))
 
     def casimirs(self, mu: Vec) -> Vec:
         """The Casimirs of the factors."""
@@ -194,10 +178,7 @@ class DirectProduct(LieGroup):
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
         """The further invariants of the factors, if each of them knows."""
         ends = np.cumsum([factor.dim for factor in self.factors])
-        found = [
-            f.further_invariants(part)
-            for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)
-        ]
+        found = [f.further_invariants(part) for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)]
         return None if None in found else tuple(x for known in found for x in known or ())
 
     def scale(self, g: Element | None) -> Vec:
@@ -222,9 +203,7 @@ class DirectProduct(LieGroup):
 
     def objection(self, g: np.ndarray) -> str | None:
         """The objection of the first factor that has one."""
-        for number, (factor, a) in enumerate(
-            zip(self.factors, self._elements(small(g)), strict=True), 1
-        ):
+        for number, (factor, a) in enumerate(zip(self.factors, self._elements(small(g)), strict=True), 1):
             reason = factor.objection(np.array(a))
             if reason:
                 return f"in factor {number}, {factor!r}, {reason}"
@@ -234,9 +213,7 @@ class DirectProduct(LieGroup):
         """The nearest elements of the factors."""
         return self._each(lambda f, a: f.nearest(a), self._elements(g))
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Independent elements of the factors, each as it does."""
         generator = np.random.default_rng(rng)
         return self._joined_arrays(tuple(factor.random(generator, size) for factor in self.factors))
@@ -274,9 +251,7 @@ class DirectProduct(LieGroup):
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """(g_1 cay xi_1, g_2 cay xi_2, ...)."""
-        return self._each(
-            lambda f, a, x: f.compose_cayley(a, x), self._elements(g), self._parts(xi)
-        )
+        return self._each(lambda f, a, x: f.compose_cayley(a, x), self._elements(g), self._parts(xi))
 
 
 @record
@@ -304,9 +279,7 @@ class ProductGroup(DirectProduct):
         for number, factor in enumerate(self.factors, 1):
             if not isinstance(factor, LieGroup):
                 cure = "; write it with brackets" if isinstance(factor, type) else ""
-                raise InvalidType(
-                    f"ProductGroup: factor {number} must be a LieGroup; got {factor!r}{cure}"
-                )
+                raise InvalidType(f"ProductGroup: factor {number} must be a LieGroup; got {factor!r}{cure}")
         if not self.factors:
             raise InvalidInput("ProductGroup needs at least one factor")
 

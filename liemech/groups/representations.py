@@ -6,19 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, undefined
-from ..formulas import (
-    Element,
-    Vec,
-    cross,
-    derivative,
-    dot,
-    identity_matrix,
-    mat,
-    record,
-    solve,
-    vec,
-    where,
-)
+from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec, where
 from ..formulas.derived import derived
 from ..formulas.dual import value_of
 from ..formulas.sizes import one_norm
@@ -70,9 +58,7 @@ class Representation(GroupAction):
     @derived
     def infinitesimal_dual(self, xi: Vec, p: Vec) -> Vec:
         """The dual of `infinitesimal`.  xi : (dim,), p : (k,)."""
-        return vec(
-            *[dot(p, self.infinitesimal(xi, unit)) for unit in identity_matrix(self.space_dim)]
-        )
+        return vec(*[dot(p, self.infinitesimal(xi, unit)) for unit in identity_matrix(self.space_dim)])
 
     @derived
     def exp_act_dual(self, xi: Vec, p: Vec) -> Vec:
@@ -86,9 +72,7 @@ class Representation(GroupAction):
 
         x, p : (k,);  returns (dim,).
         """
-        return vec(
-            *[dot(p, self.infinitesimal(unit, x)) for unit in identity_matrix(self.group.dim)]
-        )
+        return vec(*[dot(p, self.infinitesimal(unit, x)) for unit in identity_matrix(self.group.dim)])
 
     @derived
     def phi1(self, xi: Vec, x: Vec) -> Vec:
@@ -118,10 +102,7 @@ class Representation(GroupAction):
         """Why the Cayley map of the group is not that of the matrices of the representation; None
         if it is.
         """
-        return (
-            self.group.why_no_cayley()
-            or f"cay(xi) does not act as (1 - xi/2)^-1 (1 + xi/2) in {self!r}"
-        )
+        return self.group.why_no_cayley() or f"cay(xi) does not act as (1 - xi/2)^-1 (1 + xi/2) in {self!r}"
 
     @derived
     def half_inverse(self, xi: Vec, x: Vec) -> Vec:
@@ -264,9 +245,7 @@ class RotationAction(AdjointAction):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.group, (SO3, UnitQuaternions)):
-            raise InvalidType(
-                f"RotationAction: group must be SO3() or UnitQuaternions(); got {self.group!r}"
-            )
+            raise InvalidType(f"RotationAction: group must be SO3() or UnitQuaternions(); got {self.group!r}")
 
     def exp_act(self, xi: Vec, x: Vec) -> Vec:
         """x turned about xi by the angle |xi|, without forming the rotation.  xi, x : (3,)."""
@@ -299,9 +278,7 @@ def standard_action(group: LieGroup) -> Representation:
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 4.2.
     """
-    return (
-        RotationAction(group) if isinstance(group, (SO3, UnitQuaternions)) else LinearAction(group)
-    )
+    return RotationAction(group) if isinstance(group, (SO3, UnitQuaternions)) else LinearAction(group)
 
 
 # ------------------------------------------------------------------ series of operators
@@ -315,9 +292,7 @@ def squares(columns: list[Vec]) -> float:
     return total
 
 
-def averaged(
-    by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, xi: Vec, x: Any
-) -> Any:
+def averaged(by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, xi: Vec, x: Any) -> Any:
     """The sum of A^k x/(k + 1)! with A = by(xi, .) and e^A = exp_by(xi, .).
 
     |A|^2 <= size2, a nilpotent part of any size left out.  |A| is halved until it is at most one,

@@ -143,8 +143,7 @@ def polynomial(c: tuple[float, ...], x: float) -> float:
     """
     if is_long(x):
         raise InvalidType(
-            "precision: these functions of angles are known to 16 digits "
-            "only; take Cayley() or precision='double'"
+            "precision: these functions of angles are known to 16 digits only; take Cayley() or precision='double'"
         )
     x2 = x * x
     low = (c[0] + c[1] * x) + x2 * (c[2] + c[3] * x)
@@ -233,9 +232,7 @@ def dexp_coefficients(x: float) -> tuple[float, float, float, float]:
     return b, c, b_slope, c_slope
 
 
-def all_coefficients(
-    x: float, w: Vec | None = None
-) -> tuple[float, float, float, float, float, float]:
+def all_coefficients(x: float, w: Vec | None = None) -> tuple[float, float, float, float, float, float]:
     """`sinc`, `versine`, `segment` and their derivatives with respect to x; w as in
     `exp_coefficients`.
 
@@ -247,11 +244,7 @@ def all_coefficients(
         return stumpff.coefficients(x)
     c4, c5 = polynomial(STUMPFF4, x), polynomial(STUMPFF5, x)
     b, c = 0.5 - x * c4, 1 / 6 - x * c5
-    a, b_slope, c_slope = (
-        (1.0 - x * (1 / 6)) + (x * x) * c5,
-        (c4 - 1 / 12) + (0.5 * x) * c5,
-        1.5 * c5 - 0.5 * c4,
-    )
+    a, b_slope, c_slope = ((1.0 - x * (1 / 6)) + (x * x) * c5, (c4 - 1 / 12) + (0.5 * x) * c5, 1.5 * c5 - 0.5 * c4)
     if x > LIMIT:
         a, b = _by_half_angles(x, 0.0 if w is None else lost_in_square(w, x))
         if x <= 16.0 * LIMIT:
@@ -361,15 +354,9 @@ def bernoulli_coefficients(x: float) -> tuple[float, float]:
             s, c = sin_cos_root(0.25 * quarter)
             _, area, _, _ = dexp_coefficients(quarter)
             weight = 0.25 * weight
-            d, d_slope = (
-                d + weight * (s / (c * sqrt(x))),
-                d_slope + slope_weight * (area / (128.0 * c * c)),
-            )
+            d, d_slope = (d + weight * (s / (c * sqrt(x))), d_slope + slope_weight * (area / (128.0 * c * c)))
             x, slope_weight = quarter, 0.0625 * slope_weight
-        d, d_slope = (
-            d + weight * polynomial(BERNOULLI, x),
-            d_slope + slope_weight * polynomial(BERNOULLI_SLOPE, x),
-        )
+        d, d_slope = (d + weight * polynomial(BERNOULLI, x), d_slope + slope_weight * polynomial(BERNOULLI_SLOPE, x))
     return d, d_slope
 
 

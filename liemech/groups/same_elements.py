@@ -43,8 +43,6 @@ class SameElements(LieGroup):
         """The nearest elements of the group."""
         return self.group.nearest(g)
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Random elements of the group."""
         return self.group.random(rng, size)

@@ -103,21 +103,12 @@ class SE2Algebra(LieAlgebra):
 
         dr/dxi = -2 w (b' y + c' ad*_xi y) e_1^T - b B(mu) - c (B(y) + ad*_xi B(mu)).
         """
-        w, along, across_x, across_y = (
-            xi[0],
-            mu[1] * xi[1] + mu[2] * xi[2],
-            xi[0] * mu[1],
-            xi[0] * mu[2],
-        )
+        w, along, across_x, across_y = (xi[0], mu[1] * xi[1] + mu[2] * xi[2], xi[0] * mu[1], xi[0] * mu[2])
         b, c, b_slope, c_slope = dexp_coefficients(w * w)
         ad_star, structure = self.ad_star, self.poisson_structure
         y = ad_star(xi, mu)
         z = ad_star(xi, y)
-        second = mat(
-            vec(along, across_x, across_y),
-            vec(-2.0 * across_x, 0.0, 0.0),
-            vec(-2.0 * across_y, 0.0, 0.0),
-        )
+        second = mat(vec(along, across_x, across_y), vec(-2.0 * across_x, 0.0, 0.0), vec(-2.0 * across_y, 0.0, 0.0))
         first = outer((2.0 * w) * (b_slope * y + c_slope * z), vec(1.0, 0.0, 0.0))
         return p - (mu + (b * y + c * z)), 1.0, -(first + (b * structure(mu) + c * second))
 
@@ -189,11 +180,7 @@ class SE2(LieGroup):
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """(Pi - P.J p, R^T P)."""
         c, s = g[0, 0], g[1, 0]
-        return vec(
-            mu[0] + (mu[1] * g[1, 2] - mu[2] * g[0, 2]),
-            c * mu[1] + s * mu[2],
-            c * mu[2] - s * mu[1],
-        )
+        return vec(mu[0] + (mu[1] * g[1, 2] - mu[2] * g[0, 2]), c * mu[1] + s * mu[2], c * mu[2] - s * mu[1])
 
     def casimirs(self, mu: Vec) -> Vec:
         """P.P."""
@@ -247,14 +234,9 @@ class SE2(LieGroup):
             raise InvalidInput("SE2.nearest: the array is as close to one rotation as to any other")
         return _motion(c / size, s / size, g[0, 2], g[1, 2])
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Uniformly distributed angles, normally distributed displacements."""
-        generator, shape = (
-            np.random.default_rng(rng),
-            (size,) if isinstance(size, int) else tuple(size),
-        )
+        generator, shape = (np.random.default_rng(rng), (size,) if isinstance(size, int) else tuple(size))
         xi = np.zeros((*shape, 3))
         xi[..., 0] = generator.uniform(-np.pi, np.pi, size=shape)
         g = np.array(self.exp(xi))
@@ -309,9 +291,7 @@ class SE2(LieGroup):
 def _series(xi: Vec, eta: Vec, k1: float, k2: float) -> Vec:
     """eta + k_1 ad eta + k_2 ad^2 eta."""
     w, y = xi[0], SE2Algebra().bracket(xi, eta)
-    return vec(
-        eta[0], eta[1] + (k1 * y[1] - (k2 * w) * y[2]), eta[2] + (k1 * y[2] + (k2 * w) * y[1])
-    )
+    return vec(eta[0], eta[1] + (k1 * y[1] - (k2 * w) * y[2]), eta[2] + (k1 * y[2] + (k2 * w) * y[1]))
 
 
 def _series_dual(xi: Vec, mu: Vec, k1: float, k2: float) -> Vec:

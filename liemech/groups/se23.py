@@ -151,9 +151,7 @@ class SE23(LieGroup):
         R, v, p, _ = parts(g)
         return extended(SO3().nearest(R), v, p, 0.0)
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Uniformly distributed rotations (Haar measure), normally distributed vectors."""
         return random(rng, size)
 
@@ -189,9 +187,7 @@ class SE23(LieGroup):
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """(R cay w, v + R (1 - W/2)^-1 a, p + R (1 - W/2)^-1 u)."""
         (R, v, p, _), (w, a, u) = parts(g), thirds(xi)
-        return extended(
-            SO3().compose_cayley(R, w), v + R @ half_inverse(w, a), p + R @ half_inverse(w, u), 0.0
-        )
+        return extended(SO3().compose_cayley(R, w), v + R @ half_inverse(w, a), p + R @ half_inverse(w, u), 0.0)
 
     def cayley_inv(self, g: Element) -> Vec:
         """(w, v - w x v/2, p - w x p/2) with w = cay^-1 R.  Raises OutsideChart at half a turn."""
@@ -215,11 +211,7 @@ def parts(g: Mat) -> tuple[Mat, Vec, Vec, float]:
     """The rotation, the velocity, the position and the time of a matrix [[R, v, p], [0, 1, t],
     [0, 0, 1]].
     """
-    rotation = mat(
-        vec(g[0, 0], g[0, 1], g[0, 2]),
-        vec(g[1, 0], g[1, 1], g[1, 2]),
-        vec(g[2, 0], g[2, 1], g[2, 2]),
-    )
+    rotation = mat(vec(g[0, 0], g[0, 1], g[0, 2]), vec(g[1, 0], g[1, 1], g[1, 2]), vec(g[2, 0], g[2, 1], g[2, 2]))
     return rotation, vec(g[0, 3], g[1, 3], g[2, 3]), vec(g[0, 4], g[1, 4], g[2, 4]), g[3, 4]
 
 
@@ -247,9 +239,7 @@ def objection(g: np.ndarray) -> str | None:
     """The last rows are wrong, or the rotation is none."""
     for row, wanted in ((g[3, :4], [0.0, 0.0, 0.0, 1.0]), (g[4], [0.0, 0.0, 0.0, 0.0, 1.0])):
         if np.abs(row - wanted).max() > MEMBERSHIP:
-            return (
-                f"its last rows begin {g[3].tolist()}, {g[4].tolist()}, not 0 0 0 1 and 0 0 0 0 1"
-            )
+            return f"its last rows begin {g[3].tolist()}, {g[4].tolist()}, not 0 0 0 1 and 0 0 0 0 1"
     reason = SO3().objection(g[:3, :3])
     return reason and f"of its rotation, {reason}"
 

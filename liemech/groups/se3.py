@@ -36,9 +36,7 @@ if TYPE_CHECKING:
 EPSILON_IJK = SO3Algebra().structure_constants
 SCREWS: Constants = tuple(
     tuple(
-        tuple(
-            EPSILON_IJK[k % 3][i % 3][j % 3] if k // 3 == i // 3 + j // 3 else 0.0 for j in range(6)
-        )
+        tuple(EPSILON_IJK[k % 3][i % 3][j % 3] if k // 3 == i // 3 + j // 3 else 0.0 for j in range(6))
         for i in range(6)
     )
     for k in range(6)
@@ -158,15 +156,9 @@ class SE3Algebra(LieAlgebra):
         carried = (a * P - b * y) + cs * w
         dcarried = ((a * Pi + da * P) - (b * dy + db * y)) + (cs * v + dcs * w)
         along = (b - c) * P + 2.0 * (b1 * y - (c1 * s) * w)
-        dalong = ((b - c) * Pi + (db - dc) * P) + 2.0 * (
-            (b1 * dy + db1 * y) - ((c1 * s) * v + (c1 * ds + dc1 * s) * w)
-        )
+        dalong = ((b - c) * Pi + (db - dc) * P) + 2.0 * ((b1 * dy + db1 * y) - ((c1 * s) * v + (c1 * ds + dc1 * s) * w))
         A = outer(along, w) - outer(c * w, P) - hat(b * P)
-        B = (
-            (outer(dalong, w) + outer(along, v))
-            - (outer(c * v + dc * w, P) + outer(c * w, Pi))
-            - hat(b * Pi + db * P)
-        )
+        B = (outer(dalong, w) + outer(along, v)) - (outer(c * v + dc * w, P) + outer(c * w, Pi)) - hat(b * Pi + db * P)
         A, B = plus(A, -cs), plus(B, -dcs)
         return p - join(dcarried, carried), 1.0, _blocks(B, A, A)
 
@@ -287,9 +279,7 @@ class SE3(LieGroup):
     def defect(self, g: Ambient) -> float:
         """The defect of the rotation, and how far the last row is from 0 0 0 1."""
         (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, one) = g
-        return max(
-            rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(one - 1.0)
-        )
+        return max(rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(one - 1.0))
 
     def objection(self, g: np.ndarray) -> str | None:
         """The last row is not 0 0 0 1, or the rotation is none."""
@@ -303,9 +293,7 @@ class SE3(LieGroup):
         R, p = _parts(g)
         return _matrix(SO3().nearest(R), p)
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Uniformly distributed rotations (Haar measure), normally distributed displacements."""
         generator = np.random.default_rng(rng)
         R = SO3().random(generator, size)
@@ -322,9 +310,7 @@ class SE3(LieGroup):
         try:
             from scipy.spatial.transform import RigidTransform
         except ImportError:
-            raise ImportError(
-                'scipy.spatial.transform has no RigidTransform yet: pip install "scipy>=1.16"'
-            ) from None
+            raise ImportError('scipy.spatial.transform has no RigidTransform yet: pip install "scipy>=1.16"') from None
         return RigidTransform.from_matrix(np.asarray(g, dtype=float))
 
     # ---------------------------------------------------------------- exponential
@@ -416,9 +402,7 @@ class SE3ByAdjointAlgebra(SE3Algebra):
         r = join(4.0 * (l - Pi) + (square * l + second), 4.0 * (m - P) + (square * m + across))
         A = outer(2.0 * m, w) - hat(2.0 * P)
         by_v = hat(-2.0 * P) - outer(first, (2.0 / scale) * w)
-        by_w = (outer(2.0 * l, w) - hat(2.0 * (Pi - k * P))) - outer(
-            first, (2.0 / scale) * (v - k * w)
-        )
+        by_w = (outer(2.0 * l, w) - hat(2.0 * (Pi - k * P))) - outer(first, (2.0 / scale) * (v - k * w))
         return r, scale, _blocks(by_w, by_v, A)
 
 
@@ -545,11 +529,7 @@ def _screw(xi: Vec) -> tuple[Mat, Vec]:
 
 def _parts(g: Mat) -> tuple[Mat, Vec]:
     """The rotation and the displacement."""
-    rotation = mat(
-        vec(g[0, 0], g[0, 1], g[0, 2]),
-        vec(g[1, 0], g[1, 1], g[1, 2]),
-        vec(g[2, 0], g[2, 1], g[2, 2]),
-    )
+    rotation = mat(vec(g[0, 0], g[0, 1], g[0, 2]), vec(g[1, 0], g[1, 1], g[1, 2]), vec(g[2, 0], g[2, 1], g[2, 2]))
     return rotation, vec(g[0, 3], g[1, 3], g[2, 3])
 
 
@@ -560,6 +540,4 @@ def _matrix(R: Mat, p: Vec, corner: float = 1.0) -> Mat:
 
 def _blocks(a: Mat, b: Mat, c: Mat) -> Mat:
     """[[a, b], [c, 0]]."""
-    return mat(
-        *[vec(*a[i], *b[i]) for i in range(3)], *[vec(*c[i], 0.0, 0.0, 0.0) for i in range(3)]
-    )
+    return mat(*[vec(*a[i], *b[i]) for i in range(3)], *[vec(*c[i], 0.0, 0.0, 0.0) for i in range(3)])

@@ -15,14 +15,7 @@ from .ad_series import mean_slope
 from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
 from .product import DirectProduct
-from .representations import (
-    LinearAction,
-    Representation,
-    RotationAction,
-    averaged,
-    squares,
-    standard_action,
-)
+from .representations import LinearAction, Representation, RotationAction, averaged, squares, standard_action
 from .vector_space import VectorSpace
 
 
@@ -52,9 +45,7 @@ class SemidirectAlgebra(LieAlgebra):
         """([xi, eta], xi . v - eta . u)."""
         (x, u), (y, v) = self.parts(xi), self.parts(eta)
         action = self.action
-        return vec(
-            *action.group.ad(x, y), *(action.infinitesimal(x, v) - action.infinitesimal(y, u))
-        )
+        return vec(*action.group.ad(x, y), *(action.infinitesimal(x, v) - action.infinitesimal(y, u)))
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """(ad*_xi mu - J(u, p), p . xi): the heavy top's equations are mu' = ad*_xi mu.  J is the
@@ -62,9 +53,7 @@ class SemidirectAlgebra(LieAlgebra):
         """
         (x, u), (m, p) = self.parts(xi), self.parts(mu)
         action = self.action
-        return vec(
-            *(action.group.ad_star(x, m) - action.momentum(u, p)), *action.infinitesimal_dual(x, p)
-        )
+        return vec(*(action.group.ad_star(x, m) - action.momentum(u, p)), *action.infinitesimal_dual(x, p))
 
     def parts(self, xi: Vec) -> tuple[Vec, Vec]:
         """The coordinates in the algebra of the group, and the vector.  xi : (dim,)."""
@@ -143,9 +132,7 @@ class SemidirectAlgebra(LieAlgebra):
         """(dcay_xi^-1 eta, (1 + xi/2)(v - eta . u/2))."""
         (x, u), (a, v) = self.parts(xi), self.parts(eta)
         rest = v - 0.5 * self.action.infinitesimal(a, u)
-        return vec(
-            *self.acting.dcayley_inv(x, a), *(rest + 0.5 * self.action.infinitesimal(x, rest))
-        )
+        return vec(*self.acting.dcayley_inv(x, a), *(rest + 0.5 * self.action.infinitesimal(x, rest)))
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """((dcay_xi^-1)* m - J(u, q)/2, q) with q = p . (1 + xi/2)."""
@@ -224,21 +211,13 @@ class SemidirectProduct(LieGroup):
         if self.action is None:
             object.__setattr__(self, "action", standard_action(self.acting))
         if not isinstance(self.action, Representation):
-            raise InvalidType(
-                f"SemidirectProduct: action must be a Representation; got {self.action!r}"
-            )
+            raise InvalidType(f"SemidirectProduct: action must be a Representation; got {self.action!r}")
         if self.action.group != self.acting:
-            raise InvalidInput(
-                f"SemidirectProduct: {self.action!r} is no action of {self.acting!r}"
-            )
+            raise InvalidInput(f"SemidirectProduct: {self.action!r} is no action of {self.acting!r}")
 
     def __repr__(self) -> str:
         own = type(self.action) in (LinearAction, RotationAction)
-        return (
-            f"SemidirectProduct({self.acting!r})"
-            if own
-            else f"SemidirectProduct({self.acting!r}, {self.action!r})"
-        )
+        return f"SemidirectProduct({self.acting!r})" if own else f"SemidirectProduct({self.acting!r}, {self.action!r})"
 
     @cached_property
     def algebra(self) -> SemidirectAlgebra:
@@ -265,10 +244,7 @@ class SemidirectProduct(LieGroup):
         """The affine map y -> g . y + x as a matrix [[g, x], [0, 1]].  Returns (k + 1, k + 1)."""
         h, x = self.split(g)
         columns = [self.action.act(h, unit) for unit in identity_matrix(len(x))]
-        return mat(
-            *[vec(*[column[i] for column in columns], x[i]) for i in range(len(x))],
-            vec(*[0.0] * len(x), 1.0),
-        )
+        return mat(*[vec(*[column[i] for column in columns], x[i]) for i in range(len(x))], vec(*[0.0] * len(x), 1.0))
 
     # ---------------------------------------------------------------- group
 
@@ -296,16 +272,12 @@ class SemidirectProduct(LieGroup):
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """(Ad*_a (m - J(x, p)), p . a)."""
         (a, x), (m, p) = self.split(g), self.algebra.parts(mu)
-        return vec(
-            *self.acting.Ad_star(a, m - self.action.momentum(x, p)), *self.action.act_dual(a, p)
-        )
+        return vec(*self.acting.Ad_star(a, m - self.action.momentum(x, p)), *self.action.act_dual(a, p))
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """(a^-1 a', a^-1 . x')."""
         (a, _), (a_rate, x_rate) = self.split(g), self.split(rate)
-        return vec(
-            *self.acting.body_velocity(a, a_rate), *self.action.act(self.acting.inverse(a), x_rate)
-        )
+        return vec(*self.acting.body_velocity(a, a_rate), *self.action.act(self.acting.inverse(a), x_rate))
 
     def casimirs(self, mu: Vec) -> Vec:
         """The Casimirs that the action knows; for rotations p.p and mu.p."""
@@ -344,9 +316,7 @@ class SemidirectProduct(LieGroup):
         """The nearest element of the group, with the same vector."""
         return self._pairs.nearest(g)
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Random elements of the group, and vectors with normally distributed components."""
         return self._pairs.random(rng, size)
 
@@ -360,9 +330,7 @@ class SemidirectProduct(LieGroup):
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """(a exp xi, x + a . phi1(xi) u)."""
         (a, x), (y, u) = self.split(g), self.algebra.parts(xi)
-        return self.join(
-            self.acting.compose_exp(a, y), x + self.action.act(a, self.action.phi1(y, u))
-        )
+        return self.join(self.acting.compose_exp(a, y), x + self.action.act(a, self.action.phi1(y, u)))
 
     def log(self, g: Element) -> Vec:
         """(log a, phi1(log a)^-1 x)."""
@@ -384,10 +352,7 @@ class SemidirectProduct(LieGroup):
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """(a cay xi, x + a . (1 - xi/2)^-1 u)."""
         (a, x), (y, u) = self.split(g), self.algebra.parts(xi)
-        return self.join(
-            self.acting.compose_cayley(a, y),
-            x + self.action.act(a, self.algebra._half_inverse(y, u)),
-        )
+        return self.join(self.acting.compose_cayley(a, y), x + self.action.act(a, self.algebra._half_inverse(y, u)))
 
     def cayley_inv(self, g: Element) -> Vec:
         """(xi, x - xi . x/2) with xi = cay^-1 a."""

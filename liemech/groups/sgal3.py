@@ -76,10 +76,7 @@ class SGal3Algebra(LieAlgebra):
         """
         (w, a, u), (w2, a2, u2), s, s2 = thirds(xi), thirds(eta), xi[9], eta[9]
         first = SE3Algebra().dexp(join(w, a), join(w2, a2))
-        (turned, boosted), (_, moved) = (
-            halves(first),
-            halves(SE3Algebra().dexp(join(w, u), join(w2, u2))),
-        )
+        (turned, boosted), (_, moved) = (halves(first), halves(SE3Algebra().dexp(join(w, u), join(w2, u2))))
         by_a = _mean2(-w, s2 * a + s * a2)
         by_w = _mean2_slope(-w, a, w2) - cross(turned, _mean2(-w, a))
         return vec(*first, *(moved + (s * (by_w + boosted) - by_a)), s2)
@@ -91,9 +88,7 @@ class SGal3Algebra(LieAlgebra):
         more, moved = halves(SE3Algebra().dexp_dual(join(w, u), join(vec(0.0, 0.0, 0.0), p)))
         lever, mean = _mean2(-w, a), _mean2(w, p)
         swept = _mean2_slope_dual(-w, a, p) - SO3Algebra().dexp_dual(w, cross(lever, p))
-        return vec(
-            *(turned + more + s * swept), *(boosted - s * mean), *moved, mu[9] - dot(lever, p)
-        )
+        return vec(*(turned + more + s * swept), *(boosted - s * mean), *moved, mu[9] - dot(lever, p))
 
     def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """The solution of dexp, part by part.  Raises OutsideChart unless |w| < 2 pi."""
@@ -198,9 +193,7 @@ class SGal3(LieGroup):
         R, v, p, t = parts(g)
         return extended(SO3().nearest(R), v, p, t)
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Uniformly distributed rotations (Haar measure), the rest normally distributed."""
         generator = np.random.default_rng(rng)
         g = random(generator, size)

@@ -61,9 +61,7 @@ def null_vectors(array: np.ndarray) -> tuple[Vec, ...]:
     vectors[:, free] = np.eye(len(free))
     units = like_sizes(array)
     scaled = units[:, None] * array * units
-    vectors[:, paired] = -np.linalg.solve(
-        scaled[np.ix_(paired, paired)], scaled[np.ix_(paired, free)]
-    ).T
+    vectors[:, paired] = -np.linalg.solve(scaled[np.ix_(paired, paired)], scaled[np.ix_(paired, free)]).T
     vectors = units * vectors
     return tuple(Vec.of((v / v[np.abs(v).argmax()]).tolist()) for v in vectors)
 

@@ -15,13 +15,7 @@ from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
 from .nearest import nearest_unitary
-from .rotation_coefficients import (
-    WHOLE_TURN,
-    all_coefficients,
-    bernoulli,
-    dexp_coefficients,
-    exp_coefficients,
-)
+from .rotation_coefficients import WHOLE_TURN, all_coefficients, bernoulli, dexp_coefficients, exp_coefficients
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
 if TYPE_CHECKING:
@@ -31,7 +25,9 @@ if TYPE_CHECKING:
 HALF_TURN = 2.0**-51
 """A rotation whose quaternion has a smaller scalar part is half a turn, up to rounding."""
 
-AT_HALF_TURN = "cayley_inv of half a turn: the Cayley map cannot represent it, |xi| = 2 tan(angle/2) is infinite; use log"
+AT_HALF_TURN = (
+    "cayley_inv of half a turn: the Cayley map cannot represent it, |xi| = 2 tan(angle/2) is infinite; use log"
+)
 
 ORDERS = "wxyz", "xyzw"
 """Where the scalar part of a quaternion stands, first or last."""
@@ -225,9 +221,7 @@ class SO3(LieGroup):
             raise InvalidInput("SO3.nearest: the array is as close to one rotation as to others")
         return Mat.of(h.tolist())
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Rotations distributed uniformly (Haar measure): those of uniformly distributed unit
         quaternions.
         """
@@ -257,8 +251,7 @@ class SO3(LieGroup):
         size = dot(q, q)
         if abs(size - 1.0) > MEMBERSHIP:
             raise InvalidInput(
-                "SO3.from_quaternion: q is no unit quaternion, |q|^2 is "
-                f"{size:.8g}, not 1 to 1e-6; divide by |q|"
+                f"SO3.from_quaternion: q is no unit quaternion, |q|^2 is {size:.8g}, not 1 to 1e-6; divide by |q|"
             )
         v, w = (vec(q[1], q[2], q[3]), q[0]) if order == "wxyz" else (vec(q[0], q[1], q[2]), q[3])
         return plus(turn(2.0 * w / size, 2.0 / size, v), 1.0)
@@ -324,15 +317,9 @@ class SO3(LieGroup):
         return self
 
 
-def rotation_defect(
-    a: float, b: float, c: float, d: float, e: float, f: float, p: float, q: float, r: float
-) -> float:
+def rotation_defect(a: float, b: float, c: float, d: float, e: float, f: float, p: float, q: float, r: float) -> float:
     """The defect of the rows (a, b, c), (d, e, f), (p, q, r), which every start has to pass."""
-    lengths = max(
-        abs(a * a + b * b + c * c - 1.0),
-        abs(d * d + e * e + f * f - 1.0),
-        abs(p * p + q * q + r * r - 1.0),
-    )
+    lengths = max(abs(a * a + b * b + c * c - 1.0), abs(d * d + e * e + f * f - 1.0), abs(p * p + q * q + r * r - 1.0))
     angles = max(abs(a * d + b * e + c * f), abs(d * p + e * q + f * r), abs(p * a + q * b + r * c))
     determinant = (b * f - c * e) * p + (c * d - a * f) * q + (a * e - b * d) * r
     return max(lengths, angles, abs(determinant - 1.0))

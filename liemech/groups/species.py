@@ -35,9 +35,7 @@ class SpeciesGroup(DirectProduct):
         super().__post_init__()
         for power in self.powers:
             if not isinstance(power, PowerGroup):
-                raise InvalidType(
-                    f"SpeciesGroup: a species is a power of a group, such as SO3() ** 100; got {power!r}"
-                )
+                raise InvalidType(f"SpeciesGroup: a species is a power of a group, such as SO3() ** 100; got {power!r}")
         if not self.powers:
             raise InvalidInput("SpeciesGroup needs one species at least, such as SO3() ** 100")
 
@@ -218,8 +216,7 @@ def times(one: LieGroup, other: LieGroup) -> LieGroup:
     group that is none.
     """
     powers = [
-        x.powers if isinstance(x, SpeciesGroup) else (x,) if isinstance(x, PowerGroup) else ()
-        for x in (one, other)
+        x.powers if isinstance(x, SpeciesGroup) else (x,) if isinstance(x, PowerGroup) else () for x in (one, other)
     ]
     if all(powers):
         return SpeciesGroup((*powers[0], *powers[1]))

@@ -8,20 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
-from ..formulas import (
-    Ambient,
-    Element,
-    Mat,
-    Vec,
-    atan2,
-    constant,
-    cross,
-    dot,
-    mat,
-    record,
-    sqrt,
-    vec,
-)
+from ..formulas import Ambient, Element, Mat, Vec, atan2, constant, cross, dot, mat, record, sqrt, vec
 from ..formulas.batches import MEMBERSHIP
 from .lie_group import LieGroup
 from .rotation_coefficients import LIMIT, exp_coefficients, lost_in_square, sin_cos_root
@@ -110,15 +97,12 @@ class UnitQuaternions(LieGroup):
         largest = float(np.abs(q).max())
         if largest == 0.0:
             raise InvalidInput(
-                "UnitQuaternions.nearest: the zero quaternion is as "
-                "close to one rotation as to any other"
+                "UnitQuaternions.nearest: the zero quaternion is as close to one rotation as to any other"
             )
         q = q / largest  # so that squares neither overflow nor vanish
         return Vec.of((q / np.linalg.norm(q)).tolist())
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Uniformly distributed on the sphere S^3 (Haar measure)."""
         shape = (size,) if isinstance(size, int) else tuple(size)
         q = np.random.default_rng(rng).normal(size=(*shape, 4))
@@ -146,9 +130,7 @@ class UnitQuaternions(LieGroup):
         R : (3, 3), or SciPy rotations;  returns (4,).  Raises InvalidInput unless R is a rotation.
         """
         if not SO3().defect(R) <= MEMBERSHIP:
-            raise InvalidInput(
-                f"UnitQuaternions.from_matrix: R is off the rotations by {SO3().defect(R):.1e}"
-            )
+            raise InvalidInput(f"UnitQuaternions.from_matrix: R is off the rotations by {SO3().defect(R):.1e}")
         return rotation_quaternion(R)
 
     def rotation(self, g: ArrayLike) -> Rotation:

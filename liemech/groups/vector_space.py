@@ -124,9 +124,7 @@ class VectorSpace(LieGroup):
         """g: every vector is an element."""
         return g
 
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Vectors with normally distributed components."""
         shape = (size,) if isinstance(size, int) else tuple(size)
         return np.random.default_rng(rng).normal(size=(*shape, self.n))

@@ -54,14 +54,9 @@ class AdaptiveVerlet(Remembering):
         """A separable system, T of second degree, transformed by a sigma(q)."""
         if not isinstance(system, TimeTransformed):
             raise IncompatibleSystem(
-                f"{self!r} needs a TimeTransformed(system, sigma); "
-                f"got {system!r}. {alternatives(system)}"
+                f"{self!r} needs a TimeTransformed(system, sigma); got {system!r}. {alternatives(system)}"
             )
-        if not (
-            isinstance(system.system, SeparableSystem)
-            and system.system.quadratic
-            and system.sigma.positions
-        ):
+        if not (isinstance(system.system, SeparableSystem) and system.system.quadratic and system.sigma.positions):
             raise IncompatibleSystem(
                 f"{self!r} needs an energy T(p) + V(q) with T of second degree, and a sigma of q "
                 f"alone; got {system!r}. HamiltonJacobi(order=4) is for every energy and sigma, "
@@ -85,9 +80,7 @@ class AdaptiveVerlet(Remembering):
         kick = (half * scale) * force - (half * (kinetic + potential + rest)) * slope
         return Memory(CanonicalState(q, p + vec(*kick, 0.0)), node, ())
 
-    def at_node(
-        self, system: Any, state: CanonicalState, h: float
-    ) -> tuple[Vec, float, float, Vec]:
+    def at_node(self, system: Any, state: CanonicalState, h: float) -> tuple[Vec, float, float, Vec]:
         """The force, V, sigma and dsigma/dq."""
         q, p = system.without(plain(state.q)), system.without(plain(state.p))
         sigma, inner = system.sigma, system.system
@@ -104,14 +97,11 @@ class AdaptiveVerlet(Remembering):
         discriminant = linear * linear - 4.0 * square * constant
         if not (discriminant >= 0.0 and linear < 0.0):
             raise NoConvergence(
-                f"AdaptiveVerlet: the kick of the step h = {h:g} has no "
-                f"solution, h is too large; try {0.25 * h:g}"
+                f"AdaptiveVerlet: the kick of the step h = {h:g} has no solution, h is too large; try {0.25 * h:g}"
             )
         return 2.0 * constant / (sqrt(discriminant) - linear)
 
-    def _scale(
-        self, inner: Any, sigma: Any, q: Vec, v: Vec, scale: float, slope: Vec, half: float
-    ) -> float:
+    def _scale(self, inner: Any, sigma: Any, q: Vec, v: Vec, scale: float, slope: Vec, half: float) -> float:
         """The solution s of s = sigma(q + half (scale + s) v) that is `scale` where half is zero,
         by Newton's method.
         """

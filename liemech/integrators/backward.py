@@ -181,9 +181,7 @@ def refused(method: Any, site: Any) -> str:
     """Why the steps of a method have no way back here; empty if they have one.  site : the form of the
     system at one site.
     """
-    if not isinstance(
-        site, (LiePoissonSystem, DrivenLiePoissonSystem, MechanicalSystem, SeparableSite)
-    ):
+    if not isinstance(site, (LiePoissonSystem, DrivenLiePoissonSystem, MechanicalSystem, SeparableSite)):
         return f"of a {type(site).__name__}"
     if isinstance(site, MechanicalSystem) and site.in_space:
         return "with momenta that are added up in space"
@@ -296,8 +294,7 @@ class RungeKutta(WholeStep):
             return tuple(range(len(tableau.b)))
         for i in range(len(tableau.b) - 1, -1, -1):
             if tableau.b[i] != 0.0 or any(
-                j < len(tableau.A) and i < len(tableau.A[j]) and tableau.A[j][i] != 0.0
-                for j in felt
+                j < len(tableau.A) and i < len(tableau.A[j]) and tableau.A[j][i] != 0.0 for j in felt
             ):
                 felt.append(i)
         return tuple(felt)
@@ -336,17 +333,13 @@ class RungeKutta(WholeStep):
                 w = BodyState(w.mu + there.mu, w.g if there.g is None else w.g + there.g)
         return Back(w, tuple(momenta), tuple(elements))
 
-    def _back_by_sweeps(
-        self, system: Any, free: Any, part: Part, before: Any, start: Any, w: Any
-    ) -> Back:
+    def _back_by_sweeps(self, system: Any, free: Any, part: Part, before: Any, start: Any, w: Any) -> Back:
         """That of an implicit tableau."""
         method, t, h = self.method, part.t, part.h
         tableau = method.tableau.bare
         slopes = method._slopes(tableau, system, t, start, system.rate(t, start), h)
         omegas = [combination(row, slopes, h) for row in tableau.A]
-        w, bent = _displaced(
-            method.retraction, system, before, combination(tableau.b, slopes, h), w
-        )
+        w, bent = _displaced(method.retraction, system, before, combination(tableau.b, slopes, h), w)
         found: list[Any] = []
         for omega, c in zip(omegas, tableau.c):
             place = start if omega is None else system.displaced(method.retraction, start, omega)
@@ -401,15 +394,10 @@ def _sum(x: Vec, more: Any) -> Vec:
 def _combined(felt: list[Any], row: Any, bent: Vec, h: float) -> list[Any]:
     """The derivatives by all slopes, with those of a stage that a row has made of them."""
     more = [*row, *[0.0 for _ in range(len(felt) - len(row))]]
-    return [
-        x if a == 0.0 else (a * h) * bent if x is None else x + (a * h) * bent
-        for x, a in zip(felt, more)
-    ]
+    return [x if a == 0.0 else (a * h) * bent if x is None else x + (a * h) * bent for x, a in zip(felt, more)]
 
 
-def _displaced(
-    retraction: Any, system: Any, state: Any, omega: Vec, w: Any
-) -> tuple[BodyState, Vec]:
+def _displaced(retraction: Any, system: Any, state: Any, omega: Vec, w: Any) -> tuple[BodyState, Vec]:
     """J^T w of a displacement, by the state and by omega."""
     if not isinstance(system, MechanicalSystem):
         group = system.group
@@ -454,9 +442,7 @@ def _load(system: Any, free: Any, t: float, place: Any, along: Vec) -> tuple[Vec
     still = vec(*[0.0 for _ in along])
     return (
         gradient(lambda x: dot(along, slopes.covector(t, x, place.g)), xi),
-        gradient(
-            lambda x: dot(along, slopes.covector(t, xi, group.compose_exp(place.g, x))), still
-        ),
+        gradient(lambda x: dot(along, slopes.covector(t, xi, group.compose_exp(place.g, x))), still),
     )
 
 
@@ -669,11 +655,7 @@ class LoadedKick(Motion):
             return derivative(lambda m: system.velocity(m, part.t), place.mu, by_xi)
 
         def equation(nu: Vec) -> tuple[Vec, Mat, float]:
-            return (
-                nu - w - bent(nu),
-                identity_matrix(len(w)) - jacobian(bent, nu),
-                dot(nu, nu) + dot(w, w),
-            )
+            return (nu - w - bent(nu), identity_matrix(len(w)) - jacobian(bent, nu), dot(nu, nu) + dot(w, w))
 
         def sweep(nu: Vec) -> tuple[Vec, float, float]:
             new = w + bent(nu)

@@ -111,10 +111,7 @@ class InvariantForm(ClassFunction):
             except (TypeError, ValueError):
                 rows = np.zeros(0)
             if rows.ndim != 2 or rows.shape[0] != rows.shape[1] or not np.isfinite(rows).all():
-                raise InvalidInput(
-                    "InvariantForm: form must be a square matrix of "
-                    f"finite numbers; got {self.form!r}"
-                )
+                raise InvalidInput(f"InvariantForm: form must be a square matrix of finite numbers; got {self.form!r}")
             object.__setattr__(self, "form", tuple(map(tuple, rows.tolist())))
         super().__post_init__()
 
@@ -125,14 +122,12 @@ class InvariantForm(ClassFunction):
         given = group.algebra.invariant_form if self.form is None else np.array(self.form)
         if given is None:
             raise IncompatibleSystem(
-                f"InvariantForm: the algebra of {group!r} has no "
-                f"regular invariant form. {SECOND_KIND}"
+                f"InvariantForm: the algebra of {group!r} has no regular invariant form. {SECOND_KIND}"
             )
         reason = _flaw(group, given)
         if reason:
             raise IncompatibleSystem(
-                f"InvariantForm: on {group!r} the form {reason}. "
-                "InvariantForm() takes that of the algebra"
+                f"InvariantForm: on {group!r} the form {reason}. InvariantForm() takes that of the algebra"
             )
         if isinstance(retraction, Exponential):
             if not _rotations(group) and not _screws(group):
@@ -167,11 +162,7 @@ class InvariantForm(ClassFunction):
 
     def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
         """The angle of F^-1 mu, over 3 (nearly half a turn) for the exponential.  mu : (dim,)."""
-        return _ratio(
-            group,
-            self._raised(group, mu),
-            3.0 if isinstance(retraction, Exponential) else self.reach,
-        )
+        return _ratio(group, self._raised(group, mu), 3.0 if isinstance(retraction, Exponential) else self.reach)
 
     def _raised(self, group: LieGroup, mu: Vec) -> Vec:
         form = Mat.of(self._form(group))
@@ -248,9 +239,7 @@ class TraceOfAd(ClassFunction):
     def turn(self, group: LieGroup, retraction: Retraction, mu: Vec) -> Vec:
         """The xi with P = mu, by Newton's method.  mu : (dim,).  Raises OutsideChart."""
         first = self._first(group, mu)
-        xi, size, enough, _ = newton(
-            lambda x: self._excess(group, retraction, x, mu), first, dot(mu, mu)
-        )
+        xi, size, enough, _ = newton(lambda x: self._excess(group, retraction, x, mu), first, dot(mu, mu))
         if not size <= enough:
             raise OutsideChart(
                 f"TraceOfAd: the momentum, {norm(mu):.3g} times the scale, is beyond what the "
@@ -276,9 +265,7 @@ class TraceOfAd(ClassFunction):
         """The xi with P = mu to first order."""
         return solve(-self._factor(group) * Mat.of(_constants(group.algebra.killing_form)), mu)
 
-    def _excess(
-        self, group: LieGroup, retraction: Retraction, xi: Vec, mu: Vec
-    ) -> tuple[Vec, Mat, float]:
+    def _excess(self, group: LieGroup, retraction: Retraction, xi: Vec, mu: Vec) -> tuple[Vec, Mat, float]:
         slope = jacobian(lambda x: self.momentum(group, retraction, x), xi)
         return self.momentum(group, retraction, xi) - mu, slope, 1.0
 
@@ -355,10 +342,7 @@ def _is_class_function(group: LieGroup, retraction: Retraction, form: Mat) -> bo
     slopes = jacobian(lambda x: retraction.dtau_dual(group, x, form @ x), xi)
     sides = [np.array(retraction.dtau_dual(group, x, form @ xi)) for x in (xi, -xi)]
     hessian = np.array(slopes)
-    return (
-        max(np.abs(sides[0] - sides[1]).max(), np.abs(hessian - hessian.T).max())
-        <= 1e-9 * np.abs(hessian).max()
-    )
+    return max(np.abs(sides[0] - sides[1]).max(), np.abs(hessian - hessian.T).max()) <= 1e-9 * np.abs(hessian).max()
 
 
 def _constants(form: np.ndarray) -> Form:

@@ -37,9 +37,7 @@ class CommutatorFree(Method):
     order: int = 4
     tableau: FlowTableau = None  # type: ignore[assignment]  # None: the one of this order
 
-    choices: ClassVar[dict[int, FlowTableau]] = {
-        t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CF3, CF4)
-    }
+    choices: ClassVar[dict[int, FlowTableau]] = {t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CF3, CF4)}
 
     def __post_init__(self) -> None:
         name, given = type(self).__name__, self.tableau  # type: Any, Any
@@ -47,8 +45,7 @@ class CommutatorFree(Method):
             if type(self.order) is not int or self.order not in self.choices:
                 choices = sorted(self.choices)
                 raise InvalidInput(
-                    f"{name}: order {self.order!r} has no tableau of its own; choose from "
-                    f"{choices} or give a tableau"
+                    f"{name}: order {self.order!r} has no tableau of its own; choose from {choices} or give a tableau"
                 )
             given = self.choices[self.order]
         if not isinstance(given, FlowTableau):
@@ -93,16 +90,13 @@ class CrouchGrossman(CommutatorFree):
     Source: Crouch and Grossman, J. Nonlinear Sci. 3 (1993); Hairer, Lubich, Wanner, IV.8.1.
     """
 
-    choices: ClassVar[dict[int, FlowTableau]] = {
-        t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CG3, CG4)
-    }
+    choices: ClassVar[dict[int, FlowTableau]] = {t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CG3, CG4)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if any(sum(map(bool, row)) > 1 for rows in self.tableau.flows for row in rows):
             raise InvalidInput(
-                f"CrouchGrossman: {self.tableau!r} has flows of several "
-                "velocities; it belongs to CommutatorFree"
+                f"CrouchGrossman: {self.tableau!r} has flows of several velocities; it belongs to CommutatorFree"
             )
 
     __repr__ = CommutatorFree.__repr__

@@ -34,17 +34,14 @@ class Composition(Remembering):
     order: int = 4
     tableau: CompositionTableau = None  # type: ignore[assignment]  # None: the one of this order
 
-    choices: ClassVar[dict[int, CompositionTableau]] = {
-        t.order: t for t in (SUZUKI4, KAHAN_LI6, KAHAN_LI8)
-    }
+    choices: ClassVar[dict[int, CompositionTableau]] = {t.order: t for t in (SUZUKI4, KAHAN_LI6, KAHAN_LI8)}
     symmetric: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         base, tableau = self.base, self.tableau  # type: Any, Any
         if not isinstance(base, Method):
             raise InvalidType(
-                "Composition: base must be a method such as "
-                f"CovariantVariational(Cayley()); got {base!r}"
+                f"Composition: base must be a method such as CovariantVariational(Cayley()); got {base!r}"
             )
         if not base.symmetric:
             raise InvalidInput(
@@ -54,8 +51,7 @@ class Composition(Remembering):
             )
         if base.order == float("inf"):  # type: ignore[attr-defined]
             raise InvalidInput(
-                f"Composition: {base!r} is exact; there is no error "
-                "for substeps to cancel. Use it as it is"
+                f"Composition: {base!r} is exact; there is no error for substeps to cancel. Use it as it is"
             )
         if tableau is None:
             tableau = self._chosen(base.order, self.order)  # type: ignore[attr-defined]
@@ -117,9 +113,7 @@ class Composition(Remembering):
         """
         state, kept = memory.state, []  # type: Any, list[Any]
         for share, node, past in zip(self.tableau.gamma, self.tableau.nodes, memory.node):
-            after = self.base.step(
-                system, t + node * h, self.base.resume(system, state, past, share * h), share * h
-            )
+            after = self.base.step(system, t + node * h, self.base.resume(system, state, past, share * h), share * h)
             state, kept = self.base.observe(after), [*kept, self.base.past(after)]
         return Memory(state, tuple(kept), ())
 

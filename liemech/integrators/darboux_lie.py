@@ -87,15 +87,8 @@ class DarbouxLieChart(DarbouxChart):
             a, b = (left == j).astype(float), (left == i).astype(float)
             a = a / (b @ B @ a)  # {q, p} is one at the centre by itself
             basis = np.eye(len(B))[:, (left != i) & (left != j)]
-            found.append(
-                Level(
-                    Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None
-                )
-            )
-            B, y = (
-                basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), found[-1])) @ basis,
-                basis.T @ y,
-            )
+            found.append(Level(Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None))
+            B, y = (basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), found[-1])) @ basis, basis.T @ y)
             left = left[(left != i) & (left != j)]
         object.__setattr__(self, "levels", tuple(found))
 
@@ -208,9 +201,5 @@ def _inside(level: Level, y: Vec) -> Vec:
 
 def _embedded(level: Level, x: Vec) -> Vec:
     """The point with these, at q = p = 0."""
-    across = (
-        level.centre
-        if level.basis is None
-        else level.centre - level.basis @ (level.basis.T @ level.centre)
-    )
+    across = level.centre if level.basis is None else level.centre - level.basis @ (level.basis.T @ level.centre)
     return across if level.basis is None else across + level.basis @ x

@@ -39,9 +39,7 @@ def require_derivatives(method: Any, system: Any) -> None:
         _require_series(method, system)
         return
     if not isinstance(system, LiePoissonSystem):
-        raise IncompatibleSystem(
-            f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}"
-        )
+        raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}")
     hamiltonian, n = system.hamiltonian, system.group.dim
     # a record never changes: it is tried once, not at every run
     if _derivable.get(hamiltonian) == n:
@@ -66,14 +64,8 @@ def require_derivatives(method: Any, system: Any) -> None:
             "liemech.formulas (sqrt, sin, exp, ...), or use RKMK with a gradient of yours"
         ) from error
     for found in (xi, change):
-        if (
-            not isinstance(found, Vec)
-            or len(found) != n
-            or not all(isinstance(c, (int, float)) for c in found)
-        ):
-            raise InvalidInput(
-                f"{name}.gradient must return a vector of {n} numbers; it returned {xi!r}"
-            )
+        if not isinstance(found, Vec) or len(found) != n or not all(isinstance(c, (int, float)) for c in found):
+            raise InvalidInput(f"{name}.gradient must return a vector of {n} numbers; it returned {xi!r}")
     whole = norm(xi) * norm(onward)
     for direction, slope in zip(directions, slopes):
         along = dot(xi, direction)

@@ -62,9 +62,7 @@ class DiscreteGradient(Method):
         """Solve for the change of mu, from that of Euler's step."""
         mu = getattr(state, system.part)
         guess = h * system.rate(t, state)
-        d, size, enough, _ = newton(
-            lambda d: self.equation(system, h, mu, d), guess, dot(mu, mu) + dot(guess, guess)
-        )
+        d, size, enough, _ = newton(lambda d: self.equation(system, h, mu, d), guess, dot(mu, mu) + dot(guess, guess))
         if not size <= enough:
             raise NoConvergence(
                 f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {sqrt(size):.1e}, "

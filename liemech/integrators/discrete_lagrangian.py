@@ -79,9 +79,7 @@ class GroupLagrangian(DiscreteLagrangian):
         """
         group = system.group
         g = retraction.tau(group, h * xi)
-        slope = gradient(
-            lambda eta: self.on_group(group.compose_exp(g, eta), h), vec(*[0.0 for _ in xi])
-        )
+        slope = gradient(lambda eta: self.on_group(group.compose_exp(g, eta), h), vec(*[0.0 for _ in xi]))
         return retraction.dtau_dual(group, h * xi, slope)
 
 
@@ -126,15 +124,11 @@ class QuadratureLagrangian(DiscreteLagrangian):
         pull = group.ad_star(xi, body.momentum(xi))
         inertia = body.hessian(xi)
         # y/h
-        bend = (-0.5 * h) * (
-            correction(inertia, pull) if isinstance(inertia, vectors.Mat) else pull / inertia
-        )
+        bend = (-0.5 * h) * (correction(inertia, pull) if isinstance(inertia, vectors.Mat) else pull / inertia)
         found = 0.0
         for s, weight in self.rule:
             place, speed = h * (s * xi + (s * (1.0 - s)) * bend), xi + (1.0 - 2.0 * s) * bend
-            found = found + (h * weight) * body.value(
-                _body_velocity(group, retraction, place, speed)
-            )
+            found = found + (h * weight) * body.value(_body_velocity(group, retraction, place, speed))
         return found
 
 

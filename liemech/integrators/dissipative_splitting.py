@@ -33,13 +33,9 @@ class DissipativeSplitting(Remembering):
     def __post_init__(self) -> None:
         method: Any = self.method
         if not isinstance(self.method, Method):
-            raise InvalidType(
-                f"DissipativeSplitting: method must be a method such as Isospectral(2); got {method!r}"
-            )
+            raise InvalidType(f"DissipativeSplitting: method must be a method such as Isospectral(2); got {method!r}")
         if method.order < 2:
-            raise InvalidInput(
-                f"DissipativeSplitting: {method!r} is of order 1; take one of order 2"
-            )
+            raise InvalidInput(f"DissipativeSplitting: {method!r} is of order 1; take one of order 2")
         super().__post_init__()
 
     @property

@@ -66,9 +66,7 @@ def same(t: float, other: float) -> bool:
     return abs(t - other) <= 4 * MARGIN * ULP * max(abs(t), abs(other), SMALLEST)
 
 
-def jumps_between(
-    method: Any, system: Any, breaks: tuple[float, ...], t0: float, t_end: float
-) -> tuple[float, ...]:
+def jumps_between(method: Any, system: Any, breaks: tuple[float, ...], t0: float, t_end: float) -> tuple[float, ...]:
     """The times from t0 to t_end at which an input is known to jump, rising, for adaptive steps."""
     if not has_inputs(system):
         return breaks
@@ -96,9 +94,7 @@ def overshoot(method: Any) -> float:
     if shares is None:
         times = getattr(tableau, "c", None) or getattr(tableau, "nodes", None) or (0.0,)
         return max(-min(times), max(times) - 1.0, 0.0)
-    inner = max(
-        (overshoot(x) for x in fields_of(method).values() if isinstance(x, Method)), default=0.0
-    )
+    inner = max((overshoot(x) for x in fields_of(method).values() if isinstance(x, Method)), default=0.0)
     far = 0.0
     for node, share in zip(tableau.nodes, shares, strict=True):
         ends = node - inner * share, node + (1.0 + inner) * share
@@ -159,9 +155,7 @@ class EndingAtJumps(Wrapping):
         """The memory of steps of length `lasting` for those of length h."""
         if lasting != h:
             anew = self.method.start(system, self.method.observe(memory), h)
-            memory = fitted(
-                anew, layout_of(memory)
-            )  # numbers that carry a derivative go on with it
+            memory = fitted(anew, layout_of(memory))  # numbers that carry a derivative go on with it
         return memory
 
     def next_end(self, system: Any, t: float, end: float) -> float:

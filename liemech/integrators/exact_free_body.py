@@ -115,15 +115,12 @@ class ExactFreeBody(Method):
         super().require(system)
         reason = _why_not(system)
         if reason:
-            others = "CovariantVariational(Exponential()) keeps the same structure, RKMK(order=8) and Taylor() are accurate"
-            instead = (
-                f"KickDrift({self!r}) splits the field off"
-                if isinstance(system, MechanicalSystem)
-                else others
+            others = (
+                "CovariantVariational(Exponential()) keeps the same structure, RKMK(order=8) and Taylor() are accurate"
             )
+            instead = f"KickDrift({self!r}) splits the field off" if isinstance(system, MechanicalSystem) else others
             raise IncompatibleSystem(
-                f"{self!r} is the exact motion of a free rigid body; "
-                f"{system!r} is none, {reason}. {instead}"
+                f"{self!r} is the exact motion of a free rigid body; {system!r} is none, {reason}. {instead}"
             )
 
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
@@ -146,9 +143,7 @@ class ExactFreeBody(Method):
         orbit, parts, unit = self._cut(_turning(inverse), _turning(state.mu), h)
         layout, done = layout_of(state), 0.0
         while done < parts:
-            x = _with_flight(
-                system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts
-            )
+            x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
             state = fitted(system.displaced(Cayley(), state, x), layout)
             done = done + 1.0
         return state
@@ -180,10 +175,7 @@ class ExactFreeBody(Method):
         g: list[Any] = []
         for i in range(group.copies):
             one = with_fields(
-                system,
-                group=group.base_of(i),
-                hamiltonian=system.hamiltonian.of_one_at(i),
-                lagrangian=None,
+                system, group=group.base_of(i), hamiltonian=system.hamiltonian.of_one_at(i), lagrangian=None
             )
             there = None if state.g is None else group.site(state.g, i)
             after = self.step(one, t, BodyState(group.momentum_of(state.mu, i), there), h)
@@ -260,9 +252,7 @@ class Orbit(Record):
         mu = unit * start
         rate = cross(mu, times(self.K, mu))
         extra = (4.0 * self.unit) * (self.per_square * dot(rate, rate))
-        d = (1.0 / (self.scale + extra)) * (
-            (times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate)
-        )
+        d = (1.0 / (self.scale + extra)) * ((times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate))
         b = self.reach / (1.0 + sqrt(1.0 - dot(d, times(self.middle, d))))
         m = mu + 0.5 * d
         m = unit * (start + (b * (0.5 / unit)) * cross(m, times(self.K, m)))
@@ -291,10 +281,7 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
         low, high = (c2 + s * c3) + ss * (c4 + s * c5), (c6 + s * c7) + ss * c8
         integral = integral + weight / ((1.0 - third * s) + ss * (low + (ss * ss) * high))
     turn = 2.0 * (action + square * (_determinant(D, C) * integral))  # G psi
-    sine, versed = (
-        polynomial(SINC, (turn * turn) * per_square),
-        polynomial(VERSINE, (turn * turn) * per_square),
-    )
+    sine, versed = (polynomial(SINC, (turn * turn) * per_square), polynomial(VERSINE, (turn * turn) * per_square))
     u = 1.0 - q
     # u (2 r_i - 1)
     grown = _plus(-2.0 * (squares + (1.0 + p) * roots), (2.0 * p + p * p) + (5.0 * c2 + q))
@@ -305,17 +292,7 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
     per_u, least = 1.0 / u, (1.0 + p) - third
     middle = (least * per_square * per_u * per_u) * _cofactors(_plus(-roots, 1.0 + p))
     turning = 2.0 * turn * versed / sine
-    return Orbit(
-        K,
-        per_square,
-        turning,
-        along,
-        u * _plus(grown, u),
-        scale,
-        u * u,
-        4.0 * least * per_u,
-        middle,
-    )
+    return Orbit(K, per_square, turning, along, u * _plus(grown, u), scale, u * u, 4.0 * least * per_u, middle)
 
 
 # ------------------------------------------------------------------ a Vec stands for a diagonal

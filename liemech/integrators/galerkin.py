@@ -67,9 +67,7 @@ class GalerkinVariational(Implicit):
     def __post_init__(self) -> None:
         super().__post_init__()
         if type(self.order) is not int or self.order not in ORDERS:
-            raise InvalidInput(
-                f"{type(self).__name__}: order must be one of {ORDERS}; got {self.order!r}"
-            )
+            raise InvalidInput(f"{type(self).__name__}: order must be one of {ORDERS}; got {self.order!r}")
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
@@ -152,39 +150,22 @@ class GalerkinVariational(Implicit):
         return self.after(memory, moved, velocities)
 
     def _sweep(
-        self,
-        system: Any,
-        t: float,
-        start: BodyState,
-        h: float,
-        middle: Middle,
-        velocities: tuple[Vec, ...],
+        self, system: Any, t: float, start: BodyState, h: float, middle: Middle, velocities: tuple[Vec, ...]
     ) -> tuple[Any, Vec, Vec]:
         """Better velocities, and what the field adds to the momentum; how far momenta were off, and
         their size, in each unit apart.
         """
-        body, places = (
-            _body(system, t + 0.5 * h),
-            [combination(row, velocities, h) for row in self.tableau[0]],
-        )
+        body, places = (_body(system, t + 0.5 * h), [combination(row, velocities, h) for row in self.tableau[0]])
         misfits, kick, size = self._misfits(system, t, start, h, velocities, places)
         steps = self._corrections(body, middle, h, misfits)
-        velocities = tuple(
-            [v - (e + 0.5 * body.group.ad(x, e)) for v, e, x in zip(velocities, steps, places)]
-        )
+        velocities = tuple([v - (e + 0.5 * body.group.ad(x, e)) for v, e, x in zip(velocities, steps, places)])
         off = vec(*[0.0 for _ in body.group.unit_blocks])
         for r in misfits:
             off = off + one_norms(r, body.group.unit_blocks)
         return (velocities, kick), off, size
 
     def _misfits(
-        self,
-        system: Any,
-        t: float,
-        start: BodyState,
-        h: float,
-        velocities: tuple[Vec, ...],
-        places: list[Vec],
+        self, system: Any, t: float, start: BodyState, h: float, velocities: tuple[Vec, ...], places: list[Vec]
     ) -> tuple[list[Vec], Vec | None, Vec]:
         """How far the equations are from holding, as body momenta at the nodes; what the field adds
         to mu; the size of momenta in each unit.
@@ -203,11 +184,7 @@ class GalerkinVariational(Implicit):
             if kick is not None:
                 force = system.applied(t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
                 rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)
-            P, F = tangent(
-                lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1)),
-                vec(*x, *p),
-                vec(*v, *rate),
-            )
+            P, F = tangent(lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1)), vec(*x, *p), vec(*v, *rate))
             momenta, rates = [*momenta, P], [*rates, F]
         end = tau.dtau_dual(  # right-trivialised
             group, -combination(b, velocities, h), start.mu if kick is None else start.mu + kick
@@ -229,14 +206,10 @@ class GalerkinVariational(Implicit):
         there, back, coupling = self.legendre
         e = [combination(row, misfits) for row in there]
         for k in range(len(e) - 1, 0, -1):
-            e[k - 1] = e[k - 1] + (h * coupling[k - 1]) * _turned(
-                body, middle, _velocity(body, middle, e[k])
-            )
+            e[k - 1] = e[k - 1] + (h * coupling[k - 1]) * _turned(body, middle, _velocity(body, middle, e[k]))
         e[0] = correction(middle.slope, e[0])
         for k in range(1, len(e)):
-            e[k] = _velocity(
-                body, middle, e[k] - (h * coupling[k - 1]) * _turned(body, middle, e[k - 1])
-            )
+            e[k] = _velocity(body, middle, e[k] - (h * coupling[k - 1]) * _turned(body, middle, e[k - 1]))
         return [combination(row, e) for row in back]
 
 
@@ -271,9 +244,7 @@ def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
 def _turned(body: Any, middle: Middle, v: Vec) -> Vec:
     """W v."""
     group, xi, J = body.group, middle.xi, middle.inertia
-    return 0.5 * (times(J, group.ad(xi, v)) - group.ad_star(xi, times(J, v))) - group.ad_star(
-        v, middle.p
-    )
+    return 0.5 * (times(J, group.ad(xi, v)) - group.ad_star(xi, times(J, v))) - group.ad_star(v, middle.p)
 
 
 def _velocity(body: Any, middle: Middle, p: Vec) -> Vec:

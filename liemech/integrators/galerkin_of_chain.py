@@ -24,19 +24,7 @@ from typing import Any, ClassVar
 
 from ..compiler.planes import at, below, each, load, put, save
 from ..errors import NoConvergence
-from ..formulas import (
-    Mat,
-    Record,
-    Vec,
-    dot,
-    identity_matrix,
-    jacobian,
-    mat,
-    plain,
-    record,
-    vec,
-    where,
-)
+from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, plain, record, vec, where
 from ..formulas.pytree import Layout, fitted
 from ..formulas.sites import own
 from ..formulas.tables import entry
@@ -127,9 +115,7 @@ class GalerkinOfChain(Record):
         """The state."""
         return memory.state
 
-    def step_together(
-        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
-    ) -> None:
+    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
         """A step of all sites, from one copy of the memory to the other."""
         work = below(sites, 2 * memory.width)
         each(sites, copied, sites, here, there, memory)
@@ -173,9 +159,7 @@ class GalerkinOfChain(Record):
                     break
                 if not (shrinks or small) and length > before:
                     break
-                last = length <= ROUNDING * size or (
-                    before < INFINITY and length * (length / before) <= LEAST * whole
-                )
+                last = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
                 last = last or (small and not shrinks)
                 anew = not (shrinks or before == INFINITY) or (anew and length > FAR * whole)
                 before = length
@@ -208,9 +192,7 @@ def copied(sites: Any, here: int, there: int, memory: Layout) -> None:
     save(sites, there, load(sites, here, memory), memory)
 
 
-def guessed(
-    method: Any, system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout
-) -> None:
+def guessed(method: Any, system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
     """The displacement that continues those of the last steps, and the slope with which it begins."""
     rows, n = method.rows, system.configurations.dim
     past = [load(pasts, 3 * s + i, vector(n)) for i in range(3)]
@@ -267,9 +249,7 @@ def slopes_here(method: Any, system: Any, old: Any, work: Any, state: Layout) ->
     for role in method.edges:
         ends = [me, *[seen(meeting.of(b, 0)) for b in role.others]]
         (aa, ab), (ba, bb) = role.at_edge(0).stiffnesses(group, *ends)
-        blocks = [
-            a + mat(*[role.if_there(row) for row in b]) for a, b in zip(blocks, (aa, ab, ba, bb))
-        ]
+        blocks = [a + mat(*[role.if_there(row) for row in b]) for a, b in zip(blocks, (aa, ab, ba, bb))]
     for role in method.alone:
         blocks = [blocks[0] + role.at_edge(0).stiffnesses(group, me)[0][0], *blocks[1:]]
     for place, block in zip((rows.own, rows.right, rows.back, rows.ahead), blocks):
@@ -283,9 +263,7 @@ def force_on(method: Any, work: Any, n: int) -> Vec:
     return load(below(work, method.rows.force), 0, vector(n)) + pushed
 
 
-def pulled(
-    method: Any, system: Any, t: float, h: float, x: Vec, g: Any, work: Any
-) -> tuple[Any, Vec]:
+def pulled(method: Any, system: Any, t: float, h: float, x: Vec, g: Any, work: Any) -> tuple[Any, Vec]:
     """The system of a site, and all forces on it."""
     site = at_this_site(system)
     f = force_on(method, work, system.configurations.dim)
@@ -302,9 +280,7 @@ def misfit(group: LieGroup, h: float, x: Vec, p: Vec, mu: Vec, f: Vec) -> tuple[
     return whole + (0.5 * h) * half, slope + (0.25 * h) * bend
 
 
-def misfit_here(
-    method: Any, system: Any, t: float, h: float, old: Any, work: Any, state: Layout
-) -> None:
+def misfit_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
     """The right side -(2/h) r, carried to the middle."""
     group = system.configurations
     start, x, g = middle_of(method, system, old, work, state)
@@ -314,9 +290,7 @@ def misfit_here(
     save(below(work, method.rows.rest), 0, system.potential.if_it_moves(rest), vector(group.dim))
 
 
-def block_here(
-    method: Any, system: Any, t: float, h: float, old: Any, work: Any, state: Layout
-) -> None:
+def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
     """H + 4/h M in the block of the site itself, and H in those beside it."""
     rows, group, tau = method.rows, system.configurations, Exponential()
     n, moves = group.dim, system.potential.if_it_moves
@@ -418,13 +392,7 @@ def factored(method: Any, work: Any, n: int) -> None:
                     put(left, k + 1, 0, lower, square)
                     put(D, k + 1, 0, at(D, k + 1, 0, square) - lower @ above, square)
                 if k == end - 2:
-                    put(
-                        column,
-                        k + 1,
-                        0,
-                        at(column, k + 1, 0, square) + at(right, k + 1, 0, square),
-                        square,
-                    )
+                    put(column, k + 1, 0, at(column, k + 1, 0, square) + at(right, k + 1, 0, square), square)
                     put(row, k + 1, 0, at(row, k + 1, 0, square) + at(left, end, 0, square), square)
                 put(D, end, 0, at(D, end, 0, square) - factor @ beside, square)
             else:
@@ -446,13 +414,7 @@ def solved(method: Any, work: Any, n: int) -> None:
         if method.ring:
             put(rest, end, 0, at(rest, end, 0, layout) - at(row, k, 0, square) @ y, layout)
             if k < end - 1:
-                put(
-                    rest,
-                    k + 1,
-                    0,
-                    at(rest, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y,
-                    layout,
-                )
+                put(rest, k + 1, 0, at(rest, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
         else:
             put(rest, k + 1, 0, at(rest, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
     put(answer, end, 0, at(D, end, 0, square) @ at(rest, end, 0, layout), layout)

@@ -47,8 +47,7 @@ class GeodesicSplitting(ChosenByOrder):
             )
         if not system.quadratic:
             raise IncompatibleSystem(
-                f"{self!r} needs a kinetic energy of second degree; "
-                f"that of {system!r} is none. Use RATTLE()"
+                f"{self!r} needs a kinetic energy of second degree; that of {system!r} is none. Use RATTLE()"
             )
         super().require(system)
 
@@ -69,7 +68,5 @@ class GeodesicSplitting(ChosenByOrder):
     def _kicked(self, system: Any, q: Vec, p: Vec, t: float) -> Vec:
         """p + t f, without what is across the constraints, rounding of the steps before included."""
         G, p = system.constraint_jacobian(q), p + t * system.force(q, p)
-        x, _ = eliminated(
-            cross_products(G, system.normals(q, p)), vec(*(G @ system.velocity(q, p)))
-        )
+        x, _ = eliminated(cross_products(G, system.normals(q, p)), vec(*(G @ system.velocity(q, p))))
         return p - x @ G

@@ -97,9 +97,7 @@ class HamiltonJacobi(Method):
         try:
             somewhere = vec(*[0.5 + 0.125 * i for i in range(system.degrees)])
             self._motion(system, 0.0, 0.125, somewhere, somewhere)
-            singular = self.kind != "qP" and not _regular(
-                self._slope(system, 0.0, somewhere, somewhere)
-            )
+            singular = self.kind != "qP" and not _regular(self._slope(system, 0.0, somewhere, somewhere))
         except (TypeError, AttributeError) as error:
             carries = isinstance(error, CarriesMore) or "Series" in str(error)
             if carries or "Dual" in str(error):  # anything else the run will tell
@@ -114,8 +112,7 @@ class HamiltonJacobi(Method):
         else:
             if singular:
                 raise IncompatibleSystem(
-                    f"{self!r}: {DEGENERATE[self.kind].format(system)}. "
-                    "HamiltonJacobi(kind='qP') always exists"
+                    f"{self!r}: {DEGENERATE[self.kind].format(system)}. HamiltonJacobi(kind='qP') always exists"
                 )
 
     # ---------------------------------------------------------------- one step
@@ -127,9 +124,7 @@ class HamiltonJacobi(Method):
             n = len(start.q)
             change = self.solution(system, t, h, start.p, -start.q)
             return system.displaced(
-                Exponential(),
-                state,
-                vec(*[-change[n + i] for i in range(n)], *[change[i] for i in range(n)]),
+                Exponential(), state, vec(*[-change[n + i] for i in range(n)], *[change[i] for i in range(n)])
             )
         return system.displaced(Exponential(), state, self.solution(system, t, h, start.q, start.p))
 
@@ -167,9 +162,7 @@ class HamiltonJacobi(Method):
             )
         return change
 
-    def _tried(
-        self, system: Any, t: float, h: float, x: Vec, y: Vec, w: Vec
-    ) -> tuple[Vec, Vec, float]:
+    def _tried(self, system: Any, t: float, h: float, x: Vec, y: Vec, w: Vec) -> tuple[Vec, Vec, float]:
         """The change of (x, y) with this w, the mismatch of the old state, and the square to
         compare its square with.
         """
@@ -202,21 +195,16 @@ class HamiltonJacobi(Method):
         v, f = rate[:n], rate[n : 2 * n]
         return (f, -v) if turned else (v, f)
 
-    def _motion(
-        self, system: Any, t: float, h: float, x: Vec, y: Vec
-    ) -> tuple[list[Vec], list[Vec]]:
+    def _motion(self, system: Any, t: float, h: float, x: Vec, y: Vec) -> tuple[list[Vec], list[Vec]]:
         """The Taylor method: the terms of h, ..., h^order in the change of x and in that of y along
         the motion from time t.
         """
         if is_long(x[0]):
             raise InvalidType(
-                "precision: power series have numbers of one double; "
-                "take precision='double' or another method"
+                "precision: power series have numbers of one double; take precision='double' or another method"
             )
         u, v = (vec(*[Series(c) for c in z]) for z in (x, y))
-        for z, rate in zip(
-            (*u, *v), [c for part in self._rates(system, Series(t, h), u, v) for c in part]
-        ):
+        for z, rate in zip((*u, *v), [c for part in self._rates(system, Series(t, h), u, v) for c in part]):
             z.grow(rate, h)
         powers = range(1, self.order + 1)
         return [vec(*[z[k] for z in u]) for k in powers], [vec(*[z[k] for z in v]) for k in powers]
@@ -254,9 +242,7 @@ class HamiltonJacobi(Method):
         here = total([*y, kicks[self.order - 1]])
         return here, total([*y, *[-kick for kick in kicks[: self.order - 1]]]), total(kicks)
 
-    def _conjugate(
-        self, system: Any, t: float, x: Vec, v: Vec, guess: Vec, size: float
-    ) -> tuple[Vec, Mat]:
+    def _conjugate(self, system: Any, t: float, x: Vec, v: Vec, guess: Vec, size: float) -> tuple[Vec, Mat]:
         """The y with x' = v, the Legendre transform, and dx'/dy there.  size : a square, of
         velocities.
         """
@@ -312,9 +298,7 @@ class SymmetricHamiltonJacobi(Method):
     @cached_property
     def halves(self) -> tuple[HamiltonJacobi, HamiltonJacobi]:
         """The method and its adjoint."""
-        return HamiltonJacobi(self.order - 1, kind=self.kind), HamiltonJacobi(
-            self.order - 1, True, self.kind
-        )
+        return HamiltonJacobi(self.order - 1, kind=self.kind), HamiltonJacobi(self.order - 1, True, self.kind)
 
     @property
     def name(self) -> str:
@@ -358,13 +342,11 @@ def require_kind(name: str, kind: Any) -> None:
     """Refuse a kind that there is not."""
     if kind == "Qp":
         raise InvalidInput(
-            f"{name}: kind 'Qp', of the old q and the new p, is the adjoint of 'qP': "
-            "HamiltonJacobi(adjoint=True)"
+            f"{name}: kind 'Qp', of the old q and the new p, is the adjoint of 'qP': HamiltonJacobi(adjoint=True)"
         )
     if kind not in KINDS:
         raise InvalidInput(
-            f"{name}: kind is one of {', '.join(map(repr, KINDS))}, "
-            f"capitals for the old state; got {kind!r}"
+            f"{name}: kind is one of {', '.join(map(repr, KINDS))}, capitals for the old state; got {kind!r}"
         )
 
 

@@ -78,20 +78,14 @@ class Implicit(Remembering):
             f"continuation of the motion. The step h = {h:g} is too large; try {0.25 * h:g}"
         )
 
-    def _unconnected(
-        self, h: float, end: float, length: str, usable: float | None = None
-    ) -> NoConvergence:
+    def _unconnected(self, h: float, end: float, length: str, usable: float | None = None) -> NoConvergence:
         """The error of a step without a solution of its own: the one that grows out of h = 0 ends
         before.
 
         usable : a step that every momentum of this size has, if known.
         """
         known = usable is not None and abs(usable) < abs(h)
-        cure = (
-            f"{usable:.3g}, which every direction of this momentum has"
-            if known
-            else f"{0.25 * h:g}"
-        )
+        cure = f"{usable:.3g}, which every direction of this momentum has" if known else f"{0.25 * h:g}"
         return NoConvergence(
             f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, {length}, in a "
             "fold or at the chart's edge, and another one would be no continuation of the motion. "

@@ -42,23 +42,16 @@ class IndexReduction(Wrapping):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.method, Method):
-            raise InvalidType(
-                "IndexReduction: method must be a method such as "
-                f"RKMK(order=4); got {self.method!r}"
-            )
+            raise InvalidType(f"IndexReduction: method must be a method such as RKMK(order=4); got {self.method!r}")
         if isinstance(self.method, IndexReduction):
             raise InvalidInput(f"IndexReduction: {self.method!r} reduces the index already")
-        if isinstance(
-            self.method.base if isinstance(self.method, Composition) else self.method, OnConstraints
-        ):
+        if isinstance(self.method.base if isinstance(self.method, Composition) else self.method, OnConstraints):
             raise InvalidInput(
                 f"IndexReduction: {self.method!r} keeps the constraints; use it as it is, or give "
                 "a method for any equation, such as RKMK(order=4)"
             )
         if type(self.project) is not bool:
-            raise InvalidType(
-                f"IndexReduction: project must be True or False; got {self.project!r}"
-            )
+            raise InvalidType(f"IndexReduction: project must be True or False; got {self.project!r}")
 
     @property
     def name(self) -> str:
@@ -69,8 +62,7 @@ class IndexReduction(Wrapping):
         """A constrained system, and a method that accepts it as an equation."""
         if not isinstance(system, ConstrainedSystem):
             raise IncompatibleSystem(
-                f"{self!r} needs a ConstrainedSystem; got {system!r}, "
-                f"which {self.method!r} may take as it is"
+                f"{self!r} needs a ConstrainedSystem; got {system!r}, which {self.method!r} may take as it is"
             )
         self.method.require(system)
 

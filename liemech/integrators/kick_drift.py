@@ -17,13 +17,7 @@ from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
 from ..systems.system import member
 from ..systems.tabulated import inputs
-from ..tableaus.splittings import (
-    BLANES_CASAS_ESCORIHUELA8,
-    BLANES_MOAN4,
-    BLANES_MOAN6,
-    STRANG,
-    SplittingTableau,
-)
+from ..tableaus.splittings import BLANES_CASAS_ESCORIHUELA8, BLANES_MOAN4, BLANES_MOAN6, STRANG, SplittingTableau
 from .exact_free_body import ExactFreeBody
 from .lie_poisson_first_kind import FirstKindHamiltonJacobi
 from .lie_poisson_hj import LiePoissonHamiltonJacobi
@@ -49,9 +43,7 @@ class FieldSplitting(Remembering):
         """A body in a field, that the free motion accepts."""
         if not isinstance(system, MechanicalSystem):
             told = alternatives(system, f"Without a field it is {self.free!r}")  # type: ignore[attr-defined]
-            raise IncompatibleSystem(
-                f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}"
-            )
+            raise IncompatibleSystem(f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}")
         body: Any = system.body
         frozen = self._frozen(system)
         self.free.require(body.at(0.0) if frozen else body)  # type: ignore[attr-defined]
@@ -106,9 +98,7 @@ class FieldSplitting(Remembering):
             time = t + tableau.nodes[i] * h
             if tableau.kicks[i] != 0.0:
                 force = force if i == 0 else system.force(state.g)
-                state = self._kick(
-                    system, time, state, force, tableau.kicks[i] * h, i > 0, i < ends
-                )
+                state = self._kick(system, time, state, force, tableau.kicks[i] * h, i > 0, i < ends)
             if i < ends:
                 drift = tableau.drifts[i] * h
                 body = self._body(system, time + 0.5 * drift)
@@ -118,14 +108,7 @@ class FieldSplitting(Remembering):
         return Memory(state, force if tableau.kicks[0] != 0.0 else None, tuple(kept))
 
     def _kick(
-        self,
-        system: Any,
-        t: float,
-        state: BodyState,
-        force: Vec,
-        h: float,
-        ends: bool,
-        begins: bool,
+        self, system: Any, t: float, state: BodyState, force: Vec, h: float, ends: bool, begins: bool
     ) -> BodyState:
         """A kick of length h, which ends a drift, begins one, or both.
 
@@ -147,19 +130,14 @@ class FieldSplitting(Remembering):
         """The k = h F at mu + k, by Newton's method."""
         guess = h * _load(system, t, state.mu, state.g)
         coupled = system.load.coupled or system.body.hamiltonian.coupled
-        kick, rest, enough, _ = newton(
-            lambda k: self._excess(system, t, state, h, k), guess, coupled=coupled
-        )
+        kick, rest, enough, _ = newton(lambda k: self._excess(system, t, state, h, k), guess, coupled=coupled)
         if not rest <= enough:
             raise NoConvergence(
-                f"{self!r}: no momentum found that fits the load at "
-                f"the end of a kick; try h = {0.5 * h:g}"
+                f"{self!r}: no momentum found that fits the load at the end of a kick; try h = {0.5 * h:g}"
             )
         return kick
 
-    def _excess(
-        self, system: Any, t: float, state: BodyState, h: float, kick: Vec
-    ) -> tuple[Vec, Mat, float]:
+    def _excess(self, system: Any, t: float, state: BodyState, h: float, kick: Vec) -> tuple[Vec, Mat, float]:
         """k - h F at mu + k and its derivative, beside |mu|^2 + |k|^2."""
         r = kick - h * _load(system, t, state.mu + kick, state.g)
         slope = jacobian(lambda m: h * _load(system, t, m, state.g), state.mu + kick)
@@ -186,10 +164,7 @@ def _feels_velocity(system: Any, start: BodyState) -> bool:
     for t in (0.0, *begin):
         try:
             there = [vec(*_load(system, t, vec(*m.tolist()), body.g)) for m in (mu, *others)]
-        except (
-            ArithmeticError,
-            ValueError,
-        ):  # outside of a table, or of what a formula is defined for
+        except (ArithmeticError, ValueError):  # outside of a table, or of what a formula is defined for
             continue
         return any(other != there[0] for other in there[1:])
     return False
@@ -228,8 +203,7 @@ class KickDrift(FieldSplitting):
         free, tableau = self.free, self.tableau  # type: Any, Any
         if not isinstance(free, Method):
             raise InvalidType(
-                "KickDrift: free must be a method for the free body "
-                f"such as ExactFreeBody(); got {free!r}"
+                f"KickDrift: free must be a method for the free body such as ExactFreeBody(); got {free!r}"
             )
         if isinstance(free, ExactMoserVeselov):
             raise InvalidInput(
@@ -239,8 +213,7 @@ class KickDrift(FieldSplitting):
         if tableau is None:
             if type(self.order) is not int or self.order not in self.choices:
                 raise InvalidInput(
-                    f"KickDrift: order is one of {sorted(self.choices)}, "
-                    f"or give a tableau; got {self.order!r}"
+                    f"KickDrift: order is one of {sorted(self.choices)}, or give a tableau; got {self.order!r}"
                 )
             tableau = self.choices[self.order]
         if not isinstance(tableau, SplittingTableau):

@@ -70,19 +70,12 @@ class FirstKindHamiltonJacobi(Implicit):
             raise InvalidInput(f"{type(self).__name__}: order is 1, 2, 3 or 4; got {self.order!r}")
         if not isinstance(self.s0, ClassFunction):
             raise InvalidType(
-                f"{type(self).__name__}: s0 must be InvariantForm(), TraceOfAd() or "
-                f"CayleySquare(); got {self.s0!r}"
+                f"{type(self).__name__}: s0 must be InvariantForm(), TraceOfAd() or CayleySquare(); got {self.s0!r}"
             )
         scale: Any = self.scale
         if scale is not None:
-            if (
-                isinstance(scale, bool)
-                or not isinstance(scale, (int, float))
-                or not 0.0 < scale < float("inf")
-            ):
-                raise InvalidInput(
-                    f"{type(self).__name__}: scale must be a positive number or None; got {scale!r}"
-                )
+            if isinstance(scale, bool) or not isinstance(scale, (int, float)) or not 0.0 < scale < float("inf"):
+                raise InvalidInput(f"{type(self).__name__}: scale must be a positive number or None; got {scale!r}")
             object.__setattr__(self, "scale", float(scale))
 
     @property
@@ -121,18 +114,14 @@ class FirstKindHamiltonJacobi(Implicit):
         moved = system.displaced(self.retraction, memory.state, xi)
         g = moved.g
         if g is not None:
-            g = system.displaced(
-                self.retraction, moved, -self.turn(system, plain(moved.mu), scale)
-            ).g
+            g = system.displaced(self.retraction, moved, -self.turn(system, plain(moved.mu), scale)).g
         return self.after(memory, BodyState(moved.mu, g), xi - turn)
 
     def turn(self, system: Any, mu: Vec, scale: float) -> Vec:
         """The displacement that the class function alone generates at a momentum."""
         return self.s0.turn(system.group, self.retraction, mu / scale)
 
-    def displacement(
-        self, system: Any, h: float, mu: Vec, scale: float, guess: Vec, end: float = 0.0
-    ) -> Vec:
+    def displacement(self, system: Any, h: float, mu: Vec, scale: float, guess: Vec, end: float = 0.0) -> Vec:
         """The xi whose momentum is mu, seen from where the step begins; it ends at the time `end`."""
         weights, data = None, dot(mu, mu)
         if len(system.unit_blocks) > 1:  # residuals in several units, each beside its momenta
@@ -141,11 +130,7 @@ class FirstKindHamiltonJacobi(Implicit):
             weights = vec(*[w for w, n in zip(inverse, system.unit_blocks) for _ in range(n)])
             data = 1.0
         xi, size, enough, _ = newton(
-            lambda x: self.equation(system, h, mu, scale, x, end),
-            guess,
-            data,
-            tolerance=FINER,
-            weights=weights,
+            lambda x: self.equation(system, h, mu, scale, x, end), guess, data, tolerance=FINER, weights=weights
         )
         if not size <= enough:
             raise self._unsolved(h, size, enough, f", |xi| = {norm(xi):.2g}, scale = {scale:.2g}")
@@ -153,24 +138,16 @@ class FirstKindHamiltonJacobi(Implicit):
             raise self._out_of_chart(h, f"|xi| = {norm(xi):.2g}, scale = {scale:.2g}")
         return xi
 
-    def equation(
-        self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, end: float
-    ) -> tuple[Vec, Mat, float]:
+    def equation(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, end: float) -> tuple[Vec, Mat, float]:
         """pi - Ad*_tau(xi) mu, its derivative (that of order 1), and 1."""
         slope = jacobian(lambda x: self.excess(system, h, mu, scale, x, 1, end), xi)
         return self.excess(system, h, mu, scale, xi, self.order, end), slope, 1.0
 
-    def excess(
-        self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, order: int, end: float
-    ) -> Vec:
+    def excess(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, order: int, end: float) -> Vec:
         """pi - Ad*_tau(xi) mu of an order."""
-        return self.momentum(system, h, scale, xi, order, end) - self.retraction.tau_Ad_star(
-            system.group, xi, mu
-        )
+        return self.momentum(system, h, scale, xi, order, end) - self.retraction.tau_Ad_star(system.group, xi, mu)
 
-    def momentum(
-        self, system: Any, h: float, scale: float, xi: Vec, order: int, end: float = 0.0
-    ) -> Vec:
+    def momentum(self, system: Any, h: float, scale: float, xi: Vec, order: int, end: float = 0.0) -> Vec:
         """pi, the momentum at the end of a step tau(xi), at the time `end`."""
         if order == 1:
             return self._leading(system, h, scale, xi, end)

@@ -7,20 +7,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import (
-    Mat,
-    Vec,
-    derivative,
-    dot,
-    identity_matrix,
-    jacobian,
-    mat,
-    norm,
-    plain,
-    record,
-    vec,
-    vectors,
-)
+from ..formulas import Mat, Vec, derivative, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
 from ..formulas.sums import total
 from ..groups.so3 import SO3Algebra
 from ..retractions import Exponential, Retraction
@@ -104,9 +91,7 @@ class LiePoissonHamiltonJacobi(Implicit):
         p, x = self.solution(system, h, mu, mu + extrapolated(*memory.past), t + 0.5 * h)
         return self.after(memory, system.displaced(self.retraction, memory.state, x), p - mu)
 
-    def solution(
-        self, system: Any, h: float, mu: Vec, guess: Vec, middle: float = 0.0
-    ) -> tuple[Vec, Vec]:
+    def solution(self, system: Any, h: float, mu: Vec, guess: Vec, middle: float = 0.0) -> tuple[Vec, Vec]:
         """The p and x = ds/dp that fit mu, of a step about the time `middle`."""
         if lies_in_memory(system.group):
             return self.iterated(
@@ -128,9 +113,7 @@ class LiePoissonHamiltonJacobi(Implicit):
             raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
         return p, x
 
-    def equation(
-        self, system: Any, h: float, mu: Vec, p: Vec, middle: float = 0.0
-    ) -> tuple[Vec, Mat, float]:
+    def equation(self, system: Any, h: float, mu: Vec, p: Vec, middle: float = 0.0) -> tuple[Vec, Mat, float]:
         """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4; of sites
         that are coupled that of order 2), and the factor of its square.
         """
@@ -177,12 +160,8 @@ class LiePoissonHamiltonJacobi(Implicit):
         w = group.ad_star(v, p)
         a = _turned(system, h, p, w)
         start, onward = vec(*p, *w), (*w, *[0 for _ in w])
-        curved = derivative(
-            lambda y: _turned(system, h, _half(y, 0), _half(y, len(y) // 2)), start, onward
-        )
-        return v + (1.0 / 12.0) * (
-            (group.ad(v, a) - _turned(system, h, p, group.ad_star(a, p))) + 0.5 * curved
-        )
+        curved = derivative(lambda y: _turned(system, h, _half(y, 0), _half(y, len(y) // 2)), start, onward)
+        return v + (1.0 / 12.0) * ((group.ad(v, a) - _turned(system, h, p, group.ad_star(a, p))) + 0.5 * curved)
 
 
 def has_axes(system: Any, retraction: Retraction) -> bool:
@@ -191,11 +170,7 @@ def has_axes(system: Any, retraction: Retraction) -> bool:
     """
     energy = system.hamiltonian
     diagonal = isinstance(energy, KineticEnergy) and isinstance(energy.inverse, vectors.Vec)
-    return (
-        diagonal
-        and isinstance(system.group.algebra, SO3Algebra)
-        and isinstance(retraction, Exponential)
-    )
+    return diagonal and isinstance(system.group.algebra, SO3Algebra) and isinstance(retraction, Exponential)
 
 
 def along_axes(K: Vec, h: float, p: Vec) -> tuple[Vec, Mat]:
@@ -214,9 +189,7 @@ def along_axes(K: Vec, h: float, p: Vec) -> tuple[Vec, Mat]:
         third[0] * (a01 * a01) + third[1] * (a10 * a10),
     )
     q = (2.0 * third) * vec(a01 * a02, a12 * a10, a20 * a21)
-    return rate * p, mat(
-        vec(rate[0], q[2], q[1]), vec(q[2], rate[1], q[0]), vec(q[1], q[0], rate[2])
-    )
+    return rate * p, mat(vec(rate[0], q[2], q[1]), vec(q[2], rate[1], q[0]), vec(q[1], q[0], rate[2]))
 
 
 def _turned(system: Any, h: float, p: Vec, w: Vec) -> Vec:

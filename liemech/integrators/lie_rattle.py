@@ -8,20 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import (
-    Element,
-    Mat,
-    Vec,
-    dot,
-    identity_matrix,
-    jacobian,
-    norm,
-    plain,
-    record,
-    vec,
-    vectors,
-    where,
-)
+from ..formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, norm, plain, record, vec, vectors, where
 from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE, newton, newton_of_kicks
@@ -90,8 +77,7 @@ class LieRATTLE(Remembering):
         """A ConstrainedBody, on a group that has the retraction."""
         if not isinstance(system, ConstrainedBody):
             raise IncompatibleSystem(
-                f"{self!r} needs bodies under a constraint, a "
-                f"ConstrainedBody; got {system!r}. {alternatives(system)}"
+                f"{self!r} needs bodies under a constraint, a ConstrainedBody; got {system!r}. {alternatives(system)}"
             )
         self.retraction.require(system.configurations)
 
@@ -140,12 +126,7 @@ class LieRATTLE(Remembering):
         """Solve for displacement and impulses, move, kick, and take away what leads off the
         constraint.
         """
-        state, (force, rows), free, load = (
-            memory.state,
-            memory.node,
-            system.body.body,
-            system.body.load,
-        )
+        state, (force, rows), free, load = (memory.state, memory.node, system.body.body, system.body.load)
         if load is not None:
             force = force + load.covector(t, system.velocity(plain(state.mu)), plain(state.g))
             memory = Memory(state, (force, rows), memory.past)
@@ -171,11 +152,7 @@ class LieRATTLE(Remembering):
         is in the inner half of the chart; else the step is followed from h = 0 on, in pieces to
         which the same applies.  What is followed is the unknown over the part s of the step.
         """
-        mu, g, size = (
-            plain(memory.state.mu),
-            plain(memory.state.g),
-            self._size(system, memory.state.g),
-        )
+        mu, g, size = (plain(memory.state.mu), plain(memory.state.g), self._size(system, memory.state.g))
         begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
         solution, slope, y = 0.0 * guess, begun, guess
         reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
@@ -183,19 +160,11 @@ class LieRATTLE(Remembering):
             part = min(1.0, reached + piece)
             change, upright = self._correction(system, part * h, mu, g, memory, part * y)
             new = part * y - change
-            x, dx = (
-                split(new, system.configurations.dim)[0],
-                split(change, system.configurations.dim)[0],
-            )
+            x, dx = (split(new, system.configurations.dim)[0], split(change, system.configurations.dim)[0])
             length, whole = self._square(system, dx), self._square(system, x)
-            shrinks, noisy = (
-                length <= CONTRACTION * before,
-                length <= NOISE * NOISE * (whole + size),
-            )
+            shrinks, noisy = (length <= CONTRACTION * before, length <= NOISE * NOISE * (whole + size))
             good = upright and (shrinks or noisy)
-            settled = length <= ROUNDING * size or (
-                before < INFINITY and length * (length / before) <= LEAST * whole
-            )
+            settled = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
             done = good and (settled or not shrinks)
             if not good or (done and not self._is_inside(system, x)):
                 y, piece, before = slope, 0.5 * piece, INFINITY
@@ -212,9 +181,7 @@ class LieRATTLE(Remembering):
             raise self._ended(system, h, reached * h, memory, x)
         return solution
 
-    def _correction(
-        self, system: Any, h: float, mu: Vec, g: Element, memory: Memory, unknown: Vec
-    ) -> tuple[Vec, bool]:
+    def _correction(self, system: Any, h: float, mu: Vec, g: Element, memory: Memory, unknown: Vec) -> tuple[Vec, bool]:
         """The correction of Newton's method, by Schur complement, block for block; and whether
         determinants have the sign of h = 0.
 
@@ -242,27 +209,15 @@ class LieRATTLE(Remembering):
         ]
         m = joint(system, through, pushed)
         dl, pivots = solved_sparse(system, m, rest)
-        dx = [
-            less(y, columns, [dl[a] for a, _ in held])
-            for y, columns, held in zip(free, pushed, system.held)
-        ]
-        return vec(*[x for part in dx for x in part], *dl), upright and regular(
-            system, m, pivots, h
-        )
+        dx = [less(y, columns, [dl[a] for a, _ in held]) for y, columns, held in zip(free, pushed, system.held)]
+        return vec(*[x for part in dx for x in part], *dl), upright and regular(system, m, pivots, h)
 
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
         """c(g tau(x)), and its derivative by x, by rows and blocks."""
         there = self.retraction.compose_tau(system.configurations, g, x)
-        rows, blocks, parts = (
-            system.rows(there),
-            system.blocks,
-            [x[start:end] for start, end in system.places],
-        )
+        rows, blocks, parts = (system.rows(there), system.blocks, [x[start:end] for start, end in system.places])
         bends = [
-            [
-                self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i])
-                for i, (b, _) in enumerate(ties)
-            ]
+            [self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i]) for i, (b, _) in enumerate(ties)]
             for a, ties in enumerate(system.touches)
         ]
         return system.constraint.value(there), bends
@@ -270,17 +225,10 @@ class LieRATTLE(Remembering):
     def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
         """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
         through = led(system, rows)
-        pushed = [
-            [times(inverse, row) for row in block]
-            for inverse, block in zip(system.inverses, through)
-        ]
-        return solved_sparse(
-            system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu))
-        )[0]
+        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, through)]
+        return solved_sparse(system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu)))[0]
 
-    def _load_at_the_end(
-        self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float
-    ) -> Vec:
+    def _load_at_the_end(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> Vec:
         """The kick h F at the velocity that it leads to, on the constraint.
 
         Newton's method finds the velocities that the load depends on, `rates`:
@@ -310,10 +258,7 @@ class LieRATTLE(Remembering):
         else:
             w, rest, enough, _ = newton(equation, guess)
         if not rest <= enough:
-            raise NoConvergence(
-                f"{self!r}: no velocity found that fits the load at the end of a step; try "
-                f"h = {h:g}"
-            )
+            raise NoConvergence(f"{self!r}: no velocity found that fits the load at the end of a step; try h = {h:g}")
         return h * load.at_rates(t, w, g)
 
     # ---------------------------------------------------------------- sizes

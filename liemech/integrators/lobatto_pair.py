@@ -68,8 +68,7 @@ class LobattoPair(OnConstraints):
         guess = [q for _ in range(s)], [p for _ in range(s)], [zero for _ in range(s - 1)]
         Q, P, L = fixed_point(lambda stages: self._sweep(system, h, q, p, stages), guess, self, h)
         kicks = [
-            system.force(Q[j], P[j])
-            - (L[j] @ system.constraint_jacobian(Q[j]) if j < s - 1 else 0.0 * p)
+            system.force(Q[j], P[j]) - (L[j] @ system.constraint_jacobian(Q[j]) if j < s - 1 else 0.0 * p)
             for j in range(s)
         ]
         drift = combination(b, [system.velocity(Q[j], P[j]) for j in range(s)], h)
@@ -78,9 +77,7 @@ class LobattoPair(OnConstraints):
         self.check_branch(system, h, q, q + drift, p, G, pivots)
         return CanonicalState(state.q + drift, state.p + (kick + impulse))
 
-    def _sweep(
-        self, system: Any, h: float, q: Vec, p: Vec, stages: Any
-    ) -> tuple[Any, float | Vec, float | Vec]:
+    def _sweep(self, system: Any, h: float, q: Vec, p: Vec, stages: Any) -> tuple[Any, float | Vec, float | Vec]:
         """All stages anew from the forces of the last ones; multipliers by Newton's method with
         these.
         """
@@ -97,22 +94,14 @@ class LobattoPair(OnConstraints):
         # no exchange: all leading minors of A B are positive
         change = -eliminated(self._slope(h, rows, normals), failing)[0]
         dL = [vec(*[change[j * m + k] for k in range(m)]) for j in range(s - 1)]
-        ps = [
-            ps[i] + combination(B[i], [dL[j] @ rows[j] for j in range(s - 1)], h) for i in range(s)
-        ]
-        pushed = [
-            combination(B[i], [dL[j] @ normals[j] for j in range(s - 1)], h) for i in range(s)
-        ]
+        ps = [ps[i] + combination(B[i], [dL[j] @ rows[j] for j in range(s - 1)], h) for i in range(s)]
+        pushed = [combination(B[i], [dL[j] @ normals[j] for j in range(s - 1)], h) for i in range(s)]
         qs = [qs[0], *[qs[i] + combination(A[i], pushed, h) for i in range(1, s)]]
         L = [L[j] - dL[j] for j in range(s - 1)]
         # momenta follow from positions
         blocks = _of_positions(system.unit_blocks, len(q))
         if len(blocks) == 1:
-            return (
-                (qs, ps, L),
-                sqrt(squares([a - b for a, b in zip(qs, Q)])),
-                norm(q) + norm(qs[s - 1] - q),
-            )
+            return ((qs, ps, L), sqrt(squares([a - b for a, b in zip(qs, Q)])), norm(q) + norm(qs[s - 1] - q))
         off = vec(*[0.0 for _ in blocks])
         for new, old in zip(qs, Q):
             off = off + one_norms(new - old, blocks)

@@ -81,9 +81,7 @@ class Magnus(Method):
             return h * velocities[0]
         if self.order == 4:
             first, second = velocities
-            return 0.5 * h * (first + second) - (sign * h * h * (ROOT_3 / 12.0)) * system.group.ad(
-                first, second
-            )
+            return 0.5 * h * (first + second) - (sign * h * h * (ROOT_3 / 12.0)) * system.group.ad(first, second)
         first, middle, last = velocities
         a1, a2, a3 = (
             h * middle,

@@ -52,8 +52,7 @@ class Method(Record):
         for name, given in fields_of(self).items():
             if name == "retraction" and not isinstance(given, Retraction):
                 raise InvalidType(
-                    f"{type(self).__name__}: retraction must be Exponential(), "
-                    f"Cayley() or one of yours; got {given!r}"
+                    f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; got {given!r}"
                 )
 
     def symmetric_on(self, system: Any) -> bool:
@@ -81,9 +80,7 @@ class Method(Record):
         """The state after one step of length h from time t: a formula, without side effects."""
         raise undefined(self, "step")
 
-    def first_velocity(
-        self, system: Any, t: float, state: Any, rtol: float, atol: float
-    ) -> tuple[Vec, float, float]:
+    def first_velocity(self, system: Any, t: float, state: Any, rtol: float, atol: float) -> tuple[Vec, float, float]:
         """The velocity at a state, and the sizes over the tolerance of what it changes in a second and
         of what is there: what the first adaptive step is found from.
         """
@@ -125,9 +122,7 @@ class Method(Record):
         A retraction among the fields must be one of the system's group.
         """
         if not isinstance(system, System):
-            raise IncompatibleSystem(
-                f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
-            )
+            raise IncompatibleSystem(f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
         self.require_written_out(system.group)
         if system.noisy and not self.noisy:
             raise IncompatibleSystem(
@@ -140,8 +135,7 @@ class Method(Record):
         for need in self.needs:
             if getattr(system, need, None) is None:
                 raise IncompatibleSystem(
-                    f"{self!r} needs a system with a {need}; "
-                    f"{system!r} has none. {system.alternatives}."
+                    f"{self!r} needs a system with a {need}; {system!r} has none. {system.alternatives}."
                 )
         for _, value in fields_of(self).items():
             if isinstance(value, Retraction):
@@ -259,9 +253,7 @@ LEAST = 2.0**-1000
 """Added to a tolerance, which may be zero: no change is then no error, and any change is too large."""
 
 
-def mean_square_of_parts(
-    changes: tuple[Any, ...], sizes: tuple[Any, ...], rtol: float, atol: float
-) -> float:
+def mean_square_of_parts(changes: tuple[Any, ...], sizes: tuple[Any, ...], rtol: float, atol: float) -> float:
     """The mean square of changes over atol + rtol sizes, of vectors in memory."""
     total, count = 0.0, 0
     for change, size in zip(changes, sizes):

@@ -8,20 +8,7 @@ import functools
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import (
-    Mat,
-    Vec,
-    cross,
-    dot,
-    jacobian,
-    mat,
-    norm,
-    record,
-    sqrt,
-    transpose,
-    vec,
-    where,
-)
+from ..formulas import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose, vec, where
 from ..groups.matrix_group import MatrixLieGroup
 from ..groups.product import ProductGroup, spans
 from ..groups.so3 import SO3, plus
@@ -105,10 +92,7 @@ class ImplicitMidpoint(Implicit):
         """The m with m - m x x(m)/2 = mu."""
         turning = of_rotations(system.group, mu)
         m, size, enough, _ = newton(
-            lambda m: self.equation(system, h, mu, m),
-            guess,
-            dot(turning, turning),
-            coupled=system.hamiltonian.coupled,
+            lambda m: self.equation(system, h, mu, m), guess, dot(turning, turning), coupled=system.hamiltonian.coupled
         )
         if not size <= enough:
             raise self._unsolved(h, size, enough)
@@ -130,10 +114,7 @@ class ImplicitMidpoint(Implicit):
             r = [*r, *((m[i:j] - start[i:j]) - cross(m[i:j], x[i:j]))]
             turned, own = hat(m[i:j]) @ mat(*[by_m[n] for n in range(i, j)]), hat(x[i:j])
             for a in range(3):
-                row = [
-                    own[a][n - i] - turned[a][n] if i <= n < j else -turned[a][n]
-                    for n in range(len(m))
-                ]
+                row = [own[a][n - i] - turned[a][n] if i <= n < j else -turned[a][n] for n in range(len(m))]
                 rows = [*rows, vec(*[y + 1.0 if n == i + a else y for n, y in enumerate(row)])]
         return vec(*r), mat(*rows), 1.0
 
@@ -303,9 +284,7 @@ class Isospectral(Implicit):
         """The Z_j = h B_j Q_j, iterated until they change no more."""
         return fixed_point(lambda stages: self._sweep(system, h, mu, stages), guess, self, h)
 
-    def _sweep(
-        self, system: Any, h: float, mu: Vec, stages: list[Mat]
-    ) -> tuple[list[Mat], float, float]:
+    def _sweep(self, system: Any, h: float, mu: Vec, stages: list[Mat]) -> tuple[list[Mat], float, float]:
         """Every stage anew, each from the new ones before it; their change and their size."""
         change, size = 0.0, 0.0
         for i, row in enumerate(self.tableau[0]):
@@ -341,9 +320,7 @@ def cofactors(q: Mat) -> Mat:
     return mat(cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1]))
 
 
-def require_rotations(
-    method: Method, system: Any, kinds: Any = LiePoissonSystem, products: bool = False
-) -> None:
+def require_rotations(method: Method, system: Any, kinds: Any = LiePoissonSystem, products: bool = False) -> None:
     """Raise IncompatibleSystem unless the system is one of rotations, of these kinds, or a Lie-Poisson
     system on a product of rotations and vector spaces where these are served too.
     """

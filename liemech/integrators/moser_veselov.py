@@ -89,9 +89,7 @@ class MoserVeselov(Implicit):
 def _equation(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec) -> tuple[Vec, Mat, float]:
     """The equation of a step for these moments."""
     s = 0.25 * dot(x, y)
-    r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (
-        y + (s * x - 0.5 * cross(x, y))
-    )
+    r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (y + (s * x - 0.5 * cross(x, y)))
     return r, _slope(inertia, algebra, y, x, s), 1.0
 
 
@@ -155,9 +153,7 @@ class ExactMoserVeselov(MoserVeselov):
         """
         require_free_body("ExactMoserVeselov", body)
         if start.bodies is not None:
-            raise InvalidInput(
-                "ExactMoserVeselov.of takes one body at a time: the method is fitted to its energy"
-            )
+            raise InvalidInput("ExactMoserVeselov.of takes one body at a time: the method is fitted to its energy")
         inverse, mu, unit = _in_the_plane(body, start.mu)
         x, y = _exact_displacement(inverse, mu, unit * h), (unit * h) * mu
         quarter = 0.25 * dot(x, y)

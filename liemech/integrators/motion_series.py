@@ -46,24 +46,13 @@ def second_kind(
         if k:
             known = of_terms([c for term in even for c in (term, None)], p)
             even = [*even, _at(k, mu) - _added_to_momentum(group, retraction, x, known, mu, k)]
-        odd = [
-            *odd,
-            (1.0 / (k + 1))
-            * (_at(k, v) + _added_to_velocity(group, retraction, x, v, k) if k else _at(k, v)),
-        ]
+        odd = [*odd, (1.0 / (k + 1)) * (_at(k, v) + _added_to_velocity(group, retraction, x, v, k) if k else _at(k, v))]
     settle(m, [-term for term in even[1:]])
     return values(odd)
 
 
 def first_kind(
-    system: Any,
-    retraction: Retraction,
-    s0: Any,
-    scale: float,
-    xi: Vec,
-    order: int,
-    h: float = 1.0,
-    time: float = 0.0,
+    system: Any, retraction: Retraction, s0: Any, scale: float, xi: Vec, order: int, h: float = 1.0, time: float = 0.0
 ) -> list[Vec]:
     """pi_0, pi_1, ... of the momentum pi = pi_0 + t pi_1 + ... + t^order pi_order at the end of a
     step tau(xi), xi fixed.
@@ -174,9 +163,7 @@ def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, 
     return _at(k, _bernoulli(lambda y: group.ad(-x, y), group.ad(-x, turning), 1, k - 1))
 
 
-def _added_to_momentum(
-    group: LieGroup, retraction: Retraction, x: Vec, p: Vec, mu: Vec, k: int
-) -> Vec:
+def _added_to_momentum(group: LieGroup, retraction: Retraction, x: Vec, p: Vec, mu: Vec, k: int) -> Vec:
     """The change of p by (dtau^-1_x)* at t^k, left-trivialised, where p itself has no term yet.
 
     The exponential: what is odd in t comes from -ad*_x p/2 alone, with -x in the place of x, and so

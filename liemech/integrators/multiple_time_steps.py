@@ -78,23 +78,16 @@ class MultipleTimeSteps(Remembering):
     def __post_init__(self) -> None:
         if not isinstance(self.ratios, tuple | list):
             raise InvalidType(
-                "MultipleTimeSteps: ratios is a tuple of whole "
-                f"numbers, such as (10,); got {self.ratios!r}"
+                f"MultipleTimeSteps: ratios is a tuple of whole numbers, such as (10,); got {self.ratios!r}"
             )
         if not self.ratios or any(type(n) is not int or n < 1 for n in self.ratios):
             raise InvalidInput(
-                "MultipleTimeSteps: ratios are whole numbers of at "
-                f"least 1, such as (10,); got {self.ratios!r}"
+                f"MultipleTimeSteps: ratios are whole numbers of at least 1, such as (10,); got {self.ratios!r}"
             )
         if type(self.mollified) is not bool:
-            raise InvalidType(
-                f"MultipleTimeSteps: mollified is True or False; got {self.mollified!r}"
-            )
+            raise InvalidType(f"MultipleTimeSteps: mollified is True or False; got {self.mollified!r}")
         if self.mollified and len(self.ratios) != 1:
-            raise InvalidInput(
-                "MultipleTimeSteps: mollified is for two parts, "
-                f"with one ratio; got {self.ratios!r}"
-            )
+            raise InvalidInput(f"MultipleTimeSteps: mollified is for two parts, with one ratio; got {self.ratios!r}")
         if self.methods is not None:
             self._check_methods(self.methods)
         super().__post_init__()
@@ -106,9 +99,7 @@ class MultipleTimeSteps(Remembering):
                 f"{len(self.ratios) + 1}, None for the motion of a part itself; got {methods!r}"
             )
         if self.mollified:
-            raise InvalidInput(
-                "MultipleTimeSteps: mollified is for a MultirateSystem, methods for a SplitField"
-            )
+            raise InvalidInput("MultipleTimeSteps: mollified is for a MultirateSystem, methods for a SplitField")
         for method in methods:
             if method is not None and not isinstance(method, Method):
                 raise InvalidType(f"MultipleTimeSteps: methods are Methods or None; got {method!r}")
@@ -156,9 +147,7 @@ class MultipleTimeSteps(Remembering):
     def _require_terms(self, system: MechanicalSystem) -> None:
         """A term for each rate, and no load."""
         if self.methods is not None or self.mollified or system.load is not None:
-            raise IncompatibleSystem(
-                f"{self!r}: bodies in a field take ratios alone, and no load; got {system!r}"
-            )
+            raise IncompatibleSystem(f"{self!r}: bodies in a field take ratios alone, and no load; got {system!r}")
         parts: Any = system.potential
         if len(parts.parts) != len(self.ratios) + 1:
             raise IncompatibleSystem(
@@ -186,21 +175,16 @@ class MultipleTimeSteps(Remembering):
                 f"{system!r} has {len(system.parts)}"
             )
         if self.mollified:
-            raise IncompatibleSystem(
-                f"{self!r}: mollified is for a MultirateSystem; got {system!r}"
-            )
+            raise IncompatibleSystem(f"{self!r}: mollified is for a MultirateSystem; got {system!r}")
         for k, part in enumerate(system.parts):
             method = None if self.methods is None else self.methods[k]
             if method is None and not has_flow(part):
-                raise IncompatibleSystem(
-                    f"{self!r}: {recognised_field(part)}; or give it one of `methods`"
-                )
+                raise IncompatibleSystem(f"{self!r}: {recognised_field(part)}; or give it one of `methods`")
             if method is not None:
                 method.require(part)
                 if not method.symmetric_on(part):
                     raise IncompatibleSystem(
-                        f"{self!r}: {method!r} is not symmetric on {part!r}, and so the whole "
-                        "would not be"
+                        f"{self!r}: {method!r} is not symmetric on {part!r}, and so the whole would not be"
                     )
         super().require(system)
 
@@ -208,9 +192,7 @@ class MultipleTimeSteps(Remembering):
         """A warning of resonance or of unstable fast steps, by the frequencies at the start of all
         parts but the slowest.
         """
-        if isinstance(system, (SplitField, MechanicalSystem)) or isinstance(
-            system.site_form, Links
-        ):
+        if isinstance(system, (SplitField, MechanicalSystem)) or isinstance(system.site_form, Links):
             return None
         if start.bodies is None:
             return self._caution(system, start.q, start.p, h)
@@ -225,9 +207,7 @@ class MultipleTimeSteps(Remembering):
         last = len(self.ratios)
         try:
             by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))
-            hessian = np.array(
-                jacobian(lambda x: sum_of([system.part_force(k, x) for k in range(last)]), q)
-            )
+            hessian = np.array(jacobian(lambda x: sum_of([system.part_force(k, x) for k in range(last)]), q))
             squares = np.real(np.linalg.eigvals(-by_p @ hessian))
         # LinAlgError, for entries that are not finite, is a ValueError
         except (ArithmeticError, ValueError):
@@ -241,11 +221,7 @@ class MultipleTimeSteps(Remembering):
                 f"frequency {frequencies.max():.3g} of the fast part; try ratios whose product is "
                 f"{math.ceil(phases.max())} or more"
             )
-        near = [
-            w
-            for w, phase in zip(frequencies, phases)
-            if phase > (1.0 - NEAR) * math.pi and off(phase) < NEAR
-        ]
+        near = [w for w, phase in zip(frequencies, phases) if phase > (1.0 - NEAR) * math.pi and off(phase) < NEAR]
         if near and not self.mollified:
             return (
                 f"{self!r}: h = {h:g} is in resonance with the frequency {near[0]:.3g} of the fast "
@@ -294,9 +270,7 @@ class MultipleTimeSteps(Remembering):
         if not self.mollified:
             return Memory(*self._advanced(system, len(self.ratios), state, forces, h), ())
         fast = (forces[0],)
-        kicked = CanonicalState(
-            state.q, state.p + (0.5 * h) * self._mollified(system, plain(state.q), h)
-        )
+        kicked = CanonicalState(state.q, state.p + (0.5 * h) * self._mollified(system, plain(state.q), h))
         for _ in range(self.ratios[0]):
             kicked, fast = self._advanced(system, 0, kicked, fast, h / self.ratios[0])
         slow = self._mollified(system, plain(kicked.q), h)
@@ -309,9 +283,7 @@ class MultipleTimeSteps(Remembering):
         state = CanonicalState(state.q, state.p + (0.5 * h) * forces[k])
         faster = forces[:k]
         if k == 0:
-            state = CanonicalState(
-                state.q + h * system.velocity(plain(state.q), plain(state.p)), state.p
-            )
+            state = CanonicalState(state.q + h * system.velocity(plain(state.q), plain(state.p)), state.p)
         else:
             for _ in range(self.ratios[k - 1]):
                 state, faster = self._advanced(system, k - 1, state, faster, h / self.ratios[k - 1])
@@ -320,10 +292,7 @@ class MultipleTimeSteps(Remembering):
 
     def _parts(self, system: Any) -> list[Any]:
         """The bodies in the field of each term alone."""
-        return [
-            with_fields(system, potential=OneTerm(system.potential, k))
-            for k in range(len(self.ratios) + 1)
-        ]
+        return [with_fields(system, potential=OneTerm(system.potential, k)) for k in range(len(self.ratios) + 1)]
 
     def _of_terms(
         self, parts: list[Any], k: int, t: float, memory: Memory, forces: Any, h: float

@@ -59,9 +59,7 @@ class MultipleTimeStepsOfLinks(Record):
         """The state."""
         return memory.state
 
-    def step_together(
-        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
-    ) -> None:
+    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
         """Half a kick, turn 1, the fast steps, turn 2, and half a kick, turn 3, of which the force is
         that of the next step; at the start of a run, in turn 0, it is still to be found.
         """
@@ -81,9 +79,7 @@ class MultipleTimeStepsOfLinks(Record):
             if turn == 2:
                 for i in range(int(self.ratio)):
                     begun = t + (1.0 * i) * s
-                    self.fast.substep(
-                        fast, begun, s, sites, there * width, there * width, pasts, 0, work, state
-                    )
+                    self.fast.substep(fast, begun, s, sites, there * width, there * width, pasts, 0, work, state)
             turn = turn + 1
 
     def slow_force(self, system: Any, sites: Any, place: Any, work: Any, state: Layout) -> None:

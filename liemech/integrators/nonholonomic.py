@@ -42,18 +42,14 @@ class LagrangeDAlembert(LieRATTLE):
     def require(self, system: Any) -> None:
         """A NonholonomicBody, on a group that has the retraction."""
         if not isinstance(system, NonholonomicBody):
-            raise IncompatibleSystem(
-                f"{self!r} needs a NonholonomicBody; got {system!r}. {alternatives(system)}"
-            )
+            raise IncompatibleSystem(f"{self!r} needs a NonholonomicBody; got {system!r}. {alternatives(system)}")
         self.retraction.require(system.configurations)
 
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
         """(A(g) + A(g tau(x))) x/2, and its derivative by x, by rows and blocks."""
         C = jacobian(lambda y: self._crossing(system, g, y), x)
         rows = [[row[start:end] for start, end in system.places] for row in C]
-        return self._crossing(system, g, x), [
-            [rows[a][b] for b, _ in ties] for a, ties in enumerate(system.touches)
-        ]
+        return self._crossing(system, g, x), [[rows[a][b] for b, _ in ties] for a, ties in enumerate(system.touches)]
 
     def _crossing(self, system: Any, g: Element, x: Vec) -> Vec:
         there = self.retraction.compose_tau(system.configurations, g, x)

@@ -74,9 +74,7 @@ class OnConstraints(Method):
             )
         return None
 
-    def check_branch(
-        self, system: Any, h: float, q: Vec, there: Vec, p: Vec, G: Mat, pivots: Vec
-    ) -> None:
+    def check_branch(self, system: Any, h: float, q: Vec, there: Vec, p: Vec, G: Mat, pivots: Vec) -> None:
         """Refuse a step to positions that cannot be reached from q, with G there, on the branch
         that begins at h = 0.
 
@@ -91,9 +89,7 @@ class OnConstraints(Method):
         folding = False
         for now, then in zip(pivots, turned):
             if not now * then > 0.0:
-                raise self._unsolved(
-                    system, h, q, p, "the positions found are on another branch of the constraints"
-                )
+                raise self._unsolved(system, h, q, p, "the positions found are on another branch of the constraints")
             folding = folding or abs(then) < FOLD * abs(now) or abs(now) < FOLD * abs(then)
         if folding:
             for row, begun, normal in zip(G_there, G, normals):
@@ -102,11 +98,7 @@ class OnConstraints(Method):
             for value, row in zip(system.constraint(there), G_there):
                 if not abs(value) <= CONSISTENT * dot(abs(row), abs(q) + abs(there)):
                     raise self._unsolved(
-                        system,
-                        h,
-                        q,
-                        p,
-                        f"g(q) = {value:.1e} is left; its derivative is nearly singular there",
+                        system, h, q, p, f"g(q) = {value:.1e} is left; its derivative is nearly singular there"
                     )
 
     def _ended(self, there: Vec) -> InconsistentState:
@@ -116,9 +108,7 @@ class OnConstraints(Method):
             f"{shown(there)}: a dead point, beyond which the motion is not determined"
         )
 
-    def _unsolved(
-        self, system: Any, h: float, q: Vec, p: Vec, what: str
-    ) -> NoConvergence | InconsistentState:
+    def _unsolved(self, system: Any, h: float, q: Vec, p: Vec, what: str) -> NoConvergence | InconsistentState:
         """The error of a step that could not be made: what lies on the straight line ahead, or just
         behind, tells why.
         """
@@ -141,8 +131,7 @@ class OnConstraints(Method):
                 "they have a kink there. Constraints must be smooth"
             )
         return NoConvergence(
-            f"{self!r}: {what}. The step h = {h:g} is too large for this motion and these "
-            f"constraints; try {0.25 * h:g}"
+            f"{self!r}: {what}. The step h = {h:g} is too large for this motion and these constraints; try {0.25 * h:g}"
         )
 
 
@@ -198,10 +187,7 @@ class Ahead:
 
     def _products(self, s: float) -> np.ndarray:
         there = self.at(s)
-        return (
-            np.array(self.system.constraint_jacobian(there))
-            @ np.array(self.system.normals(there, self.p)).T
-        )
+        return np.array(self.system.constraint_jacobian(there)) @ np.array(self.system.normals(there, self.p)).T
 
     def _least(self, s: float) -> float:
         values = np.linalg.svd(self._products(s) / np.outer(self.unit, self.unit), compute_uv=False)

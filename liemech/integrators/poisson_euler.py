@@ -26,9 +26,7 @@ PROBES = [
 """Points in the plane, of several sizes and all signs, at which b and H are looked at."""
 
 FAR_PROBES = [
-    tuple(
-        (random.uniform(0.5, 1.0, 2) * random.choice([-1.0, 1.0], 2) * [10.0**i, 10.0**j]).tolist()
-    )
+    tuple((random.uniform(0.5, 1.0, 2) * random.choice([-1.0, 1.0], 2) * [10.0**i, 10.0**j]).tolist())
     for random in [np.random.default_rng(12)]
     for i in range(-36, 37, 6)
     for j in range(-36, 37, 6)
@@ -57,8 +55,7 @@ class PlanarEuler(Method):
         """A Poisson system in the plane, b affine in each variable, H a sum K(u) + L(v)."""
         if not isinstance(system, PoissonSystem) or system.structure.dim != 2:
             raise IncompatibleSystem(
-                f"{self!r} needs a PoissonSystem in the plane; got "
-                f"{system!r}. RKMK accepts every system"
+                f"{self!r} needs a PoissonSystem in the plane; got {system!r}. RKMK accepts every system"
             )
         b = [looked_at(partial(_b, system), axis)[0] for axis in ([1, 0], [0, 1])]
         slope = looked_at(lambda y: system.gradient(y)[0], [1, 1])[0]
@@ -86,9 +83,7 @@ class PlanarEuler(Method):
             if any(bent):
                 slopes = [_slope(system, axis, at) for axis in (0, 1)]
                 curvatures = [
-                    derivative(
-                        partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)]
-                    )
+                    derivative(partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)])
                     for axis in (0, 1)
                 ]
             if mixed:
@@ -98,9 +93,7 @@ class PlanarEuler(Method):
         b, known = matrix[0, 1], [*gradient, *slopes, *curvatures, cross]
         if not np.isfinite([*(x for row in matrix for x in row), *known]).all():
             return False
-        if not max(abs(b + matrix[1, 0]), abs(matrix[0, 0]), abs(matrix[1, 1])) <= ROUNDING * abs(
-            b
-        ):
+        if not max(abs(b + matrix[1, 0]), abs(matrix[0, 0]), abs(matrix[1, 1])) <= ROUNDING * abs(b):
             raise IncompatibleSystem(
                 f"{self!r}: the matrix of {system.structure!r} is not skew-symmetric at "
                 f"{tuple(at)}, where it is {matrix!r}"
@@ -117,8 +110,7 @@ class PlanarEuler(Method):
         parts = [abs(slope) * size for slope, size in zip(gradient, sizes)]
         if not abs(cross) * sizes[0] * sizes[1] <= ROUNDING * min(parts):
             raise IncompatibleSystem(
-                f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = "
-                f"{cross:.3g} at {tuple(at)}"
+                f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = {cross:.3g} at {tuple(at)}"
             )
         return True
 

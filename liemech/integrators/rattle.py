@@ -48,9 +48,7 @@ class Projected(OnConstraints, Remembering):
         find = self._explicitly if system.separable else self._implicitly
         there, drift, free, pull, impulses, size, enough = find(system, h, q, p, G, guess)
         if not size <= enough:
-            raise self._unsolved(
-                system, h, q, p, f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}"
-            )
+            raise self._unsolved(system, h, q, p, f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}")
         if after != 0.0:
             free = free + (after * h) * system.force(there, p + (free + pull))
         kick = free + pull  # the pull comes last: it waits for Newton's method
@@ -83,9 +81,7 @@ class Projected(OnConstraints, Remembering):
         drift = h * system.velocity(q, p + (free + pull))
         return q + drift, drift, free, pull, x, size, enough
 
-    def _linearly(
-        self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec, free: Vec
-    ) -> Any:
+    def _linearly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec, free: Vec) -> Any:
         """A step for a velocity of first degree in p: impulses move the end of the free drift along
         normals, h H_pp G^T.
         """
@@ -95,11 +91,7 @@ class Projected(OnConstraints, Remembering):
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             there = aim - x @ normals
-            return (
-                system.constraint(there),
-                -cross_products(system.constraint_jacobian(there), normals),
-                1.0,
-            )
+            return (system.constraint(there), -cross_products(system.constraint_jacobian(there), normals), 1.0)
 
         x, size, enough, _ = newton(equation, guess, solved=in_order, weights=weights)
         moved = x @ normals
@@ -122,20 +114,13 @@ class Projected(OnConstraints, Remembering):
             x = vec(*[z[2 * n + k] for k in range(m)])
             moved, kicked = 0.0 * q, -(x @ G)
             if before != 0.0:
-                moved, kicked = (
-                    (before * h) * system.velocity(q, ph),
-                    kicked + (before * h) * system.force(q, ph),
-                )
+                moved, kicked = ((before * h) * system.velocity(q, ph), kicked + (before * h) * system.force(q, ph))
             if after != 0.0:
                 moved = moved + (after * h) * system.velocity(there, ph)
-            return weights * vec(
-                *(there - q - moved), *(ph - p - kicked), *system.constraint(there)
-            )
+            return weights * vec(*(there - q - moved), *(ph - p - kicked), *system.constraint(there))
 
         guesses = vec(*drift, *kick, *guess)
-        z, size, enough, _ = newton(
-            lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, solved=in_order
-        )
+        z, size, enough, _ = newton(lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, solved=in_order)
         drift, kick = z[:n], z[n : 2 * n]
         impulses = vec(*[z[2 * n + k] for k in range(m)])
         return q + drift, drift, kick, 0.0 * p, impulses, size, enough

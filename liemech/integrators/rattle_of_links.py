@@ -293,9 +293,7 @@ class Links(System):
                 to = self.jump_at(work, self.rows.on, self.fields, b, kind, t, to, ending.every)
         return to
 
-    def jump_at(
-        self, work: Any, row: int, kinds: Any, i: int, which: int, t: float, to: float, every: bool
-    ) -> float:
+    def jump_at(self, work: Any, row: int, kinds: Any, i: int, which: int, t: float, to: float, every: bool) -> float:
         """The first jump among inputs of what acts in one place, of one of these kinds."""
         for k in range(len(kinds)):
             if which == k:
@@ -415,9 +413,7 @@ class RattleOfLinks(Record):
 
     # ---------------------------------------------------------------- a step
 
-    def step_together(
-        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
-    ) -> None:
+    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
         """A step of all bodies, from one copy of the memory to the other.  Where inputs jump it is
         one from there to the next jump, as in `EndingAtJumps.step`: what it remembers of steps of
         another length is forgotten.
@@ -442,18 +438,14 @@ class RattleOfLinks(Record):
         if lasting != h:
             each(sites, forgotten, pasts, self.stages, self.most)
 
-    def substeps_of(
-        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
-    ) -> None:
+    def substeps_of(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
         """The substeps of a step; what was before the first of them lies in the other copy."""
         state, width = memory.parts[0], memory.width
         work, past = below(sites, 2 * width), below(sites, here * width + state.width)
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
             begun = here * width if s == 0 else there * width
-            self.substep(
-                system, t + node * h, share * h, sites, begun, there * width, past, s, work, state
-            )
+            self.substep(system, t + node * h, share * h, sites, begun, there * width, past, s, work, state)
 
     def substep(
         self, system: Any, t: float, h: float, sites: Any, begun: int, there: int, past: Any, s: int,
@@ -489,17 +481,7 @@ class RattleOfLinks(Record):
         each(sites, ended, system, past, new, s, work, state)
         put(ready, 0, 2, READY, NUMBER)
 
-    def field(
-        self,
-        system: Any,
-        t: float,
-        h: float,
-        sites: Any,
-        seen: Any,
-        new: Any,
-        work: Any,
-        state: Layout,
-    ) -> None:
+    def field(self, system: Any, t: float, h: float, sites: Any, seen: Any, new: Any, work: Any, state: Layout) -> None:
         """The field at a state, the one after a kick h by it, its velocity, and the rows of joints."""
         each(sites, joints_here, system.at_time(t), seen, work, state)
         scattered(system, work)
@@ -507,9 +489,7 @@ class RattleOfLinks(Record):
             pulled_together(system, seen, work, state)
         each(sites, kicked, system, h, seen, new, work, state)
 
-    def solve(
-        self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout
-    ) -> None:
+    def solve(self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout) -> None:
         """Displacements and impulses: the solution that grows out of zero with h, as `LieRATTLE` finds it.
         While corrections are small the derivative is that of the first of them.
         """
@@ -644,9 +624,7 @@ class RattleOfLinks(Record):
                     each(sites, kicked_by_loads, system, old, work, state)
                 break
 
-    def load_of_all(
-        self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout
-    ) -> None:
+    def load_of_all(self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
         """The kick h F of a load on all bodies by one formula, for each of them; and, of each body
         alone, its derivative by the velocity, column by column.
         """
@@ -703,10 +681,7 @@ def pushed_there(system: Any, t: float, h: float, old: Any, work: Any, state: La
         kick = kick + h * system.on_body(work, lambda one: one.push(t, w, g))
         more = h * transpose(system.on_body(work, lambda one: slopes_of(one, t, w, g)))
         slopes = [a + b for a, b in zip(slopes, more)]
-    A = [
-        [(J[i, j] if system.full else J[i] if i == j else 0.0) - slopes[j][i] for j in range(6)]
-        for i in range(6)
-    ]
+    A = [[(J[i, j] if system.full else J[i] if i == j else 0.0) - slopes[j][i] for j in range(6)] for i in range(6)]
     columns, _ = eliminated(mat(*[vec(*row) for row in A]), [*UNITS], 1.0)
     save(below(work, rows.push), 0, kick, SIX)
     save(below(work, rows.given), 0, mat(*columns), BLOCK)
@@ -795,9 +770,7 @@ def held_by_unknown(system: Any, work: Any) -> None:
     save(below(work, rows.held), 0, pull_on(system, work), SIX)
 
 
-def correction_of_body(
-    system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout
-) -> None:
+def correction_of_body(system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout) -> None:
     """With r the mismatch of Algorithm 1 and A its derivative, A^-1 r; the answer to impulses at
     the start, A^-1 B; both as displacements of the body at the end of the step as well.
     """
@@ -862,9 +835,7 @@ def of_quarters(A: Mat, B: Mat, C: Mat, D: Mat) -> Mat:
     return mat(*[vec(*a, *b) for a, b in zip(A, B)], *[vec(*c, *d) for c, d in zip(C, D)])
 
 
-def mismatch_of_body(
-    system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout
-) -> None:
+def mismatch_of_body(system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout) -> None:
     """The mismatch alone, with A as it was."""
     rows, group = system.rows, system.group
     one = load(old, 0, state)
@@ -930,9 +901,7 @@ def along_slope(system: Any, part: float, work: Any) -> None:
     save(below(work, system.rows.unknown), 0, part * slope, layout)
 
 
-def moved_body(
-    system: Any, retraction: Any, h: float, old: Any, new: Any, work: Any, state: Layout
-) -> None:
+def moved_body(system: Any, retraction: Any, h: float, old: Any, new: Any, work: Any, state: Layout) -> None:
     """The state after the first kick and the displacement."""
     rows, one = system.rows, load(old, 0, state)
     force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
@@ -1011,10 +980,7 @@ def poses_of(system: Any, poses: Any, work: Any, layout: Layout) -> tuple[Mat, M
     first, second, held, _ = load(below(work, system.rows.ends), 0, ENDS)
     g = pose_in(at(poses, first, 0, layout))
     k = pose_in(at(poses, second, 0, layout))
-    other = [
-        vec(*[where(held > 0.0, k[i, j], 1.0 if i == j else 0.0) for j in range(4)])
-        for i in range(4)
-    ]
+    other = [vec(*[where(held > 0.0, k[i, j], 1.0 if i == j else 0.0) for j in range(4)]) for i in range(4)]
     return g, mat(*other)
 
 
@@ -1141,10 +1107,7 @@ def correction_of_joint(system: Any, sign: float, h: float, work: Any) -> None:
     alive = load(below(work, rows.alive), 0, vector(n))
     sides = system.of_kind(work, lambda one: one.rows(g, k, n, 0))
     c = with_dial(system, h, g, k, system.of_kind(work, lambda one: one.value(g, k, n)), work)
-    there = (
-        [a * row for a, row in zip(alive, sides[0])],
-        [(a * held) * row for a, row in zip(alive, sides[1])],
-    )
+    there = ([a * row for a, row in zip(alive, sides[0])], [(a * held) * row for a, row in zip(alive, sides[1])])
     pushed: list[Any] = []
     free: list[Any] = []
     for place, body in ((rows.first, first), (rows.second, second)):
@@ -1152,10 +1115,7 @@ def correction_of_joint(system: Any, sign: float, h: float, work: Any) -> None:
         here = load(below(work, place), 0, matrix(n, 6))
         pushed = [*pushed, [answered(K, row) for row in here]]
         free = [*free, at(below(work, rows.led), body, 0, SIX)]
-    rest = [
-        dot(a, free[0]) + dot(b, free[1]) - live * value
-        for a, b, value, live in zip(*there, c, alive)
-    ]
+    rest = [dot(a, free[0]) + dot(b, free[1]) - live * value for a, b, value, live in zip(*there, c, alive)]
     for place, side in zip((rows.first_there, rows.second_there), there):
         save(below(work, place), 0, mat(*side), matrix(n, 6))
     blank = yielding(system, h, [sign * (1.0 - x) for x in alive], work)
@@ -1193,9 +1153,7 @@ def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: 
     ]  # fmt: skip
     for place, side in zip((rows.first_pushed, rows.second_pushed), pushed):
         save(below(work, place), 0, mat(*side), matrix(n, 6))
-    save(
-        below(work, rows.diagonal), 0, vec(*[abs(row[i]) for i, row in enumerate(block)]), vector(n)
-    )
+    save(below(work, rows.diagonal), 0, vec(*[abs(row[i]) for i, row in enumerate(block)]), vector(n))
     save_block(below(work, rows.block), BLOCKS, 0, mat(*block))
 
 
@@ -1295,9 +1253,7 @@ def efforts_at_rest(system: Any, t: float, h: float, old: Any, work: Any, state:
     save(below(work, system.rows.idle), 0, kicks, vector(system.freedoms))
 
 
-def efforts_there(
-    system: Any, t: float, h: float, again: float, old: Any, work: Any, state: Layout
-) -> None:
+def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work: Any, state: Layout) -> None:
     """The kick h F of loads, and the slope by the rates with which Newton's method goes on.  again : 1 after
     a correction, which has foreseen a kick.
     """
@@ -1340,8 +1296,7 @@ def excess_of_rates(system: Any, work: Any) -> None:
         own = load(below(work, place), 0, matrix(n, 6))
         moved = system.answers_of(work, body, own)
         kicks = [
-            -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
-            for i in range(system.freedoms)
+            -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)]) for i in range(system.freedoms)
         ]
         here, pushed = [*here, own], [*pushed, [*moved[:m], *kicks]]
     save(below(work, rows.rest), 0, rates_off(system, work, here), vector(n))
@@ -1467,11 +1422,7 @@ REST4 = vec(*[0.0] * 4)
 
 def scattered(system: Any, work: Any) -> None:
     """The sums of what joints do to bodies that have more than one of either side."""
-    pull, wrench, table = (
-        below(work, system.rows.pull),
-        below(work, system.rows.wrench),
-        system.more,
-    )
+    pull, wrench, table = (below(work, system.rows.pull), below(work, system.rows.wrench), system.more)
     count = whole(table, 0)
     for p in range(count):
         put(pull, whole(table, 1 + 3 * p), 0, vec(*[0.0] * 6), SIX)

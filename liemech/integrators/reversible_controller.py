@@ -61,10 +61,7 @@ class ReversibleController(Method):
     def __post_init__(self) -> None:
         method: Any = self.method
         if not isinstance(method, Method):
-            raise InvalidType(
-                "ReversibleController: method must be a method such "
-                f"as StormerVerlet(); got {method!r}"
-            )
+            raise InvalidType(f"ReversibleController: method must be a method such as StormerVerlet(); got {method!r}")
         if not method.symmetric_on(None):
             raise InvalidInput(
                 f"ReversibleController: {method!r} is not symmetric, and steps that change "
@@ -105,9 +102,7 @@ class ReversibleController(Method):
     def start(self, system: Any, state: Any, h: float) -> Controlled:
         """The method's own memory beside time, z and the growth rate."""
         if not isinstance(system, Clocked):
-            raise IncompatibleSystem(
-                f"{self!r} varies its steps; it cannot be a part of another method, but take one"
-            )
+            raise IncompatibleSystem(f"{self!r} varies its steps; it cannot be a part of another method, but take one")
         inner, z = system.without(state), plain(state.z)
         rate = self._rate(system, plain(state.time), plain(inner))
         memory = self.method.start(system.system, inner, h / z)
@@ -116,9 +111,7 @@ class ReversibleController(Method):
     def observe(self, memory: Controlled) -> Any:
         """The state with its time and z."""
         inner = self.method.observe(memory.inner)
-        return memory.kind(
-            *[getattr(inner, name) for name in memory.kind.names], memory.time, memory.z
-        )
+        return memory.kind(*[getattr(inner, name) for name in memory.kind.names], memory.time, memory.z)
 
     def step(self, system: Any, t: float, memory: Controlled, h: float) -> Controlled:
         """Half a step of z, a step of the method, half a step of z."""

@@ -71,8 +71,7 @@ class RKMK(Method):
             if type(self.order) is not int or self.order not in BY_ORDER:
                 choices = sorted(BY_ORDER)
                 raise InvalidInput(
-                    f"RKMK: order {self.order!r} has no tableau of its own; "
-                    f"choose from {choices} or give a tableau"
+                    f"RKMK: order {self.order!r} has no tableau of its own; choose from {choices} or give a tableau"
                 )
             object.__setattr__(self, "tableau", BY_ORDER[self.order])
         if not isinstance(self.tableau, ButcherTableau):
@@ -87,17 +86,12 @@ class RKMK(Method):
         if q == "closed":
             return
         if not (type(q) is int and 0 <= q <= TERMS):
-            raise InvalidInput(
-                f'RKMK: truncation is a number of terms from 0 to {TERMS} or "closed"; got {q!r}'
-            )
+            raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to {TERMS} or "closed"; got {q!r}')
         if not isinstance(self.retraction, Exponential):
             raise InvalidInput(
-                f"RKMK: {self.retraction!r} has a closed differential and "
-                "no series to cut; leave truncation out"
+                f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out"
             )
-        missing = next(
-            (k for k in range(q + 1, len(BERNOULLI)) if BERNOULLI[k] != 0.0), len(BERNOULLI)
-        )
+        missing = next((k for k in range(q + 1, len(BERNOULLI)) if BERNOULLI[k] != 0.0), len(BERNOULLI))
         if missing + 1 < self.order:  # ad_Omega^k is of order h^k
             warn(
                 f"RKMK: with truncation {q} the method is of order {missing + 1}, not "
@@ -138,9 +132,7 @@ class RKMK(Method):
         slopes = self._slopes(tableau, system, t, start, system.rate(t, start), h)
         return system.displaced(self.retraction, state, combination(tableau.b, slopes, h))
 
-    def _slopes(
-        self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float
-    ) -> list[Vec]:
+    def _slopes(self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float) -> list[Vec]:
         """The slopes k_i of Omega at the stages; `first` is the velocity at the start.
 
         Implicit stages are iterated to rounding.  Raises NoConvergence.
@@ -148,19 +140,10 @@ class RKMK(Method):
         if tableau.explicit:
             return self._more(tableau.A, tableau.c, [], system, t, start, first, h)
         guess = [first for _ in tableau.b]
-        return fixed_point(
-            lambda slopes: self._sweep(tableau, system, t, start, first, h, slopes), guess, self, h
-        )
+        return fixed_point(lambda slopes: self._sweep(tableau, system, t, start, first, h, slopes), guess, self, h)
 
     def _sweep(
-        self,
-        tableau: ButcherTableau,
-        system: System,
-        t: float,
-        start: Any,
-        first: Vec,
-        h: float,
-        slopes: list[Vec],
+        self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float, slopes: list[Vec]
     ) -> tuple[list[Vec], Vec, Vec]:
         """Every slope anew, each from the new ones before it; their change and their size, in each
         unit apart.
@@ -188,10 +171,7 @@ class RKMK(Method):
         """The slopes, and those that explicit rows of coefficients make of them."""
         for row, c in zip(A, nodes):
             omega = combination(row, slopes, h)
-            slopes = [
-                *slopes,
-                first if omega is None else self.slope(system, t + c * h, start, omega),
-            ]
+            slopes = [*slopes, first if omega is None else self.slope(system, t + c * h, start, omega)]
         return slopes
 
     # ---------------------------------------------------------------- adaptive steps
@@ -212,15 +192,7 @@ class RKMK(Method):
         return len(self.tableau.interpolant[0]) if self.tableau.interpolant else 3
 
     def trial(
-        self,
-        system: System,
-        t: float,
-        state: Any,
-        first: Vec,
-        h: float,
-        rtol: float,
-        atol: float,
-        dense: bool,
+        self, system: System, t: float, state: Any, first: Vec, h: float, rtol: float, atol: float, dense: bool
     ) -> Trial:
         """One step with an estimate of its error, h sum_j (b_j - b^_j) k_j in the algebra, and with
         the way there if it is `dense`.
@@ -233,36 +205,22 @@ class RKMK(Method):
         omega = combination(tableau.b, slopes, h)
         new = system.displaced(self.retraction, state, omega)
         velocity = system.rate(t + h, system.essential_part(new))
-        error = mean_square(
-            system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol
-        )
+        error = mean_square(system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol)
         if tableau.b_low:
-            low = mean_square(
-                system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol
-            )
+            low = mean_square(system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol)
             error = where(error > 0.0, error * error / (error + 0.01 * low), 0.0)
         curve = self._curve(system, t, start, slopes, first, omega, velocity, h) if dense else ()
         return Trial(new, velocity, sqrt(error), curve)
 
     def _curve(
-        self,
-        system: System,
-        t: float,
-        start: Any,
-        slopes: list[Vec],
-        first: Vec,
-        omega: Vec,
-        velocity: Vec,
-        h: float,
+        self, system: System, t: float, start: Any, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float
     ) -> tuple[Vec, ...]:
         """Omega(theta) = theta p_1 + theta^2 p_2 + ... along the step: of the tableau, or a cubic
         through both ends.
         """
         tableau = self.tableau
         if tableau.interpolant:
-            slopes = self._more(
-                tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h
-            )
+            slopes = self._more(tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h)
             return tuple([combination(weights, slopes, h) for weights in zip(*tableau.interpolant)])
         end = h * self.retraction.dtau_inv(system.group, sided(omega, system.side), velocity)
         return h * first, 3.0 * omega - (2.0 * h * first + end), (h * first + end) - 2.0 * omega

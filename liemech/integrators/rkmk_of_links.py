@@ -80,9 +80,7 @@ class RkmkOfLinks(Record):
         """The state."""
         return memory.state
 
-    def step_together(
-        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
-    ) -> None:
+    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
         """A step of all bodies: stage by stage the slopes, and the state to which they lead."""
         state, width = memory.parts[0], memory.width
         old, new = below(sites, here * width), below(sites, there * width)
@@ -93,9 +91,7 @@ class RkmkOfLinks(Record):
             each(sites, slope_here, self, system, h, i, slopes, work)
         each(sites, staged, self, h, self.stages, old, new, slopes, state)
 
-    def multipliers(
-        self, system: Any, t: float, sites: Any, new: Any, work: Any, state: Layout
-    ) -> None:
+    def multipliers(self, system: Any, t: float, sites: Any, new: Any, work: Any, state: Layout) -> None:
         """The multipliers at a state, and the pull of the joints by them."""
         each(sites, joints_here, system, new, work, state)
         scattered(system, work)
@@ -166,21 +162,14 @@ def curved(system: Any, new: Any, work: Any, state: Layout) -> None:
 
     more = system.of_kind(work, curvature)
     rest = load(below(work, rows.rest), 0, vector(n))
-    save(
-        below(work, rows.rest),
-        0,
-        vec(*[x + a * y for x, a, y in zip(rest, alive, more)]),
-        vector(n),
-    )
+    save(below(work, rows.rest), 0, vec(*[x + a * y for x, a, y in zip(rest, alive, more)]), vector(n))
 
 
 def moved_along(g: Any, xi: Vec, s: float) -> Any:
     """g (1 + s xi), to first order g exp(s xi)."""
     w, v = s * xi[:3], s * xi[3:]
     R = [g[i][:3] for i in range(3)]
-    return mat(
-        *[vec(*(row + cross(row, w)), g[i][3] + dot(row, v)) for i, row in enumerate(R)], g[3]
-    )
+    return mat(*[vec(*(row + cross(row, w)), g[i][3] + dot(row, v)) for i, row in enumerate(R)], g[3])
 
 
 def slope_here(method: Any, system: Any, h: float, i: int, slopes: Any, work: Any) -> None:

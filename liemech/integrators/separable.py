@@ -61,39 +61,26 @@ class ChosenByOrder(OfTableau):
 
     choices: ClassVar[dict[int, SplittingTableau]] = {
         t.order: t
-        for t in (
-            SYMPLECTIC_EULER,
-            STRANG,
-            RUTH3,
-            BLANES_MOAN4,
-            BLANES_MOAN6_SHORT,
-            BLANES_CASAS_ESCORIHUELA8,
-        )
+        for t in (SYMPLECTIC_EULER, STRANG, RUTH3, BLANES_MOAN4, BLANES_MOAN6_SHORT, BLANES_CASAS_ESCORIHUELA8)
     }
     general: ClassVar[dict[int, SplittingTableau]] = choices | {
-        t.order: t
-        for t in (BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, SplittingTableau.of(KAHAN_LI8))
+        t.order: t for t in (BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, SplittingTableau.of(KAHAN_LI8))
     }
 
     def __post_init__(self) -> None:
         super().__post_init__()
         tableau: Any = self.tableau
         if type(self.quadratic) is not bool:
-            raise InvalidType(
-                f"{type(self).__name__}: quadratic is True or False; got {self.quadratic!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: quadratic is True or False; got {self.quadratic!r}")
         if tableau is None:
             choices = self.choices if self.quadratic else self.general
             if type(self.order) is not int or self.order not in choices:
                 raise InvalidInput(
-                    f"{type(self).__name__}: order is one of {sorted(choices)}, or "
-                    f"give a tableau; got {self.order!r}"
+                    f"{type(self).__name__}: order is one of {sorted(choices)}, or give a tableau; got {self.order!r}"
                 )
             tableau = choices[self.order]
         if not isinstance(tableau, SplittingTableau):
-            raise InvalidType(
-                f"{type(self).__name__}: tableau must be a SplittingTableau; got {tableau!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: tableau must be a SplittingTableau; got {tableau!r}")
         object.__setattr__(self, "tableau", tableau)
         object.__setattr__(self, "order", tableau.order)
         object.__setattr__(self, "quadratic", tableau.quadratic)
@@ -131,9 +118,7 @@ class SeparableSplitting(OfTableau, Remembering):
             self._require_parts(system)
             return
         if not isinstance(system, SeparableSystem):
-            raise IncompatibleSystem(
-                f"{self!r} needs a SeparableSystem, H = T(p) + V(q); {self._unsuitable(system)}"
-            )
+            raise IncompatibleSystem(f"{self!r} needs a SeparableSystem, H = T(p) + V(q); {self._unsuitable(system)}")
         super().require(system)
         if self.tableau.quadratic and not system.quadratic:  # type: ignore[attr-defined]
             raise IncompatibleSystem(
@@ -148,8 +133,7 @@ class SeparableSplitting(OfTableau, Remembering):
         unknown = system.unknown_motion()
         if unknown:
             raise IncompatibleSystem(
-                f"{self!r} needs parts that have known "
-                f"motions: {unknown}. RKMK accepts every system"
+                f"{self!r} needs parts that have known motions: {unknown}. RKMK accepts every system"
             )
         if self.tableau_for(system).quadratic and not system.quadratic:
             raise IncompatibleSystem(
@@ -189,11 +173,7 @@ class SeparableSplitting(OfTableau, Remembering):
         q, p = memory.state.q, memory.state.p
         for i, b in enumerate(tableau.kicks):
             if b != 0.0:
-                force = (
-                    memory.node
-                    if i == 0 and tableau.carries_force
-                    else system.force(plain(q), plain(p))
-                )
+                force = memory.node if i == 0 and tableau.carries_force else system.force(plain(q), plain(p))
                 p = p + (b * h) * force
             if i < len(tableau.drifts):
                 q = q + (tableau.drifts[i] * h) * system.velocity(plain(q), plain(p))
@@ -229,11 +209,7 @@ class Splitting(ChosenByOrder, SeparableSplitting):
         """The one of this order that every energy allows, for a Poisson system that the one for
         quadratic T does not serve.
         """
-        if (
-            isinstance(system, OfParts)
-            and not system.quadratic
-            and self.tableau == self.choices.get(self.order)
-        ):
+        if isinstance(system, OfParts) and not system.quadratic and self.tableau == self.choices.get(self.order):
             return self.general[self.order]
         return self.tableau
 
@@ -256,9 +232,7 @@ class OneForce(SeparableSplitting):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.first not in ("kick", "drift"):
-            raise InvalidInput(
-                f'{type(self).__name__}: first is "kick" or "drift"; got {self.first!r}'
-            )
+            raise InvalidInput(f'{type(self).__name__}: first is "kick" or "drift"; got {self.first!r}')
 
     @cached_property
     def tableau(self) -> SplittingTableau:

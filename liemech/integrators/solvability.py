@@ -37,11 +37,7 @@ def turns_freely(system: Any, retraction: Retraction) -> bool:
     exponential and the Cayley map.
     """
     usual = isinstance(retraction, (Exponential, Cayley, CayleyAdjoint))
-    return (
-        usual
-        and isinstance(system.lagrangian, KineticEnergy)
-        and isinstance(system.group.algebra, SO3Algebra)
-    )
+    return usual and isinstance(system.lagrangian, KineticEnergy) and isinstance(system.group.algebra, SO3Algebra)
 
 
 def largest_impulse(inertia: Vec | Mat, retraction: Retraction) -> float:
@@ -54,11 +50,7 @@ def largest_impulse(inertia: Vec | Mat, retraction: Retraction) -> float:
     Source: as for `first_fold`.
     """
     limit = first_fold(inertia, retraction)
-    return (
-        min(limit, WHOLE_TURN * _sorted(inertia)[0])
-        if isinstance(retraction, Exponential)
-        else limit
-    )
+    return min(limit, WHOLE_TURN * _sorted(inertia)[0]) if isinstance(retraction, Exponential) else limit
 
 
 def first_fold(inertia: Vec | Mat, retraction: Retraction) -> float:
@@ -96,9 +88,7 @@ def surely_solvable(inverse: Vec | Mat) -> float:
     inverse : J^-1, (3,) or (3, 3).
     """
     if isinstance(inverse, vectors.Mat):
-        square = (
-            dot(inverse[0], inverse[0]) + dot(inverse[1], inverse[1]) + dot(inverse[2], inverse[2])
-        )
+        square = dot(inverse[0], inverse[0]) + dot(inverse[1], inverse[1]) + dot(inverse[2], inverse[2])
     else:
         square = dot(inverse, inverse)
     return HALF_TURN * HALF_TURN / square
@@ -161,10 +151,7 @@ def principal_moments(inertia: Mat) -> Vec:
 
 
 def grown(
-    equation: Callable[[float, Vec], tuple[Vec, Mat, float]],
-    is_inside: Callable[[Vec], bool],
-    first: Vec,
-    h: float,
+    equation: Callable[[float, Vec], tuple[Vec, Mat, float]], is_inside: Callable[[Vec], bool], first: Vec, h: float
 ) -> tuple[Vec, float]:
     """The displacement that grows out of zero when the step grows from nothing to h, and the part
     of h to which that goes.
@@ -187,11 +174,7 @@ def grown(
         change = correction(jacobian, r)
         new = part * y - change
         leap, size = new - x, dot(change, change)
-        good = (
-            size <= CONTRACTION * before
-            and dot(leap, leap) <= LEAP * scale
-            and is_upright(jacobian, h)
-        )
+        good = size <= CONTRACTION * before and dot(leap, leap) <= LEAP * scale and is_upright(jacobian, h)
         done = good and size <= TOLERANCE * TOLERANCE * dot(new, new)
         if not good or (done and not is_inside(new)):
             y, piece, before = z, 0.5 * piece, MISS / CONTRACTION * scale

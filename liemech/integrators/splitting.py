@@ -61,9 +61,7 @@ class ThreeRotations(Method):
             if g is not None and matrices:
                 g = mat(*[_turned(row, axis, sine, versine) for row in g])
             elif g is not None:
-                g = system.group.compose_exp(
-                    g, vec(*[2.0 * half if i == axis else 0.0 for i in range(3)])
-                )
+                g = system.group.compose_exp(g, vec(*[2.0 * half if i == axis else 0.0 for i in range(3)]))
         return BodyState(mu, g)
 
 

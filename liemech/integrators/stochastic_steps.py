@@ -66,9 +66,7 @@ class NoisySteps(Method):
                 f"one of order 2 or more, such as RKMK(order=4); got {self.method!r}"
             )
         if self.fine < 1:
-            raise InvalidInput(
-                f"{type(self).__name__}: fine is a number of increments, 1 at least; got {self.fine!r}"
-            )
+            raise InvalidInput(f"{type(self).__name__}: fine is a number of increments, 1 at least; got {self.fine!r}")
 
     @property
     def order(self) -> Any:
@@ -136,9 +134,7 @@ class NoisySteps(Method):
         three = [where(u < sixth, -root, where(u > 1.0 - sixth, root, 0.0)) for u in found[:count]]
         return vec(*three), coin
 
-    def moved(
-        self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float
-    ) -> Any:
+    def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
         """The memory of the method after a step with these random numbers."""
         raise undefined(self, "moved")
 
@@ -165,9 +161,7 @@ class WongZakai(NoisySteps):
         """Wong-Zakai and the method."""
         return f"Wong-Zakai, {self.method.name}"
 
-    def moved(
-        self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float
-    ) -> Any:
+    def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
         """One step of the method."""
         return self.method.step(system.along(1.0, z / sqrt(h)), t, memory, h)
 
@@ -202,17 +196,12 @@ class NinomiyaVictoir(NoisySteps):
         """Ninomiya-Victoir and the method."""
         return f"Ninomiya-Victoir, {self.method.name}"
 
-    def moved(
-        self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float
-    ) -> Any:
+    def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
         """Drift, fields, drift."""
         m = len(system.fields)
         none = vec(*[0.0 for _ in range(m)])
         state = self.method.step(system.along(1.0, none), t, memory, 0.5 * h)
         for k in range(m):
-            turn = [
-                where(coin < 0.5, z[i] if i == k else 0.0, z[i] if i == m - 1 - k else 0.0)
-                for i in range(m)
-            ]
+            turn = [where(coin < 0.5, z[i] if i == k else 0.0, z[i] if i == m - 1 - k else 0.0) for i in range(m)]
             state = self.method.step(system.along(0.0, vec(*turn)), t, state, sqrt(h))
         return self.method.step(system.along(1.0, none), t + 0.5 * h, state, 0.5 * h)

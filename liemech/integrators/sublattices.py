@@ -14,12 +14,7 @@ from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.sublattices import Bonds, MotionsOfTerms, Sublattices
 from ..systems.sums_of_terms import DrivenTerms, MomentumTerms
 from ..tableaus.compositions import KAHAN_LI8
-from ..tableaus.splittings import (
-    BLANES_MOAN4_GENERAL,
-    BLANES_MOAN6_GENERAL,
-    STRANG,
-    SplittingTableau,
-)
+from ..tableaus.splittings import BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, STRANG, SplittingTableau
 from .memory import Memory, Remembering
 from .method import alternatives
 
@@ -39,13 +34,7 @@ class TermSplitting(Remembering):
     tableau: SplittingTableau = None  # type: ignore[assignment]  # None: the one of this order
 
     choices: ClassVar[dict[int, SplittingTableau]] = {
-        t.order: t
-        for t in (
-            STRANG,
-            BLANES_MOAN4_GENERAL,
-            BLANES_MOAN6_GENERAL,
-            SplittingTableau.of(KAHAN_LI8),
-        )
+        t.order: t for t in (STRANG, BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, SplittingTableau.of(KAHAN_LI8))
     }
     _motions: ClassVar[type[MotionsOfTerms]]
     symmetric: ClassVar[bool] = True
@@ -57,8 +46,7 @@ class TermSplitting(Remembering):
         if tableau is None:
             if type(self.order) is not int or self.order not in self.choices:
                 raise InvalidInput(
-                    f"{name}: order is one of {sorted(self.choices)}, or give a tableau; got "
-                    f"{self.order!r}"
+                    f"{name}: order is one of {sorted(self.choices)}, or give a tableau; got {self.order!r}"
                 )
             tableau = self.choices[self.order]
         if not isinstance(tableau, SplittingTableau):
@@ -98,15 +86,11 @@ class TermSplitting(Remembering):
         super().require(system)
         why = self._motions(terms_of(system)).refused
         if why:
-            raise IncompatibleSystem(
-                f"{self!r} needs terms whose motions are known: {why}. {self.instead(system)}"
-            )
+            raise IncompatibleSystem(f"{self!r} needs terms whose motions are known: {why}. {self.instead(system)}")
 
     def instead(self, system: Any) -> str:
         """Advice: a method for a system with other terms."""
-        return (
-            "RKMK accepts every energy, CovariantVariational(Cayley()) and its kin are symplectic"
-        )
+        return "RKMK accepts every energy, CovariantVariational(Cayley()) and its kin are symplectic"
 
     def turns(self, motions: MotionsOfTerms) -> tuple[tuple[int, float, float], ...]:
         """Which part moves in turn, for which share of a step, and at which share of it terms are taken

@@ -69,10 +69,7 @@ class Taylor(Method):
 
     def __post_init__(self) -> None:
         if type(self.order) is not int or not ORDERS[0] <= self.order <= ORDERS[1]:
-            raise InvalidInput(
-                f"Taylor: order is a whole number from {ORDERS[0]} "
-                f"to {ORDERS[1]}; got {self.order!r}"
-            )
+            raise InvalidInput(f"Taylor: order is a whole number from {ORDERS[0]} to {ORDERS[1]}; got {self.order!r}")
         super().__post_init__()
         highest = TERMS + 2
         if isinstance(self.retraction, Exponential) and self.order > highest:
@@ -84,9 +81,7 @@ class Taylor(Method):
     @property
     def name(self) -> str:
         """Taylor, the order, and a retraction that is not Cayley()."""
-        chart = (
-            "" if isinstance(self.retraction, Cayley) else f" ({type(self.retraction).__name__})"
-        )
+        chart = "" if isinstance(self.retraction, Cayley) else f" ({type(self.retraction).__name__})"
         return f"Taylor{self.order}{chart}"
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
@@ -153,15 +148,7 @@ class Taylor(Method):
         return self.order
 
     def trial(
-        self,
-        system: System,
-        t: float,
-        state: Any,
-        first: Vec,
-        h: float,
-        rtol: float,
-        atol: float,
-        dense: bool,
+        self, system: System, t: float, state: Any, first: Vec, h: float, rtol: float, atol: float, dense: bool
     ) -> Trial:
         """One step as long as its last two terms allow, at most h, and with the way there if it is
         `dense`.
@@ -177,25 +164,15 @@ class Taylor(Method):
         if isinstance(moved[0], InMemory):
             sizes = tuple([larger(s, abs(NEAR * c)) for c, s in zip(moved, size)])
             before, last = (
-                mean_square_of_parts(system.variation(state, term)[0], sizes, rtol, atol)
-                for term in terms[p - 2 :]
+                mean_square_of_parts(system.variation(state, term)[0], sizes, rtol, atol) for term in terms[p - 2 :]
             )
             return self._shortened(system, state, first, terms, before, last, dense)
         weights = [1.0 / (atol + rtol * max(s, abs(NEAR * c)) + LEAST) for c, s in zip(moved, size)]
-        before, last = (
-            mean_square(weights, system.variation(state, term)[0]) for term in terms[p - 2 :]
-        )
+        before, last = (mean_square(weights, system.variation(state, term)[0]) for term in terms[p - 2 :])
         return self._shortened(system, state, first, terms, before, last, dense)
 
     def _shortened(
-        self,
-        system: System,
-        state: Any,
-        first: Vec,
-        terms: tuple[Vec, ...],
-        before: float,
-        last: float,
-        dense: bool,
+        self, system: System, state: Any, first: Vec, terms: tuple[Vec, ...], before: float, last: float, dense: bool
     ) -> Trial:
         """The step as long as the mean squares of its last two terms allow."""
         p = self.order

@@ -119,9 +119,7 @@ class TaylorOfLinks(Record):
         """The state."""
         return memory.state
 
-    def step_together(
-        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
-    ) -> None:
+    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
         """A step of all bodies: order by order the terms, and the state to which they lead."""
         state, width, n = memory.parts[0], memory.width, system.most
         old, new = below(sites, here * width), below(sites, there * width)
@@ -166,9 +164,7 @@ class TaylorOfLinks(Record):
 # ------------------------------------------------------------------ formulas of one body
 
 
-def first_terms(
-    method: Any, system: Any, h: float, old: Any, terms: Any, work: Any, state: Layout
-) -> None:
+def first_terms(method: Any, system: Any, h: float, old: Any, terms: Any, work: Any, state: Layout) -> None:
     """Momentum and pose at the start, and the term of the pose that follows from the velocity."""
     rows, one = method.rows, load(old, 0, state)
     g, mu = plain(one.g), plain(one.mu)
@@ -216,9 +212,7 @@ def next_terms(method: Any, system: Any, h: float, k: int, terms: Any, work: Any
         pose = below(terms, place)
         found = moving(1.0, load(pose, 0, MOTION), xi)
         for j in range(k + 1):
-            found = found + moving(
-                1.0, load(pose, j + 1, MOTION), load(below(terms, rows.xi), k - j, SIX)
-            )
+            found = found + moving(1.0, load(pose, j + 1, MOTION), load(below(terms, rows.xi), k - j, SIX))
         save(pose, k + 2, (h / (more + 1.0)) * found, MOTION)
     push = force_from_start(method, k, terms, force)
     save(below(terms, rows.force), k, force, SIX)
@@ -344,9 +338,7 @@ def of_joint(system: Any, work: Any, formula: Any, done: tuple[Any, ...] = ()) -
     return of_joint(system, work, formula, (*done, own))
 
 
-def poses_in_order(
-    method: Any, system: Any, count: int, terms: Any, work: Any
-) -> tuple[float, tuple[Mat, Mat]]:
+def poses_in_order(method: Any, system: Any, count: int, terms: Any, work: Any) -> tuple[float, tuple[Mat, Mat]]:
     """Whether there is a second body, and the poses of a joint's bodies as series of so many terms;
     without a second body that of the ground.
     """
@@ -358,9 +350,7 @@ def poses_in_order(
     return held, (full(g), full([other[0] + still, *other[1:]]))
 
 
-def pushes_of_joint(
-    method: Any, system: Any, p: int, t: float, h: float, terms: Any, work: Any
-) -> None:
+def pushes_of_joint(method: Any, system: Any, p: int, t: float, h: float, terms: Any, work: Any) -> None:
     """The terms of springs and loads of a joint, of so many orders, of which those that are not yet to
     be known count for nothing.
     """

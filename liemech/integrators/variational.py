@@ -120,19 +120,13 @@ class CovariantVariational(Implicit):
         """
         if lies_in_memory(system.group):
             p = system.lagrangian.momentum((1.0 / h) * guess)
-            return self.iterated(
-                system, self.retraction, h, mu, (p, guess), lambda p: h * system.velocity(p)
-            )[1]
+            return self.iterated(system, self.retraction, h, mu, (p, guess), lambda p: h * system.velocity(p))[1]
         second = self._second(system, h)
         step, m = h / second, second * mu
         rate, coarse = 1.0 / step, narrow(m)
         square = dot(coarse, coarse)
-        x, size, enough, folded = newton(
-            lambda x: self.equation(system, rate, coarse, x), narrow(guess), square, rate
-        )
-        doubtful = folded or not (
-            size <= enough and self.retraction.is_chart(system.group, 2.0 * x)
-        )
+        x, size, enough, folded = newton(lambda x: self.equation(system, rate, coarse, x), narrow(guess), square, rate)
+        doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * x))
         known = self.lagrangian is None and turns_freely(system, self.retraction)
         if known and step * step * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
@@ -167,10 +161,7 @@ class CovariantVariational(Implicit):
         )
         if part < 1.0:
             raise self._unconnected(
-                second * h,
-                part * second * h,
-                f"h|xi| = {norm(x):.2g}",
-                self._usable(system, second * h, mu / second),
+                second * h, part * second * h, f"h|xi| = {norm(x):.2g}", self._usable(system, second * h, mu / second)
             )
         return x
 
@@ -250,9 +241,7 @@ class CovariantVariational(Implicit):
         if not (known and type(h) is float and h):
             self._asked("step_warning", system, start, h)
         mu = start.mu if start.bodies is None else start.mu[0]
-        inertia = float(
-            np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max()
-        )
+        inertia = float(np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max())
         size, constant = inertia / abs(h), self._is_constant(system)
         if constant:
             fits, why = 1.0 / FAR < size < FAR and inertia < HEAVY, "numbers of this size"
@@ -276,12 +265,8 @@ class CovariantVariational(Implicit):
     def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""
         xi = rate * x
-        r, by_p, by_x = self.retraction.residual(
-            system.group, x, self._momentum(system, xi, 1.0 / rate), mu
-        )
-        jacobian = with_inertia(
-            by_x, momentum_slope(by_p, rate * self._hessian(system, xi, 1.0 / rate))
-        )
+        r, by_p, by_x = self.retraction.residual(system.group, x, self._momentum(system, xi, 1.0 / rate), mu)
+        jacobian = with_inertia(by_x, momentum_slope(by_p, rate * self._hessian(system, xi, 1.0 / rate)))
         return r, jacobian, weight(by_p)
 
     def _momentum(self, system: Any, xi: Vec, h: float) -> Vec:
@@ -325,20 +310,11 @@ def momentum_slope(by_p: float | Mat, hessian: Mat | Vec) -> Mat | Vec:
     """dr/dp d2l: a Vec stands for a diagonal matrix, a number for a multiple of the unit matrix."""
     if not isinstance(by_p, vectors.Mat):
         return by_p * hessian
-    return (
-        by_p @ hessian
-        if isinstance(hessian, vectors.Mat)
-        else mat(*[row * hessian for row in by_p])
-    )
+    return by_p @ hessian if isinstance(hessian, vectors.Mat) else mat(*[row * hessian for row in by_p])
 
 
 def with_inertia(m: Mat, inertia: Mat | Vec) -> Mat:
     """m + inertia, a Vec standing for a diagonal matrix."""
     if isinstance(inertia, vectors.Mat):
         return m + inertia
-    return mat(
-        *[
-            vec(*[x + inertia[i] if i == j else x for j, x in enumerate(row)])
-            for i, row in enumerate(m)
-        ]
-    )
+    return mat(*[vec(*[x + inertia[i] if i == j else x for j, x in enumerate(row)]) for i, row in enumerate(m)])

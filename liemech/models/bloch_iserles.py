@@ -35,8 +35,7 @@ class BlochIserles(IsospectralFlow):
         if not np.array_equal(n, -n.T):
             i, j = (int(k) for k in np.unravel_index(int(np.abs(n + n.T).argmax()), n.shape))
             raise InvalidInput(
-                f"BlochIserles: skew must be skew, N^T = -N; [{i}, {j}] is {n[i, j]:g}, [{j}, {i}] is "
-                f"{n[j, i]:g}"
+                f"BlochIserles: skew must be skew, N^T = -N; [{i}, {j}] is {n[i, j]:g}, [{j}, {i}] is {n[j, i]:g}"
             )
         object.__setattr__(self, "skew", Mat.of(n.tolist()))
         super().__post_init__()

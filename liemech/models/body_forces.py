@@ -118,8 +118,7 @@ def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:
     for body, one in given.items():
         if not isinstance(one, kind):
             raise InvalidType(
-                f"Linkage: {name}[{body!r}] must be a {kind.__name__}, a subclass with {words}; got "
-                f"{one!r}"
+                f"Linkage: {name}[{body!r}] must be a {kind.__name__}, a subclass with {words}; got {one!r}"
             )
         if number(body) in found:
             raise InvalidInput(f"Linkage: {name} names body {number(body)} twice")

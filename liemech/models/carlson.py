@@ -62,10 +62,7 @@ def duplications(x: float, y: float, z: float, p: float) -> float:
     count = 0.0
     while True:
         mean = (x + y + z + 2.0 * p) / 5.0
-        if (
-            max(abs(1.0 - x / mean), abs(1.0 - y / mean), abs(1.0 - z / mean), abs(1.0 - p / mean))
-            < CLOSE
-        ):
+        if max(abs(1.0 - x / mean), abs(1.0 - y / mean), abs(1.0 - z / mean), abs(1.0 - p / mean)) < CLOSE:
             return count
         a, b, c = sqrt(x), sqrt(y), sqrt(z)
         lam = a * b + b * c + c * a
@@ -98,18 +95,10 @@ def elliprj(x: float, y: float, z: float, p: float, count: float) -> float:
     E4 = (2.0 * X * Y * Z + E2 * P + 3.0 * (P * P * P)) * P
     E5 = X * Y * Z * P * P
     series = (
-        (3.0 / 14.0) * E2
-        - (1.0 / 6.0) * E3
-        - (9.0 / 88.0) * (E2 * E2)
-        + (3.0 / 22.0) * E4
-        + (9.0 / 52.0) * (E2 * E3)
+        (3.0 / 14.0) * E2 - (1.0 / 6.0) * E3 - (9.0 / 88.0) * (E2 * E2) + (3.0 / 22.0) * E4 + (9.0 / 52.0) * (E2 * E3)
     )
     series = (
-        series
-        - (3.0 / 26.0) * E5
-        + (1.0 / 16.0) * (E2 * E2 * E2)
-        - (3.0 / 40.0) * (E3 * E3)
-        - (3.0 / 20.0) * (E2 * E4)
+        series - (3.0 / 26.0) * E5 + (1.0 / 16.0) * (E2 * E2 * E2) - (3.0 / 40.0) * (E3 * E3) - (3.0 / 20.0) * (E2 * E4)
     )
     series = series - (45.0 / 272.0) * (E2 * E2 * E3) + (9.0 / 68.0) * (E3 * E4 + E2 * E5)
     tail = (weight - weight * series) / (mean * sqrt(mean))

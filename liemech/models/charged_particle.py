@@ -56,9 +56,7 @@ class MagneticField(Record):
         """The integral of a component of B along an axis, from x over a length.  component,
         axis : 0, 1, 2, different; x : (3,).
         """
-        raise NotDefined(
-            f"{type(self).__name__} must define `integral`, which explicit splittings need"
-        )
+        raise NotDefined(f"{type(self).__name__} must define `integral`, which explicit splittings need")
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (3,) if kind == "Vec" else None
@@ -256,8 +254,7 @@ class ChargedParticle(PoissonSystem):
     def __post_init__(self) -> None:
         if not isinstance(self.field, MagneticField):
             raise InvalidType(
-                f"{type(self).__name__}: field must be a MagneticField, "
-                f"such as AxialField(); got {self.field!r}"
+                f"{type(self).__name__}: field must be a MagneticField, such as AxialField(); got {self.field!r}"
             )
         object.__setattr__(self, "structure", MagneticStructure(self.field))
         parts: list[Hamiltonian] = [SquaredVelocity(i, self.field) for i in range(3)]
@@ -312,9 +309,7 @@ class GuidingCentreStructure(PoissonStructure):
         B = self.field.at(x)
         b = B / norm(B)
         slopes = jacobian(lambda z: self.field.at(z) / norm(self.field.at(z)), x)
-        curl = vec(
-            slopes[2, 1] - slopes[1, 2], slopes[0, 2] - slopes[2, 0], slopes[1, 0] - slopes[0, 1]
-        )
+        curl = vec(slopes[2, 1] - slopes[1, 2], slopes[0, 2] - slopes[2, 0], slopes[1, 0] - slopes[0, 1])
         star = B + u * curl
         return b, star, dot(b, star)
 
@@ -366,9 +361,7 @@ class GuidingCentre(PoissonSystem):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "structure", GuidingCentreStructure(self.field))
-        object.__setattr__(
-            self, "hamiltonian", GuidingEnergy(self.field, self.moment, self.potential)
-        )
+        object.__setattr__(self, "hamiltonian", GuidingEnergy(self.field, self.moment, self.potential))
         super().__post_init__()
 
     @classmethod
@@ -385,6 +378,4 @@ class GuidingCentre(PoissonSystem):
         across = v - along * b
         moment = float(across @ across / (2.0 * size))
         centre: Any = cls
-        return centre(particle.field, moment, particle.potential), np.array(
-            [*(x + np.cross(v, b) / size), along]
-        )
+        return centre(particle.field, moment, particle.potential), np.array([*(x + np.cross(v, b) / size), along])

@@ -87,9 +87,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
         turning = (shift / (self.length * self.length)) * dot(p, p)
         x = shift * turning  # the square of the angle
         sinc, versine = exp_coefficients(x)
-        return q + ((sinc * shift) * p - (x * versine) * q), p - (
-            (sinc * turning) * q + (x * versine) * p
-        )
+        return q + ((sinc * shift) * p - (x * versine) * q), p - ((sinc * turning) * q + (x * versine) * p)
 
     def vertical_momentum(self, q: Vec, p: Vec) -> float:
         """The angular momentum about the vertical, q_1 p_2 - q_2 p_1, in kg m^2/s.  q, p : (3,)."""
@@ -133,13 +131,11 @@ class ChainPendulum(SeparableConstrainedSystem):
         for name, value in (("masses", self.masses), ("lengths", self.lengths)):
             if np.ndim(value) != 1:
                 raise InvalidInput(
-                    f"ChainPendulum: {name} must be a list, a number for "
-                    f"each link, such as [1.0]; got {value!r}"
+                    f"ChainPendulum: {name} must be a list, a number for each link, such as [1.0]; got {value!r}"
                 )
         if len(self.masses) != len(self.lengths) or not len(self.masses):
             raise InvalidInput(
-                f"ChainPendulum: {len(self.masses)} masses and "
-                f"{len(self.lengths)} lengths; each mass has its rod"
+                f"ChainPendulum: {len(self.masses)} masses and {len(self.lengths)} lengths; each mass has its rod"
             )
         super().__post_init__()
         check_positive(self, "masses", "lengths")
@@ -156,10 +152,7 @@ class ChainPendulum(SeparableConstrainedSystem):
         """The masses as bodies that nothing turns, whose rods end in their centres."""
         bodies, rods, makes = Link, RigidRod, Linkage  # type: Any, Any, Any
         links = [bodies(m, [m * l * l] * 3) for m, l in zip(self.masses, self.lengths)]
-        joints = [
-            rods(k, k - 1 if k else None, length=l, name=f"rod {k}")
-            for k, l in enumerate(self.lengths)
-        ]
+        joints = [rods(k, k - 1 if k else None, length=l, name=f"rod {k}") for k, l in enumerate(self.lengths)]
         found: LinkedForm = makes(links, joints, self.gravity).linked
         return found
 
@@ -229,13 +222,7 @@ class ChainPendulum(SeparableConstrainedSystem):
     def force(self, q: Vec, p: Vec) -> Vec:
         """The weights.  q, p : (n,)."""
         up = self.dimension - 1
-        return vec(
-            *[
-                -self.gravity * m if k == up else 0.0
-                for m in self.masses
-                for k in range(self.dimension)
-            ]
-        )
+        return vec(*[-self.gravity * m if k == up else 0.0 for m in self.masses for k in range(self.dimension)])
 
     def constraint(self, q: Vec) -> Vec:
         """(|q_i - q_i-1|^2 - l_i^2)/(2 l_i), (N,), in m.  q : (n,)."""
@@ -266,19 +253,14 @@ class ChainPendulum(SeparableConstrainedSystem):
             s = sum([abs(r[k] / l) * abs(q[d * j + k]) for j, k in some])
             falls = self.gravity * abs(r[d - 1] / l) * (2.0 if i > 0 else 1.0)
             sizes = [*sizes, s]
-            speeds = [
-                *speeds,
-                sum([abs(r[k] / l) * abs(v[d * j + k]) for j, k in some]) + sqrt(s * abs(falls)),
-            ]
+            speeds = [*speeds, sum([abs(r[k] / l) * abs(v[d * j + k]) for j, k in some]) + sqrt(s * abs(falls))]
         return vec(*sizes), vec(*speeds)
 
     def _check_rank(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
         """Rods of a chain are independent as long as none is a point."""
         if (
             self.degrees <= self.small
-            or not np.diff(q.reshape(len(q), -1, self.dimension), axis=1, prepend=0.0)
-            .any(axis=2)
-            .all()
+            or not np.diff(q.reshape(len(q), -1, self.dimension), axis=1, prepend=0.0).any(axis=2).all()
         ):
             super()._check_rank(where, q, p, one)
 
@@ -296,21 +278,14 @@ class ChainPendulum(SeparableConstrainedSystem):
     def vertical_momentum(self, q: Vec, p: Vec) -> float:
         """The angular momentum about the vertical, in kg m^2/s; in space only.  q, p : (n,)."""
         if self.dimension != 3:
-            raise InvalidInput(
-                "ChainPendulum.vertical_momentum: a chain in a "
-                "plane does not turn about the vertical"
-            )
-        return sum(
-            [q[3 * i] * p[3 * i + 1] - q[3 * i + 1] * p[3 * i] for i in range(len(self.masses))]
-        )
+            raise InvalidInput("ChainPendulum.vertical_momentum: a chain in a plane does not turn about the vertical")
+        return sum([q[3 * i] * p[3 * i + 1] - q[3 * i + 1] * p[3 * i] for i in range(len(self.masses))])
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, the constraints and, in space, the angular momentum about the vertical."""
         kept = super().constants(states)
         if self.dimension == 3:
-            kept |= {
-                "vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))
-            }
+            kept |= {"vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))}
         return kept
 
 
@@ -339,9 +314,7 @@ class FourBarLinkage(SeparableConstrainedSystem):
 
     def __post_init__(self) -> None:
         if type(self.loops) is not int or self.loops < 1:
-            raise InvalidInput(
-                f"FourBarLinkage: loops is a whole number, at least 1; got {self.loops!r}"
-            )
+            raise InvalidInput(f"FourBarLinkage: loops is a whole number, at least 1; got {self.loops!r}")
         super().__post_init__()
         check_positive(self, "mass", "length")
 
@@ -358,9 +331,7 @@ class FourBarLinkage(SeparableConstrainedSystem):
         for j in range(self.loops):
             m[j : j + 2, j : j + 2] += [[1.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 3.0]]
         inverse = np.linalg.inv(m)
-        return mat(*[vec(*row) for row in m.tolist()]), mat(
-            *[vec(*row) for row in inverse.tolist()]
-        )
+        return mat(*[vec(*row) for row in m.tolist()]), mat(*[vec(*row) for row in inverse.tolist()])
 
     def _of_both(self, m: Mat, x: Vec) -> Vec:
         """A matrix for one direction on the first and on the second coordinates of the joints."""
@@ -376,11 +347,7 @@ class FourBarLinkage(SeparableConstrainedSystem):
         """The weight of the cranks acts half-way up, that of the rods between two joints at half of
         both, in J.  q : (n,).
         """
-        return (
-            self.mass
-            * self.gravity
-            * sum([share * q[2 * j + 1] for j, share in enumerate(self._shares())])
-        )
+        return self.mass * self.gravity * sum([share * q[2 * j + 1] for j, share in enumerate(self._shares())])
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """M^-1 p.  q, p : (n,)."""
@@ -388,9 +355,7 @@ class FourBarLinkage(SeparableConstrainedSystem):
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """The weight of half of the rods that end at each joint.  q, p : (n,)."""
-        return (
-            -self.mass * self.gravity * vec(*[x for share in self._shares() for x in (0.0, share)])
-        )
+        return -self.mass * self.gravity * vec(*[x for share in self._shares() for x in (0.0, share)])
 
     def _shares(self) -> list[float]:
         """How many rods each joint carries: half of its crank, and half of each rod beside it."""

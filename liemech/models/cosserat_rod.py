@@ -211,9 +211,7 @@ class CosseratRod(MechanicalSystem):
         if self.damping or w.any() or M.any():
             load = PerSite(RodLoad(each(w), each(M), each(self.damping * J)))
         object.__setattr__(self, "body", LiePoissonSystem(group, kinetic))
-        object.__setattr__(
-            self, "potential", Terms(*terms, held=by_end["clamped"], pinned=by_end["hinged"])
-        )
+        object.__setattr__(self, "potential", Terms(*terms, held=by_end["clamped"], pinned=by_end["hinged"]))
         object.__setattr__(self, "load", load)
         super().__post_init__()
 
@@ -229,9 +227,7 @@ class CosseratRod(MechanicalSystem):
             raise InvalidType(f"{name}: retraction must be Exponential(); got {self.retraction!r}")
         least = 3 if self.closed else 1
         if type(self.elements) is not int or self.elements < least:
-            raise InvalidInput(
-                f"{name}: elements must be a whole number from {least} on; got {self.elements!r}"
-            )
+            raise InvalidInput(f"{name}: elements must be a whole number from {least} on; got {self.elements!r}")
         ends: Any = self.ends
         if not isinstance(ends, (tuple, list)) or len(ends) != 2 or not {*ends} <= {*ENDS}:
             raise InvalidInput(f"{name}: ends are two of {ENDS}; got {ends!r}")
@@ -273,9 +269,7 @@ class CosseratRod(MechanicalSystem):
     @cached_property
     def element(self) -> RodStrain:
         """The energy of an element."""
-        return RodStrain(
-            self.length / self.elements, self.section.stiffness, self.rest, self.retraction
-        )
+        return RodStrain(self.length / self.elements, self.section.stiffness, self.rest, self.retraction)
 
     @property
     def inertias(self) -> np.ndarray:
@@ -439,9 +433,7 @@ class CosseratRod(MechanicalSystem):
     def _frames(self, name: str, g: Any) -> np.ndarray:
         found = real_array(g, f"{type(self).__name__}.{name}: g")
         if found.shape != (self.frames, 4, 4):
-            raise InvalidInput(
-                f"{type(self).__name__}.{name}: g is ({self.frames}, 4, 4); got shape {found.shape}"
-            )
+            raise InvalidInput(f"{type(self).__name__}.{name}: g is ({self.frames}, 4, 4); got shape {found.shape}")
         return found
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:

@@ -94,8 +94,6 @@ class ConservativeEffector(Record):
         here : the place.
         """
         return -gradient(
-            lambda eta: self.energy(
-                with_fields(here, attitude=SO3().compose_exp(here.attitude, eta))
-            ),
+            lambda eta: self.energy(with_fields(here, attitude=SO3().compose_exp(here.attitude, eta))),
             vec(0.0, 0.0, 0.0),
         )

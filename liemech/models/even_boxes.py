@@ -19,16 +19,11 @@ THINNEST = 0.004
 
 def inertia_of(system: Any) -> Array:
     """The inertia of rotation of a body, (3, 3); the unit matrix of a system that has none."""
-    inertia = getattr(
-        system, "inertia", getattr(getattr(system, "hamiltonian", None), "inertia", None)
-    )
+    inertia = getattr(system, "inertia", getattr(getattr(system, "hamiltonian", None), "inertia", None))
     if inertia is None and isinstance(system, (MechanicalSystem, BoundBody)):
         return inertia_of(system.body)
     J = np.eye(3) if inertia is None else np.array(inertia, dtype=float)
-    if (
-        J.shape not in ((3,), (6,), (3, 3), (6, 6))
-        or not (np.diagonal(J, 0) if J.ndim == 2 else J)[:3].min() > 0.0
-    ):
+    if J.shape not in ((3,), (6,), (3, 3), (6, 6)) or not (np.diagonal(J, 0) if J.ndim == 2 else J)[:3].min() > 0.0:
         return np.eye(3)
     return np.diag(J[:3]) if J.ndim == 1 else J[:3, :3]
 

@@ -60,9 +60,7 @@ class Swing(NamedTuple):
         return (1.0 if self.turns else 2.0) * self.jacobi.half / self.rate
 
 
-def pendulum(
-    theta: float, momentum: float, mass: float, gravity: float, length: float
-) -> Swing | None:
+def pendulum(theta: float, momentum: float, mass: float, gravity: float, length: float) -> Swing | None:
     """The motion from theta, in rad, with the momentum m l^2 theta', under gravity, not 0; None if
     the pendulum stays where it is.
 
@@ -88,9 +86,5 @@ def pendulum(
     sign = -1.0 if momentum < 0.0 else 1.0
     turns = least < 0
     jacobi = Jacobi.of(k1 / k if turns else k1)
-    begin = (
-        jacobi.argument(sign * S, C)
-        if turns
-        else jacobi.argument(sign * S / k, C if not jacobi.k1 else V / k)
-    )
+    begin = jacobi.argument(sign * S, C) if turns else jacobi.argument(sign * S / k, C if not jacobi.k1 else V / k)
     return Swing(jacobi, turns, k, frequency, begin, sign, shift)

@@ -106,9 +106,7 @@ def exact_rigid_body(
     momenta = _times_power_of_two(rows[:, :3], unit.momentum) if unit.extreme else rows[:, :3]
     if isinstance(orbit, _Steady):
         momenta[:] = m
-    return momenta.reshape(*t.shape, 3), None if start is None else rows[:, 3:].reshape(
-        *t.shape, 3, 3
-    )
+    return momenta.reshape(*t.shape, 3), None if start is None else rows[:, 3:].reshape(*t.shape, 3, 3)
 
 
 def momentum_period(inertia: ArrayLike, mu: ArrayLike) -> float:
@@ -142,9 +140,7 @@ def _along(p: Polhode, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> No
         _place(p, start, e, None if start is None else angle(p, t, s, c, turns), rows)
 
 
-def _other(
-    orbit: _Steady | _Separatrix, start: Mat | None, t: np.ndarray, rows: np.ndarray
-) -> None:
+def _other(orbit: _Steady | _Separatrix, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> None:
     """Motions that are no elliptic functions of time."""
     with np.errstate(all="ignore"):
         _place(orbit, start, *orbit.evolve(at(orbit, t)), rows)
@@ -203,11 +199,7 @@ class _Unit(NamedTuple):
     @property
     def factors(self) -> tuple[float, float]:
         """Factors from the caller's times to those of the motion, and from its momenta to the caller's."""
-        return (
-            (1.0, 1.0)
-            if self.extreme
-            else (math.ldexp(1.0, -self.time), math.ldexp(1.0, self.momentum))
-        )
+        return (1.0, 1.0) if self.extreme else (math.ldexp(1.0, -self.time), math.ldexp(1.0, self.momentum))
 
 
 class _Motion(NamedTuple):
@@ -236,10 +228,7 @@ def _motion(inertia: Vec | Mat, mu: Vec) -> _Motion:
     """
     moments, axes = _principal(inertia)
     pi = [dot(axis, mu) for axis in axes]
-    unit_of_inertia, unit_of_momentum = (
-        math.frexp(min(moments))[1],
-        math.frexp(max(map(abs, pi)))[1],
-    )
+    unit_of_inertia, unit_of_momentum = (math.frexp(min(moments))[1], math.frexp(max(map(abs, pi)))[1])
     unit = _Unit(unit_of_inertia - unit_of_momentum, unit_of_momentum)
     J, J_scale = _whole(moments, unit_of_inertia)
     m, m_scale = _whole(pi, unit_of_momentum)
@@ -252,9 +241,7 @@ def _motion(inertia: Vec | Mat, mu: Vec) -> _Motion:
     if m[order[2]] < 0:
         sign[1], sign[2] = -sign[1], -sign[2]
     J, m = [J[i] for i in order], [s * m[i] for s, i in zip(sign, order, strict=True)]
-    return _orbit(
-        J, J_scale, m, m_scale, [s * axes[i] for s, i in zip(sign, order, strict=True)], unit
-    )
+    return _orbit(J, J_scale, m, m_scale, [s * axes[i] for s, i in zip(sign, order, strict=True)], unit)
 
 
 def _principal(inertia: Vec | Mat) -> tuple[Vec, Mat]:
@@ -278,9 +265,7 @@ def _whole(numbers: Vec | list[float], exponent: int) -> tuple[list[int], int]:
     """Whole numbers and k: the numbers, exactly, over 2^exponent and times 2^k."""
     parts = [math.frexp(x) for x in numbers]
     least = min([e for x, e in parts if x], default=0)
-    return [
-        int(math.ldexp(x, 53)) << (e - least) if x else 0 for x, e in parts
-    ], 53 - least + exponent
+    return [int(math.ldexp(x, 53)) << (e - least) if x else 0 for x, e in parts], 53 - least + exponent
 
 
 def _side(J: list[int], m: list[int]) -> int:
@@ -295,11 +280,7 @@ def _root(top: int, bottom: int, power: int = 0) -> float:
     floating-point numbers.
     """
     exponent = (abs(top).bit_length() - bottom.bit_length()) // 2
-    q = (
-        abs(top) / (bottom << 2 * exponent)
-        if exponent > 0
-        else (abs(top) << -2 * exponent) / bottom
-    )
+    q = abs(top) / (bottom << 2 * exponent) if exponent > 0 else (abs(top) << -2 * exponent) / bottom
     root = math.ldexp(math.sqrt(q), exponent + power)
     return -root if top < 0 else root
 
@@ -344,16 +325,12 @@ class _Separatrix(NamedTuple):
         s, decay = np.tanh(u), np.exp(-abs(u))
         c = 2.0 * decay / (1.0 + decay * decay)
         root = math.sqrt(self.nu)
-        T = (self.rate * t - (np.arctan(root * s) - np.arctan(root * np.tanh(self.u0))) / root) / (
-            1.0 + self.nu
-        )
+        T = (self.rate * t - (np.arctan(root * s) - np.arctan(root * np.tanh(self.u0))) / root) / (1.0 + self.nu)
         a1, a2, a3 = self.amplitude
         return _from(self.pole, (a1 * c, a2 * s, a3 * c)), self.spin * t + self.kappa * T
 
 
-def _steady(
-    J: list[int], J_scale: int, m: list[int], m_scale: int, axes: Mat, unit: _Unit
-) -> _Motion:
+def _steady(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: Mat, unit: _Unit) -> _Motion:
     """Sphere, rest, or rotation about a principal axis."""
     norm2 = sum([x * x for x in m])
     if not norm2:
@@ -367,9 +344,7 @@ def _steady(
     return _Motion(_Steady(here, rate, mat(*_from(pole, axes.rows)), *unit.factors), unit, here)
 
 
-def _orbit(
-    J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Vec], unit: _Unit
-) -> _Motion:
+def _orbit(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Vec], unit: _Unit) -> _Motion:
     """The constants of the module's first lines, from moments and momentum in the order of the
     formulas.
     """
@@ -378,11 +353,7 @@ def _orbit(
     X = m[0] ** 2 * (J3 - J1) * J2 + m[1] ** 2 * (J3 - J2) * J1  # J1 J2 times that of the formulas
     Y = m[1] ** 2 * (J2 - J1) * J3 + m[2] ** 2 * (J3 - J1) * J2  # J2 J3 times
     signed = 1 if J3 > J1 else -1  # of all these differences
-    (J12, J13, J23), X, Y = (
-        (signed * x for x in (J2 - J1, J3 - J1, J3 - J2)),
-        signed * X,
-        signed * Y,
-    )
+    (J12, J13, J23), X, Y = ((signed * x for x in (J2 - J1, J3 - J1, J3 - J2)), signed * X, signed * Y)
     n_top, n_bottom = J3 * J12, J1 * J23
     at_axis_1 = X <= Y  # N = X/Y
     nu_top, nu_bottom, Jq = (X, Y, J3) if at_axis_1 else (n_top, n_bottom, J1)
@@ -406,11 +377,7 @@ def _orbit(
         # cn u0 = 0 can happen only next to the separatrix, where dn u0 takes its place; it has k'
         # as its least value.
         u0 = math.asinh(s0 / max(math.hypot(c0, k1 * s0), np.finfo(float).tiny))
-        return _Motion(
-            _Separatrix(amplitude, norm, rate, u0, pole, spin, nu, kappa, rows, *unit.factors),
-            unit,
-            e0,
-        )
+        return _Motion(_Separatrix(amplitude, norm, rate, u0, pole, spin, nu, kappa, rows, *unit.factors), unit, e0)
     means = _means(k1)
     least = means[-1][0]
     a, b = zip(*(means[:-1] + [(least, least)] * (_MEANS - len(means) + 1)), strict=True)

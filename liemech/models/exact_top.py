@@ -69,10 +69,7 @@ class Phase(NamedTuple):
             third = elliprj(c2, d2, 1.0, c2 + self.rest * s2)
             return s * (elliprf(c2, d2, 1.0) - self.nu * s2 * third / 3.0)
         q = 1.0 + self.ratio * s2
-        return s * (
-            elliprc(c2 * d2, (c2 + self.rest * s2) * q)
-            + self.ratio * s2 * elliprj(c2, d2, 1.0, q) / 3.0
-        )
+        return s * (elliprc(c2 * d2, (c2 + self.rest * s2) * q) + self.ratio * s2 * elliprj(c2, d2, 1.0, q) / 3.0)
 
 
 class Tilting(NamedTuple):
@@ -103,12 +100,7 @@ class Tilting(NamedTuple):
             one, one_over = half * s, np.full(np.shape(s), 1.0 / half)
         if self.signed[1]:
             two, two_over = half * c, np.full(np.shape(c), 1.0 / half)
-        return (
-            one,
-            two,
-            s / one if one_over is None else one_over,
-            c / two if two_over is None else two_over,
-        )
+        return (one, two, s / one if one_over is None else one_over, c / two if two_over is None else two_over)
 
     def at(self, t: np.ndarray) -> tuple[Quaternion, Any, Any]:
         """Attitude, and the body velocities about the transverse axes, at the times t."""
@@ -124,10 +116,7 @@ class Tilting(NamedTuple):
         elif self.signed[0]:
             turning = -self.spin * one / two
         else:
-            up, down = (
-                self.sums[0] - 2.0 * self.spin * one * one,
-                self.sums[1] + 2.0 * self.spin * two * two,
-            )
+            up, down = (self.sums[0] - 2.0 * self.spin * one * one, self.sums[1] + 2.0 * self.spin * two * two)
             turning = np.where(np.abs(two) < np.abs(one), down, up) / (2.0 * one * two)
         turning = turning / self.A
         (cp, sp), (cr, sr) = ((np.cos(x), np.sin(x)) for x in (p, r))
@@ -143,19 +132,13 @@ class Tilting(NamedTuple):
         k1 = self.jacobi.k1
         if not k1:  # sn = tanh v, and nu > 0
             root = math.sqrt(phase.nu)
-            gone = (
-                self.rate * t + root * (np.arctan(root * s) - math.atan(root * s0))
-            ) / phase.rest
+            gone = (self.rate * t + root * (np.arctan(root * s) - math.atan(root * s0))) / phase.rest
         else:
-            gone = 2.0 * turns * phase.integral(k1, 1.0, 0.0) + (
-                phase.integral(k1, s, c) - phase.integral(k1, s0, c0)
-            )
+            gone = 2.0 * turns * phase.integral(k1, 1.0, 0.0) + (phase.integral(k1, s, c) - phase.integral(k1, s0, c0))
         return phase.begin + phase.rate * t + phase.factor * gone
 
 
-def lagrange_top(
-    A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.ndarray
-) -> tuple[Quaternion, np.ndarray]:
+def lagrange_top(A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Quaternion, np.ndarray]:
     """Attitude as a unit quaternion (w, x, y, z) and body momentum (n, 3) at the times t, (n,).
 
     A, A, C : the moments.  M : weight times length, of any sign.  mu, q : the start.
@@ -170,9 +153,7 @@ def lagrange_top(
     upright = not (x or y) or not (w or z)
     if upright and not (mu[0] or mu[1]):
         half = (0.5 * spin / C) * t
-        return _spun((w, x, y, z), half), np.stack(
-            [np.full(t.shape, float(m)) for m in mu], axis=-1
-        )
+        return _spun((w, x, y, z), half), np.stack([np.full(t.shape, float(m)) for m in mu], axis=-1)
     if M == 0.0:
         return _free(A, C, mu, q, t)
     motion = _tilting(A, C, M, mu, (w, x, y, z))
@@ -205,9 +186,7 @@ def _spun(q: Any, half: Any) -> Quaternion:
     return w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s
 
 
-def _free(
-    A: float, C: float, mu: Any, q: Quaternion, t: np.ndarray
-) -> tuple[Quaternion, np.ndarray]:
+def _free(A: float, C: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Quaternion, np.ndarray]:
     """Without weight: a turn about the momentum with |mu|/A, after one about the axis of the body
     with mu_3 (1/C - 1/A).
     """
@@ -222,11 +201,7 @@ def _free(
         w * e[2] + z * c + x * e[1] - y * e[0],
     )
     cosine, sine = np.cos(own), np.sin(own)
-    momenta = (
-        mu[0] * cosine + mu[1] * sine,
-        mu[1] * cosine - mu[0] * sine,
-        np.full(t.shape, float(mu[2])),
-    )
+    momenta = (mu[0] * cosine + mu[1] * sine, mu[1] * cosine - mu[0] * sine, np.full(t.shape, float(mu[2])))
     return _spun(turned, 0.5 * own), np.stack(momenta, axis=-1)
 
 
@@ -242,11 +217,7 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
         high, low = flat + p3 * up, flat - p3 * down  # a + p_3, a - p_3
         a, u = flat + p3 * (1 - down), 1 - down
         energy = (m1 * m1 + m2 * m2) / (2 * A) + M * u
-        u1, u2, u3 = _roots(
-            energy / M + p3 * p3 / (2 * A * M),
-            a * p3 / (A * M) - 1,
-            energy / M - a * a / (2 * A * M),
-        )
+        u1, u2, u3 = _roots(energy / M + p3 * p3 / (2 * A * M), a * p3 / (A * M) - 1, energy / M - a * a / (2 * A * M))
         above, below, width, span = 1 - u2, 1 + u1, u2 - u1, u3 - u1
         signed = below < SAME, above < SAME
         below, above = (Decimal(0) if zero else x for zero, x in zip(signed, (below, above)))
@@ -276,14 +247,7 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
             start=(float(s0), float(c0)),
             signed=signed,
             phases=(
-                Phase(
-                    0.0,
-                    float(own),
-                    float(p_part),
-                    float(p_nu),
-                    float(1 + p_nu),
-                    float(below / span),
-                ),
+                Phase(0.0, float(own), float(p_part), float(p_nu), float(1 + p_nu), float(below / span)),
                 Phase(0.0, -float(own), float(r_part), float(r_nu), float(above / (1 - u1)), 0.0),
             ),
         )
@@ -302,9 +266,7 @@ def _begun(motion: Tilting, q: list[float], v: list[float]) -> tuple[Phase, Phas
         beta, two = (w * v[0] - z * v[1], w * v[1] + z * v[0]), -s
     first, second = motion.phases
     return tuple(  # type: ignore[return-value]
-        phase._replace(
-            begin=math.atan2(math.copysign(1.0, size) * pair[1], math.copysign(1.0, size) * pair[0])
-        )
+        phase._replace(begin=math.atan2(math.copysign(1.0, size) * pair[1], math.copysign(1.0, size) * pair[0]))
         for phase, pair, size in ((first, alpha, one), (second, beta, two))
     )
 

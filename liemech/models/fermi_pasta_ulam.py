@@ -92,9 +92,7 @@ class FermiPastaUlam(SeparableSites):
         pairs = np.column_stack([number[:-1], number[1:]])
         springs = Spring(self.alpha, self.beta).over(edges(pairs, sites=n, ordered=True))
         walls = Walls(self.alpha, self.beta)
-        field: Any = Terms(
-            springs, walls, left=each(1.0 * (number == 0)), right=each(1.0 * (number == n - 1))
-        )
+        field: Any = Terms(springs, walls, left=each(1.0 * (number == 0)), right=each(1.0 * (number == n - 1)))
         kinetic: Any = PerSite(KineticEnergy([1.0]))
         return MechanicalSystem(LiePoissonSystem(VectorSpace(1) ** n, kinetic), field)
 
@@ -125,8 +123,7 @@ class FermiPastaUlam(SeparableSites):
         k = whole_number(f"{type(self).__name__}.mode", k, 1)
         n = self.particles
         return self.state(
-            amplitude * np.sqrt(2.0 / (n + 1)) * np.sin(np.arange(1, n + 1) * k * np.pi / (n + 1)),
-            np.zeros(n),
+            amplitude * np.sqrt(2.0 / (n + 1)) * np.sin(np.arange(1, n + 1) * k * np.pi / (n + 1)), np.zeros(n)
         )
 
     def mode_energies(self, q: Any, p: Any) -> np.ndarray:

@@ -36,10 +36,7 @@ class OrthonormalFrame(SeparableConstrainedSystem):
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.field) < len(self.field[0]):
-            raise InvalidInput(
-                "OrthonormalFrame: field is (n, k) with k at most n; got "
-                f"{np.array(self.field).shape}"
-            )
+            raise InvalidInput(f"OrthonormalFrame: field is (n, k) with k at most n; got {np.array(self.field).shape}")
         check_positive(self, "mass")
 
     @property
@@ -73,10 +70,7 @@ class OrthonormalFrame(SeparableConstrainedSystem):
         columns = transpose(self._matrix(q))
         pairs = [(a, b) for a in range(len(columns)) for b in range(a, len(columns))]
         return vec(
-            *[
-                0.5 * (dot(columns[a], columns[a]) - 1.0) if a == b else dot(columns[a], columns[b])
-                for a, b in pairs
-            ]
+            *[0.5 * (dot(columns[a], columns[a]) - 1.0) if a == b else dot(columns[a], columns[b]) for a, b in pairs]
         )
 
     def geodesic(self, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
@@ -90,16 +84,10 @@ class OrthonormalFrame(SeparableConstrainedSystem):
         k = len(Q[0])
         A, S = transpose(Q) @ V, transpose(V) @ V
         upper = [vec(*[A[a, b] for b in range(k)], *[-S[a, b] for b in range(k)]) for a in range(k)]
-        lower = [
-            vec(*[1.0 if a == b else 0.0 for b in range(k)], *[A[a, b] for b in range(k)])
-            for a in range(k)
-        ]
+        lower = [vec(*[1.0 if a == b else 0.0 for b in range(k)], *[A[a, b] for b in range(k)]) for a in range(k)]
         moved = mat(*[vec(*x, *v) for x, v in zip(Q, V)]) @ expm(t * mat(*upper, *lower))
         turned = expm((-t) * A)
-        ends = [
-            mat(*[vec(*[row[j] for j in range(i, i + k)]) for row in moved]) @ turned
-            for i in (0, k)
-        ]
+        ends = [mat(*[vec(*[row[j] for j in range(i, i + k)]) for row in moved]) @ turned for i in (0, k)]
         found = [vec(*[x for row in end for x in row]) for end in ends]
         return found[0], self.mass * found[1]
 

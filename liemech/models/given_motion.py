@@ -50,9 +50,7 @@ class Shaking(MovingSupport):
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.amplitude) != 3 or not np.isfinite(np.array(self.amplitude)).all():
-            raise InvalidInput(
-                f"Shaking: amplitude must be a vector in space, (3,), in m; got {self.amplitude}"
-            )
+            raise InvalidInput(f"Shaking: amplitude must be a vector in space, (3,), in m; got {self.amplitude}")
 
     def pose(self, t: float) -> Mat:
         """The shift."""
@@ -149,9 +147,7 @@ class MovedJoint(Joint):
     def pace(self, whole: bool) -> Vec:
         """The velocity m^-1 m', (6,)."""
         m = self.place(self.time, whole)
-        slope = derivative(
-            lambda s: vec(*[x for row in self.place(s, whole)[:3] for x in row]), self.time
-        )
+        slope = derivative(lambda s: vec(*[x for row in self.place(s, whole)[:3] for x in row]), self.time)
         R = [vec(m[0, j], m[1, j], m[2, j]) for j in range(3)]  # by columns
         S = [vec(slope[j], slope[4 + j], slope[8 + j]) for j in range(4)]
         parts = [sum_of(R[2], S[1]), sum_of(R[0], S[2]), sum_of(R[1], S[0])]
@@ -179,10 +175,7 @@ class MovedJoint(Joint):
         q = vec(*given) if self.joint.freedoms > 1 else vec(given)
         m, n = k @ self.place(self.time, False), self.joint.freedoms
         units = [vec(*[1.0 if j == i else 0.0 for j in range(n)]) for i in range(n)]
-        return [
-            derivative(lambda x: self.held.value(g, m @ self.joint.relative(x)), q, unit)
-            for unit in units
-        ]
+        return [derivative(lambda x: self.held.value(g, m @ self.joint.relative(x)), q, unit) for unit in units]
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
         """Those of the joint, against what carries it."""

@@ -134,9 +134,7 @@ def _check_load(owner: Any) -> None:
     """Refuse a weight or a centre that is not finite, or not a vector in space."""
     name = type(owner).__name__
     if len(owner.centre) != 3:
-        raise InvalidInput(
-            f"{name}: centre is a vector in space, (3,); got {len(owner.centre)} components"
-        )
+        raise InvalidInput(f"{name}: centre is a vector in space, (3,); got {len(owner.centre)} components")
     for what in ("weight", "centre"):
         value = getattr(owner, what)
         if not all(map(math.isfinite, value if what == "centre" else (value,))):

@@ -114,8 +114,7 @@ class LagrangeTop(HeavyTop):
 
         mu, g = exact_motion(motion, times.reshape(-1), "LagrangeTop.exact")
         return BodyState(
-            frozen_array(mu.reshape(*times.shape, 3), "mu"),
-            frozen_array(g.reshape(*times.shape, 3, 3), "g"),
+            frozen_array(mu.reshape(*times.shape, 3), "mu"), frozen_array(g.reshape(*times.shape, 3, 3), "g")
         )
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -189,9 +188,7 @@ class ReducedHeavyTop(LiePoissonSystem):
         body = RigidBody(self.inertia)
         object.__setattr__(self, "inertia", body.inertia)
         load = FixedPointGravity(self.weight, self.centre)
-        object.__setattr__(
-            self, "hamiltonian", HeavyTopEnergy(body.hamiltonian, load.weight, load.centre)
-        )
+        object.__setattr__(self, "hamiltonian", HeavyTopEnergy(body.hamiltonian, load.weight, load.centre))
 
     @property
     def alternatives(self) -> str:  # type: ignore[override]
@@ -209,14 +206,12 @@ class ReducedHeavyTop(LiePoissonSystem):
         """
         if start.g is None:
             raise InvalidInput(
-                f"{type(self).__name__}.from_top: start has no attitude; take "
-                "HeavyTop.state(mu=..., g=...)"
+                f"{type(self).__name__}.from_top: start has no attitude; take HeavyTop.state(mu=..., g=...)"
             )
         g = np.array(start.g)
         if g.shape[-2:] != (3, 3):
             raise InvalidInput(
-                f"{type(self).__name__}.from_top: start has g of shape "
-                f"{g.shape}; it must be a state of a HeavyTop"
+                f"{type(self).__name__}.from_top: start has g of shape {g.shape}; it must be a state of a HeavyTop"
             )
         motion = np.zeros((*g.shape[:-2], 4, 4))
         motion[..., :3, :3], motion[..., 3, 3] = g, 1.0

@@ -21,9 +21,7 @@ ROUNDING = 6 * np.finfo(float).eps
 WORDS = {3: "three", 6: "six"}
 
 
-def checked_inertia(
-    value: Any, name: str, dim: int, mixed: bool = False
-) -> tuple[Vec | Mat, Vec | np.ndarray]:
+def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tuple[Vec | Mat, Vec | np.ndarray]:
     """The inertia, as a diagonal, (dim,), or a matrix, (dim, dim), and its principal moments,
     (dim,).
 
@@ -40,8 +38,7 @@ def checked_inertia(
     array = real_array(value, name)
     if array.shape not in ((dim,), (dim, dim)):
         raise InvalidInput(
-            f"{name} has shape {array.shape}; give {WORDS[dim]} "
-            f"principal moments or a {dim}x{dim} matrix"
+            f"{name} has shape {array.shape}; give {WORDS[dim]} principal moments or a {dim}x{dim} matrix"
         )
     check_finite(array, name)
     moments, known, scaled = array, 0.0, ""
@@ -49,9 +46,7 @@ def checked_inertia(
         scale = float(np.abs(array).max()) or 1.0
         skew = float(np.abs(array - array.T).max())
         if skew > SYMMETRY * scale:
-            raise InvalidInput(
-                f"{name} is not symmetric: it and its transpose differ by {skew:.1e}"
-            )
+            raise InvalidInput(f"{name} is not symmetric: it and its transpose differ by {skew:.1e}")
         array = 0.5 * array + 0.5 * array.T
         if mixed:
             unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(array)), np.finfo(float).tiny))
@@ -62,7 +57,5 @@ def checked_inertia(
     least = float(moments.min())
     if least <= known:
         zero = ", which is zero up to rounding" if abs(least) <= known > 0.0 else ""
-        raise InvalidInput(
-            f"{name} has the principal moment {least:g}{scaled}{zero}; all must be positive"
-        )
+        raise InvalidInput(f"{name} has the principal moment {least:g}{scaled}{zero}; all must be positive")
     return (Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())), moments

@@ -9,19 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
-from ..formulas import (
-    Element,
-    Mat,
-    Record,
-    Vec,
-    cross,
-    derivative,
-    dot,
-    real_array,
-    record,
-    tanh,
-    vec,
-)
+from ..formulas import Element, Mat, Record, Vec, cross, derivative, dot, real_array, record, tanh, vec
 from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
 from ..groups.se3 import join
@@ -52,9 +40,7 @@ class JointForce(Record):
         super().__post_init__()
         name = type(self).__name__
         if type(self.joint) not in (str, int):
-            raise InvalidType(
-                f"{name}: joint is the name or the number of a joint; got {self.joint!r}"
-            )
+            raise InvalidType(f"{name}: joint is the name or the number of a joint; got {self.joint!r}")
 
     def effort(self, t: float, q: float, rate: float) -> float:
         """The torque in N m, or the force in N, at time t.  q : the angle in rad, or the shift in m;
@@ -194,8 +180,7 @@ class Motor(JointForce):
             number = real_array(self.torque, "Motor: torque")
             if number.ndim or not np.isfinite(number):
                 raise InvalidInput(
-                    "Motor: torque is a number or a PiecewisePolynomial of the time; got "
-                    f"{self.torque!r}"
+                    f"Motor: torque is a number or a PiecewisePolynomial of the time; got {self.torque!r}"
                 )
             object.__setattr__(self, "torque", float(number))
         elif self.torque.size:
@@ -227,11 +212,7 @@ class Limited(JointForce):
     def __post_init__(self) -> None:
         super().__post_init__()
         given: Any = self.given
-        if (
-            not isinstance(given, JointForce)
-            or given.freedom != self.freedom
-            or given.joint not in (self.joint, 0)
-        ):
+        if not isinstance(given, JointForce) or given.freedom != self.freedom or given.joint not in (self.joint, 0):
             raise InvalidType(
                 "Limited: given is a JointForce such as Motor(0, 2.0), at the same joint and along the same "
                 f"freedom; got {given!r} at joint {self.joint!r}"
@@ -294,9 +275,7 @@ class AtJoint(Record):
         """The torques or forces along the coordinates of a path, lam . dc/dq."""
         joint = self.joint.at_time(t)
         first, second = both(joint, g)
-        return vec(
-            *[dot(multipliers, vec(*row)) for row in joint.paces_by_coordinates(first, second)]
-        )
+        return vec(*[dot(multipliers, vec(*row)) for row in joint.paces_by_coordinates(first, second)])
 
     def rotor(self, g: Vec, xi: Vec) -> Vec:
         """The momentum of the joint's rotor, as a part of that of the bodies, A q' along its motion."""
@@ -349,12 +328,7 @@ class AtJoint(Record):
     def effort_at(self, force: Any, t: float, q: Vec, rates: Vec) -> Vec:
         """Those of one force at the coordinates that it sees."""
         some = acting(force, self.joint)
-        found = vec(
-            *[
-                force.effort(t, q[i], rates[i]) if i in some else 0.0
-                for i in range(self.joint.freedoms)
-            ]
-        )
+        found = vec(*[force.effort(t, q[i], rates[i]) if i in some else 0.0 for i in range(self.joint.freedoms)])
         return self.joint.slopes(q, found) if isinstance(force, JointPotential) else found
 
     def push(self, t: float, g: Vec, rates: Vec) -> Any:

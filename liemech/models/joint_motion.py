@@ -58,11 +58,7 @@ class JointMotion:
         """This motion with the torque, power and work of one force alone, or of those of a class such
         as Motor.
         """
-        some = [
-            one
-            for one in self.at.forces
-            if one == force or (isinstance(force, type) and isinstance(one, force))
-        ]
+        some = [one for one in self.at.forces if one == force or (isinstance(force, type) and isinstance(one, force))]
         return replace(self, at=AtJoint(self.at.joint, tuple(some)))
 
     @cached_property
@@ -176,9 +172,7 @@ class JointMotion:
     def _alone(self, x: np.ndarray) -> np.ndarray:
         """Of one freedom without its axis."""
         if not self.at.joint.freedoms:
-            raise InvalidInput(
-                f"a {type(self.at.joint).__name__} has no coordinates: it has a reaction only"
-            )
+            raise InvalidInput(f"a {type(self.at.joint).__name__} has no coordinates: it has a reaction only")
         return x[..., 0] if self.at.joint.freedoms == 1 else x
 
 

@@ -17,12 +17,7 @@ from ..groups.se3 import join
 from ..groups.so3 import SO3
 from ..systems.constraint import Constraint, Rows
 
-GROUND = mat(
-    vec(1.0, 0.0, 0.0, 0.0),
-    vec(0.0, 1.0, 0.0, 0.0),
-    vec(0.0, 0.0, 1.0, 0.0),
-    vec(0.0, 0.0, 0.0, 1.0),
-)
+GROUND = mat(vec(1.0, 0.0, 0.0, 0.0), vec(0.0, 1.0, 0.0, 0.0), vec(0.0, 0.0, 1.0, 0.0), vec(0.0, 0.0, 0.0, 1.0))
 AXES = vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0)
 ORIGIN = Vec(0.0, 0.0, 0.0)
 REST = vec(0.0, 0.0, 0.0)
@@ -60,29 +55,19 @@ class Joint(Record):
         name = type(self).__name__
         if self.name is not None and (type(self.name) is not str or not self.name):
             raise InvalidType(f"{name}: name must be a text; got {self.name!r}")
-        for what, number in (
-            ("first", self.first),
-            ("second", 0 if self.second is None else self.second),
-        ):
+        for what, number in (("first", self.first), ("second", 0 if self.second is None else self.second)):
             if type(number) is not int or number < 0:
                 raise InvalidType(
-                    f"{name}: {what} is the number of a body, 0 or more "
-                    f"(second: None is the ground); got {number!r}"
+                    f"{name}: {what} is the number of a body, 0 or more (second: None is the ground); got {number!r}"
                 )
         armature = getattr(self, "armature", 0.0)
         if not 0.0 <= armature < np.inf:
             raise InvalidInput(f"{name}: armature must be 0 or more; got {armature!r}")
         if self.first == self.second:
-            raise InvalidInput(
-                f"{name}: a joint holds two bodies together; first and second are both {self.first}"
-            )
+            raise InvalidInput(f"{name}: a joint holds two bodies together; first and second are both {self.first}")
         for given, value in vars(self).items():
-            if given.startswith(("at_", "axis")) and (
-                len(value) != 3 or not np.isfinite(np.array(value)).all()
-            ):
-                raise InvalidInput(
-                    f"{name}: {given} must be a vector in space, (3,), and finite; got {value}"
-                )
+            if given.startswith(("at_", "axis")) and (len(value) != 3 or not np.isfinite(np.array(value)).all()):
+                raise InvalidInput(f"{name}: {given} must be a vector in space, (3,), and finite; got {value}")
             if given.startswith("axis"):
                 if not any(value):
                     raise InvalidInput(f"{name}: {given} must have a direction; got {value}")
@@ -318,9 +303,7 @@ class PrismaticJoint(Joint):
         d = place(k, self.at_second) - place(g, self.at_first)
         axes, others = (turned(g, e) for e in AXES), self._others(k)
         e, o = [*axes], [*others]
-        return vec(
-            *[dot(turned(g, u), d) for u in across(self.axis)], *[dot(e[i], o[j]) for i, j in TURNS]
-        )
+        return vec(*[dot(turned(g, u), d) for u in across(self.axis)], *[dot(e[i], o[j]) for i, j in TURNS])
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the connection, and of the axes."""
@@ -328,10 +311,7 @@ class PrismaticJoint(Joint):
         slides: list[Any] = []
         for u in across(self.axis):
             n = turned(g, u)
-            slides = [
-                *slides,
-                (turning(g, u, d) - along(g, self.at_first, n), along(k, self.at_second, n)),
-            ]
+            slides = [*slides, (turning(g, u, d) - along(g, self.at_first, n), along(k, self.at_second, n))]
         return (*slides, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
@@ -526,8 +506,7 @@ class RigidRod(Joint):
         super().__post_init__()
         if not 0.0 < self.length < np.inf:
             raise InvalidInput(
-                f"RigidRod: length must be positive; got {self.length!r} "
-                "(two points in one place are a BallJoint)"
+                f"RigidRod: length must be positive; got {self.length!r} (two points in one place are a BallJoint)"
             )
 
     def value(self, g: Mat, k: Mat) -> Vec:
@@ -598,13 +577,7 @@ class Joints(Constraint):
 
     def value(self, g: Vec) -> Vec:
         """Those of the joints, one after another.  g : an element of the product, (16 N,)."""
-        return vec(
-            *[
-                value
-                for joint, kept in self.counted
-                for value in some(joint.value(*both(joint, g)), kept)
-            ]
-        )
+        return vec(*[value for joint, kept in self.counted for value in some(joint.value(*both(joint, g)), kept)])
 
     def rows(self, group: LieGroup, g: Vec) -> Rows:
         """Those of the joints; of the ground none."""
@@ -711,9 +684,7 @@ def some(items: Any, numbers: Any) -> list[Any]:
 
 def _rows(joint: Joint, g: Vec) -> list[Any]:
     rows = joint.rows(*both(joint, g))
-    return (
-        [(row[0],) for row in rows] if joint.second is None else [(row[0], row[1]) for row in rows]
-    )
+    return [(row[0],) for row in rows] if joint.second is None else [(row[0], row[1]) for row in rows]
 
 
 def both(joint: Joint, g: Vec) -> tuple[Mat, Mat]:

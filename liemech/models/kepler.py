@@ -74,10 +74,7 @@ class Kepler(SeparableSystem):
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, angular momentum, Runge-Lenz vector."""
         q, p = states["q"], states["p"]
-        kept = {
-            "angular momentum": self.angular_momentum(q, p),
-            "Runge-Lenz vector": self.runge_lenz(q, p),
-        }
+        kept = {"angular momentum": self.angular_momentum(q, p), "Runge-Lenz vector": self.runge_lenz(q, p)}
         return super().constants(states) | {name: np.asarray(value) for name, value in kept.items()}
 
     # ---------------------------------------------------------------- the exact motion
@@ -87,9 +84,7 @@ class Kepler(SeparableSystem):
         axis : the semi-major one, in m.
         """
         if not 0.0 <= eccentricity < 1.0:
-            raise InvalidInput(
-                f"Kepler.pericentre: eccentricity is at least 0 and less than 1; got {eccentricity}"
-            )
+            raise InvalidInput(f"Kepler.pericentre: eccentricity is at least 0 and less than 1; got {eccentricity}")
         if not 0.0 < axis < np.inf:
             raise InvalidInput(f"Kepler.pericentre: axis is positive; got {axis}")
         speed = np.sqrt(self.attraction / axis * (1.0 + eccentricity) / (1.0 - eccentricity))
@@ -100,9 +95,7 @@ class Kepler(SeparableSystem):
         alone(start, "Kepler.period", "planet")
         energy = float(self.energy(start.q, start.p))
         if not energy < 0.0:
-            raise InvalidInput(
-                f"Kepler.period: the orbit is no ellipse, its energy is {energy:.3g}"
-            )
+            raise InvalidInput(f"Kepler.period: the orbit is no ellipse, its energy is {energy:.3g}")
         axis = -0.5 * self.attraction / energy
         return float(2.0 * np.pi * np.sqrt(axis**3 / self.attraction))
 
@@ -128,6 +121,4 @@ class Kepler(SeparableSystem):
             raise InvalidInput(
                 f"{name}: at t = {met:.6g} the planet meets the sun, or numbers leave the range of floats"
             )
-        return CanonicalState(
-            rows[:, :2].reshape(*times.shape, 2), rows[:, 2:].reshape(*times.shape, 2)
-        )
+        return CanonicalState(rows[:, :2].reshape(*times.shape, 2), rows[:, 2:].reshape(*times.shape, 2))

@@ -54,15 +54,10 @@ class KirchhoffBody(LiePoissonSystem):
         mass and what the fluid adds, a number, (3,) or (3, 3), in kg.  coupling : D, (3, 3), in kg
         m.
         """
-        J, M = (
-            _square(block, f"KirchhoffBody: {name}")
-            for block, name in ((angular, "angular"), (linear, "linear"))
-        )
+        J, M = (_square(block, f"KirchhoffBody: {name}") for block, name in ((angular, "angular"), (linear, "linear")))
         D = real_array(coupling, "KirchhoffBody: coupling")
         if D.shape not in ((), (3, 3)) or (D.shape == () and D != 0.0):
-            raise InvalidInput(
-                f"KirchhoffBody: coupling is a 3x3 matrix, or left out; got {coupling!r}"
-            )
+            raise InvalidInput(f"KirchhoffBody: coupling is a 3x3 matrix, or left out; got {coupling!r}")
         check_finite(D, "KirchhoffBody: coupling")
         D = D * np.ones((3, 3))
         whole = np.block([[J, D], [D.T, M]])

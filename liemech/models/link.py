@@ -100,10 +100,7 @@ KINDS = ("box", "cylinder", "ball", "mesh")
 def _require_place(self: Any, name: str) -> None:
     """Refuse what is no body, or no pose."""
     if self.body is not None and (type(self.body) is not int or self.body < 0):
-        raise InvalidType(
-            f"{name}: body is the number of a link, 0 or more, or None for the ground; got "
-            f"{self.body!r}"
-        )
+        raise InvalidType(f"{name}: body is the number of a link, 0 or more, or None for the ground; got {self.body!r}")
     pose = real_array(self.pose, f"{name}: pose")
     if pose.shape != (4, 4) or not SE3().contains(pose):
         raise InvalidInput(f"{name}: pose must be [[R, p], [0, 1]], (4, 4); got {pose.tolist()}")

@@ -25,15 +25,7 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.potential import Potential
 from .body_forces import of_bodies
 from .given_motion import MovedJoint, MovingSupport, moved, require_motion
-from .joint_forces import (
-    AtJoint,
-    JointForce,
-    JointPotential,
-    LinkageForce,
-    LinkagePotential,
-    acting,
-    rates_of,
-)
+from .joint_forces import AtJoint, JointForce, JointPotential, LinkageForce, LinkagePotential, acting, rates_of
 from .joint_motion import JointAngle, JointMotion, LinkMotion
 from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors
 from .link import Frame, Link, LinkShape
@@ -140,14 +132,8 @@ class Linkage(ConstrainedBody):
     def __post_init__(self) -> None:
         given: Any = self
         for name, items, kind in (("links", given.links, Link), ("joints", given.joints, Joint)):
-            if (
-                not isinstance(items, (list, tuple))
-                or not items
-                or not all(isinstance(x, kind) for x in items)
-            ):
-                raise InvalidType(
-                    f"Linkage: {name} is a list of one or more {kind.__name__}s; got {items!r}"
-                )
+            if not isinstance(items, (list, tuple)) or not items or not all(isinstance(x, kind) for x in items):
+                raise InvalidType(f"Linkage: {name} is a list of one or more {kind.__name__}s; got {items!r}")
         links, joints = tuple(self.links), tuple(self.joints)
         for what, fixed in (("frames", Frame), ("shapes", LinkShape)):
             value = getattr(self, what)
@@ -155,8 +141,7 @@ class Linkage(ConstrainedBody):
                 raise InvalidType(f"Linkage: {what} is a list of {fixed.__name__}s; got {value!r}")
             if not all(x.body is None or x.body < len(links) for x in value):
                 raise InvalidInput(
-                    f"Linkage: {what} name bodies that are not there; there are {len(links)}, "
-                    "numbered from 0"
+                    f"Linkage: {what} name bodies that are not there; there are {len(links)}, numbered from 0"
                 )
             object.__setattr__(self, what, tuple(value))
         if not any(joint.conditions for joint in joints):
@@ -168,8 +153,7 @@ class Linkage(ConstrainedBody):
             for number in (joint.first, joint.second):
                 if number is not None and number >= len(links):
                     raise InvalidInput(
-                        f"Linkage: {joint!r} holds body {number}; there "
-                        f"are {len(links)}, numbered from 0"
+                        f"Linkage: {joint!r} holds body {number}; there are {len(links)}, numbered from 0"
                     )
         _require_unlike("links", links)
         _require_unlike("joints", joints)
@@ -199,13 +183,8 @@ class Linkage(ConstrainedBody):
         given: Any = self.motions
         if isinstance(given, Mapping):
             given = tuple(given.items())
-        if not isinstance(given, tuple) or not all(
-            isinstance(pair, tuple) and len(pair) == 2 for pair in given
-        ):
-            raise InvalidType(
-                'Linkage: motions are given by joint, such as {"crank": plan}; got '
-                f"{self.motions!r}"
-            )
+        if not isinstance(given, tuple) or not all(isinstance(pair, tuple) and len(pair) == 2 for pair in given):
+            raise InvalidType(f'Linkage: motions are given by joint, such as {{"crank": plan}}; got {self.motions!r}')
         object.__setattr__(self, "motions", given)
         if any(isinstance(joint, MovedJoint) for joint in self.joints):  # of another linkage
             return self.joints
@@ -224,9 +203,7 @@ class Linkage(ConstrainedBody):
                     raise InvalidInput(f"Linkage: two motions are given for {self.label(j)}")
                 (supports if support else paths)[j] = one
         return tuple(
-            moved(joint, supports.get(j), paths.get(j), self.label(j))
-            if j in supports or j in paths
-            else joint
+            moved(joint, supports.get(j), paths.get(j), self.label(j)) if j in supports or j in paths else joint
             for j, joint in enumerate(self.joints)
         )
 
@@ -261,10 +238,7 @@ class Linkage(ConstrainedBody):
     @property
     def _meshed(self) -> list[tuple[int, int, float, float]]:
         """Of each Mimic the numbers of its joint and of the one that it follows, ratio and offset."""
-        return [
-            (self.number(one.joint), self.number(one.leader), one.ratio, one.offset)
-            for one in self.mimics
-        ]
+        return [(self.number(one.joint), self.number(one.leader), one.ratio, one.offset) for one in self.mimics]
 
     @property
     def _turns(self) -> dict[int, tuple[int, float]]:
@@ -422,9 +396,7 @@ class Linkage(ConstrainedBody):
                     f"a {type(joint).__name__} has {joint.freedoms}, numbered from 0"
                 )
             found[not self._has_potential(force)].setdefault(number, []).append(force)
-        springs, others = (
-            tuple(AtJoint(self.joints[j], tuple(some[j])) for j in sorted(some)) for some in found
-        )
+        springs, others = (tuple(AtJoint(self.joints[j], tuple(some[j])) for j in sorted(some)) for some in found)
         return springs, others
 
     def _has_potential(self, force: JointForce) -> bool:
@@ -506,17 +478,10 @@ class Linkage(ConstrainedBody):
             return self.vouched(self.at_time(t).assembled(poses, velocities))
         count = len(self.links)
         g = real_array(poses, "Linkage.assembled: poses")
-        xi = (
-            np.zeros((count, 6))
-            if velocities is None
-            else real_array(velocities, "Linkage.assembled: velocities")
-        )
+        xi = np.zeros((count, 6)) if velocities is None else real_array(velocities, "Linkage.assembled: velocities")
         for name, array, shape in (("poses", g, (count, 4, 4)), ("velocities", xi, (count, 6))):
             if array.shape != shape:
-                raise InvalidInput(
-                    f"Linkage.assembled: {name} has shape "
-                    f"{array.shape}; {count} bodies have {shape}"
-                )
+                raise InvalidInput(f"Linkage.assembled: {name} has shape {array.shape}; {count} bodies have {shape}")
         mu = np.array(self.body.body.lagrangian.momentum(xi.reshape(6 * count)))
         return self.consistent(mu, g.reshape(16 * count))
 
@@ -550,9 +515,7 @@ class Linkage(ConstrainedBody):
                 raise InvalidInput("Linkage.state: near goes with angles or rates")
             return super().state(mu, g, xi=xi)
         if mu is not None or g is not None or xi is not None:
-            raise InvalidInput(
-                "Linkage.state: give angles and rates, or momenta and poses, not both"
-            )
+            raise InvalidInput("Linkage.state: give angles and rates, or momenta and poses, not both")
         q, speeds = self._by_number("angles", angles), self._by_number("rates", rates)
         for j, leader, ratio, offset in self._meshed:
             q[j] = ratio * q.get(leader, np.zeros(1)) + offset
@@ -598,22 +561,17 @@ class Linkage(ConstrainedBody):
         array = real_array(poses, f"Linkage.{name}")
         if array.shape != (len(self.links), 4, 4):
             raise InvalidInput(
-                f"Linkage.{name} has shape {array.shape}; {len(self.links)} bodies have "
-                f"{(len(self.links), 4, 4)}"
+                f"Linkage.{name} has shape {array.shape}; {len(self.links)} bodies have {(len(self.links), 4, 4)}"
             )
         for b, pose in enumerate(array):
             if not SE3().contains(pose):
-                raise InvalidInput(
-                    f"Linkage.{name}[{b}] is no pose, [[R, p], [0, 1]]; got {pose.tolist()}"
-                )
+                raise InvalidInput(f"Linkage.{name}[{b}] is no pose, [[R, p], [0, 1]]; got {pose.tolist()}")
         return array
 
     def _by_number(self, what: str, given: Any) -> dict[int, np.ndarray]:
         """Coordinates or rates by the numbers of joints."""
         if given is not None and not isinstance(given, Mapping):
-            raise InvalidType(
-                f'Linkage.state: {what} are given by joint, such as {{"elbow": 0.3}}; got {given!r}'
-            )
+            raise InvalidType(f'Linkage.state: {what} are given by joint, such as {{"elbow": 0.3}}; got {given!r}')
         found = {}
         for joint, value in (given or {}).items():
             number = self.number(joint)
@@ -728,9 +686,7 @@ class Linkage(ConstrainedBody):
                     return np.broadcast_to(pose, (*poses.shape[:-3], 4, 4)).copy()
                 return np.asarray(poses[..., one.body, :, :] @ pose)
         names = [one.name for one in self.frames]
-        raise InvalidInput(
-            f"Linkage.frame: there is no frame {name!r}{meant(name, names)}; there are {names}"
-        )
+        raise InvalidInput(f"Linkage.frame: there is no frame {name!r}{meant(name, names)}; there are {names}")
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
         """Angular momentum about the origin and linear momentum of all bodies together, seen from
@@ -797,9 +753,7 @@ class Linkage(ConstrainedBody):
         """
         changes, flat = [], g.reshape(-1, g.shape[-1])
         for one in flat[[0, len(flat) // 2, -1]]:
-            turns = np.concatenate(
-                [np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)]
-            )
+            turns = np.concatenate([np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)])
             forced = [self.number(force.joint) for force in self.forces]
             for rows in (
                 self._matrix(self.rows(one)),
@@ -854,12 +808,7 @@ def _inertia(links: tuple[Link, ...]) -> np.ndarray:
 
 
 def chain(
-    count: int,
-    mass: float = 1.0,
-    length: float = 1.0,
-    radius: float = 0.05,
-    axis: Any = None,
-    gravity: float = 9.80665,
+    count: int, mass: float = 1.0, length: float = 1.0, radius: float = 0.05, axis: Any = None, gravity: float = 9.80665
 ) -> Linkage:
     """Equal rods that hang one from another, the first from the origin, by ball joints or, given an
     axis, by hinges.
@@ -872,10 +821,7 @@ def chain(
     if type(count) is not int or count < 1:
         raise InvalidInput(f"chain: count is a whole number of rods, at least 1; got {count!r}")
     top, bottom = vec(0.0, 0.0, 0.5 * length), vec(0.0, 0.0, -0.5 * length)
-    ends = [
-        (b, None, top, vec(0.0, 0.0, 0.0)) if b == 0 else (b, b - 1, top, bottom)
-        for b in range(count)
-    ]
+    ends = [(b, None, top, vec(0.0, 0.0, 0.0)) if b == 0 else (b, b - 1, top, bottom) for b in range(count)]
     linkage, hinge = Linkage, RevoluteJoint  # type: Any, Any
     joints: list[Any] = [BallJoint(*end) for end in ends]
     if axis is not None:

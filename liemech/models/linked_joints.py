@@ -173,10 +173,7 @@ def linked(linkage: Any) -> LinkedForm:
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
     geared: bool = getattr(given, "geared", False)
     made: Any = GearedJoint if geared else LinkedJoint
-    joints = [
-        made(replace(joint, first=0, second=1, name=None), *some)
-        for (joint, _), some in zip(counted, acting)
-    ]
+    joints = [made(replace(joint, first=0, second=1, name=None), *some) for (joint, _), some in zip(counted, acting)]
     layouts = [layout_of(joint) for joint in joints]
     kinds = tuple(dict.fromkeys(layouts))
     most = max(joint.joint.conditions for joint in joints) + int(geared)
@@ -192,16 +189,7 @@ def linked(linkage: Any) -> LinkedForm:
         hubs = []  # a joint of hubs alone has no block before them, and would be needed by what shares its rotor
     parts = -(-6 // most) if hubs else 0  # nodes of a hub
     rows = Rows.of(
-        full,
-        most,
-        freedoms,
-        own,
-        sum(kind.width for kind in fields),
-        pushed,
-        bent,
-        moving,
-        parts > 0,
-        geared,
+        full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent, moving, parts > 0, geared
     )
     most_places = max(len(given.links), len(joints) + parts * len(hubs))
     places = FEW if most_places <= FEW else EIGHT * -(-most_places // EIGHT)
@@ -333,11 +321,7 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
                 at[b].discard(j)
         # a joint becomes free when it is the last one of a body
         for k in near:
-            if (
-                k not in known
-                and any(len(at[b]) == 1 for b in ends[k] if b >= 0)
-                and _is_free(ends[k], at)
-            ):
+            if k not in known and any(len(at[b]) == 1 for b in ends[k] if b >= 0) and _is_free(ends[k], at):
                 known.add(k)
                 heapq.heappush(free, (turn + 1, k))
     loops = {j: set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
@@ -533,6 +517,4 @@ def sides_of(ties: dict[int, Tie]) -> tuple[int, int]:
 
 def _sides(one: tuple[int, int], other: tuple[int, int]) -> list[tuple[int, int]]:
     """The sides of two joints on which they have a body in common."""
-    return [
-        (s, t) for s, b in enumerate(one[:2]) for t, c in enumerate(other[:2]) if b == c and b >= 0
-    ]
+    return [(s, t) for s, b in enumerate(one[:2]) for t, c in enumerate(other[:2]) if b == c and b >= 0]

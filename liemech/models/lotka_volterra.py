@@ -72,10 +72,7 @@ class LotkaVolterra(PoissonSystem):
         rows = [real_array(getattr(self, key), f"{name}: {key}") for key in ("weights", "rates")]
         for key, row in zip(("weights", "rates"), rows, strict=True):
             if row.shape != (n,) or not np.isfinite(row).all():
-                raise InvalidInput(
-                    f"{name}: {key} are {n} finite numbers, as "
-                    f"coupling has rows; got {row.tolist()}"
-                )
+                raise InvalidInput(f"{name}: {key} are {n} finite numbers, as coupling has rows; got {row.tolist()}")
         object.__setattr__(self, "structure", structure)
         parts = [
             FunctionOfCoordinate(Species(i, n, d, p), i)

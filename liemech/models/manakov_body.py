@@ -41,14 +41,10 @@ class ManakovBody(LiePoissonSystem):
     def __post_init__(self) -> None:
         moments = real_array(self.moments, "ManakovBody: moments")
         if moments.ndim != 1 or len(moments) < 3:
-            raise InvalidInput(
-                f"ManakovBody: moments are n positive numbers, n at least 3; got {self.moments!r}"
-            )
+            raise InvalidInput(f"ManakovBody: moments are n positive numbers, n at least 3; got {self.moments!r}")
         if not (np.isfinite(moments) & (moments > 0.0)).all():
             bad = int(np.flatnonzero(~(np.isfinite(moments) & (moments > 0.0)))[0])
-            raise InvalidInput(
-                f"ManakovBody: moments[{bad}] is {moments[bad]:g}; it must be positive"
-            )
+            raise InvalidInput(f"ManakovBody: moments[{bad}] is {moments[bad]:g}; it must be positive")
         group = SO(len(moments))
         k, i, j, _ = group._entries()
         inertia = np.zeros(group.dim)
@@ -72,11 +68,7 @@ class ManakovBody(LiePoissonSystem):
             by_m = [p @ m for p in powers]
             by_l = [p @ square for p in powers]
             powers = [by_m[0], *[a + b for a, b in zip(by_m[1:], by_l)], by_l[-1]]
-            found += [
-                np.trace(p, axis1=-2, axis2=-1) / k
-                for j, p in enumerate(powers)
-                if (k - j) % 2 == 0 and j < k
-            ]
+            found += [np.trace(p, axis1=-2, axis2=-1) / k for j, p in enumerate(powers) if (k - j) % 2 == 0 and j < k]
         return np.stack(found, axis=-1)
 
     @property
@@ -88,7 +80,5 @@ class ManakovBody(LiePoissonSystem):
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs, the spatial momentum if the attitude is known, and Manakov's integrals."""
         values = self.integrals(states["mu"])
-        own = {
-            f"Manakov ({k}, {j})": values[..., i] for i, (k, j) in enumerate(self.pairs) if j > 0
-        }
+        own = {f"Manakov ({k}, {j})": values[..., i] for i, (k, j) in enumerate(self.pairs) if j > 0}
         return super().constants(states) | own

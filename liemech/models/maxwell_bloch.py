@@ -75,9 +75,7 @@ class MaxwellBloch(PoissonSystem):
     (1994), 679.
     """
 
-    structure: MaxwellBlochStructure = field(
-        init=False, repr=False, default=MaxwellBlochStructure()
-    )
+    structure: MaxwellBlochStructure = field(init=False, repr=False, default=MaxwellBlochStructure())
     hamiltonian: SplitHamiltonian = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

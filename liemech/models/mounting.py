@@ -89,10 +89,7 @@ def hung_velocities(linkage: Any, g: Any, rates: dict[int, np.ndarray]) -> np.nd
             if other in found:
                 continue
             poses = both(joint, g)
-            pairs, wanted = (
-                [*joint.rows(*poses)],
-                [*(joint.paces(*poses) or [0.0] * joint.conditions)],
-            )
+            pairs, wanted = ([*joint.rows(*poses)], [*(joint.paces(*poses) or [0.0] * joint.conditions)])
             goal = [-x for x in wanted]
             if number in rates:
                 pairs += joint.motions(*poses)

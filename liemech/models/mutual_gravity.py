@@ -54,9 +54,7 @@ class MutualGravity(Term):
         d = _centre(b.g) - _centre(a.g)
         first, second = _turned_back(a.g, d), _turned_back(b.g, d)
         square = dot(d, d)
-        along = b.mass * dot(first, _times(a.inertia, first)) + a.mass * dot(
-            second, _times(b.inertia, second)
-        )
+        along = b.mass * dot(first, _times(a.inertia, first)) + a.mass * dot(second, _times(b.inertia, second))
         trace = b.mass * _trace(a.inertia) + a.mass * _trace(b.inertia)
         shape = (0.5 / square) * (trace - 3.0 * along / square)
         return -(self.constant / sqrt(square)) * (a.mass * b.mass + shape)
@@ -119,10 +117,7 @@ def _trace(J: Any) -> float:
 
 # ------------------------------------------------------------------ ready systems
 
-KW4 = (
-    (2.353e12, (3.8767e17, 4.0605e17, 4.6104e17)),
-    (0.135e12, (2.0963e15, 3.1614e15, 3.7114e15)),
-)
+KW4 = ((2.353e12, (3.8767e17, 4.0605e17, 4.6104e17)), (0.135e12, (2.0963e15, 3.1614e15, 3.7114e15)))
 """Masses and principal moments of Alpha and Beta, kg and kg m^2: the moments are those of the two
 radar shape models, filled evenly.
 """
@@ -168,8 +163,7 @@ class GravitatingBodies(MechanicalSystem):
         J = real_array(self.inertias, f"{name}: inertias")
         if m.ndim != 1 or len(m) < 2 or J.shape != (len(m), 3):
             raise InvalidInput(
-                f"{name}: masses are (N,), two at least, and inertias (N, 3); got shapes {m.shape} "
-                f"and {J.shape}"
+                f"{name}: masses are (N,), two at least, and inertias (N, 3); got shapes {m.shape} and {J.shape}"
             )
         for what, values in (("masses", m), ("inertias", J)):
             if not (values > 0.0).all():
@@ -195,12 +189,7 @@ class GravitatingBodies(MechanicalSystem):
         name, m = f"{type(self).__name__}.state_of", np.array(self.masses)
         x, v, R, w = (
             real_array(value, f"{name}: {what}")
-            for what, value in (
-                ("places", places),
-                ("velocities", velocities),
-                ("axes", axes),
-                ("spins", spins),
-            )
+            for what, value in (("places", places), ("velocities", velocities), ("axes", axes), ("spins", spins))
         )
         n = len(m)
         for what, value, shape in (
@@ -212,8 +201,7 @@ class GravitatingBodies(MechanicalSystem):
             if value.shape != shape:
                 raise InvalidInput(f"{name}: {what} have shape {value.shape}; give {shape}")
         found: SiteState = self.state(  # type: ignore[assignment]
-            mu=np.column_stack([np.array(self.inertias) * w, m[:, None] * v]),
-            g=np.column_stack([R.reshape(n, 9), x]),
+            mu=np.column_stack([np.array(self.inertias) * w, m[:, None] * v]), g=np.column_stack([R.reshape(n, 9), x])
         )
         return found
 
@@ -232,9 +220,7 @@ class GravitatingBodies(MechanicalSystem):
     # ---------------------------------------------------------------- known bodies
 
     @classmethod
-    def asteroid_1999_kw4(
-        cls, tilt: float = 0.0, libration: float = 0.0
-    ) -> tuple[GravitatingBodies, SiteState]:
+    def asteroid_1999_kw4(cls, tilt: float = 0.0, libration: float = 0.0) -> tuple[GravitatingBodies, SiteState]:
         """The binary asteroid (66391) 1999 KW4, Moshup and Squannit: Alpha spins in 2.7645 hours,
         Beta orbits it in about 17.4 hours, keeping one face to it; metres, seconds, kilograms.
 
@@ -283,9 +269,7 @@ class GravitatingBodies(MechanicalSystem):
         share = m[2] / m[1:].sum()
         away = m[1:].sum() / m.sum()
         places, velocities = (
-            np.stack(
-                [-away * y, (1.0 - away) * y - share * z, (1.0 - away) * y + (1.0 - share) * z]
-            )
+            np.stack([-away * y, (1.0 - away) * y - share * z, (1.0 - away) * y + (1.0 - share) * z])
             for y, z in zip(sun, moon, strict=True)
         )
         axes = np.stack([SO3().exp(np.array([0.0, -tilt, 0.0])) for tilt in tilts])

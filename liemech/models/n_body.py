@@ -32,22 +32,10 @@ EIGHT_PERIOD = 6.325913982926211677589000333967
 
 OUTER = (
     (1.00000597682, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-    (
-        0.000954786104043,
-        (-3.5023653, -3.8169847, -1.5507963),
-        (0.00565429, -0.00412490, -0.00190589),
-    ),
+    (0.000954786104043, (-3.5023653, -3.8169847, -1.5507963), (0.00565429, -0.00412490, -0.00190589)),
     (0.000285583733151, (9.0755314, -3.0458353, -1.6483708), (0.00168318, 0.00483525, 0.00192462)),
-    (
-        0.0000437273164546,
-        (8.3101420, -16.2901086, -7.2521278),
-        (0.00354178, 0.00137102, 0.00055029),
-    ),
-    (
-        0.0000517759138449,
-        (11.4707666, -25.7294829, -10.8169456),
-        (0.00288930, 0.00114527, 0.00039677),
-    ),
+    (0.0000437273164546, (8.3101420, -16.2901086, -7.2521278), (0.00354178, 0.00137102, 0.00055029)),
+    (0.0000517759138449, (11.4707666, -25.7294829, -10.8169456), (0.00288930, 0.00114527, 0.00039677)),
     (1.0 / 1.3e8, (-15.5387357, -25.2225594, -3.1902382), (0.00276725, -0.00170702, -0.00136504)),
 )
 """Masses in Suns, positions in AU, velocities in AU/day: the Sun with the inner planets, Jupiter,
@@ -77,13 +65,9 @@ class NBody(SeparableSites):
 
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
-            raise InvalidInput(
-                f"{type(self).__name__}: dimension is 2 or 3; got {self.dimension!r}"
-            )
+            raise InvalidInput(f"{type(self).__name__}: dimension is 2 or 3; got {self.dimension!r}")
         if len(self.masses) < 2:
-            raise InvalidInput(
-                f"{type(self).__name__}: masses are two at least; got {self.masses!r}"
-            )
+            raise InvalidInput(f"{type(self).__name__}: masses are two at least; got {self.masses!r}")
         super().__post_init__()
         check_positive(self, "masses", "gravity")
 
@@ -108,8 +92,7 @@ class NBody(SeparableSites):
         for member in q.reshape(-1, len(self.masses), self.dimension):
             for i, j in in_one_place(member):
                 raise InvalidInput(
-                    f"{name}: masses {i} and {j} are in one place, where they draw each other without "
-                    "limit"
+                    f"{name}: masses {i} and {j} are in one place, where they draw each other without limit"
                 )
 
     def kinetic(self, p: Vec) -> float:
@@ -125,9 +108,7 @@ class NBody(SeparableSites):
         total = 0.0
         for i in range(len(self.masses)):
             for j in range(i):
-                total = total - self.gravity * self.masses[i] * self.masses[j] / norm(
-                    self._apart(q, i, j)
-                )
+                total = total - self.gravity * self.masses[i] * self.masses[j] / norm(self._apart(q, i, j))
         return total
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
@@ -158,9 +139,7 @@ class NBody(SeparableSites):
         d = self.dimension
         planes = ((0, 1),) if d == 2 else ((1, 2), (2, 0), (0, 1))
         bodies = range(0, self.degrees, d)
-        return vec(
-            *[sum([q[i + a] * p[i + b] - q[i + b] * p[i + a] for i in bodies]) for a, b in planes]
-        )
+        return vec(*[sum([q[i + a] * p[i + b] - q[i + b] * p[i + a] for i in bodies]) for a, b in planes])
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, momentum, angular momentum."""
@@ -187,9 +166,7 @@ class NBody(SeparableSites):
         Mechanics, Contemp. Math. 292 (2002).
         """
         system = cls(masses=vec(1.0, 1.0, 1.0), gravity=1.0, dimension=2)
-        return system, system.state(
-            [-1.0, 0.0, 1.0, 0.0, 0.0, 0.0], [VX, VY, VX, VY, -2.0 * VX, -2.0 * VY]
-        )
+        return system, system.state([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0], [VX, VY, VX, VY, -2.0 * VX, -2.0 * VY])
 
     @classmethod
     def outer_solar_system(cls, barycentric: bool = True) -> tuple[NBody, CanonicalState]:

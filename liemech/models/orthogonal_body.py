@@ -38,9 +38,7 @@ class OrthogonalBody(SeparableConstrainedSystem):
         super().__post_init__()
         J = np.array(self.inertia)
         if J.shape != (3,) or not (np.isfinite(J) & (J > 0.0)).all():
-            raise InvalidInput(
-                f"OrthogonalBody: inertia is three positive moments; got {self.inertia}"
-            )
+            raise InvalidInput(f"OrthogonalBody: inertia is three positive moments; got {self.inertia}")
         D = 0.5 * J.sum() - J
         if not (np.abs(D) > 1e-12 * J.sum()).all():
             raise InvalidInput(

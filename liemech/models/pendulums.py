@@ -77,9 +77,7 @@ class Pendulum(SeparableSystem):
             return q + steady * t, np.full(t.shape, steady)
 
         angle, speed = exact_motion(motion, times, "Pendulum.exact")
-        return CanonicalState(
-            frozen_array(angle[..., None], "q"), frozen_array(inertia * speed[..., None], "p")
-        )
+        return CanonicalState(frozen_array(angle[..., None], "q"), frozen_array(inertia * speed[..., None], "p"))
 
     def period(self, start: CanonicalState) -> float:
         """The time after which the pendulum moves as before, in s; infinite on the separatrix, 0 if
@@ -127,9 +125,7 @@ class DoublePendulum(HamiltonianSystem):
         super().__post_init__()
         for name in ("masses", "lengths"):
             if len(getattr(self, name)) != 2:
-                raise InvalidInput(
-                    f"{type(self).__name__}: {name} are two, (2,); got {getattr(self, name)}"
-                )
+                raise InvalidInput(f"{type(self).__name__}: {name} are two, (2,); got {getattr(self, name)}")
         check_positive(self, "masses", "lengths")
 
     def energy(self, q: Vec, p: Vec) -> float:
@@ -146,27 +142,18 @@ class DoublePendulum(HamiltonianSystem):
     def force(self, q: Vec, p: Vec) -> Vec:
         """dL/dq at the velocities that belong to p.  q, p : (2,)."""
         v, (first, second) = self.velocity(q, p), self._weights()
-        turning = (
-            self.masses[1] * self.lengths[0] * self.lengths[1] * sin(q[0] - q[1]) * v[0] * v[1]
-        )
+        turning = self.masses[1] * self.lengths[0] * self.lengths[1] * sin(q[0] - q[1]) * v[0] * v[1]
         return vec(-turning - first * sin(q[0]), turning - second * sin(q[1]))
 
     def momentum(self, q: Vec, velocity: Vec) -> Vec:
         """The momenta that belong to angular velocities, M(q) q'.  q, velocity : (2,)."""
         first, second, coupled = self._inertia(q)
-        return vec(
-            first * velocity[0] + coupled * velocity[1],
-            coupled * velocity[0] + second * velocity[1],
-        )
+        return vec(first * velocity[0] + coupled * velocity[1], coupled * velocity[0] + second * velocity[1])
 
     def _inertia(self, q: Vec) -> Any:
         """M(q): its entries M_11, M_22 and M_12."""
         m, l = self.masses, self.lengths
-        return (
-            (m[0] + m[1]) * l[0] * l[0],
-            m[1] * l[1] * l[1],
-            m[1] * l[0] * l[1] * cos(q[0] - q[1]),
-        )
+        return ((m[0] + m[1]) * l[0] * l[0], m[1] * l[1] * l[1], m[1] * l[0] * l[1] * cos(q[0] - q[1]))
 
     def _weights(self) -> Any:
         """The factors of -cos a and -cos b in the potential energy."""
@@ -180,6 +167,5 @@ def check_positive(owner: Any, *names: str) -> None:
         value = real_array(getattr(owner, name), f"{type(owner).__name__}: {name}")
         if not (np.isfinite(value) & (value > 0.0)).all():
             raise InvalidInput(
-                f"{type(owner).__name__}: {name} must be positive "
-                f"and finite; got {getattr(owner, name)}"
+                f"{type(owner).__name__}: {name} must be positive and finite; got {getattr(owner, name)}"
             )

@@ -38,8 +38,7 @@ def kepler_step(q: Vec, v: Vec, k: float, t: float) -> tuple[Vec, Vec]:
     G1, G2, G3, ended = solved(r0, e0, k, b, t, s)
     if not ended:
         raise NoConvergence(
-            "Kepler's equation was not solved: a planet meets the "
-            "sun, or the step is many periods long"
+            "Kepler's equation was not solved: a planet meets the sun, or the step is many periods long"
         )
     pull = k / (r0 + e0 * G1 + z * G2)  # k/r
     f, g = -k * G2 * over, t - k * G3
@@ -133,10 +132,7 @@ class Perturbation(Hamiltonian):
         strengths = [G * m[i] * m[j] for i, j in pairs]
         for i in range(1, n):
             if i > 1:
-                apart, strengths = (
-                    [*apart, _body(mu, i - 1)],
-                    [*strengths, -(G * m[i] * inside)],
-                )
+                apart, strengths = ([*apart, _body(mu, i - 1)], [*strengths, -(G * m[i] * inside)])
             inside = inside + m[i]
         pulls = in_lanes(_pull, apart, strengths)
         slopes = [vec(0.0, 0.0, 0.0) for _ in m]
@@ -197,8 +193,7 @@ class PlanetarySystem(PoissonSystem):
         m = np.array(real_array(self.masses, f"{type(self).__name__}: masses"))
         if m.ndim != 1 or len(m) < 2:
             raise InvalidInput(
-                f"{type(self).__name__}: masses are the sun's and one "
-                f"planet's at least; got {self.masses!r}"
+                f"{type(self).__name__}: masses are the sun's and one planet's at least; got {self.masses!r}"
             )
         check_finite(m, f"{type(self).__name__}: masses")
         check_positive(self, "masses", "gravity")
@@ -211,10 +206,7 @@ class PlanetarySystem(PoissonSystem):
                 f"range of floats; take another unit of mass; got {self.masses!r}"
             )
         object.__setattr__(self, "structure", Canonical(3 * (len(m) - 1)))
-        kepler = KeplerMotions(
-            Vec.of(reduced.tolist()),
-            Vec.of(pulls.tolist()),
-        )
+        kepler = KeplerMotions(Vec.of(reduced.tolist()), Vec.of(pulls.tolist()))
         rest = StraightLineFlow(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
         object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, rest)))
         super().__post_init__()
@@ -233,9 +225,7 @@ class PlanetarySystem(PoissonSystem):
             centres = np.cumsum(m[:, None] * values, axis=0) / whole[:, None]
             jacobi.append(values[1:] - centres[:-1])
         reduced = m[1:] * whole[:-1] / whole[1:]
-        return self.state(
-            np.concatenate([jacobi[0].ravel(), (reduced[:, None] * jacobi[1]).ravel()])
-        )
+        return self.state(np.concatenate([jacobi[0].ravel(), (reduced[:, None] * jacobi[1]).ravel()]))
 
     def bodies(self, y: Any) -> tuple[np.ndarray, np.ndarray]:
         """Positions and momenta of all bodies, seen from the centre of mass.  y : (..., 6n),

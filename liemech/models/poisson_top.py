@@ -87,9 +87,7 @@ class PoissonTop(PoissonSystem):
     14.7; Touma and Wisdom, Astron. J.  107 (1994), 1189 (the splitting).
     """
 
-    structure: LiePoissonStructure = field(
-        init=False, repr=False, default=LiePoissonStructure(SE3())
-    )
+    structure: LiePoissonStructure = field(init=False, repr=False, default=LiePoissonStructure(SE3()))
     hamiltonian: SplitHamiltonian = field(init=False, repr=False)
     moments: Vec
     weight: float
@@ -99,13 +97,10 @@ class PoissonTop(PoissonSystem):
         inertia = checked_inertia(self.moments, f"{type(self).__name__}: moments", 3)[0]
         if not len(inertia) == len(self.centre) == 3 or not isinstance(inertia, tuple):
             raise InvalidInput(
-                f"{type(self).__name__}: moments and centre have three "
-                f"components each; got {self.moments!r}"
+                f"{type(self).__name__}: moments and centre have three components each; got {self.moments!r}"
             )
         turns = [Turn(i, moment) for i, moment in enumerate(inertia)]
         object.__setattr__(
-            self,
-            "hamiltonian",
-            SplitHamiltonian((*turns, StraightLineFlow(Height(self.weight, self.centre)))),
+            self, "hamiltonian", SplitHamiltonian((*turns, StraightLineFlow(Height(self.weight, self.centre))))
         )
         super().__post_init__()

@@ -86,9 +86,7 @@ def direction(p: Polhode, t: Any) -> tuple[Direction, Any, Any, Any]:
 
 def angle(p: Polhode, t: Any, s: Any, c: Any, turns: Any) -> Any:
     """psi at the time t, where sn, cn and the half turns are these."""
-    return p.spin * t + p.kappa * (
-        turns * p.whole + (third_kind(s, c, p.k1, p.nu, p.count) - p.begun)
-    )
+    return p.spin * t + p.kappa * (turns * p.whole + (third_kind(s, c, p.k1, p.nu, p.count) - p.begun))
 
 
 def elliptic(p: Polhode, u: Any) -> tuple[Any, Any, Any]:
@@ -165,9 +163,7 @@ def sin_cos(x: Any) -> tuple[Any, Any]:
     """
     x = where(abs(x) < 0.5 * WHOLE, x, 0.0)
     quarters = nearest(PER_RADIAN * x)
-    half = 0.5 * (
-        ((x - quarters * QUARTER_TURN[0]) - quarters * QUARTER_TURN[1]) - quarters * QUARTER_TURN[2]
-    )
+    half = 0.5 * (((x - quarters * QUARTER_TURN[0]) - quarters * QUARTER_TURN[1]) - quarters * QUARTER_TURN[2])
     h2 = half * half
     s = half * polynomial(SINC, h2)
     s, c = 2.0 * s * (1.0 - h2 * polynomial(VERSINE, h2)), 1.0 - 2.0 * (s * s)

@@ -81,9 +81,7 @@ def place(system: Any, g: Array) -> Array:
     group = configurations(system)
     if isinstance(group, ProductGroup):
         return g[:, 9:12]
-    return (
-        np.column_stack([g[:, :2, 2], np.zeros(len(g))]) if isinstance(group, SE2) else g[:, :3, 3]
-    )
+    return np.column_stack([g[:, :2, 2], np.zeros(len(g))]) if isinstance(group, SE2) else g[:, :3, 3]
 
 
 def places(system: Any, q: Array, p: Array) -> Array:
@@ -96,9 +94,7 @@ def places(system: Any, q: Array, p: Array) -> Array:
     if isinstance(system, DoublePendulum):
         return np.cumsum(np.array(system.lengths)[:, None] * _hanging(q), axis=-2)
     if isinstance(system, (ChainPendulum, NBody, FourBarLinkage)):
-        return q.reshape(
-            *q.shape[:-1], -1, 2 if isinstance(system, FourBarLinkage) else system.dimension
-        )
+        return q.reshape(*q.shape[:-1], -1, 2 if isinstance(system, FourBarLinkage) else system.dimension)
     return np.stack([q, p], axis=-1) if q.shape[-1] == 1 else q[..., None, :]
 
 
@@ -128,9 +124,7 @@ def _hanging(angles: Array) -> Array:
 
 def _turning_and_moving(group: ProductGroup) -> bool:
     kinds = [type(factor) for factor in group.factors]  # angles of wheels may follow
-    return (
-        kinds in ([SO3, VectorSpace], [SO3, VectorSpace, VectorSpace]) and group.factors[1].dim == 3
-    )
+    return kinds in ([SO3, VectorSpace], [SO3, VectorSpace, VectorSpace]) and group.factors[1].dim == 3
 
 
 def quaternions(R: Array) -> Array:

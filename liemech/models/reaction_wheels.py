@@ -53,13 +53,9 @@ class ReactionWheels(Record):
             if value is None:
                 continue
             if not isinstance(value, vectors.Vec) or len(value) != n:
-                raise InvalidInput(
-                    f"ReactionWheels: {name} are {n} numbers, one for each axis; got {value!r}"
-                )
+                raise InvalidInput(f"ReactionWheels: {name} are {n} numbers, one for each axis; got {value!r}")
             low = least.get(name, 0.0)
-            if low is not None and not all(
-                x > low or (x == low and name != "inertias") for x in value
-            ):
+            if low is not None and not all(x > low or (x == low and name != "inertias") for x in value):
                 raise InvalidInput(
                     f"ReactionWheels: {name} must not be negative"
                     f"{', nor zero' if name == 'inertias' else ''}; got {[*value]}"
@@ -128,11 +124,7 @@ class GyrostatEnergy(KineticEnergy):
         n = len(A)
         whole = np.zeros((6 + n, 6 + n))
         whole[:3, :3], whole[3:6, 3:6] = J, self.mass * np.eye(3)
-        whole[:3, 6:], whole[6:, :3], whole[6:, 6:] = (
-            A.T * wheels,
-            (A.T * wheels).T,
-            np.diag(wheels),
-        )
+        whole[:3, 6:], whole[6:, :3], whole[6:, 6:] = (A.T * wheels, (A.T * wheels).T, np.diag(wheels))
         hub = J - (A.T * wheels) @ A
         if not (np.linalg.eigvalsh(hub) > 0.0).all():
             raise InvalidInput(

@@ -48,9 +48,7 @@ class RigidBody(LiePoissonSystem):
 
     def __post_init__(self) -> None:
         if not isinstance(self.group, (SO3, UnitQuaternions)):
-            raise InvalidType(
-                f"RigidBody: group must be SO3() or UnitQuaternions(); got {self.group!r}"
-            )
+            raise InvalidType(f"RigidBody: group must be SO3() or UnitQuaternions(); got {self.group!r}")
         inertia = _inertia(self.inertia)
         object.__setattr__(self, "inertia", inertia)
         kinetic = kinetic_energy(inertia)
@@ -74,10 +72,7 @@ class RigidBody(LiePoissonSystem):
         mu, g = exact_rigid_body(self.inertia, start.mu, g, times)
         if isinstance(group, UnitQuaternions) and g is not None:
             g = group.from_matrix(g)
-        return fill(
-            BodyState,
-            {"mu": frozen_array(mu, "mu"), "g": None if g is None else frozen_array(g, "g")},
-        )
+        return fill(BodyState, {"mu": frozen_array(mu, "mu"), "g": None if g is None else frozen_array(g, "g")})
 
     def period(self, start: BodyState) -> float:
         """The time after which the body momentum returns; infinite on the separatrix."""
@@ -94,8 +89,7 @@ def _inertia(value: Any) -> Vec | Mat:
     if not (a >= 1.0 / MAX and b <= MAX and c <= MAX):
         shown = [float(x) for x in moments]
         raise InvalidInput(
-            f"RigidBody: inertia has the principal moments {shown}; "
-            "they and their inverses must not overflow"
+            f"RigidBody: inertia has the principal moments {shown}; they and their inverses must not overflow"
         )
     if a < c - b - 4 * sys.float_info.epsilon * c:
         warn(

@@ -70,39 +70,30 @@ class RodSection(Record):
         return cls.tube(radius, 0.0, young, density, poisson)
 
     @classmethod
-    def tube(
-        cls, radius: float, inner: float, young: float, density: float, poisson: float = 0.3
-    ) -> RodSection:
+    def tube(cls, radius: float, inner: float, young: float, density: float, poisson: float = 0.3) -> RodSection:
         """A circle with a hole of radius `inner`; the others are as for `round`.
 
         Source: Cowper, J. Appl. Mech. 33 (1966), 335.
         """
         if not 0.0 <= inner < radius < np.inf:
             raise InvalidInput(
-                "RodSection: radius must be positive, and inner between 0 and it; got "
-                f"{radius:g} and {inner:g}"
+                f"RodSection: radius must be positive, and inner between 0 and it; got {radius:g} and {inner:g}"
             )
         area = math.pi * (radius + inner) * (radius - inner)
         I = 0.25 * area * (radius**2 + inner**2)
-        m = (
-            2.0 * radius * inner / (radius**2 + inner**2)
-        ) ** 2  # (2 m/(1 + m^2))^2, m = inner/radius
+        m = (2.0 * radius * inner / (radius**2 + inner**2)) ** 2  # (2 m/(1 + m^2))^2, m = inner/radius
         shear = 6.0 * (1.0 + poisson) / (7.0 + 6.0 * poisson + m * (5.0 + 3.0 * poisson))
         return cls.of(area, I, I, 2.0 * I, shear, young, density, poisson)
 
     @classmethod
-    def rectangle(
-        cls, width: float, height: float, young: float, density: float, poisson: float = 0.3
-    ) -> RodSection:
+    def rectangle(cls, width: float, height: float, young: float, density: float, poisson: float = 0.3) -> RodSection:
         """A rectangle, `width` along e1 and `height` along e2, in m; the others are as for `round`.
 
         Source: Cowper, J. Appl. Mech. 33 (1966), 335 (the shear coefficient); Timoshenko and
         Goodier, Theory of Elasticity, 3rd ed., section 109 (Saint-Venant's torsion).
         """
         if not (0.0 < width < np.inf and 0.0 < height < np.inf):
-            raise InvalidInput(
-                f"RodSection: width and height must be positive; got {width:g} and {height:g}"
-            )
+            raise InvalidInput(f"RodSection: width and height must be positive; got {width:g} and {height:g}")
         b, a = sorted((width, height))
         n = np.arange(1.0, 100.0, 2.0)
         series = float(np.sum(np.tanh(0.5 * math.pi * n * a / b) / n**5))

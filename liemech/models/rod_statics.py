@@ -40,9 +40,7 @@ class ElementInRows(Record):
     def balance(self, numbers: Vec) -> Vec:
         """Forces on both frames, and the four blocks of their derivatives, in a row of 156 numbers."""
         a, b = (Site(g=_pose(numbers[16 * k : 16 * k + 16])) for k in range(2))
-        one = type(self.element)(
-            self.element.length, self.element.stiffness, numbers[32:38], self.element.retraction
-        )
+        one = type(self.element)(self.element.length, self.element.stiffness, numbers[32:38], self.element.retraction)
         forces, blocks = one.forces(SE3(), a, b), one.stiffnesses(SE3(), a, b)
         rows = [x for f in forces for x in f]
         return vec(*rows, *[x for some in blocks for block in some for row in block for x in row])
@@ -150,11 +148,7 @@ def moved(rod: Any, g: np.ndarray, zeta: np.ndarray) -> np.ndarray:
         return np.asarray(SE3().compose_exp(g, zeta))
     tau, group = rod.retraction, SE3()
     x = np.asarray(tau.tau_inv(group, group.compose(group.inverse(g[:-1]), g[1:])))
-    x = (
-        x
-        + np.asarray(tau.dtau_inv(group, x, zeta[1:]))
-        - np.asarray(tau.dtau_inv(group, -x, zeta[:-1]))
-    )
+    x = x + np.asarray(tau.dtau_inv(group, x, zeta[1:])) - np.asarray(tau.dtau_inv(group, -x, zeta[:-1]))
     found, h = np.empty_like(g), np.asarray(tau.tau(group, x))
     if rod.ends[1] == "free":
         found[0] = group.compose_exp(g[0], zeta[0])

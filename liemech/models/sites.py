@@ -93,9 +93,7 @@ def fixed_places(system: Any, positions: Any = None, name: str = "positions") ->
     places = real_array(positions, name)
     check_finite(places, name)
     if places.shape not in ((count, 2), (count, 3)):
-        raise InvalidInput(
-            f"{name} have shape {places.shape}; wanted are ({count}, 2) or ({count}, 3)"
-        )
+        raise InvalidInput(f"{name} have shape {places.shape}; wanted are ({count}, 2) or ({count}, 3)")
     return np.pad(places, ((0, 0), (0, 3 - places.shape[1])))
 
 
@@ -135,18 +133,13 @@ def inertia_of_sites(system: Any) -> Array | None:
         for energy in energies_of(system)
         if is_place(base_of(system))
     ]
-    kinetic = [
-        getattr(getattr(part.term, "energy_of_one", None), "inertia", None)
-        for part in terms_of(system)
-    ]
+    kinetic = [getattr(getattr(part.term, "energy_of_one", None), "inertia", None) for part in terms_of(system)]
     for value in (*named, *kinetic):
         if value is not None and group is not None:
             rows = value.values if isinstance(value, Each) else np.array([value], dtype=float)
             rows = np.diagonal(rows, axis1=1, axis2=2) if rows.ndim == 3 else rows
             if rows.min() >= 0.0 and rows.max() > 0.0:
-                return np.broadcast_to(
-                    rows.reshape(len(rows), -1), (group.copies, rows[0].size or 1)
-                )
+                return np.broadcast_to(rows.reshape(len(rows), -1), (group.copies, rows[0].size or 1))
     return None
 
 
@@ -195,15 +188,10 @@ def turn(system: Any, states: dict[str, Array], later: dict[str, Array]) -> floa
     """
     group, angles = base_of(system) or configurations(system), [np.zeros(1)]
     if "g" in states and group is not None and is_pose(group):
-        q, p = (
-            attitude(group, one["g"].reshape(-1, *group.element_shape)) for one in (states, later)
-        )
+        q, p = (attitude(group, one["g"].reshape(-1, *group.element_shape)) for one in (states, later))
         angles.append(2.0 * np.minimum(_angles(q, p), _angles(q, -p)))
     if isinstance(system, Linkage) and "g" in states:
-        q, p = (
-            quaternions(system.poses(one["g"])[..., :3, :3].reshape(-1, 3, 3))
-            for one in (states, later)
-        )
+        q, p = (quaternions(system.poses(one["g"])[..., :3, :3].reshape(-1, 3, 3)) for one in (states, later))
         angles.append(2.0 * np.minimum(_angles(q, p), _angles(q, -p)))
     if {"q", "p"} <= states.keys() or (is_place(group) and {"g", "mu"} <= states.keys()):
         points = [_points(system, one) for one in (states, later)]

@@ -68,20 +68,12 @@ class FallingBody(MechanicalSystem):
             fallen = 0.5 * (begun + v) * t[..., None]
         if not np.isfinite(fallen).all():
             raise InvalidInput(
-                f"FallingBody.exact: t = {np.abs(t).max():.3g} is too "
-                "late: the fall has no finite length"
+                f"FallingBody.exact: t = {np.abs(t).max():.3g} is too late: the fall has no finite length"
             )
         motion = np.zeros((*t.shape, 4, 4))
-        motion[..., :3, :3], motion[..., :3, 3], motion[..., 3, 3] = (
-            turned.g,
-            g[:3, 3] + fallen,
-            1.0,
-        )
+        motion[..., :3, :3], motion[..., :3, 3], motion[..., 3, 3] = (turned.g, g[:3, 3] + fallen, 1.0)
         return BodyState(
-            np.concatenate(
-                [turned.mu, self.mass * np.einsum("...ij,...i->...j", turned.g, v)], axis=-1
-            ),
-            motion,
+            np.concatenate([turned.mu, self.mass * np.einsum("...ij,...i->...j", turned.g, v)], axis=-1), motion
         )
 
 
@@ -118,9 +110,7 @@ class OrbitingBody(MechanicalSystem):
         object.__setattr__(self, "inertia", turning.inertia)
         attraction = _positive(f"{type(self).__name__}: attraction", self.attraction)
         kinetic = KineticEnergy(with_mass(turning.inertia, mass))
-        object.__setattr__(
-            self, "body", LiePoissonSystem(ProductGroup(SO3(), VectorSpace(3)), kinetic)
-        )
+        object.__setattr__(self, "body", LiePoissonSystem(ProductGroup(SO3(), VectorSpace(3)), kinetic))
         object.__setattr__(self, "potential", CentralGravity(attraction, mass, turning.inertia))
         super().__post_init__()
 
@@ -139,9 +129,7 @@ class OrbitingBody(MechanicalSystem):
         if R.shape != (3, 3):
             raise InvalidInput(f"{name}: g is one attitude, (3, 3); got shape {R.shape}")
         if not 1e-100 < radius < 1e100:
-            raise InvalidInput(
-                f"{name}: radius = {radius:.3g} is beyond what floats can cube; choose other units"
-            )
+            raise InvalidInput(f"{name}: radius = {radius:.3g} is beyond what floats can cube; choose other units")
         n = np.sqrt(self.attraction / radius**3)
         w = (
             R.T @ np.array([0.0, 0.0, n])
@@ -149,9 +137,7 @@ class OrbitingBody(MechanicalSystem):
             else points(spin, f"{name}: spin", (3,), "an angular velocity")
         )
         momentum = KineticEnergy(self.inertia).momentum(w)
-        return self.state(
-            np.r_[momentum, 0.0, self.mass * n * radius, 0.0], np.r_[R.ravel(), radius, 0.0, 0.0]
-        )
+        return self.state(np.r_[momentum, 0.0, self.mass * n * radius, 0.0], np.r_[R.ravel(), radius, 0.0, 0.0])
 
 
 def with_mass(inertia: Vec | Mat, mass: float) -> Vec | Mat:

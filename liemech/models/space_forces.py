@@ -6,22 +6,7 @@ import math
 from typing import Any
 
 from ..errors import InvalidInput
-from ..formulas import (
-    Record,
-    Vec,
-    acos,
-    asin,
-    cos,
-    cross,
-    dot,
-    exp,
-    norm,
-    record,
-    sin,
-    sqrt,
-    vec,
-    where,
-)
+from ..formulas import Record, Vec, acos, asin, cos, cross, dot, exp, norm, record, sin, sqrt, vec, where
 from .effectors import Effector
 from .pendulums import check_positive
 
@@ -97,8 +82,7 @@ class SolarPressure(Effector):
         super().__post_init__()
         if len(self.sun) != 3 or not math.hypot(*self.sun) > 0.0:
             raise InvalidInput(
-                "SolarPressure: sun is the place of the Sun, (3,), in m, not the origin; got "
-                f"{[*self.sun]}"
+                f"SolarPressure: sun is the place of the Sun, (3,), in m, not the origin; got {[*self.sun]}"
             )
         if self.shade is not None:
             check_positive(self, "shade")
@@ -215,9 +199,7 @@ def _lever(centre: Any, here: Any, force: Vec) -> Vec:
 
 def _check_centre(owner: Any) -> None:
     if owner.centre is not None and len(owner.centre) != 3:
-        raise InvalidInput(
-            f"{type(owner).__name__}: centre is a place in body axes, (3,); got {[*owner.centre]}"
-        )
+        raise InvalidInput(f"{type(owner).__name__}: centre is a place in body axes, (3,); got {[*owner.centre]}")
 
 
 def require_directions(name: str, rows: Any) -> None:
@@ -225,6 +207,4 @@ def require_directions(name: str, rows: Any) -> None:
     for a in rows:
         length = math.hypot(*a) if len(a) == 3 else 0.0
         if not abs(length - 1.0) <= 1e-9:
-            raise InvalidInput(
-                f"{name} must be of length 1 in space; got {[*a]}: divide it by its length"
-            )
+            raise InvalidInput(f"{name} must be of length 1 in space; got {[*a]}: divide it by its length")

@@ -132,9 +132,7 @@ class Spacecraft(MechanicalSystem):
         object.__setattr__(self, "inertia", turning.inertia)
         check_positive(self, "mass")
         given: Any = self.effectors
-        object.__setattr__(
-            self, "effectors", tuple(given if isinstance(given, (list, tuple)) else [given])
-        )
+        object.__setattr__(self, "effectors", tuple(given if isinstance(given, (list, tuple)) else [given]))
         for effector in self.effectors:
             if not isinstance(effector, (Effector, ConservativeEffector)):
                 raise InvalidType(
@@ -142,25 +140,19 @@ class Spacecraft(MechanicalSystem):
                     f"subclass of Effector; got {effector!r}"
                 )
         if self.wheels is not None and not isinstance(self.wheels, ReactionWheels):
-            raise InvalidType(
-                f"{name}: wheels must be ReactionWheels(axes, inertias); got {self.wheels!r}"
-            )
+            raise InvalidType(f"{name}: wheels must be ReactionWheels(axes, inertias); got {self.wheels!r}")
         n, own = self._wheels, (self.mass, self.inertia)
         group = ProductGroup(SO3(), VectorSpace(3), *[VectorSpace(n) for _ in range(n > 0)])
         kinetic = KineticEnergy(with_mass(self.inertia, self.mass))
         if self.wheels is not None:
             J = np.array(self.inertia)
             J = np.diag(J) if J.ndim == 1 else J
-            kinetic = GyrostatEnergy(
-                Mat.of(J.tolist()), self.mass, self.wheels.axes, self.wheels.inertias
-            )
+            kinetic = GyrostatEnergy(Mat.of(J.tolist()), self.mass, self.wheels.axes, self.wheels.inertias)
         fields = tuple([e for e in self.effectors if isinstance(e, ConservativeEffector)])
         loads = tuple([e for e in self.effectors if isinstance(e, Effector)])
         free = not loads and (self.wheels is None or self.wheels.passive)
         object.__setattr__(self, "body", LiePoissonSystem(group, kinetic))
-        object.__setattr__(
-            self, "potential", EffectorFields(fields, *own, n) if fields else NoPotential()
-        )
+        object.__setattr__(self, "potential", EffectorFields(fields, *own, n) if fields else NoPotential())
         object.__setattr__(self, "load", None if free else EffectorLoads(loads, self.wheels, *own))
         super().__post_init__()
 
@@ -170,12 +162,7 @@ class Spacecraft(MechanicalSystem):
         return 0 if self.wheels is None else len(self.wheels.inertias)
 
     def state_of(
-        self,
-        position: Any,
-        velocity: Any,
-        attitude: Any = None,
-        rate: Any = None,
-        speeds: Any = None,
+        self, position: Any, velocity: Any, attitude: Any = None, rate: Any = None, speeds: Any = None
     ) -> BodyState:
         """A start for `integrate`.
 
@@ -188,9 +175,7 @@ class Spacecraft(MechanicalSystem):
         """
         name, n = f"{type(self).__name__}.state_of", self._wheels
         if speeds is not None and not n:
-            raise InvalidInput(
-                f"{name}: this spacecraft has no wheels, and so no speeds; got {speeds!r}"
-            )
+            raise InvalidInput(f"{name}: this spacecraft has no wheels, and so no speeds; got {speeds!r}")
         R = np.eye(3) if attitude is None else real_array(attitude, f"{name}: attitude")
         parts = [position, velocity, np.zeros(3) if rate is None else rate]
         x, v, w = (
@@ -198,20 +183,13 @@ class Spacecraft(MechanicalSystem):
             for part, what in zip(parts, ("position", "velocity", "rate"), strict=True)
         )
         wheels = (
-            points(
-                np.zeros(n) if speeds is None else speeds,
-                f"{name}: speeds",
-                (n,),
-                "a speed of each wheel",
-            )
+            points(np.zeros(n) if speeds is None else speeds, f"{name}: speeds", (n,), "a speed of each wheel")
             if n
             else np.zeros(0)
         )
         group: Any = self.configurations
         lead = np.broadcast_shapes(R.shape[:-2], *[a.shape[:-1] for a in (x, v, w, wheels)])
-        xi = np.concatenate(
-            [np.broadcast_to(a, (*lead, a.shape[-1])) for a in (w, v, wheels)], axis=-1
-        )
+        xi = np.concatenate([np.broadcast_to(a, (*lead, a.shape[-1])) for a in (w, v, wheels)], axis=-1)
         found: BodyState = self.state(xi=xi, g=group.join(R, x, *[np.zeros((*lead, n))][: n > 0]))
         return found
 

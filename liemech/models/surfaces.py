@@ -73,6 +73,4 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, the constraints, and the integral of Joachimsthal."""
-        return super().constants(states) | {
-            "Joachimsthal": np.asarray(self.joachimsthal(states["q"], states["p"]))
-        }
+        return super().constants(states) | {"Joachimsthal": np.asarray(self.joachimsthal(states["q"], states["p"]))}

@@ -98,10 +98,7 @@ class TodaKinetic(Part):
 
     def gradient(self, mu: Vec) -> Vec:
         """(0, 4 b).  mu : (dim,)."""
-        return vec(
-            *[0.0 for _ in range(self.springs)],
-            *[4.0 * mu[self.springs + i] for i in range(self.particles)],
-        )
+        return vec(*[0.0 for _ in range(self.springs)], *[4.0 * mu[self.springs + i] for i in range(self.particles)])
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """a_i exp(t (b_i+1 - b_i)), b.  y : (dim,)."""
@@ -129,9 +126,7 @@ class TodaPotential(Hamiltonian):
 
     def gradient(self, mu: Vec) -> Vec:
         """(8 a, 0).  mu : (dim,)."""
-        return vec(
-            *[8.0 * mu[i] for i in range(self.springs)], *[0.0 for _ in range(self.particles)]
-        )
+        return vec(*[8.0 * mu[i] for i in range(self.springs)], *[0.0 for _ in range(self.particles)])
 
 
 @record
@@ -222,15 +217,11 @@ class TodaLattice(PoissonSystem):
 
     def state_of(self, q: Any, p: Any) -> PoissonState:
         """The state with these positions and momenta, (n,) or (members, n) each."""
-        q, p = (
-            real_array(x, f"{type(self).__name__}.state_of: {name}")
-            for name, x in (("q", q), ("p", p))
-        )
+        q, p = (real_array(x, f"{type(self).__name__}.state_of: {name}") for name, x in (("q", q), ("p", p)))
         for name, x in (("q", q), ("p", p)):
             if x.shape[-1:] != (self.particles,):
                 raise InvalidInput(
-                    f"{type(self).__name__}.state_of: {name} has shape "
-                    f"{x.shape}; give ({self.particles},)"
+                    f"{type(self).__name__}.state_of: {name} has shape {x.shape}; give ({self.particles},)"
                 )
         stretch = (q - np.roll(q, -1, axis=-1))[..., : self.structure.springs]
         return self.state(np.concatenate([0.5 * np.exp(0.5 * stretch), -0.5 * p], axis=-1))
@@ -297,6 +288,4 @@ class TodaLattice(PoissonSystem):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs, and the eigenvalues of L."""
-        return super().constants(states) | {
-            "eigenvalues": np.linalg.eigvalsh(self.lax(states["y"]))
-        }
+        return super().constants(states) | {"eigenvalues": np.linalg.eigvalsh(self.lax(states["y"]))}

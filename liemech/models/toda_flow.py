@@ -74,9 +74,7 @@ class TodaFlow(IsospectralFlow):
         values, vectors = np.linalg.eigh(self.matrix(np.asarray(start.mu)))
         found = []
         for time in np.atleast_1d(real_array(t, "TodaFlow.exact: t")):
-            order = np.argsort(
-                -time * values, kind="stable"
-            )  # large rows first, for small ones to count
+            order = np.argsort(-time * values, kind="stable")  # large rows first, for small ones to count
             l = values[order]
             q, r = np.linalg.qr(np.exp(time * (l - l[0]))[:, None] * vectors.T[order])
             q = q * np.where(np.diag(r) < 0.0, -1.0, 1.0)

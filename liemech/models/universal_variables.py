@@ -18,9 +18,7 @@ MOST = 520
 """Halvings of the root of the largest number there is."""
 
 
-def solved(
-    r0: float, e0: float, k: float, b: float, t: float, s: float
-) -> tuple[float, float, float, bool]:
+def solved(r0: float, e0: float, k: float, b: float, t: float, s: float) -> tuple[float, float, float, bool]:
     """G_1, G_2, G_3 at the time t, from a guess s, and whether the iteration has ended.
 
     Laguerre's iteration, for which the derivative of t by s is the distance r.  It ends when the
@@ -44,12 +42,7 @@ def solved(
         searching = not near and (size < last or size > 2.0**-30 * abs(s))
         s, last = where(searching, s + d, s), size
     half = 0.5 * d
-    return (
-        G1 + d * (G0 - half * (b * G1)),
-        G2 + d * (G1 + half * G0),
-        G3 + d * (G2 + half * G1),
-        turns <= LIMIT,
-    )
+    return (G1 + d * (G0 - half * (b * G1)), G2 + d * (G1 + half * G0), G3 + d * (G2 + half * G1), turns <= LIMIT)
 
 
 def stumpff(z: float) -> tuple[float, float, float, float]:

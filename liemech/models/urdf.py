@@ -160,9 +160,7 @@ def linkage_of(
     order = _ordered(robot, links, parents)
     root = np.eye(4) if at is None else real_array(at, "Linkage.from_urdf: at")
     if root.shape != (4, 4) or not SE3().contains(root):
-        raise InvalidInput(
-            f"Linkage.from_urdf: at is the pose of the root, [[R, p], [0, 1]]; got {root.tolist()}"
-        )
+        raise InvalidInput(f"Linkage.from_urdf: at is the pose of the root, [[R, p], [0, 1]]; got {root.tolist()}")
     # in the zero position: the pose of each link, and the link that it is fixed to, None: the ground
     poses, moved = {order[0]: root}, {order[0]: order[0] if floating else None}  # type: Any, Any
     for name in order[1:]:
@@ -176,10 +174,7 @@ def linkage_of(
     if not heads:
         raise robot.wrong("has no joint that moves; floating=True lets its root move")
     numbers: Any = {name: number for number, name in enumerate(heads)} | {None: None}
-    bodies = {
-        name: _body(links, [other for other in order if moved[other] == name], poses)
-        for name in heads
-    }
+    bodies = {name: _body(links, [other for other in order if moved[other] == name], poses) for name in heads}
     _require_units(robot, bodies, poses)
     centres: Any = {name: centre for name, (_, centre) in bodies.items()} | {None: np.zeros(3)}
     made: dict[str, Any] = {"links": [body for body, _ in bodies.values()], "joints": []}
@@ -201,9 +196,7 @@ def linkage_of(
     made["mimics"] = [_mimic(one, joints) for one in joints.values() if one.one("mimic")]
     made["mimics"] = [one for one in made["mimics"] if one is not None]
     made["frames"] = [Frame(name, numbers[moved[name]], seen[name].tolist()) for name in order]
-    made["shapes"] = _shapes(
-        robot, links, seen, {n: numbers[moved[n]] for n in order}, _Files(folder, packages)
-    )
+    made["shapes"] = _shapes(robot, links, seen, {n: numbers[moved[n]] for n in order}, _Files(folder, packages))
     return made
 
 
@@ -231,9 +224,7 @@ def _by_name(robot: Element, tag: str) -> dict[str, Element]:
     return found
 
 
-def _parents(
-    joints: dict[str, Element], links: dict[str, Element]
-) -> dict[str, tuple[Element, str]]:
+def _parents(joints: dict[str, Element], links: dict[str, Element]) -> dict[str, tuple[Element, str]]:
     """Of each link that hangs from another one the joint and that link."""
     parents: dict[str, tuple[Element, str]] = {}
     for joint in joints.values():
@@ -242,9 +233,7 @@ def _parents(
             end = joint.one(side)
             name = "" if end is None else end.text("link")
             if name not in links:
-                raise joint.wrong(
-                    f"has the {side} link {name!r}, which is not there{meant(name, links)}"
-                )
+                raise joint.wrong(f"has the {side} link {name!r}, which is not there{meant(name, links)}")
             ends.append(name)
         parent, child = ends
         if child in parents:
@@ -256,9 +245,7 @@ def _parents(
     return parents
 
 
-def _ordered(
-    robot: Element, links: dict[str, Element], parents: dict[str, tuple[Element, str]]
-) -> list[str]:
+def _ordered(robot: Element, links: dict[str, Element], parents: dict[str, tuple[Element, str]]) -> list[str]:
     """The links, each after the one that it hangs from."""
     roots = [name for name in links if name not in parents]
     children: dict[str, list[str]] = {}
@@ -296,9 +283,7 @@ def _origin(element: Element) -> np.ndarray:
     return pose
 
 
-def _body(
-    links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarray]
-) -> tuple[Link, np.ndarray]:
+def _body(links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarray]) -> tuple[Link, np.ndarray]:
     """The body of links that are fixed to each other, and its centre of mass in the zero position.
 
     Its axes are those of space in that position, so that all frames are parallel where all angles
@@ -322,9 +307,7 @@ def _body(
         found.append((m, pose[:3, 3], J))
     total = sum(m for m, _, _ in found)
     if not total > 0.0:
-        raise links[parts[0]].wrong(
-            "moves and has no mass: give it an <inertial>, or make its joint fixed"
-        )
+        raise links[parts[0]].wrong("moves and has no mass: give it an <inertial>, or make its joint fixed")
     centre = sum(m * p for m, p, _ in found) / total
     whole = sum(J + m * ((p - centre) @ (p - centre) * np.eye(3) - np.outer(p - centre, p - centre))
                 for m, p, J in found)  # fmt: skip
@@ -346,9 +329,7 @@ def _body(
     return Link(total, inertias.tolist(), name=parts[0]), centre
 
 
-def _require_units(
-    robot: Element, bodies: dict[str, tuple[Link, np.ndarray]], poses: dict[str, np.ndarray]
-) -> None:
+def _require_units(robot: Element, bodies: dict[str, tuple[Link, np.ndarray]], poses: dict[str, np.ndarray]) -> None:
     """Warn of inertias that belong to bodies far larger than the robot."""
     points = np.array([*[pose[:3, 3] for pose in poses.values()], *[c for _, c in bodies.values()]])
     size = np.ptp(points, axis=0).max()
@@ -370,9 +351,7 @@ def _mimic(joint: Element, joints: dict[str, Element]) -> Mimic | None:
     mimic: Any = joint.one("mimic")
     leader = mimic.text("joint")
     if leader not in joints:
-        raise mimic.wrong(
-            f"follows the joint {leader!r}, which is not there{meant(leader, joints)}"
-        )
+        raise mimic.wrong(f"follows the joint {leader!r}, which is not there{meant(leader, joints)}")
     ratio, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
     return Mimic(joint.text("name"), leader, ratio, offset)
 
@@ -506,9 +485,7 @@ def _shapes(
         for visual in links[name].some("visual"):
             geometry = visual.one("geometry")
             if geometry is None or len(geometry.inside) != 1:
-                raise visual.wrong(
-                    f"of link {name!r} must have one <geometry> with one shape in it"
-                )
+                raise visual.wrong(f"of link {name!r} must have one <geometry> with one shape in it")
             made = _shape(geometry.inside[0], files)
             if made is None:
                 continue

@@ -43,9 +43,7 @@ class ViscousSphere(Dissipative):
         if not isinstance(self.system, ZeitlinSphere):
             raise InvalidType(f"ViscousSphere: system must be a ZeitlinSphere; got {self.system!r}")
         if not 0.0 <= self.viscosity < np.inf:
-            raise InvalidInput(
-                f"ViscousSphere: viscosity is {self.viscosity!r}; it must be finite and not negative"
-            )
+            raise InvalidInput(f"ViscousSphere: viscosity is {self.viscosity!r}; it must be finite and not negative")
 
     @cached_property
     def diffusion(self) -> LinearMap:

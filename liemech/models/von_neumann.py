@@ -63,9 +63,7 @@ class VonNeumann(LiePoissonSystem):
         h = np.array(self.energies)
         h = np.diag(h) if h.ndim == 1 else h
         if h.ndim != 2 or h.shape[0] != h.shape[1] or len(h) < 2:
-            raise InvalidInput(
-                f"VonNeumann: energies has shape {h.shape}; it must be (n, n) or (n,), n >= 2"
-            )
+            raise InvalidInput(f"VonNeumann: energies has shape {h.shape}; it must be (n, n) or (n,), n >= 2")
         require_hermitian("VonNeumann: energies", h)
         if not (np.isfinite(self.hbar) and self.hbar > 0.0):
             raise InvalidInput(f"VonNeumann: hbar is {self.hbar!r}; it must be positive")
@@ -89,14 +87,10 @@ class VonNeumann(LiePoissonSystem):
         rho = np.outer(rho, rho.conj()) if rho.ndim == 1 else rho
         n = self.group.n
         if rho.shape != (n, n):
-            raise InvalidInput(
-                f"VonNeumann.of_density: rho has shape {rho.shape}; it must be ({n}, {n})"
-            )
+            raise InvalidInput(f"VonNeumann.of_density: rho has shape {rho.shape}; it must be ({n}, {n})")
         require_hermitian("VonNeumann.of_density: rho", rho)
         if not abs(np.trace(rho).real - 1.0) <= 1e-9:
-            raise InvalidInput(
-                f"VonNeumann.of_density: the trace of rho is {np.trace(rho).real:g}; it must be 1"
-            )
+            raise InvalidInput(f"VonNeumann.of_density: the trace of rho is {np.trace(rho).real:g}; it must be 1")
         return self.state(np.asarray(self.group.generated.pairing(1j * rho)), g)
 
     def density(self, mu: Any) -> np.ndarray:
@@ -127,6 +121,4 @@ def require_hermitian(name: str, h: np.ndarray) -> None:
     off = np.abs(h - h.conj().T)
     if not (off <= 1e-12 * np.abs(h).max()).all():
         i, j = (int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
-        raise InvalidInput(
-            f"{name} must be hermitian: [{i}, {j}] is {h[i, j]:.6g}, [{j}, {i}] is {h[j, i]:.6g}"
-        )
+        raise InvalidInput(f"{name} must be hermitian: [{i}, {j}] is {h[i, j]:.6g}, [{j}, {i}] is {h[j, i]:.6g}")

@@ -241,23 +241,16 @@ class ZeitlinSphere(LiePoissonSystem):
         found[..., 0, :] = 0.0
         return found
 
-    def vorticity(
-        self, mu: Any, latitude: Any, longitude: Any, degrees: int | None = None
-    ) -> np.ndarray:
+    def vorticity(self, mu: Any, latitude: Any, longitude: Any, degrees: int | None = None) -> np.ndarray:
         """The absolute vorticity on a grid, in rad/s.  mu : (..., N^2 - 1), latitude : (a,),
         longitude : (b,), in rad; (..., a, b).  degrees : harmonics beyond are left out.
         """
         a = self.harmonics(mu, degrees)
-        largest, z = (
-            a.shape[-2] - 1,
-            np.sin(real_array(latitude, "ZeitlinSphere.vorticity: latitude")),
-        )
+        largest, z = (a.shape[-2] - 1, np.sin(real_array(latitude, "ZeitlinSphere.vorticity: latitude")))
         phi = real_array(longitude, "ZeitlinSphere.vorticity: longitude")
         for name, angles in (("latitude", z), ("longitude", phi)):
             if angles.ndim != 1:
-                raise InvalidInput(
-                    f"ZeitlinSphere.vorticity: {name} has shape {angles.shape}; give (m,)"
-                )
+                raise InvalidInput(f"ZeitlinSphere.vorticity: {name} has shape {angles.shape}; give (m,)")
         along = np.empty((*a.shape[:-2], len(z), 2 * largest + 1))  # by order, -L to L
         for m in range(largest + 1):
             p = legendre(m, largest, z) * (np.sqrt(2.0) if m else 1.0)

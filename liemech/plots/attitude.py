@@ -22,12 +22,7 @@ EULER = ("$\\phi$ (precession)", "$\\theta$ (nutation)", "$\\psi$ (spin)")
 
 
 def euler_angles(
-    run: Any,
-    sequence: str = "ZXZ",
-    *,
-    body: int = 0,
-    ax: Axes | None = None,
-    title: str | None = None,
+    run: Any, sequence: str = "ZXZ", *, body: int = 0, ax: Axes | None = None, title: str | None = None
 ) -> Axes:
     """Draw the Euler angles of the attitude over time, in degrees: g = R_3(phi) R_1(theta) R_3(psi)
     for "ZXZ".
@@ -61,9 +56,7 @@ def euler_angles(
     return ax
 
 
-def quaternion(
-    run: Any, *, body: int = 0, ax: Axes | None = None, title: str | None = None
-) -> Axes:
+def quaternion(run: Any, *, body: int = 0, ax: Axes | None = None, title: str | None = None) -> Axes:
     """Draw the unit quaternion of the attitude over time, its vector part (x, y, z) and
     w = cos(angle/2), without jumps of sign.
 
@@ -94,10 +87,7 @@ def _quaternions(run: Any, body: int, where: str) -> Array:
     needs_run(run, where)
     if "g" not in run.states or not is_pose(configurations(run.system)):
         raise InvalidInput(
-            f"{where} is for runs that recorded the attitude g of a "
-            f"body in space; this one is of {run.system!r}"
+            f"{where} is for runs that recorded the attitude g of a body in space; this one is of {run.system!r}"
         )
     g = part(run, "g", where)
-    return np.array(
-        attitude(run.system, g if run.bodies is None else one_body(run, g, body, where))
-    )
+    return np.array(attitude(run.system, g if run.bodies is None else one_body(run, g, body, where)))

@@ -39,9 +39,7 @@ def cloud(
     """
     needs_run(run, "plots.cloud")
     if run.bodies is None or "mu" not in run.states or not turns(configurations(run.system)):
-        raise InvalidInput(
-            f"plots.cloud is for ensembles of rotating bodies; this run is of {run.system!r}"
-        )
+        raise InvalidInput(f"plots.cloud is for ensembles of rotating bodies; this run is of {run.system!r}")
     mu = part(run, "mu", "plots.cloud")[sample]
     ax, frame = globe(ax, view, title, MU)
     draw_energies(ax, frame, run.system, hypot(*mu[0]), levels)

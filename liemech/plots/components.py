@@ -19,12 +19,7 @@ MOST_CURVES = 6
 
 
 def components(
-    run: Any,
-    name: str | None = None,
-    *,
-    body: int = 0,
-    ax: Axes | None = None,
-    title: str | None = None,
+    run: Any, name: str | None = None, *, body: int = 0, ax: Axes | None = None, title: str | None = None
 ) -> Axes:
     """Draw the components of a part of the state over time.
 
@@ -40,19 +35,14 @@ def components(
     rows = part(run, name, "plots.components")
     rows = rows if run.bodies is None else one_body(run, rows, body, "plots.components")
     columns = rows.reshape(len(rows), -1)
-    names = [
-        _name(NAMES.get(name, name), np.unravel_index(i, rows.shape[1:]))
-        for i in range(columns.shape[1])
-    ]
+    names = [_name(NAMES.get(name, name), np.unravel_index(i, rows.shape[1:])) for i in range(columns.shape[1])]
     if np.iscomplexobj(columns):
         columns = np.concatenate([columns.real, columns.imag], axis=1)
         names = [f"{symbol} {one}" for symbol in ("Re", "Im") for one in names]
     unit = unit_of(run.system, name)
     ax = plane_axes(ax, title, time_label(run), f"${NAMES.get(name, name)}$" + unit)
     spans = np.ptp(columns, axis=0)
-    varied = np.argsort(-spans, kind="stable")[
-        : min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)
-    ]
+    varied = np.argsort(-spans, kind="stable")[: min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)]
     kept, t = thinned(len(rows)), times_of(run, body)
     for k, column in enumerate(sorted(varied)):
         label = names[column] if columns.shape[1] > 1 else None

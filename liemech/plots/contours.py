@@ -48,17 +48,9 @@ def sphere() -> tuple[Array, NDArray[np.intp]]:
     """Points of the unit sphere, (n, 3), and the triangles between them, (t, 3); those at the poles
     have no area.
     """
-    theta, phi = (
-        np.linspace(0.0, np.pi, LATITUDES + 1)[:, None],
-        np.linspace(0.0, 2.0 * np.pi, LONGITUDES + 1),
-    )
-    points = np.stack(
-        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0.0 * phi],
-        axis=-1,
-    )
+    theta, phi = (np.linspace(0.0, np.pi, LATITUDES + 1)[:, None], np.linspace(0.0, 2.0 * np.pi, LONGITUDES + 1))
+    points = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0.0 * phi], axis=-1)
     first = (np.arange(LATITUDES)[:, None] * (LONGITUDES + 1) + np.arange(LONGITUDES)).ravel()
     below = first + LONGITUDES + 1
-    triangles = np.concatenate(
-        [np.stack([first, below, first + 1], 1), np.stack([first + 1, below, below + 1], 1)]
-    )
+    triangles = np.concatenate([np.stack([first, below, first + 1], 1), np.stack([first + 1, below, below + 1], 1)])
     return points.reshape(-1, 3), triangles

@@ -19,9 +19,7 @@ def principal_moments(inertia: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
     """
     J = np.asarray(inertia, dtype=float)
     if J.shape not in ((3,), (3, 3)) or not np.isfinite(J).all():
-        raise InvalidInput(
-            f"inertia must be three finite moments or a finite 3x3 matrix; got {inertia!r}"
-        )
+        raise InvalidInput(f"inertia must be three finite moments or a finite 3x3 matrix; got {inertia!r}")
     J = J / (np.abs(J).max() or 1.0)  # first, so that no unit of inertia overflows
     J = np.diag(J) if J.ndim == 1 else J
     if np.abs(J - J.T).max() > 1e-6:
@@ -46,10 +44,7 @@ def separatrix(inertia: ArrayLike, samples: int = 361) -> NDArray[np.float64]:
     p1 = np.sqrt(J1 * (J3 - J2) / (J2 * (J3 - J1)))
     p3 = np.sqrt(J3 * (J2 - J1) / (J2 * (J3 - J1)))
     s = np.linspace(0.0, 2.0 * np.pi, samples)
-    circles = [
-        np.stack([sign * p1 * np.sin(s), np.cos(s), p3 * np.sin(s)], axis=-1)
-        for sign in (1.0, -1.0)
-    ]
+    circles = [np.stack([sign * p1 * np.sin(s), np.cos(s), p3 * np.sin(s)], axis=-1) for sign in (1.0, -1.0)]
     return np.array(circles) @ axes.T
 
 
@@ -73,10 +68,7 @@ def energy_levels(inertia: ArrayLike, count: int = 7, samples: int = 361) -> NDA
         # axis 3 to the separatrix
         widest = np.arctan2(np.sqrt(J[0] * (J[2] - J[1])), np.sqrt(J[2] * (J[1] - J[0])))
         about_3 = round(count * widest / (0.5 * np.pi))
-        for k, i, width, n in (
-            (2, 0, widest, about_3),
-            (0, 2, 0.5 * np.pi - widest, count - about_3),
-        ):
+        for k, i, width, n in ((2, 0, widest, about_3), (0, 2, 0.5 * np.pi - widest, count - about_3)):
             for a in width * np.arange(1, n + 1) / (n + 1):
                 Ai = np.sin(a)
                 Aj = min(1.0, Ai * np.sqrt(J[1] * (J[k] - J[i]) / (J[i] * (J[k] - J[1]))))

@@ -57,9 +57,7 @@ def field(
     space = np.stack([right, up, ahead], axis=-1) @ view_frame(*view)
     at = np.arcsin(np.clip(space[..., 2], -1.0, 1.0)), np.arctan2(space[..., 1], space[..., 0])
     if ax is None:
-        ax = new_figure(3.4, 3.6 if title else 3.4).add_axes(
-            (0.0, 0.0, 1.0, 0.94 if title else 1.0)
-        )
+        ax = new_figure(3.4, 3.6 if title else 3.4).add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
     disk = ax.imshow(
         _between(given, north, east, *at) * (0.86 + 0.14 * ahead),  # paler towards its edge
         extent=(-1, 1, -1, 1),

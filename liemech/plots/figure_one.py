@@ -52,9 +52,7 @@ def figure_one(
         raise InvalidInput("figure_one needs at least one panel")
     rows = -(-len(every) // 4)
     columns = -(-len(every) // rows)
-    entries = _legend_entries(
-        len(every), exact, any(panel.end is not None for panel in every), inertia
-    )
+    entries = _legend_entries(len(every), exact, any(panel.end is not None for panel in every), inertia)
 
     half, bottom, top = limits(view_frame(*view))
     wide, tall = 2 * 1.15 * half + 0.15, 1.15 * (top - bottom)  # inches, 1.15 of them for a radius
@@ -69,27 +67,9 @@ def figure_one(
         ax = figure.add_axes((column / columns, low / height, 1 / columns, tall / height))
         color = COLORS[k % len(COLORS)]
         momentum_sphere(
-            mu,
-            exact,
-            inertia,
-            end=end,
-            radius=radius,
-            ax=ax,
-            view=view,
-            title=title,
-            color=color,
-            levels=levels,
+            mu, exact, inertia, end=end, radius=radius, ax=ax, view=view, title=title, color=color, levels=levels
         )
-        ax.text(
-            0.5,
-            -0.03,
-            caption,
-            transform=ax.transAxes,
-            ha="center",
-            va="top",
-            fontsize=8.5,
-            color=GREY,
-        )
+        ax.text(0.5, -0.03, caption, transform=ax.transAxes, ha="center", va="top", fontsize=8.5, color=GREY)
     _legend(figure, entries, per_line)
     return figure
 
@@ -103,12 +83,7 @@ def _legend_entries(
         return Line2D([], [], **(style | changes))
 
     entries: list[tuple[Line2D | tuple[Line2D, ...], str]] = []
-    entries.append(
-        (
-            tuple(sample(LAST, color=color, markersize=5.0) for color in COLORS[:methods]),
-            "numerical",
-        )
-    )
+    entries.append((tuple(sample(LAST, color=color, markersize=5.0) for color in COLORS[:methods]), "numerical"))
     if exact is not None:
         entries.append((sample(EXACT), "exact"))
     if ends:
@@ -118,17 +93,10 @@ def _legend_entries(
     return entries
 
 
-def _legend(
-    figure: Figure, entries: list[tuple[Line2D | tuple[Line2D, ...], str]], columns: int
-) -> None:
+def _legend(figure: Figure, entries: list[tuple[Line2D | tuple[Line2D, ...], str]], columns: int) -> None:
     from matplotlib.legend_handler import HandlerTuple
 
     side_by_side = {tuple: HandlerTuple(ndivide=None, pad=0.4)}
-    look: dict[str, Any] = {
-        "frameon": False,
-        "fontsize": 8.5,
-        "labelcolor": INK,
-        "handler_map": side_by_side,
-    }
+    look: dict[str, Any] = {"frameon": False, "fontsize": 8.5, "labelcolor": INK, "handler_map": side_by_side}
     samples, names = zip(*entries, strict=True)
     figure.legend(samples, names, loc="lower center", ncols=columns, **look)

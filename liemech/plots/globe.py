@@ -25,21 +25,13 @@ LEVEL = {"color": "#8c95a4", "linewidth": 0.5}
 SEPARATRIX = {"color": "#565f6d", "linewidth": 0.9}
 EXACT = {"color": INK, "linewidth": 0.9}
 LAST = {"linestyle": "none", "marker": "o", "markersize": 7.0, "markeredgecolor": "white"}
-RING = {
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 9.5,
-    "color": "none",
-    "markeredgecolor": INK,
-}
+RING = {"linestyle": "none", "marker": "o", "markersize": 9.5, "color": "none", "markeredgecolor": INK}
 LIMB = "#8b93a1"
 # length of the body axes in radii, and how far beyond the tip their name stands
 ARROW, NAME = 1.25, 0.10
 
 
-def globe(
-    ax: Axes | None, view: tuple[float, float], title: str | None, names: Sequence[str]
-) -> tuple[Axes, Array]:
+def globe(ax: Axes | None, view: tuple[float, float], title: str | None, names: Sequence[str]) -> tuple[Axes, Array]:
     """A lit unit sphere with three named axes, and the rotation to (right, up, towards the eye),
     (3, 3).
     """
@@ -98,13 +90,7 @@ def halves(ax: Axes, front: Array, behind: Array, back: float, zorder: float, **
     """A curve that is cut already: its front as it is, its back below everything in front and faded
     to the opacity `back`.
     """
-    ax.plot(
-        behind[:, 0],
-        behind[:, 1],
-        alpha=back,
-        zorder=0.5 + 0.1 * zorder,
-        **(style | {"label": None}),
-    )
+    ax.plot(behind[:, 0], behind[:, 1], alpha=back, zorder=0.5 + 0.1 * zorder, **(style | {"label": None}))
     ax.plot(front[:, 0], front[:, 1], zorder=zorder, solid_capstyle="round", **style)
 
 
@@ -114,9 +100,7 @@ def chords(ax: Axes, segments: Array, back: float, zorder: float, **style: Any) 
 
     ahead = segments[:, :, 2].sum(axis=1) >= 0.0
     for part, alpha, height in ((~ahead, back, 0.5 + 0.1 * zorder), (ahead, 1.0, zorder)):
-        ax.add_collection(
-            LineCollection(list(segments[part, :, :2]), alpha=alpha, zorder=height, **style)
-        )
+        ax.add_collection(LineCollection(list(segments[part, :, :2]), alpha=alpha, zorder=height, **style))
 
 
 def dots(ax: Axes, points: Array, color: Any, marker: str, label: str | None) -> None:
@@ -133,14 +117,7 @@ def dots(ax: Axes, points: Array, color: Any, marker: str, label: str | None) ->
     if not isinstance(color, str):
         rgb = to_rgba_array(color)[:, :3]
         for part, shown, z in ((~ahead, 0.35 * rgb + 0.65 * 0.87, 0.75), (ahead, rgb, 2.0)):
-            ax.scatter(
-                points[part, 0],
-                points[part, 1],
-                c=shown[part],
-                s=max(size, 3.2) ** 2,
-                linewidths=0.0,
-                zorder=z,
-            )
+            ax.scatter(points[part, 0], points[part, 1], c=shown[part], s=max(size, 3.2) ** 2, linewidths=0.0, zorder=z)
         return
     # opaque: many layers stay as pale as one
     pale = tuple(0.35 * channel + 0.65 * 0.87 for channel in to_rgb(color))
@@ -152,9 +129,7 @@ def dots(ax: Axes, points: Array, color: Any, marker: str, label: str | None) ->
 
 def mark(ax: Axes, point: Array, **style: Any) -> None:
     behind = point[2] < 0.0
-    ax.plot(
-        *point[:2, None], alpha=0.35 if behind else 1.0, zorder=0.94 if behind else 3.5, **style
-    )
+    ax.plot(*point[:2, None], alpha=0.35 if behind else 1.0, zorder=0.94 if behind else 3.5, **style)
 
 
 def axes(ax: Axes, frame: Array, names: Sequence[str]) -> None:
@@ -169,13 +144,7 @@ def axes(ax: Axes, frame: Array, names: Sequence[str]) -> None:
         if start >= ARROW or reach < 1e-9:  # hidden by the sphere, or pointing straight at the eye
             continue
         arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate(
-            "",
-            xy=tuple(ARROW * axis[:2]),
-            xytext=tuple(start * axis[:2]),
-            arrowprops=arrow,
-            zorder=5,
-        )
+        ax.annotate("", xy=tuple(ARROW * axis[:2]), xytext=tuple(start * axis[:2]), arrowprops=arrow, zorder=5)
         x, y = ARROW * axis[:2] + NAME * axis[:2] / reach
         words = ax.text(x, y, name, ha="center", va="center", fontsize=11, color=INK, zorder=5)
         words.set_path_effects([withStroke(linewidth=2.2, foreground="#ffffffd0")])

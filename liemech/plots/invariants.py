@@ -26,11 +26,7 @@ BINS = 400
 
 
 def invariants(
-    run: Any,
-    names: Sequence[str] | None = None,
-    *,
-    ax: Axes | None = None,
-    title: str | None = None,
+    run: Any, names: Sequence[str] | None = None, *, ax: Axes | None = None, title: str | None = None
 ) -> Axes:
     """Draw how far the constants of a motion have moved: |C(t) - C(0)| over the size of C, and the
     noise floor.
@@ -60,17 +56,13 @@ def invariants(
         if (highest > _least()).any():  # not to be seen: no change at all among others
             highest = np.where(highest > _least(), highest, np.nan)
         ax.semilogy(t[ends], highest, label=name, **look(k))
-    ax.fill_between(
-        t[ends], _least(), floor[ends], color="#e9ebef", zorder=0.5, linewidth=0, label="rounding"
-    )
+    ax.fill_between(t[ends], _least(), floor[ends], color="#e9ebef", zorder=0.5, linewidth=0, label="rounding")
     ax.set_ylim(bottom=_least())
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
 
-def drift(
-    runs: Any, name: str = "energy", *, ax: Axes | None = None, title: str | None = None
-) -> Axes:
+def drift(runs: Any, name: str = "energy", *, ax: Axes | None = None, title: str | None = None) -> Axes:
     """Draw the largest change of one constant so far, over time, both logarithmic: who drifts, and
     how.
 
@@ -93,9 +85,7 @@ def drift(
             raise InvalidInput("plots.drift needs at least two samples")
         passed = np.abs(_time(run) - _time(run)[0])[1:]
         highest = np.maximum.accumulate(changes(run, name))[1:]
-        kept = (
-            np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
-        )
+        kept = np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
         ax.loglog(passed[kept], highest[kept], label=label or None, **look(k))
         floor = {"color": GREY, "linestyle": ":", "linewidth": 0.9, "zorder": 0.5}
         said = "rounding" if k == len(found) - 1 else None
@@ -127,24 +117,12 @@ def _time(run: Any) -> Array:
     """Time, (n,); of an ensemble in fictive time that, which its members share; of bodies with
     steps of their own the samples.
     """
-    return (
-        run.t
-        if run.t.ndim == 1
-        else run.tau
-        if "tau" in vars(run)
-        else np.arange(float(len(run.t)))
-    )
+    return run.t if run.t.ndim == 1 else run.tau if "tau" in vars(run) else np.arange(float(len(run.t)))
 
 
 def _label(run: Any) -> str:
     """The name of the axis of `_time`."""
-    return (
-        time_label(run)
-        if run.t.ndim == 1
-        else r"fictive time $\tau$"
-        if "tau" in vars(run)
-        else "sample"
-    )
+    return time_label(run) if run.t.ndim == 1 else r"fictive time $\tau$" if "tau" in vars(run) else "sample"
 
 
 def _least() -> float:
@@ -156,12 +134,9 @@ def _names(run: Any, names: Sequence[str] | None) -> list[str]:
     known = list(run._constants)
     if not known:
         raise InvalidInput(
-            f"plots: no constants of the motion of {run.system!r} are "
-            "known; it may name them in `constants`"
+            f"plots: no constants of the motion of {run.system!r} are known; it may name them in `constants`"
         )
     for name in names or ():
         if name not in known:
-            raise InvalidInput(
-                f"plots: {name!r} is no constant of this motion; known are: {', '.join(known)}"
-            )
+            raise InvalidInput(f"plots: {name!r} is no constant of this motion; known are: {', '.join(known)}")
     return known if names is None else list(names)

@@ -47,9 +47,7 @@ def orders(
             foot = falling(steps, error)[-1]
             guide = error[foot] * (steps / steps[foot]) ** round(fitted)
             seen = (guide >= 0.3 * np.nanmin(error)) & (guide <= 3.0 * np.nanmax(error))
-            ax.loglog(
-                steps[seen], guide[seen], color=GREY, linestyle=":", linewidth=0.8, zorder=0.5
-            )
+            ax.loglog(steps[seen], guide[seen], color=GREY, linestyle=":", linewidth=0.8, zorder=0.5)
     if np.ptp(np.log10(steps)) < 2.0:
         from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -96,12 +94,9 @@ def _positive(values: ArrayLike, name: str, n: int | None = None) -> Array:
     """
     array = np.asarray(values, dtype=float)
     if array.ndim != 1 or not len(array) or (n is not None and len(array) != n):
-        raise InvalidInput(
-            f"plots.{name} has shape {array.shape}; wanted is ({'n' if n is None else n},)"
-        )
+        raise InvalidInput(f"plots.{name} has shape {array.shape}; wanted is ({'n' if n is None else n},)")
     if (array < 0.0).any() or np.isinf(array).any():
         raise InvalidInput(
-            f"plots.{name} must be positive and finite; got "
-            f"{array[(array < 0.0) | np.isinf(array)][0]:g}"
+            f"plots.{name} must be positive and finite; got {array[(array < 0.0) | np.isinf(array)][0]:g}"
         )
     return np.where(array > 0.0, array, np.nan)

@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def path(
-    run: Any, *, ax: Axes | None = None, title: str | None = None, view: tuple[float, float] = VIEW
-) -> Axes:
+def path(run: Any, *, ax: Axes | None = None, title: str | None = None, view: tuple[float, float] = VIEW) -> Axes:
     """Draw the path that a motion takes: of a planet, of the last bob of a pendulum, of a body in
     space.
 
@@ -60,17 +58,10 @@ def path(
         for side in ax.spines.values():
             side.set_visible(False)
         for k in range(points.shape[1]):
-            ax.plot(
-                *(ground[thinned(len(ground)), k] @ frame.T).T,
-                color="#c9ced6",
-                linewidth=0.8,
-                zorder=0.8,
-            )
+            ax.plot(*(ground[thinned(len(ground)), k] @ frame.T).T, color="#c9ced6", linewidth=0.8, zorder=0.8)
         _triad(ax, frame)
     palette: Any = (
-        [COLORS[k % len(COLORS)] for k in range(points.shape[1])]
-        if run.bodies is None
-        else colors(_order(run))
+        [COLORS[k % len(COLORS)] for k in range(points.shape[1])] if run.bodies is None else colors(_order(run))
     )
     for k, color in enumerate(palette):
         seen = points[:, k] @ frame.T
@@ -79,40 +70,24 @@ def path(
             ax.plot(*seen[0], marker="o", markersize=7.0, color="none", markeredgecolor=INK)
         if points.shape[1] == 1:
             for word, point in (("start", seen[0]), ("end", seen[-1])):
-                beside: dict[str, Any] = {
-                    "xytext": (6, 5),
-                    "textcoords": "offset points",
-                    "fontsize": 8.0,
-                }
+                beside: dict[str, Any] = {"xytext": (6, 5), "textcoords": "offset points", "fontsize": 8.0}
                 ax.annotate(word, point, color=GREY, zorder=5, **beside)
         ax.plot(
-            *seen[-1],
-            marker="o",
-            markersize=5.0,
-            color=color,
-            markeredgecolor="white",
-            markeredgewidth=0.5,
-            zorder=4,
+            *seen[-1], marker="o", markersize=5.0, color=color, markeredgecolor="white", markeredgewidth=0.5, zorder=4
         )
     if isinstance(run.system, (Kepler, OrbitingBody, Spacecraft)):
-        ax.plot(
-            0.0, 0.0, marker="o", markersize=9.0, color="#C87F00", markeredgecolor="white", zorder=3
-        )
+        ax.plot(0.0, 0.0, marker="o", markersize=9.0, color="#C87F00", markeredgecolor="white", zorder=3)
     if not flat:
         _scale(ax, points, unit.strip(" ()"))
     for ends in joints:
-        ax.plot(
-            *(ends @ frame.T).T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0
-        )
+        ax.plot(*(ends @ frame.T).T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0)
     return ax
 
 
 def has_path(run: Any) -> bool:
     """Is there a path to draw?"""
     if isinstance(run.system, CanonicalSystem):
-        known = (
-            Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, FourBarLinkage, NBody)
-        )
+        known = Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, FourBarLinkage, NBody)
         return 1 < run.system.degrees <= 3 or isinstance(run.system, known)
     if isinstance(run.system, Linkage):
         return run.states.get("g") is not None and run.bodies is None
@@ -176,22 +151,6 @@ def _triad(ax: Axes, frame: Array) -> None:
     for name, tip in zip("xyz", frame.T):
         end = 0.09 + 0.08 * tip
         arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate(
-            "",
-            end,
-            (0.09, 0.09),
-            xycoords="axes fraction",
-            textcoords="axes fraction",
-            arrowprops=arrow,
-        )
+        ax.annotate("", end, (0.09, 0.09), xycoords="axes fraction", textcoords="axes fraction", arrowprops=arrow)
         x, y = 0.09 + 0.11 * tip
-        ax.text(
-            x,
-            y,
-            f"${name}$",
-            transform=ax.transAxes,
-            ha="center",
-            va="center",
-            fontsize=9,
-            color=INK,
-        )
+        ax.text(x, y, f"${name}$", transform=ax.transAxes, ha="center", va="center", fontsize=9, color=INK)

@@ -41,9 +41,7 @@ def write_pgf(figure: Figure, path: Path) -> None:
             Image.fromarray(im[::-1]).save(beside)
             inch = 1.0 / self.dpi
             a, b, c, d, dx, dy = (
-                (columns, 0.0, 0.0, rows, 0.0, 0.0)
-                if transform is None
-                else transform.frozen().to_values()
+                (columns, 0.0, 0.0, rows, 0.0, 0.0) if transform is None else transform.frozen().to_values()
             )
             file.write("\\begin{pgfscope}%\n")
             self._print_pgf_clip(gc)

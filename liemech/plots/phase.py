@@ -21,12 +21,7 @@ Array = NDArray[np.float64]
 
 
 def phase_portrait(
-    run: Any,
-    degree: int = 0,
-    *,
-    wrap: float | None = None,
-    ax: Axes | None = None,
-    title: str | None = None,
+    run: Any, degree: int = 0, *, wrap: float | None = None, ax: Axes | None = None, title: str | None = None
 ) -> Axes:
     """Draw one degree of freedom of a canonical system in its phase plane, p over q; of an ensemble
     every member.
@@ -64,15 +59,7 @@ def _curve(ax: Axes, q: Array, p: Array, wrap: float | None, color: Any) -> None
     q, p = q[kept], p[kept]
     at: Any = np.flatnonzero(np.abs(np.diff(q)) > 0.5 * wrap) + 1 if wrap else []
     ax.plot(np.insert(q, at, np.nan), np.insert(p, at, np.nan), color=color, linewidth=0.9)
-    ax.plot(
-        q[-1:],
-        p[-1:],
-        color=color,
-        marker="o",
-        markersize=3.5,
-        markeredgecolor="white",
-        markeredgewidth=0.4,
-    )
+    ax.plot(q[-1:], p[-1:], color=color, marker="o", markersize=3.5, markeredgecolor="white", markeredgewidth=0.4)
 
 
 def canonical(run: Any, where: str, **degrees: int) -> tuple[Array, Array]:
@@ -80,14 +67,10 @@ def canonical(run: Any, where: str, **degrees: int) -> tuple[Array, Array]:
     needs_run(run, where)
     if not isinstance(run.system, CanonicalSystem):
         raise InvalidInput(
-            f"{where} is for canonical systems, with positions q and "
-            f"momenta p; this run is of {run.system!r}"
+            f"{where} is for canonical systems, with positions q and momenta p; this run is of {run.system!r}"
         )
     n = run.system.degrees
     for name, degree in degrees.items():
         if not -n <= degree < n:
-            raise InvalidInput(
-                f"{where}: {name} = {degree} is not there; "
-                f"{run.system!r} has {n} degrees of freedom"
-            )
+            raise InvalidInput(f"{where}: {name} = {degree} is not there; {run.system!r} has {n} degrees of freedom")
     return part(run, "q", where), part(run, "p", where)

@@ -88,20 +88,14 @@ def poincare_section(
     q, p, member = section(run, coordinate, value, direction)
     if not len(q):
         raise InvalidInput(
-            "plots.poincare_section: the motion never pierces "
-            f"q_{coordinate + 1} = {value:g}; follow it for longer"
+            f"plots.poincare_section: the motion never pierces q_{coordinate + 1} = {value:g}; follow it for longer"
         )
     number = shown % run.system.degrees + 1
     ax = plane_axes(ax, title, f"$q_{number}$", f"$p_{number}$", (4.2, 3.8))
     for k in range(run.bodies or 1):
         own = member == k
         ax.plot(
-            q[own, shown],
-            p[own, shown],
-            linestyle="none",
-            marker="o",
-            markersize=1.6,
-            color=COLORS[k % len(COLORS)],
+            q[own, shown], p[own, shown], linestyle="none", marker="o", markersize=1.6, color=COLORS[k % len(COLORS)]
         )
     return ax
 
@@ -109,17 +103,9 @@ def poincare_section(
 def _force(system: Any, q: Array, p: Array) -> Array:
     """p', that of the constraints included."""
     force = np.asarray(system.force(q, p))
-    return (
-        force + np.asarray(system.constraint_force(q, p))
-        if isinstance(system, ConstrainedSystem)
-        else force
-    )
+    return force + np.asarray(system.constraint_force(q, p)) if isinstance(system, ConstrainedSystem) else force
 
 
 def _cubic(s: Array, h: Array, y0: Array, y1: Array, f0: Array, f1: Array) -> Array:
     """Hermite's cubic between y0 at s = 0 and y1 at s = 1 with the velocities f0 and f1."""
-    return (
-        (1.0 - s) * y0
-        + s * y1
-        + s * (s - 1.0) * ((1.0 - 2.0 * s) * (y1 - y0) + h * ((s - 1.0) * f0 + s * f1))
-    )
+    return (1.0 - s) * y0 + s * y1 + s * (s - 1.0) * ((1.0 - 2.0 * s) * (y1 - y0) + h * ((s - 1.0) * f0 + s * f1))

@@ -16,17 +16,7 @@ from .components import one_body
 from .energy_curves import energy_levels, separatrix
 from .globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, directions, halves
 from .projection import VIEW, split_at_horizon, view_frame
-from .style import (
-    COLORS,
-    GREY,
-    INK,
-    needs_run,
-    new_figure,
-    part,
-    plane_axes,
-    require_matplotlib,
-    thinned,
-)
+from .style import COLORS, GREY, INK, needs_run, new_figure, part, plane_axes, require_matplotlib, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,9 +62,7 @@ def polhode(
     _, _, rest = np.linalg.svd(facing[None])
     turn = np.array([rest[1], rest[2], facing / np.linalg.norm(facing)])
 
-    drawn = ax or new_figure(3.4, 3.6 if title else 3.4).add_axes(
-        (0.0, 0.0, 1.0, 0.94 if title else 1.0)
-    )
+    drawn = ax or new_figure(3.4, 3.6 if title else 3.4).add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
 
     def draw(y: Array, zorder: float, **style: Any) -> None:
         front, behind = split_at_horizon(y @ turn.T)
@@ -85,11 +73,7 @@ def polhode(
 
     s = np.linspace(0.0, 2.0 * np.pi, 361)[:, None]
     outline = seen(np.cos(s) * turn[0] + np.sin(s) * turn[1])[:, :2]
-    drawn.add_patch(
-        Polygon(
-            outline, closed=True, facecolor="#eceff4", edgecolor=LIMB, linewidth=0.8, zorder=0.1
-        )
-    )
+    drawn.add_patch(Polygon(outline, closed=True, facecolor="#eceff4", edgecolor=LIMB, linewidth=0.8, zorder=0.1))
     inverse = 1.0 / moments
     for curve in energy_levels(inverse, levels):
         draw(curve, 1.0, **LEVEL)
@@ -101,23 +85,9 @@ def polhode(
         length = np.sqrt(twice / (axis @ _inertia(run.system) @ axis)) / unit
         tip = frame @ axis
         if facing @ (axis @ axes) >= 0.0:
-            arrow = {
-                "arrowstyle": "-|>",
-                "color": INK,
-                "linewidth": 0.9,
-                "shrinkA": 0,
-                "shrinkB": 0,
-            }
-            drawn.annotate(
-                "",
-                tuple((length + 0.2) * tip[:2]),
-                tuple(length * tip[:2]),
-                arrowprops=arrow,
-                zorder=5,
-            )
-            beyond = (length + 0.2) * tip[:2] + NAME * tip[:2] / max(
-                float(np.hypot(*tip[:2])), 1e-9
-            )
+            arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
+            drawn.annotate("", tuple((length + 0.2) * tip[:2]), tuple(length * tip[:2]), arrowprops=arrow, zorder=5)
+            beyond = (length + 0.2) * tip[:2] + NAME * tip[:2] / max(float(np.hypot(*tip[:2])), 1e-9)
             drawn.text(
                 float(beyond[0]),
                 float(beyond[1]),
@@ -128,22 +98,13 @@ def polhode(
                 color=INK,
             )
     reach = np.abs(outline).max(axis=0)
-    drawn.set(
-        xlim=(-reach[0] - 0.4, reach[0] + 0.4),
-        ylim=(-reach[1] - 0.2, reach[1] + 0.4),
-        aspect="equal",
-    )
+    drawn.set(xlim=(-reach[0] - 0.4, reach[0] + 0.4), ylim=(-reach[1] - 0.2, reach[1] + 0.4), aspect="equal")
     bare(drawn, title)
     return drawn
 
 
 def herpolhode(
-    run: Any,
-    *,
-    body: int = 0,
-    ax: Axes | None = None,
-    title: str | None = None,
-    color: str = COLORS[0],
+    run: Any, *, body: int = 0, ax: Axes | None = None, title: str | None = None, color: str = COLORS[0]
 ) -> Axes:
     """Draw the angular velocity in space, seen along the spatial momentum of the first sample: the
     herpolhode.
@@ -189,9 +150,7 @@ def _velocity(run: Any, body: int, where: str) -> Array:
     if not isinstance(run.system, RigidBody):
         raise InvalidInput(f"{where} is for a free RigidBody; this run is of {run.system!r}")
     mu = part(run, "mu", where)
-    return np.asarray(
-        run.system.velocity(mu if run.bodies is None else one_body(run, mu, body, where))
-    )
+    return np.asarray(run.system.velocity(mu if run.bodies is None else one_body(run, mu, body, where)))
 
 
 def _inertia(system: Any) -> Array:

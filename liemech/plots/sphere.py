@@ -72,9 +72,7 @@ def momentum_sphere(
     points = vectors(mu, "mu")
     size = hypot(*points[0]) if radius is None else float(radius)
     if not (0.0 < size < np.inf):
-        raise InvalidInput(
-            f"the sphere needs a positive finite radius; got {size!r} (is the first momentum zero?)"
-        )
+        raise InvalidInput(f"the sphere needs a positive finite radius; got {size!r} (is the first momentum zero?)")
     ax, frame = globe(ax, view, title, names)
     if inertia is not None:
         _of_inertia(ax, frame, inertia, levels)

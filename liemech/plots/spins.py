@@ -61,9 +61,7 @@ def spins(
         layer = lattice.shape[0] // 2 if layer is None else layer
         there = places[:, 2] == layer
         if not there.any():
-            raise InvalidInput(
-                f"plots.spins: layers are 0 to {lattice.shape[0] - 1}; got {layer!r}"
-            )
+            raise InvalidInput(f"plots.spins: layers are 0 to {lattice.shape[0] - 1}; got {layer!r}")
         places, mu = places[there], mu[there]
     elif layer is not None:
         raise InvalidInput(f"plots.spins: {lattice!r} has no layers; leave layer out")
@@ -78,14 +76,7 @@ def has_spins(run: Any) -> bool:
 
 
 def _drawn(
-    run: Any,
-    sample: int,
-    places: Array,
-    mu: Array,
-    axis: Array,
-    layer: int | None,
-    ax: Axes | None,
-    title: str | None,
+    run: Any, sample: int, places: Array, mu: Array, axis: Array, layer: int | None, ax: Axes | None, title: str | None
 ) -> Axes:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
@@ -121,12 +112,7 @@ def _drawn(
         ax.set_ylim(edge[2:])
     else:
         ax.imshow(
-            colors.reshape(rows, columns),
-            cmap=scale,
-            norm=norm,
-            origin="lower",
-            extent=edge,
-            interpolation="nearest",
+            colors.reshape(rows, columns), cmap=scale, norm=norm, origin="lower", extent=edge, interpolation="nearest"
         )
     known = {(1.0, 0.0, 0.0): "$x$", (0.0, 1.0, 0.0): "$y$", (0.0, 0.0, 1.0): "$z$"}
     name = known.get(tuple(axis.tolist()), "the axis")

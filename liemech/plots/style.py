@@ -58,9 +58,7 @@ def new_figure(width: float, height: float, layout: Any = None) -> Figure:
     return figure
 
 
-def plane_axes(
-    ax: Axes | None, title: str | None, x: str, y: str, size: tuple[float, float] = (5.2, 3.4)
-) -> Axes:
+def plane_axes(ax: Axes | None, title: str | None, x: str, y: str, size: tuple[float, float] = (5.2, 3.4)) -> Axes:
     """Axes with a light grid and names: the given ones, or those of a new figure of this size in
     inches.
     """
@@ -232,6 +230,4 @@ def save(figure: Figure, path: str | PathLike[str], dpi: int = 200) -> None:
 
     undated: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     with rc_context({"svg.hashsalt": "liemech"}):
-        figure.savefig(
-            path, dpi=dpi, facecolor="white", metadata=undated.get(Path(path).suffix.lower())
-        )
+        figure.savefig(path, dpi=dpi, facecolor="white", metadata=undated.get(Path(path).suffix.lower()))

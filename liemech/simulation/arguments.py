@@ -34,20 +34,12 @@ LOST = 1e-3
 
 def matching(system: Any, method: Any) -> None:
     if isinstance(system, Method) and isinstance(method, System):
-        raise InvalidType(
-            "integrate: system and method are swapped; write integrate(system, method, start, ...)"
-        )
+        raise InvalidType("integrate: system and method are swapped; write integrate(system, method, start, ...)")
     if not isinstance(method, Method):
-        cure = (
-            f"; write {method.__name__}(...), with the brackets" if isinstance(method, type) else ""
-        )
-        raise InvalidType(
-            f"integrate: method must be a method such as RKMK(order=4); got {method!r}{cure}"
-        )
+        cure = f"; write {method.__name__}(...), with the brackets" if isinstance(method, type) else ""
+        raise InvalidType(f"integrate: method must be a method such as RKMK(order=4); got {method!r}{cure}")
     if not isinstance(system, System):
-        raise InvalidType(
-            f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
-        )
+        raise InvalidType(f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
     try:
         method.require(system)
     except IncompatibleSystem as error:
@@ -68,9 +60,7 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
 def known(system: Any, start: Any) -> State:
     """The start, made by the system's `state`."""
     if not isinstance(start, State):
-        raise InvalidType(
-            f"integrate: start must come from system.state(...); got {type(start).__name__}"
-        )
+        raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
     if not system._knows(start):
         try:
             start = system.state(**start.arrays)
@@ -87,9 +77,7 @@ def with_parts(system: Any, start: State, record: Iterable[str] | None) -> State
     if record is None:
         return start
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
-    choices = " or ".join(
-        dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts]))
-    )
+    choices = " or ".join(dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts])))
     try:
         wanted = (record,) if isinstance(record, str) else tuple(record)
     except TypeError:
@@ -101,10 +89,7 @@ def with_parts(system: Any, start: State, record: Iterable[str] | None) -> State
         )
     for name in wanted:
         if start.parts[name] is None:
-            raise InvalidInput(
-                f"integrate: record asks for {name}, but the start "
-                f"has none; give system.state a {name}"
-            )
+            raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")
     return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
 
 
@@ -136,8 +121,7 @@ def affordable_times(t0: float, h: float, steps: int) -> None:
     if steps and latest + abs(h) == latest:
         smallest = np.spacing(latest)
         raise InvalidInput(
-            f"integrate: h = {h:g} is lost beside t = {end:g}; the "
-            f"smallest useful step there is {smallest:.1e}"
+            f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
         )
 
 
@@ -170,9 +154,7 @@ def jumps(breaks: Any) -> tuple[float, ...]:
     some = not isinstance(given, (list, tuple)) or len(given)
     array = np.atleast_1d(real_array(given, "integrate: breaks")) if some else np.empty(0)
     if array.ndim > 1:
-        raise InvalidInput(
-            f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)"
-        )
+        raise InvalidInput(f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)")
     check_finite(array, "integrate: breaks")
     return apart(array.tolist())
 
@@ -220,9 +202,7 @@ def longest(value: Any) -> float:
 def step_length(h: Any) -> float:
     h = real(h, "h")
     if abs(h) < sys.float_info.min:
-        raise InvalidInput(
-            f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows"
-        )
+        raise InvalidInput(f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows")
     return h
 
 
@@ -232,20 +212,14 @@ def step_lengths(h: Any) -> float | tuple[float, ...]:
         return step_length(h)
     array = real_array(h, "integrate: h")
     if array.ndim != 1 or not len(array):
-        raise InvalidInput(
-            f"integrate: h has shape {array.shape}; it is one "
-            "number, or one for each body, (bodies,)"
-        )
+        raise InvalidInput(f"integrate: h has shape {array.shape}; it is one number, or one for each body, (bodies,)")
     return tuple([step_length(x) for x in array.tolist()])
 
 
 def tolerance(value: Any, name: str, default: float) -> float:
     value = default if value is None else real(value, name)
     if value < 0.0 or (name == "rtol" and value == 0.0):
-        raise InvalidInput(
-            f"integrate: {name} must be "
-            f"positive{'' if name == 'rtol' else ' or zero'}; got {value:g}"
-        )
+        raise InvalidInput(f"integrate: {name} must be positive{'' if name == 'rtol' else ' or zero'}; got {value:g}")
     least = 100 * sys.float_info.epsilon
     if name == "rtol" and value < least:
         warn(f"integrate: rtol = {value:g} is below rounding; {least:.1e} is used", RuntimeWarning)
@@ -258,9 +232,7 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
         return None
     times = np.array(real_array(t_eval, "integrate: t_eval"))
     if times.ndim != 1:
-        raise InvalidInput(
-            f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)"
-        )
+        raise InvalidInput(f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)")
     low, high = min(t0, t_end), max(t0, t_end)
     if len(times):
         early, late = (times[:-1], times[1:]) if t_end >= t0 else (times[1:], times[:-1])
@@ -272,8 +244,7 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
     outside = (times < low - margin) | (times > high + margin)
     if outside.any():
         raise InvalidInput(
-            f"integrate: t_eval has t = {times[outside][0]:g}, "
-            f"which is not between {low:g} and {high:g}"
+            f"integrate: t_eval has t = {times[outside][0]:g}, which is not between {low:g} and {high:g}"
         )
     times = np.clip(times, low, high)
     if (np.diff(times) * (t_end - t0) < 0).any():
@@ -287,8 +258,7 @@ def ends(t_end: Any, bodies: int) -> list[Any]:
         return [None if t_end is None else real(t_end, "t_end")] * bodies
     if np.shape(t_end) != (bodies,):
         raise InvalidInput(
-            f"integrate: t_end has shape {np.shape(t_end)}; it is one "
-            f"time, or one for each of {bodies} bodies"
+            f"integrate: t_end has shape {np.shape(t_end)}; it is one time, or one for each of {bodies} bodies"
         )
     return [real(t, "t_end") for t in t_end]
 
@@ -304,8 +274,7 @@ def columns(t_eval: Any, bodies: int) -> list[Any]:
         return [asked] * bodies
     if asked.shape[1] != bodies:
         raise InvalidInput(
-            f"integrate: t_eval has shape {asked.shape}; it is (n,), or "
-            f"(n, {bodies}) with a column for each body"
+            f"integrate: t_eval has shape {asked.shape}; it is (n,), or (n, {bodies}) with a column for each body"
         )
     return [*asked.T]
 
@@ -314,8 +283,7 @@ def first(values: Any, name: str) -> Any:
     """The value for the first body of an ensemble."""
     if np.ndim(values) != 1 or not len(values):
         raise InvalidInput(
-            f"integrate: {name} has shape {np.shape(values)}; it is one "
-            "number, or one for each body, (bodies,)"
+            f"integrate: {name} has shape {np.shape(values)}; it is one number, or one for each body, (bodies,)"
         )
     return values[0]
 
@@ -336,28 +304,16 @@ def events(events: Any) -> tuple[Any, ...]:
     try:
         functions = (events,) if callable(events) else tuple(events)
     except TypeError:
-        raise InvalidType(
-            f"integrate: events are functions of t and state; got {events!r}"
-        ) from None
+        raise InvalidType(f"integrate: events are functions of t and state; got {events!r}") from None
     for event in functions:
         if not callable(event):
             raise InvalidType(f"integrate: events are functions of t and state; got {event!r}")
         terminal, direction = getattr(event, "terminal", None), getattr(event, "direction", 0.0)
-        if terminal is not None and (
-            not isinstance(terminal, (bool, np.bool_, int, np.integer)) or terminal < 0
-        ):
+        if terminal is not None and (not isinstance(terminal, (bool, np.bool_, int, np.integer)) or terminal < 0):
             wanted = "True, False, or the number of its zeros at which the run ends"
-            raise InvalidInput(
-                f"integrate: the `terminal` of an event is {wanted}; got {terminal!r}"
-            )
-        if (
-            isinstance(direction, bool)
-            or not isinstance(direction, (int, float, np.number))
-            or direction != direction
-        ):
-            raise InvalidInput(
-                f"integrate: the `direction` of an event is +1, -1 or 0; got {direction!r}"
-            )
+            raise InvalidInput(f"integrate: the `terminal` of an event is {wanted}; got {terminal!r}")
+        if isinstance(direction, bool) or not isinstance(direction, (int, float, np.number)) or direction != direction:
+            raise InvalidInput(f"integrate: the `direction` of an event is +1, -1 or 0; got {direction!r}")
     return functions
 
 
@@ -366,9 +322,7 @@ def axes(value: Any, name: str) -> int:
     try:
         return np.ndim(value)
     except ValueError:
-        raise InvalidInput(
-            f"integrate: {name} is ragged: its rows have different lengths"
-        ) from None
+        raise InvalidInput(f"integrate: {name} is ragged: its rows have different lengths") from None
 
 
 def real(value: Any, name: str) -> float:
@@ -390,9 +344,7 @@ def parameters(by: Any, caller: str) -> tuple[str, ...]:
     """Names of what a derivative is taken by."""
     found = (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
     if not found or not all(isinstance(name, str) for name in found):
-        raise InvalidType(
-            f'{caller}: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
-        )
+        raise InvalidType(f'{caller}: by is "start", a parameter such as "inertia", or a list of these; got {by!r}')
     return found
 
 
@@ -401,8 +353,7 @@ def known_parts(given: Any, parts: Any) -> None:
     unknown = [name for name in given if name not in parts]
     if unknown:
         raise InvalidInput(
-            f"Plan.pullback: cotangent has {unknown[0]!r}; the parts of the state are "
-            f"{', '.join(parts)}"
+            f"Plan.pullback: cotangent has {unknown[0]!r}; the parts of the state are {', '.join(parts)}"
         )
 
 
@@ -412,9 +363,7 @@ def cotangent(given: Any, name: str, shape: tuple[int, ...], kinds: str) -> np.n
     """
     what, array = f"cotangent[{name!r}]" if name else "cotangent", np.asarray(given)
     if array.shape != shape or array.dtype.kind not in kinds:
-        raise InvalidInput(
-            f"Plan.pullback: {what} is {shape}, as the samples are; got {array.shape}"
-        )
+        raise InvalidInput(f"Plan.pullback: {what} is {shape}, as the samples are; got {array.shape}")
     if not np.isfinite(array).all():
         raise InvalidInput(f"Plan.pullback: {what} must be finite; got {array}")
     return array
@@ -426,9 +375,7 @@ def count(value: Any, name: str, least: int) -> int:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise InvalidType(f"integrate: {name} must be a whole number; got {value!r}")
     if not least <= value <= MOST:
-        raise InvalidInput(
-            f"integrate: {name} must be at least {least} and at most 2**53; got {value}"
-        )
+        raise InvalidInput(f"integrate: {name} must be at least {least} and at most 2**53; got {value}")
     return int(value)
 
 
@@ -440,13 +387,9 @@ def choice(value: Any, name: str) -> None:
 def digits(precision: Any, compensated: Any) -> None:
     """The numbers of the steps are of one double or of two."""
     if precision not in ("double", "double-double"):
-        raise InvalidInput(
-            f"integrate: precision is 'double' or 'double-double'; got {precision!r}"
-        )
+        raise InvalidInput(f"integrate: precision is 'double' or 'double-double'; got {precision!r}")
     if precision == "double-double" and compensated is not None:
-        raise InvalidInput(
-            "integrate: numbers of two doubles need no compensated sums; leave compensated out"
-        )
+        raise InvalidInput("integrate: numbers of two doubles need no compensated sums; leave compensated out")
 
 
 def checkpoint(path: Any, every: Any) -> Checkpoint:
@@ -456,15 +399,12 @@ def checkpoint(path: Any, every: Any) -> Checkpoint:
         or not os.path.isdir(os.path.dirname(os.fspath(path)) or ".")
         or (os.path.exists(path) and not os.path.isfile(path))
     ):
-        raise InvalidInput(
-            f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}"
-        )
+        raise InvalidInput(f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}")
     if isinstance(every, str):
         found = re.fullmatch(r"\s*([0-9]+(?:_[0-9]+)*)[\s_]*steps?\s*", every)
         if found is None:
             raise InvalidInput(
-                "integrate: checkpoint_every is a number of seconds, or a text such as "
-                f"'1000 steps'; got {every!r}"
+                f"integrate: checkpoint_every is a number of seconds, or a text such as '1000 steps'; got {every!r}"
             )
         return Checkpoint(path, 0.0, count(int(found[1]), "checkpoint_every", 1))
     if isinstance(every, timedelta):
@@ -498,9 +438,7 @@ def fixed_steps(steps: int | None, t_end: float | None, t0: float, before: int, 
                 else f"integrate: t_end = {t_end:g} is the start"
             )
     elif steps is None:
-        raise InvalidInput(
-            "integrate: give h and steps, for fixed steps, or t_end, for adaptive ones"
-        )
+        raise InvalidInput("integrate: give h and steps, for fixed steps, or t_end, for adaptive ones")
     steps = count(steps, "steps", 0)
     for one in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
         affordable_times(t0, one, before + steps)

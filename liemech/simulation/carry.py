@@ -110,8 +110,7 @@ class Carry:
         """The bodies that an error has ended."""
         steps = self.clock[TAKEN].reshape(-1)
         return Stopped(
-            {i: int(steps[i]) for i, error in self.ended.items() if error is not None},
-            self.ended.__getitem__,
+            {i: int(steps[i]) for i, error in self.ended.items() if error is not None}, self.ended.__getitem__
         )
 
     def member(self, i: int) -> Carry:
@@ -142,8 +141,7 @@ class Carry:
             return {at + i: x for at, c in pairs for i, x in getattr(c, name).items()}
 
         numbers, clock, last = (
-            np.concatenate([getattr(c, name) for c in carries], axis=1)
-            for name in ("numbers", "clock", "last")
+            np.concatenate([getattr(c, name) for c in carries], axis=1) for name in ("numbers", "clock", "last")
         )
         t0 = None if first.t0 is None else common(np.concatenate(zeros))
         maps = moved("ended"), moved("met"), moved("cut")
@@ -206,6 +204,4 @@ def common(values: Any) -> Any:
 def all_of(states: list[Any]) -> Any:
     """The states of some ensembles as that of one."""
     names = states[0].arrays
-    return state_of(
-        type(states[0]), {n: np.concatenate([s.arrays[n] for s in states]) for n in names}
-    )
+    return state_of(type(states[0]), {n: np.concatenate([s.arrays[n] for s in states]) for n in names})

@@ -21,9 +21,7 @@ class Checkpoint:
     steps : None for seconds.
     """
 
-    def __init__(
-        self, path: str | os.PathLike[str], seconds: float, steps: int | None = None
-    ) -> None:
+    def __init__(self, path: str | os.PathLike[str], seconds: float, steps: int | None = None) -> None:
         self.path, self.seconds, self.steps = path, seconds, steps
         self.next, self.taken = time.perf_counter() + seconds, 0
         self.failed: Exception | None = None  # why the last one is not there
@@ -35,9 +33,7 @@ class Checkpoint:
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         self.end(getattr(error, "trajectory", None))
         if self.failed is not None:
-            there = (
-                f"the file has the run {self.written}" if self.written else "nothing is there of it"
-            )
+            there = f"the file has the run {self.written}" if self.written else "nothing is there of it"
             warn(
                 f"integrate: checkpoint: {self.failures} could not be written to {self.path}, the "
                 f"last one among them ({_why(self.failed)}); {there}.  run.save(...) writes the "

@@ -232,9 +232,7 @@ class EqualRun(Run):
             column += side
         if column < count:
             all_of_them = (*lanes.parts(self.table)[3:], *arrays)
-            call = functools.partial(
-                execution.run, lanes.constants, (), all_of_them, heads.shape[1]
-            )
+            call = functools.partial(execution.run, lanes.constants, (), all_of_them, heads.shape[1])
             size, workers = NATIVE // side * side, self.plan.options.workers
             share_out(call, column, shape.whole(count), side, size, (1, WORTH), workers)
             for i in np.flatnonzero(clocks[MARK, :count] == ASKED).tolist():
@@ -280,14 +278,9 @@ class EqualRun(Run):
 
     def standing(self, some: Any) -> Any:
         self._stand_here()
-        zero, shape = (
-            self.zero[some],
-            self.shape if some == slice(None) or not self.bodies else None,
-        )
+        zero, shape = (self.zero[some], self.shape if some == slice(None) or not self.bodies else None)
         zero = zero.item() if zero.ndim == 0 else common(zero)
-        numbers, clock, last = (
-            x[:, some].copy() for x in (self.numbers, self.clocks, self.here[1:])
-        )
+        numbers, clock, last = (x[:, some].copy() for x in (self.numbers, self.clocks, self.here[1:]))
         clock[MARK] = 0.0
         bodies = None if isinstance(some, int) else self.count
         made = Carry.made(shape, zero, numbers, clock, last, bodies, self.met(some))
@@ -435,23 +428,17 @@ class StraightRun(EqualRun):
                 rows = (out[row : row + 1], 1) if part else (out[row:], turns - row)
                 lanes.plainly(i, self.table[:, i], rows[0][..., i], rows[1], raised, every - part)
 
-        while column < count and not lanes.stepping.ready(
-            (done + more * column / count) / self.steps
-        ):
+        while column < count and not lanes.stepping.ready((done + more * column / count) / self.steps):
             for i in range(column, min(column + side, count)):
                 plainly(i)
             column += side
         if column < count:
             self.compiled = True
             whole = self.shape.whole(count)
-            self.table[:, count:whole] = self.table[
-                :, count - 1 : count
-            ]  # lanes that are left over
+            self.table[:, count:whole] = self.table[:, count - 1 : count]  # lanes that are left over
             workers = self.plan.options.workers
             size = pace // more if self.bodies else 1
-            calls = lanes.natively(
-                self.table, out, turns, workers, every, column, whole, size, WORTH
-            )
+            calls = lanes.natively(self.table, out, turns, workers, every, column, whole, size, WORTH)
             for i in np.flatnonzero(self.clocks[MARK] == ASKED).tolist():
                 plainly(i)
         self.reached, self.latest = before + more, out[-1]
@@ -496,14 +483,8 @@ class StraightRun(EqualRun):
         """Let bodies that stopped stay in later samples; how many samples are there?"""
         taken = self.clocks[TAKEN]
         many = int(samples.samples_after(max(self.reached, taken[~self.over].max(initial=0.0))))
-        for i in np.flatnonzero(
-            (taken < taken.max()) | (taken < self.reached) | self.over
-        ).tolist():
-            k = (
-                max(0, int(samples.samples_after(taken[i])) - samples.first)
-                if not self.over[i]
-                else 0
-            )
+        for i in np.flatnonzero((taken < taken.max()) | (taken < self.reached) | self.over).tolist():
+            k = max(0, int(samples.samples_after(taken[i])) - samples.first) if not self.over[i] else 0
             samples.array[k : many - samples.first, :, i] = self.here[1:, i]
         return many
 

@@ -65,9 +65,7 @@ def require_record(plan: Any, run: Trajectory, what: str) -> None:
         record = plan.recorder.names
     other = record is not None and sorted(run.states) != sorted(record)
     if other or (run.observed and plan.recorder is None):
-        raise InvalidInput(
-            f"Plan.{what}: the run recorded {', '.join(run.states)}, the plan records {plan.record}"
-        )
+        raise InvalidInput(f"Plan.{what}: the run recorded {', '.join(run.states)}, the plan records {plan.record}")
 
 
 def require_fixed(plan: Any, given: Any, carry: Any, what: str) -> None:
@@ -84,9 +82,7 @@ def require_fixed(plan: Any, given: Any, carry: Any, what: str) -> None:
         )
     h = inner_of(carry).h
     if not alike(h, plan._steps.h):
-        raise InvalidInput(
-            f"Plan.{what}: the carry is of steps of h = {h!r}, the plan has {plan._steps.h!r}"
-        )
+        raise InvalidInput(f"Plan.{what}: the carry is of steps of h = {h!r}, the plan has {plan._steps.h!r}")
 
 
 def require_steps(plan: Any, carry: Any, what: str) -> None:
@@ -94,9 +90,7 @@ def require_steps(plan: Any, carry: Any, what: str) -> None:
     inner = inner_of(carry)
     adaptive = inner.clock is not None if isinstance(inner, SiteCarry) else inner.t0 is None
     if isinstance(carry, FictiveCarry) != plan.fictive or adaptive != plan.adaptive:
-        raise InvalidInput(
-            f"Plan.{what}: the run was made with other steps; start a new one from run.last"
-        )
+        raise InvalidInput(f"Plan.{what}: the run was made with other steps; start a new one from run.last")
     if not adaptive and not alike(inner.h, plan._steps.h):
         raise InvalidInput(
             f"Plan.{what}: the run was made with h = {inner.h!r} instead of {plan._steps.h!r}; "
@@ -137,15 +131,9 @@ def pairs(plan: Any, run: Any, carry: Any, what: str) -> list[tuple[str, Any, An
     for name, mine, theirs in (("system", plan.system, system), ("method", way, method)):
         if theirs is None:
             continue
-        ours, others = (
-            each_of(mine),
-            theirs.values if isinstance(theirs, Several) else each_of(theirs),
-        )
+        ours, others = (each_of(mine), theirs.values if isinstance(theirs, Several) else each_of(theirs))
         if len(ours) != len(others):
-            raise InvalidInput(
-                f"Plan.{what}: the run was made with {len(others)} "
-                f"{name}s, the plan with {len(ours)}"
-            )
+            raise InvalidInput(f"Plan.{what}: the run was made with {len(others)} {name}s, the plan with {len(ours)}")
         found_pairs += [(name, *pair) for pair in zip(ours, others, strict=True)]
     return found_pairs
 
@@ -162,10 +150,7 @@ def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:
         )
     given = inspect.signature(type(mine)).parameters
     fields = sorted(fields_of(mine), key=lambda field: field not in given)
-    parts = {
-        n: differing(getattr(mine, n), getattr(theirs, n), f"{name}.{n}".lstrip("."))
-        for n in fields
-    }
+    parts = {n: differing(getattr(mine, n), getattr(theirs, n), f"{name}.{n}".lstrip(".")) for n in fields}
     found = [text for n, part in parts.items() if n in given for text in part] or [
         text for part in parts.values() for text in part
     ]

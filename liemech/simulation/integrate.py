@@ -130,15 +130,7 @@ def integrate(
     if isinstance(system, System) and isinstance(method, Method):
         layout = layout_of(method)
         numbers = exact(tuple(leaves(method, layout))) if layout.width else ()
-        key = (
-            layout_of(system),
-            layout,
-            numbers,
-            t_end is None,
-            fixed,
-            *map(type, options),
-            *options,
-        )
+        key = (layout_of(system), layout, numbers, t_end is None, fixed, *map(type, options), *options)
     try:
         plan = _plans.get(key)
     except TypeError:  # a list or an array among them
@@ -155,23 +147,17 @@ def integrate(
         elif t_end is None or fixed:
             options._replace(dense=None).require(EQUAL, way)
             if options.h is None or (steps is None and t_end is None):
-                raise InvalidInput(
-                    "integrate: give h and steps, for fixed steps, or t_end, for adaptive ones"
-                )
+                raise InvalidInput("integrate: give h and steps, for fixed steps, or t_end, for adaptive ones")
         elif options.asks_for_tolerance or arguments.chooses_steps(way):
             options.require(TOLERANCE, way)
-            options = options._replace(
-                rtol=arguments.RTOL if options.rtol is None else options.rtol
-            )
+            options = options._replace(rtol=arguments.RTOL if options.rtol is None else options.rtol)
         plan = Plan(system, method, **options._asdict())
         if key is not None:
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan
     kept: dict[str, Any] = (
-        {}
-        if checkpoint is None
-        else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}
+        {} if checkpoint is None else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}
     )
     if executor is not None:
         kept["executor"] = executor

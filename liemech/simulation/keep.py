@@ -30,9 +30,7 @@ class Piece:
     turn (1, 3, 1, 2, 3), before (0, 1, 0, 1, 2).
     """
 
-    def __init__(
-        self, run: Any, bodies: np.ndarray, out: np.ndarray, begun: np.ndarray, taken: np.ndarray
-    ) -> None:
+    def __init__(self, run: Any, bodies: np.ndarray, out: np.ndarray, begun: np.ndarray, taken: np.ndarray) -> None:
         self.out, self.marked = out, run.lanes.mark
         place, sign = out[:, self.marked, : len(bodies)].copy(), run.sign[bodies]
         place[0] = begun[: len(bodies)]
@@ -166,9 +164,7 @@ class Straight:
     @property
     def full(self) -> bool:
         """Is there no place for the next sample?"""
-        return bool(
-            self.samples_after(self.run.reached) - self.first == len(self.array) < len(self.numbers)
-        )
+        return bool(self.samples_after(self.run.reached) - self.first == len(self.array) < len(self.numbers))
 
     def forget(self) -> None:
         """Nothing is to be forgotten: what was not reached is not counted."""
@@ -352,12 +348,8 @@ class Quantities:
         come before the one at which it failed, and the values there.
         """
         run = self.run
-        about = SimpleNamespace(
-            system=run.known(None).get("system", run.plan.system), bodies=run.bodies
-        )
-        found: dict[str, np.ndarray] = self.recorder.values(
-            about, run.view.kind, t, states, run.asked_for
-        )
+        about = SimpleNamespace(system=run.known(None).get("system", run.plan.system), bodies=run.bodies)
+        found: dict[str, np.ndarray] = self.recorder.values(about, run.view.kind, t, states, run.asked_for)
         return found
 
     def flush(self) -> None:

@@ -28,9 +28,7 @@ REFUSED: dict[str, dict[str, str]] = {
         "precision": "is for fixed steps; give h and steps",
         "compensated": "is for fixed steps; adaptive ones have larger errors than rounding",
     },
-    FICTIVE: dict.fromkeys(
-        ("precision", "rtol", "atol", "max_step", "dense", "breaks"), _NOT_FICTIVE
-    ),
+    FICTIVE: dict.fromkeys(("precision", "rtol", "atol", "max_step", "dense", "breaks"), _NOT_FICTIVE),
 }
 """Which option is refused under which control, and why."""
 
@@ -168,9 +166,7 @@ def words_of(control: Any, save: Any) -> dict[str, Any]:
         if value is None:
             continue
         if not isinstance(value, kinds):
-            examples = (
-                "FixedSteps(h) or ErrorControl(rtol)" if name == "control" else "Save(every=10)"
-            )
+            examples = "FixedSteps(h) or ErrorControl(rtol)" if name == "control" else "Save(every=10)"
             raise InvalidType(f"integrate: {name} is a value such as {examples}; got {value!r}")
         own = vars(value)
         found |= {word: own.get(word, Options._field_defaults[word]) for word in words}

@@ -37,8 +37,7 @@ class Origin:
         if isinstance(given, InFictiveTime):
             if method.fictive:
                 raise IncompatibleSystem(
-                    f"integrate: {method!r} varies its steps, and so "
-                    f"does {given!r}; one of them will do"
+                    f"integrate: {method!r} varies its steps, and so does {given!r}; one of them will do"
                 )
             whole = given.bound(self.start)
             method.require(whole)
@@ -156,9 +155,7 @@ class FictiveCarry:
     def _apart(self) -> Any:
         """Time, parts of the state, and z."""
         inner, here = self.inner.state, self.here
-        parts = (
-            inner.arrays if here is None else unpacked(layout_of(member(inner, 0)), here[1:-1].T)
-        )
+        parts = inner.arrays if here is None else unpacked(layout_of(member(inner, 0)), here[1:-1].T)
         t, states, z = self._first.whole.apart({name: x[None] for name, x in parts.items()})
         return t[0], {name: x[0] for name, x in states.items()}, None if z is None else z[0]
 

@@ -11,16 +11,8 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from ..errors import (
-    IntegrationInterrupted,
-    InvalidInput,
-    StepWarning,
-    warn,
-)
-from ..formulas.pytree import (
-    Layout,
-    layout_of,
-)
+from ..errors import IntegrationInterrupted, InvalidInput, StepWarning, warn
+from ..formulas.pytree import Layout, layout_of
 from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System, member
@@ -32,16 +24,7 @@ from .compiled.prepared import Steps
 from .compiled.systems import OfBodies, each_of, methods_of, of_body, systems_of
 from .equal import Advance, EqualRun, StraightRun
 from .going_on import carry_of
-from .options import (
-    EQUAL,
-    FICTIVE,
-    TOLERANCE,
-    ErrorControl,
-    FixedSteps,
-    Options,
-    Save,
-    words_of,
-)
+from .options import EQUAL, FICTIVE, TOLERANCE, ErrorControl, FixedSteps, Options, Save, words_of
 from .origin import FictiveCarry
 from .recorded import recorder_of
 from .short import advanced, short_run, short_steps
@@ -113,9 +96,7 @@ class Plan:
         ).with_values(control, save).checked()  # fmt: skip
         h = options.h
         if save is not None and save.at is not None:
-            raise InvalidInput(
-                f"Plan: the times of {save!r} are those of a run: plan.run(..., t_eval=)"
-            )
+            raise InvalidInput(f"Plan: the times of {save!r} are those of a run: plan.run(..., t_eval=)")
         several, kinds = systems_of(system), methods_of(method)
         one: Any = system if several is None else several[0]
         for way in (method,) if kinds is None else kinds:
@@ -179,9 +160,7 @@ class Plan:
         changed = words_of(*values) | changed
         unknown = sorted(set(changed) - set(self._given))
         if unknown:
-            raise InvalidInput(
-                f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}"
-            )
+            raise InvalidInput(f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}")
         system = changed.get("system")
         if (
             len(changed) == 1
@@ -304,9 +283,7 @@ class Plan:
         stopped.trajectory = standing(self.replace(compiled=False, progress=False))
         return stopped
 
-    def _run(
-        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
-    ) -> Trajectory:
+    def _run(self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
         """A run of any kind."""
         if kept is None and self._plain:
             made = short_run(self, start, steps, t_end, t0, t_eval)
@@ -321,13 +298,9 @@ class Plan:
             return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
         if self.fictive:
             if steps is None and t_end is None:
-                raise InvalidInput(
-                    "integrate: give h, the step in fictive time, and steps or t_end"
-                )
+                raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
             if t_end is None and t_eval is not None:
-                raise InvalidInput(
-                    "integrate: t_eval needs t_end, the time up to which the run goes"
-                )
+                raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
         else:
             if not self._apart(start, t_end, t_eval):
                 self._count(steps, t_end, t0)
@@ -385,9 +358,7 @@ class Plan:
             try:
                 encoded(value)
             except InvalidInput as error:
-                raise InvalidInput(
-                    f"integrate: checkpoint: the {name} cannot be saved. {error}"
-                ) from None
+                raise InvalidInput(f"integrate: checkpoint: the {name} cannot be saved. {error}") from None
         return kept
 
     def _doubt(self, start: State) -> str | None:
@@ -398,10 +369,7 @@ class Plan:
         if not self.of_each:
             return self.method.step_warning(self.system, start, steps.h)
         bodies = range(start.bodies or 0)
-        doubts = (
-            steps.method_of(i).step_warning(steps.of(i), member(start, i), steps.h_of(i))
-            for i in bodies
-        )
+        doubts = (steps.method_of(i).step_warning(steps.of(i), member(start, i), steps.h_of(i)) for i in bodies)
         return next((doubt for doubt in doubts if doubt), None)
 
     @spelt
@@ -434,9 +402,7 @@ class Plan:
             end: Any = {"t_end": run.carry.t} if self.adaptive else {"steps": 0}
             raise self._not_begun(lambda plan: plan.resume(run, **end)) from None
 
-    def _gone_on(
-        self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
-    ) -> Trajectory:
+    def _gone_on(self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
         """The run that follows another one."""
         carry = carry_of(self, run, "resume")
         if isinstance(carry, SiteCarry):
@@ -576,11 +542,7 @@ class Plan:
             return like(self, events=()).run(start, steps=0, t0=t0).carry
         start, t0 = self._started(start), arguments.real(t0, "t0")
         with self._beginning(start, t0):
-            return (
-                StraightRun(like(self, events=(), recorder=None), start, t0, 0, None, None)
-                .trajectory()
-                .carry
-            )
+            return StraightRun(like(self, events=(), recorder=None), start, t0, 0, None, None).trajectory().carry
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
         """The carry after some more steps: its `t` and `state` are those of `run`, to the bit.
@@ -617,9 +579,7 @@ class Plan:
             return made
         # of a failing step it says why
         way = dataclasses.replace(self._steps, every=steps)
-        run = Advance(
-            like(self, _steps=way, events=(), recorder=None), carry, 0.0, steps, None, None
-        ).trajectory()
+        run = Advance(like(self, _steps=way, events=(), recorder=None), carry, 0.0, steps, None, None).trajectory()
         if run.carry is None:  # all bodies have stopped
             raise run.stopped[min(run.stopped)].error
         run.carry.met.update(carry.met)
@@ -644,9 +604,7 @@ class Plan:
         if isinstance(start, State):
             return Stepper(self, self.begin(start, 0.0 if t0 is None else t0))
         if t0 is not None:
-            raise InvalidInput(
-                f"Plan.stepper: t0 = {t0!r} is for a state; what goes on has its time"
-            )
+            raise InvalidInput(f"Plan.stepper: t0 = {t0!r} is for a state; what goes on has its time")
         return Stepper(self, carry_of(self, start, "stepper"))
 
     def export(
@@ -679,10 +637,7 @@ class Plan:
 
     def _one_length(self, what: str) -> None:
         if self.adaptive:
-            raise InvalidInput(
-                f"Plan.{what} is for fixed steps; give the plan "
-                "an h, no tolerances, and no time scale"
-            )
+            raise InvalidInput(f"Plan.{what} is for fixed steps; give the plan an h, no tolerances, and no time scale")
 
     def __repr__(self) -> str:
         defaults = inspect.signature(Plan).parameters

@@ -13,13 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import attempt, reason
-from ..errors import (
-    IntegrationInterrupted,
-    InvalidInput,
-    InvalidType,
-    failure,
-    is_mistake,
-)
+from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, failure, is_mistake
 from ..formulas import Record
 from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
@@ -131,9 +125,7 @@ class Recorder:
                 parts = inspect.signature(formula).parameters
                 found[name] = np.asarray(formula(*(known[part] for part in parts)))
             elif len(t):
-                found[name] = self._of_function(
-                    name, quantity, kind, t, states, run.bodies, compiled
-                )
+                found[name] = self._of_function(name, quantity, kind, t, states, run.bodies, compiled)
             else:
                 found[name] = np.empty(0)
         return found
@@ -150,17 +142,10 @@ class Recorder:
     ) -> np.ndarray:
         """A function of time and state at every sample."""
         lead, at = ((len(t),), (0,)) if bodies is None else ((len(t), bodies), (0, 0))
-        first = kind(
-            *[
-                small(states[f.name][at]) if f.name in states else None
-                for f in dataclasses.fields(kind)
-            ]
-        )
+        first = kind(*[small(states[f.name][at]) if f.name in states else None for f in dataclasses.fields(kind)])
         result = self._result(name, function, float(np.ravel(t)[0]), first)
         parts = {part: states[part] for part in first.arrays}
-        rows = np.column_stack(
-            [flat(parts, math.prod(lead)), t.ravel() if t.ndim == 2 else np.repeat(t, bodies or 1)]
-        )
+        rows = np.column_stack([flat(parts, math.prod(lead)), t.ravel() if t.ndim == 2 else np.repeat(t, bodies or 1)])
         arguments = function, layout_of(first), layout_of(result)
         what = f"record={name!r}", lambda k: f"at t = {rows[k, -1]:g}"
         numbers = evaluated(observe, arguments, rows, np.size(result), compiled, what)
@@ -171,9 +156,7 @@ class Recorder:
         result = attempt(function, t, state)
         if hasattr(result, "error"):
             error: Any = reason(result)
-            raise (
-                error if is_mistake(error) else failure(error, f"record={name!r}", f"at t = {t:g}")
-            )
+            raise (error if is_mistake(error) else failure(error, f"record={name!r}", f"at t = {t:g}"))
         if layout_of(result).kind not in PLAIN or np.array(result).dtype != float:
             raise InvalidType(
                 f"integrate: record={name!r} gives a number (a float), a liemech.vec(...) or a "
@@ -191,23 +174,14 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
     record : names of parts of the state and of methods of the system, functions of time and state,
     pairs of a name and such a function, pairs of a part and the numbers of sites.
     """
-    items = (
-        (record,)
-        if isinstance(record, str) or callable(record)
-        else record
-        if isinstance(record, tuple)
-        else ()
-    )
+    items = (record,) if isinstance(record, str) or callable(record) else record if isinstance(record, tuple) else ()
     parts: list[str] = []
     quantities: dict[str, Any] = {}
     chosen: dict[str, tuple[int, ...]] = {}
     for item in items:
         name, wanted = item if isinstance(item, tuple) and len(item) == 2 else (item, item)
         if isinstance(wanted, str):
-            known = inspect.ismethod(getattr(system, wanted, None)) and wanted not in (
-                "state",
-                "constants",
-            )
+            known = inspect.ismethod(getattr(system, wanted, None)) and wanted not in ("state", "constants")
             if known:
                 quantities[name] = wanted
             else:
@@ -219,29 +193,21 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
         if not callable(wanted):
             return None  # to be refused with the parts there are
         if not isinstance(name, str):
-            name = (
-                type(wanted).__name__
-                if isinstance(wanted, Record)
-                else getattr(wanted, "__name__", "")
-            )
+            name = type(wanted).__name__ if isinstance(wanted, Record) else getattr(wanted, "__name__", "")
         if not name.isidentifier():
             raise InvalidInput(
                 f'integrate: record has a function without a name, {wanted!r}; give it one: record=[("name", function), ...]'
             )
         quantities[name] = wanted
     for name in quantities:
-        reserved = name in Trajectory.__dataclass_fields__ or (
-            hasattr(Trajectory, name) and name not in COMPUTED
-        )
+        reserved = name in Trajectory.__dataclass_fields__ or (hasattr(Trajectory, name) and name not in COMPUTED)
         if reserved or [*parts, *quantities].count(name) > 1:
             raise InvalidInput(
                 f"integrate: record: {name!r} is the name of something else of a run; give another "
                 "one: [(name, function), ...]"
             )
     if [*parts, *chosen].count(next(iter({*parts} & {*chosen}), "")):
-        raise InvalidInput(
-            "integrate: record has a part of the state twice, of all sites and of some"
-        )
+        raise InvalidInput("integrate: record has a part of the state twice, of all sites and of some")
     return Recorder(tuple(parts), quantities, chosen) if quantities or chosen else None
 
 

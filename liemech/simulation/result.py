@@ -93,9 +93,7 @@ class InPhysicalTime(AsItIs):
     def mark(self, error: Any, t: float, numbers: np.ndarray) -> None:
         super().mark(error, t, numbers)
         fields = self.fields(np.array([t]), numbers[None])
-        error.clock = tuple(
-            [None if (x := fields[name]) is None else x.item(0) for name in ("t", "tau", "z")]
-        )
+        error.clock = tuple([None if (x := fields[name]) is None else x.item(0) for name in ("t", "tau", "z")])
 
 
 # ------------------------------------------------------------------ runs
@@ -195,18 +193,12 @@ def _states_of_sites(run: Any) -> Any:
             wanted = arrays if recorder is None else recorder.parts
             asked = arrays if set(wanted) - set(arrays) else {name: arrays[name] for name in wanted}
             found = run.plan._one.as_users_see(asked)
-            found = {
-                name: x
-                for name, x in found.items()
-                if asked is not arrays or name in wanted or recorder is None
-            }
+            found = {name: x for name, x in found.items() if asked is not arrays or name in wanted or recorder is None}
             for name, some in ({} if recorder is None else recorder.chosen).items():
                 at = some if here is None else [here.index(i) for i in some]
                 found[name] = arrays[name][:, at]
         if shape.shown.quantities:
-            found |= dict(
-                zip(run.plan._sites.summed, _columns(shape.shown.totals, totals), strict=True)
-            )
+            found |= dict(zip(run.plan._sites.summed, _columns(shape.shown.totals, totals), strict=True))
         return found | run.recorded(n)
 
     return states
@@ -327,8 +319,5 @@ def clock(runs: list[Any], name: str = "t") -> np.ndarray:
         return found
     return together(
         runs,
-        [
-            np.repeat(t[:, None], run.bodies, axis=1) if run.bodies and t.ndim == 1 else t
-            for t, run in zip(times, runs)
-        ],
+        [np.repeat(t[:, None], run.bodies, axis=1) if run.bodies and t.ndim == 1 else t for t, run in zip(times, runs)],
     )

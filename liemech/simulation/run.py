@@ -90,9 +90,7 @@ class Run(Course):
         ]  # fmt: skip
         self.aim(ends, steps)
         self.asked = self._times(t_eval)
-        self.own_times = arguments.axes(t_eval, "t_eval") > 1 or (
-            t_eval is None and arguments.axes(t_end, "t_end") > 0
-        )
+        self.own_times = arguments.axes(t_eval, "t_eval") > 1 or (t_eval is None and arguments.axes(t_end, "t_end") > 0)
         self.begin()
         self.numbers, self.clocks, self.goals, *_ = self.lanes.parts(self.table[:, : self.count])
         self.limit = self.goals[LIMIT]
@@ -366,9 +364,7 @@ class Run(Course):
                 self._commit(piece, bodies[[column]], columns[:, [column]])
             raise
 
-    def _see(
-        self, piece: Piece, bodies: np.ndarray, before: np.ndarray, columns: np.ndarray
-    ) -> None:
+    def _see(self, piece: Piece, bodies: np.ndarray, before: np.ndarray, columns: np.ndarray) -> None:
         """Let observers look at a piece."""
         if self.events:
             some = np.full(len(piece), True)
@@ -517,17 +513,13 @@ class Run(Course):
         last = rows[np.maximum(counts - 1, 0), np.arange(self.count)] if len(rows) else heads
         late &= (last != heads)[:, -1 if self.lanes.mark else 0]
         n = int(np.max(counts + late)) if self.asked is None else len(rows)
-        rest = np.where(
-            ((self.asked is not None) | failed | (counts == 0))[:, None], heads, last
-        )  # where they came to
+        rest = np.where(((self.asked is not None) | failed | (counts == 0))[:, None], heads, last)  # where they came to
         shown = rows
         if n != len(rows):
             shown = np.empty((n, *rows.shape[1:]))
             shown[: len(rows)] = rows[:n]
         np.copyto(shown, rest, where=(np.arange(n)[:, None] >= counts)[..., None])
-        if (
-            self.asked is not None and not self.own_times
-        ):  # who has failed shares the times of others
+        if self.asked is not None and not self.own_times:  # who has failed shares the times of others
             gone = failed | (self.over & np.isin(np.arange(self.count), [*self.errors]))
             np.copyto(shown[..., 0], self.asked, where=gone)
         return shown

@@ -186,9 +186,7 @@ def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> 
     if memory.item(place.taken) != reached:
         return None
     found = _Found(place, memory, t0, way.h, every, step, reached)
-    made: Trajectory = of_short(
-        found, way, way.h, None, steps, {"breaks": way.breaks, "dense": None}
-    )
+    made: Trajectory = of_short(found, way, way.h, None, steps, {"breaks": way.breaks, "dense": None})
     return made
 
 
@@ -218,9 +216,7 @@ class _Found:
 
     __slots__ = ("every", "h", "last", "memory", "place", "reached", "step", "t0")
 
-    def __init__(
-        self, place: Place, memory: Any, t0: float, h: Any, every: int, step: int, reached: int
-    ) -> None:
+    def __init__(self, place: Place, memory: Any, t0: float, h: Any, every: int, step: int, reached: int) -> None:
         self.place, self.memory = place, memory
         self.last: np.ndarray | None = None
         self.t0, self.h, self.every, self.step, self.reached = t0, h, every, step, reached
@@ -265,9 +261,7 @@ class _FoundOfBodies(_Found):
         return Carry.made(self.place.shape, self.t0, numbers, clock, last, self.bodies)
 
 
-def short_steps_of_many(
-    way: Steps, shape: Shape, start: State, steps: int, t0: float
-) -> Trajectory | None:
+def short_steps_of_many(way: Steps, shape: Shape, start: State, steps: int, t0: float) -> Trajectory | None:
     """Run some bodies side by side; None as for one body."""
     arrays, place = start.arrays, place_of(way, shape)
     count = len(next(iter(arrays.values())))
@@ -301,9 +295,7 @@ def short_steps_of_many(
         return None
     found = _FoundOfBodies(place, table, t0, way.h, way.every, 0, steps)
     found.bodies, found.out = count, out
-    made: Trajectory = of_short(
-        found, way, way.h, count, steps, {"breaks": way.breaks, "dense": None}
-    )
+    made: Trajectory = of_short(found, way, way.h, count, steps, {"breaks": way.breaks, "dense": None})
     return made
 
 
@@ -372,9 +364,7 @@ class _Rows:
 
     __slots__ = ("clock", "memory", "places", "t_end", "way")
 
-    def __init__(
-        self, places: Any, way: Any, clock: tuple[float, ...], t_end: float, memory: np.ndarray
-    ) -> None:
+    def __init__(self, places: Any, way: Any, clock: tuple[float, ...], t_end: float, memory: np.ndarray) -> None:
         self.places, self.way, self.clock = places, way, clock
         self.t_end, self.memory = t_end, memory
 
@@ -440,9 +430,7 @@ class Times(Rows):
         self.stepping.used(self.lanes.stepping.native is not None)
         return self.stepping.native is not None
 
-    def at(
-        self, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray
-    ) -> _AtTimes | None:
+    def at(self, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray) -> _AtTimes | None:
         """Run from a start to t_end in one native call; None if that did not come to its end."""
         count, width = len(times), self.lanes.state.width
         memory: Any = np.empty(self.samples + count * width)
@@ -529,9 +517,7 @@ def between(times: np.ndarray, t0: float, t_end: float) -> bool:
 # ------------------------------------------------------------------ which runs are short
 
 
-def short_run(
-    plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any
-) -> Trajectory | None:
+def short_run(plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any) -> Trajectory | None:
     """A run that has nothing to do but to step, of a start that is laid out as one before;
     None for all others, and for what is to be refused.
     """

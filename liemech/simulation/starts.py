@@ -25,15 +25,9 @@ def started(plan: Any, start: Any) -> Any:
         if start.bodies == len(own):
             continue
         if name in ("system", "method"):
-            raise InvalidInput(
-                f"integrate: there are {len(own)} {name}s for "
-                f"{start.bodies or 'a start of one'} bodies"
-            )
+            raise InvalidInput(f"integrate: there are {len(own)} {name}s for {start.bodies or 'a start of one'} bodies")
         if start.bodies is None:
-            raise InvalidType(
-                f"integrate: {name} must be a number for a start of "
-                f"one body; got {plan._given[name]!r}"
-            )
+            raise InvalidType(f"integrate: {name} must be a number for a start of one body; got {plan._given[name]!r}")
         what = "steps" if name == "h" else "numbers"
         raise InvalidInput(f"integrate: {name} has {len(own)} {what} for {start.bodies} bodies")
     if plan._one is not plan.system and plan._one.bounded:

@@ -25,9 +25,7 @@ class Stopped(Mapping[int, Stop]):
     """
 
     def __init__(
-        self,
-        steps: Mapping[int, int] | None = None,
-        failure: Callable[[int], IntegrationFailure] | None = None,
+        self, steps: Mapping[int, int] | None = None, failure: Callable[[int], IntegrationFailure] | None = None
     ) -> None:
         self.steps, self._failure = dict(steps or {}), failure
         self._errors: dict[int, IntegrationFailure] = {}
@@ -49,11 +47,7 @@ class Stopped(Mapping[int, Stop]):
 
     def __getstate__(self) -> dict[str, Any]:
         """With all reasons and without the run, which would find them out."""
-        return {
-            "steps": self.steps,
-            "_failure": None,
-            "_errors": {body: self[body].error for body in self},
-        }
+        return {"steps": self.steps, "_failure": None, "_errors": {body: self[body].error for body in self}}
 
 
 NONE = Stopped()

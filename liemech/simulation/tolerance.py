@@ -113,9 +113,7 @@ class ToleranceRun(Run):
         own, given = self.plan.of_each, self.plan.options
         limit = limit_of(steps, ends[0])
         if given.dense and self.recorded:
-            raise InvalidInput(
-                "integrate: dense=True keeps the states; record no functions of them"
-            )
+            raise InvalidInput("integrate: dense=True keeps the states; record no functions of them")
         way, numbers = self.way, {}  # type: Any, dict[str, Any]
         for name, all_bodies, check in (
             ("rtol", way.rtol, lambda x: arguments.tolerance(x, "rtol", arguments.RTOL)),
@@ -280,18 +278,14 @@ class ToleranceRun(Run):
         return None if beside else super().carry_of(i)
 
     def standing(self, some: Any) -> Any:
-        numbers, clock, last = (
-            x[:, some].copy() for x in (self.numbers, self.clocks, self.here[1:])
-        )
+        numbers, clock, last = (x[:, some].copy() for x in (self.numbers, self.clocks, self.here[1:]))
         numbers[: len(last)] = last
         if isinstance(some, int):
             cut = {0: self.cuts[some]} if some in self.cuts else {}
             found = Carry(None, None, numbers, clock, last, None, {}, self.met(some), cut)
             vars(found)["state"] = self.view.small(last)
             return found
-        found = Carry(
-            None, None, numbers, clock, last, self.count, {}, self.met(some), {**self.cuts}
-        )
+        found = Carry(None, None, numbers, clock, last, self.count, {}, self.met(some), {**self.cuts})
         vars(found)["state"] = self.view.states(last.T)
         return found
 
@@ -304,11 +298,7 @@ class ToleranceRun(Run):
     @property
     def failed(self) -> np.ndarray:
         at_end = (self.clocks[TIME] == self.goals[LAST_TIME]) & (self.clocks[MARK] != STUCK)
-        return (
-            ~self.over
-            & ~at_end
-            & ((self.clocks[MARK] == STUCK) | (self.clocks[TAKEN] >= self.limit))
-        )
+        return ~self.over & ~at_end & ((self.clocks[MARK] == STUCK) | (self.clocks[TAKEN] >= self.limit))
 
     def _too_small(self, i: int) -> Any:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a
@@ -336,8 +326,7 @@ class ToleranceRun(Run):
         error = next((e for e in causes if is_mistake(e)), causes[0] if causes else None)
         if is_mistake(error):
             error.add_note(
-                f"[integrate: in step {steps + 1}, from t = {t:g}; the samples before it are in "
-                "`.trajectory`]"
+                f"[integrate: in step {steps + 1}, from t = {t:g}; the samples before it are in `.trajectory`]"
             )
             return self.explained(error, i)
         made = too_small(repr(method), t, h, rtol, atol, steps, error, trial.error)
@@ -390,15 +379,12 @@ def velocity(system: Any, t: float, state: Any) -> Any:
 def limit_of(steps: Any, t_end: Any) -> int:
     """How many adaptive steps may lead to t_end, which they need."""
     if t_end is None:
-        raise InvalidInput(
-            "integrate: adaptive steps need a t_end; for fixed steps give h and steps"
-        )
+        raise InvalidInput("integrate: adaptive steps need a t_end; for fixed steps give h and steps")
     return arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
 
 
 def too_many(limit: int, t: float, t_end: float) -> StepTooSmall:
     """The error of a run that is not allowed more steps."""
     return StepTooSmall(
-        f"integrate: {limit} steps led to t = {t:g} only, not to {t_end:g}; loosen rtol and atol or "
-        "allow more `steps`"
+        f"integrate: {limit} steps led to t = {t:g} only, not to {t_end:g}; loosen rtol and atol or allow more `steps`"
     )

@@ -213,9 +213,7 @@ class Trajectory:
         known = {
             "t": self.t
             if self.bodies is None
-            else np.broadcast_to(
-                self.t if self.t.ndim == 2 else self.t[:, None], (len(self.t), self.bodies)
-            ),
+            else np.broadcast_to(self.t if self.t.ndim == 2 else self.t[:, None], (len(self.t), self.bodies)),
             **self.states,
         }
         return formula(*(known[part] for part in needed))
@@ -225,8 +223,7 @@ class Trajectory:
         missing = [part for part in needed if part not in self.states or part in self.observed]
         if missing:
             raise InvalidInput(
-                f"Trajectory.{what} needs {', '.join(missing)}; this "
-                f"run recorded {', '.join(self.states)}"
+                f"Trajectory.{what} needs {', '.join(missing)}; this run recorded {', '.join(self.states)}"
             )
 
     @cached_property
@@ -285,10 +282,7 @@ class Trajectory:
         if isinstance(group, UnitQuaternions):
             return group.rotation(g)
         if group.element_shape != (3, 3) or not np.all(SO3().contains(g)):
-            raise InvalidInput(
-                "Trajectory.rotation is for rotations of space, "
-                f"which elements of {group!r} are not"
-            )
+            raise InvalidInput(f"Trajectory.rotation is for rotations of space, which elements of {group!r} are not")
         return Rotation.from_matrix(g)
 
     @property
@@ -359,9 +353,7 @@ class Trajectory:
         save(self, path)
 
     @staticmethod
-    def load(
-        path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: bool = False
-    ) -> Trajectory:
+    def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: bool = False) -> Trajectory:
         """A run that was saved, with its system and its method, which `Plan.resume` goes on with.
 
         modules : names of modules to import for classes of your own, unless they are imported
@@ -402,14 +394,8 @@ class Trajectory:
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """
-        refused = InvalidInput(
-            f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on"
-        )
-        if (
-            type(self) is not type(rest)
-            or self.carry is None
-            or self.states.keys() != rest.states.keys()
-        ):
+        refused = InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
+        if type(self) is not type(rest) or self.carry is None or self.states.keys() != rest.states.keys():
             raise refused
         end, t, more = self._clock(self.carry), self._clock(), rest._clock()
         direction = self.h
@@ -419,16 +405,11 @@ class Trajectory:
         if np.any((first - end) * direction < 0.0):
             raise refused
         # kept by both
-        shared = int(
-            len(t) > 0 and len(more) > 0 and bool(np.all(more[0] == end) and np.all(t[-1] == end))
-        )
+        shared = int(len(t) > 0 and len(more) > 0 and bool(np.all(more[0] == end) and np.all(t[-1] == end)))
         return replace(
             rest,
             t=_both(self.t, rest.t[shared:], self.bodies),
-            states={
-                name: np.concatenate([x, rest.states[name][shared:]])
-                for name, x in self.states.items()
-            },
+            states={name: np.concatenate([x, rest.states[name][shared:]]) for name, x in self.states.items()},
             steps=self.steps + rest.steps,
             rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
             events=tuple([_joined(*pair) for pair in zip(self.events, rest.events, strict=False)]),
@@ -454,9 +435,7 @@ class Trajectory:
         from ..viewer import Scene
 
         if isinstance(self.system, Systems):
-            raise InvalidInput(
-                "Trajectory.view shows bodies of one system; run one of them by itself"
-            )
+            raise InvalidInput("Trajectory.view shows bodies of one system; run one of them by itself")
         return Scene(self, show)
 
     def plot(self, ax: Any = None) -> Axes:
@@ -507,19 +486,13 @@ class Trajectory:
 
     def _attitude(self, what: str) -> np.ndarray:
         if self.g is None:
-            raise InvalidInput(
-                f"Trajectory.{what} needs the attitude; start from a state with a g and record it"
-            )
+            raise InvalidInput(f"Trajectory.{what} needs the attitude; start from a state with a g and record it")
         return self.g
 
     def __repr__(self) -> str:
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
         end = f"to t = {_range(self.t[-1])}" if len(self) else "none"
-        steps = (
-            f"h = {_range(self.h)}"
-            if self.rejected is None
-            else f"{self.steps} steps, {self.rejected} rejected"
-        )
+        steps = f"h = {_range(self.h)}" if self.rejected is None else f"{self.steps} steps, {self.rejected} rejected"
         return (
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
@@ -587,9 +560,7 @@ class TransformedTrajectory(Trajectory):
         return np.array(
             [
                 self.sigma.value_at(
-                    self.system,
-                    float(self.t[k]),
-                    small_state(kind, {n: x[k] for n, x in self.states.items()}),
+                    self.system, float(self.t[k]), small_state(kind, {n: x[k] for n, x in self.states.items()})
                 )
                 for k in range(len(self))
             ]
@@ -601,9 +572,7 @@ class TransformedTrajectory(Trajectory):
         """
         if self.observed:
             return super().drift()
-        return Drift.of(
-            self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies
-        )
+        return Drift.of(self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies)
 
     @property
     def _compared(self) -> dict[str, Any]:
@@ -661,10 +630,7 @@ class TangentTrajectory(Trajectory):
 def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarray:
     """Times of two runs; of bodies with times of their own (n, bodies)."""
     if first.ndim != second.ndim:
-        first, second = (
-            x if x.ndim == 2 else np.repeat(x[:, None], bodies or 1, axis=1)
-            for x in (first, second)
-        )
+        first, second = (x if x.ndim == 2 else np.repeat(x[:, None], bodies or 1, axis=1) for x in (first, second))
     return np.concatenate([first, second])
 
 

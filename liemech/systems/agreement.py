@@ -42,9 +42,7 @@ def parts_in_units(x: Vec, blocks: tuple[int, ...]) -> list[Vec]:
     return [Vec.of(np.where(of_unit == k, np.array(x), 0.0).tolist()) for k in range(len(blocks))]
 
 
-def require_one_body(
-    name: str, group: LieGroup, hamiltonian: Hamiltonian, lagrangian: Lagrangian | None
-) -> None:
+def require_one_body(name: str, group: LieGroup, hamiltonian: Hamiltonian, lagrangian: Lagrangian | None) -> None:
     """Raise InvalidInput where dimensions differ, where dH is not the gradient, or where dl/dxi
     does not undo dH/dmu.
 
@@ -55,8 +53,7 @@ def require_one_body(
         shape = formula._shape(argument, "Vec") if formula is not None else None
         if shape not in (None, (dim,)):
             raise InvalidInput(
-                f"{name}: {formula!r} takes vectors of {shape[0]} "
-                f"components; those of {group!r} have {dim}"
+                f"{name}: {formula!r} takes vectors of {shape[0]} components; those of {group!r} have {dim}"
             )
     alone = lagrangian is None or lagrangian is hamiltonian  # type: ignore[comparison-overlap]
     # whose inertia is symmetric, as it has made sure
@@ -84,20 +81,14 @@ def _probe(seed: int, dim: int) -> Vec:
     return Vec.of(np.random.default_rng(seed).uniform(0.5, 1.0, dim).tolist())
 
 
-def _require_gradient(
-    name: str, group: LieGroup, hamiltonian: Hamiltonian, mu: Vec, xi: Vec
-) -> None:
+def _require_gradient(name: str, group: LieGroup, hamiltonian: Hamiltonian, mu: Vec, xi: Vec) -> None:
     """The slope of the energy along a direction that moves all components of one unit; of every
     unit.
     """
     whole = np.abs(np.array(xi) * np.array(_probe(6, len(mu)))).sum()
     for direction in parts_in_units(_probe(6, len(mu)), group.unit_blocks):
         slope = _value(
-            name,
-            group,
-            hamiltonian,
-            lambda m, along=direction: derivative(hamiltonian.energy, m, along),
-            mu,
+            name, group, hamiltonian, lambda m, along=direction: derivative(hamiltonian.energy, m, along), mu
         )
         if slope is None:
             return
@@ -123,17 +114,12 @@ def _value(name: str, group: LieGroup, owner: Record, formula: Any, x: Vec) -> A
         raise
     # a formula of somebody else's may fail anywhere but where it is meant to be used
     except Exception as error:
-        if isinstance(error, IndexError) or (
-            isinstance(error, InvalidType) and "components" in str(error)
-        ):
-            raise InvalidInput(
-                f"{name}: {owner!r} does not fit {group!r}, of dimension {group.dim}: {error}"
-            ) from None
+        if isinstance(error, IndexError) or (isinstance(error, InvalidType) and "components" in str(error)):
+            raise InvalidInput(f"{name}: {owner!r} does not fit {group!r}, of dimension {group.dim}: {error}") from None
         return None
     if numbers.ndim == 1 and len(numbers) != group.dim:
         raise InvalidInput(
-            f"{name}: {owner!r} gives {len(numbers)} components on "
-            f"{group!r}, whose dimension is {group.dim}"
+            f"{name}: {owner!r} gives {len(numbers)} components on {group!r}, whose dimension is {group.dim}"
         )
     return value if numbers.ndim < 2 and np.isfinite(numbers).all() else None
 

@@ -45,21 +45,14 @@ class Among(Graph):
         for k in of:
             if not 0 <= k < len(group.powers):
                 raise InvalidInput(
-                    f"{name}.over: of={of} names species {k}; those of {group!r} are 0 to "
-                    f"{len(group.powers) - 1}"
+                    f"{name}.over: of={of} names species {k}; those of {group!r} are 0 to {len(group.powers) - 1}"
                 )
         counts = [group.powers[k].copies for k in of]
         if len({*of}) == 1:
             graph = graph.on(counts[0])
         else:
             graph.between(f"{name}.over", of, counts)
-        return cls(
-            graph,
-            of,
-            tuple([group.firsts[k] for k in of]),
-            tuple(counts),
-            group.copies,
-        )
+        return cls(graph, of, tuple([group.firsts[k] for k in of]), tuple(counts), group.copies)
 
     @property
     def sites(self) -> int:
@@ -96,10 +89,7 @@ class Among(Graph):
 
     def open(self) -> Among:
         """That of any number of sites, for formulas."""
-        numbers: dict[str, Any] = {
-            "firsts": vec(*map(float, self.firsts)),
-            "counts": vec(*map(float, self.counts)),
-        }
+        numbers: dict[str, Any] = {"firsts": vec(*map(float, self.firsts)), "counts": vec(*map(float, self.counts))}
         inner = with_fields(self.graph, count=None)
         return with_fields(self, graph=inner, every=float(self.every), **numbers)
 
@@ -182,9 +172,7 @@ class Species(Record):
     def seen(self, k: int, site: Any) -> Any:
         """A site of species k, with the parameters that it has."""
         own = [getattr(site, name) for name in self.names[k]]
-        return type(self.blank[k])(
-            self.vector(k, site.mu), self.element(k, site.g), self.vector(k, site.xi), *own
-        )
+        return type(self.blank[k])(self.vector(k, site.mu), self.element(k, site.g), self.vector(k, site.xi), *own)
 
     def vector(self, k: int, mu: Any) -> Any:
         """A momentum or a velocity of species k."""
@@ -204,9 +192,7 @@ def places_of_sites(group: Any, g: Any) -> np.ndarray:
     if not isinstance(group, SpeciesGroup):
         return places_of(group.base, g)
     found: list[Any] = []
-    for power, part in zip(
-        group.powers, group.by_species(group.without_sites(g, "Element"), "Element")
-    ):
+    for power, part in zip(group.powers, group.by_species(group.without_sites(g, "Element"), "Element")):
         there = has_places(power.base)
         found.append(places_of(power.base, part) if there else np.zeros((power.copies, 0)))
     width = max(x.shape[1] for x in found)

@@ -92,10 +92,7 @@ class BoundTerm(Record):
 
     def edges_at(self, sites: list[Any], i: int) -> list[Any]:
         """The edges at site i: the role, the term, the sites."""
-        return [
-            (role, self.at_edge(number), [sites[j] for j in ends])
-            for role, number, ends in self.at_sites[i]
-        ]
+        return [(role, self.at_edge(number), [sites[j] for j in ends]) for role, number, ends in self.at_sites[i]]
 
 
 def share(total: float, edges: list[Any], merged: bool) -> float:
@@ -150,19 +147,12 @@ def parameters(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[Any, ...
         tuple([name for name, x in terms.own.items() if not isinstance(x, dict) or k in x])
         for k in range(len(group.powers))
     ]
-    return (
-        terms.names,
-        tuple(values),
-        numbers_of(terms, "held", group),
-        Species.of(group, tuple(has)),
-    )
+    return (terms.names, tuple(values), numbers_of(terms, "held", group), Species.of(group, tuple(has)))
 
 
 def _require_many(name: str, value: Any, sites: int, whose: str) -> None:
     if isinstance(value, dict):
-        raise InvalidInput(
-            f"Terms: {name} is told by species, and the sites of {whose} are of one species"
-        )
+        raise InvalidInput(f"Terms: {name} is told by species, and the sites of {whose} are of one species")
     if isinstance(value, Each) and len(value) != sites:
         raise InvalidInput(f"Terms: {name} has {len(value)} values for {sites} sites")
 
@@ -175,9 +165,7 @@ def _of_species(name: str, value: Any, group: SpeciesGroup) -> Any:
     parts: dict[int, np.ndarray] = {}
     for k, x in value.items():
         if not k < len(group.powers):
-            raise InvalidInput(
-                f"Terms: {name} names species {k}; those of {group!r} are 0 to {len(group.powers) - 1}"
-            )
+            raise InvalidInput(f"Terms: {name} names species {k}; those of {group!r} are 0 to {len(group.powers) - 1}")
         sites = group.powers[k].copies
         _require_many(f"{name} of species {k}", x, sites, repr(group.powers[k]))
         rows = x.values if isinstance(x, Each) else np.array(x, dtype=float)[None]
@@ -249,9 +237,7 @@ def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
     for own in _each_of(over.term):
         if len(own) != count:
             what = "sites" if graph.arity == 1 else "edges"
-            raise InvalidInput(
-                f"{name}: a parameter has {len(own)} values, and {graph!r} has {count} {what}"
-            )
+            raise InvalidInput(f"{name}: a parameter has {len(own)} values, and {graph!r} has {count} {what}")
     return BoundTerm(given, graph)
 
 

@@ -32,8 +32,7 @@ def degrees_of(record: Any) -> int:
     n = getattr(record, "degrees", None)
     if type(n) is not int or n < 1:
         raise InvalidInput(
-            f"{type(record).__name__} must say its degrees of freedom, "
-            f"degrees: ClassVar[int] = 2; got {n!r}"
+            f"{type(record).__name__} must say its degrees of freedom, degrees: ClassVar[int] = 2; got {n!r}"
         )
     return n
 
@@ -69,9 +68,7 @@ class PhaseSpace(System):
         return VectorSpace(2 * self.degrees)
 
     @final
-    def displaced(
-        self, retraction: Retraction, state: CanonicalState, omega: Vec
-    ) -> CanonicalState:
+    def displaced(self, retraction: Retraction, state: CanonicalState, omega: Vec) -> CanonicalState:
         """(q, p) + omega."""
         y = retraction.compose_tau(self.group, vec(*state.q, *state.p), omega)
         n = len(state.q)
@@ -102,11 +99,7 @@ class PhaseSpace(System):
 
     @final
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (
-            self.group._shape(argument, kind)
-            if argument == "omega" or kind != "Vec"
-            else (self.degrees,)
-        )
+        return self.group._shape(argument, kind) if argument == "omega" or kind != "Vec" else (self.degrees,)
 
 
 @record

@@ -53,8 +53,7 @@ class CanonicalTransformation(Record):
             return
         except TypeError as error:
             raise InvalidType(
-                f"{what}.generating cannot be evaluated: {error}. It is a formula "
-                "generating(self, t, q, P)"
+                f"{what}.generating cannot be evaluated: {error}. It is a formula generating(self, t, q, P)"
             ) from error
         if not isinstance(value, Real):
             raise InvalidType(f"{what}.generating must return a number; got {value!r}")
@@ -163,10 +162,7 @@ class InNewVariables(DrivenHamiltonianSystem):
     def __post_init__(self) -> None:
         given: Any = self.transformation
         if not isinstance(given, CanonicalTransformation):
-            raise InvalidType(
-                f"{type(self).__name__}: transformation must be a CanonicalTransformation; "
-                f"got {given!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: transformation must be a CanonicalTransformation; got {given!r}")
         if (
             not isinstance(self.original, (HamiltonianSystem, DrivenHamiltonianSystem))
             or self.original.fictive

@@ -90,9 +90,7 @@ class Clocked(Record):
         kind: Any = type(start)
         return clocked(kind)(*start.parts.values(), time, z)
 
-    def apart(
-        self, states: dict[str, np.ndarray]
-    ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+    def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
         """The samples taken apart: the times, the parts of the states, and z."""
         rest = dict(states)
         return rest.pop("time"), rest, rest.pop("z")

@@ -271,9 +271,7 @@ def _entries(some: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return begin[some][whose] + place, whose
 
 
-def _first_free(
-    some: np.ndarray, colours: np.ndarray, other: np.ndarray, begin: np.ndarray
-) -> np.ndarray:
+def _first_free(some: np.ndarray, colours: np.ndarray, other: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """For each of some sites the first colour that no neighbour has."""
     at, whose = _entries(some, begin)
     theirs = colours[other[at]]

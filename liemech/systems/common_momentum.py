@@ -79,6 +79,5 @@ def momenta_of_symmetry(system: Any, mu: np.ndarray) -> dict[str, np.ndarray]:
     if len(directions) == dim:
         return {NAME: total}
     return {
-        f"{NAME} along ({', '.join(f'{x:.3g}' for x in np.round(zeta, 9) + 0.0)})": total @ zeta
-        for zeta in directions
+        f"{NAME} along ({', '.join(f'{x:.3g}' for x in np.round(zeta, 9) + 0.0)})": total @ zeta for zeta in directions
     }

@@ -47,22 +47,15 @@ def connections(touches: Sequence[Sequence[int]], blocks: int) -> dict[str, Any]
     for a, row in enumerate(rows):
         meets = [[b for b in touches[a] if b in touches[k]] for k in row]
         shared.append(
-            tuple(
-                tuple((b, places[b][a], places[b][k]) for b in common)
-                for k, common in zip(row, meets, strict=True)
-            )
+            tuple(tuple((b, places[b][a], places[b][k]) for b in common) for k, common in zip(row, meets, strict=True))
         )
         below = tuple(
-            (i, at[i][a], tuple(at[a][j] if j > a and j in at[a] else -1 for j in rows[i]))
-            for i in row
-            if i > a
+            (i, at[i][a], tuple(at[a][j] if j > a and j in at[a] else -1 for j in rows[i])) for i in row if i > a
         )
         elimination.append((at[a][a], len(row), below, tuple((at[a][j], j) for j in row if j > a)))
     return {
         "touches": tuple(tuple((b, places[b][a]) for b in row) for a, row in enumerate(touches)),
-        "held": tuple(
-            tuple((a, tuple(touches[a]).index(b)) for a in block) for b, block in enumerate(held)
-        ),
+        "held": tuple(tuple((a, tuple(touches[a]).index(b)) for a in block) for b, block in enumerate(held)),
         "shared": tuple(shared),
         "elimination": tuple(elimination),
     }
@@ -87,8 +80,7 @@ def speeds(system: Any, rows: Any, xi: Vec) -> list[Any]:
     """G xi, condition by condition.  xi : (dim,)."""
     parts = [xi[start:end] for start, end in system.places]
     return [
-        vectors.sum([dot(row[i], parts[b]) for i, (b, _) in enumerate(ties)])
-        for row, ties in zip(rows, system.touches)
+        vectors.sum([dot(row[i], parts[b]) for i, (b, _) in enumerate(ties)]) for row, ties in zip(rows, system.touches)
     ]
 
 
@@ -98,9 +90,7 @@ def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
     """
     return [
         [
-            vectors.sum([dot(led[b][i], pushed[b][j]) for b, i, j in common])
-            if len(common) > 0
-            else 0.0
+            vectors.sum([dot(led[b][i], pushed[b][j]) for b, i, j in common]) if len(common) > 0 else 0.0
             for common in row
         ]
         for row in system.shared

@@ -79,9 +79,7 @@ class ConstrainedSystem(CanonicalSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.2.
     """
 
-    alternatives: ClassVar[str] = (
-        "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
-    )
+    alternatives: ClassVar[str] = "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
 
     bounded: ClassVar[bool] = True
     separable: ClassVar[bool] = False
@@ -176,17 +174,11 @@ class ConstrainedSystem(CanonicalSystem):
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             there = q + x @ normals
             G = self.constraint_jacobian(there)
-            return (
-                weights * self.constraint(there),
-                scaled(cross_products(G, normals), weights),
-                1.0,
-            )
+            return (weights * self.constraint(there), scaled(cross_products(G, normals), weights), 1.0)
 
         x, size, enough, _ = newton(equation, vec(*zero), solved=in_order)
         if not size <= enough:
-            raise NoConvergence(
-                f"{type(self).__name__}: no position with g(q) = 0 was found near q = {tuple(q)}"
-            )
+            raise NoConvergence(f"{type(self).__name__}: no position with g(q) = 0 was found near q = {tuple(q)}")
         return q + x @ normals
 
     @final
@@ -220,10 +212,7 @@ class ConstrainedSystem(CanonicalSystem):
 
         x, size, enough, _ = newton(equation, x, solved=in_order)
         if not size <= enough:
-            raise NoConvergence(
-                f"{type(self).__name__}: no momentum with G(q) H_p "
-                f"= 0 was found near p = {tuple(p)}"
-            )
+            raise NoConvergence(f"{type(self).__name__}: no momentum with G(q) H_p = 0 was found near p = {tuple(p)}")
         return -(x @ G), pivots
 
     def _hidden(self, y: Vec, n: int) -> Vec:
@@ -267,16 +256,10 @@ class ConstrainedSystem(CanonicalSystem):
         bad = np.flatnonzero(~(failing <= CONSISTENT).all(axis=(1, 2)))
         if len(bad):
             i = bad[0]
-            g, hidden = (
-                np.array(self.constraint(q[i])),
-                np.array(self.hidden_constraint(q[i], p[i])),
-            )
+            g, hidden = (np.array(self.constraint(q[i])), np.array(self.hidden_constraint(q[i], p[i])))
             told = [
                 f"{name}[{k}] = {value:.3g}, {defect:.1e} of its terms"
-                for name, values, relative in (
-                    ("g(q)", g, failing[i, 0]),
-                    ("G H_p", hidden, failing[i, 1]),
-                )
+                for name, values, relative in (("g(q)", g, failing[i, 0]), ("G H_p", hidden, failing[i, 1]))
                 for k, (value, defect) in enumerate(zip(values, relative, strict=True))
                 if not defect <= CONSISTENT
             ]
@@ -315,9 +298,7 @@ class ConstrainedSystem(CanonicalSystem):
         try:
             found = [self._nearest(small(a), small(b)) for a, b in zip(q, p, strict=True)]
         except (NoConvergence, InconsistentState, ZeroDivisionError) as error:
-            raise InvalidInput(
-                f"{where}: {error}. Give a start that is nearer to g(q) = 0"
-            ) from error
+            raise InvalidInput(f"{where}: {error}. Give a start that is nearer to g(q) = 0") from error
         q, p = (np.array(x) for x in zip(*found, strict=True))
         return self.state(q[0], p[0]) if one else self.state(q, p)
 
@@ -400,31 +381,21 @@ class ConstrainedSystem(CanonicalSystem):
             bad = np.flatnonzero(~(np.abs(left[:, k, k]) > INDEPENDENT * sizes[:, k]))
             if len(bad):
                 member = "" if one else f"member {bad[0]}: "
-                raise InvalidInput(
-                    f"{where}: {member}{self._dependence(small(q[bad[0]]), small(p[bad[0]]))}"
-                )
-            left[:, k + 1 :] -= (
-                left[:, k + 1 :, k, None] / left[:, k, k, None, None] * left[:, k, None, :]
-            )
+                raise InvalidInput(f"{where}: {member}{self._dependence(small(q[bad[0]]), small(p[bad[0]]))}")
+            left[:, k + 1 :] -= left[:, k + 1 :, k, None] / left[:, k, k, None, None] * left[:, k, None, :]
 
     def _dependence(self, q: Any, p: Any) -> str:
         """Which constraint follows from which others, in words; for messages."""
         G = np.array(self.constraint_jacobian(small(np.array(q, dtype=float))))
-        rows = G / (
-            np.linalg.norm(G, axis=1, keepdims=True) + (np.abs(G).max(axis=1, keepdims=True) == 0.0)
-        )
+        rows = G / (np.linalg.norm(G, axis=1, keepdims=True) + (np.abs(G).max(axis=1, keepdims=True) == 0.0))
         rank = np.linalg.matrix_rank(rows, tol=np.sqrt(INDEPENDENT))
         at = f"rank {rank} of {len(G)}, at q = {tuple(np.round(np.array(q, dtype=float), 6).tolist())}"
         for k in range(len(G)):
             if not np.abs(G[k]).max() > 0.0:
-                return (
-                    f"the derivative of constraint[{k}] is zero ({at}); no force can hold it there"
-                )
+                return f"the derivative of constraint[{k}] is zero ({at}); no force can hold it there"
             if np.linalg.matrix_rank(rows[: k + 1], tol=np.sqrt(INDEPENDENT)) <= k:
                 weights = np.linalg.lstsq(rows[:k].T, rows[k], rcond=None)[0]
-                others = ", ".join(
-                    f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6)
-                )
+                others = ", ".join(f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6))
                 told = f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
                 here, unit = small(np.array(q, dtype=float)), np.linalg.norm(G[: k + 1], axis=1)
                 values = np.array(self.constraint(here))[: k + 1] / unit
@@ -501,17 +472,12 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
         super()._check_formulas(q)
         n, name = self.degrees, f"{type(self).__name__}.mass"
         for member in np.atleast_2d(q):
-            m, at = (
-                np.array(self.mass(small(member))),
-                f"at q = {tuple(np.round(member, 6).tolist())}",
-            )
+            m, at = (np.array(self.mass(small(member))), f"at q = {tuple(np.round(member, 6).tolist())}")
             if m.shape != (n, n):
                 raise InvalidInput(f"{name} has shape {m.shape}; it must be a matrix, ({n}, {n})")
             for i in range(n):
                 if not m[i, i] > 0.0:
-                    raise InvalidInput(
-                        f"{name} is not positive: entry [{i}, {i}] is {m[i, i]:.6g} {at}"
-                    )
+                    raise InvalidInput(f"{name} is not positive: entry [{i}, {i}] is {m[i, i]:.6g} {at}")
             unit = 1.0 / np.sqrt(np.diag(m))
             # with a diagonal of ones: entries in different units can be compared
             m1 = unit[:, None] * m * unit
@@ -524,9 +490,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
                 )
             values, vectors = np.linalg.eigh(m1)
             if not values[0] > 2 * n * EPSILON:
-                entries = ", ".join(
-                    f"[{i}, {i}]" for i in np.flatnonzero(np.abs(vectors[:, 0]) > 1e-6)
-                )
+                entries = ", ".join(f"[{i}, {i}]" for i in np.flatnonzero(np.abs(vectors[:, 0]) > 1e-6))
                 raise InvalidInput(
                     f"{name} is not positive: with rows and columns scaled to a diagonal of ones "
                     f"it has the eigenvalue {values[0]:.3g} {at}, from the "
@@ -579,9 +543,7 @@ class Constrained(ConstrainedSystem):
     def __post_init__(self) -> None:
         for name, kind in (("system", HamiltonianSystem), ("surface", Surface)):
             if not isinstance(getattr(self, name), kind):
-                raise InvalidInput(
-                    f"Constrained: {name} must be a {kind.__name__}; got {getattr(self, name)!r}"
-                )
+                raise InvalidInput(f"Constrained: {name} must be a {kind.__name__}; got {getattr(self, name)!r}")
         super().__post_init__()
 
     @property
@@ -662,10 +624,7 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     if n == 2:  # by Cramer's rule: one division before the solution
         volume = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
         scale = _over(1.0, volume)
-        both = vec(
-            scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]),
-            scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]),
-        )
+        both = vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
         return both, vec(m[0, 0], _over(volume, m[0, 0]))
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []

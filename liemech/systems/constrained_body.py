@@ -66,14 +66,12 @@ class BoundBody(System):
             body = MechanicalSystem(body, NoPotential())
         if not isinstance(body, MechanicalSystem):
             raise InvalidType(
-                f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a "
-                f"MechanicalSystem; got {body!r}"
+                f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem; got {body!r}"
             )
         kinetic = getattr(body.body, "lagrangian", None)
         if not isinstance(kinetic, KineticEnergy):
             raise InvalidInput(
-                f"{name}: the kinetic energy must be quadratic, a "
-                f"KineticEnergy; {body.body!r} has another one"
+                f"{name}: the kinetic energy must be quadratic, a KineticEnergy; {body.body!r} has another one"
             )
         object.__setattr__(self, "body", body)
         # formulas may have no value at the identity
@@ -127,16 +125,12 @@ class BoundBody(System):
     @property
     def inertias(self) -> tuple[Vec | Mat, ...]:
         """J, block by block."""
-        return tuple(
-            [_block(self.body.body.lagrangian.inertia, start, end) for _, start, end in self.blocks]
-        )
+        return tuple([_block(self.body.body.lagrangian.inertia, start, end) for _, start, end in self.blocks])
 
     @property
     def inverses(self) -> tuple[Vec | Mat, ...]:
         """J^-1, block by block."""
-        return tuple(
-            [_block(self.body.body.lagrangian.inverse, start, end) for _, start, end in self.blocks]
-        )
+        return tuple([_block(self.body.body.lagrangian.inverse, start, end) for _, start, end in self.blocks])
 
     @property
     def trace(self) -> float:
@@ -189,14 +183,10 @@ class BoundBody(System):
         """
         rows, xi = self.rows_at(t, g), self.velocity(mu)
         pull = self.configurations.ad_star(xi, mu) + self.body.applied(t, xi, g)
-        curved = derivative(
-            lambda s: vec(*self._slips(t + s, self.configurations.compose_exp(g, s * xi), xi)), 0.0
-        )
+        curved = derivative(lambda s: vec(*self._slips(t + s, self.configurations.compose_exp(g, s * xi), xi)), 0.0)
         needed = [a + b for a, b in zip(curved, speeds(self, rows, self.velocity(pull)))]
         through = led(self, rows)
-        pushed = [
-            [times(inverse, row) for row in block] for inverse, block in zip(self.inverses, through)
-        ]
+        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(self.inverses, through)]
         return solved_sparse(self, yielding(self, joint(self, through, pushed)), needed)[0]
 
     def rows_at(self, t: float, g: Any) -> Any:
@@ -253,8 +243,7 @@ class BoundBody(System):
         state = self._given("state", mu, g, xi)
         for k, (one, where) in enumerate(_members(state)):
             self._require_independent(
-                where,
-                f"{type(self).__name__}.state" + ("" if state.bodies is None else f": body {k}"),
+                where, f"{type(self).__name__}.state" + ("" if state.bodies is None else f": body {k}")
             )
             self._require_consistent(one, where)
         return self.vouched(state)
@@ -271,12 +260,7 @@ class BoundBody(System):
         To its energy counts what the force does on a unit displacement: at rest in a field a
         momentum is nothing but rounding.
         """
-        G, momentum, force, inverse = (
-            self._matrix(self.rows(g)),
-            np.array(mu),
-            np.array(self.force(g)),
-            self._inverse,
-        )
+        G, momentum, force, inverse = (self._matrix(self.rows(g)), np.array(mu), np.array(self.force(g)), self._inverse)
         least = 1.0 / abs(inverse).sum(axis=1).max()
         energy = momentum @ (inverse @ momentum) + np.sqrt(least * (force @ (inverse @ force)))
         scale = np.sqrt(energy * (G @ inverse @ G.T).diagonal())
@@ -299,9 +283,7 @@ class BoundBody(System):
         """One start, with independent conditions."""
         state = self._given(what, mu, g, xi)
         if state.bodies is not None:
-            raise InvalidInput(
-                f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble"
-            )
+            raise InvalidInput(f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble")
         start = small(np.array(state.g))
         self._require_independent(start, f"{type(self).__name__}.{what}")
         return np.array(state.mu), start
@@ -320,8 +302,7 @@ class BoundBody(System):
         name = f"{type(self).__name__}.{what}"
         if g is None:
             raise InvalidInput(
-                f"{name}: g is missing; the constraint depends on where "
-                f"the body is, give {what}(mu=..., g=...)"
+                f"{name}: g is missing; the constraint depends on where the body is, give {what}(mu=..., g=...)"
             )
         return body_state(name, self.configurations, self.body.body._momentum_of(name, mu, xi), g)
 
@@ -337,8 +318,7 @@ class BoundBody(System):
         """J^-1, a matrix; a sparse one of many bodies."""
         if self._sparse:
             return sparse().block_diag(
-                [np.diag(np.array(J)) if np.ndim(J) == 1 else np.array(J) for J in self.inverses],
-                "csr",
+                [np.diag(np.array(J)) if np.ndim(J) == 1 else np.array(J) for J in self.inverses], "csr"
             )
         inverse = np.array(self.body.body.lagrangian.inverse)
         return inverse if inverse.ndim == 2 else np.diag(inverse)
@@ -367,16 +347,12 @@ class BoundBody(System):
         try:
             G = self._matrix(self.rows(g))
         except ArithmeticError as error:
-            raise InvalidInput(
-                f"{name}: {type(self.constraint).__name__} has no derivative at g: {error}"
-            ) from None
+            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no derivative at g: {error}") from None
         gram = G @ self._inverse @ G.T
         unit = np.sqrt(np.abs(gram.diagonal()))
         if not np.isfinite(unit).all():
             bad = f"G[{(a := int(np.argmin(np.isfinite(unit))))}] = {[x for part in self.rows(g)[a] for x in part]}"
-            raise InvalidInput(
-                f"{name}: {type(self.constraint).__name__} has no finite derivative at g: {bad}"
-            )
+            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no finite derivative at g: {bad}")
         silent = np.flatnonzero(unit == 0.0)
         if len(silent):
             raise InvalidInput(
@@ -437,11 +413,7 @@ class BoundBody(System):
         return self.configurations.defect(g)
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (
-            (self.conditions, self.configurations.dim)
-            if argument == "G"
-            else self.body._shape(argument, kind)
-        )
+        return (self.conditions, self.configurations.dim) if argument == "G" else self.body._shape(argument, kind)
 
     def _complex(self, kind: str) -> bool:
         return self.configurations._complex(kind)
@@ -476,9 +448,7 @@ class ConstrainedBody(BoundBody):
         given: Any = self.constraint
         if not isinstance(given, Constraint) or isinstance(given, VelocityConstraint):
             wanted = "a Constraint, a subclass with a `value(g)` (conditions on velocities: NonholonomicBody)"
-            raise InvalidType(
-                f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
         value = self.constraint.value(g)
         if not isinstance(value, vectors.Vec) or not len(value):
             name = f"{type(self).__name__}: {type(self.constraint).__name__}"
@@ -527,8 +497,7 @@ class ConstrainedBody(BoundBody):
                 break
         if not change <= CONSISTENT * max(1.0, np.abs(x).max()):
             raise NoConvergence(
-                f"{type(self).__name__}.consistent: no configuration on "
-                "the constraint found near g; start closer"
+                f"{type(self).__name__}.consistent: no configuration on the constraint found near g; start closer"
             )
         there = group.compose_exp(start, Vec.of(x))
         return self.state(self._projected(momentum, there), np.array(there))
@@ -539,8 +508,7 @@ class ConstrainedBody(BoundBody):
         """
         G, inverse = self._matrix(self.rows(g)), self._inverse
         largest = max(
-            np.abs(np.array(J)).max() if np.ndim(J) == 1 else np.linalg.norm(np.array(J), 2)
-            for J in self.inverses
+            np.abs(np.array(J)).max() if np.ndim(J) == 1 else np.linalg.norm(np.array(J), 2) for J in self.inverses
         )
         reach = np.sqrt((G @ inverse @ G.T).diagonal() / largest)
         value = np.array(self.constraint.value(g))
@@ -563,13 +531,7 @@ class ConstrainedBody(BoundBody):
                 at = [ends[b] - sizes[b] + i for b in some if i < sizes[b]]
                 direction = np.zeros(len(flat))
                 direction[at] = flat[at].real
-                total += np.abs(
-                    np.array(
-                        derivative(
-                            self.constraint.value, g, small(direction.reshape(entries.shape))
-                        )
-                    )
-                )
+                total += np.abs(np.array(derivative(self.constraint.value, g, small(direction.reshape(entries.shape)))))
         return total
 
 
@@ -597,9 +559,7 @@ class NonholonomicBody(BoundBody):
     def _count(self, g: Any) -> int:
         if not isinstance(self.constraint, VelocityConstraint):
             wanted = "a VelocityConstraint, a subclass with a `matrix(g)`"
-            raise InvalidType(
-                f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
         A, dim = self.constraint.matrix(g), self.configurations.dim
         if not isinstance(A, vectors.Mat) or len(A[0]) != dim:
             name = f"{type(self).__name__}: {type(self.constraint).__name__}"
@@ -621,9 +581,7 @@ def _members(state: BodyState) -> list[tuple[Any, Any]]:
     """Momentum and element of each body, small."""
     if state.bodies is None:
         return [(state.mu, state.g)]
-    return [
-        (small(mu), small(g)) for mu, g in zip(np.array(state.mu), np.array(state.g), strict=True)
-    ]
+    return [(small(mu), small(g)) for mu, g in zip(np.array(state.mu), np.array(state.g), strict=True)]
 
 
 def sparse() -> Any:
@@ -637,9 +595,7 @@ def sparse() -> Any:
 def _solved(matrix: Any, rhs: np.ndarray) -> np.ndarray:
     """The solution of a symmetric, positive system."""
     return (
-        np.linalg.solve(matrix, rhs)
-        if isinstance(matrix, np.ndarray)
-        else sparse().linalg.spsolve(matrix.tocsc(), rhs)
+        np.linalg.solve(matrix, rhs) if isinstance(matrix, np.ndarray) else sparse().linalg.spsolve(matrix.tocsc(), rhs)
     )
 
 

@@ -87,18 +87,13 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
         given = tuple(given) if isinstance(given, list) else given
         object.__setattr__(self, "parts", given)
         if not isinstance(given, tuple) or not given:
-            raise InvalidType(
-                f"{type(self).__name__}: parts must be a tuple of ConstrainedParts; got {given!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: parts must be a tuple of ConstrainedParts; got {given!r}")
         for part in given:
             if not isinstance(part, ConstrainedPart):
-                raise InvalidType(
-                    f"{type(self).__name__}: parts must be ConstrainedParts; got {part!r}"
-                )
+                raise InvalidType(f"{type(self).__name__}: parts must be ConstrainedParts; got {part!r}")
         if type(self).quadratic and len(given) != 2:
             raise InvalidInput(
-                f"{type(self).__name__}: quadratic says that the parts are two, T and V; they are "
-                f"{len(given)}"
+                f"{type(self).__name__}: quadratic says that the parts are two, T and V; they are {len(given)}"
             )
 
     @final

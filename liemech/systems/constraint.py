@@ -41,9 +41,7 @@ class Constraint(Record):
         """G(g), left-trivialised: G eta = d/ds c(g exp(s eta)) at s = 0.  g : an element.  Returns
         (m, dim).
         """
-        return jacobian(
-            lambda eta: self.value(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)])
-        )
+        return jacobian(lambda eta: self.value(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)]))
 
     def at_time(self, t: float) -> Any:
         """The conditions at time t: the same, unless they change with time."""
@@ -92,9 +90,7 @@ class VelocityConstraint(Constraint):
 
     def value(self, g: Any) -> Vec:
         """None: raises NotDefined."""
-        raise NotDefined(
-            f"{type(self).__name__}: conditions on velocities come from no function c(g)"
-        )
+        raise NotDefined(f"{type(self).__name__}: conditions on velocities come from no function c(g)")
 
     @derived
     def jacobian(self, group: LieGroup, g: Element) -> Mat:

@@ -8,27 +8,8 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, OutsideChart, undefined
-from ..formulas import (
-    Mat,
-    Record,
-    Vec,
-    atan2,
-    cos,
-    exp,
-    jacobian,
-    log,
-    norm,
-    record,
-    sin,
-    sqrt,
-    vec,
-)
-from ..groups.poisson_structure import (
-    ConstantStructure,
-    LiePoissonStructure,
-    LogCanonical,
-    PoissonStructure,
-)
+from ..formulas import Mat, Record, Vec, atan2, cos, exp, jacobian, log, norm, record, sin, sqrt, vec
+from ..groups.poisson_structure import ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
 from ..groups.skew_matrices import pairs
 from ..groups.so3 import SO3
 from .canonical import CanonicalState, HamiltonianSystem
@@ -74,8 +55,7 @@ class DarbouxChart(Record):
         """
         at = vec(*map(float, y))
         D, B = (
-            np.array(m, dtype=float)
-            for m in (jacobian(lambda x: self.coordinates(x), at), self.structure.matrix(at))
+            np.array(m, dtype=float) for m in (jacobian(lambda x: self.coordinates(x), at), self.structure.matrix(at))
         )
         n = self.degrees
         canonical = np.zeros(B.shape)
@@ -90,13 +70,11 @@ class DarbouxChart(Record):
         """
         if not isinstance(system, PoissonSystem) or system.structure != self.structure:
             raise InvalidInput(
-                f"{type(self).__name__}.system: a PoissonSystem with "
-                f"{self.structure!r} is needed; got {system!r}"
+                f"{type(self).__name__}.system: a PoissonSystem with {self.structure!r} is needed; got {system!r}"
             )
         if not isinstance(state, PoissonState) or state.bodies is not None:
             raise InvalidInput(
-                f"{type(self).__name__}.system: state must be one "
-                f"state, system.state(...); got {state!r}"
+                f"{type(self).__name__}.system: state must be one state, system.state(...); got {state!r}"
             )
         z, n = [float(x) for x in self.coordinates(vec(*map(float, state.y)))], self.degrees
         there = InDarbouxChart(chart=self, original=system, leaf=vec(*z[2 * n :]))
@@ -164,9 +142,7 @@ class Andoyer(DarbouxChart):
     def coordinates(self, y: Vec) -> Vec:
         """(l, L, G).  y : (3,).  Raises OutsideChart on the third axis, where l has no value."""
         if not abs(y[0]) + abs(y[1]) > 0.0:
-            raise OutsideChart(
-                f"Andoyer: y = ({y[0]}, {y[1]}, {y[2]}) is on the third axis, where l has no value"
-            )
+            raise OutsideChart(f"Andoyer: y = ({y[0]}, {y[1]}, {y[2]}) is on the third axis, where l has no value")
         return vec(atan2(y[0], y[1]), y[2], norm(y))
 
     def point(self, z: Vec) -> Vec:
@@ -175,8 +151,7 @@ class Andoyer(DarbouxChart):
         square = G * G - L * L
         if not square > 0.0:
             raise OutsideChart(
-                f"Andoyer: |L| = {abs(L)} is not less than G = {G}: the "
-                "motion left the chart, over the third axis"
+                f"Andoyer: |L| = {abs(L)} is not less than G = {G}: the motion left the chart, over the third axis"
             )
         across = sqrt(square)
         return vec(across * sin(l), across * cos(l), L)
@@ -198,9 +173,7 @@ class LinearDarboux(DarbouxChart):
 
     def __post_init__(self) -> None:
         if not isinstance(self.structure, ConstantStructure):
-            raise InvalidType(
-                f"LinearDarboux: structure must be a ConstantStructure; got {self.structure!r}"
-            )
+            raise InvalidType(f"LinearDarboux: structure must be a ConstantStructure; got {self.structure!r}")
         T = canonical_basis(np.array(self.structure.values))
         object.__setattr__(self, "forwards", T)
         object.__setattr__(self, "backwards", np.linalg.inv(T))
@@ -230,9 +203,7 @@ class LogarithmicDarboux(DarbouxChart):
 
     def __post_init__(self) -> None:
         if not isinstance(self.structure, LogCanonical):
-            raise InvalidType(
-                f"LogarithmicDarboux: structure must be a LogCanonical; got {self.structure!r}"
-            )
+            raise InvalidType(f"LogarithmicDarboux: structure must be a LogCanonical; got {self.structure!r}")
         object.__setattr__(self, "linear", LinearDarboux(ConstantStructure(self.structure.values)))
         super().__post_init__()
 

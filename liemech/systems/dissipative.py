@@ -38,9 +38,7 @@ class Dissipative(System):
 
     def __post_init__(self) -> None:
         if not isinstance(self.system, LiePoissonSystem):
-            raise InvalidType(
-                f"{type(self).__name__}: system must be a LiePoissonSystem; got {self.system!r}"
-            )
+            raise InvalidType(f"{type(self).__name__}: system must be a LiePoissonSystem; got {self.system!r}")
         super().__post_init__()
 
     def damped(self, mu: Vec, t: float) -> Vec:

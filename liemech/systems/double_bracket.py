@@ -34,9 +34,7 @@ class DoubleBracket(LiePoissonMotion):
     Commun. Math. Phys. 175 (1996), section 3.
     """
 
-    alternatives: ClassVar[str] = (
-        "RKMK, CommutatorFree and Magnus keep its orbits, ImplicitMidpoint those of rotations"
-    )
+    alternatives: ClassVar[str] = "RKMK, CommutatorFree and Magnus keep its orbits, ImplicitMidpoint those of rotations"
 
     system: LiePoissonSystem
     damping: float
@@ -48,15 +46,11 @@ class DoubleBracket(LiePoissonMotion):
                 f"DoubleBracket: system must be a LiePoissonSystem such as RigidBody([1.0, 1.5, 2.0]); got {self.system!r}"
             )
         if not self.damping >= 0.0:
-            raise InvalidInput(
-                f"DoubleBracket: damping is not negative, for energy falls; got {self.damping!r}"
-            )
+            raise InvalidInput(f"DoubleBracket: damping is not negative, for energy falls; got {self.damping!r}")
         if self.metric is not None:
             require_metric("DoubleBracket", self.metric, self.system.group.dim)
             if isinstance(self.system.group, PowerGroup):
-                raise InvalidInput(
-                    "DoubleBracket: leave metric out for many sites; each has that of its basis"
-                )
+                raise InvalidInput("DoubleBracket: leave metric out for many sites; each has that of its basis")
         super().__post_init__()
 
     @property

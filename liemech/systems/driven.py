@@ -34,9 +34,7 @@ class DrivenHamiltonianSystem(PhaseSpace):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and VI.5.3.
     """
 
-    alternatives: ClassVar[str] = (
-        "HamiltonJacobi(order=4) keeps its symplectic form, RKMK accepts every system"
-    )
+    alternatives: ClassVar[str] = "HamiltonJacobi(order=4) keeps its symplectic form, RKMK accepts every system"
 
     def energy(self, t: float, q: Vec, p: Vec) -> float:
         """H(t, q, p).  q, p : (n,)."""
@@ -103,8 +101,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         for name, kind in ("group", LieGroup), ("hamiltonian", DrivenHamiltonian):
             if not isinstance(getattr(self, name), kind):
                 raise InvalidType(
-                    f"{type(self).__name__}: {name} must be a "
-                    f"{kind.__name__}; got {getattr(self, name)!r}"
+                    f"{type(self).__name__}: {name} must be a {kind.__name__}; got {getattr(self, name)!r}"
                 )
         super().__post_init__()
 
@@ -138,9 +135,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         """`at` for formulas, unchecked."""
         energy = self.hamiltonian.at(t)
         own = energy if isinstance(energy, KineticEnergy) else None
-        made: LiePoissonSystem = with_fields(
-            _EMPTY, group=self.group, hamiltonian=energy, lagrangian=own
-        )
+        made: LiePoissonSystem = with_fields(_EMPTY, group=self.group, hamiltonian=energy, lagrangian=own)
         return made
 
     @final

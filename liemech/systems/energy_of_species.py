@@ -32,9 +32,7 @@ class EnergyOfSpecies(Hamiltonian, Lagrangian):
     species: Species
 
     @classmethod
-    def at_site(
-        cls, energies: tuple[Any, ...], species: Species, group: SpeciesGroup
-    ) -> EnergyOfSpecies:
+    def at_site(cls, energies: tuple[Any, ...], species: Species, group: SpeciesGroup) -> EnergyOfSpecies:
         """That of energies whose parameters may be `each(values)`, of the sites of the species."""
         made = []
         for k, one in enumerate(energies):
@@ -72,11 +70,7 @@ class EnergyOfSpecies(Hamiltonian, Lagrangian):
     def hessian(self, xi: Vec) -> Mat:
         """That of its species.  xi : (dim,), its velocity."""
         groups = self.species.groups
-        return self.chosen(
-            lambda k, one: widened(
-                one.hessian(self.species.vector(k, xi)), groups[k].dim, len(xi), 1.0
-            )
-        )
+        return self.chosen(lambda k, one: widened(one.hessian(self.species.vector(k, xi)), groups[k].dim, len(xi), 1.0))
 
     def moved(self, mu: Vec, g: Any, formula: Callable[[Any, Any, Any, Any], Any]) -> Any:
         """The momentum and the element that formula(group, energy, mu, g) gives for the species of this
@@ -89,10 +83,7 @@ class EnergyOfSpecies(Hamiltonian, Lagrangian):
             momentum, there = formula(species.groups[k], one, *own)
             if species.alike:
                 return momentum, there
-            return (
-                lengthened(momentum, mu),
-                None if there is None else lengthened(entries(there), g),
-            )
+            return (lengthened(momentum, mu), None if there is None else lengthened(entries(there), g))
 
         return self.chosen(of)
 

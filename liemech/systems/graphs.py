@@ -95,9 +95,7 @@ class Graph(Record):
     def some_edges(self, most: int) -> list[tuple[int, list[int]]]:
         """Some of the edges, at most so many: their numbers and sites."""
         edges = self.edges
-        some: Any = (
-            np.unique(np.linspace(0, len(edges) - 1, most).astype(np.int64)) if len(edges) else []
-        )
+        some: Any = np.unique(np.linspace(0, len(edges) - 1, most).astype(np.int64)) if len(edges) else []
         return [(int(number), edges[number].tolist()) for number in some]
 
     def incidence(self, role: int | None = None) -> Incidence:
@@ -215,20 +213,14 @@ class Lattice(Graph):
         if self.called in ("ring", "chain"):
             return f"neighbours.{self.called}({given})"
         same = len({*self.periodic}) == 1
-        how = (
-            ""
-            if all(self.periodic)
-            else f", periodic={self.periodic[0] if same else self.periodic}"
-        )
+        how = "" if all(self.periodic) else f", periodic={self.periodic[0] if same else self.periodic}"
         return f"neighbours.{self.called}({given}{how})"
 
 
 def ring(sites: int) -> Lattice:
     """Sites in a circle, each tied to the next, the last one to the first."""
     if _count("ring", "sites", sites) == 1:
-        raise InvalidInput(
-            "neighbours.ring(1): the edge (0, 0) ties site 0 to itself; a ring has 3 sites at least"
-        )
+        raise InvalidInput("neighbours.ring(1): the edge (0, 0) ties site 0 to itself; a ring has 3 sites at least")
     return _lattice("ring", (sites,), True)
 
 
@@ -344,8 +336,7 @@ def edges(pairs: Any, sites: int | None = None, ordered: bool | None = None) -> 
     if wrong.any():
         at = int(wrong.argmax())
         raise InvalidInput(
-            f"{name}: edge {at}, {_shown(array[at])}, names a site that is not there; they are 0 to "
-            f"{count - 1}"
+            f"{name}: edge {at}, {_shown(array[at])}, names a site that is not there; they are 0 to {count - 1}"
         )
     rows = np.sort(array, axis=1)
     same = (rows[:, 1:] == rows[:, :-1]).any(axis=1)
@@ -366,9 +357,7 @@ def _numbers_of_sites(name: str, pairs: Any) -> np.ndarray:
     except ValueError:
         raise InvalidInput(f"{name}: pairs are ragged: edges have one number of sites") from None
     if array.size == 0:
-        array = np.empty(
-            (0, array.shape[1] if array.ndim == 2 and array.shape[1] else 2), dtype=np.int64
-        )
+        array = np.empty((0, array.shape[1] if array.ndim == 2 and array.shape[1] else 2), dtype=np.int64)
     whole = array.dtype.kind == "f" and bool((array == np.floor(array)).all())
     if whole and np.abs(array).max(initial=0.0) < MOST:
         array = array.astype(np.int64)
@@ -377,9 +366,7 @@ def _numbers_of_sites(name: str, pairs: Any) -> np.ndarray:
     if array.dtype.kind not in "iu":
         raise InvalidType(f"{name}: pairs are whole numbers, those of sites; got {array.dtype}")
     if array.ndim != 2 or array.shape[1] < 2:
-        raise InvalidInput(
-            f"{name}: pairs have shape (edges, 2), triples (edges, 3); got {array.shape}"
-        )
+        raise InvalidInput(f"{name}: pairs have shape (edges, 2), triples (edges, 3); got {array.shape}")
     return array.astype(np.int64)
 
 
@@ -428,9 +415,7 @@ class Between(Graph):
                 same = self.given[:, i] == self.given[:, j]
                 if of[i] == of[j] and same.any():
                     at = int(same.argmax())
-                    raise InvalidInput(
-                        f"{name}: edge {at}, {_shown(self.given[at])}, ties a site to itself"
-                    )
+                    raise InvalidInput(f"{name}: edge {at}, {_shown(self.given[at])}, ties a site to itself")
 
     def __repr__(self) -> str:
         return f"neighbours.between({len(self.given)} edges)"
@@ -458,8 +443,7 @@ def require_no_duplicates(graph: Graph, rows: np.ndarray) -> None:
         at = int(twice.argmax())
         i, j = sorted(map(int, order[at : at + 2]))
         raise InvalidInput(
-            f"{graph!r}: edges {i}, {_shown(graph.edges[i])}, and {j}, "
-            f"{_shown(graph.edges[j])}, are the same"
+            f"{graph!r}: edges {i}, {_shown(graph.edges[i])}, and {j}, {_shown(graph.edges[j])}, are the same"
         )
 
 
@@ -579,10 +563,7 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
     Raises InvalidInput for a cutoff beyond half the box.
     """
     name = "neighbours.within"
-    numbers = [
-        real_array(x, f"{name}: {what}")
-        for what, x in (("cutoff", cutoff), ("inner", inner or 0.0))
-    ]
+    numbers = [real_array(x, f"{name}: {what}") for what, x in (("cutoff", cutoff), ("inner", inner or 0.0))]
     for what, x in zip(("cutoff", "inner"), numbers):
         if x.ndim:
             raise InvalidInput(f"{name}: {what} is one distance; got shape {x.shape}")
@@ -590,9 +571,7 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
     far = float(numbers[0])
     near = 0.9 * far if inner is None else float(numbers[1])
     if not 0.0 <= near < far:
-        raise InvalidInput(
-            f"{name}: cutoff is a positive distance, and inner a shorter one; got {far:g} and {near:g}"
-        )
+        raise InvalidInput(f"{name}: cutoff is a positive distance, and inner a shorter one; got {far:g} and {near:g}")
     if box is None:
         return Within(None, far, near)
     lengths = np.atleast_1d(real_array(box, f"{name}: box"))
@@ -644,10 +623,7 @@ def displaced(group: LieGroup, g: Element, shift: Vec) -> Any:
         return g + shift
     n = len(shift)
     return mat(
-        *[
-            vec(*[g[i, j] + shift[i] if j == n and i < n else g[i, j] for j in range(n + 1)])
-            for i in range(n + 1)
-        ]
+        *[vec(*[g[i, j] + shift[i] if j == n and i < n else g[i, j] for j in range(n + 1)]) for i in range(n + 1)]
     )
 
 

@@ -72,10 +72,7 @@ class GroupEquation(System):
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on
         the group.
         """
-        elements, shape = (
-            members_of(self.group, g, f"{type(self).__name__}.state: g"),
-            self.group.element_shape,
-        )
+        elements, shape = (members_of(self.group, g, f"{type(self).__name__}.state: g"), self.group.element_shape)
         many = None if elements.shape == shape else len(elements)
         large = lies_in_memory(self.group)
         return self.vouched(large_members(Position(frozen(elements, shape, many, large)), large))

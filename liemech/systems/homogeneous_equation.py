@@ -84,15 +84,11 @@ class HomogeneousEquation(System):
         on the space.
         """
         name, shape = f"{type(self).__name__}.state: x", self.action.point_shape
-        array = points(
-            x, name, np.shape(x)[-1:] if shape is None else shape, f"a point of {self.action!r}"
-        )
+        array = points(x, name, np.shape(x)[-1:] if shape is None else shape, f"a point of {self.action!r}")
         one = array.shape[array.ndim - len(shape) :] if shape is not None else array.shape[-1:]
         off = np.flatnonzero(~np.atleast_1d(self.action.contains(array)))
         if len(off):
-            which, bad = (
-                (name, array) if array.shape == one else (f"{name}[{off[0]}]", array[off[0]])
-            )
+            which, bad = (name, array) if array.shape == one else (f"{name}[{off[0]}]", array[off[0]])
             try:
                 how = f"it is off by {self.action.defect(bad):.1e}"
             except InvalidInput:  # so far off that no float says it

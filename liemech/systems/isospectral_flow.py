@@ -85,8 +85,7 @@ class IsospectralFlow(LiePoissonMotion):
         if not (off <= 1e-12 * np.abs(array).max()).all():
             at = tuple(int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
             raise InvalidInput(
-                f"{name}: matrix is not symmetric: entry {at} differs from its mirror image by "
-                f"{off.max():.1e}"
+                f"{name}: matrix is not symmetric: entry {at} differs from its mirror image by {off.max():.1e}"
             )
         rows = array.reshape(*array.shape[:-2], n * n)
         made: BodyState = self._vouched(body_state(name, self.group, rows, g))

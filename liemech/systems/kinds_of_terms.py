@@ -98,9 +98,7 @@ def _isotropic(term: Any, a: Any, b: Any) -> bool:
     c, d = dot(of_a, b.mu) / dot(b.mu, b.mu), dot(of_b, a.mu) / dot(a.mu, a.mu)
     limit = APART * max(_size(of_a), _size(of_b))
     return bool(
-        _size(of_a - c * b.mu) <= limit
-        and _size(of_b - c * a.mu) <= limit
-        and abs(c - d) * _size(a.mu) <= limit
+        _size(of_a - c * b.mu) <= limit and _size(of_b - c * a.mu) <= limit and abs(c - d) * _size(a.mu) <= limit
     )
 
 

@@ -170,14 +170,12 @@ def require_invertible(inertia: Vec | Mat) -> None:
         if len(small):
             at = int(small[0])
             raise InvalidInput(
-                f"KineticEnergy: inertia[{at}] is {array[at]:g}; a moment "
-                "without a finite inverse has no velocity"
+                f"KineticEnergy: inertia[{at}] is {array[at]:g}; a moment without a finite inverse has no velocity"
             )
         return
     if array.shape != array.T.shape:
         raise InvalidInput(
-            f"KineticEnergy: inertia has shape {array.shape}; give "
-            "moments, (dim,), or a square matrix, (dim, dim)"
+            f"KineticEnergy: inertia has shape {array.shape}; give moments, (dim,), or a square matrix, (dim, dim)"
         )
     unit = np.sqrt(np.abs(np.diag(array)))
     sizes = np.maximum(np.maximum(np.abs(array), np.abs(array.T)), unit[:, None] * unit)
@@ -193,8 +191,7 @@ def require_invertible(inertia: Vec | Mat) -> None:
     lengths = np.linalg.svd(unit[:, None] * array * unit, compute_uv=False)
     if lengths[-1] <= len(array) * 2.0**-51 * lengths[0]:
         raise InvalidInput(
-            "KineticEnergy: inertia is singular up to rounding: a "
-            f"velocity has no momentum. It is {array.tolist()}"
+            f"KineticEnergy: inertia is singular up to rounding: a velocity has no momentum. It is {array.tolist()}"
         )
 
 

@@ -87,9 +87,7 @@ class LiePoissonMotion(System):
         """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
         omega = as_precise(omega, state.mu)
         mu = retraction.tau_Ad_star(self.group, omega, state.mu)
-        return BodyState(
-            mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega)
-        )
+        return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
 
     def moving(self, state: BodyState, xi: Vec) -> BodyState:
         """ad*_xi mu, of the momentum alone."""
@@ -130,22 +128,14 @@ class LiePoissonMotion(System):
                 return changes, sizes
             return (*changes, omega), (*sizes, 0.0 * omega + 1.0)
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
-        return (
-            (change, size)
-            if state.g is None
-            else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))
-        )
+        return (change, size) if state.g is None else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Casimirs and, if the attitude is known, the spatial momentum."""
         mu, g = states["mu"], states.get("g")
         casimirs = np.asarray(self.casimirs(mu))
         kept = {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
-        return (
-            kept
-            if g is None
-            else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
-        )
+        return kept if g is None else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
 
 
 @record
@@ -173,9 +163,7 @@ class LiePoissonSystem(LiePoissonMotion):
         same: Any = self.lagrangian
         alone = same is None or same == self.hamiltonian
         more = "" if alone else f", lagrangian={self.lagrangian!r}"
-        return (
-            f"{type(self).__name__}(group={self.group!r}, hamiltonian={self.hamiltonian!r}{more})"
-        )
+        return f"{type(self).__name__}(group={self.group!r}, hamiltonian={self.hamiltonian!r}{more})"
 
     def __post_init__(self) -> None:
         name = type(self).__name__
@@ -189,15 +177,11 @@ class LiePoissonSystem(LiePoissonMotion):
             ("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)
         ):
             if not isinstance(value, kind):
-                raise InvalidType(
-                    f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}"
-                )
+                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
         if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
-        require_one_body(
-            type(self).__name__, self.group, released(self.hamiltonian), self.lagrangian
-        )
+        require_one_body(type(self).__name__, self.group, released(self.hamiltonian), self.lagrangian)
 
     # ---------------------------------------------------------------- formulas
 
@@ -241,15 +225,11 @@ class LiePoissonSystem(LiePoissonMotion):
     @property
     def is_large(self) -> bool:
         """Are there more sites than formulas would be written out for, or large matrices?"""
-        return self.group.is_large and isinstance(
-            self.group, (PowerGroup, SpeciesGroup, MatrixLieGroup)
-        )
+        return self.group.is_large and isinstance(self.group, (PowerGroup, SpeciesGroup, MatrixLieGroup))
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
         if method in ("energy", "velocity") and lies_in_memory(self.group):
-            formula: Any = (
-                self.hamiltonian.energy if method == "energy" else self.hamiltonian.gradient
-            )
+            formula: Any = self.hamiltonian.energy if method == "energy" else self.hamiltonian.gradient
             return np.array([np.asarray(formula(Large(mu))) for mu in arguments["mu"]])
         energy = self.hamiltonian if self.hamiltonian.is_large else None
         if method in ("energy", "velocity"):
@@ -286,17 +266,14 @@ class LiePoissonSystem(LiePoissonMotion):
             raise InvalidInput(f"{name}: give mu, the momentum, or xi, the velocity, not both")
         if self.lagrangian is None:
             raise InvalidInput(
-                f"{name}: {self!r} has no Lagrangian, which makes a "
-                "momentum of the velocity xi; give mu"
+                f"{name}: {self!r} has no Lagrangian, which makes a momentum of the velocity xi; give mu"
             )
         if isinstance(self.group, SpeciesGroup) and self.lagrangian is not None:
             return self.lagrangian.momentum(rows_of_species(f"{name}: xi", self.group, xi, "Vec"))
         if isinstance(self.group, PowerGroup) and isinstance(self.lagrangian, KineticTerms):
             return self.lagrangian.momenta(velocities_of_sites(f"{name}: xi", self.group, xi))
         dim = self.group._sizes[0]
-        return self.lagrangian.momentum(
-            points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}")
-        )
+        return self.lagrangian.momentum(points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}"))
 
 
 def enlarged(energy: Any) -> Any:
@@ -334,10 +311,7 @@ def as_users_see(group: LieGroup, arrays: dict[str, Any]) -> dict[str, Any]:
     """The inverse of `by_site`."""
     if not isinstance(group, SpeciesGroup):
         return arrays
-    return {
-        name: group.without_sites(x, KINDS[name]) if name in KINDS else x
-        for name, x in arrays.items()
-    }
+    return {name: group.without_sites(x, KINDS[name]) if name in KINDS else x for name, x in arrays.items()}
 
 
 KINDS = {"mu": "Vec", "g": "Element"}
@@ -383,14 +357,11 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     else:
         momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
         elements = None if g is None else members_of(group, g, f"{name}: g")
-    counts = [
-        len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one
-    ]
+    counts = [len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one]
     if len(set(counts)) > 1:
         raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
     bodies = counts[0] if counts else None
     made = BodyState(
-        frozen(momenta, dim, bodies, large),
-        None if elements is None else frozen(elements, shape, bodies, large),
+        frozen(momenta, dim, bodies, large), None if elements is None else frozen(elements, shape, bodies, large)
     )
     return large_members(made, large)

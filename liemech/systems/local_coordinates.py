@@ -7,19 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
-from ..formulas import (
-    Mat,
-    Record,
-    Vec,
-    derivative,
-    dot,
-    gradient,
-    mat,
-    record,
-    solve,
-    transpose,
-    vec,
-)
+from ..formulas import Mat, Record, Vec, derivative, dot, gradient, mat, record, solve, transpose, vec
 from ..formulas.derivatives import axes
 from ..formulas.vectors import Vec as SmallVec
 from ..groups.poisson_structure import PoissonStructure
@@ -85,9 +73,7 @@ class InducedStructure(PoissonStructure):
     def matrix(self, y: Vec) -> Mat:
         """B(y).  y : (dim,)."""
         form, n = self.form(y), self.dim
-        return transpose(
-            mat(*[solve(form, vec(*[float(i == j) for i in range(n)])) for j in range(n)])
-        )
+        return transpose(mat(*[solve(form, vec(*[float(i == j) for i in range(n)])) for j in range(n)]))
 
     def sharp(self, y: Vec, a: Vec) -> Vec:
         """The solution of X'^T J X' v = a.  y, a : (dim,)."""
@@ -130,14 +116,9 @@ def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:
         raise InvalidType(f"in_coordinates: system must have an energy(q, p); got {system!r}")
     dim: Any = chart.dim
     if type(dim) is not int or dim < 2 or dim % 2:
-        raise InvalidType(
-            f"in_coordinates: {type(chart).__name__} must say its "
-            f"dimension, an even number; got {dim!r}"
-        )
+        raise InvalidType(f"in_coordinates: {type(chart).__name__} must say its dimension, an even number; got {dim!r}")
     _require_lengths(system, chart)
-    return PoissonSystem(
-        structure=InducedStructure(chart), hamiltonian=InducedEnergy(system, chart)
-    )
+    return PoissonSystem(structure=InducedStructure(chart), hamiltonian=InducedEnergy(system, chart))
 
 
 def _require_lengths(system: Any, chart: LocalChart) -> None:
@@ -156,6 +137,5 @@ def _require_lengths(system: Any, chart: LocalChart) -> None:
             else f"{2 * degrees}, {degrees} positions and {degrees} momenta of {system!r}"
         )
         raise InvalidInput(
-            f"in_coordinates: {type(chart).__name__}.embedding gives "
-            f"{count} components; needed are {wanted}"
+            f"in_coordinates: {type(chart).__name__}.embedding gives {count} components; needed are {wanted}"
         )

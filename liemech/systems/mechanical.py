@@ -18,15 +18,7 @@ from ..groups.semidirect import SemidirectProduct
 from ..groups.vector_space import VectorSpace
 from ..retractions import Exponential, Retraction
 from .driven import DrivenLiePoissonSystem
-from .lie_poisson import (
-    BodyState,
-    LiePoissonSystem,
-    as_users_see,
-    body_state,
-    by_site,
-    in_a_row,
-    of_group,
-)
+from .lie_poisson import BodyState, LiePoissonSystem, as_users_see, body_state, by_site, in_a_row, of_group
 from .potential import Force, Potential
 from .sums_of_terms import PlaceTerms, load_of, potential_of
 from .system import System, as_precise
@@ -62,9 +54,7 @@ class MechanicalSystem(System):
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
     # do steps on G x g* add up the momentum in space?
     in_space: ClassVar[bool] = False
-    alternatives: ClassVar[str] = (
-        "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
-    )
+    alternatives: ClassVar[str] = "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
 
     body: LiePoissonSystem | DrivenLiePoissonSystem
     potential: Potential
@@ -86,10 +76,7 @@ class MechanicalSystem(System):
         )
         for name, value, kind, words in given:
             if not isinstance(value, kind):
-                raise InvalidType(
-                    f"{type(self).__name__}: {name} must be a "
-                    f"{kind.__name__}, {words}; got {value!r}"
-                )
+                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}, {words}; got {value!r}")
         if self.driven and self.body.site_form is not None:
             raise InvalidInput(
                 f"{type(self).__name__}: the energy of many sites in a field cannot change with time; "
@@ -200,16 +187,12 @@ class MechanicalSystem(System):
         if self.in_space:
             group, (xi, kick) = self.body.group, self._in_space.algebra.parts(omega)
             mu = state.mu + group.Ad_star(state.g, kick)
-            return BodyState(
-                retraction.tau_Ad_star(group, xi, mu), retraction.compose_tau(group, state.g, xi)
-            )
+            return BodyState(retraction.tau_Ad_star(group, xi, mu), retraction.compose_tau(group, state.g, xi))
         h, n = self._cotangent.split(retraction.tau(self._cotangent, omega))
         if isinstance(retraction, Exponential):
             group, (xi, _) = self.body.group, self._cotangent.algebra.parts(omega)
             return BodyState(group.exp_Ad_star(xi, state.mu + n), group.compose_exp(state.g, xi))
-        return BodyState(
-            self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h)
-        )
+        return BodyState(self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h))
 
     @final
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
@@ -288,13 +271,10 @@ class MechanicalSystem(System):
         name = f"{type(self).__name__}.state"
         if g is None:
             raise InvalidInput(
-                f"{name}: g is missing; the force depends on where "
-                "the body is, give state(mu=..., g=...)"
+                f"{name}: g is missing; the force depends on where the body is, give state(mu=..., g=...)"
             )
         if self.driven and mu is None:
-            raise InvalidInput(
-                f"{name}: give mu; the momentum of a velocity is another one at every time"
-            )
+            raise InvalidInput(f"{name}: give mu; the momentum of a velocity is another one at every time")
         body: Any = self.body
         momentum = mu if xi is None and mu is not None else body._momentum_of(name, mu, xi)
         state = body_state(name, self.body.group, momentum, g)
@@ -333,15 +313,11 @@ class MechanicalSystem(System):
         return self.body.group._objection(argument, value)
 
 
-def _require_rest(
-    name: str, group: Any, held: tuple[int, ...], mu: np.ndarray, what: str, first: int = 0
-) -> None:
+def _require_rest(name: str, group: Any, held: tuple[int, ...], mu: np.ndarray, what: str, first: int = 0) -> None:
     """Raise InvalidInput for a site that is held, and has a momentum, from a component on."""
     if not held:
         return
     mu = group.by_site(mu, "Vec") if mu.shape[-1:] == (group.dim,) else mu
-    moving = np.flatnonzero(
-        mu[..., list(held), first:].any(axis=-1).reshape(-1, len(held)).any(axis=0)
-    )
+    moving = np.flatnonzero(mu[..., list(held), first:].any(axis=-1).reshape(-1, len(held)).any(axis=0))
     if len(moving):
         raise InvalidInput(f"{name}: site {group.named(held[moving[0]])} is {what} must be zero")

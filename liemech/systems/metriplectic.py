@@ -89,9 +89,7 @@ class Metriplectic(System):
     def __post_init__(self) -> None:
         name = type(self).__name__
         if not isinstance(self.system, (LiePoissonSystem, PoissonSystem)):
-            raise InvalidType(
-                f"{name}: system must be a LiePoissonSystem or a PoissonSystem; got {self.system!r}"
-            )
+            raise InvalidType(f"{name}: system must be a LiePoissonSystem or a PoissonSystem; got {self.system!r}")
         if not isinstance(self.entropy, Hamiltonian):
             raise InvalidType(
                 f"{name}: entropy must be a Hamiltonian, a record with `energy`, whose value is S; got {self.entropy!r}"
@@ -100,9 +98,7 @@ class Metriplectic(System):
             friction = BracketFriction(self.system.group.algebra, float(self.friction))
             object.__setattr__(self, "friction", friction)
         if not isinstance(self.friction, Friction):
-            raise InvalidType(
-                f"{name}: friction must be a Friction, a record with `pairing`; got {self.friction!r}"
-            )
+            raise InvalidType(f"{name}: friction must be a Friction, a record with `pairing`; got {self.friction!r}")
         self._require_laws()
         super().__post_init__()
 

@@ -29,9 +29,7 @@ class MultirateSystem(SeparableSystem):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.parts) < 2 or not all(
-            callable(getattr(type(self), name, None)) for name in self.parts
-        ):
+        if len(self.parts) < 2 or not all(callable(getattr(type(self), name, None)) for name in self.parts):
             raise InvalidInput(
                 f"{type(self).__name__} must name its potentials, "
                 "methods of q, the fastest first, such as "

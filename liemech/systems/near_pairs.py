@@ -42,12 +42,7 @@ class NearPairs(Term):
     def shift(self, apart: Any) -> Vec:
         """Of the second site to its nearest image, in a box.  apart : where it is, seen from the first."""
         box: Any = self.box
-        return vec(
-            *[
-                -length * ((constant(d) * (1.0 / length) + 0.5) // 1.0)
-                for d, length in zip(apart, box)
-            ]
-        )
+        return vec(*[-length * ((constant(d) * (1.0 / length) + 0.5) // 1.0) for d, length in zip(apart, box)])
 
     @property
     def layer(self) -> float:
@@ -81,9 +76,7 @@ class NearPairs(Term):
         ours, theirs = sites[0], self.image(*sites)
         s, push = self._pushed(ours, theirs)
         first, second = self.term.forces(group, ours, theirs)
-        return self._whole(group, ours, s, first, push), self._whole(
-            group, theirs, s, second, -push
-        )
+        return self._whole(group, ours, s, first, push), self._whole(group, theirs, s, second, -push)
 
     def _pushed(self, a: Any, b: Any) -> tuple[float, Vec]:
         return self.pushed(place(self.first, a.g) - place(self.second, b.g), self.term.energy(a, b))

@@ -82,8 +82,7 @@ class SplitHamiltonian(Hamiltonian):
         for part in self.parts:
             if not isinstance(part, Hamiltonian):
                 raise InvalidType(
-                    "SplitHamiltonian: parts must be Hamiltonians, such "
-                    f"as KineticEnergy(...); got {part!r}"
+                    f"SplitHamiltonian: parts must be Hamiltonians, such as KineticEnergy(...); got {part!r}"
                 )
         if not self.parts:
             raise InvalidInput("SplitHamiltonian: parts is empty")
@@ -150,9 +149,7 @@ class FunctionOfCoordinate(Recognised):
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """The motion that the coordinate has as energy, for the time t dH/dy_index.  y : (n,)."""
-        return structure.coordinate_flow(
-            y, self.index, t * self.hamiltonian.gradient(plain(y))[self.index]
-        )
+        return structure.coordinate_flow(y, self.index, t * self.hamiltonian.gradient(plain(y))[self.index])
 
 
 @record
@@ -168,9 +165,7 @@ class Affine(Recognised):
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """y + t phi_1(t A) (A y + c), phi_1(x) = (e^x - 1)/x.  y : (n,)."""
         here = plain(y)
-        return y + phi1m(t * self.rates) @ (
-            t * structure.sharp(here, self.hamiltonian.gradient(here))
-        )
+        return y + phi1m(t * self.rates) @ (t * structure.sharp(here, self.hamiltonian.gradient(here)))
 
 
 def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
@@ -250,9 +245,7 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
         return bool(abs(terms.sum()) <= ROUNDING * np.abs(terms).sum())
 
     try:
-        return all(
-            vanishes(y) for y in special_nowhere(structure.dim)[: 3 if structure.dim <= 12 else 1]
-        )
+        return all(vanishes(y) for y in special_nowhere(structure.dim)[: 3 if structure.dim <= 12 else 1])
     except (ArithmeticError, ValueError, TypeError):
         return False
 
@@ -272,9 +265,7 @@ def affine(velocity: Any, speeds: Any, points: list[Any]) -> np.ndarray | None:
         return None
     rates = np.array(jacobian(velocity, points[0]), dtype=float)
     # as it is written, it may be of a degree that shows only in other units
-    others = (
-        [] if max(map(degree, speeds)) <= 1 else where_defined(velocity, _far(len(points[0])))[0]
-    )
+    others = [] if max(map(degree, speeds)) <= 1 else where_defined(velocity, _far(len(points[0])))[0]
     return rates if _everywhere(rates, velocity, [*points[1:], *others]) else None
 
 
@@ -346,15 +337,8 @@ def _everywhere(rates: np.ndarray, velocity: Any, points: list[Any]) -> bool:
     rng, felt = np.random.default_rng(9), columns > 0.0
     for y in points:
         weights = rng.uniform(0.5, 1.0, len(columns)) * rng.choice([-1.0, 1.0], len(columns))
-        for direction in (
-            np.where(felt, weights / np.where(felt, columns, 1.0), 0.0),
-            np.where(felt, 0.0, weights),
-        ):
-            found = np.array(
-                derivative(velocity, y, SmallVector.of(direction.tolist())), dtype=float
-            )
-            if not (
-                np.abs(found - rates @ direction) <= ROUNDING * (sizes @ np.abs(direction))
-            ).all():
+        for direction in (np.where(felt, weights / np.where(felt, columns, 1.0), 0.0), np.where(felt, 0.0, weights)):
+            found = np.array(derivative(velocity, y, SmallVector.of(direction.tolist())), dtype=float)
+            if not (np.abs(found - rates @ direction) <= ROUNDING * (sizes @ np.abs(direction))).all():
                 return False
     return True

@@ -88,9 +88,7 @@ class NearPointPairs(NearPairs, PointTerm):
         s, push = self.pushed(a[last] - b[last], term.between(a[:last], b[:last]))
         there = s > 0.0
         ours, theirs = vec(*(s * first), *push), vec(*(s * second), *(-push))
-        return vec(*[where(there, c, 0.0) for c in ours]), vec(
-            *[where(there, c, 0.0) for c in theirs]
-        )
+        return vec(*[where(there, c, 0.0) for c in ours]), vec(*[where(there, c, 0.0) for c in theirs])
 
     def felt(self, group: Any, g: Any, push: Any) -> Vec:
         """Of the points and of the place."""

@@ -39,9 +39,7 @@ class PoissonSystem(OfParts, VectorField):
     """
 
     bounded: ClassVar[bool] = True
-    alternatives: ClassVar[str] = (
-        "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
-    )
+    alternatives: ClassVar[str] = "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
 
     structure: PoissonStructure
     hamiltonian: Hamiltonian | None = None  # None: a subclass writes `energy`
@@ -53,25 +51,15 @@ class PoissonSystem(OfParts, VectorField):
         structure: Any = self.structure
         given: Any = self.hamiltonian
         if not isinstance(structure, PoissonStructure):
-            raise InvalidType(
-                f"{name}: structure must be a PoissonStructure, such "
-                f"as Canonical(2); got {structure!r}"
-            )
+            raise InvalidType(f"{name}: structure must be a PoissonStructure, such as Canonical(2); got {structure!r}")
         if given is not None:
             if not isinstance(given, Hamiltonian):
-                raise InvalidType(
-                    f"{name}: hamiltonian must be a Hamiltonian, a "
-                    f"record with `energy`; got {given!r}"
-                )
+                raise InvalidType(f"{name}: hamiltonian must be a Hamiltonian, a record with `energy`; got {given!r}")
             require_one_body(name, self.group, given, None)
             each = given.parts if isinstance(given, SplitHamiltonian) else (given,)
             found = [recognised(self.structure, part) for part in each]
-            object.__setattr__(
-                self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(each, found)])
-            )
-            object.__setattr__(
-                self, "quadratic", len(each) == 2 and second_degree(self.structure, *each)
-            )
+            object.__setattr__(self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(each, found)]))
+            object.__setattr__(self, "quadratic", len(each) == 2 and second_degree(self.structure, *each))
         super().__post_init__()
 
     # ---------------------------------------------------------------- formulas
@@ -138,7 +126,4 @@ def positive(y: np.ndarray, where: str, what: str = "y") -> None:
     """Refuse coordinates that are not positive."""
     bad = np.argwhere(~(y > 0.0))
     if len(bad):
-        raise InvalidInput(
-            f"{where}: {what} must be positive; "
-            f"{what}{list(map(int, bad[0]))} is {y[tuple(bad[0])]:g}"
-        )
+        raise InvalidInput(f"{where}: {what} must be positive; {what}{list(map(int, bad[0]))} is {y[tuple(bad[0])]:g}")

@@ -34,10 +34,7 @@ class Potential(Record):
 
         g : an element.  Returns (dim,).
         """
-        return -gradient(
-            lambda eta: self.energy(group.compose_exp(g, eta)),
-            vec(*[0.0 for _ in range(group.dim)]),
-        )
+        return -gradient(lambda eta: self.energy(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)]))
 
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
         """The momenta that the motion keeps because V has a symmetry, by name, for the samples of a

@@ -30,15 +30,12 @@ class Ramp(Record):
 
     def __post_init__(self) -> None:
         value = real_array(self.value, "Ramp: value")
-        slope = (
-            np.zeros(value.shape) if self.slope is None else real_array(self.slope, "Ramp: slope")
-        )
+        slope = np.zeros(value.shape) if self.slope is None else real_array(self.slope, "Ramp: slope")
         for name, array in (("value", value), ("slope", slope)):
             check_finite(array, f"Ramp: {name}")
         if value.ndim > 1 or value.shape != slope.shape:
             raise InvalidInput(
-                "Ramp: value and slope are two numbers, or (dim,) both; got shapes "
-                f"{value.shape} and {slope.shape}"
+                f"Ramp: value and slope are two numbers, or (dim,) both; got shapes {value.shape} and {slope.shape}"
             )
         for name, array in (("value", value), ("slope", slope)):
             object.__setattr__(self, name, small(array) if array.ndim else float(array))

@@ -50,9 +50,7 @@ class SeparableEnergy(CanonicalSystem):
         """f/(-V), the gradient of log(-V), for a potential that is negative.  q : (n,)."""
         depth = -self.potential(q)
         if not depth > 0.0:
-            raise InvalidTimeScale(
-                f"{self!r}: -V = {depth:g}, and its logarithm needs a negative potential"
-            )
+            raise InvalidTimeScale(f"{self!r}: -V = {depth:g}, and its logarithm needs a negative potential")
         return (1.0 / depth) * self.force(q, 0.0 * q)
 
     @cached_property
@@ -90,6 +88,4 @@ class SeparableSystem(SeparableEnergy, HamiltonianSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and II.5.
     """
 
-    alternatives: ClassVar[str] = (
-        "StormerVerlet() and Splitting(order=4) are for it, RKMK accepts every system"
-    )
+    alternatives: ClassVar[str] = "StormerVerlet() and Splitting(order=4) are for it, RKMK accepts every system"

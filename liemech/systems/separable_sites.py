@@ -82,10 +82,7 @@ class SeparableSites(SeparableSystem):
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Positions and momenta as (..., sites, n)."""
-        return {
-            name: np.asarray(x).reshape(*np.shape(x)[:-1], self.sites, -1)
-            for name, x in arrays.items()
-        }
+        return {name: np.asarray(x).reshape(*np.shape(x)[:-1], self.sites, -1) for name, x in arrays.items()}
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Positions and momenta as (..., sites n)."""

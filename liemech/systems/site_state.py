@@ -108,9 +108,7 @@ def site_state(name: str, group: PowerGroup, mu: Any, g: Any) -> SiteState:
     if elements is not None:
         theirs = elements.ndim - 1 - len(group.base.element_shape)
         if axes and theirs and len(momenta) != len(elements):
-            raise InvalidInput(
-                f"{name}: momenta of {len(momenta)} members and elements of {len(elements)}"
-            )
+            raise InvalidInput(f"{name}: momenta of {len(momenta)} members and elements of {len(elements)}")
         if axes > theirs:
             elements = np.broadcast_to(elements, (len(momenta), *elements.shape))
         elif theirs > axes:

@@ -136,9 +136,7 @@ class Stochastic(LiePoissonMotion):
 
     noisy: ClassVar[bool] = True
     small: ClassVar[int] = 0  # many sites are never written out: each has the noise of its path
-    alternatives: ClassVar[str] = (
-        "WongZakai(RKMK(order=4)) steps it, and NinomiyaVictoir() steps it in mean"
-    )
+    alternatives: ClassVar[str] = "WongZakai(RKMK(order=4)) steps it, and NinomiyaVictoir() steps it in mean"
 
     system: LiePoissonSystem | DoubleBracket
     fields: tuple[Any, ...]
@@ -225,9 +223,7 @@ class Stochastic(LiePoissonMotion):
         there = self.motion.displaced(retraction, BodyState(state.mu, state.g), omega)
         return NoisyState(there.mu, there.g, state.path)
 
-    def state(
-        self, mu: Any = None, g: Any = None, *, xi: Any = None, path: Any = None
-    ) -> NoisyState:
+    def state(self, mu: Any = None, g: Any = None, *, xi: Any = None, path: Any = None) -> NoisyState:
         """A start for `integrate`, as `LiePoissonSystem.state` has it, and the paths of the noise.
 
         mu, xi : (dim,), or (bodies, dim) for an ensemble;  g : an element, or one for each body.
@@ -244,12 +240,8 @@ class Stochastic(LiePoissonMotion):
             require_whole(name, given)
             if given.shape != shape:
                 raise InvalidInput(f"{name} has shape {given.shape}; the sites have shape {shape}")
-            return self._vouched(
-                NoisySites(body.mu, body.g, frozen_array(given.astype(float), "array"))
-            )
-        numbers = np.asarray(
-            (0.0 if bodies is None else np.arange(bodies)) if path is None else path
-        )
+            return self._vouched(NoisySites(body.mu, body.g, frozen_array(given.astype(float), "array")))
+        numbers = np.asarray((0.0 if bodies is None else np.arange(bodies)) if path is None else path)
         require_whole(name, numbers)
         if numbers.shape not in ((), () if bodies is None else (bodies,)):
             raise InvalidInput(
@@ -283,9 +275,7 @@ def _field(name: str, field: Any, dim: int) -> Hamiltonian:
                 f"in the algebra, ({dim},); got {field!r}"
             ) from None
         if direction.shape != (dim,) or not np.isfinite(direction).all():
-            raise InvalidInput(
-                f"{name}: a direction of noise has {dim} finite components here; got {field!r:.90}"
-            )
+            raise InvalidInput(f"{name}: a direction of noise has {dim} finite components here; got {field!r:.90}")
         return ConstantField(Vec.of(direction.tolist()))
     shape = field._shape("mu", "Vec")
     if shape not in (None, (dim,)):
@@ -293,9 +283,7 @@ def _field(name: str, field: Any, dim: int) -> Hamiltonian:
     return field
 
 
-def thermal_bath(
-    system: LiePoissonSystem, damping: float, temperature: float, seed: float = 0.0
-) -> Stochastic:
+def thermal_bath(system: LiePoissonSystem, damping: float, temperature: float, seed: float = 0.0) -> Stochastic:
     """A system in a bath: double-bracket damping, and noise of every direction in balance with it.
 
         d mu = ad*_(xi + damping ad*_xi mu) mu dt + sqrt(2 damping temperature) sum_i ad*_e_i mu o dW_i

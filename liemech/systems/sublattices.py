@@ -73,8 +73,7 @@ class MotionsOfTerms(Record):
         """The state after the motions of parts, by number, for how long and when, one after the other."""
         group, n, g = self.terms.group, self.terms.group.base.dim, state.g
         bodies: list[Any] = [
-            (state.mu[n * i : n * (i + 1)], None if g is None else group.site(g, i))
-            for i in range(group.copies)
+            (state.mu[n * i : n * (i + 1)], None if g is None else group.site(g, i)) for i in range(group.copies)
         ]
         for part, h, t in turns:
             bodies = at_time(self, t).moved(part, h, bodies)
@@ -213,9 +212,7 @@ def at_places(form: Any, places: Places) -> Any:
         rows = rows_of(moved(x.entries.array))
         return with_fields(x, entries=Table(rows.ravel()), places=float(rows.shape[1]))
 
-    tables = [
-        SiteTable.of(places.places[moved(table.numbers)]) for table in inside(form, SiteTable)
-    ]
+    tables = [SiteTable.of(places.places[moved(table.numbers)]) for table in inside(form, SiteTable)]
     arrays = [array(x) for x in inside(form, SiteArray)]
     return exchanged(exchanged(form, SiteTable, tables), SiteArray, arrays)
 

@@ -8,16 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import (
-    Element,
-    Mat,
-    Record,
-    Vec,
-    mat,
-    record,
-    vec,
-    vectors,
-)
+from ..formulas import Element, Mat, Record, Vec, mat, record, vec, vectors
 from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, fields_of, inside, with_fields
 from ..formulas.sites import SiteArray, interleaved_sum
@@ -146,11 +137,7 @@ class OfTerms(Record):
         """The energy of one body that each site has, if there is nothing else; None if there is.  Of
         several species those of a body of each, a tuple.
         """
-        if (
-            self.held
-            or self.pinned
-            or not all(isinstance(part.term, PerSite) for part in self.parts)
-        ):
+        if self.held or self.pinned or not all(isinstance(part.term, PerSite) for part in self.parts):
             return None
         ones = {part.of: part.term.energy_of_one for part in self.parts}
         if self.species is None:
@@ -346,10 +333,7 @@ class ForceTerms(OfTerms, Force):
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The forces on all sites.  xi : (sites dim,), g : an element of the power."""
-        sites = [
-            self.site_with(i, None, self.group.site(g, i), x)
-            for i, x in enumerate(self.divided(xi))
-        ]
+        sites = [self.site_with(i, None, self.group.site(g, i), x) for i, x in enumerate(self.divided(xi))]
         return self.by_site(sites, lambda force, _, edges: loads(force, t, edges))
 
     def of_site(self) -> Force:
@@ -434,11 +418,7 @@ def hamiltonian_of(name: str, group: LieGroup, energy: Any) -> Any:
 def driven_of(name: str, group: LieGroup, energy: Any) -> Any:
     """The driven Hamiltonian that terms are on a group; anything else as it is."""
     energy = as_terms(energy)
-    return (
-        DrivenTerms(_made(MomentumTerms, name, group, energy))
-        if isinstance(energy, Terms)
-        else energy
-    )
+    return DrivenTerms(_made(MomentumTerms, name, group, energy)) if isinstance(energy, Terms) else energy
 
 
 def potential_of(name: str, group: LieGroup, energy: Any) -> Any:
@@ -465,11 +445,7 @@ def load_of(name: str, group: LieGroup, load: Any) -> Any:
 def released(system: Any) -> Any:
     """The system with sites that are held free to move: then forces are those of its energy."""
     held = inside(system, OfTerms)
-    return (
-        exchanged(system, OfTerms, [with_fields(x, held=(), pinned=()) for x in held])
-        if held
-        else system
-    )
+    return exchanged(system, OfTerms, [with_fields(x, held=(), pinned=()) for x in held]) if held else system
 
 
 def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
@@ -482,9 +458,7 @@ def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
     pinned = numbers_of(terms, "pinned", group)
     made = kind(group, parts, *parameters(terms, group), pinned)
     if pinned and not (isinstance(group, PowerGroup) and isinstance(group.base, SE3)):
-        raise InvalidInput(
-            f"{name}: pinned sites turn where they are, on SE3() ** n; the group is {group!r}"
-        )
+        raise InvalidInput(f"{name}: pinned sites turn where they are, on SE3() ** n; the group is {group!r}")
     for part in parts:
         _require_kind(name, kind, part)
         _require_fitting(name, group, part)
@@ -500,9 +474,7 @@ def _require_fitting(name: str, group: Any, part: BoundTerm) -> None:
     base = group.powers[part.of[0]].base if part.of else group.base
     shape = None if one is None else one._shape("mu", "Vec")
     if shape not in (None, (base.dim,)):
-        raise InvalidInput(
-            f"{name}: {one!r} takes vectors of {shape[0]} components; those of {base!r} have {base.dim}"
-        )
+        raise InvalidInput(f"{name}: {one!r} takes vectors of {shape[0]} components; those of {base!r} have {base.dim}")
 
 
 def _require_kind(name: str, kind: Any, part: BoundTerm) -> None:

@@ -52,9 +52,7 @@ class InFictiveTime(System):
         """A start of the system, or an ensemble of them, with its time."""
         raise undefined(self, "extended")
 
-    def apart(
-        self, states: dict[str, np.ndarray]
-    ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray | None]:
+    def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray | None]:
         """The samples taken apart: the times, and the parts of the states of the system itself."""
         raise undefined(self, "apart")
 
@@ -175,9 +173,7 @@ class SundmanTransformed(InFictiveTime):
         time: Any = t0 if start.bodies is None else np.full(start.bodies, t0)
         return clocked(kind, ("time",))(*start.parts.values(), time)
 
-    def apart(
-        self, states: dict[str, np.ndarray]
-    ) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
+    def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
         """The samples taken apart: the times, and the parts of the states."""
         rest = dict(states)
         return rest.pop("time"), rest, None

@@ -267,9 +267,7 @@ def points(
     if array.shape != shape and array.shape[1:] != shape:
         many = ("bodies", *shape)
         raise InvalidInput(
-            f"{name} has shape {array.shape}; {space} has shape {shape}, many of them {many}".replace(
-                "'", ""
-            )
+            f"{name} has shape {array.shape}; {space} has shape {shape}, many of them {many}".replace("'", "")
             + advice(array.shape, shape)
         )
     if not array.size and shape != (0,):
@@ -283,11 +281,7 @@ def element_at_a_glance(group: LieGroup, value: Any) -> Any:
     or wrong.
     """
     element = None if group.is_large else at_a_glance(value, group.element_shape)
-    if (
-        element is None
-        or group.is_complex
-        or not bare(type(group).defect)(group, element) <= MEMBERSHIP
-    ):
+    if element is None or group.is_complex or not bare(type(group).defect)(group, element) <= MEMBERSHIP:
         return None
     return element
 
@@ -295,9 +289,7 @@ def element_at_a_glance(group: LieGroup, value: Any) -> Any:
 def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
     """An array of one or many elements of a group."""
     shape = group.element_shape
-    array = points(
-        value, name, shape, f"an element of {group!r}", group.is_complex, _other_rotation
-    )
+    array = points(value, name, shape, f"an element of {group!r}", group.is_complex, _other_rotation)
     many = array.shape != shape
     if not many and not group.is_large and group.contains(small(array)):
         return array
@@ -311,10 +303,7 @@ def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
 def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
     """The cure for rotations that are given in another way than the group's."""
     if shape == (4,) and found[-2:] == (3, 3):
-        return (
-            ": of a matrix take UnitQuaternions().from_matrix(R), of a scipy Rotation r "
-            "from_matrix(r.as_matrix())"
-        )
+        return ": of a matrix take UnitQuaternions().from_matrix(R), of a scipy Rotation r from_matrix(r.as_matrix())"
     if shape == (3, 3) and found[-1:] == (4,):
         return (
             ": of a quaternion q = (x, y, z, w), the order of scipy, take UnitQuaternions().matrix(q), "
@@ -322,9 +311,7 @@ def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
             "group=UnitQuaternions()"
         )
     if shape == (3, 3) and found[-1:] == (3,):
-        return (
-            ": of a rotation vector take SO3().exp(v); of Euler angles scipy's Rotation.from_euler"
-        )
+        return ": of a rotation vector take SO3().exp(v); of Euler angles scipy's Rotation.from_euler"
     return ""
 
 
@@ -364,16 +351,12 @@ def exact_times(t: Any, name: str) -> np.ndarray:
     return times
 
 
-def exact_motion(
-    motion: Callable[[np.ndarray], tuple[Any, ...]], times: np.ndarray, name: str
-) -> tuple[Any, ...]:
+def exact_motion(motion: Callable[[np.ndarray], tuple[Any, ...]], times: np.ndarray, name: str) -> tuple[Any, ...]:
     """The values of a motion at arrays of times; refused where a phase is beyond the largest
     number.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         found = motion(times)
     if not all(np.isfinite(part).all() for part in found):
-        raise InvalidInput(
-            f"{name}: t = {np.abs(times).max():.3g} is too late: the motion has no finite phase"
-        )
+        raise InvalidInput(f"{name}: t = {np.abs(times).max():.3g} is too late: the motion has no finite phase")
     return found

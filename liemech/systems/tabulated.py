@@ -81,8 +81,7 @@ class PiecewisePolynomial(Record):
             check_finite(terms, "PiecewisePolynomial: coefficients")
             if knots.ndim != 1 or len(knots) < 2 or not (np.diff(knots) > 0.0).all():
                 raise InvalidInput(
-                    "PiecewisePolynomial: knots are two rising times or "
-                    f"more; got shape {knots.shape}, {knots!r}"
+                    f"PiecewisePolynomial: knots are two rising times or more; got shape {knots.shape}, {knots!r}"
                 )
             if terms.ndim not in (2, 3) or len(terms) != len(knots) - 1 or 0 in terms.shape:
                 n = len(knots) - 1
@@ -98,9 +97,7 @@ class PiecewisePolynomial(Record):
             object.__setattr__(self, "jumps", Table(jumps if len(jumps) else knots[:1]))
             object.__setattr__(self, "jumping", float(len(jumps)))
         if self.outside not in OUTSIDE:
-            raise InvalidInput(
-                f'PiecewisePolynomial: outside is "refuse", "hold" or "repeat"; got {self.outside!r}'
-            )
+            raise InvalidInput(f'PiecewisePolynomial: outside is "refuse", "hold" or "repeat"; got {self.outside!r}')
         object.__setattr__(self, "intervals", float(len(self.knots) - 1))
         object.__setattr__(self, "last", self.intervals)
         super().__post_init__()
@@ -119,9 +116,7 @@ class PiecewisePolynomial(Record):
             or len(self.coefficients) != self.intervals * (self.degree + 1) * max(self.size, 1)
             or not (np.diff(np.asarray(self.knots)) > 0.0).all()
             or not (isinstance(self.jumps, Table) and len(self.jumps) > 0)
-            or not all(
-                isinstance(x, float) for x in (self.jumping, self.first, self.last, self.period)
-            )
+            or not all(isinstance(x, float) for x in (self.jumping, self.first, self.last, self.period))
             or not 0.0 <= self.jumping <= len(self.jumps)
             or not -1.0 <= self.first <= self.last <= self.intervals
         ):
@@ -144,15 +139,12 @@ class PiecewisePolynomial(Record):
             curve = PPoly.from_bernstein_basis(curve)
         if not isinstance(curve, PPoly):
             raise InvalidType(
-                "PiecewisePolynomial.of takes a spline of "
-                f"scipy.interpolate, such as CubicSpline; got {curve!r}"
+                f"PiecewisePolynomial.of takes a spline of scipy.interpolate, such as CubicSpline; got {curve!r}"
             )
         return cls(curve.x, np.moveaxis(curve.c[::-1], 0, 1), outside)
 
     @classmethod
-    def cubic(
-        cls, t: Any, values: Any, ends: Any = "not-a-knot", outside: str = "refuse"
-    ) -> PiecewisePolynomial:
+    def cubic(cls, t: Any, values: Any, ends: Any = "not-a-knot", outside: str = "refuse") -> PiecewisePolynomial:
         """The cubic spline through the values, twice differentiable.
 
         t : (n,) rising times in s.  values : (n,) or (n, dim).  ends : SciPy's `bc_type`:
@@ -237,10 +229,7 @@ class PiecewisePolynomial(Record):
         """The coefficients of interval number i, by rising powers."""
         width = max(self.size, 1)
         at = i * ((self.degree + 1) * width)
-        rows = [
-            [entry(self.coefficients, at + (k * width + j)) for j in range(width)]
-            for k in range(self.degree + 1)
-        ]
+        rows = [[entry(self.coefficients, at + (k * width + j)) for j in range(width)] for k in range(self.degree + 1)]
         return [vec(*row) if self.size else row[0] for row in rows]
 
     def _of_array(self, t: np.ndarray) -> np.ndarray:
@@ -304,9 +293,7 @@ class PiecewisePolynomial(Record):
         if beyond is not None:
             begin, end = begin - beyond * abs(h), end + beyond * abs(h)
             one, other = self._up_to_jumps(one, other)
-            if (
-                self.outside == "repeat"
-            ):  # where it begins anew without a jump, another period counts
+            if self.outside == "repeat":  # where it begins anew without a jump, another period counts
                 smooth = entry(self.jumps, 0) > first
                 begin = where(smooth, max(begin, first + shift), begin)
                 end = where(smooth, min(end, last + shift), end)
@@ -329,9 +316,7 @@ class PiecewisePolynomial(Record):
         k = _left_of(self.jumps, 0, none, high)
         k = where(entry(self.jumps, 0) >= high, 0, k + 1)
         behind = entry(self.jumps, min(k, none))
-        before = where(
-            self.jumping > 0.0, where(before <= low, before, first - length), first - length
-        )
+        before = where(self.jumping > 0.0, where(before <= low, before, first - length), first - length)
         behind = where(self.jumping > 0.0, where(k <= none, behind, last + length), last + length)
         return min(before, low), max(behind, high)
 
@@ -365,11 +350,7 @@ class PiecewisePolynomial(Record):
             return jump_ahead(table, begin, count, t, end)
         length, slack = last - first, _slack(t, end)
         forward = end > t
-        period = where(
-            forward,
-            (t + slack - first) // length,
-            -((first - t + slack) // length) - 1.0,
-        )
+        period = where(forward, (t + slack - first) // length, -((first - t + slack) // length) - 1.0)
         here = jump_ahead(table, begin, count, t - period * length, end - period * length)
         found = here + period * length
         after = where(forward, period + 1.0, period - 1.0)
@@ -387,18 +368,10 @@ class PiecewisePolynomial(Record):
 
 def _table(t: Any, values: Any, more: int) -> tuple[np.ndarray, np.ndarray]:
     """Times and values that belong together."""
-    times, found = (
-        real_array(t, "PiecewisePolynomial: t"),
-        real_array(values, "PiecewisePolynomial: values"),
-    )
+    times, found = (real_array(t, "PiecewisePolynomial: t"), real_array(values, "PiecewisePolynomial: values"))
     check_finite(times, "PiecewisePolynomial: t")
     check_finite(found, "PiecewisePolynomial: values")
-    if (
-        times.ndim != 1
-        or found.ndim not in (1, 2)
-        or len(times) != len(found) + more
-        or len(times) < 2
-    ):
+    if times.ndim != 1 or found.ndim not in (1, 2) or len(times) != len(found) + more or len(times) < 2:
         wanted = "one value for each time" if more == 0 else "one value between each two times"
         raise InvalidInput(
             f"PiecewisePolynomial: t is (n,) and values are (n,) or (n, dim), {wanted}; got t "
@@ -406,8 +379,7 @@ def _table(t: Any, values: Any, more: int) -> tuple[np.ndarray, np.ndarray]:
         )
     if not (np.diff(times) > 0.0).all():
         raise InvalidInput(
-            "PiecewisePolynomial: t must rise; "
-            f"{times[:-1][np.diff(times) <= 0.0][0]:g} is followed by less"
+            f"PiecewisePolynomial: t must rise; {times[:-1][np.diff(times) <= 0.0][0]:g} is followed by less"
         )
     return times, found
 
@@ -417,9 +389,7 @@ def _jumping(knots: np.ndarray, terms: np.ndarray, repeat: bool) -> np.ndarray:
     repeated is followed by the first one.
     """
     width = np.diff(knots).reshape(-1, *[1] * (terms.ndim - 2))
-    parts = terms * width[:, None] ** np.arange(terms.shape[1]).reshape(
-        1, -1, *[1] * (terms.ndim - 2)
-    )
+    parts = terms * width[:, None] ** np.arange(terms.shape[1]).reshape(1, -1, *[1] * (terms.ndim - 2))
     before = np.roll(parts.sum(axis=1), 1, axis=0)
     size = np.roll(np.abs(parts).sum(axis=1), 1, axis=0) + np.abs(terms[:, 0])
     jumps = np.abs(terms[:, 0] - before) > EQUAL * size

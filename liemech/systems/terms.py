@@ -12,17 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
-from ..formulas import (
-    Mat,
-    Record,
-    Vec,
-    check_finite,
-    gradient,
-    jacobian,
-    mat,
-    record,
-    vec,
-)
+from ..formulas import Mat, Record, Vec, check_finite, gradient, jacobian, mat, record, vec
 from ..formulas.derivatives import gradient_to_add
 from ..formulas.derived import derived
 from ..formulas.fields import FrozenDict
@@ -113,9 +103,7 @@ class Term(Record, StandsForAnEnergy):
         """The derivative by the momentum of site number k of the edge, (dim,)."""
 
         def moved(m: Any) -> Any:
-            return self.energy(
-                *[with_fields(s, mu=m) if j == k else s for j, s in enumerate(sites)]
-            )
+            return self.energy(*[with_fields(s, mu=m) if j == k else s for j, s in enumerate(sites)])
 
         return gradient_to_add(moved, sites[k].mu)
 
@@ -149,20 +137,12 @@ class Term(Record, StandsForAnEnergy):
         n = group.dim
 
         def held_back(eta: Vec) -> Vec:
-            there = [
-                with_fields(s, g=group.compose_exp(s.g, eta[n * k : n * k + n]))
-                for k, s in enumerate(sites)
-            ]
+            there = [with_fields(s, g=group.compose_exp(s.g, eta[n * k : n * k + n])) for k, s in enumerate(sites)]
             return vec(*[-x for f in self.forces(group, *there) for x in f])
 
         slope = jacobian(held_back, vec(*[0.0 for _ in range(n * len(sites))]))
         parts = [(n * k, n * k + n) for k in range(len(sites))]
-        return tuple(
-            [
-                tuple([mat(*[slope[r][a:b] for r in range(i, j)]) for a, b in parts])
-                for i, j in parts
-            ]
-        )
+        return tuple([tuple([mat(*[slope[r][a:b] for r in range(i, j)]) for a, b in parts]) for i, j in parts])
 
     def over(self, graph: Any = None, of: Any = None) -> Over:
         """The sum of the term over the edges of a graph, such as `neighbours.ring(100)`; of no graph
@@ -221,10 +201,7 @@ class Over(Record, StandsForAnEnergy):
 
     def __repr__(self) -> str:
         which = self.of[0] if len({*self.of}) == 1 else self.of
-        given = [
-            *[repr(self.graph)] * (not isinstance(self.graph, EachSite)),
-            *[f"of={which}"] * bool(self.of),
-        ]
+        given = [*[repr(self.graph)] * (not isinstance(self.graph, EachSite)), *[f"of={which}"] * bool(self.of)]
         return f"{self.term!r}.over({', '.join(given)})" if given else repr(self.term)
 
 
@@ -368,9 +345,7 @@ def _over(term: Any) -> Over:
         _require_one("Terms", term)
         return Over(term, EachSite())
     cure = "; write it with brackets" if isinstance(term, type) else ""
-    raise InvalidType(
-        f"Terms: a term such as Exchange(1.0).over(neighbours.ring(100)); got {term!r}{cure}"
-    )
+    raise InvalidType(f"Terms: a term such as Exchange(1.0).over(neighbours.ring(100)); got {term!r}{cure}")
 
 
 def _require_one(name: str, term: Term) -> None:
@@ -391,8 +366,7 @@ def _held(name: str, held: Any) -> tuple[Any, ...]:
     whole = found.dtype.kind in "iu" or (found.dtype.kind == "f" and (found == found // 1.0).all())
     if found.ndim != 1 or not whole:
         raise InvalidInput(
-            f"Terms: {name} is the numbers of sites, [0, 5], or those of species, {{1: [0, 5]}}; got "
-            f"{held!r}"
+            f"Terms: {name} is the numbers of sites, [0, 5], or those of species, {{1: [0, 5]}}; got {held!r}"
         )
     return tuple(sorted({*map(int, found)}))
 
@@ -410,17 +384,13 @@ def _parameters(name: str, value: Any) -> Any:
         return _parameter(name, value)
     wrong = [k for k in value if type(k) is not int or k < 0]
     if wrong:
-        raise InvalidInput(
-            f"{name}: its values are told by the numbers of species, from 0; got {wrong[0]!r}"
-        )
+        raise InvalidInput(f"{name}: its values are told by the numbers of species, from 0; got {wrong[0]!r}")
     return FrozenDict({k: _parameter(name, x) for k, x in value.items()})
 
 
 def _parameter(name: str, value: Any) -> Any:
     if name in ("mu", "g", "xi", "t"):
-        raise InvalidInput(
-            f"Terms: {name} is no parameter of a site, but where it is; name it otherwise"
-        )
+        raise InvalidInput(f"Terms: {name} is no parameter of a site, but where it is; name it otherwise")
     import difflib  # here, for an import does not wait for it
 
     if difflib.get_close_matches(name, ["held"], 1, NEARLY):
@@ -436,7 +406,5 @@ def _parameter(name: str, value: Any) -> Any:
     if isinstance(found, (int, float)) and not isinstance(found, bool):
         return float(found)
     if isinstance(found, Record) or not hasattr(found, "axes"):
-        raise InvalidType(
-            f"Terms: {name} is a number or a vector that all sites have, or each(values); got {value!r}"
-        )
+        raise InvalidType(f"Terms: {name} is a number or a vector that all sites have, or each(values); got {value!r}")
     return found

@@ -128,21 +128,14 @@ class RoleAtSite(Record):
 
     @classmethod
     def of_incidence(
-        cls,
-        part: BoundTerm,
-        role: int,
-        incidence: Incidence,
-        alone: bool = False,
-        fixed: bool = True,
+        cls, part: BoundTerm, role: int, incidence: Incidence, alone: bool = False, fixed: bool = True
     ) -> RoleAtSite:
         """That of a term with these edges at each site.  fixed : is their number known to formulas?"""
         edges = incidence.edges
 
         def of_edges(each: Each) -> EachOfEdges:
             values = each.values.reshape(len(each), -1)[edges]
-            return EachOfEdges(
-                SiteArray.of(values if each.shape else values[..., 0], edges=True), each.shape
-            )
+            return EachOfEdges(SiteArray.of(values if each.shape else values[..., 0], edges=True), each.shape)
 
         term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
         made = cls(term, role, part.merged, alone, of=part.of)
@@ -156,16 +149,7 @@ class RoleAtSite(Record):
         known = None if same else SiteArray.of(counts.astype(float))
         return with_fields(self, others=tables, counts=known)
 
-    def added(
-        self,
-        total: Any,
-        me: Any,
-        meeting: Any,
-        seen: Any,
-        formula: Any,
-        of_both: Any,
-        mine: Any = None,
-    ) -> Any:
+    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any, mine: Any = None) -> Any:
         """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
 
         of_both : gives of a pair the values for both of its sites.  meeting : the others.  seen : makes
@@ -176,12 +160,7 @@ class RoleAtSite(Record):
             return total + formula(self.at_edge(0), [me])
         if len(self.others) == 0:
             if self.reach is not None:
-                return meeting.some(
-                    lambda b, j: formula(self.term, self.ends(me, [seen(b)])),
-                    total,
-                    self.reach,
-                    mine,
-                )
+                return meeting.some(lambda b, j: formula(self.term, self.ends(me, [seen(b)])), total, self.reach, mine)
             return meeting.pairs(lambda a, b: of_both(self.term, [seen(a), seen(b)]), total)
         first, more = self.others[0], self.others[1:]
 
@@ -228,9 +207,7 @@ class RoleAtSite(Record):
 
     def at_edge(self, d: Any) -> Term:
         """The term with the parameters of edge d of this site."""
-        return exchanged(
-            self.term, EachOfEdges, [one.here(d) for one in inside(self.term, EachOfEdges)]
-        )
+        return exchanged(self.term, EachOfEdges, [one.here(d) for one in inside(self.term, EachOfEdges)])
 
     def ends(self, me: Any, mates: list[Any]) -> list[Any]:
         """The sites of an edge in the order in which the energy takes them."""
@@ -279,9 +256,7 @@ class TermsOfSite(Record):
         """Is there a term of several sites?"""
         return not all([role.alone for role in self.roles])  # noqa: C419
 
-    def met(
-        self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None
-    ) -> tuple[Any, Any, Any]:
+    def met(self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None) -> tuple[Any, Any, Any]:
         """This site, the meeting with the others (None if it is alone), and what makes of what a site
         publishes there what terms see of it.  roles : those that count; None: all.
         """
@@ -293,23 +268,13 @@ class TermsOfSite(Record):
 
         def seen(published: Any) -> Any:
             theirs = [
-                getattr(published, name) if isinstance(x, OwnOfSites) else x
-                for name, x in zip(self.names, self.own)
+                getattr(published, name) if isinstance(x, OwnOfSites) else x for name, x in zip(self.names, self.own)
             ]
             return type(self.site)(published.mu, published.g, published.xi, *theirs)
 
         return me, meeting, seen
 
-    def added(
-        self,
-        total: Any,
-        mu: Any,
-        g: Any,
-        xi: Any,
-        formula: Any,
-        of_both: Any,
-        roles: Any = None,
-    ) -> Any:
+    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, roles: Any = None) -> Any:
         """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
         role by role; of_both(term, sites) is of both sites of a pair.  roles : those that count;
         None: all.
@@ -319,9 +284,7 @@ class TermsOfSite(Record):
         for one in self.roles if roles is None else roles:
             if species is None or own(species.which) == one.of[one.role]:
                 mine = own(species.numbers) if one.merged and species is not None else None
-                total = one.added(
-                    total, me, meeting, seen, self._formula(one, total, formula), of_both, mine
-                )
+                total = one.added(total, me, meeting, seen, self._formula(one, total, formula), of_both, mine)
         return total
 
     def _formula(self, role: RoleAtSite, total: Any, formula: Any) -> Any:
@@ -447,9 +410,7 @@ class PotentialOfSite(TermsOfSite, Potential):
         pushes: list[Any] = []
         for role in roles:
             if role.role == 0:
-                first, second = role.at_edge(0).forces(
-                    group, me, seen(meeting.of(role.others[0], 0))
-                )
+                first, second = role.at_edge(0).forces(group, me, seen(meeting.of(role.others[0], 0)))
                 force, pushes = force + role.if_there(first), [*pushes, second]
         handed = meet(tuple(pushes))
         numbers = [role for role in roles if role.role == 1]
@@ -496,10 +457,7 @@ class SlopesOfLoad(TermsOfSite):
             g,
             xi,
             lambda one, term, sites: _slope(group, t, one.merged, term, one.role, sites),
-            lambda term, sites: (
-                _slope(group, t, True, term, 0, sites),
-                _slope(group, t, True, term, 1, sites),
-            ),
+            lambda term, sites: (_slope(group, t, True, term, 0, sites), _slope(group, t, True, term, 1, sites)),
         )
         return vec(*slope[:n]), vec(*slope[n:])
 

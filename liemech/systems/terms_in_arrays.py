@@ -140,9 +140,7 @@ def _rows(of_edge: OfEdge, states: np.ndarray, ends: np.ndarray, numbers: Any) -
     columns = []
     for k in range(ends.shape[1]):
         columns.append(states[:, ends[:, k]])
-        columns += [
-            _shared(x.values[ends[:, k]], shape) for x in of_edge.own if isinstance(x, Each)
-        ]
+        columns += [_shared(x.values[ends[:, k]], shape) for x in of_edge.own if isinstance(x, Each)]
     columns += [_shared(x.values[numbers], shape) for x in inside(of_edge.term, Each)]
     return np.concatenate(columns, axis=2).reshape(shape[0] * shape[1], -1)
 
@@ -152,9 +150,7 @@ def _shared(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return np.broadcast_to(rows, (*shape, rows.shape[1]))
 
 
-def _blocks(
-    terms: Any, part: BoundTerm, states: np.ndarray
-) -> Iterator[tuple[slice, np.ndarray, Any]]:
+def _blocks(terms: Any, part: BoundTerm, states: np.ndarray) -> Iterator[tuple[slice, np.ndarray, Any]]:
     """Some samples and some edges at a time: the samples, the ends of the edges, and their numbers."""
     graph, samples = part.graph, len(states)
     if is_near(graph) and isinstance(part.term, NearPairs):

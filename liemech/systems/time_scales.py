@@ -10,14 +10,7 @@ from collections.abc import Callable
 from numbers import Real
 from typing import Any, ClassVar
 
-from ..errors import (
-    IncompatibleSystem,
-    InvalidInput,
-    InvalidTimeScale,
-    InvalidType,
-    LiemechError,
-    undefined,
-)
+from ..errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType, LiemechError, undefined
 from ..formulas import Record, Vec, derivative, dot, gradient, norm, record, sqrt, vec
 from ..formulas.derived import derived
 from ..retractions import Exponential
@@ -73,21 +66,14 @@ class TimeScale(Record):
     def growth(self, system: Any, t: float, state: Any) -> float:
         """d sigma/dt along the motion."""
         if not isinstance(state, CanonicalState):
-            return derivative(
-                lambda s: self.value_at(system, t + s, self._later(system, t, state, s)), 0.0
-            )
+            return derivative(lambda s: self.value_at(system, t + s, self._later(system, t, state, s)), 0.0)
         v = _speed(system, t, state)
         if self.positions:
             return derivative(lambda x: self.value(system, CanonicalState(x, x)), state.q, v)
         f = _push(system, t, state)
         if isinstance(system, ConstrainedSystem) and (self.parts is None or "p" in self.parts):
             f = f + system.constraint_force(state.q, state.p)
-        return derivative(
-            lambda s: self.value_at(
-                system, t + s, CanonicalState(state.q + s * v, state.p + s * f)
-            ),
-            0.0,
-        )
+        return derivative(lambda s: self.value_at(system, t + s, CanonicalState(state.q + s * v, state.p + s * f)), 0.0)
 
     def _later(self, system: Any, t: float, state: Any, s: float) -> Any:
         """The state a short time s later, to first order, as far as the parts that count."""
@@ -104,9 +90,7 @@ class TimeScale(Record):
         if self.parts is None or "mu" in self.parts:
             force = group.ad_star(xi, mu)
             if pushed:
-                force = force + vec(
-                    *[system.rate(t, state)[group.dim + i] for i in range(group.dim)]
-                )
+                force = force + vec(*[system.rate(t, state)[group.dim + i] for i in range(group.dim)])
             mu = mu + s * force
         if g is not None and (self.parts is None or "g" in self.parts):
             g = group.compose_exp(g, s * xi)
@@ -131,9 +115,7 @@ class TimeScale(Record):
             except LiemechError:
                 raise
             except (ArithmeticError, ValueError) as error:
-                raise InvalidTimeScale(
-                    f"{self!r} has no value {here} ({error}); {POSITIVE}"
-                ) from None
+                raise InvalidTimeScale(f"{self!r} has no value {here} ({error}); {POSITIVE}") from None
             if not isinstance(value, Real):
                 raise InvalidType(f"{self!r} must be one number; {here} it is {value!r}")
             if not float(value) > 0.0:
@@ -242,9 +224,7 @@ class DistancePower(TimeScale):
     def bound(self, system: System, start: State) -> TimeScale:
         """A canonical system, which may be driven."""
         if not isinstance(system, PhaseSpace):
-            raise IncompatibleSystem(
-                f"{self!r} is for systems with positions q; {system!r} has none"
-            )
+            raise IncompatibleSystem(f"{self!r} is for systems with positions q; {system!r} has none")
         return super().bound(system, start)
 
 
@@ -279,9 +259,7 @@ class OfEnergy(TimeScale):
     def kinetic(self, system: Any, q: Vec) -> float:
         """H_0 - V(q).  q : (n,)."""
         if self.energy is None:
-            raise InvalidInput(
-                f"{self!r} needs the energy of the motion; integrate knows that of its start"
-            )
+            raise InvalidInput(f"{self!r} needs the energy of the motion; integrate knows that of its start")
         return self.energy - system.potential(q)
 
 

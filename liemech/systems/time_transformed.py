@@ -66,13 +66,10 @@ class ExtendedSystem(InFictiveTime, HamiltonianSystem):
             return CanonicalState(vec(*start.q, t0), vec(*start.p, -energy))
         minus = -np.asarray(energy)[:, None]
         return CanonicalState(
-            np.concatenate([start.q, np.full(minus.shape, t0)], axis=1),
-            np.concatenate([start.p, minus], axis=1),
+            np.concatenate([start.q, np.full(minus.shape, t0)], axis=1), np.concatenate([start.p, minus], axis=1)
         )
 
-    def apart(
-        self, states: dict[str, np.ndarray]
-    ) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
+    def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
         """The samples taken apart: the times, and the parts of the states of the system itself."""
         return states["q"][..., -1], {name: x[..., :-1] for name, x in states.items()}, None
 
@@ -102,8 +99,7 @@ class TimeTransformed(ExtendedSystem):
     """
 
     alternatives: ClassVar[str] = (
-        "AdaptiveVerlet() is for sigma(q), HamiltonJacobi(order=4) "
-        "for any sigma; RKMK accepts every system"
+        "AdaptiveVerlet() is for sigma(q), HamiltonJacobi(order=4) for any sigma; RKMK accepts every system"
     )
 
     sigma: TimeScale
@@ -133,9 +129,7 @@ class TimeTransformed(ExtendedSystem):
         sigma, x, y = self.scale(q, p), self.without(q), self.without(p)
         v = sigma * self.system.velocity(x, y)
         if not self.sigma.positions:
-            v = v + self.excess(q, p) * gradient(
-                lambda z: self.sigma.value(self.system, CanonicalState(x, z)), y
-            )
+            v = v + self.excess(q, p) * gradient(lambda z: self.sigma.value(self.system, CanonicalState(x, z)), y)
         return vec(*v, sigma)
 
     def force(self, q: Vec, p: Vec) -> Vec:
@@ -181,8 +175,7 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
 
     wanted: ClassVar[type[HamiltonianSystem]] = SeparableSystem
     alternatives: ClassVar[str] = (
-        "StormerVerlet() and Splitting(order=4, "
-        "quadratic=False) are for it, RKMK accepts every system"
+        "StormerVerlet() and Splitting(order=4, quadratic=False) are for it, RKMK accepts every system"
     )
 
     @property
@@ -222,9 +215,7 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
         """T - H_0."""
         surplus = self.system.kinetic(self.without(p)) + p[self.degrees - 1]  # type: ignore[attr-defined]
         if not surplus > 0.0:
-            raise InvalidTimeScale(
-                f"LogarithmicHamiltonian: T - H_0 = {surplus:g}; {POSITIVE}. A smaller h may help"
-            )
+            raise InvalidTimeScale(f"LogarithmicHamiltonian: T - H_0 = {surplus:g}; {POSITIVE}. A smaller h may help")
         return surplus
 
     @property

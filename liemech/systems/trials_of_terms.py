@@ -118,9 +118,7 @@ def in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
     return [tuple(sorted((int(order[k]), int(order[k + 1])))) for k in same]  # type: ignore[misc]
 
 
-def _require_finite(
-    name: str, terms: Any, part: BoundTerm, row: np.ndarray, ends: tuple[int, int]
-) -> None:
+def _require_finite(name: str, terms: Any, part: BoundTerm, row: np.ndarray, ends: tuple[int, int]) -> None:
     group = terms.group
     order = ends if not part.of or group.species_of(ends[0]) == part.of[0] else ends[::-1]
     g = [group.site(row, i) for i in order]
@@ -191,6 +189,5 @@ def _require_size(group: Any, term: str, force: Any) -> None:
     dim = group.dim
     if np.shape(force) != (dim,):
         raise InvalidInput(
-            f"{term}.covector gives the force on a site of {group!r}, a vector of {dim} "
-            f"components; got {force!r}"
+            f"{term}.covector gives the force on a site of {group!r}, a vector of {dim} components; got {force!r}"
         )

@@ -33,9 +33,7 @@ class VariedTable(PiecewisePolynomial):
     def _inside(self, t: Any, low: Any, high: Any, period: Any) -> Any:
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
         slack = ROUNDING * max(abs(first), abs(last))
-        if (self.at_begin == 0.0 and t < first - slack) or (
-            self.at_end == 0.0 and t > last + slack
-        ):
+        if (self.at_begin == 0.0 and t < first - slack) or (self.at_end == 0.0 and t > last + slack):
             raise InvalidInput(
                 "Plan.gradient: a formula asks a table at other times than those of its step, such as "
                 "with a delay, and has no gradient by its values; runs with moved tables tell it"
@@ -45,10 +43,7 @@ class VariedTable(PiecewisePolynomial):
     def _terms_of(self, i: Any) -> list[Any]:
         here, width = where(i == self.where_moved, 1.0, 0.0), max(self.size, 1)
         rows = [self.moved[k * width : (k + 1) * width] for k in range(self.degree + 1)]
-        return [
-            term + here * (Vec(*row) if self.size else row[0])
-            for term, row in zip(super()._terms_of(i), rows)
-        ]
+        return [term + here * (Vec(*row) if self.size else row[0]) for term, row in zip(super()._terms_of(i), rows)]
 
 
 PART = "knots", "coefficients", "intervals", "jumps", "jumping", "last"

@@ -51,8 +51,7 @@ class VectorField(System):
 
     coordinates: ClassVar[tuple[str, ...]] = ("y",)
     alternatives: ClassVar[str] = (
-        "Splitting(order=4) is for a SplitField of parts whose motion is known, RKMK accepts every "
-        "system"
+        "Splitting(order=4) is for a SplitField of parts whose motion is known, RKMK accepts every system"
     )
 
     # ---------------------------------------------------------------- 1. a subclass writes
@@ -133,9 +132,7 @@ class VectorField(System):
         array = points(y, f"{where}: y", shape, f"a point of {self!r}")
         self._check_formulas(array)
         self._require(array, where)
-        return self.vouched(
-            PoissonState(frozen(array, shape, None if array.shape == shape else len(array)))
-        )
+        return self.vouched(PoissonState(frozen(array, shape, None if array.shape == shape else len(array))))
 
     def _check_formulas(self, y: np.ndarray) -> None:
         """Is `velocity` a vector of n numbers?  y : (n,), or (members, n)."""
@@ -153,8 +150,7 @@ class VectorField(System):
             raise InvalidType(f"{name} cannot be evaluated: {error}. It is {given}") from error
         if not isinstance(value, SmallVec) or len(value) != self.dim:
             raise InvalidInput(
-                f"{name} returns {value!r}; {given} must return a vector of {self.dim} numbers: "
-                "lm.vec(...)"
+                f"{name} returns {value!r}; {given} must return a vector of {self.dim} numbers: lm.vec(...)"
             )
 
     def _require(self, y: np.ndarray, where: str) -> None:
@@ -197,13 +193,10 @@ class SplitField(OfParts, VectorField):
                 raise InvalidType(f"{name}: parts must be VectorFields; got {part!r}")
         if len({part.dim for part in given}) > 1:
             raise InvalidInput(
-                f"{name}: the parts are of dimensions {[part.dim for part in given]}; they must "
-                "be of one"
+                f"{name}: the parts are of dimensions {[part.dim for part in given]}; they must be of one"
             )
         found = [recognised_field(part) for part in given]
-        object.__setattr__(
-            self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(given, found)])
-        )
+        object.__setattr__(self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(given, found)]))
         super().__post_init__()
 
     @property

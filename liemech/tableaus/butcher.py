@@ -36,12 +36,7 @@ PAIRS = {
 TABLEAUS = {
     t.name: t
     for t in (
-        *(
-            x
-            for module in (explicit, pairs)
-            for x in vars(module).values()
-            if isinstance(x, ButcherTableau)
-        ),
+        *(x for module in (explicit, pairs) for x in vars(module).values() if isinstance(x, ButcherTableau)),
         TSITOURAS5,
         VERNER6,
         VERNER7,
@@ -80,19 +75,15 @@ def named(name: str) -> ButcherTableau:
             if stages % 2 == 0:
                 return made(stages // 2)
             raise InvalidInput(
-                f"{family} methods are of "
-                f"{'odd' if family == 'Radau IIA' else 'even'} order; got {name!r}"
+                f"{family} methods are of {'odd' if family == 'Radau IIA' else 'even'} order; got {name!r}"
             )
     if wanted not in known:
         import difflib  # when needed, for an import does not wait for it
 
-        near = dict.fromkeys(
-            known[n].name for n in difflib.get_close_matches(wanted, known, 3, 0.5)
-        )
+        near = dict.fromkeys(known[n].name for n in difflib.get_close_matches(wanted, known, 3, 0.5))
         all_names = [*TABLEAUS, *(f"{family} <order>" for family in FAMILIES)]
         raise InvalidInput(
-            f"no tableau is called {name!r}; {'near are' if near else 'there are'} "
-            f"{', '.join(near or all_names)}"
+            f"no tableau is called {name!r}; {'near are' if near else 'there are'} {', '.join(near or all_names)}"
         )
     return known[wanted]
 
@@ -102,10 +93,7 @@ def pair(order: int) -> ButcherTableau:
     orders there are.
     """
     if type(order) is not int or order not in PAIRS:
-        raise InvalidInput(
-            f"no pair of order {order!r}; there are pairs of the orders "
-            f"{', '.join(map(str, PAIRS))}"
-        )
+        raise InvalidInput(f"no pair of order {order!r}; there are pairs of the orders {', '.join(map(str, PAIRS))}")
     return PAIRS[order]
 
 

@@ -40,9 +40,7 @@ class Coefficients(Record):
             try:
                 row = tuple(map(float, given))
             except (TypeError, ValueError):
-                raise InvalidType(
-                    f"{self.name}: {field} is a sequence of numbers; got {given!r}"
-                ) from None
+                raise InvalidType(f"{self.name}: {field} is a sequence of numbers; got {given!r}") from None
             object.__setattr__(self, field, row)
 
     def _failing(self, order: int) -> str:
@@ -53,9 +51,7 @@ class Coefficients(Record):
         """Raise an error unless the order claimed is a whole number, and reached."""
         order: Any = self.order
         if type(order) is not int or not 1 <= order <= most:
-            raise InvalidInput(
-                f"{self.name}: the order is a whole number from 1 to {most}; got {order!r}"
-            )
+            raise InvalidInput(f"{self.name}: the order is a whole number from 1 to {most}; got {order!r}")
         for q in range(1, order + 1):
             if failing := self._failing(q):
                 raise LawViolation(f"{self.name} is of order {q - 1}, not {order}: {failing}")

@@ -81,8 +81,5 @@ def _computed(name: str, s: int) -> ButcherTableau:
 
     order = 2 * s - {"Gauss": 0, "Radau IIA": 1}.get(name, 2)
     return ButcherTableau.shipped(
-        f"{name} {order}",
-        order,
-        *rounded(name, s),
-        "Hairer and Wanner, Solving ODEs II, 2nd ed., IV.5",
+        f"{name} {order}", order, *rounded(name, s), "Hairer and Wanner, Solving ODEs II, 2nd ed., IV.5"
     )

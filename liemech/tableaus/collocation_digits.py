@@ -30,13 +30,7 @@ def rounded(name: str, s: int) -> tuple[list[list[float]], list[float], list[flo
 def _exact(name: str, s: int) -> tuple[list[list[Decimal]], list[Decimal], list[Decimal]]:
     """A, b, c in the precision of the context."""
     lobatto = name.startswith("Lobatto")
-    c = (
-        _zeros(s - 1, s - 1, s - 2)
-        if lobatto
-        else _zeros(s - 1, s, s - 1)
-        if name == "Radau IIA"
-        else _zeros(s, s, s)
-    )
+    c = _zeros(s - 1, s - 1, s - 2) if lobatto else _zeros(s - 1, s, s - 1) if name == "Radau IIA" else _zeros(s, s, s)
     integrals = [_integral(p) for p in _lagrange(c)]
     A = [[_value(p, x) for p in integrals] for x in c]
     b = [_value(p, Decimal(1)) for p in integrals]
@@ -52,9 +46,7 @@ def _zeros(p: int, q: int, m: int) -> list[Decimal]:
     """The zeros of the m-th derivative of x^p (x - 1)^q, p and q being m or m + 1: all real,
     simple, and in [0, 1].
     """
-    f: Polynomial = [Decimal(0)] * p + [
-        Decimal((-1) ** (q - k) * math.comb(q, k)) for k in range(q + 1)
-    ]
+    f: Polynomial = [Decimal(0)] * p + [Decimal((-1) ** (q - k) * math.comb(q, k)) for k in range(q + 1)]
     for _ in range(m):
         f = _derivative(f)
     slope = _derivative(f)

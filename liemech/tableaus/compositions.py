@@ -51,9 +51,7 @@ class CompositionTableau(Coefficients):
     source: str = ""
 
     @classmethod
-    def of(
-        cls, gamma: Any, base_order: int = 2, name: str = "own composition"
-    ) -> CompositionTableau:
+    def of(cls, gamma: Any, base_order: int = 2, name: str = "own composition") -> CompositionTableau:
         """The composition with these substeps, of the order that they have."""
         tableau = cls.shipped(name, 1, gamma, base_order)
         order = 1
@@ -95,16 +93,13 @@ class CompositionTableau(Coefficients):
         """
         name, gamma, base = self.name, self.gamma, self.base_order
         if type(base) is not int or base < 2 or base % 2:
-            raise InvalidInput(
-                f"{name}: symmetric methods have even orders; got base_order = {base!r}"
-            )
+            raise InvalidInput(f"{name}: symmetric methods have even orders; got base_order = {base!r}")
         if not gamma or not all(map(math.isfinite, gamma)):
             raise InvalidInput(f"{name}: gamma is one finite number for each substep; got {gamma}")
         for i, (x, y) in enumerate(zip(gamma, gamma[::-1])):
             if x != y:
                 raise LawViolation(
-                    f"{name} is not symmetric: gamma_{i + 1} = {x!r} "
-                    f"and gamma_{self.stages - i} = {y!r}"
+                    f"{name} is not symmetric: gamma_{i + 1} = {x!r} and gamma_{self.stages - i} = {y!r}"
                 )
         self._reaches(MOST)
 
@@ -134,9 +129,7 @@ class CompositionTableau(Coefficients):
         total = {word: 0.0 if word else 1.0 for word in words}
         for x in gamma:
             one = {word: x ** sum(word) / math.factorial(len(word)) for word in words}
-            total = {
-                w: math.fsum(total[w[:k]] * one[w[k:]] for k in range(len(w) + 1)) for w in words
-            }
+            total = {w: math.fsum(total[w[:k]] * one[w[k:]] for k in range(len(w) + 1)) for w in words}
         return total
 
 
@@ -153,12 +146,7 @@ def _words(degree: int, letters: Word) -> list[Word]:
     """All words whose letters have degrees that add up to this one."""
     if degree == 0:
         return [()]
-    return [
-        (letter, *rest)
-        for letter in letters
-        if letter <= degree
-        for rest in _words(degree - letter, letters)
-    ]
+    return [(letter, *rest) for letter in letters if letter <= degree for rest in _words(degree - letter, letters)]
 
 
 # ---------------------------------------------------------------- from any even order to the next
@@ -261,7 +249,5 @@ KAHAN_LI8 = CompositionTableau.shipped(
     source="Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.13)",
 )
 
-COMPOSITIONS = {
-    t.name: t for t in (TRIPLE_JUMP4, SUZUKI4, YOSHIDA6, KAHAN_LI6, SUZUKI_UMENO8, KAHAN_LI8)
-}
+COMPOSITIONS = {t.name: t for t in (TRIPLE_JUMP4, SUZUKI4, YOSHIDA6, KAHAN_LI6, SUZUKI_UMENO8, KAHAN_LI8)}
 """All compositions of a symmetric method of order 2, by name."""

@@ -61,8 +61,7 @@ class FlowTableau(Coefficients):
             origins = tuple(map(int, self.origins)) or (0,) * len(flows)
         except (TypeError, ValueError):
             raise InvalidType(
-                f"{self.name}: flows are sequences of rows of "
-                f"numbers, origins numbers; got {self.flows!r}"
+                f"{self.name}: flows are sequences of rows of numbers, origins numbers; got {self.flows!r}"
             ) from None
         object.__setattr__(self, "flows", flows)
         object.__setattr__(self, "origins", origins)
@@ -107,19 +106,16 @@ class FlowTableau(Coefficients):
         flows, origins = self.flows, self.origins
         if len(flows) < 2 or flows[0] or len(origins) != len(flows):
             raise LawViolation(
-                f"{self.name}: flows are () for the start, then rows for "
-                "each stage and for the end; as many origins"
+                f"{self.name}: flows are () for the start, then rows for each stage and for the end; as many origins"
             )
         for i, (rows, origin) in enumerate(zip(flows, origins)):
             if not 0 <= origin < max(i, 1):
                 raise LawViolation(
-                    f"{self.name}: flows[{i}] cannot set out from stage "
-                    f"{origin}; it comes after stages 0 to {i - 1}"
+                    f"{self.name}: flows[{i}] cannot set out from stage {origin}; it comes after stages 0 to {i - 1}"
                 )
             if any(len(row) > i or not any(row) for row in rows):
                 raise LawViolation(
-                    f"{self.name}: a row of flows[{i}] has at most {i} "
-                    f"weights, not all zero; got {rows}"
+                    f"{self.name}: a row of flows[{i}] has at most {i} weights, not all zero; got {rows}"
                 )
         weight, size = self._weights(float), self._weights(abs)
         for word in (word for n in range(1, self.order + 1) for word in words(n)):
@@ -159,12 +155,7 @@ def words(nodes: int) -> tuple[Word, ...]:
     """All words of ordered trees with this many nodes: 1, 2, 5, 14, 42 of them."""
     if nodes == 0:
         return ((),)
-    return tuple(
-        (*word, tree)
-        for n in range(1, nodes + 1)
-        for word in words(nodes - n)
-        for tree in words(n - 1)
-    )
+    return tuple((*word, tree) for n in range(1, nodes + 1) for word in words(nodes - n) for tree in words(n - 1))
 
 
 def nodes_of(word: Word) -> int:

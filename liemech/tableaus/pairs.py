@@ -35,8 +35,7 @@ BOGACKI_SHAMPINE3 = printed(
         b | 2/9 1/3 4/9 0
     b_hat | 7/24 1/4 1/3 1/8
     """,
-    "Bogacki and Shampine, Appl. Math. Lett. 2 (1989); between the steps the cubic through "
-    "both ends",
+    "Bogacki and Shampine, Appl. Math. Lett. 2 (1989); between the steps the cubic through both ends",
     embedded_order=2,
     interpolant="""
     1 -4/3 5/9

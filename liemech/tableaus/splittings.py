@@ -95,8 +95,7 @@ class SplittingTableau(Coefficients):
         """
         if self.quadratic:
             raise InvalidInput(
-                f"{self.name}: kicks and drifts cannot be exchanged, "
-                "its order is that of quadratic T only"
+                f"{self.name}: kicks and drifts cannot be exchanged, its order is that of quadratic T only"
             )
         first, last = self.kicks[0] == 0.0, self.kicks[-1] == 0.0
         kicks = *((0.0,) * (not first)), *self.drifts, *((0.0,) * (not last))
@@ -140,15 +139,8 @@ class SplittingTableau(Coefficients):
         III.3.4.
         """
         if self.quadratic and parts > 2:
-            raise InvalidInput(
-                f"{self.name}: it is for two parts, the order is "
-                f"that of quadratic T only; got {parts}"
-            )
-        turns = [
-            turn
-            for pair in zip(((1, b) for b in self.kicks), ((0, a) for a in self.drifts))
-            for turn in pair
-        ]
+            raise InvalidInput(f"{self.name}: it is for two parts, the order is that of quadratic T only; got {parts}")
+        turns = [turn for pair in zip(((1, b) for b in self.kicks), ((0, a) for a in self.drifts)) for turn in pair]
         if parts == 2:
             return tuple([(part, c) for part, c in (*turns, (1, self.kicks[-1])) if c != 0.0])
         found: list[tuple[int, float]] = []
@@ -172,18 +164,13 @@ class SplittingTableau(Coefficients):
         claimed.
         """
         name = self.name
-        if len(self.kicks) != len(self.drifts) + 1 or not all(
-            map(math.isfinite, (*self.kicks, *self.drifts))
-        ):
+        if len(self.kicks) != len(self.drifts) + 1 or not all(map(math.isfinite, (*self.kicks, *self.drifts))):
             raise InvalidInput(
-                f"{name}: kicks are one more finite number than "
-                f"drifts; got {self.kicks} and {self.drifts}"
+                f"{name}: kicks are one more finite number than drifts; got {self.kicks} and {self.drifts}"
             )
         for field, row in (("kicks", self.kicks), ("drifts", self.drifts)):
             if self.symmetric and row != row[::-1]:
-                raise LawViolation(
-                    f"{name} is not symmetric: {field} are {row}, not the same backwards"
-                )
+                raise LawViolation(f"{name} is not symmetric: {field} are {row}, not the same backwards")
         self._reaches(MOST)
 
     def _failing(self, length: int) -> str:
@@ -205,9 +192,7 @@ class SplittingTableau(Coefficients):
         factors = [("B", self.kicks[0])]
         for a, b in zip(self.drifts, self.kicks[1:]):
             factors += [("A", a), ("B", b)]
-        return _weights(factors, self.order + 1), _weights(
-            [(letter, abs(c)) for letter, c in factors], self.order + 1
-        )
+        return _weights(factors, self.order + 1), _weights([(letter, abs(c)) for letter, c in factors], self.order + 1)
 
 
 def _words(length: int) -> list[str]:
@@ -263,21 +248,10 @@ def _around_pair(text: str) -> Row:
 
 
 SYMPLECTIC_EULER = SplittingTableau.shipped(
-    "symplectic Euler",
-    1,
-    numbers("1.0 0.0"),
-    numbers("1.0"),
-    False,
-    "HLW I.1.2",
-    symmetric=False,
+    "symplectic Euler", 1, numbers("1.0 0.0"), numbers("1.0"), False, "HLW I.1.2", symmetric=False
 )
 STRANG = SplittingTableau.shipped(
-    "Strang",
-    2,
-    numbers("0.5 0.5"),
-    numbers("1.0"),
-    False,
-    "Strang, SIAM J. Numer. Anal. 5 (1968); HLW II.5",
+    "Strang", 2, numbers("0.5 0.5"), numbers("1.0"), False, "Strang, SIAM J. Numer. Anal. 5 (1968); HLW II.5"
 )
 
 # ---------------------------------------------------------------- for every T + V

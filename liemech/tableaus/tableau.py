@@ -73,9 +73,7 @@ class ButcherTableau(Coefficients):
     c_extra: Row = ()
 
     @classmethod
-    def of(
-        cls, A: Any, b: Any, order: int | None = None, name: str = "own tableau", **more: Any
-    ) -> ButcherTableau:
+    def of(cls, A: Any, b: Any, order: int | None = None, name: str = "own tableau", **more: Any) -> ButcherTableau:
         """The tableau with the row sums of A as nodes, of the order that the trees find unless one
         is claimed.
         """
@@ -125,11 +123,7 @@ class ButcherTableau(Coefficients):
         """
         A, b, s = self._full, self.b, range(self.stages)
         size = max(map(abs, b)) * self._size
-        return all(
-            abs(b[i] * A[i][j] + b[j] * A[j][i] - b[i] * b[j]) <= _CLOSE * size
-            for i in s
-            for j in s
-        )
+        return all(abs(b[i] * A[i][j] + b[j] * A[j][i] - b[i] * b[j]) <= _CLOSE * size for i in s for j in s)
 
     @functools.cached_property
     def symmetric(self) -> bool:
@@ -201,9 +195,7 @@ class ButcherTableau(Coefficients):
         import numpy as np
 
         A, ones = np.array(self._full), np.ones(self.stages)
-        return complex(
-            1.0 + z * (np.array(self.b) @ np.linalg.solve(np.eye(self.stages) - z * A, ones))
-        )
+        return complex(1.0 + z * (np.array(self.b) @ np.linalg.solve(np.eye(self.stages) - z * A, ones)))
 
     # ---------------------------------------------------------------- the checks
 
@@ -212,17 +204,13 @@ class ButcherTableau(Coefficients):
         LawViolation.
         """
         rows = list(zip([f"row {i + 1} of A" for i in range(self.stages)], self.A, self.c))
-        rows += [
-            (f"row {i + 1} of A_extra", row, x)
-            for i, (row, x) in enumerate(zip(self.A_extra, self.c_extra))
-        ]
+        rows += [(f"row {i + 1} of A_extra", row, x) for i, (row, x) in enumerate(zip(self.A_extra, self.c_extra))]
         for what, row, x in rows:
             found = math.fsum(row)
             if not abs(found - x) <= _CLOSE * (abs(x) + math.fsum(map(abs, row))):
                 which = "c_extra" if what.endswith("extra") else "c"
                 raise LawViolation(
-                    f"{self.name}: {what} sums to {found:.15g}, but "
-                    f"{which}_{what.split()[1]} is {x:.15g}"
+                    f"{self.name}: {what} sums to {found:.15g}, but {which}_{what.split()[1]} is {x:.15g}"
                 )
         phi = ElementaryWeights(self.A)
         hat, low = (self.b_hat, self.embedded_order), (self.b_low, self.low_order)
@@ -284,13 +272,11 @@ class ButcherTableau(Coefficients):
         shaped |= {"interpolant": given}
         if not s or len(A) != s or len(c) != s:
             raise InvalidInput(
-                f"{name}: A has {len(A)} rows, b {s} weights and c "
-                f"{len(c)} nodes; a stage has one of each"
+                f"{name}: A has {len(A)} rows, b {s} weights and c {len(c)} nodes; a stage has one of each"
             )
         if not _triangular(A, 0) and not all(len(row) == s for row in A):
             raise InvalidInput(
-                f"{name}: the rows of A have {_lengths(A)} entries; they need "
-                f"{s} each, or 0, ..., {s - 1} if explicit"
+                f"{name}: the rows of A have {_lengths(A)} entries; they need {s} each, or 0, ..., {s - 1} if explicit"
             )
         if not any(any(row[i:]) for i, row in enumerate(A)):
             shaped["A"] = tuple(row[:i] for i, row in enumerate(A))
@@ -299,20 +285,15 @@ class ButcherTableau(Coefficients):
                 f"{name}: the rows of A_extra need {s}, {s + 1}, ... entries; they have {_lengths(extra)}"
             )
         if len(c_extra) != len(extra):
-            raise InvalidInput(
-                f"{name}: A_extra has {len(extra)} rows and c_extra {len(c_extra)} nodes"
-            )
+            raise InvalidInput(f"{name}: A_extra has {len(extra)} rows and c_extra {len(c_extra)} nodes")
         for letter in "b_hat", "b_low":
             shaped[letter] = _row(getattr(self, letter), f"{name}: {letter}")
             if shaped[letter] and len(shaped[letter]) != s:
-                raise InvalidInput(
-                    f"{name}: {letter} has {len(shaped[letter])} weights, A {s} stages"
-                )
+                raise InvalidInput(f"{name}: {letter} has {len(shaped[letter])} weights, A {s} stages")
         long = _lengths(given)
         if given and (len(given) != s + len(extra) or len(set(long)) != 1 or not long[0]):
             raise InvalidInput(
-                f"{name}: the interpolant needs {s + len(extra)} rows of "
-                f"one length; they have {long} entries"
+                f"{name}: the interpolant needs {s + len(extra)} rows of one length; they have {long} entries"
             )
         for letter, field, present in (
             ("b", "order", True),
@@ -322,10 +303,7 @@ class ButcherTableau(Coefficients):
         ):
             value = getattr(self, field)
             if present and (type(value) is not int or value < 1):
-                raise InvalidInput(
-                    f"{name}: {field} is the order of {letter}, a "
-                    f"whole number from 1 on; got {value!r}"
-                )
+                raise InvalidInput(f"{name}: {field} is the order of {letter}, a whole number from 1 on; got {value!r}")
             if not present and value:
                 raise InvalidInput(f"{name}: {field} is {value!r}, but {letter} is missing")
         for field, value in shaped.items():
@@ -357,22 +335,16 @@ class ButcherTableau(Coefficients):
             for label, row in (("", self.b), ("", self.b_hat), ("", self.b_low))
             if row
         ]
-        widths = [
-            max((len(row[j]) for _, row in lines if j < len(row)), default=0)
-            for j in range(self.stages)
-        ]
+        widths = [max((len(row[j]) for _, row in lines if j < len(row)), default=0) for j in range(self.stages)]
         left = max(len(label) for label, _ in lines)
         shown = [
-            f"{label:>{left}} | {'  '.join(f'{e:>{w}}' for e, w in zip(row, widths))}".rstrip()
-            for label, row in lines
+            f"{label:>{left}} | {'  '.join(f'{e:>{w}}' for e, w in zip(row, widths))}".rstrip() for label, row in lines
         ]
         rule = "-" * (left + 1) + "+" + "-" * (sum(widths) + 2 * self.stages - 1)
         return "\n".join([f"{self!r}", *shown[: self.stages], rule, *shown[self.stages :]])
 
 
-def printed(
-    name: str, order: int, table: str, source: str, interpolant: str = "", **more: Any
-) -> ButcherTableau:
+def printed(name: str, order: int, table: str, source: str, interpolant: str = "", **more: Any) -> ButcherTableau:
     """A tableau of this library as books print it: rows `c | a_1 a_2 ...`, then those of b, b_hat and
     b_low, then those of further slopes.
 
@@ -389,8 +361,7 @@ def printed(
     weights = {label: numbers(entries) for label, entries in rows if label.startswith("b")}
     parts = rows[: last + 1 - len(weights)], rows[last + 1 :]
     (A, c), (A_extra, c_extra) = (
-        ([numbers(entries) for _, entries in part], numbers(" ".join(label for label, _ in part)))
-        for part in parts
+        ([numbers(entries) for _, entries in part], numbers(" ".join(label for label, _ in part))) for part in parts
     )
     slopes = re.sub(r"\n *\+", "", interpolant.strip()).splitlines()
     return ButcherTableau.shipped(
@@ -425,9 +396,7 @@ def _row(value: Any, what: str) -> Row:
             try:
                 entry = float(entry)
             except (TypeError, ValueError):
-                raise InvalidType(
-                    f"{what} has numbers as entries; entry {i + 1} is {entry!r}"
-                ) from None
+                raise InvalidType(f"{what} has numbers as entries; entry {i + 1} is {entry!r}") from None
         if not math.isfinite(entry):
             raise InvalidInput(f"{what} has finite entries; entry {i + 1} is {entry}")
         row.append(entry)

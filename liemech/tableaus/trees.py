@@ -105,9 +105,7 @@ class ElementaryWeights:
 
 def _sum(weights: Row, phi: list[float], bound: list[float]) -> tuple[float, float]:
     terms = [w * f for w, f in zip(weights, phi)]
-    return math.fsum(terms), math.fsum(
-        abs(w) * (e + _EPS * abs(f)) for w, f, e in zip(weights, phi, bound)
-    )
+    return math.fsum(terms), math.fsum(abs(w) * (e + _EPS * abs(f)) for w, f, e in zip(weights, phi, bound))
 
 
 def order_by_trees(A: Sequence[Row], b: Row) -> int:
@@ -125,9 +123,7 @@ def simplifying_assumptions(A: Sequence[Row], b: Row, c: Row) -> tuple[int, int,
     B(p): sum_i b_i c_i^(k-1) = 1/k,   C(eta): sum_j a_ij c_j^(k-1) = c_i^k / k,
     D(zeta): sum_i b_i c_i^(k-1) a_ij = b_j (1 - c_j^k) / k,   each for all k up to the number in brackets.
     """
-    columns = [
-        tuple(w * row[j] if j < len(row) else 0.0 for w, row in zip(b, A)) for j in range(len(b))
-    ]
+    columns = [tuple(w * row[j] if j < len(row) else 0.0 for w, row in zip(b, A)) for j in range(len(b))]
 
     def agree(weights: Row, values: list[float], wanted: float, scale: float = 0.0) -> bool:
         found, bound = _sum(weights, values, [0.0] * len(values))
@@ -141,17 +137,12 @@ def simplifying_assumptions(A: Sequence[Row], b: Row, c: Row) -> tuple[int, int,
     p = largest([agree(b, powers[k], 1.0 / k) for k in ks])
     eta = largest([all(agree(row, powers[k], x**k / k) for row, x in zip(A, c)) for k in ks])
     zeta = largest(
-        [
-            all(agree(d, powers[k], w * (1.0 - x**k) / k, abs(w)) for d, w, x in zip(columns, b, c))
-            for k in ks
-        ]
+        [all(agree(d, powers[k], w * (1.0 - x**k) / k, abs(w)) for d, w, x in zip(columns, b, c)) for k in ks]
     )
     return p, eta, zeta
 
 
-def order_of(
-    A: Sequence[Sequence[float]], b: Sequence[float], c: Sequence[float] | None = None
-) -> int:
+def order_of(A: Sequence[Sequence[float]], b: Sequence[float], c: Sequence[float] | None = None) -> int:
     """The order of the Runge-Kutta method with these coefficients.
 
     A : s rows, of s entries or only those left of the diagonal; b : (s,); c : (s,), by default the

@@ -55,9 +55,7 @@ def animate(
     return Scene(run, contents, title=title, seconds=seconds, frames=frames)
 
 
-def live(
-    system: System, start: State, show: Any = None, *, title: str = "", open: bool = True
-) -> Live:
+def live(system: System, start: State, show: Any = None, *, title: str = "", open: bool = True) -> Live:
     """Open a page that shows a motion step by step, as it is computed: `display` moves it.
 
     show, title : as in Scene.  open : in the browser, now; otherwise go to `url`.

@@ -101,12 +101,7 @@ class Body(Content):
         where, size = np.zeros(3), 1.0 / drawing.panel.unit
         if flies(system):
             where, size = place(system, motion["g"]), _size(system, drawing.panel.unit)
-        drawing.add(
-            "body",
-            quaternion=attitude(system, motion["g"]),
-            position=drawing.panel.inside(where),
-            scale=size,
-        )
+        drawing.add("body", quaternion=attitude(system, motion["g"]), position=drawing.panel.inside(where), scale=size)
         color = mixed(STONE, drawing.color, 0.18)
         if self.mesh is not None:
             drawing.add("body/mesh", mesh_file(self.mesh, color), scale=self.size)
@@ -216,11 +211,7 @@ def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: s
     axes : (n, 3), unit vectors.  angles : (frames, n), in rad.  edges : of the box, (3,).
     """
     radius, thick = 0.3 * float(edges.min()), 0.1 * float(edges.min())
-    disc = turned(
-        [(0.0, 0.0), (radius, 0.0), (radius, thick), (0.0, thick)],
-        mixed(color, "#000000", 0.25),
-        32,
-    )
+    disc = turned([(0.0, 0.0), (radius, 0.0), (radius, thick), (0.0, thick)], mixed(color, "#000000", 0.25), 32)
     sizes = np.array([0.25 * radius, 0.9 * radius, 0.3 * thick])
     for k, a in enumerate(axes):
         path, half = f"body/wheel {k + 1}", 0.5 * angles[:, [k]]
@@ -271,8 +262,6 @@ def _top(drawing: Drawing, axis: Array, color: str) -> None:
     ]
     drawing.add("body/top", turned(profile, color, 32), quaternion=toward(axis))
     drawing.add(
-        "body/top/mark",
-        box(np.array([0.07, 0.34, 0.03]), mixed(color, "#000000", 0.5)),
-        position=[0.0, 0.3, 0.635],
+        "body/top/mark", box(np.array([0.07, 0.34, 0.03]), mixed(color, "#000000", 0.5)), position=[0.0, 0.3, 0.635]
     )
     drawing.once("fixed point", ball(0.03, "#333333"), position=drawing.panel.inside(np.zeros(3)))

@@ -46,9 +46,7 @@ SUITED: dict[type[System], tuple[type[Content], ...]] = {
 """Contents that suit systems with a picture of their own."""
 
 
-def contents_of(
-    system: Any, parts: frozenset[str], ensemble: bool, show: Any = None
-) -> tuple[Content, ...]:
+def contents_of(system: Any, parts: frozenset[str], ensemble: bool, show: Any = None) -> tuple[Content, ...]:
     """The contents that are asked for, or that suit a system of which these parts of the state are known.
     Raises InvalidInput if it has not got it.
     """
@@ -75,8 +73,7 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
         wanted = (Body,)
     if not wanted:
         raise InvalidInput(
-            f"there is no moving picture of {system!r}, whose state is no place; `run.plot()`, or "
-            "--plot, draws it"
+            f"there is no moving picture of {system!r}, whose state is no place; `run.plot()`, or --plot, draws it"
         )
     if ensemble:
         wanted = () if own else tuple(kind for kind in wanted if kind in (Body, Momentum))

@@ -55,11 +55,7 @@ class Chromium:
     Raises MissingProgram where there is no Chromium, or no pipes to drive it by (Windows).
     """
 
-    def __init__(
-        self,
-        size: tuple[int, int] = (1000, 560),
-        flags: tuple[str, ...] = (),
-    ) -> None:
+    def __init__(self, size: tuple[int, int] = (1000, 560), flags: tuple[str, ...] = ()) -> None:
         program = find()
         if program is None or os.name != "posix":
             raise MissingProgram(
@@ -113,16 +109,10 @@ class Chromium:
 
     def open(self, address: str | Path) -> Page:
         """A new page, loaded."""
-        return Page(
-            self, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address
-        )
+        return Page(self, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address)
 
     def call(
-        self,
-        method: str,
-        session: str | None = None,
-        patience: float = PATIENCE,
-        **parameters: Any,
+        self, method: str, session: str | None = None, patience: float = PATIENCE, **parameters: Any
     ) -> dict[str, Any]:
         """Ask something of the browser, or of the page `session`, and wait for the answer."""
         self._sent += 1
@@ -175,9 +165,7 @@ class Page:
     def __init__(self, browser: Chromium, address: str) -> None:
         self.browser = browser
         self.target: str = browser.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session: str = browser.call(
-            "Target.attachToTarget", targetId=self.target, flatten=True
-        )["sessionId"]
+        self.session: str = browser.call("Target.attachToTarget", targetId=self.target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         self.resize(*browser.size)
@@ -192,19 +180,11 @@ class Page:
 
     def resize(self, width: int, height: int) -> None:
         """Give the page another size, in pixels."""
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=False,
-        )
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def evaluate(self, expression: str) -> Any:
         """The value of an expression of JavaScript; promises are waited for."""
-        answer = self.call(
-            "Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True
-        )
+        answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in answer:
             details = answer["exceptionDetails"]
             raise BrowserFailure(details.get("exception", {}).get("description") or details["text"])

@@ -73,9 +73,7 @@ class Drawing:
     color: str
     clock: int
 
-    def add(
-        self, path: str, shape: Shape | None = None, label: str = "", **channels: ArrayLike
-    ) -> Node:
+    def add(self, path: str, shape: Shape | None = None, label: str = "", **channels: ArrayLike) -> Node:
         """Put a shape, or an empty node for others to hang on, at a path below the run.
 
         Channels with one row for each time move; those whose rows do not differ are taken as one.
@@ -101,9 +99,7 @@ class Drawing:
         """Put a shape that all runs in the panel share."""
         self.shared.add(path, shape, label, **channels)
 
-    def balls(
-        self, path: str, places: Array, sizes: ArrayLike, colors: str | Sequence[str], **known: Any
-    ) -> Node:
+    def balls(self, path: str, places: Array, sizes: ArrayLike, colors: str | Sequence[str], **known: Any) -> Node:
         """Balls at places (n, m, 3) or (m, 3), as one object.  sizes : diameters, (1, 1) or (m, 1).
         colors : one, or m of them.
         """
@@ -132,13 +128,7 @@ class Drawing:
         node.shape = replace(node.shape, material=plain(color))
         return node
 
-    def trail(
-        self,
-        path: str,
-        points: Array,
-        color: str | None = None,
-        fading: bool = True,
-    ) -> None:
+    def trail(self, path: str, points: Array, color: str | None = None, fading: bool = True) -> None:
         """The curve behind a moving point, (n, 3): it grows with the time, and fades."""
         color = color or self.color
         if len(points) > 1:
@@ -184,9 +174,7 @@ def commands(panels: list[Panel]) -> list[dict[str, Any]]:
     for panel in panels:
         for node in panel.nodes.values():
             if node.shape is not None:
-                found.append(
-                    {"type": "set_object", "path": node.path, "object": node.shape.three(node.path)}
-                )
+                found.append({"type": "set_object", "path": node.path, "object": node.shape.three(node.path)})
             if PLACED.keys() & node.still.keys():
                 matrix = transform(node.still)
                 found.append({"type": "set_transform", "path": node.path, "matrix": matrix})

@@ -51,8 +51,7 @@ class Links(Content):
         count = len(system.links)
         if self.trail is not None and not -count <= self.trail < count:
             raise InvalidInput(
-                f"Links: trail = {self.trail} is not there; the "
-                f"linkage has {count} bodies, numbered from 0"
+                f"Links: trail = {self.trail} is not there; the linkage has {count} bodies, numbered from 0"
             )
         return ("g",)
 
@@ -60,10 +59,7 @@ class Links(Content):
         """Where the joints and the centres of mass come."""
         system, poses = _read(motion)
         seen = [
-            (
-                GROUND if one.body is None else one.body,
-                (np.array(one.pose) @ [*(half * np.array(one.size)), 1.0])[:3],
-            )
+            (GROUND if one.body is None else one.body, (np.array(one.pose) @ [*(half * np.array(one.size)), 1.0])[:3])
             for one in system.shapes
             for half in (-0.5, 0.5)
         ]
@@ -82,10 +78,7 @@ class Links(Content):
             turns = quaternions(poses[:, k, :3, :3])
             drawing.add(name, quaternion=turns, position=inside(poses[:, k, :3, 3]))
         for n, one in enumerate(system.shapes):
-            pose, node = (
-                np.array(one.pose),
-                f"{names[GROUND if one.body is None else one.body]}/shape {n + 1}",
-            )
+            pose, node = (np.array(one.pose), f"{names[GROUND if one.body is None else one.body]}/shape {n + 1}")
             turn = quaternions(pose[None, :3, :3])[0]
             drawing.add(node, quaternion=turn, position=pose[:3, 3] / unit)
             _shape(drawing, node, one, np.array(one.size) / unit, color)
@@ -125,9 +118,7 @@ def _read(motion: Motion) -> tuple[Linkage, Array]:
     """The linkage, and the poses of its bodies and of the ground, (n, bodies + 1, 4, 4)."""
     system = motion.system
     if motion.bodies is not None:
-        raise InvalidInput(
-            "Links shows one linkage; choose one of the ensemble, as in Scene(run, body=0)"
-        )
+        raise InvalidInput("Links shows one linkage; choose one of the ensemble, as in Scene(run, body=0)")
     assert isinstance(system, Linkage)
     poses = system.poses(motion["g"])
     return system, np.concatenate([poses, np.tile(np.eye(4), (len(poses), 1, 1, 1))], axis=1)
@@ -142,9 +133,7 @@ def _ends(system: Linkage) -> list[tuple[int, Array]]:
         for joint in system.joints
         for body, at in (
             (joint.first, joint.at_first),
-            (joint.first, joint.at_first)
-            if isinstance(joint, MovedJoint)
-            else (joint.second, joint.at_second),
+            (joint.first, joint.at_first) if isinstance(joint, MovedJoint) else (joint.second, joint.at_second),
         )
     ]
 

@@ -46,9 +46,7 @@ class Live:
         try:
             from tornado.netutil import bind_sockets
         except ImportError as missing:
-            raise MissingExtra(
-                "a live scene needs tornado, which comes with meshcat", extra="viewer"
-            ) from missing
+            raise MissingExtra("a live scene needs tornado, which comes with meshcat", extra="viewer") from missing
         self._scene, self._panels = scene, {panel.path: panel for panel in scene.panels()}
         self._states: dict[int, tuple[float, State]] = {}
         self._pages: set[Any] = set()
@@ -60,9 +58,7 @@ class Live:
         self._address = f"127.0.0.1:{sockets[0].getsockname()[1]}/{secrets.token_urlsafe(9)}"
         self.url = f"http://{self._address}/"
         self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(
-            target=self._serve, args=(sockets,), name="liemech live scene", daemon=True
-        )
+        self._thread = threading.Thread(target=self._serve, args=(sockets,), name="liemech live scene", daemon=True)
         self._thread.start()
         atexit.register(self.close)
         if open:
@@ -80,14 +76,10 @@ class Live:
         if self._closed:
             raise InvalidInput("Live.display: this scene is closed")
         if not 0 <= run < len(self._scene.shown):
-            raise InvalidInput(
-                f"Live.display: run = {run}; the scene has {len(self._scene.shown)}, counted from 0"
-            )
+            raise InvalidInput(f"Live.display: run = {run}; the scene has {len(self._scene.shown)}, counted from 0")
         if self._refused is not None:
             refused, self._refused = self._refused, None
-            raise InvalidInput(
-                f"Live.display: a state before this one could not be shown: {refused}"
-            ) from refused
+            raise InvalidInput(f"Live.display: a state before this one could not be shown: {refused}") from refused
         self._states = self._states | {run: (float(t), state)}
 
     def wait(self, timeout: float = 30.0) -> bool:
@@ -195,6 +187,4 @@ class Live:
                     if p not in shared and node.still:
                         nodes[p] = {c: rows.ravel().tolist() for c, rows in node.still.items()}
         latest = max(t for t, _ in states.values())
-        return json.dumps(
-            {"t": latest, "nodes": nodes, "trails": trails, "colors": colors}, allow_nan=False
-        )
+        return json.dumps({"t": latest, "nodes": nodes, "trails": trails, "colors": colors}, allow_nan=False)

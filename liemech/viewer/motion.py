@@ -46,15 +46,12 @@ class Motion:
     def __post_init__(self) -> None:
         if not isinstance(self.system, System):
             raise InvalidType(
-                "Motion: system must be a system such as "
-                f"RigidBody([1.0, 1.5, 2.0]); got {self.system!r}"
+                f"Motion: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {self.system!r}"
             )
         t = np.atleast_1d(real_array(self.t, "Motion: t"))
         check_finite(t, "Motion: t")
         if t.ndim != 1 or not len(t):
-            raise InvalidInput(
-                f"Motion: t has shape {t.shape}; give the times as (n,), at least one"
-            )
+            raise InvalidInput(f"Motion: t has shape {t.shape}; give the times as (n,), at least one")
         steps = np.diff(t)
         if not ((steps >= 0.0).all() or (steps <= 0.0).all()):
             raise InvalidInput("Motion: t must rise, or fall, from one sample to the next")
@@ -62,8 +59,7 @@ class Motion:
         parts = self.states.parts if isinstance(self.states, State) else self.states
         if not isinstance(parts, Mapping):
             raise InvalidType(
-                "Motion: states must be a state or arrays by name, "
-                f"such as {{'mu': mu}}; got {self.states!r}"
+                f"Motion: states must be a state or arrays by name, such as {{'mu': mu}}; got {self.states!r}"
             )
         may_be_complex = self.system._complex("Element")
         checked = {
@@ -74,21 +70,13 @@ class Motion:
         for name, rows in checked.items():
             if rows.shape[:1] != t.shape:
                 raise InvalidInput(
-                    f"Motion: {name} has shape {rows.shape}; it needs a "
-                    f"row for each of the {len(t)} times"
+                    f"Motion: {name} has shape {rows.shape}; it needs a row for each of the {len(t)} times"
                 )
             check_finite(rows, f"Motion: {name}")
         object.__setattr__(self, "states", checked)
 
     @classmethod
-    def of(
-        cls,
-        run: Any,
-        frames: int,
-        body: int | None = None,
-        smooth: bool = False,
-        sites: Any = None,
-    ) -> Motion:
+    def of(cls, run: Any, frames: int, body: int | None = None, smooth: bool = False, sites: Any = None) -> Motion:
         """The motion of a run that is shown: at most `frames` samples of it, evenly chosen, the first and the
         last among them, of many sites fewer.
 
@@ -96,10 +84,7 @@ class Motion:
         and long steps, `frames` samples.  sites : the numbers of those to show.
         """
         if not isinstance(run, (Trajectory, Motion)):
-            raise InvalidType(
-                "a scene shows what `integrate` returns, or a "
-                f"Motion(system, t, states); got {run!r}"
-            )
+            raise InvalidType(f"a scene shows what `integrate` returns, or a Motion(system, t, states); got {run!r}")
         n = len(run.t)
         if not n:
             raise InvalidInput("a scene needs at least one sample; this run has none")
@@ -136,10 +121,7 @@ class Motion:
 
         kept, notes = shown_samples(len(t), frames, numbers), [note] if note else []
         left_out = len(t) / len(kept)
-        if (
-            left_out > 1.0
-            and left_out * turn(run.system, shown(kept[:-1]), shown(kept[:-1] + 1)) > FAR
-        ):
+        if left_out > 1.0 and left_out * turn(run.system, shown(kept[:-1]), shown(kept[:-1] + 1)) > FAR:
             kept = np.arange(len(kept))
             notes.append(f"the first {len(kept):,} of {len(t):,} samples, to t = {t[kept[-1]]:.6g}")
         elif left_out >= 2.0:  # fewer are not missed
@@ -152,15 +134,9 @@ class Motion:
         return cls(run.system, t[kept], found, bodies, chosen, ", ".join(notes), joined)
 
     @classmethod
-    def moment(
-        cls, system: System, t: float, state: State, sites: NDArray[np.intp] | None = None
-    ) -> Motion:
+    def moment(cls, system: System, t: float, state: State, sites: NDArray[np.intp] | None = None) -> Motion:
         """A single state, as a motion of one sample.  sites : the numbers of those that are shown."""
-        states = {
-            name: np.asarray(x, dtype=float)[None]
-            for name, x in state.parts.items()
-            if x is not None
-        }
+        states = {name: np.asarray(x, dtype=float)[None] for name, x in state.parts.items() if x is not None}
         if sites is not None:
             states = {name: by_site(system, name, x)[:, sites] for name, x in states.items()}
         return cls(system, np.array([t]), states, state.bodies, sites)

@@ -101,9 +101,7 @@ def encoded(content: Any) -> str:
             return {"$": f"{value.dtype.name.title()}Array", "b": data}
         raise TypeError(f"{type(value).__name__} does not go into a page")
 
-    return json.dumps(content, default=array, allow_nan=False, separators=(",", ":")).replace(
-        "<", "\\u003c"
-    )
+    return json.dumps(content, default=array, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 # ------------------------------------------------------------------ the files of the page
@@ -134,9 +132,7 @@ def asset() -> str:
 def licence() -> str:
     """The notices of meshcat and of what it holds, which stay with it."""
     files = asset_folder() / "LICENSE", asset_folder() / "dist" / "main.min.js.LICENSE.txt"
-    return "\n".join(file.read_text(encoding="utf-8") for file in files if file.exists()).replace(
-        "--", "- -"
-    )
+    return "\n".join(file.read_text(encoding="utf-8") for file in files if file.exists()).replace("--", "- -")
 
 
 def packed(content: bytes) -> str:

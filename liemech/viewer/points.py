@@ -149,7 +149,5 @@ def _given(points: Any, n: int) -> Array:
     array = real_array(points, "Points: places")
     check_finite(array, "Points: places")
     if array.ndim != 3 or array.shape[0] != n or array.shape[2] not in (2, 3):
-        raise InvalidInput(
-            f"Points: places gave shape {array.shape}; wanted are ({n}, m, 2) or ({n}, m, 3)"
-        )
+        raise InvalidInput(f"Points: places gave shape {array.shape}; wanted are ({n}, m, 2) or ({n}, m, 3)")
     return array

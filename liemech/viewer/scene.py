@@ -91,10 +91,7 @@ class Scene:
         unit: str | None = None,
         note: str = "",
     ) -> None:
-        if (
-            seconds is not None
-            and not 0.0 < float(real_array(seconds, "Scene: seconds")) < math.inf
-        ):
+        if seconds is not None and not 0.0 < float(real_array(seconds, "Scene: seconds")) < math.inf:
             raise InvalidInput(f"Scene: seconds must be positive and finite; got {seconds!r}")
         if int(real_array(frames, "Scene: frames")) < 2:
             raise InvalidInput(f"Scene: frames must be 2 or more; got {frames!r}")
@@ -131,9 +128,7 @@ class Scene:
         rgb(color)
         backwards = motion.t[-1] < motion.t[0]
         if self.shown and len(motion) > 1 and backwards != (self._sign() < 0.0) and self.duration:
-            raise InvalidInput(
-                "Scene.add: this run goes the other way in time; give it a scene of its own"
-            )
+            raise InvalidInput("Scene.add: this run goes the other way in time; give it a scene of its own")
         self.shown.append(Shown(motion, contents, name, color, note))
         self.runs.append(run)
         return self
@@ -179,9 +174,7 @@ class Scene:
 
     def legend(self) -> list[dict[str, Any]]:
         """The colours of the runs that have names, and other meanings of colours, each said once."""
-        found: list[dict[str, Any]] = [
-            {"name": one.name, "color": one.color} for one in self._some() if one.name
-        ]
+        found: list[dict[str, Any]] = [{"name": one.name, "color": one.color} for one in self._some() if one.name]
         for one in self.shown:
             for content in one.contents:
                 found += [entry for entry in content.legend(one.motion) if entry not in found]
@@ -251,8 +244,7 @@ class Scene:
 
     def __repr__(self) -> str:
         runs = [
-            ", ".join(type(c).__name__ for c in one.contents)
-            + (f" of {one.name!r}" if one.name else "")
+            ", ".join(type(c).__name__ for c in one.contents) + (f" of {one.name!r}" if one.name else "")
             for one in self.shown
         ]
         return f"Scene({'; '.join(runs)})"

@@ -63,9 +63,7 @@ def box(size: Array, color: str, opacity: float = 1.0) -> Shape:
     """A box along the axes; the page draws its edges darker."""
     width, height, depth = map(float, size)
     return Shape(
-        "Mesh",
-        lambda: {"type": "BoxGeometry", "width": width, "height": height, "depth": depth},
-        solid(color, opacity),
+        "Mesh", lambda: {"type": "BoxGeometry", "width": width, "height": height, "depth": depth}, solid(color, opacity)
     )
 
 
@@ -146,21 +144,13 @@ def mesh_file(path: str | PathLike[str], color: str) -> Shape:
     file = Path(path)
     kind = file.suffix.lower()
     if kind not in FORMATS:
-        raise InvalidInput(
-            f"mesh must be a file that ends in {', '.join(FORMATS)}; got {str(path)!r}"
-        )
+        raise InvalidInput(f"mesh must be a file that ends in {', '.join(FORMATS)}; got {str(path)!r}")
     try:
         content = file.read_bytes()
     except OSError as refused:
         raise InvalidInput(f"mesh {str(path)!r} cannot be read: {refused}") from None
-    data: Any = (
-        np.frombuffer(content, dtype=np.uint8) if kind == ".stl" else content.decode("utf-8")
-    )
-    return Shape(
-        "Mesh",
-        lambda: {"type": "_meshfile_geometry", "format": kind[1:], "data": data},
-        solid(color),
-    )
+    data: Any = np.frombuffer(content, dtype=np.uint8) if kind == ".stl" else content.decode("utf-8")
+    return Shape("Mesh", lambda: {"type": "_meshfile_geometry", "format": kind[1:], "data": data}, solid(color))
 
 
 # ------------------------------------------------------------------ lines
@@ -215,6 +205,4 @@ def number(color: str) -> int:
 
 def mixed(color: str, other: str, share: float) -> str:
     """A colour between two; `share` is that of the other."""
-    return "#" + "".join(
-        f"{round(a + share * (b - a)):02x}" for a, b in zip(rgb(color), rgb(other), strict=True)
-    )
+    return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(rgb(color), rgb(other), strict=True))

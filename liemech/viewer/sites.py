@@ -133,9 +133,7 @@ class Spins(OnSites):
     def _size(self, motion: Motion) -> Array:
         places, lattice = self._fixed(motion), lattice_of(motion.system)
         in_a_row = self.positions is None and lattice is not None and len(lattice.shape) == 1
-        return np.array(
-            [max(LONG * spacing(places), SEEN * np.ptp(places, axis=0).max() if in_a_row else 0.0)]
-        )
+        return np.array([max(LONG * spacing(places), SEEN * np.ptp(places, axis=0).max() if in_a_row else 0.0)])
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,7 @@ MOST_PICTURES = 2000
 
 
 def snapshot(
-    scene: Scene,
-    path: str | PathLike[str],
-    t: float | None = None,
-    *,
-    size: tuple[int, int] = (1000, 560),
+    scene: Scene, path: str | PathLike[str], t: float | None = None, *, size: tuple[int, int] = (1000, 560)
 ) -> Path:
     """Draw the scene at a time, by default the last, into a PNG file; needs Chromium.
     size : width and height in pixels.
@@ -36,8 +32,7 @@ def snapshot(
         since = abs(t - scene.start)
         if since > scene.duration * (1.0 + 1e-9):
             raise InvalidInput(
-                f"snapshot: t = {t:g} is outside the scene, "
-                f"{scene.duration:g} s from t = {scene.start:g}"
+                f"snapshot: t = {t:g} is outside the scene, {scene.duration:g} s from t = {scene.start:g}"
             )
     with _stage(scene, size) as page:
         file.write_bytes(_at(page, since))
@@ -69,13 +64,11 @@ def write_film(
     pictures = round(fps * lasts) + 1
     if fps < 1 or not 2 <= pictures <= MOST_PICTURES:
         raise InvalidInput(
-            f"write_film: fps = {fps} for {lasts:g} s makes {pictures} "
-            f"pictures; wanted are 2 to {MOST_PICTURES}"
+            f"write_film: fps = {fps} for {lasts:g} s makes {pictures} pictures; wanted are 2 to {MOST_PICTURES}"
         )
     with _stage(scene, size) as page:
         shots = [
-            pillow.open(io.BytesIO(_at(page, t))).convert("RGB")
-            for t in np.linspace(0.0, scene.duration, pictures)
+            pillow.open(io.BytesIO(_at(page, t))).convert("RGB") for t in np.linspace(0.0, scene.duration, pictures)
         ]
     if not gif:
         codec = "libvpx-vp9" if file.suffix.lower() == ".webm" else "libx264"

@@ -126,10 +126,7 @@ class SpatialMomentum(Content):
         momentum = rotated(attitude(motion.system, motion["g"]), motion["mu"])
         largest = np.linalg.norm(momentum, axis=1).max()
         _moving_vector(
-            drawing,
-            1.15 * momentum / ((largest or 1.0) * drawing.panel.unit),
-            "spatial momentum",
-            trail=False,
+            drawing, 1.15 * momentum / ((largest or 1.0) * drawing.panel.unit), "spatial momentum", trail=False
         )
 
 
@@ -188,9 +185,7 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
     length = np.linalg.norm(v, axis=1)
     if length.max() <= 0.0:  # a body at rest has no arrow
         return
-    unit = np.divide(
-        v, length[:, None], out=np.tile([0.0, 0.0, 1.0], (len(v), 1)), where=length[:, None] > 0.0
-    )
+    unit = np.divide(v, length[:, None], out=np.tile([0.0, 0.0, 1.0], (len(v), 1)), where=length[:, None] > 0.0)
     origin = drawing.panel.inside(np.zeros(3))
     drawing.add(name, arrow(drawing.color), direction=unit, scale=length, position=origin)
     if trail:  # with its tip, for the arrow is inside

@@ -26,10 +26,7 @@ MOMENTS = np.array([1.0, 1.5, 2.0])
 def cases(n: int) -> dict[str, tuple[Any, Any, Any, float, float, Any]]:
     """System, starts, method, last time, tolerance, and the equations for heyoka with their starts."""
     rng = np.random.default_rng(1)
-    body, top = (
-        lm.RigidBody(MOMENTS),
-        lm.models.HeavyTop(MOMENTS, weight=1.0, centre=[0.0, 0.0, 1.0]),
-    )
+    body, top = (lm.RigidBody(MOMENTS), lm.models.HeavyTop(MOMENTS, weight=1.0, centre=[0.0, 0.0, 1.0]))
     kepler, mu, e = lm.Kepler(), rng.normal(size=(n, 3)), rng.uniform(0.0, 0.7, size=n)
     q = np.stack([1.0 - e, 0.0 * e], axis=1)
     p = np.stack([0.0 * e, np.sqrt((1.0 + e) / (1.0 - e))], axis=1)
@@ -104,9 +101,7 @@ def timed(run: Callable[[], Any]) -> tuple[float, float]:
 def measure(n: int) -> None:
     """The rows of so many bodies."""
     for name, (system, starts, method, t_end, tolerance, equations) in cases(n).items():
-        plan = lm.Plan(
-            system, method, rtol=tolerance, atol=tolerance, compiled=True, progress=False
-        )
+        plan = lm.Plan(system, method, rtol=tolerance, atol=tolerance, compiled=True, progress=False)
         few = min(n, FEW)
         singles = [lm.systems.system.member(starts, i) for i in range(few)]
 
@@ -139,10 +134,7 @@ def measure(n: int) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bodies", type=int, nargs="*", default=[1000, 10_000])
-    print(
-        "| motion | bodies | ensemble | its native code | loop | beside ensemble | heyoka |\n"
-        f"|{' --- |' * 7}"
-    )
+    print(f"| motion | bodies | ensemble | its native code | loop | beside ensemble | heyoka |\n|{' --- |' * 7}")
     for n in parser.parse_args().bodies:
         measure(n)
 

@@ -43,9 +43,7 @@ def measured(method: Any, n: int, steps: int, rounds: int) -> dict[str, float]:
     terms = lm.Terms(Exchange(couplings).over(lm.neighbours.ring(n)))
     spins = lm.LiePoissonSystem(lm.SO3() ** n, terms)
     start, w = spins.state(mu=directions), rng.normal(size=3 * n)
-    plan = lm.Plan(
-        spins, method, h=min(0.02, 20.0 / steps), every=steps, compiled=True, progress=False
-    )
+    plan = lm.Plan(spins, method, h=min(0.02, 20.0 / steps), every=steps, compiled=True, progress=False)
     first = plan._sites.started(plan, start)
     ways = {
         "run": lambda: plan.run(start, steps=steps),
@@ -74,15 +72,7 @@ HEAD = (
     "| method | sites | steps | run, ns a site and step | J v | J^T w | J^T w and all couplings "
     "| MB of the run | of J^T w | and couplings |"
 )
-COLUMNS = (
-    "ns",
-    "J v",
-    "J^T w",
-    "couplings",
-    "memory of run",
-    "memory of J^T w",
-    "memory of couplings",
-)
+COLUMNS = ("ns", "J v", "J^T w", "couplings", "memory of run", "memory of J^T w", "memory of couplings")
 
 
 def main(quick: bool, picture: str | None) -> None:
@@ -97,9 +87,7 @@ def main(quick: bool, picture: str | None) -> None:
         for n, steps in cases:
             found = measured(method, n, steps, 1 if quick or n * steps > 1e7 else 3)
             kept.append((method.name, n, steps, found))
-            cells = " | ".join(
-                f"{found[name]:.{1 if found[name] < 100 else 0}f}" for name in COLUMNS
-            )
+            cells = " | ".join(f"{found[name]:.{1 if found[name] < 100 else 0}f}" for name in COLUMNS)
             print(f"| {method.name} | {n} | {steps} | {cells} |", flush=True)
     if picture:
         drawn(kept, picture)

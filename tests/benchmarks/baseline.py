@@ -28,14 +28,7 @@ def libraries(source: Path) -> dict[str, ctypes.CDLL]:
     folder, found = Path(tempfile.mkdtemp()), {}
     for contraction in CONTRACTIONS:
         library = folder / f"{source.stem}-{contraction}.so"
-        command = [
-            compiler,
-            *FLAGS,
-            f"-ffp-contract={contraction}",
-            str(source),
-            "-o",
-            str(library),
-        ]
+        command = [compiler, *FLAGS, f"-ffp-contract={contraction}", str(source), "-o", str(library)]
         subprocess.run(command, check=True)
         found[contraction] = ctypes.CDLL(str(library))
     return found
@@ -80,14 +73,7 @@ class Baseline:
         return self.width * groups
 
     def advance(
-        self,
-        method: int,
-        lanes: int,
-        mu: np.ndarray,
-        g: np.ndarray | None,
-        inertia: np.ndarray,
-        h: float,
-        steps: int,
+        self, method: int, lanes: int, mu: np.ndarray, g: np.ndarray | None, inertia: np.ndarray, h: float, steps: int
     ) -> float:
         """Advance momenta (3, n) and attitudes (9, n) or None in place; returns Newton solves per
         step.
@@ -119,10 +105,7 @@ class Baseline:
         if shutil.which("objdump") is None:
             return {}
         listing = subprocess.run(
-            ["objdump", "-d", "-C", "--no-show-raw-insn", str(self.path)],
-            capture_output=True,
-            text=True,
-            check=True,
+            ["objdump", "-d", "-C", "--no-show-raw-insn", str(self.path)], capture_output=True, text=True, check=True
         ).stdout
         counts: dict[str, dict[str, int]] = {}
         for block in listing.split("\n\n"):
@@ -130,9 +113,7 @@ class Baseline:
             if head:
                 records = "mu, g" if head[3] == "true" else "mu"
                 name = f"{head[1]}, {int(head[2]) * self.width} lanes, {records}"
-                operations = re.findall(
-                    r"\sv(?:add|sub|mul|div|fn?m(?:add|sub)\d+)(pd|sd)\s+(.*)", block
-                )
+                operations = re.findall(r"\sv(?:add|sub|mul|div|fn?m(?:add|sub)\d+)(pd|sd)\s+(.*)", block)
                 # a kernel may come in parts
                 count = counts.setdefault(name, {"zmm": 0, "ymm": 0, "scalar": 0})
                 for kind, registers in operations:
@@ -147,42 +128,21 @@ def build(*, sweep: bool = False) -> dict[str, Baseline]:
     compiler = os.environ.get("CXX") or shutil.which("g++")
     if not compiler:
         return {}
-    version = subprocess.run(
-        [compiler, "--version"], capture_output=True, text=True, check=True
-    ).stdout
-    processor = (
-        Path("/proc/cpuinfo").read_text().split("\n\n")[0] if Path("/proc/cpuinfo").exists() else ""
-    )
+    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
+    processor = Path("/proc/cpuinfo").read_text().split("\n\n")[0] if Path("/proc/cpuinfo").exists() else ""
     native = [
         line for line in processor.splitlines() if line.startswith(("model", "flags"))
     ]  # -march=native is no portable key
-    folder = (
-        Path(tempfile.gettempdir())
-        / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
-    )
+    folder = Path(tempfile.gettempdir()) / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
     folder.mkdir(mode=0o700, exist_ok=True)
     paths, jobs = {}, []
     for contraction in CONTRACTIONS:
-        command = [
-            compiler,
-            *FLAGS,
-            f"-ffp-contract={contraction}",
-            *(["-DSWEEP"] if sweep else []),
-            str(SOURCE),
-        ]
-        key = hashlib.sha256(
-            "\n".join([version, *native, *command, SOURCE.read_text()]).encode()
-        ).hexdigest()[:16]
+        command = [compiler, *FLAGS, f"-ffp-contract={contraction}", *(["-DSWEEP"] if sweep else []), str(SOURCE)]
+        key = hashlib.sha256("\n".join([version, *native, *command, SOURCE.read_text()]).encode()).hexdigest()[:16]
         paths[contraction] = folder / f"baseline-{contraction}-{key}.so"
         if not paths[contraction].exists():
             unfinished = paths[contraction].with_suffix(f".{os.getpid()}")
-            jobs.append(
-                (
-                    subprocess.Popen([*command, "-o", str(unfinished)]),
-                    unfinished,
-                    paths[contraction],
-                )
-            )
+            jobs.append((subprocess.Popen([*command, "-o", str(unfinished)]), unfinished, paths[contraction]))
     for job, unfinished, path in jobs:
         if job.wait():
             raise RuntimeError(f"{compiler} failed on {SOURCE.name}")
@@ -196,9 +156,7 @@ def _load(contraction: str, path: Path) -> Baseline:
     return Baseline(contraction, path, library.simd_width(), library)
 
 
-def plain_c(
-    source: Path, defines: Mapping[str, object], contraction: str, folder: Path
-) -> ctypes.CDLL | None:
+def plain_c(source: Path, defines: Mapping[str, object], contraction: str, folder: Path) -> ctypes.CDLL | None:
     """A library of plain C, compiled for these definitions, with or without fused multiply-add;
     None without a compiler.
     """
@@ -209,16 +167,7 @@ def plain_c(
     flags = [f for f in FLAGS if not f.startswith("-std")]
     values = [f"-D{key}={value}" for key, value in defines.items()]
     path = folder / f"{source.stem}-{name}.so"
-    command = [
-        compiler,
-        *flags,
-        f"-ffp-contract={contraction}",
-        *values,
-        str(source),
-        "-o",
-        str(path),
-        "-lm",
-    ]
+    command = [compiler, *flags, f"-ffp-contract={contraction}", *values, str(source), "-o", str(path), "-lm"]
     subprocess.run(command, check=True)
     return ctypes.CDLL(str(path))
 

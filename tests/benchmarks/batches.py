@@ -41,20 +41,11 @@ def build() -> ctypes.CDLL | None:
     if not compiler:
         return None
     command = [compiler, *FLAGS, "-ffp-contract=off", str(SOURCE)]
-    processor = (
-        Path("/proc/cpuinfo").read_text().split("\n\n")[0] if Path("/proc/cpuinfo").exists() else ""
-    )
+    processor = Path("/proc/cpuinfo").read_text().split("\n\n")[0] if Path("/proc/cpuinfo").exists() else ""
     native = [line for line in processor.splitlines() if line.startswith(("model", "flags"))]
-    version = subprocess.run(
-        [compiler, "--version"], capture_output=True, text=True, check=True
-    ).stdout
-    key = hashlib.sha256(
-        "\n".join([version, *native, *command, SOURCE.read_text()]).encode()
-    ).hexdigest()[:16]
-    folder = (
-        Path(tempfile.gettempdir())
-        / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
-    )
+    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
+    key = hashlib.sha256("\n".join([version, *native, *command, SOURCE.read_text()]).encode()).hexdigest()[:16]
+    folder = Path(tempfile.gettempdir()) / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
     folder.mkdir(mode=0o700, exist_ok=True)
     path = folder / f"batches-{key}.so"
     if not path.exists():
@@ -66,10 +57,7 @@ def build() -> ctypes.CDLL | None:
 
 def call(loop: Any, *arguments: np.ndarray, result: np.ndarray) -> np.ndarray:
     """Run a loop of C++ over rows."""
-    loop(
-        *(ctypes.c_void_p(a.ctypes.data) for a in (*arguments, result)),
-        ctypes.c_size_t(len(result)),
-    )
+    loop(*(ctypes.c_void_p(a.ctypes.data) for a in (*arguments, result)), ctypes.c_size_t(len(result)))
     return result
 
 
@@ -120,14 +108,8 @@ def motions(n: int) -> Cases:
     if Rigid is not None:
         a, b = Rigid.from_matrix(g), Rigid.from_matrix(h)
         exp = {"scipy": lambda: Rigid.from_exp_coords(xi).as_matrix()}
-        log = {
-            "scipy": lambda: Rigid.from_matrix(g).as_exp_coords(),
-            "inside": lambda: a.as_exp_coords(),
-        }
-        compose = {
-            "scipy": lambda: (Rigid.from_matrix(g) * Rigid.from_matrix(h)).as_matrix(),
-            "inside": lambda: a * b,
-        }
+        log = {"scipy": lambda: Rigid.from_matrix(g).as_exp_coords(), "inside": lambda: a.as_exp_coords()}
+        compose = {"scipy": lambda: (Rigid.from_matrix(g) * Rigid.from_matrix(h)).as_matrix(), "inside": lambda: a * b}
     return {
         "SE(3) exp": (se3.exp, "se3_exp", (xi,), exp),
         "SE(3) log": (se3.log, "se3_log", (g,), log),
@@ -137,9 +119,7 @@ def motions(n: int) -> Cases:
 
 
 def main() -> None:
-    options = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--quick", action="store_true", help="fewer rows and repetitions")
     options.add_argument("--rows", type=int, help="10^6, or 10^5 with --quick, unless given")
     options.add_argument("--out", type=Path, help="write all timings as JSON")
@@ -153,13 +133,9 @@ def main() -> None:
             function, there = getattr(library, loop), np.zeros_like(ours)
             theirs = call(function, *arguments, result=there)
             if not np.abs(ours - theirs).max() < 1e-13 * max(1.0, np.abs(ours).max()):
-                raise AssertionError(
-                    f"{name}: C++ and liemech differ by {np.abs(ours - theirs).max()}"
-                )
+                raise AssertionError(f"{name}: C++ and liemech differ by {np.abs(ours - theirs).max()}")
 
-            def fresh(
-                f: Any = function, shape: tuple[int, ...] = ours.shape, given: Any = arguments
-            ) -> None:
+            def fresh(f: Any = function, shape: tuple[int, ...] = ours.shape, given: Any = arguments) -> None:
                 call(f, *given, result=np.empty(shape))
 
             runs |= {
@@ -171,30 +147,14 @@ def main() -> None:
         runs |= {key: repeated(f) for key, f in scipy.items()}
         times = measure(runs, bodies=n, repetitions=5 if chosen.quick else 15, duration=0.02)
         kept[name] = {key: t.as_dict() for key, t in times.items()}
-        cell = {
-            key: times[key].median if key in times else None
-            for key in ("ours", "C++", "fresh", "scipy", "inside")
-        }
+        cell = {key: times[key].median if key in times else None for key in ("ours", "C++", "fresh", "scipy", "inside")}
         ratios = [
-            times["ours"].over(times[key]) if key in times else None
-            for key in ("C++", "fresh", "scipy", "inside")
+            times["ours"].over(times[key]) if key in times else None for key in ("C++", "fresh", "scipy", "inside")
         ]
         lines.append([name, *cell.values(), *ratios])
-    columns = [
-        "",
-        "liemech",
-        "C++",
-        "fresh",
-        "SciPy",
-        "its own",
-        "/ C++",
-        "/ fresh",
-        "/ SciPy",
-        "/ its own",
-    ]
+    columns = ["", "liemech", "C++", "fresh", "SciPy", "its own", "/ C++", "/ fresh", "/ SciPy", "/ its own"]
     table(
-        f"nanoseconds per row, {n} rows (SciPy: from matrices to "
-        "matrices, and with Rotation objects of its own)",
+        f"nanoseconds per row, {n} rows (SciPy: from matrices to matrices, and with Rotation objects of its own)",
         columns,
         lines,
     )

@@ -104,12 +104,7 @@ def quickest(points: list[dict[str, Any]], target: float, kind: str = "warm") ->
 def best(curves: Iterable[dict[str, Any]], target: float, kind: str = "warm") -> Best:
     """The least time of these methods to an error, and whose it is, with its setting."""
     return min(
-        (
-            (point[kind], called(c, point))
-            for c in curves
-            for point in c["points"]
-            if point["error"] <= target
-        ),
+        ((point[kind], called(c, point)) for c in curves for point in c["points"] if point["error"] <= target),
         default=None,
     )
 
@@ -175,9 +170,7 @@ def races(measured: dict[str, Any]) -> tuple[str, list[str]]:
                 "" if fastest == theirs else cell(fastest),
             ]  # fmt: skip
             text += f"| {' | '.join(cells)} |\n"
-    counts = [
-        f"{sum(word in x for x in said)} {word}" for word in ("clear", "within 10 %", "behind")
-    ]
+    counts = [f"{sum(word in x for x in said)} {word}" for word in ("clear", "within 10 %", "behind")]
     nobody = sum("nobody" in x for x in said)
     head = f"Of {len(said)} cells, beside the others at their best: {', '.join(counts)}"
     return head + (f", {nobody} reached by nobody" if nobody else "") + ".\n\n" + text, behind
@@ -199,8 +192,7 @@ def figure(measured: dict[str, Any], file: Path) -> None:
         for y, race in enumerate(rows):
             stepped = [c for c in race["curves"] if not c["closed"]]
             ours, others = (
-                best([c for c in stepped if (c["package"] == "liemech") is own], target)
-                for own in (True, False)
+                best([c for c in stepped if (c["package"] == "liemech") is own], target) for own in (True, False)
             )
             if ours and others:
                 found.append((ours[0] / others[0], y))
@@ -222,18 +214,10 @@ def closed_forms(measured: dict[str, Any]) -> str:
     """Motions that are known: whole calls for ten outputs, at the error that each has."""
     text = "| problem | method | error | ms, warm | cold |\n| --- | --- | --- | --- | --- |\n"
     for race in measured["races"].values():
-        rows = [
-            (p["warm"], called(c, p), p) for c in race["curves"] if c["closed"] for p in c["points"]
-        ]
+        rows = [(p["warm"], called(c, p), p) for c in race["curves"] if c["closed"] for p in c["points"]]
         for _, name, p in sorted(rows, key=lambda row: row[0]):
             whose = name if any(w in name for w in ("heyoka", "REBOUND")) else f"liemech {name}"
-            cells = [
-                race["name"],
-                whose,
-                f"{p['error']:.0e}",
-                number(1e3 * p["warm"]),
-                number(1e3 * p["cold"]),
-            ]
+            cells = [race["name"], whose, f"{p['error']:.0e}", number(1e3 * p["warm"]), number(1e3 * p["cold"])]
             text += f"| {' | '.join(cells)} |\n"
     return text
 
@@ -242,19 +226,13 @@ def set_ups(measured: dict[str, Any]) -> str:
     """What comes before: for each package its quickest method at 1e-9, milliseconds of setting up
     and of the first call.
     """
-    packages = list(
-        dict.fromkeys(c["package"] for race in measured["races"].values() for c in race["curves"])
-    )
+    packages = list(dict.fromkeys(c["package"] for race in measured["races"].values() for c in race["curves"]))
     text = f"| problem | {' | '.join(packages)} |\n| --- |{' --- |' * len(packages)}\n"
     for race in measured["races"].values():
         cells = []
         for package in packages:
-            points = [
-                c["points"] for c in race["curves"] if c["package"] == package and c["points"]
-            ]
-            costs = [
-                max(0.0, *(p["set_up"] + p["first"] - p["warm"] for p in curve)) for curve in points
-            ]
+            points = [c["points"] for c in race["curves"] if c["package"] == package and c["points"]]
+            costs = [max(0.0, *(p["set_up"] + p["first"] - p["warm"] for p in curve)) for curve in points]
             cells.append(f"{number(min(costs))} to {number(max(costs))}" if costs else "-")
         text += f"| {race['name']} | {' | '.join(cells)} |\n"
     return text
@@ -264,30 +242,22 @@ def crowds(measured: dict[str, Any]) -> str:
     """Ensembles: steps, and time to error."""
     text = "Nanoseconds of a step of one body, order 4, momentum and attitude, one core:\n\n"
     names = list(dict.fromkeys(name for row in measured["steps"] for name in row["seconds"]))
-    text += f"| bodies | steps | {' | '.join(names)} | best other / liemech |\n| --- | --- |{' --- |' * (len(names) + 1)}\n"
+    text += (
+        f"| bodies | steps | {' | '.join(names)} | best other / liemech |\n| --- | --- |{' --- |' * (len(names) + 1)}\n"
+    )
     for row in measured["steps"]:
-        ns = {
-            name: 1e9 * t["median"] / row["bodies"] / row["steps"]
-            for name, t in row["seconds"].items()
-        }
-        ours, others = (
-            ns["liemech RKMK4"],
-            [x for name, x in ns.items() if not name.startswith("liemech")],
-        )
+        ns = {name: 1e9 * t["median"] / row["bodies"] / row["steps"] for name, t in row["seconds"].items()}
+        ours, others = (ns["liemech RKMK4"], [x for name, x in ns.items() if not name.startswith("liemech")])
         cells = [number(ns[name]) if name in ns else "-" for name in names]
         text += f"| {row['bodies']:,} | {row['steps']} | {' | '.join(cells)} | {number(min(others) / ours) if others else '-'} |\n"
     for found in measured["to error"]:
         if not found["seconds"]:
             continue
         which = "each with an inertia of its own" if found["different"] else "all alike"
-        text += (
-            f"\n{found['bodies']} bodies, {which}, momentum and attitude at t = 20 with an error "
-        )
+        text += f"\n{found['bodies']} bodies, {which}, momentum and attitude at t = 20 with an error "
         text += "below 1e-9; the setting after the name:\n\n"
         text += "| | ms | quartiles | error | times the quickest other |\n| --- | --- | --- | --- | --- |\n"
-        others = [
-            t["median"] for name, t in found["seconds"].items() if not name.startswith("liemech")
-        ]
+        others = [t["median"] for name, t in found["seconds"].items() if not name.startswith("liemech")]
         for name, t in sorted(found["seconds"].items(), key=lambda item: item[1]["median"]):
             low, middle, high = (1e3 * t[x] for x in ("low", "median", "high"))
             over = number(t["median"] / min(others)) if others else "-"
@@ -306,7 +276,9 @@ def page(measured: dict[str, Any]) -> str:
     picture = f"![{PICTURE}](../figures/leader_board.png)"
     text = f"{title}\n\n{what}\n\n{counts}\n\n{picture}\n\n## Time to error\n\n"
     text += "The first ratio is that to the best of all others, fast_math or not.\n\n"
-    text += f"{rows}\n## How it is measured\n\n{how}On {machine}, {day}, with {there}. Missing: {missing or 'none'}.\n\n"
+    text += (
+        f"{rows}\n## How it is measured\n\n{how}On {machine}, {day}, with {there}. Missing: {missing or 'none'}.\n\n"
+    )
     parts = [*measured["races"].values(), {"name": "ensembles", **measured.get("crowds", {})}]
     elsewhere = [part for part in parts if part.get("machine", machine) != machine]
     if elsewhere:
@@ -318,12 +290,8 @@ def page(measured: dict[str, Any]) -> str:
     text += "".join(f"* **{measured['races'][key]['name']}**: {REASONS[key]}\n" for key in behind)
     if measured.get("crowds"):
         text += f"\n## Ensembles\n\n{crowds(measured['crowds'])}"
-    text += (
-        "\n## Setting up\n\nSeconds before the second call: setting up, fitting, machine code, the "
-    )
-    text += (
-        "first call less a warm one; the least and\nthe most of a package's methods. Ours is kept "
-    )
+    text += "\n## Setting up\n\nSeconds before the second call: setting up, fitting, machine code, the "
+    text += "first call less a warm one; the least and\nthe most of a package's methods. Ours is kept "
     text += "on disk: with code that is there already it is the least.\n\n"
     return text + set_ups(measured) + LIMITS
 
@@ -341,21 +309,13 @@ def tables(measured: dict[str, Any]) -> str:
             names = [f and (f[0], f[1].removeprefix(f"{package} ")) for f in found]
             text += f"| {package}{', closed form' if closed else ''} | {' | '.join(cell(f) for f in names)} |\n"
         text += "\n"
-    there = ", ".join(
-        f"{name} {version}" for name, version in measured["versions"].items() if version
-    )
-    return (
-        text
-        + f"On {measured['machine']['cpu']}, {measured['machine']['time'][:10]}, with {there}.\n"
-    )
+    there = ", ".join(f"{name} {version}" for name, version in measured["versions"].items() if version)
+    return text + f"On {measured['machine']['cpu']}, {measured['machine']['time'][:10]}, with {there}.\n"
 
 
 def write_pages(measured: dict[str, Any]) -> None:
     """docs/proof/leader_board.md, and the tables of docs/proof/work_precision.md."""
     PAGE.write_text(page(measured), encoding="utf-8")
     before, _, rest = TABLES.read_text(encoding="utf-8").partition(MARKS[0])
-    TABLES.write_text(
-        before + MARKS[0] + tables(measured) + MARKS[1] + rest.partition(MARKS[1])[2],
-        encoding="utf-8",
-    )
+    TABLES.write_text(before + MARKS[0] + tables(measured) + MARKS[1] + rest.partition(MARKS[1])[2], encoding="utf-8")
     print(f"written: {PAGE}, {TABLES}")

@@ -46,9 +46,7 @@ second comes from the [leader board](leader_board.md), the third from [reliabili
 """
 
 
-def row(
-    what: str, goal: str, measured: str, met: bool | None, undecided: str = "not measured"
-) -> Row:
+def row(what: str, goal: str, measured: str, met: bool | None, undecided: str = "not measured") -> Row:
     """A line of the table; met is None where it was not measured, or not as far as the goal asks,
     which `undecided` says then.
     """
@@ -67,9 +65,7 @@ def at_most(what: str, goal: str, values: Iterable[float], bound: float, unit: s
     x = list(values)
     count = sum(v <= bound for v in x)
     many = f" ({count} of {len(x)} within)" if len(x) > 1 else ""
-    return (
-        row(what, goal, span(x, unit) + many, max(x) <= bound) if x else row(what, goal, "-", None)
-    )
+    return row(what, goal, span(x, unit) + many, max(x) <= bound) if x else row(what, goal, "-", None)
 
 
 # ------------------------------------------------------------------ what each benchmark says
@@ -91,60 +87,30 @@ def rigid_body(found: Any) -> list[Row]:
     rows = _beside_c("a step of a free body or a top", found["steps"], "C++")
     stages = [r["stages"] / 5.0 for r in found["steps"] if r.get("stages")]
     rows.append(at_most("composition as data, beside its five stages", "1.1 times", stages, 1.1))
-    ratios = [
-        1.0 / r["ratios"]["C++ off"] for r in found["ensembles"] if r["ratios"].get("C++ off")
-    ]
+    ratios = [1.0 / r["ratios"]["C++ off"] for r in found["ensembles"] if r["ratios"].get("C++ off")]
     if ratios:
         rows.append(
-            row(
-                "ensemble, one core, speed beside C++ SIMD",
-                "at least 0.85",
-                span(ratios),
-                min(ratios) >= 0.85,
-            )
+            row("ensemble, one core, speed beside C++ SIMD", "at least 0.85", span(ratios), min(ratios) >= 0.85)
         )
-    alone = {
-        (r["method"], r["attitude"]): r["ns"]["liemech"]["best"]
-        for r in found["steps"]
-        if "liemech" in r["ns"]
-    }
+    alone = {(r["method"], r["attitude"]): r["ns"]["liemech"]["best"] for r in found["steps"] if "liemech" in r["ns"]}
     gains = [
         alone[key] / r["ns"]["liemech"]["best"]
         for r in found["ensembles"]
         if (key := (r["method"], r["attitude"])) in alone and "liemech" in r["ns"]
     ]
     if gains:
-        rows.append(
-            row(
-                "ensemble, one core, beside a single body",
-                "at least 6 times",
-                span(gains),
-                min(gains) >= 6.0,
-            )
-        )
+        rows.append(row("ensemble, one core, beside a single body", "at least 6 times", span(gains), min(gains) >= 6.0))
     start = {r["command"]: r for r in found.get("start_up", [])}
     if start:
         ratio = start["python -c 'import liemech'"]["over_numpy"]
         rows.append(at_most("import, beside `import numpy`", "1.2 times", [ratio], 1.2))
         rows.append(
-            at_most(
-                "the main job in a new process",
-                "0.5 s",
-                [start["python -m liemech --quiet"]["median"]],
-                0.5,
-                " s",
-            )
+            at_most("the main job in a new process", "0.5 s", [start["python -m liemech --quiet"]["median"]], 0.5, " s")
         )
         for state, bound in (("warm", 0.6), ("cold", 4.0)):
             times = [r["median"] for name, r in start.items() if f"{state} cache" in name]
             rows.append(
-                at_most(
-                    f"a first compiled run in a new process, cache {state}",
-                    f"{bound} s",
-                    times,
-                    bound,
-                    " s",
-                )
+                at_most(f"a first compiled run in a new process, cache {state}", f"{bound} s", times, bound, " s")
             )
     return rows
 
@@ -152,23 +118,11 @@ def rigid_body(found: Any) -> list[Row]:
 def groups(found: Any) -> list[Row]:
     """SE(3), tableaus, generators, a user's energy."""
     rows = _beside_c("a step on SE(3)", found["rigid_motions"], "C++")
-    rows.append(
-        at_most(
-            "tableau as data, beside stages written out", "1.1 times", _all(found["tableaus"]), 1.1
-        )
-    )
-    rows.append(
-        at_most(
-            "generators alone, beside a closed form", "3 times", _all(found["generators_so3"]), 3.0
-        )
-    )
+    rows.append(at_most("tableau as data, beside stages written out", "1.1 times", _all(found["tableaus"]), 1.1))
+    rows.append(at_most("generators alone, beside a closed form", "3 times", _all(found["generators_so3"]), 3.0))
     for key, bound in (("gradient given", 1.05), ("derived", 1.15)):
         ratios = [r["ratios"][key] for r in found["energies"]]
-        rows.append(
-            at_most(
-                f"a user's energy, {key}, beside the built-in one", f"{bound} times", ratios, bound
-            )
-        )
+        rows.append(at_most(f"a user's energy, {key}, beside the built-in one", f"{bound} times", ratios, bound))
     return rows
 
 
@@ -194,9 +148,7 @@ def compile_time(found: Any) -> list[Row]:
     large = {name: r["cold"] for name, r in found.items() if "SO(16)" in name}
     rest = {name: r["cold"] for name, r in found.items() if name not in large}
     rows = [at_most("cold compile of anything shipped", "4 s", rest.values(), 4.0, " s")]
-    return rows + (
-        [at_most("cold compile on SO(16)", "10 s", large.values(), 10.0, " s")] if large else []
-    )
+    return rows + ([at_most("cold compile on SO(16)", "10 s", large.values(), 10.0, " s")] if large else [])
 
 
 def direct(_: Any) -> list[Row]:
@@ -208,15 +160,7 @@ def direct(_: Any) -> list[Row]:
     for _ in range(7):
         spent = []
         for workers in (1, 2):
-            plan = lm.Plan(
-                body,
-                lm.RKMK(order=4),
-                h=0.1,
-                every=2000,
-                compiled=True,
-                progress=False,
-                workers=workers,
-            )
+            plan = lm.Plan(body, lm.RKMK(order=4), h=0.1, every=2000, compiled=True, progress=False, workers=workers)
             plan.run(start, steps=20)
             begun = time.perf_counter()
             plan.run(start, steps=2000)
@@ -230,15 +174,8 @@ def direct(_: Any) -> list[Row]:
     alone.run(one, steps=10**8)
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     return [
-        row(
-            "two cores on an ensemble",
-            "at least 1.8 times",
-            f"{number(gain)} on {os.cpu_count()} cores",
-            gain >= 1.8,
-        ),
-        at_most(
-            "memory of 10^8 steps, 100 of them kept", "the samples and 5 MB", [grown], 5.0, " MB"
-        ),
+        row("two cores on an ensemble", "at least 1.8 times", f"{number(gain)} on {os.cpu_count()} cores", gain >= 1.8),
+        at_most("memory of 10^8 steps, 100 of them kept", "the samples and 5 MB", [grown], 5.0, " MB"),
     ]
 
 
@@ -269,21 +206,12 @@ def problems(board: Any) -> list[Row]:
         race = board["races"].get(key)
         for target, bound in goals.items() if race else ():
             ours, theirs = (
-                best([c for c in race["curves"] if c["package"] == p], target)
-                for p in ("liemech", "heyoka")
+                best([c for c in race["curves"] if c["package"] == p], target) for p in ("liemech", "heyoka")
             )
-            what, goal = (
-                f"{race['name']}, error {error(target)}, time beside heyoka",
-                f"at most {bound:g}",
-            )
+            what, goal = (f"{race['name']}, error {error(target)}, time beside heyoka", f"at most {bound:g}")
             ratio = ours[0] / theirs[0] if ours and theirs else None
             rows.append(
-                row(
-                    what,
-                    goal,
-                    f"{number(ratio)} ({ours[1]})" if ratio and ours else "-",
-                    ratio and ratio <= bound,
-                )
+                row(what, goal, f"{number(ratio)} ({ours[1]})" if ratio and ours else "-", ratio and ratio <= bound)
             )
     for package, method, bound in (("SciPy", "DOP853", 20.0), ("diffrax", "", 5.0)):
         factors = {}
@@ -318,12 +246,7 @@ def problems(board: Any) -> list[Row]:
             ratio = ours[0] / theirs[0]
             text = f"{number(ratio)} ({ours[1].removeprefix('liemech ')})"
             rows.append(
-                row(
-                    f"ensemble to t = 20, 1e-9, {which}, beside batches of heyoka",
-                    "at most 0.2",
-                    text,
-                    ratio <= 0.2,
-                )
+                row(f"ensemble to t = 20, 1e-9, {which}, beside batches of heyoka", "at most 0.2", text, ratio <= 0.2)
             )
     for name, bound in (("JAX RK4", 4.0), ("MuJoCo RK4", 100.0)):
         factors = {
@@ -342,14 +265,7 @@ def problems(board: Any) -> list[Row]:
                     min(values) >= bound,
                 )
             )
-    rows.append(
-        row(
-            "isospectral midpoint on su(256), beside quflow",
-            "at most 0.5",
-            "quflow is not installed",
-            None,
-        )
-    )
+    rows.append(row("isospectral midpoint on su(256), beside quflow", "at most 0.5", "quflow is not installed", None))
     return rows
 
 
@@ -365,10 +281,7 @@ def long_runs() -> list[Row]:
     chosen = {
         k: v
         for k, v in kept.items()
-        if any(
-            name in k
-            for name in ("Algorithm 1", "Hamilton-Jacobi 4", "Lie-Verlet", "RATTLE", "Stormer")
-        )
+        if any(name in k for name in ("Algorithm 1", "Hamilton-Jacobi 4", "Lie-Verlet", "RATTLE", "Stormer"))
     }
     slopes = [p for v in chosen.values() if (p := stress.exponent(v["errors"])) is not None]
     least = min(v["steps"] for v in chosen.values())
@@ -410,14 +323,7 @@ def reliability() -> list[Row]:
             what, _, goal = cells[1].partition(": ")
             met = None if cells[3] == "not measured" else "missed" not in cells[3]
             how = " (long mode)" if "long mode" in cells[3] else ""
-            rows.append(
-                row(
-                    f"{cells[0].strip('| ')}, {what}",
-                    goal,
-                    f"{cells[2]}{how}",
-                    met,
-                )
-            )
+            rows.append(row(f"{cells[0].strip('| ')}, {what}", goal, f"{cells[2]}{how}", met))
     return rows
 
 
@@ -431,18 +337,14 @@ def write_page() -> None:
     page += table([r for name in BENCHMARKS for r in kept.get(name, [])] + long_runs())
     board = HERE / "leader_board.json"
     if board.exists():
-        page += "\n## Time to error\n\n" + table(
-            problems(json.loads(board.read_text(encoding="utf-8")))
-        )
+        page += "\n## Time to error\n\n" + table(problems(json.loads(board.read_text(encoding="utf-8"))))
     page += "\n## Reliability\n\n" + table(reliability())
     PAGE.write_text(page, encoding="utf-8")
     print(f"written: {PAGE}")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--run", nargs="*", default=[], help="benchmarks to run first, or `all`")
     parser.add_argument("--quick", action="store_true", help="their smoke runs: rough numbers")
     parser.add_argument("--minutes", type=float, default=20.0, help="for all, at most")
@@ -465,25 +367,18 @@ def main() -> None:
                     *["--short"] * (name == "rigid_body"),
                 ]
                 try:
-                    done = subprocess.run(
-                        command, check=False, capture_output=True, text=True, timeout=share
-                    )
+                    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=share)
                 except subprocess.TimeoutExpired:
                     print(f"{name}: not finished within {share:.0f} s", flush=True)
                     continue
                 if not out.exists():
-                    print(
-                        f"{name}: {(done.stderr.strip() or 'nothing was written').splitlines()[-1]}"
-                    )
+                    print(f"{name}: {(done.stderr.strip() or 'nothing was written').splitlines()[-1]}")
                     continue
                 found = json.loads(out.read_text(encoding="utf-8"))
         kept[name] = BENCHMARKS[name](found)
         kept["machine"] = harness.machine()
         KEPT.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-        print(
-            f"{name}: {sum(r['met'] is True for r in kept[name])} of {len(kept[name])} met",
-            flush=True,
-        )
+        print(f"{name}: {sum(r['met'] is True for r in kept[name])} of {len(kept[name])} met", flush=True)
     write_page()
 
 

@@ -108,9 +108,7 @@ def gyrostats(count: int) -> list[lm.MechanicalSystem]:
     """Bodies with a rotor in a field, each with its own numbers."""
     return [
         lm.MechanicalSystem(
-            lm.LiePoissonSystem(
-                lm.SO3(), Gyrostat([1.0, 1.5, 2.0 + 1e-4 * i], [0.1, 0.2, 0.7 + 1e-4 * i])
-            ),
+            lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 1.5, 2.0 + 1e-4 * i], [0.1, 0.2, 0.7 + 1e-4 * i])),
             FixedPointGravity(1.0, [0.0, 0.0, 0.5]),
         )
         for i in range(count)
@@ -149,9 +147,7 @@ def looked(run: Any, *names: str) -> None:
 def steps() -> Iterator[Entry]:
     """ns a step of a long run."""
 
-    def long(
-        name: str, system: Any, method: Any, start: Any, n: int = LONG, **options: Any
-    ) -> Entry:
+    def long(name: str, system: Any, method: Any, start: Any, n: int = LONG, **options: Any) -> Entry:
         every = {"every": n} | options
 
         def make() -> Call:
@@ -173,28 +169,18 @@ def steps() -> Iterator[Entry]:
     yield long("midpoint", BODY, lm.ImplicitMidpoint(), START)
     for count, n in ((16, LONG), (4096, 100)):
         yield long(f"RKMK 4, {count} in lanes", BODY, RKMK4, many(count), n)
-        yield long(
-            f"Cayley, {count} in lanes", BODY, lm.CovariantVariational(lm.Cayley()), many(count), n
-        )
+        yield long(f"Cayley, {count} in lanes", BODY, lm.CovariantVariational(lm.Cayley()), many(count), n)
     yield long("every one kept", BODY, RKMK4, START, every=1)
     yield long("every one kept, 256 in lanes", BODY, RKMK4, many(256), 100, every=1)
     yield long("energies kept", BODY, RKMK4, START, every=1, record=("energy",))
     yield long("with an event", BODY, RKMK4, START, every=1, events=[falling])
-    yield long(
-        "with an event, 256 in lanes", BODY, RKMK4, many(256), 100, every=1, events=[falling]
-    )
-    yield long(
-        "t_eval between steps", BODY, RKMK4, START, every=1, t_eval=np.linspace(0.0, 20.0, 777)
-    )
+    yield long("with an event, 256 in lanes", BODY, RKMK4, many(256), 100, every=1, events=[falling])
+    yield long("t_eval between steps", BODY, RKMK4, START, every=1, t_eval=np.linspace(0.0, 20.0, 777))
     yield long("with breaks", BODY, RKMK4, START, every=1, breaks=[1.234, 5.678])
 
-    def adaptive(
-        name: str, start: Any, t_end: float, n: int, t_eval: Any = None, **options: Any
-    ) -> Entry:
+    def adaptive(name: str, start: Any, t_end: float, n: int, t_eval: Any = None, **options: Any) -> Entry:
         def make() -> Call:
-            return run_of(
-                plan(BODY, RKMK5, rtol=1e-9, **options), start, t_end=t_end, t_eval=t_eval
-            )
+            return run_of(plan(BODY, RKMK5, rtol=1e-9, **options), start, t_end=t_end, t_eval=t_eval)
 
         return Entry(f"a step by tolerance: {name}", make, n)
 
@@ -210,9 +196,7 @@ def steps() -> Iterator[Entry]:
     def fictive(name: str, n: int, t_eval: Any, count: int = 1) -> Entry:
         start = FALL
         if count > 1:
-            start = ORBIT.state(
-                [[0.1, 0.0]] * count, [[0.0, 19.0**0.5 - 1e-3 * i] for i in range(count)]
-            )
+            start = ORBIT.state([[0.1, 0.0]] * count, [[0.0, 19.0**0.5 - 1e-3 * i] for i in range(count)])
 
         def make() -> Call:
             return run_of(plan(ORBIT, CONTROLLED, 0.1), start, t_end=60.0, t_eval=t_eval)
@@ -275,9 +259,7 @@ def calls() -> Iterator[Entry]:
 
     def ensemble(count: int, n: int, own: bool = False) -> Callable[[], Call]:
         def make() -> Call:
-            return run_of(
-                plan(bodies(count) if own else BODY, RKMK4, 0.1, every=n), many(count), steps=n
-            )
+            return run_of(plan(bodies(count) if own else BODY, RKMK4, 0.1, every=n), many(count), steps=n)
 
         return make
 
@@ -298,56 +280,31 @@ def calls() -> Iterator[Entry]:
     yield of("stepper.step, one step", stepped(lambda s: s.step()), 3.0)
     yield of("the same, and its mu", stepped(lambda s: (s.step(), s.mu)), 3.0)
     yield of("a stepper with a new input, 10 steps", with_an_input)
-    yield of(
-        "plan.run, 200 steps and samples", with_plan(lambda p: run_of(p, START, steps=200)), 10.0
-    )
-    yield of(
-        "the same, and its t, mu, g",
-        with_plan(lambda p: lambda: looked(p.run(START, steps=200), "t", "mu", "g")),
-    )
+    yield of("plan.run, 200 steps and samples", with_plan(lambda p: run_of(p, START, steps=200)), 10.0)
+    yield of("the same, and its t, mu, g", with_plan(lambda p: lambda: looked(p.run(START, steps=200), "t", "mu", "g")))
     yield of("plan.resume, 200 steps", with_plan(resumed(steps=200)))
     yield of("record=('mu',), and its mu", kept("mu"), 10.0)
     yield of("record=('mu', 'g'), and both", kept("mu", "g"), 10.0)
     yield of(
-        "a new start",
-        with_plan(
-            lambda p: lambda: p.run(BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3)), steps=200)
-        ),
+        "a new start", with_plan(lambda p: lambda: p.run(BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3)), steps=200))
     )
+    yield of("a heavy top, kicks and drifts", lambda: run_of(plan(TOP, lm.KickDrift(order=6), 0.05), SPUN, steps=20))
+    yield of("a pendulum, RATTLE", lambda: run_of(plan(PENDULUM, lm.RATTLE(), 0.05), SWING, steps=20))
     yield of(
-        "a heavy top, kicks and drifts",
-        lambda: run_of(plan(TOP, lm.KickDrift(order=6), 0.05), SPUN, steps=20),
-    )
-    yield of(
-        "a pendulum, RATTLE", lambda: run_of(plan(PENDULUM, lm.RATTLE(), 0.05), SWING, steps=20)
-    )
-    yield of(
-        "integrate, the same",
-        lambda: lambda: lm.integrate(BODY, RKMK4, START, h=0.1, steps=200, compiled=True),
-        30.0,
+        "integrate, the same", lambda: lambda: lm.integrate(BODY, RKMK4, START, h=0.1, steps=200, compiled=True), 30.0
     )
     yield of(
         "integrate, a new body",
-        lambda: (
-            lambda: lm.integrate(
-                lm.RigidBody([1.0, 1.5, 2.0]), RKMK4, START, h=0.1, steps=200, compiled=True
-            )
-        ),
+        lambda: lambda: lm.integrate(lm.RigidBody([1.0, 1.5, 2.0]), RKMK4, START, h=0.1, steps=200, compiled=True),
     )
-    yield of(
-        "plan.run, adaptive to t = 10",
-        lambda: run_of(plan(BODY, RKMK5, rtol=1e-9), START, t_end=10.0),
-    )
+    yield of("plan.run, adaptive to t = 10", lambda: run_of(plan(BODY, RKMK5, rtol=1e-9), START, t_end=10.0))
     yield of("the same, only the end", to_a_time(BODY, START, t_end=10.0, t_eval=end), 30.0)
     yield of("the same at eleven times", to_a_time(BODY, START, t_end=10.0, t_eval=ten), 30.0)
     yield of(
         "Kepler, Taylor 18, adaptive",
         lambda: run_of(plan(ORBIT, lm.Taylor(18), **series), FALL, t_end=60.0, t_eval=grid),
     )
-    yield of(
-        "Kepler in fictive time",
-        lambda: run_of(plan(ORBIT, CONTROLLED, 0.1), FALL, t_end=60.0, t_eval=grid),
-    )
+    yield of("Kepler in fictive time", lambda: run_of(plan(ORBIT, CONTROLLED, 0.1), FALL, t_end=60.0, t_eval=grid))
     yield of("16 bodies, 20 steps", ensemble(16, 20))
     yield of("256 bodies, 20 steps", ensemble(256, 20))
     yield of("16 bodies with inertias of their own, 20 steps", ensemble(16, 20, own=True))
@@ -356,21 +313,12 @@ def calls() -> Iterator[Entry]:
     yield of("10^6 bodies, 20 steps", ensemble(1_000_000, 20))
     yield of("5000 gyrostats in a field, made", lambda: lambda: gyrostats(5000))
     yield of("5000 gyrostats in a field, 20 steps", spun)
-    yield of(
-        "256 inertias to t = 20, adaptive",
-        lambda: to_a_time(bodies(256), many(256), t_end=20.0, t_eval=[20.0])(),
-    )
+    yield of("256 inertias to t = 20, adaptive", lambda: to_a_time(bodies(256), many(256), t_end=20.0, t_eval=[20.0])())
     yield of("RigidBody(...)", lambda: lambda: lm.RigidBody([1.0, 1.5, 2.0]), 5.0)
-    yield of(
-        "body.state(mu, g)",
-        lambda: lambda: BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3)),
-        5.0,
-    )
+    yield of("body.state(mu, g)", lambda: lambda: BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3)), 5.0)
     yield of("body.exact, 201 times", lambda: lambda: BODY.exact(START, TIMES), 60.0)
     yield of("run.drift, 400 samples", with_plan(lambda p: p.run(START, steps=400).drift), 1000.0)
-    yield of(
-        "ExactMoserVeselov.of", lambda: lambda: lm.ExactMoserVeselov.of(BODY, START, 0.1), 100.0
-    )
+    yield of("ExactMoserVeselov.of", lambda: lambda: lm.ExactMoserVeselov.of(BODY, START, 0.1), 100.0)
 
 
 # ---------------------------------------------------------------- timing
@@ -441,19 +389,14 @@ def table(only: str, duration: float, warm: float) -> dict[str, Any]:
         if not entry.steps:
             results[entry.name]["beyond"] = spent - in_native_code(call)
             beyond = f"{results[entry.name]['beyond']:.1f}"
-        print(
-            f"{entry.name:<52}{spent:>9.1f} {entry.unit}{beyond:>20}{entry.goal or '':>8}",
-            flush=True,
-        )
+        print(f"{entry.name:<52}{spent:>9.1f} {entry.unit}{beyond:>20}{entry.goal or '':>8}", flush=True)
     return results
 
 
 # ---------------------------------------------------------------- two trees
 
 
-def of_tree(
-    tree: Path, cache: str, only: str, duration: float, warm: float
-) -> dict[str, list[Any]]:
+def of_tree(tree: Path, cache: str, only: str, duration: float, warm: float) -> dict[str, list[Any]]:
     """The times of a tree, in a process of its own; what it cannot do is missing."""
     known = {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": cache, "OPENBLAS_NUM_THREADS": "1"}
     how = "--only", only, "--duration", str(duration), "--bare", str(warm)
@@ -485,9 +428,7 @@ def against(other: Path, rounds: int, gate: float, only: str, duration: float) -
         for k in range(rounds):
             for name in sorted(trees, reverse=k % 2 == 1):
                 warm = 0.3 if k else WARM  # native code lies on the disk later on
-                found = of_tree(
-                    trees[name], f"{folder}/{name}", only, duration, min(warm, 20.0 * duration)
-                )
+                found = of_tree(trees[name], f"{folder}/{name}", only, duration, min(warm, 20.0 * duration))
                 for line, (unit, value) in found.items():
                     units[line] = unit
                     least_of[name][line] = min(value, least_of[name].get(line, math.inf))
@@ -503,9 +444,7 @@ def against(other: Path, rounds: int, gate: float, only: str, duration: float) -
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="smoke run: rough numbers")
     parser.add_argument("--only", default="", metavar="TEXT", help="lines whose name has this text")
     parser.add_argument("--out", type=Path, default=Path("calls.json"), help="where the JSON goes")

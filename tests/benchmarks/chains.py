@@ -192,27 +192,16 @@ def long_run(chosen: Any) -> dict[str, Any]:
     linkage, steps = lm.joints.chain(10), 2_000 if chosen.quick else 100_000
     start = linkage.state(angles={0: [0.3, 0.8, 0.1], 5: [0.5, 0.0, 0.3]})
     for order, method in ((2, lm.LieRATTLE()), (4, lm.Composition(lm.LieRATTLE(), order=4))):
-        run = lm.integrate(
-            linkage, method, start, h=1e-3, steps=steps, every=10, compiled=True, progress=False
-        )
+        run = lm.integrate(linkage, method, start, h=1e-3, steps=steps, every=10, compiled=True, progress=False)
         fall = np.abs(linkage.energy(np.zeros_like(run.mu), run.g)).max()
         parts = np.array_split(run.energy, 20)
         middles = np.array([part.mean() for part in parts])
         slope, cov = np.polyfit(np.arange(20.0), middles, 1, cov=True)
         missed = np.abs(linkage.conditions_at(run.mu[-1], run.g[-1])[0]).max() / 10.0
-        found = [
-            np.ptp(run.energy) / fall,
-            20.0 * slope[0] / fall,
-            20 * cov[0, 0] ** 0.5 / fall,
-            missed,
-        ]
+        found = [np.ptp(run.energy) / fall, 20.0 * slope[0] / fall, 20 * cov[0, 0] ** 0.5 / fall, missed]
         kept[str(order)] = [float(x) for x in found]
         lines.append([order, *found])
-    table(
-        "ten rods",
-        ["order", "band of the energy", "trend", "+-", "conditions, of the length"],
-        lines,
-    )
+    table("ten rods", ["order", "band of the energy", "trend", "+-", "conditions, of the length"], lines)
     return kept
 
 
@@ -273,9 +262,7 @@ def several_rates(chosen: Any) -> dict[str, Any]:
     springs = [lm.joints.Spring(k, 2000.0) for k in range(n)]
     made = lm.joints.Linkage(rods.links, rods.joints, forces=springs, potential=Charges(n, 2.0))
     start = made.state(angles={0: 0.3, 4: 0.2})
-    exact = lm.integrate(made, lm.RKMK(order=8), start, h=end / 1600, steps=1600, progress=False).g[
-        -1
-    ]
+    exact = lm.integrate(made, lm.RKMK(order=8), start, h=end / 1600, steps=1600, progress=False).g[-1]
     runs: dict[str, Callable[[], Any]] = {}
     errors = {}
     for ratio, counts in ((1, (200, 400, 800)), (4, (50, 100, 200)), (16, (13, 25, 50))):
@@ -289,11 +276,7 @@ def several_rates(chosen: Any) -> dict[str, Any]:
     for name in runs:
         kept[name] = [1e3 * times[name], errors[name]]
         lines.append([name, *kept[name]])
-    table(
-        f"{n} rods with stiff springs and charges, {end:g} s",
-        ["method, steps", "ms", "error, m"],
-        lines,
-    )
+    table(f"{n} rods with stiff springs and charges, {end:g} s", ["method, steps", "ms", "error, m"], lines)
     return kept
 
 
@@ -322,9 +305,7 @@ print(time.process_time() - begun)
 def compiling(chosen: Any) -> dict[str, float]:
     """Processor seconds until the first steps are made, in new processes without code on disk."""
     found, lines = {}, []
-    cases = [("balls", 10), ("balls", 1000)] + [
-        (k, 10) for k in ("hinges", "both", "springs", "dampers")
-    ]
+    cases = [("balls", 10), ("balls", 1000)] + [(k, 10) for k in ("hinges", "both", "springs", "dampers")]
     for kind, n in cases[:1] if chosen.quick else cases:
         told = subprocess.run(
             [sys.executable, "-c", COMPILED, kind, str(n)],

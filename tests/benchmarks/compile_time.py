@@ -45,9 +45,7 @@ class Palindrome(lm.Retraction):
     def tau(self, group: Any, xi: lm.Vec) -> Any:
         g = group.identity()
         for i in (0, 1, 2, 2, 1, 0):
-            g = group.compose(
-                g, group.exp(lm.vec(*[0.5 * xi[k] if k == i else 0.0 for k in range(group.dim)]))
-            )
+            g = group.compose(g, group.exp(lm.vec(*[0.5 * xi[k] if k == i else 0.0 for k in range(group.dim)])))
         return g
 
 
@@ -99,10 +97,7 @@ Case = tuple[Any, Any, Any, float] | Callable[[], Any]
 """A system, a method, a start and the step; or a run of another kind, of which only the compilation
 is measured.
 """
-COVARIANT = {
-    "Cayley": lm.CovariantVariational(lm.Cayley()),
-    "exp": lm.CovariantVariational(lm.Exponential()),
-}
+COVARIANT = {"Cayley": lm.CovariantVariational(lm.Cayley()), "exp": lm.CovariantVariational(lm.Exponential())}
 
 
 def body(method: Any, lanes: bool = False) -> Case:
@@ -118,12 +113,7 @@ def top(method: Any, lanes: bool = False) -> Case:
 
 def kirchhoff(method: Any, lanes: bool = False) -> Case:
     system = lm.models.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
-    return (
-        system,
-        method,
-        _start(system, np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), np.eye(4), lanes),
-        0.05,
-    )
+    return (system, method, _start(system, np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), np.eye(4), lanes), 0.05)
 
 
 def on(group: Any, method: Any, lanes: bool = False) -> Case:
@@ -145,10 +135,7 @@ def chain(method: Any, links: int = 2, lanes: bool = False) -> Case:
     """A pendulum of rods on ball joints."""
     half, places = np.array([0.0, 0.0, 0.5]), np.tile(np.eye(4), (links, 1, 1))
     places[:, 2, 3] = -0.5 - np.arange(links)
-    joints = [
-        lm.joints.BallJoint(k, k - 1 if k else None, half, -half if k else 0.0 * half)
-        for k in range(links)
-    ]
+    joints = [lm.joints.BallJoint(k, k - 1 if k else None, half, -half if k else 0.0 * half) for k in range(links)]
     system = lm.joints.Linkage([lm.joints.Link(1.0, [0.1, 0.1, 0.05])] * links, joints, 9.81)
     start = system.assembled(places, np.full((links, 6), 0.1))
     return system, method, _start(system, np.array(start.mu), np.array(start.g), lanes), 0.01
@@ -166,29 +153,18 @@ def run(case: Case, tangent: bool = False, **options: Any) -> Case:
     assert isinstance(case, tuple)
     system, method, start, h = case
     if tangent:
-        return lambda: lm.Plan(system, method, h, compiled=True, progress=False).tangent(
-            start, steps=2
-        )
+        return lambda: lm.Plan(system, method, h, compiled=True, progress=False).tangent(start, steps=2)
     steps = {} if "t_end" in options else {"h": h, "steps": 2}
-    return lambda: lm.integrate(
-        system, method, start, **steps, **options, compiled=True, progress=False
-    )
+    return lambda: lm.integrate(system, method, start, **steps, **options, compiled=True, progress=False)
 
 
 def satellite(method: Any, lanes: bool = False, clocked: bool = True) -> Case:
     """On an eccentric orbit, with steps by its distance."""
     system = lm.models.OrbitingBody([1e-4, 1.5e-4, 2e-4], mass=1.0, attraction=1.0)
     circle = system.circular_orbit(0.3)
-    controlled = lm.ReversibleController(
-        method, lambda g: (g[9] * g[9] + g[10] * g[10] + g[11] * g[11]) ** 0.75
-    )
+    controlled = lm.ReversibleController(method, lambda g: (g[9] * g[9] + g[10] * g[10] + g[11] * g[11]) ** 0.75)
     if not clocked:
-        return (
-            system,
-            controlled,
-            _start(system, np.array(circle.mu), np.array(circle.g), lanes),
-            0.05,
-        )
+        return (system, controlled, _start(system, np.array(circle.mu), np.array(circle.g), lanes), 0.05)
     start = _start(system, np.array(circle.mu), np.array(circle.g), lanes)
     extended = Clocked(system, controlled.sigma.bound(system, start))
     return extended, controlled, extended.extended(start, 0.0), 0.05
@@ -208,20 +184,12 @@ CASES: dict[str, Callable[[], Case]] = {
     "Composition 4 of Cayley, body": lambda: body(lm.Composition(COVARIANT["Cayley"])),
     "Composition 4 of exp, body": lambda: body(lm.Composition(COVARIANT["exp"])),
     "Composition 8 of Cayley, body": lambda: body(lm.Composition(COVARIANT["Cayley"], order=8)),
-    "Composition 8 of Cayley, body, lanes": lambda: body(
-        lm.Composition(COVARIANT["Cayley"], order=8), True
-    ),
+    "Composition 8 of Cayley, body, lanes": lambda: body(lm.Composition(COVARIANT["Cayley"], order=8), True),
     "Composition 8 of exp, body": lambda: body(lm.Composition(COVARIANT["exp"], order=8)),
-    "Composition 8 of exp, body, lanes": lambda: body(
-        lm.Composition(COVARIANT["exp"], order=8), True
-    ),
+    "Composition 8 of exp, body, lanes": lambda: body(lm.Composition(COVARIANT["exp"], order=8), True),
     "Composition 8 of exp, SE(3)": lambda: kirchhoff(lm.Composition(COVARIANT["exp"], order=8)),
-    "Composition 8 of Cayley, SE(3), lanes": lambda: kirchhoff(
-        lm.Composition(COVARIANT["Cayley"], order=8), True
-    ),
-    "Composition 8 of exp, SE(3), lanes": lambda: kirchhoff(
-        lm.Composition(COVARIANT["exp"], order=8), True
-    ),
+    "Composition 8 of Cayley, SE(3), lanes": lambda: kirchhoff(lm.Composition(COVARIANT["Cayley"], order=8), True),
+    "Composition 8 of exp, SE(3), lanes": lambda: kirchhoff(lm.Composition(COVARIANT["exp"], order=8), True),
     "RKMK4, SO(5)": lambda: on(lm.SO(5), lm.RKMK(order=4)),
     "RKMK4, SO(10)": lambda: on(lm.SO(10), lm.RKMK(order=4)),
     "RKMK4, SO(10), lanes": lambda: on(lm.SO(10), lm.RKMK(order=4), True),
@@ -231,14 +199,10 @@ CASES: dict[str, Callable[[], Case]] = {
     "Galerkin 4, exp": lambda: body(lm.GalerkinVariational(order=4)),
     "Galerkin 8, exp": lambda: body(lm.GalerkinVariational(order=8)),
     "Galerkin 4, tau only": lambda: body(lm.GalerkinVariational(order=4, retraction=Euler())),
-    "Galerkin 4, tau only, lanes": lambda: body(
-        lm.GalerkinVariational(order=4, retraction=Euler()), True
-    ),
+    "Galerkin 4, tau only, lanes": lambda: body(lm.GalerkinVariational(order=4, retraction=Euler()), True),
     "Galerkin 6, tau only": lambda: body(lm.GalerkinVariational(order=6, retraction=Euler())),
     "Algorithm 1, six exponentials": lambda: body(lm.CovariantVariational(Palindrome())),
-    "Algorithm 1, six exponentials, lanes": lambda: body(
-        lm.CovariantVariational(Palindrome()), True
-    ),
+    "Algorithm 1, six exponentials, lanes": lambda: body(lm.CovariantVariational(Palindrome()), True),
     "Algorithm 1, polar": lambda: body(lm.CovariantVariational(Polar())),
     "Algorithm 1, polar, lanes": lambda: body(lm.CovariantVariational(Polar()), True),
     "RKMK8, three bodies": lambda: three_bodies(lm.RKMK(order=8)),
@@ -256,12 +220,8 @@ CASES: dict[str, Callable[[], Case]] = {
     "Controller of KickDrift 2, satellite": lambda: satellite(lm.KickDrift(order=2)),
     "Controller of KickDrift 4, satellite": lambda: satellite(lm.KickDrift(order=4)),
     "Controller of LieVerlet, satellite": lambda: satellite(lm.LieVerlet()),
-    "Controller of LieVerlet, satellite, run": lambda: run(
-        satellite(lm.LieVerlet(), clocked=False)
-    ),
-    "Controller of LieVerlet, satellite, run, lanes": lambda: run(
-        satellite(lm.LieVerlet(), True, clocked=False)
-    ),
+    "Controller of LieVerlet, satellite, run": lambda: run(satellite(lm.LieVerlet(), clocked=False)),
+    "Controller of LieVerlet, satellite, run, lanes": lambda: run(satellite(lm.LieVerlet(), True, clocked=False)),
     "Controller of KickDrift 4, satellite, run, lanes": lambda: run(
         satellite(lm.KickDrift(order=4), True, clocked=False)
     ),
@@ -272,23 +232,13 @@ CASES: dict[str, Callable[[], Case]] = {
     "Tangent of Algorithm 1, body": lambda: run(body(COVARIANT["exp"]), tangent=True),
     "Tangent of Algorithm 1, SE(3)": lambda: run(kirchhoff(COVARIANT["exp"]), tangent=True),
     "Tangent of LieVerlet, top": lambda: run(top(lm.LieVerlet()), tangent=True),
-    "Tangent of Composition 4 of exp, body": lambda: run(
-        body(lm.Composition(COVARIANT["exp"])), tangent=True
-    ),
+    "Tangent of Composition 4 of exp, body": lambda: run(body(lm.Composition(COVARIANT["exp"])), tangent=True),
     "Double-double, RKMK4, body": lambda: run(body(lm.RKMK(order=4)), precision="double-double"),
-    "Double-double, Algorithm 1, body": lambda: run(
-        body(COVARIANT["exp"]), precision="double-double"
-    ),
-    "Double-double, Algorithm 1, SE(3)": lambda: run(
-        kirchhoff(COVARIANT["exp"]), precision="double-double"
-    ),
+    "Double-double, Algorithm 1, body": lambda: run(body(COVARIANT["exp"]), precision="double-double"),
+    "Double-double, Algorithm 1, SE(3)": lambda: run(kirchhoff(COVARIANT["exp"]), precision="double-double"),
     "Double-double, LieVerlet, top": lambda: run(top(lm.LieVerlet()), precision="double-double"),
-    "Double-double, LieVerlet, top, lanes": lambda: run(
-        top(lm.LieVerlet(), True), precision="double-double"
-    ),
-    "Double-double, Splitting 8, planets": lambda: run(
-        planets(lm.Splitting(order=8)), precision="double-double"
-    ),
+    "Double-double, LieVerlet, top, lanes": lambda: run(top(lm.LieVerlet(), True), precision="double-double"),
+    "Double-double, Splitting 8, planets": lambda: run(planets(lm.Splitting(order=8)), precision="double-double"),
     "Taylor 12, body": lambda: body(Taylor(12)),
     "Taylor 18, body": lambda: body(Taylor(18)),
     "Taylor 30, body": lambda: body(Taylor(30)),
@@ -366,9 +316,7 @@ def goal(name: str) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--quick",
-        action="store_true",
-        help="a few cases, without the time of a step; fails beyond the bounds",
+        "--quick", action="store_true", help="a few cases, without the time of a step; fails beyond the bounds"
     )
     parser.add_argument("--only", default="", help="cases whose name contains this text")
     parser.add_argument("--no-steps", action="store_true")
@@ -381,18 +329,13 @@ def main() -> None:
         return
     chosen = QUICK if args.quick else [name for name in CASES if args.only in name]
     results: dict[str, Any] = {}
-    print(
-        f"| {'case':48s} | cold s | goal | translation | LLVM | "
-        f"instructions | ns/step |\n|{' --- |' * 7}"
-    )
+    print(f"| {'case':48s} | cold s | goal | translation | LLVM | instructions | ns/step |\n|{' --- |' * 7}")
     environment = os.environ | {"LIEMECH_CACHE_DIR": os.devnull}
     for name in chosen:
         options = ["--no-steps"] if args.quick or args.no_steps else []
         command = [sys.executable, __file__, "--case", name, *options]
         try:
-            done = subprocess.run(
-                command, env=environment, capture_output=True, text=True, timeout=args.limit
-            )
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=args.limit)
         except subprocess.TimeoutExpired:
             print(f"| {name:48s} | > {args.limit:g} † |", flush=True)
             results[name] = {"cold": float("inf")}

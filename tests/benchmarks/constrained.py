@@ -22,19 +22,12 @@ from stepping import Native, agreeing, measure
 import liemech as lm
 
 SOURCE = Path(__file__).with_name("constrained.c")
-SPHERE, CHAIN = (
-    lm.SphericalPendulum(gravity=9.81),
-    lm.models.ChainPendulum([1.0, 0.5], [1.0, 0.8], 9.81, dimension=2),
-)
+SPHERE, CHAIN = (lm.SphericalPendulum(gravity=9.81), lm.models.ChainPendulum([1.0, 0.5], [1.0, 0.8], 9.81, dimension=2))
 SWINGING = SPHERE.state([0.6, 0.0, -0.8], [0.4, 1.5, 0.3])
 HANGING = CHAIN.consistent(
     CHAIN.hanging([np.sin(0.9), -np.cos(0.9), -np.sin(0.4), -np.cos(0.4)]), [0.2, 0.2, 0.5, -0.05]
 )
-PARAMETERS = {
-    "sphere": [1.0, 1.0, 9.81],
-    "closed": [1.0, 1.0, 9.81],
-    "chain": [1.0, 0.5, 1.0, 0.8, 9.81],
-}
+PARAMETERS = {"sphere": [1.0, 1.0, 9.81], "closed": [1.0, 1.0, 9.81], "chain": [1.0, 0.5, 1.0, 0.8, 9.81]}
 T_END, OUTPUTS, GOALS = 50.0, 100, (1e-3, 1e-6, 1e-9)
 METHODS = {
     "RATTLE": lm.RATTLE(),
@@ -61,9 +54,7 @@ class C:
     def __call__(self, steps: int) -> np.ndarray:
         state = self.start.copy()
         parameters, guess = (ctypes.c_void_p(a.ctypes.data) for a in self.arrays)
-        self.advance(
-            ctypes.c_void_p(state.ctypes.data), parameters, self.h, ctypes.c_long(steps), guess
-        )
+        self.advance(ctypes.c_void_p(state.ctypes.data), parameters, self.h, ctypes.c_long(steps), guess)
         return state
 
 
@@ -91,14 +82,10 @@ def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:
             agreeing(runs, 1e-12)
             times = measure(runs, repetitions, duration)
             ratios = {key: times["liemech"].over(t) for key, t in times.items() if key != "liemech"}
-            rows.append(
-                {"system": title, "ns": {key: t.best for key, t in times.items()}, "ratios": ratios}
-            )
+            rows.append({"system": title, "ns": {key: t.best for key, t in times.items()}, "ratios": ratios})
     columns = ["RATTLE on", *rows[0]["ns"], *[f"ratio {key}" for key in rows[0]["ratios"]]]
     harness.table(
-        "a step beside C: ns, best",
-        columns,
-        [[r["system"], *r["ns"].values(), *r["ratios"].values()] for r in rows],
+        "a step beside C: ns, best", columns, [[r["system"], *r["ns"].values(), *r["ratios"].values()] for r in rows]
     )
     return rows
 
@@ -109,13 +96,7 @@ def time_to_error(repetitions: int) -> list[dict[str, Any]]:
     little.
     """
     fine = lm.integrate(
-        SPHERE,
-        METHODS["geodesics, order 8"],
-        SWINGING,
-        h=T_END / 8000,
-        steps=8000,
-        every=80,
-        progress=False,
+        SPHERE, METHODS["geodesics, order 8"], SWINGING, h=T_END / 8000, steps=8000, every=80, progress=False
     )
     rows = []
     for name, method in METHODS.items():
@@ -138,9 +119,7 @@ def time_to_error(repetitions: int) -> list[dict[str, Any]]:
             wanted = [goal for goal, best in found.items() if best is None and error <= goal]
             if not wanted:
                 continue
-            plan = lm.Plan(
-                SPHERE, method, h=T_END / steps, every=every, compiled=True, progress=False
-            )
+            plan = lm.Plan(SPHERE, method, h=T_END / steps, every=every, compiled=True, progress=False)
             native = Native(SPHERE, method, SWINGING, T_END / steps, None)
             call = least(functools.partial(plan.run, SWINGING, steps=steps), repetitions)
             alone = least(functools.partial(native, steps), repetitions) - least(
@@ -149,17 +128,12 @@ def time_to_error(repetitions: int) -> list[dict[str, Any]]:
             found |= dict.fromkeys(wanted, (call, alone))
         for i, what in enumerate(("call", "steps")):
             rows.append(
-                {
-                    "method": f"{name}, {what}",
-                    "us": {f"{goal:.0e}": best and best[i] for goal, best in found.items()},
-                }
+                {"method": f"{name}, {what}", "us": {f"{goal:.0e}": best and best[i] for goal, best in found.items()}}
             )
     rows += heyoka(fine.q, repetitions)
     columns = ["method", *rows[0]["us"]]
     harness.table(
-        "time to error, T = 50, us with 100 outputs",
-        columns,
-        [[r["method"], *r["us"].values()] for r in rows],
+        "time to error, T = 50, us with 100 outputs", columns, [[r["method"], *r["us"].values()] for r in rows]
     )
     return rows
 
@@ -197,19 +171,12 @@ def heyoka(exact: np.ndarray, repetitions: int) -> list[dict[str, Any]]:
         for goal, best in found.items():
             if error <= goal and (best is None or spent < best):
                 found[goal] = spent
-    return [
-        {
-            "method": f"heyoka {hy.__version__}",
-            "us": {f"{goal:.0e}": best for goal, best in found.items()},
-        }
-    ]
+    return [{"method": f"heyoka {hy.__version__}", "us": {f"{goal:.0e}": best for goal, best in found.items()}}]
 
 
 def main() -> None:
     out, timing = harness.options(__doc__, "constrained_benchmark.json")
-    harness.write(
-        out, {"steps": steps_beside_c(*timing), "time to error": time_to_error(timing[0])}
-    )
+    harness.write(out, {"steps": steps_beside_c(*timing), "time to error": time_to_error(timing[0])})
 
 
 if __name__ == "__main__":

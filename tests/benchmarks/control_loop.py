@@ -195,9 +195,7 @@ def in_c(quick: bool) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         start, turns = start_of(system), 2000 if quick else 20000
         for target in (None, "native")[: 1 if quick else 2]:
             with tempfile.TemporaryDirectory() as folder:
-                made = plan.export(
-                    Path(folder) / "attitude", start, inputs=["torque"], target=target
-                )
+                made = plan.export(Path(folder) / "attitude", start, inputs=["torque"], target=target)
                 given = "{" + braces(start.mu) + ", " + braces(np.array(start.g)) + "}"
                 text = CLOCKED.replace("START", given)
                 (Path(folder) / "clocked.c").write_text(text)

@@ -32,20 +32,13 @@ def starts(n: int) -> np.ndarray:
 
 def inertias(n: int, different: bool) -> np.ndarray:
     """(n, 3): the same moments, or moments that differ by up to a tenth."""
-    change = (
-        np.random.default_rng(4).uniform(-0.05, 0.05, size=(n, 3))
-        if different
-        else np.zeros((n, 3))
-    )
+    change = np.random.default_rng(4).uniform(-0.05, 0.05, size=(n, 3)) if different else np.zeros((n, 3))
     return np.asarray(MOMENTS * (1.0 + change))
 
 
 def measure(quick: bool) -> dict[str, Any]:
     """Both tables."""
-    return {
-        "steps": steps_of_crowds(quick),
-        "to error": [to_error(different, quick) for different in (False, True)],
-    }
+    return {"steps": steps_of_crowds(quick), "to error": [to_error(different, quick) for different in (False, True)]}
 
 
 def timed(runs: dict[str, Run], rounds: int) -> dict[str, dict[str, float]]:
@@ -76,11 +69,7 @@ def steps_of_crowds(quick: bool) -> list[dict[str, Any]]:
     for n in (16, 256) if quick else (16, 256, 4096, 65_536, 1_000_000):
         for steps in (20, 200):
             runs: dict[str, Run] = {"liemech RKMK4": _ours(n, steps)}
-            blocked = {
-                f"JAX RK4, blocks of {b}": partial(_jax, block=b)
-                for b in (256, 1024, 4096, 16_384)
-                if b < n
-            }
+            blocked = {f"JAX RK4, blocks of {b}": partial(_jax, block=b) for b in (256, 1024, 4096, 16_384) if b < n}
             for name, make in {"JAX RK4": _jax, **blocked, "MuJoCo RK4": _mujoco}.items():
                 try:
                     run = make(n, steps)
@@ -109,9 +98,7 @@ def best_of_jax(found: dict[str, dict[str, float]]) -> dict[str, dict[str, float
 
 def _ours(n: int, steps: int) -> Run:
     body = lm.RigidBody(MOMENTS)
-    plan = lm.Plan(
-        body, lm.RKMK(order=4), h=STEP, every=steps, compiled=True, progress=False, workers=1
-    )
+    plan = lm.Plan(body, lm.RKMK(order=4), h=STEP, every=steps, compiled=True, progress=False, workers=1)
     begin = body.state(mu=starts(n), g=np.broadcast_to(np.eye(3), (n, 3, 3)))
 
     def run() -> Any:
@@ -185,11 +172,7 @@ def to_error(different: bool, quick: bool) -> dict[str, Any]:
     exact = _reference(hy, system, mu, J)
     runs: dict[str, Run] = {}
     errors: dict[str, float] = {}
-    for name, settings, prepare in (
-        *_contenders(mu, J, different),
-        *_heyokas(hy, system, mu, J),
-        *_diffrax(mu, J),
-    ):
+    for name, settings, prepare in (*_contenders(mu, J, different), *_heyokas(hy, system, mu, J), *_diffrax(mu, J)):
         for setting in settings:
             run = prepare(setting)
             error = float(np.abs(run()[:CHECKED] - exact).max())
@@ -207,9 +190,7 @@ def _system(hy: Any) -> Any:
     a, b, c = (hy.par[i] for i in range(3))  # 1/J
     p, q, r = variables[:3]
     torque = [(c - b) * (q * r), (a - c) * (r * p), (b - a) * (p * q)]
-    return list(
-        zip(variables, [*torque, *turning(variables[3:], [a * p, b * q, c * r])], strict=True)
-    )
+    return list(zip(variables, [*torque, *turning(variables[3:], [a * p, b * q, c * r])], strict=True))
 
 
 def _outputs(y: np.ndarray) -> np.ndarray:
@@ -221,12 +202,7 @@ def _reference(hy: Any, system: Any, mu: np.ndarray, J: np.ndarray) -> np.ndarra
     """The first bodies by heyoka in 64 bits, 1e-18 a step."""
     wide = np.longdouble
     integrator = hy.taylor_adaptive(
-        system,
-        np.zeros(7, wide),
-        tol=wide(1e-18),
-        fp_type=wide,
-        pars=np.ones(3, wide),
-        compact_mode=True,
+        system, np.zeros(7, wide), tol=wide(1e-18), fp_type=wide, pars=np.ones(3, wide), compact_mode=True
     )
     found = []
     for k in range(CHECKED):
@@ -247,9 +223,7 @@ def _contenders(
 
     def prepare(setting: float, method: Any) -> Run:
         steps = int(setting)
-        plan = lm.Plan(
-            bodies, method, h=END / steps, every=steps, compiled=True, progress=False, workers=1
-        )
+        plan = lm.Plan(bodies, method, h=END / steps, every=steps, compiled=True, progress=False, workers=1)
 
         def run() -> Any:
             motion: Any = plan.run(begin, steps=steps)
@@ -263,10 +237,7 @@ def _contenders(
         "Taylor 18": (lm.Taylor(18), (8, 12, 16, 20, 27, 36)),
         "exact flow": (lm.ExactFreeBody(), (1,)),
     }
-    return [
-        (f"liemech {name}", n, lambda s, m=method: prepare(s, m))
-        for name, (method, n) in methods.items()
-    ]
+    return [(f"liemech {name}", n, lambda s, m=method: prepare(s, m)) for name, (method, n) in methods.items()]
 
 
 def _heyokas(
@@ -290,18 +261,13 @@ def _heyokas(
         return run
 
     def batch(tolerance: float) -> Run:
-        integrator = hy.taylor_adaptive_batch(
-            system, np.zeros((7, wide)), tol=tolerance, pars=np.ones((3, wide))
-        )
+        integrator = hy.taylor_adaptive_batch(system, np.zeros((7, wide)), tol=tolerance, pars=np.ones((3, wide)))
 
         def run() -> Any:
             found = np.empty((len(mu), 7))
             for k in range(0, len(mu), wide):
                 integrator.set_time(0.0)
-                integrator.state[:], integrator.pars[:] = (
-                    first[k : k + wide].T,
-                    1.0 / J[k : k + wide].T,
-                )
+                integrator.state[:], integrator.pars[:] = (first[k : k + wide].T, 1.0 / J[k : k + wide].T)
                 integrator.propagate_until(END)
                 found[k : k + wide] = integrator.state.T
             return _outputs(found)
@@ -309,15 +275,10 @@ def _heyokas(
         return run
 
     within = (1e-8, 1e-9, 1e-10, 1e-11)
-    return [
-        ("heyoka, one by one", within, one_by_one),
-        (f"heyoka, batches of {wide}", within, batch),
-    ]
+    return [("heyoka, one by one", within, one_by_one), (f"heyoka, batches of {wide}", within, batch)]
 
 
-def _diffrax(
-    mu: np.ndarray, J: np.ndarray
-) -> list[tuple[str, tuple[float, ...], Callable[[float], Run]]]:
+def _diffrax(mu: np.ndarray, J: np.ndarray) -> list[tuple[str, tuple[float, ...], Callable[[float], Run]]]:
     try:
         jax: Any = importlib.import_module("jax")
         dx: Any = importlib.import_module("diffrax")
@@ -329,9 +290,7 @@ def _diffrax(
         a, b, c = inverse
         p, q, r = y[0], y[1], y[2]
         torque = [(c - b) * (q * r), (a - c) * (r * p), (b - a) * (p * q)]
-        return jax.numpy.stack(
-            [*torque, *turning([y[i] for i in range(3, 7)], [a * p, b * q, c * r])]
-        )
+        return jax.numpy.stack([*torque, *turning([y[i] for i in range(3, 7)], [a * p, b * q, c * r])])
 
     @jax.jit
     def solve(first: Any, inverse: Any, tolerance: Any) -> Any:

@@ -21,8 +21,7 @@ def arm(armatures: Any = (0.0, 0.0, 0.0), forces: Any = (), mimics: Any = ()) ->
     axes = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.6, 0.8]]
     ends = [([0, 0, 0.5], [0, 0, 0]), ([0, 0, 0.4], [0, 0, -0.5]), ([0.1, 0, 0.3], [0, 0, -0.4])]
     joints = [
-        RevoluteJoint(k, k - 1 if k else None, *ends[k], axes[k], axes[k], armature=armatures[k])
-        for k in range(3)
+        RevoluteJoint(k, k - 1 if k else None, *ends[k], axes[k], axes[k], armature=armatures[k]) for k in range(3)
     ]
     moments = [[0.1, 0.12, 0.02], [0.05, 0.06, 0.03], [0.04, 0.03, 0.05]]
     return Linkage([Link(1.0, J) for J in moments], joints, forces=forces, mimics=mimics)
@@ -46,10 +45,7 @@ def main() -> None:
         arms[f"dry friction, {speed:g} rad/s"] = arm(forces=rubbing)
     if quick:  # as few as there are kinds of code
         arms = {name: arms[name] for name in ("armatures", "dry friction, 1e-06 rad/s")}
-    plans = {
-        name: lm.Plan(one, lm.LieRATTLE(), h=1e-3, every=steps, compiled=True)
-        for name, one in arms.items()
-    }
+    plans = {name: lm.Plan(one, lm.LieRATTLE(), h=1e-3, every=steps, compiled=True) for name, one in arms.items()}
     starts = {name: one.state(angles={0: 0.5, 1: -0.7}) for name, one in arms.items()}
     least = dict.fromkeys(arms, float("inf"))
     for turn in range(rounds + 1):

@@ -106,12 +106,8 @@ def long_run(contender: Contender, problem: Problem, setting: float, end: float)
     for last, group in groups.items():
         kept = [constants(problem, states[t]) for t in group]
         found["energy"][last] = max(abs(e - energy) for e, _ in kept) / abs(energy)
-        found["casimirs"][last] = max(
-            float(np.abs((c - casimirs) / casimirs).max()) for _, c in kept
-        )
-        found["group"][last] = max(
-            float(np.abs(states[t][1].T @ states[t][1] - np.eye(3)).max()) for t in group
-        )
+        found["casimirs"][last] = max(float(np.abs((c - casimirs) / casimirs).max()) for _, c in kept)
+        found["group"][last] = max(float(np.abs(states[t][1].T @ states[t][1] - np.eye(3)).max()) for t in group)
     return found
 
 
@@ -121,46 +117,23 @@ def figure(results: list[dict[str, Any]], path: Path) -> None:
     """
     from matplotlib.lines import Line2D
 
-    problems, errors = (
-        list(dict.fromkeys(r[key] for r in results)) for key in ("problem", "error")
-    )
+    problems, errors = (list(dict.fromkeys(r[key] for r in results)) for key in ("problem", "error"))
     size = 5.2 * len(problems), 4.2 * len(errors)
-    picture, axes = lm.plots.subplots(
-        len(errors),
-        len(problems),
-        figsize=size,
-        sharex=True,
-        sharey=True,
-        squeeze=False,
-    )
+    picture, axes = lm.plots.subplots(len(errors), len(problems), figsize=size, sharex=True, sharey=True, squeeze=False)
     for ax, (error, problem) in zip(axes.ravel(), itertools.product(errors, problems), strict=True):
         all_here = [r for r in results if (r["problem"], r["error"]) == (problem, error)]
         # null in a file
-        shown = [
-            r for r in all_here if np.isfinite(np.array([*r["energy"].values()], dtype=float)).all()
-        ]
-        for r, height in zip(
-            shown, spread([[*r["energy"].values()][-1] for r in shown]), strict=True
-        ):
+        shown = [r for r in all_here if np.isfinite(np.array([*r["energy"].values()], dtype=float)).all()]
+        for r, height in zip(shown, spread([[*r["energy"].values()][-1] for r in shown]), strict=True):
             t, e = [float(x) for x in r["energy"]], [*r["energy"].values()]
             ax.loglog(t, e, "o-", ms=3, lw=1.4, color=COLOURS[r["package"]])
-            ax.annotate(
-                r["method"],
-                (1.2 * t[-1], height),
-                fontsize=6.5,
-                va="center",
-                color=COLOURS[r["package"]],
-            )
+            ax.annotate(r["method"], (1.2 * t[-1], height), fontsize=6.5, va="center", color=COLOURS[r["package"]])
         ax.set(title=f"{problem}, {error:g} at the short time", xlim=(8e2, 2e6), ylim=(1e-16, 1e2))
     for ax in axes[:, 0]:
         ax.set_ylabel("relative error of the energy")
     for ax in axes[-1]:
         ax.set_xlabel("time")
-    handles = [
-        Line2D([], [], color=c, label=p)
-        for p, c in COLOURS.items()
-        if any(r["package"] == p for r in results)
-    ]
+    handles = [Line2D([], [], color=c, label=p) for p, c in COLOURS.items() if any(r["package"] == p for r in results)]
     axes[0][-1].legend(handles=handles, frameon=False, fontsize=8, loc="lower left")
     lm.plots.save(picture, path, dpi=110)
     print(f"written: {path}")
@@ -175,22 +148,12 @@ def spread(heights: list[float], gap: float = 0.4) -> list[float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="smoke run: until t = 10^3, for one error")
     parser.add_argument(
-        "--quick", action="store_true", help="smoke run: until t = 10^3, for one error"
+        "--errors", type=float, nargs="+", default=[1e-3, 1e-6], help="of momentum and attitude at the short time"
     )
-    parser.add_argument(
-        "--errors",
-        type=float,
-        nargs="+",
-        default=[1e-3, 1e-6],
-        help="of momentum and attitude at the short time",
-    )
-    parser.add_argument(
-        "--only", default="", help="contenders whose package or method contains this"
-    )
+    parser.add_argument("--only", default="", help="contenders whose package or method contains this")
     parser.add_argument("--out", type=Path, default=Path("energy.json"), help="where the JSON goes")
     parser.add_argument("--figure", type=Path, help="where a picture goes, if one is wanted")
     options = parser.parse_args()
@@ -207,16 +170,9 @@ def main() -> None:
                     if setting is None:
                         print(f"{name} does not reach {error:g}")
                         continue
-                    found = long_run(
-                        everybody[name], problem, setting, 1e3 if options.quick else 1e5
-                    )
+                    found = long_run(everybody[name], problem, setting, 1e3 if options.quick else 1e5)
                 package, method = everybody[name].package, everybody[name].method
-                row = {
-                    "problem": problem.name.split(",")[0],
-                    "error": error,
-                    "package": package,
-                    "method": method,
-                }
+                row = {"problem": problem.name.split(",")[0], "error": error, "package": package, "method": method}
                 results.append({**row, "setting": setting, **found})
                 energies = list(found["energy"].values())[::2]
                 rows.append(
@@ -226,11 +182,7 @@ def main() -> None:
                 )
             ends = [f"energy, {e:g}" for e in list(windows(1e3 if options.quick else 1e5))[::2]]
             columns = ["package", "method", "setting", *ends, "Casimirs", "group", "s"]
-            harness.table(
-                f"{problem.name}, an error of {error:g} there; relative errors at later times",
-                columns,
-                rows,
-            )
+            harness.table(f"{problem.name}, an error of {error:g} there; relative errors at later times", columns, rows)
     harness.write(options.out, {"versions": versions, "runs": results})
     if options.figure:
         figure(results, options.figure)

@@ -37,11 +37,7 @@ def native(call: Callable[[], Any]) -> float:
 
 def problems() -> list[tuple[str, Any, Any, Any, Any]]:
     """A process, a sensor, an input and a measurement of each."""
-    se3, imu, biased = (
-        lm.SE3(),
-        es.Imu([1e-3] * 3, [1e-2] * 3),
-        es.BiasedImu([1e-3] * 3, [1e-2] * 3, [1e-4] * 6),
-    )
+    se3, imu, biased = (lm.SE3(), es.Imu([1e-3] * 3, [1e-2] * 3), es.BiasedImu([1e-3] * 3, [1e-2] * 3, [1e-4] * 6))
     gyro, w = es.BiasedGyroscope([1e-3] * 3, [1e-5] * 3), np.array([0.1, 0.2, 0.3])
     at_rest, z = np.array([0.1, 0.2, 0.3, 0.0, 0.0, 9.8]), np.array([0.1, 0.2, 0.3])
     up = es.Direction(lm.SO3(), [0.0, 0.0, 1.0], [0.01] * 3)
@@ -59,12 +55,7 @@ def problems() -> list[tuple[str, Any, Any, Any, Any]]:
 def in_numpy(group: Any) -> tuple[Callable[[], Any], Callable[[], Any]]:
     """The steps of the filter on SO(3), written out with NumPy as users do."""
     g, P, Q, R = np.eye(3), 0.01 * np.eye(3), 1e-6 * np.eye(3), 1e-4 * np.eye(3)
-    known, u, z, h = (
-        np.array([0.0, 0.0, 1.0]),
-        np.array([0.1, 0.2, 0.3]),
-        np.array([0.0, 0.05, 1.0]),
-        0.1,
-    )
+    known, u, z, h = (np.array([0.0, 0.0, 1.0]), np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.05, 1.0]), 0.1)
 
     def hat(w: Any) -> Any:
         return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
@@ -90,9 +81,7 @@ def in_numpy(group: Any) -> tuple[Callable[[], Any], Callable[[], Any]]:
 
 
 def filters(rounds: int, calls: int) -> None:
-    print(
-        f"{'filter':26} {'kind':12} {'predict':>8} {'update':>8}  us;   until native, s;   per member of 1000, us"
-    )
+    print(f"{'filter':26} {'kind':12} {'predict':>8} {'update':>8}  us;   until native, s;   per member of 1000, us")
     for name, process, sensor, u, z in problems():
         for kind in (es.ErrorStateFilter, es.UnscentedFilter):
             f = kind(process)
@@ -112,9 +101,7 @@ def filters(rounds: int, calls: int) -> None:
                 flush=True,
             )
     predict, update = in_numpy(lm.SO3())
-    print(
-        f"{'SO(3) in NumPy':26} {'MEKF':12} {cost(predict, rounds, calls):8.1f} {cost(update, rounds, calls):8.1f}"
-    )
+    print(f"{'SO(3) in NumPy':26} {'MEKF':12} {cost(predict, rounds, calls):8.1f} {cost(update, rounds, calls):8.1f}")
 
 
 def chain(n: int) -> tuple[Any, ...]:
@@ -194,9 +181,7 @@ def beside(gtsam: Any, rounds: int, n: int, found: Any, problem: Any, ours: floa
     apart = np.abs(path - found.g).max()
     spread = np.abs(np.array(covariances) - found.covariance).max() / np.abs(found.covariance).max()
     them = cost(theirs, rounds, 1)
-    return (
-        f" {them / 1e3:10.1f} {steps:6d} {ours / them:7.2f}  {apart:.1e} (covariance {spread:.1e})"
-    )
+    return f" {them / 1e3:10.1f} {steps:6d} {ours / them:7.2f}  {apart:.1e} (covariance {spread:.1e})"
 
 
 def main() -> None:

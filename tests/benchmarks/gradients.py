@@ -86,9 +86,7 @@ def driven(values: int, steps: int) -> tuple[Any, Any, Any]:
     """A body whose torque is held over equal times; so many numbers, small enough for regular motion."""
     many = -(-values // 3)
     torque = 1e-4 * np.sin(np.arange(3.0 * many)).reshape(many, 3)
-    table = lm.PiecewisePolynomial.constant(
-        np.linspace(0.0, 0.01 * steps, many + 1), torque, outside="hold"
-    )
+    table = lm.PiecewisePolynomial.constant(np.linspace(0.0, 0.01 * steps, many + 1), torque, outside="hold")
     whole = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Driven(table))
     start = whole.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))
     return lm.Plan(whole, METHOD, h=0.01), start, of_attitude
@@ -109,9 +107,7 @@ def memory(function: Callable[[], Any]) -> tuple[float, float]:
 def table(quick: bool) -> None:
     """Cost and memory against the number of steps and of parameters."""
     rounds = 1 if quick else 5
-    print(
-        f"{'':28} {'steps':>9} {'run, ms':>9} {'gradient / run':>15} {'kB':>7} {'RSS, kB':>8} {'growth':>8}"
-    )
+    print(f"{'':28} {'steps':>9} {'run, ms':>9} {'gradient / run':>15} {'kB':>7} {'RSS, kB':>8} {'growth':>8}")
     cases: list[tuple[str, Any, list[str], int]] = []
     for steps in (10**4, 10**5) if quick else (10**4, 10**5, 10**6, 10**7):
         cases.append(("body, by start", body(), ["start"], steps))
@@ -124,14 +120,10 @@ def table(quick: bool) -> None:
     for name, (plan, start, loss), by, steps in cases:
         ends = plan.replace(every=steps)
 
-        def backwards(
-            plan: Any = plan, start: Any = start, loss: Any = loss, by: Any = by, steps: Any = steps
-        ) -> Any:
+        def backwards(plan: Any = plan, start: Any = start, loss: Any = loss, by: Any = by, steps: Any = steps) -> Any:
             return plan.gradient(loss, start, steps=steps, by=by)
 
-        forwards = least(
-            lambda ends=ends, start=start, steps=steps: ends.run(start, steps=steps), rounds
-        )
+        forwards = least(lambda ends=ends, start=start, steps=steps: ends.run(start, steps=steps), rounds)
         ratio = least(backwards, rounds) / forwards
         peak, grown = memory(backwards)
         print(
@@ -196,9 +188,7 @@ def peers(quick: bool) -> None:
         ("chain of ten", row, np.concatenate([np.linspace(0.1, 0.5, 10), np.zeros(10)]),
          lambda y: y[0] ** 2 + y[11], chain()),
     )  # fmt: skip
-    print(
-        f"\n{steps} steps by the start: {'ours, us a step':>16} {'diffrax':>9} {'ratio':>7} {'values differ':>14}"
-    )
+    print(f"\n{steps} steps by the start: {'ours, us a step':>16} {'diffrax':>9} {'ratio':>7} {'values differ':>14}")
     tables = diffrax.Tsit5()
     for name, field, y0, loss, (plan, start, own_loss) in cases:
 
@@ -216,10 +206,7 @@ def peers(quick: bool) -> None:
         theirs = least(lambda of=of_them: jax.block_until_ready(of()), 2 if quick else 3) / steps
         ours = least(of_us, 3) / steps
         off = abs(float(of_them()[0]) - of_us().value)
-        print(
-            f"{name:28} {1e6 * ours:13.3f} {1e6 * theirs:9.3f} {theirs / ours:7.1f} {off:14.1e}",
-            flush=True,
-        )
+        print(f"{name:28} {1e6 * ours:13.3f} {1e6 * theirs:9.3f} {theirs / ours:7.1f} {off:14.1e}", flush=True)
 
 
 if __name__ == "__main__":

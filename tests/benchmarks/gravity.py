@@ -143,9 +143,7 @@ def a_step(rebound: Any, rounds: int) -> list[list[Any]]:
     return rows
 
 
-def ours_in_pairs(
-    m: np.ndarray, q: np.ndarray, v: np.ndarray, tableau: Any, h: float
-) -> Callable[[int], np.ndarray]:
+def ours_in_pairs(m: np.ndarray, q: np.ndarray, v: np.ndarray, tableau: Any, h: float) -> Callable[[int], np.ndarray]:
     """Steps of the library of Kepler motions about the star and the perturbation in turn."""
     system = lm.models.PlanetarySystem(m)
     start = system.state_of(q, m[:, None] * v)
@@ -246,9 +244,7 @@ def figure(curves: dict[str, list[list[float]]], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=7, help="how often each is measured")
     parser.add_argument("--out", type=Path, default=None, help="where the JSON goes")
     parser.add_argument("--quick", action="store_true", help="one round of each: does it run?")

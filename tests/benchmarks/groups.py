@@ -115,9 +115,7 @@ class ClassicalByHand(ByHand):
         k2 = self.velocity(system, mu, half * k1, 2)
         k3 = self.velocity(system, mu, half * k2, 2)
         k4 = self.velocity(system, mu, h * k3, 2)
-        return self.displaced(
-            system, state, (h / 6.0) * k1 + (h / 3.0) * k2 + (h / 3.0) * k3 + (h / 6.0) * k4
-        )
+        return self.displaced(system, state, (h / 6.0) * k1 + (h / 3.0) * k2 + (h / 3.0) * k3 + (h / 6.0) * k4)
 
 
 @lm.record
@@ -131,16 +129,11 @@ class DormandPrinceByHand(ByHand):
         k1 = system.hamiltonian.gradient(mu)
         k2 = self.velocity(system, mu, (h / 5) * k1, 3)
         k3 = self.velocity(system, mu, (h * 3 / 40) * k1 + (h * 9 / 40) * k2, 3)
-        k4 = self.velocity(
-            system, mu, (h * 44 / 45) * k1 - (h * 56 / 15) * k2 + (h * 32 / 9) * k3, 3
-        )
+        k4 = self.velocity(system, mu, (h * 44 / 45) * k1 - (h * 56 / 15) * k2 + (h * 32 / 9) * k3, 3)
         k5 = self.velocity(
             system,
             mu,
-            (h * 19372 / 6561) * k1
-            - (h * 25360 / 2187) * k2
-            + (h * 64448 / 6561) * k3
-            - (h * 212 / 729) * k4,
+            (h * 19372 / 6561) * k1 - (h * 25360 / 2187) * k2 + (h * 64448 / 6561) * k3 - (h * 212 / 729) * k4,
             3,
         )
         k6 = self.velocity(
@@ -174,31 +167,16 @@ class Cpp:
     """The C++ of the same step; kind 0: an inertia (6,), 1: (6, 6), 2: the top."""
 
     def __init__(
-        self,
-        library: Any,
-        method: int,
-        kind: int,
-        mu: np.ndarray,
-        g: np.ndarray | None,
-        data: np.ndarray,
+        self, library: Any, method: int, kind: int, mu: np.ndarray, g: np.ndarray | None, data: np.ndarray
     ) -> None:
         self.library, self.method, self.kind, self.solves = library, method, kind, 0.0
         inverse = np.linalg.inv(data) if kind == 1 else data
-        self.mu, self.g, self.data, self.inverse = (
-            mu,
-            g,
-            data.ravel().copy(),
-            inverse.ravel().copy(),
-        )
+        self.mu, self.g, self.data, self.inverse = (mu, g, data.ravel().copy(), inverse.ravel().copy())
 
     def __call__(self, steps: int) -> np.ndarray:
         mu, g, void = self.mu.copy(), None if self.g is None else self.g.copy(), ctypes.c_void_p
-        arrays = [
-            None if a is None else void(a.ctypes.data) for a in (mu, g, self.data, self.inverse)
-        ]
-        solves = self.library.advance_se3(
-            self.method, self.kind, *arrays, ctypes.c_double(H), ctypes.c_long(steps)
-        )
+        arrays = [None if a is None else void(a.ctypes.data) for a in (mu, g, self.data, self.inverse)]
+        solves = self.library.advance_se3(self.method, self.kind, *arrays, ctypes.c_double(H), ctypes.c_long(steps))
         self.solves = solves / steps
         return mu if g is None else np.concatenate([mu, g.ravel()])
 
@@ -209,10 +187,7 @@ def build() -> dict[str, Any]:
     if not compiler:
         print("g++ was not found: the C++ columns stay empty")
         return {}
-    folder = (
-        Path(tempfile.gettempdir())
-        / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
-    )
+    folder = Path(tempfile.gettempdir()) / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
     folder.mkdir(mode=0o700, exist_ok=True)
     libraries = {}
     for contraction in baseline.CONTRACTIONS:
@@ -231,10 +206,7 @@ def build() -> dict[str, Any]:
 
 
 def compared(
-    title: str,
-    cases: Mapping[tuple[str, str], Mapping[str, Callable[[int], Any]]],
-    budget: float | None,
-    *timing: Any,
+    title: str, cases: Mapping[tuple[str, str], Mapping[str, Callable[[int], Any]]], budget: float | None, *timing: Any
 ) -> list[dict[str, Any]]:
     """One row for each case: ns of every run, and the ratios of the others to the first, or of the
     first to C++.
@@ -244,13 +216,8 @@ def compared(
         times = measure(runs, *timing)
         first, *others = times
         against_cpp = any(name.startswith("C++") for name in others)
-        ratios = {
-            o: times[first].over(times[o]) if against_cpp else times[o].over(times[first])
-            for o in others
-        }
-        solves = next(
-            (run.solves for run in runs.values() if isinstance(run, Cpp) and run.solves), None
-        )
+        ratios = {o: times[first].over(times[o]) if against_cpp else times[o].over(times[first]) for o in others}
+        solves = next((run.solves for run in runs.values() if isinstance(run, Cpp) and run.solves), None)
         results.append(
             {
                 "what": what,
@@ -258,9 +225,7 @@ def compared(
                 "ns": {name: timing.as_dict() for name, timing in times.items()},
                 "ratios": ratios,
                 "newton_solves": solves,
-                "in_budget": {name: ratio <= budget for name, ratio in ratios.items()}
-                if budget
-                else None,
+                "in_budget": {name: ratio <= budget for name, ratio in ratios.items()} if budget else None,
             }
         )
     names, others = list(results[0]["ns"]), list(results[0]["ratios"])
@@ -311,12 +276,8 @@ def rigid_motions(libraries: Mapping[str, Any]) -> dict[tuple[str, str], dict[st
             if kind == 2 and m:
                 continue  # it has no Lagrangian
             for record, g in records(4).items():
-                runs: dict[str, Any] = {
-                    "liemech": native(lm.LiePoissonSystem(lm.SE3(), energy), method, mu, g)
-                }
-                runs |= {
-                    cpp: Cpp(library, m, kind, mu, g, data) for cpp, library in libraries.items()
-                }
+                runs: dict[str, Any] = {"liemech": native(lm.LiePoissonSystem(lm.SE3(), energy), method, mu, g)}
+                runs |= {cpp: Cpp(library, m, kind, mu, g, data) for cpp, library in libraries.items()}
                 agreeing(runs)
                 cases[f"{name}, {body}", record] = runs
     return cases
@@ -333,18 +294,13 @@ def tableaus() -> dict[tuple[str, str], dict[str, Any]]:
     ):
         for system, mu, n in ((so3, MU3, 3), (se3, MU6, 4)):
             for record, g in records(n).items():
-                runs = {
-                    "by hand": native(system, hand, mu, g),
-                    "as data": native(system, data, mu, g),
-                }
+                runs = {"by hand": native(system, hand, mu, g), "as data": native(system, data, mu, g)}
                 agreeing(runs)
                 cases[f"{name}, {system.group!r}", record] = runs
     return cases
 
 
-def generators(
-    closed: lm.LieGroup, others: Mapping[str, lm.LieGroup], n: int
-) -> dict[tuple[str, str], dict[str, Any]]:
+def generators(closed: lm.LieGroup, others: Mapping[str, lm.LieGroup], n: int) -> dict[tuple[str, str], dict[str, Any]]:
     """Groups from generators alone beside closed forms."""
     J, mu = (J3, MU3) if closed.dim == 3 else (J6, MU6)
     energy = lm.KineticEnergy(lm.Vec.of(J))
@@ -352,10 +308,7 @@ def generators(
     for name, method in METHODS.items():
         for record, g in records(n).items():
             groups = {repr(closed): closed, **others}
-            runs = {
-                key: native(lm.LiePoissonSystem(group, energy), method, mu, g)
-                for key, group in groups.items()
-            }
+            runs = {key: native(lm.LiePoissonSystem(group, energy), method, mu, g) for key, group in groups.items()}
             # another group, for comparison of costs
             agreeing({key: run for key, run in runs.items() if key != "SO(4)"})
             cases[name, record] = runs
@@ -389,10 +342,7 @@ def main() -> None:
         "rigid_motions": compared("SE(3) beside C++", rigid_motions(build()), None, *timing),
         "tableaus": compared("tableau as data", tableaus(), 1.1, *timing),
         "generators_so3": compared(
-            "SO(3) from generators",
-            generators(lm.SO3(), {"SO(3)": lm.SO(3), "a class": Rotations()}, 3),
-            3.0,
-            *timing,
+            "SO(3) from generators", generators(lm.SO3(), {"SO(3)": lm.SO(3), "a class": Rotations()}, 3), 3.0, *timing
         ),
         "generators_se3": compared(
             "six dimensions from generators",

@@ -85,13 +85,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
         if cell is None:
             return "-"
         if isinstance(cell, float):
-            return (
-                f"{cell:.2g}"
-                if abs(cell) < 0.1
-                else f"{cell:.2f}"
-                if abs(cell) < 10
-                else f"{cell:.1f}"
-            )
+            return f"{cell:.2g}" if abs(cell) < 0.1 else f"{cell:.2f}" if abs(cell) < 10 else f"{cell:.1f}"
         return str(cell)
 
     cells = [list(columns), *[[text(cell) for cell in row] for row in rows]]
@@ -101,8 +95,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
         print(
             "  "
             + "  ".join(
-                cell.ljust(w) if j == 0 else cell.rjust(w)
-                for j, (cell, w) in enumerate(zip(row, width, strict=True))
+                cell.ljust(w) if j == 0 else cell.rjust(w) for j, (cell, w) in enumerate(zip(row, width, strict=True))
             ).rstrip()
         )
         if k == 0:
@@ -111,11 +104,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
 
 def machine() -> dict[str, object]:
     """What the numbers were measured on."""
-    names = [
-        line.split(":")[1].strip()
-        for line in _lines("/proc/cpuinfo")
-        if line.startswith("model name")
-    ]
+    names = [line.split(":")[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
     return {
         "cpu": names[0] if names else platform.processor(),
         "cores": os.cpu_count(),
@@ -134,9 +123,7 @@ def options(doc: str | None, out: str) -> tuple[Path, tuple[int, float]]:
     """The command line of a benchmark of single steps: where the JSON goes, and repetitions and
     seconds, fewer with --quick.
     """
-    parser = argparse.ArgumentParser(
-        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="smoke run: rough numbers")
     parser.add_argument("--out", type=Path, default=Path(out), help="where the JSON goes")
     chosen = parser.parse_args()

@@ -53,9 +53,7 @@ def fixed(
         every, (system, start) = round(setting), at
         h = race.end / race.count / every
         chosen = method(h) if callable(method) else method
-        plan = lm.Plan(
-            system, chosen, h=h, every=every, record=parts, compiled=True, progress=False
-        )
+        plan = lm.Plan(system, chosen, h=h, every=every, record=parts, compiled=True, progress=False)
 
         def run() -> Any:
             motion: Any = plan.run(start, steps=every * race.count)
@@ -63,9 +61,7 @@ def fixed(
 
         return run
 
-    return Entry(
-        "liemech", name, settings, prepare, lambda found: outputs(*[x[1:] for x in found]), closed
-    )
+    return Entry("liemech", name, settings, prepare, lambda found: outputs(*[x[1:] for x in found]), closed)
 
 
 def adaptive(
@@ -78,14 +74,7 @@ def adaptive(
     def prepare(tolerance: float) -> Run:
         system, start = at
         plan = lm.Plan(
-            system,
-            method,
-            rtol=tolerance,
-            atol=tolerance,
-            record=parts,
-            compiled=True,
-            progress=False,
-            **options,
+            system, method, rtol=tolerance, atol=tolerance, record=parts, compiled=True, progress=False, **options
         )
 
         def run() -> Any:
@@ -94,13 +83,7 @@ def adaptive(
 
         return run
 
-    return Entry(
-        "liemech",
-        f"{name}, adaptive",
-        settings,
-        prepare,
-        lambda found: outputs(*[x[1:] for x in found]),
-    )
+    return Entry("liemech", f"{name}, adaptive", settings, prepare, lambda found: outputs(*[x[1:] for x in found]))
 
 
 ORDERS = 6, 8, 10, 12, 15, 18, 22
@@ -132,9 +115,7 @@ def plain(race: Race, orders: tuple[int, ...] = ORDERS, follow: bool = False) ->
     return [entry(order) for order in orders]
 
 
-def exact(
-    race: Race, at: Start, outputs: Callable[..., np.ndarray], parts: tuple[str, ...]
-) -> Entry:
+def exact(race: Race, at: Start, outputs: Callable[..., np.ndarray], parts: tuple[str, ...]) -> Entry:
     """The closed form at all outputs, its native code made beforehand, as that of others is."""
 
     def prepare(_: float) -> Run:
@@ -149,9 +130,7 @@ def exact(
             run()
         return run
 
-    return Entry(
-        "liemech", "closed form", (0.0,), prepare, lambda found: outputs(*found), closed=True
-    )
+    return Entry("liemech", "closed form", (0.0,), prepare, lambda found: outputs(*found), closed=True)
 
 
 # ------------------------------------------------------------------ bodies
@@ -174,13 +153,7 @@ def free(race: Race) -> list[Entry]:
     return [
         exact(race, (body, start), outputs, parts),
         add("exact flow, step by step", lm.ExactFreeBody(), 1, 2, True),
-        add(
-            "Moser-Veselov, fitted",
-            lambda h: lm.ExactMoserVeselov.of(body, start, h),
-            8000 if far else 8,
-            2,
-            True,
-        ),
+        add("Moser-Veselov, fitted", lambda h: lm.ExactMoserVeselov.of(body, start, h), 8000 if far else 8, 2, True),
         add("Hamilton-Jacobi 8, exp", lm.LiePoissonHamiltonJacobi(order=8), 4, 4),
         add("three rotations, composed to 8", lm.Composition(lm.ThreeRotations(), order=8), 4, 4),
         add("RKMK DOP853", lm.RKMK(tableau=DOP853), 8, 4),
@@ -204,10 +177,7 @@ def heavy_top(race: Race) -> list[Entry]:
         return fixed(race, name, where, method, doubled(first, times), outputs)
 
     return [
-        *[
-            add(f"kicks and exact drifts, order {k}", lm.KickDrift(order=k), 32 >> (k // 2), 5)
-            for k in (4, 6, 8)
-        ],
+        *[add(f"kicks and exact drifts, order {k}", lm.KickDrift(order=k), 32 >> (k // 2), 5) for k in (4, 6, 8)],
         add("Galerkin 8", lm.GalerkinVariational(8), 2, 4),
         add("Hamilton-Jacobi 8, exp, se(3)*", lm.LiePoissonHamiltonJacobi(order=8), 2, 4, dual),
         add("RKMK DOP853, se(3)*", lm.RKMK(tableau=DOP853), 2, 6, dual),
@@ -230,14 +200,7 @@ def kirchhoff(race: Race) -> list[Entry]:
         return np.concatenate([mu, square(g, 3), g[:, :3, 3]], axis=1)
 
     return [
-        fixed(
-            race,
-            "Hamilton-Jacobi 6, exp",
-            at,
-            lm.LiePoissonHamiltonJacobi(order=6),
-            doubled(4, 5),
-            outputs,
-        ),
+        fixed(race, "Hamilton-Jacobi 6, exp", at, lm.LiePoissonHamiltonJacobi(order=6), doubled(4, 5), outputs),
         fixed(race, "Galerkin 8", at, lm.GalerkinVariational(8), doubled(2, 4), outputs),
         fixed(race, "RKMK DOP853", at, lm.RKMK(tableau=DOP853), doubled(2, 6), outputs),
         fixed(race, "RKMK Verner 6", at, lm.RKMK(tableau=VERNER6), doubled(4, 5), outputs),
@@ -257,12 +220,7 @@ def four_dimensions(race: Race) -> list[Entry]:
 
     return [
         fixed(
-            race,
-            "Hamilton-Jacobi 4, Cayley",
-            at,
-            lm.LiePoissonHamiltonJacobi(4, lm.Cayley()),
-            doubled(16, 4),
-            outputs,
+            race, "Hamilton-Jacobi 4, Cayley", at, lm.LiePoissonHamiltonJacobi(4, lm.Cayley()), doubled(16, 4), outputs
         ),
         fixed(race, "Galerkin 6, exp", at, lm.GalerkinVariational(6), doubled(8, 4), outputs),
         fixed(race, "RKMK DOP853", at, lm.RKMK(tableau=DOP853), doubled(4, 6), outputs),
@@ -318,16 +276,12 @@ def kepler(race: Race) -> list[Entry]:
 
             return run
 
-        return Entry(
-            "liemech", name, settings, prepare, lambda found: outputs(*[x[1:] for x in found])
-        )
+        return Entry("liemech", name, settings, prepare, lambda found: outputs(*[x[1:] for x in found]))
 
     halved = tuple(0.8 / 2**k for k in range(7))
     return [
         exact(race, at, outputs, parts),
-        transformed(
-            "logarithmic, Kahan-Li 8", lm.LogarithmicHamiltonian(system), eight, halved[2:]
-        ),
+        transformed("logarithmic, Kahan-Li 8", lm.LogarithmicHamiltonian(system), eight, halved[2:]),
         transformed(
             "controller, splitting 8",
             system,
@@ -361,10 +315,7 @@ def spherical_pendulum(race: Race) -> list[Entry]:
 
 def solar_system(race: Race) -> list[Entry]:
     """The outer planets: Kepler's motions and what planets do to each other, or plain equations."""
-    system, bodies = (
-        lm.models.PlanetarySystem(SUNS, PULL),
-        lm.models.NBody(masses=SUNS, gravity=PULL),
-    )
+    system, bodies = (lm.models.PlanetarySystem(SUNS, PULL), lm.models.NBody(masses=SUNS, gravity=PULL))
     first, masses = np.array(race.start), np.repeat(SUNS, 3)
     q, p = first[:18], masses * first[18:]
     split, plain = (system, system.state_of(q, p)), (bodies, bodies.state(q, p))
@@ -376,26 +327,10 @@ def solar_system(race: Race) -> list[Entry]:
     tableaus = {"SABA (8, 2)": "SABA (8, 2)", "ABA (10, 6, 4)": "ABA (10, 6, 4)"}
     return [
         *[
-            fixed(
-                race,
-                f"splitting {name}",
-                split,
-                lm.Splitting(tableau=SPLITTINGS[key]),
-                settings,
-                places,
-                ("y",),
-            )
+            fixed(race, f"splitting {name}", split, lm.Splitting(tableau=SPLITTINGS[key]), settings, places, ("y",))
             for name, key in tableaus.items()
         ],
-        fixed(
-            race,
-            "kicks and drifts, order 8",
-            plain,
-            lm.Splitting(order=8),
-            settings,
-            lambda q, p: q,
-            ("q", "p"),
-        ),
+        fixed(race, "kicks and drifts, order 8", plain, lm.Splitting(order=8), settings, lambda q, p: q, ("q", "p")),
     ]
 
 

@@ -25,15 +25,11 @@ def eddies(sphere: Any) -> Any:
     return {(l, m): rng.normal() / l for l in range(2, 11) for m in range(-l, l + 1)}
 
 
-def energy_errors(
-    sphere: Any, start: Any, order: int, h: float, t_end: float, rounds: int
-) -> tuple[float, float]:
+def energy_errors(sphere: Any, start: Any, order: int, h: float, t_end: float, rounds: int) -> tuple[float, float]:
     """The largest error of the energy, and the least processor time, of a run."""
     steps = max(1, round(t_end / h))
     method = lm.Isospectral(order)
-    plan = lm.Plan(
-        sphere, method, h=t_end / steps, every=max(1, steps // 40), progress=False, compiled=True
-    )
+    plan = lm.Plan(sphere, method, h=t_end / steps, every=max(1, steps // 40), progress=False, compiled=True)
     run = plan.run(start, steps=steps)
     quiet = lm.Plan(sphere, method, h=t_end / steps, every=10**9, progress=False, compiled=True)
     least = np.inf
@@ -108,12 +104,8 @@ def products(n: int) -> dict[str, Any]:
     start, found = sphere.from_harmonics(eddies(sphere)), {"n": n}
     for share in (0.25, 0.5, 1.0):
         h = share * sphere.hbar
-        found[f"products at {share} hbar"] = 2 * large_groups.sweeps(
-            sphere, start, h, 10 if n < 512 else 3
-        )
-    plan = lm.Plan(
-        sphere, lm.Isospectral(2), h=0.5 * sphere.hbar, every=10**9, progress=False, compiled=True
-    )
+        found[f"products at {share} hbar"] = 2 * large_groups.sweeps(sphere, start, h, 10 if n < 512 else 3)
+    plan = lm.Plan(sphere, lm.Isospectral(2), h=0.5 * sphere.hbar, every=10**9, progress=False, compiled=True)
     begun = time.process_time()
     run = plan.run(start, steps=8)
     found["compile"] = time.process_time() - begun
@@ -141,17 +133,13 @@ def beside_quflow(n: int, rounds: int) -> dict[str, Any]:
     w = shr2mat(row, N=n)
     theirs = {
         "quflow": lambda steps, **o: isomp_fixedpoint(w.copy(), unit * h, steps=steps, **o),
-        "quflow, to rounding": lambda steps: isomp_fixedpoint(
-            w.copy(), unit * h, steps=steps, compsum=True, maxit=40
-        ),
+        "quflow, to rounding": lambda steps: isomp_fixedpoint(w.copy(), unit * h, steps=steps, compsum=True, maxit=40),
     }
     own, _ = large_groups.runner(sphere, lm.Isospectral(2), start, h)
     mu = np.array(start.mu)
     run = lm.integrate(sphere, lm.Isospectral(2), start, h=h, steps=20, every=20, progress=False)
     a, back = sphere.harmonics(run.mu[-1]), mat2shr(theirs["quflow, to rounding"](20))
-    apart = max(
-        abs(back[l * l + l + m] - a[l, n - 1 + m]) for l in range(n) for m in range(-l, l + 1)
-    )
+    apart = max(abs(back[l * l + l + m] - a[l, n - 1 + m]) for l in range(n) for m in range(-l, l + 1))
     energies = abs(quflow.energy_euler(w) / sphere.energy(mu) - 1.0)
     stats: dict[str, Any] = {}
     theirs["quflow"](20, stats=stats)
@@ -179,9 +167,7 @@ def main() -> None:
     quick, rounds, found = asked.quick, asked.rounds, {}
     if "orders" in asked.only:
         sizes = asked.sizes or ((16,) if quick else (64, 128))
-        found["orders"] = [
-            orders(n, 0.5 if quick else 2.0, rounds, 3 if quick else 5) for n in sizes
-        ]
+        found["orders"] = [orders(n, 0.5 if quick else 2.0, rounds, 3 if quick else 5) for n in sizes]
     if "casimirs" in asked.only:
         sizes = asked.sizes or ((16,) if quick else (32, 64))
         found["casimirs"] = [casimirs(n, 1000 if quick else 100_000) for n in sizes]

@@ -17,9 +17,7 @@ import numpy as np
 import liemech as lm
 
 
-def cost(
-    system: lm.System, method: lm.Method, start: lm.State, steps: int = 10_000
-) -> tuple[float, float]:
+def cost(system: lm.System, method: lm.Method, start: lm.State, steps: int = 10_000) -> tuple[float, float]:
     """Processor time: seconds until the first steps are made, and nanoseconds a step, the least of
     five.
     """
@@ -58,10 +56,7 @@ def long_chains(most: int) -> None:
             memory = method.step(chain, n * h, memory, h)
             spent.append(time.process_time() - at)
         counts, steps = [*counts, count], [*steps, min(spent)]
-        print(
-            f"{count:6}{made - begun:10.2f}{steps[-1]:9.3f}{1e3 * steps[-1] / count:11.2f}",
-            flush=True,
-        )
+        print(f"{count:6}{made - begun:10.2f}{steps[-1]:9.3f}{1e3 * steps[-1] / count:11.2f}", flush=True)
     half = len(counts) // 2
     slope = np.polyfit(np.log(counts[half:]), np.log(steps[half:]), 1)[0]
     print(f"from {counts[half]} rods on a step costs their number to the power {slope:.2f}")
@@ -69,15 +64,9 @@ def long_chains(most: int) -> None:
 
 def main() -> None:
     """Print the tables of docs/proof/costs.md, joints."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="smoke run: one joint, and short chains"
-    )
-    parser.add_argument(
-        "--long", type=int, metavar="N", help="chains of up to N rods in plain Python, nothing else"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="smoke run: one joint, and short chains")
+    parser.add_argument("--long", type=int, metavar="N", help="chains of up to N rods in plain Python, nothing else")
     chosen = parser.parse_args()
     if chosen.long is not None or chosen.quick:
         long_chains(chosen.long or 32)
@@ -86,9 +75,7 @@ def main() -> None:
     moments, mass, centre = np.array([1.0, 1.5, 0.7]), 2.0, np.array([0.3, 0.1, 0.4])
     about_point = np.diag(moments) + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     top = lm.models.HeavyTop(about_point, mass * 9.81, centre)
-    body = lm.joints.Linkage(
-        [lm.joints.Link(mass, moments)], [lm.joints.BallJoint(0, None, -centre)], 9.81
-    )
+    body = lm.joints.Linkage([lm.joints.Link(mass, moments)], [lm.joints.BallJoint(0, None, -centre)], 9.81)
     w, pose = np.array([0.3, 0.6, 1.1]), np.eye(4)
     pose[:3, 3] = centre
     start = body.assembled([pose], [[*w, *np.cross(w, centre)]])
@@ -96,11 +83,7 @@ def main() -> None:
         ("LieVerlet, heavy top", top, lm.LieVerlet(), top.state(about_point @ w, np.eye(3))),
         ("LieRATTLE, fixed point", body, lm.LieRATTLE(), start),
         ("LieRATTLE(Cayley()), fixed point", body, lm.LieRATTLE(lm.Cayley()), start),
-        *[
-            (f"LieRATTLE, chain({n})", chain, lm.LieRATTLE(), begun)
-            for n in (2, 3)
-            for chain, begun in (hanging(n),)
-        ],
+        *[(f"LieRATTLE, chain({n})", chain, lm.LieRATTLE(), begun) for n in (2, 3) for chain, begun in (hanging(n),)],
     ]
     for name, system, method, begun in rows[:2] if chosen.quick else rows:
         made, step = cost(system, method, begun)

@@ -158,9 +158,7 @@ def flows(sizes: tuple[int, ...], rounds: int) -> list[dict[str, Any]]:
         a, b = (rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n)) for _ in range(2))
         out = np.empty_like(a)
         runs: dict[str, Any] = {"ours": ours}
-        runs["product"] = lambda steps, a=a, b=b, out=out: [
-            np.matmul(a, b, out=out) for _ in range(steps)
-        ]
+        runs["product"] = lambda steps, a=a, b=b, out=out: [np.matmul(a, b, out=out) for _ in range(steps)]
         with one_thread():
             times = least(runs, rounds)
         products = 2 * sweeps(sphere, start, h, 10)

@@ -74,9 +74,7 @@ def interrupted() -> None:
     exact = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05, every=10**6, **quick)
     rkmk = lm.Plan(BODY, lm.RKMK(order=4), 0.05, every=10**5, **quick)
     adaptive = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-9, **quick)
-    controller = lm.ReversibleController(
-        lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.5)
-    )
+    controller = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.5))
     clocked = lm.Plan(kepler, controller, 0.01, every=10**5, **quick)
     times, product = np.linspace(0.0, 5e6, 1000), [("product", lambda t, s: s.mu[0] * s.mu[1])]
     runs: dict[str, Callable[[], Any]] = {
@@ -119,21 +117,14 @@ def interrupted() -> None:
 
 
 def tangents() -> None:
-    print(
-        "| motion | directions n | tangent map | n + 1 runs, one by one | n + 1 runs, an ensemble |"
-    )
+    print("| motion | directions n | tangent map | n + 1 runs, one by one | n + 1 runs, an ensemble |")
     print("| --- | --- | --- | --- | --- |")
     top: Any = lm.models.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 1.0])
     kepler = lm.Kepler()
     for name, system, method, start in (
         ("free body, RKMK4", BODY, lm.RKMK(order=4), BODY.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))),
         ("heavy top, RKMK4", top, lm.RKMK(order=4), top.state(mu=[0.1, 0.2, 2.0], g=np.eye(3))),
-        (
-            "Kepler, Stormer-Verlet",
-            kepler,
-            lm.StormerVerlet(),
-            kepler.state(q=[0.6, 0.0], p=[0.0, 1.4]),
-        ),
+        ("Kepler, Stormer-Verlet", kepler, lm.StormerVerlet(), kepler.state(q=[0.6, 0.0], p=[0.0, 1.4])),
         (
             "free body, Algorithm 1",
             BODY,
@@ -143,9 +134,7 @@ def tangents() -> None:
     ):
         plan, steps = lm.Plan(system, method, every=10**4, **ALGORITHM_1), 10**4
         n = plan.tangent(start, steps=1).tangent["start"].shape[-1]
-        several = type(start)(
-            *(None if x is None else np.array([x] * (n + 1)) for x in start.parts.values())
-        )
+        several = type(start)(*(None if x is None else np.array([x] * (n + 1)) for x in start.parts.values()))
         took = [
             seconds(run, 5)
             for run in (

@@ -17,12 +17,8 @@ from __future__ import annotations
 import argparse
 import os
 
-os.environ |= dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
-)  # before NumPy comes
-os.environ.setdefault(
-    "XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
-)
+os.environ |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")  # before NumPy comes
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
 
 import json
 import math
@@ -156,9 +152,7 @@ def _timed(run: Run, times: int = 1) -> tuple[Any, float]:
     return raw, (time.perf_counter() - begun) / times
 
 
-def measure(
-    race: Race, everybody: list[Entry], rounds: int, seconds: float
-) -> list[dict[str, Any]]:
+def measure(race: Race, everybody: list[Entry], rounds: int, seconds: float) -> list[dict[str, Any]]:
     """All methods of a race, in turn: medians and quartiles of warm and of cold calls."""
     begun = time.perf_counter()
     curves = first_calls(race, everybody, 0.2 if rounds == 1 else 1.0, rounds > 1)
@@ -185,37 +179,25 @@ def measure(
 def keep(kept: dict[str, Any]) -> None:
     """Write the file, one method a line."""
     kept["machine"] = harness.machine()
-    kept["races"] = {
-        race.key: kept["races"][race.key] for race in RACES if race.key in kept["races"]
-    }
+    kept["races"] = {race.key: kept["races"][race.key] for race in RACES if race.key in kept["races"]}
     text = json.dumps(kept, separators=(",", ":")).replace('{"package"', '\n{"package"')
     KEPT.write_text(text + "\n", encoding="utf-8")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "--quick",
-        action="store_true",
-        help="smoke run: two races, every third method, two settings, once",
+        "--quick", action="store_true", help="smoke run: two races, every third method, two settings, once"
     )
-    parser.add_argument(
-        "--minutes", type=float, default=10.0, help="for the rounds; setting up takes what it takes"
-    )
-    parser.add_argument(
-        "--only", nargs="*", help="races by key, or `crowds`; the others stay as they were measured"
-    )
+    parser.add_argument("--minutes", type=float, default=10.0, help="for the rounds; setting up takes what it takes")
+    parser.add_argument("--only", nargs="*", help="races by key, or `crowds`; the others stay as they were measured")
     parser.add_argument("--page", action="store_true", help="write the pages only")
     chosen = parser.parse_args()
     if chosen.page:
         write_pages(json.loads(KEPT.read_text(encoding="utf-8")))
         return
     kept: dict[str, Any] = (
-        json.loads(KEPT.read_text(encoding="utf-8"))
-        if KEPT.exists() and chosen.only
-        else {"races": {}}
+        json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() and chosen.only else {"races": {}}
     )
     races = [race for race in RACES if race.key in chosen.only] if chosen.only else list(RACES)
     if chosen.quick:
@@ -231,18 +213,10 @@ def main() -> None:
         here = harness.machine()["cpu"]
         kept["races"][race.key] = {"name": race.name, "curves": curves, "machine": here}
         rows = [
-            [
-                c["package"],
-                c["method"],
-                *[1e3 * t if (t := quickest(c["points"], e)) else None for e in TARGETS],
-            ]
+            [c["package"], c["method"], *[1e3 * t if (t := quickest(c["points"], e)) else None for e in TARGETS]]
             for c in curves
         ]
-        harness.table(
-            f"{race.name}: ms for an error of",
-            ["package", "method", *[f"{e:.0e}" for e in TARGETS]],
-            rows,
-        )
+        harness.table(f"{race.name}: ms for an error of", ["package", "method", *[f"{e:.0e}" for e in TARGETS]], rows)
         if not chosen.quick:
             kept["versions"] = {**versions, "numbalsoda": rivals.version("numbalsoda")}
             keep(kept)

@@ -59,12 +59,7 @@ def lengths_and_energy(order: int, compensated: bool, steps: int, minutes: float
     system, s = spins_of(lm.neighbours.cubic(10, 10, 10))
     h = 0.05 * order
     plan = lm.Plan(
-        system,
-        lm.SublatticeSplitting(order),
-        h=h,
-        every=steps // PIECES,
-        compensated=compensated,
-        progress=False,
+        system, lm.SublatticeSplitting(order), h=h, every=steps // PIECES, compensated=compensated, progress=False
     )
     start = system.state(mu=s)
     first, squares = float(system.energy(start.mu)), (s**2).sum(axis=1)
@@ -97,9 +92,7 @@ def line(t: np.ndarray, means: Any) -> tuple[float, float]:
     return float(slope), float(np.sqrt(covariance[0, 0]))
 
 
-def energy_of_water(
-    order: int, h: float, steps: int, minutes: float, side: int, kelvin: float
-) -> dict[str, Any]:
+def energy_of_water(order: int, h: float, steps: int, minutes: float, side: int, kelvin: float) -> dict[str, Any]:
     """The trend of the energy, from means of blocks, and its standard error, in eV/ns."""
     system, start = drop(side)
     start = warmed(system, start, kelvin)
@@ -140,21 +133,13 @@ def picture(path: Path, rows: list[dict[str, Any]]) -> None:
     """Energies and modified energies in the course of runs, from their starts, over kinetic energies."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(
-        2, len(rows), figsize=(4.2 * len(rows), 5.0), sharex="col", squeeze=False, dpi=110
-    )
+    figure, axes = plt.subplots(2, len(rows), figsize=(4.2 * len(rows), 5.0), sharex="col", squeeze=False, dpi=110)
     for (above, below), row in zip(axes.T, rows, strict=True):
         t, energy, modified, kinetic = map(np.array, row["series"])
         unit = 10.0 ** np.floor(np.log10(np.ptp(energy)))
-        above.plot(
-            t, (energy - energy[0]) / unit, color="tab:red", lw=1.0, label="energy, block means"
-        )
-        above.plot(
-            t, (modified - modified[0]) / unit, color="tab:blue", lw=1.4, label="modified energy"
-        )
-        above.set_title(
-            f"order {row['order']}, {row['h, fs']:g} fs, {row['kelvin']:g} K", fontsize=10
-        )
+        above.plot(t, (energy - energy[0]) / unit, color="tab:red", lw=1.0, label="energy, block means")
+        above.plot(t, (modified - modified[0]) / unit, color="tab:blue", lw=1.4, label="modified energy")
+        above.set_title(f"order {row['order']}, {row['h, fs']:g} fs, {row['kelvin']:g} K", fontsize=10)
         above.set_ylabel(f"change, {unit:.0e} eV")
         below.plot(t, kinetic, color="0.4", lw=0.8)
         below.set_ylabel("kinetic energy, eV")
@@ -165,9 +150,7 @@ def picture(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="*", default=["spins", "water"], metavar="case")
     parser.add_argument("--steps", type=int, default=10**6)
     parser.add_argument("--minutes", type=float, default=30.0, help="of each case")

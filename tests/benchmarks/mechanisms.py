@@ -59,14 +59,8 @@ def literature(chosen: Any) -> dict[str, Any]:
         plan = lm.Plan(made.linkage, method, h=h, every=steps, compiled=True, progress=False)
         compiling = spent(lambda: plan.run(made.start, steps=10))  # noqa: B023
         errors = [made.error(method, made.steps * n) for n in (1, 2)]
-        four = (
-            made.error(lm.Composition(method, order=4), made.steps // 2)
-            if not chosen.quick
-            else None
-        )
-        plan = lm.Plan(
-            made.linkage, method, h=made.end / made.steps, every=made.steps, progress=False
-        )
+        four = made.error(lm.Composition(method, order=4), made.steps // 2) if not chosen.quick else None
+        plan = lm.Plan(made.linkage, method, h=made.end / made.steps, every=made.steps, progress=False)
         runs = {name: lambda: plan.run(made.start, steps=made.steps)}  # noqa: B023
         us = 1e6 * least(runs, 3)[name] / made.steps
         kept[name] = {"errors": errors, "order 4": four, "us": us, "compile": compiling}
@@ -130,15 +124,7 @@ def arm(chosen: Any) -> dict[str, Any]:
 
     def moved(linkage: Any, method: Any, h: float) -> np.ndarray:
         steps = round(end / h)
-        run = lm.integrate(
-            linkage,
-            method,
-            linkage.state(angles=angles),
-            h=h,
-            steps=steps,
-            every=steps,
-            progress=False,
-        )
+        run = lm.integrate(linkage, method, linkage.state(angles=angles), h=h, steps=steps, every=steps, progress=False)
         return np.array([run.joint(n).angle[-1] for n in JOINTS])
 
     reference = moved(held, *((two, 1e-3 / 16) if chosen.quick else (four, 1e-3 / 64)))
@@ -146,9 +132,7 @@ def arm(chosen: Any) -> dict[str, Any]:
     errors: dict[str, float] = {}
     steps = 500 if chosen.quick else 5000
     cases = [("ours, falling", bare, two), ("ours, held", held, two)][chosen.quick :]
-    for name, linkage, method in cases + (
-        [] if chosen.quick else [("ours, held, order 4", held, four)]
-    ):
+    for name, linkage, method in cases + ([] if chosen.quick else [("ours, held, order 4", held, four)]):
         plan = lm.Plan(linkage, method, h=1e-3, every=steps, progress=False)
         start = linkage.state(angles=angles)
         plan.run(start, steps=10)
@@ -165,11 +149,7 @@ def arm(chosen: Any) -> dict[str, Any]:
             errors[f"MuJoCo, {name}, {h:g} s"] = np.abs(made(h, round(end / h)) - reference).max()
     us = {name: 1e6 * t / steps for name, t in least(runs, 3 if chosen.quick else 7).items()}
     table("the Puma: microseconds a step of 1 ms", ["", "us"], [[k, v] for k, v in us.items()])
-    table(
-        "its largest error of an angle after 0.1 s, rad",
-        ["", "error"],
-        [[k, v] for k, v in errors.items()],
-    )
+    table("its largest error of an angle after 0.1 s, rad", ["", "error"], [[k, v] for k, v in errors.items()])
     return {"us": us, "errors": errors}
 
 
@@ -227,9 +207,7 @@ def chain_peers() -> dict[str, tuple[Callable[[int], np.ndarray], list[int]]]:
     ):
 
         def ours(steps: int, method: Any = method) -> np.ndarray:
-            run = lm.integrate(
-                chain, method, start, h=END / steps, steps=steps, every=steps, progress=False
-            )
+            run = lm.integrate(chain, method, start, h=END / steps, steps=steps, every=steps, progress=False)
             pose = chain.poses(run.g)[-1, -1]
             return np.asarray(pose[:3, 3] - 0.5 * pose[:3, 2])
 
@@ -311,9 +289,7 @@ def chain_peers() -> dict[str, tuple[Callable[[int], np.ndarray], list[int]]]:
                 if k:
                     shift.set_translation([0.0, 0.0, -1.0])
                 joint.mT_ParentBodyToJoint = shift
-                node = dart.dynamics.BodyNodeProperties(
-                    dart.dynamics.BodyNodeAspectProperties(f"rod {k}")
-                )
+                node = dart.dynamics.BodyNodeProperties(dart.dynamics.BodyNodeAspectProperties(f"rod {k}"))
                 _, body = skeleton.createBallJointAndBodyNodePair(body, joint, node)
                 inertia = dart.dynamics.Inertia(1.0, [0, 0, -0.5], np.diag([across, across, along]))
                 body.setInertia(inertia)
@@ -346,9 +322,7 @@ def chain_peers() -> dict[str, tuple[Callable[[int], np.ndarray], list[int]]]:
                     referenceRotationMatrix=poses[k, :3, :3], gravity=[0.0, 0.0, -9.80665],
                 )  # fmt: skip
                 top = poses[k, :3, 3] + 0.5 * poses[k, :3, 2]
-                system.CreateSphericalJoint(
-                    itemNumbers=[last, body], position=list(top), useGlobalFrame=True
-                )
+                system.CreateSphericalJoint(itemNumbers=[last, body], position=list(top), useGlobalFrame=True)
                 last = body
             system.Assemble()
             settings = exu.SimulationSettings()
@@ -377,10 +351,7 @@ def half_angles(turn: np.ndarray) -> np.ndarray:
 def equal_error(chosen: Any) -> dict[str, Any]:
     """Error and processor time of each program."""
     peers = chain_peers()
-    reference, check = (
-        peers["liemech, Taylor, order 12"][0](800),
-        peers["liemech, RKMK, order 8"][0](3200),
-    )
+    reference, check = (peers["liemech, Taylor, order 12"][0](800), peers["liemech, RKMK, order 8"][0](3200))
     print(f"reference good to {np.abs(reference - check).max():.0e} m, by two methods")
     kept: dict[str, Any] = {}
     lines = []
@@ -419,13 +390,9 @@ def drawn(kept: dict[str, Any], figure: str) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument(
-        "--peers", action="store_true", help="other programs, those that are installed"
-    )
+    parser.add_argument("--peers", action="store_true", help="other programs, those that are installed")
     parser.add_argument("--figure", help="draw errors and times of the chain")
     parser.add_argument("--only", choices=["literature", "four-bars", "arm", "chain"])
     parser.add_argument("--out")

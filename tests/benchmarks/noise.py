@@ -30,9 +30,7 @@ def ours(method: Any, bodies: int, steps: int) -> tuple[Callable[[], np.ndarray]
     start = system.state([START] * bodies)
 
     def run() -> np.ndarray:
-        found: np.ndarray = lm.integrate(
-            system, method, start, h=H, steps=steps, every=steps, compiled=True
-        ).mu[-1]
+        found: np.ndarray = lm.integrate(system, method, start, h=H, steps=steps, every=steps, compiled=True).mu[-1]
         return found
 
     return run, f"{method.name}, {method.increments}"
@@ -93,9 +91,7 @@ def baths(
     """Spins of a cubic lattice after so many steps more, by the library and by LAMMPS."""
     lattice = lm.neighbours.cubic(n, n, n)
     terms = [Exchange(exchange).over(lattice)] if exchange else []
-    spins = lm.LiePoissonSystem(
-        lm.SO3() ** lattice.sites, lm.Terms(*terms, Zeeman([0.0, 0.0, field]))
-    )
+    spins = lm.LiePoissonSystem(lm.SO3() ** lattice.sites, lm.Terms(*terms, Zeeman([0.0, 0.0, field])))
     bath = lm.thermal_bath(spins, damping=DAMPING, temperature=temperature, seed=3)
     directions = np.random.default_rng(1).standard_normal((lattice.sites, 3)) + [0.0, 0.0, 1.0]
     directions /= np.linalg.norm(directions, axis=1)[:, None]
@@ -128,11 +124,7 @@ def means(quick: bool) -> None:
             1.0, 0.0, 1.0, lambda s: -0.5 * (spin_peers.field(s, n) * s).sum(axis=1).mean(),
         ),
     }  # fmt: skip
-    print(
-        "| mean | h | bath | mean, standard error | ns a spin and unit of time |\n"
-        + "| --- " * 5
-        + "|"
-    )
+    print("| mean | h | bath | mean, standard error | ns a spin and unit of time |\n" + "| --- " * 5 + "|")
     for case, (exchange, field, temperature, quantity) in cases.items():
         for h in (0.025, 0.05, 0.1, 0.2, 0.4):
             apart = round(2.0 / h)

@@ -21,16 +21,7 @@ from scipy.spatial.transform import Rotation
 import liemech as lm
 from liemech.formulas import broadcasting, one_row
 
-GROUPS = (
-    lm.SO3(),
-    lm.SE3(),
-    lm.SU(2),
-    lm.UnitQuaternions(),
-    lm.SE2(),
-    lm.SE23(),
-    lm.SGal3(),
-    lm.SO(4),
-)
+GROUPS = (lm.SO3(), lm.SE3(), lm.SU(2), lm.UnitQuaternions(), lm.SE2(), lm.SE23(), lm.SGal3(), lm.SO(4))
 
 
 def functions(group: Any) -> Iterator[tuple[str, Callable[..., Any], tuple[Any, ...]]]:
@@ -86,10 +77,7 @@ def main() -> None:
             native = cost(partial(function, *args), rounds, calls)
             line = f"{group!r:18} {name:18} {before:8.1f} {plain:8.1f} {native:8.1f}"
             if isinstance(group, lm.SO3) and name in SCIPY:
-                given = [
-                    Rotation.from_matrix(a) if np.ndim(a) == 2 and name != "log" else a
-                    for a in args
-                ]
+                given = [Rotation.from_matrix(a) if np.ndim(a) == 2 and name != "log" else a for a in args]
                 line += f"   SciPy {cost(partial(SCIPY[name], *given), rounds, calls):.1f}"
             print(line, flush=True)
 

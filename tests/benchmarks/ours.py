@@ -40,9 +40,7 @@ def place(problem: Problem) -> Place:
     """A rigid body, or a heavy top on SO(3)."""
     with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
         body = (
-            lm.models.HeavyTop(problem.inertia, 1.0, problem.load)
-            if problem.heavy
-            else lm.RigidBody(problem.inertia)
+            lm.models.HeavyTop(problem.inertia, 1.0, problem.load) if problem.heavy else lm.RigidBody(problem.inertia)
         )
     return Place(body, body.state(mu=problem.mu, g=peers.result(problem.start)[1]))
 
@@ -86,27 +84,16 @@ def symplectic(problem: Problem) -> list[Contender]:
     """Methods that keep the Poisson bracket, and the energy without drift."""
     found = []
 
-    def add(
-        name: str, method: Any, settings: tuple[float, ...], at: Callable[[Problem], Place] = place
-    ) -> None:
-        found.append(
-            Contender("liemech, symplectic", name, settings, partial(_steps, method=method, at=at))
-        )
+    def add(name: str, method: Any, settings: tuple[float, ...], at: Callable[[Problem], Place] = place) -> None:
+        found.append(Contender("liemech, symplectic", name, settings, partial(_steps, method=method, at=at)))
 
-    first, kind = (
-        ("Lie-Verlet", lm.LieVerlet) if problem.heavy else ("Algorithm 1", lm.CovariantVariational)
-    )
+    first, kind = ("Lie-Verlet", lm.LieVerlet) if problem.heavy else ("Algorithm 1", lm.CovariantVariational)
     dual = reduced if problem.heavy else place
-    for label, retraction, orders in (
-        ("exp", lm.Exponential(), (4, 6, 8)),
-        ("Cayley", lm.Cayley(), (4, 6)),
-    ):
+    for label, retraction, orders in (("exp", lm.Exponential(), (4, 6, 8)), ("Cayley", lm.Cayley(), (4, 6))):
         add(f"{first}, {label}", kind(retraction), doubled(256, 12))
         for order in orders:
             add(
-                f"{first}, {label}, composed to {order}",
-                lm.Composition(kind(retraction), order=order),
-                doubled(16, 12),
+                f"{first}, {label}, composed to {order}", lm.Composition(kind(retraction), order=order), doubled(16, 12)
             )
         add(
             f"Hamilton-Jacobi 4, {label}",
@@ -115,12 +102,7 @@ def symplectic(problem: Problem) -> list[Contender]:
             dual,
         )
     for order in (6, 8):
-        add(
-            f"Hamilton-Jacobi {order}, exp",
-            lm.LiePoissonHamiltonJacobi(order=order),
-            doubled(32, 9),
-            dual,
-        )
+        add(f"Hamilton-Jacobi {order}, exp", lm.LiePoissonHamiltonJacobi(order=order), doubled(32, 9), dual)
     add(
         "Hamilton-Jacobi 4, exp, composed to 6",
         lm.Composition(lm.LiePoissonHamiltonJacobi(), order=6),
@@ -131,22 +113,12 @@ def symplectic(problem: Problem) -> list[Contender]:
         add(f"Galerkin {order}", lm.GalerkinVariational(order), doubled(32, 12 - order // 2))
     if problem.heavy:
         for order in (2, 4, 6, 8):
-            add(
-                f"kicks and exact drifts, order {order}",
-                lm.KickDrift(order=order),
-                doubled(512 >> order, 14 - order),
-            )
+            add(f"kicks and exact drifts, order {order}", lm.KickDrift(order=order), doubled(512 >> order, 14 - order))
     else:
         add("exact", lm.ExactFreeBody(), doubled(16, 4))
         add("three rotations", lm.ThreeRotations(), doubled(256, 12))
-        add(
-            "three rotations, composed to 8",
-            lm.Composition(lm.ThreeRotations(), order=8),
-            doubled(16, 12),
-        )
-        found.append(
-            Contender("liemech, symplectic", "Moser-Veselov, fitted", doubled(16, 6), _fitted)
-        )
+        add("three rotations, composed to 8", lm.Composition(lm.ThreeRotations(), order=8), doubled(16, 12))
+        found.append(Contender("liemech, symplectic", "Moser-Veselov, fitted", doubled(16, 6), _fitted))
     return found
 
 
@@ -155,54 +127,28 @@ def classical(problem: Problem) -> list[Contender]:
     found = []
 
     def add(
-        name: str,
-        method: Any,
-        settings: tuple[float, ...],
-        at: Callable[[Problem], Place],
-        adaptive: bool,
+        name: str, method: Any, settings: tuple[float, ...], at: Callable[[Problem], Place], adaptive: bool
     ) -> None:
         found.append(Contender("liemech", name, settings, partial(_steps, method=method, at=at)))
         if adaptive:
             within = (*tolerances(-2, -13), TIGHTEST)
-            found.append(
-                Contender(
-                    "liemech", f"{name}, adaptive", within, partial(_adaptive, method=method, at=at)
-                )
-            )
+            found.append(Contender("liemech", f"{name}, adaptive", within, partial(_adaptive, method=method, at=at)))
 
     for on, at in {"": place, ", se(3)*": reduced}.items():
         if at is reduced and not problem.heavy:
             continue
         for name, tableau in TABLEAUS.items():
             steps = doubled(2048 >> tableau.order, 17 - tableau.order)
-            add(
-                f"RKMK {name}{on}",
-                lm.RKMK(tableau=tableau),
-                steps,
-                at,
-                bool(tableau.b_hat) and at is place,
-            )
+            add(f"RKMK {name}{on}", lm.RKMK(tableau=tableau), steps, at, bool(tableau.b_hat) and at is place)
         if at is reduced or not problem.heavy:
             add(f"Taylor 12{on}", lm.Taylor(12), doubled(16, 8), at, True)
             add(f"Taylor 18{on}", lm.Taylor(18), doubled(16, 8), at, True)
         if not problem.heavy:
             add("Taylor 12, quaternion", lm.Taylor(12), doubled(16, 8), turning, True)
             add("Taylor 18, quaternion", lm.Taylor(18), doubled(16, 8), turning, True)
-            add(
-                "RKMK DOP853, quaternion",
-                lm.RKMK(tableau=TABLEAUS["DOP853"]),
-                doubled(16, 9),
-                turning,
-                True,
-            )
+            add("RKMK DOP853, quaternion", lm.RKMK(tableau=TABLEAUS["DOP853"]), doubled(16, 9), turning, True)
     add("commutator-free 4", lm.CommutatorFree(order=4), doubled(128, 13), place, False)
-    add(
-        "commutator-free CK4",
-        lm.CommutatorFree(tableau=flows.CARPENTER_KENNEDY4),
-        doubled(128, 13),
-        place,
-        False,
-    )
+    add("commutator-free CK4", lm.CommutatorFree(tableau=flows.CARPENTER_KENNEDY4), doubled(128, 13), place, False)
     return found
 
 
@@ -211,22 +157,12 @@ def classical(problem: Problem) -> list[Contender]:
 
 def _steps(problem: Problem, setting: float, method: Any, at: Callable[[Problem], Place]) -> Run:
     return _run(
-        problem,
-        at(problem),
-        method,
-        lambda span: dict.fromkeys(("steps", "every"), problem.steps(setting, span)),
+        problem, at(problem), method, lambda span: dict.fromkeys(("steps", "every"), problem.steps(setting, span))
     )
 
 
-def _adaptive(
-    problem: Problem, tolerance: float, method: Any, at: Callable[[Problem], Place]
-) -> Run:
-    return _run(
-        problem,
-        at(problem),
-        method,
-        lambda span: {"rtol": tolerance, "atol": tolerance, "dense": False},
-    )
+def _adaptive(problem: Problem, tolerance: float, method: Any, at: Callable[[Problem], Place]) -> Run:
+    return _run(problem, at(problem), method, lambda span: {"rtol": tolerance, "atol": tolerance, "dense": False})
 
 
 def _fitted(problem: Problem, setting: float) -> Run:
@@ -234,9 +170,7 @@ def _fitted(problem: Problem, setting: float) -> Run:
     return _steps(problem, setting, lm.ExactMoserVeselov.of(body.system, body.start, h), place)
 
 
-def _run(
-    problem: Problem, at: Place, method: Any, options_for: Callable[[float], dict[str, Any]]
-) -> Run:
+def _run(problem: Problem, at: Place, method: Any, options_for: Callable[[float], dict[str, Any]]) -> Run:
     """Plans are prepared once, for each length of time, as an integrator of heyoka is."""
     prepared: list[tuple[float, lm.Plan, dict[str, Any]]] = []
     for begin, end in problem.spans:
@@ -244,13 +178,7 @@ def _run(
         steps = options.pop("steps", None)
         length = {"steps": steps} if steps else {"t_end": span}
         step = {"h": span / steps} if steps else {}
-        prepared.append(
-            (
-                end,
-                lm.Plan(at.system, method, **step, **options, compiled=True, progress=False),
-                length,
-            )
-        )
+        prepared.append((end, lm.Plan(at.system, method, **step, **options, compiled=True, progress=False), length))
 
     def run() -> list[Result]:
         start, found = at.start, []

@@ -135,11 +135,7 @@ def heyoka() -> list[Contender]:
         torque: list[Any] = [(c - b) * (q * r), (a - c) * (r * p), (b - a) * (p * q)]
         if problem.heavy:
             e, f, g = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z
-            torque = [
-                torque[0] + (f * k - g * j),
-                torque[1] + (g * i - e * k),
-                torque[2] + (e * j - f * i),
-            ]
+            torque = [torque[0] + (f * k - g * j), torque[1] + (g * i - e * k), torque[2] + (e * j - f * i)]
         turn = [
             (w, -0.5 * (x * u + y * v + z * s)),
             (x, 0.5 * (w * u + y * s - z * v)),
@@ -147,9 +143,7 @@ def heyoka() -> list[Contender]:
             (z, 0.5 * (w * s + x * v - y * u)),
         ]
         first = problem.start
-        integrator = hy.taylor_adaptive(
-            [*zip((p, q, r), torque, strict=True), *turn], first, tol=tolerance
-        )
+        integrator = hy.taylor_adaptive([*zip((p, q, r), torque, strict=True), *turn], first, tol=tolerance)
 
         def run() -> list[Result]:
             integrator.time, found = 0.0, []
@@ -171,10 +165,7 @@ def _scipy(label: str, right_hand_side: Callable[[Problem], Callable[..., Any]])
     integrate: Any = importlib.import_module("scipy.integrate")
 
     def prepare(problem: Problem, tolerance: float) -> Run:
-        f, options = (
-            right_hand_side(problem),
-            {"method": "DOP853", "rtol": tolerance, "atol": tolerance},
-        )
+        f, options = (right_hand_side(problem), {"method": "DOP853", "rtol": tolerance, "atol": tolerance})
 
         def run() -> list[Result]:
             state, found = problem.start, []
@@ -215,11 +206,7 @@ def scipy_numba() -> list[Contender]:
     numba: Any = importlib.import_module("numba")
 
     def right_hand_side(problem: Problem) -> Callable[..., Any]:
-        (a, b, c), (i, j, k), heavy = (
-            (1.0 / moment for moment in problem.inertia),
-            problem.load,
-            problem.heavy,
-        )
+        (a, b, c), (i, j, k), heavy = ((1.0 / moment for moment in problem.inertia), problem.load, problem.heavy)
 
         @numba.njit
         def f(t: float, state: np.ndarray) -> np.ndarray:
@@ -228,11 +215,7 @@ def scipy_numba() -> list[Contender]:
             rates = np.empty(7)
             rates[0], rates[1], rates[2] = (c - b) * q * r, (a - c) * r * p, (b - a) * p * q
             if heavy:  # known when it is compiled
-                e, f, g = (
-                    2.0 * (x * z - w * y),
-                    2.0 * (y * z + w * x),
-                    w * w - x * x - y * y + z * z,
-                )
+                e, f, g = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z)
                 rates[0], rates[1], rates[2] = (
                     rates[0] + (f * k - g * j),
                     rates[1] + (g * i - e * k),
@@ -269,14 +252,10 @@ def exudyn() -> list[Contender]:
         # held by inertia: the centre of mass is the fixed point, and turning does not feel it
         mass = 1e6 if problem.heavy else 1.0
         body = system.AddObject(
-            items.ObjectRigidBody(
-                physicsMass=mass, physicsInertia=[*problem.inertia, 0.0, 0.0, 0.0], nodeNumber=node
-            )
+            items.ObjectRigidBody(physicsMass=mass, physicsInertia=[*problem.inertia, 0.0, 0.0, 0.0], nodeNumber=node)
         )
         if problem.heavy:  # a unit force downwards at `load` has the moment of gravity
-            place = system.AddMarker(
-                items.MarkerBodyRigid(bodyNumber=body, localPosition=[*problem.load])
-            )
+            place = system.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=[*problem.load]))
             system.AddLoad(items.LoadForceVector(markerNumber=place, loadVector=[0.0, 0.0, -1.0]))
         system.Assemble()
         settings = exu.SimulationSettings()
@@ -303,26 +282,17 @@ def exudyn() -> list[Contender]:
                 time.startTime, time.endTime = begin, end
                 time.numberOfSteps = 100 if setting < 1.0 else problem.steps(setting, end - begin)
                 system.SolveDynamic(
-                    settings,
-                    solverType=kind,
-                    storeSolver=False,
-                    updateInitialValues=len(problem.times) > 1,
+                    settings, solverType=kind, storeSolver=False, updateInitialValues=len(problem.times) > 1
                 )
                 w = system.GetNodeOutput(node, variables.AngularVelocityLocal)
-                found.append(
-                    (
-                        moments * w,
-                        system.GetNodeOutput(node, variables.RotationMatrix).reshape(3, 3),
-                    )
-                )
+                found.append((moments * w, system.GetNodeOutput(node, variables.RotationMatrix).reshape(3, 3)))
             return found
 
         return run
 
     choices = {"RK44": doubled(100, 8), "RK67": doubled(25, 9), "DOPRI5": tolerances(-2, -12)}
     return [
-        Contender("Exudyn", solver, settings, partial(prepare, solver=solver))
-        for solver, settings in choices.items()
+        Contender("Exudyn", solver, settings, partial(prepare, solver=solver)) for solver, settings in choices.items()
     ]
 
 

@@ -48,14 +48,7 @@ def errors(energies: np.ndarray) -> tuple[float, float]:
 
 
 def ours(tableau: Any, h: float, steps: int) -> tuple[float, np.ndarray]:
-    plan = lm.Plan(
-        SYSTEM,
-        lm.Splitting(tableau=tableau),
-        h=h,
-        every=steps // SAMPLES,
-        compiled=True,
-        progress=False,
-    )
+    plan = lm.Plan(SYSTEM, lm.Splitting(tableau=tableau), h=h, every=steps // SAMPLES, compiled=True, progress=False)
     plan.run(START, steps=2 * (steps // SAMPLES))  # compiled
     begin = time.perf_counter()
     run = plan.run(START, steps=steps)
@@ -85,22 +78,14 @@ def theirs(rebound: Any, name: str, h: float, steps: int) -> tuple[float, np.nda
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--years", type=float, default=1e6, help="how long")
-    parser.add_argument(
-        "--out", type=Path, default=Path("planets.json"), help="where the JSON goes"
-    )
+    parser.add_argument("--out", type=Path, default=Path("planets.json"), help="where the JSON goes")
     options = parser.parse_args()
 
     there = importlib.util.find_spec("rebound") is not None
     rebound = importlib.import_module("rebound") if there else None
-    print(
-        f"REBOUND {rebound.__version__}"
-        if rebound
-        else "REBOUND is not installed: pip install rebound"
-    )
+    print(f"REBOUND {rebound.__version__}" if rebound else "REBOUND is not installed: pip install rebound")
     rows: list[dict[str, Any]] = []
     for name, (tableau, h, other) in METHODS.items():
         steps = max(1, round(options.years * YEAR / h / SAMPLES)) * SAMPLES
@@ -123,8 +108,7 @@ def main() -> None:
                 }
             )
     harness.table(
-        f"the outer Solar System, {options.years:g} years: time, and "
-        "the largest relative error of the energy",
+        f"the outer Solar System, {options.years:g} years: time, and the largest relative error of the energy",
         ["method", "package", "s", "us a step", "error", "second half over first"],
         [[*list(row.values())[:4], f"{row['error']:.1e}", row["growth"]] for row in rows],
     )

@@ -23,10 +23,7 @@ VERLET = lm.PoissonVerlet()
 STEPS: dict[str, tuple[str, Any]] = {
     "PoissonEuler()": ("euler", lm.PoissonEuler()),
     "PoissonVerlet()": ("verlet", VERLET),
-    **{
-        f"Composition(PoissonVerlet(), order={p})": ("verlet", lm.Composition(VERLET, order=p))
-        for p in (4, 6, 8)
-    },
+    **{f"Composition(PoissonVerlet(), order={p})": ("verlet", lm.Composition(VERLET, order=p)) for p in (4, 6, 8)},
     **{f"Splitting(order={p})": ("splitting", lm.Splitting(order=p)) for p in (1, 2, 4, 6)},
 }
 
@@ -49,10 +46,7 @@ def compiled(method: Any, contraction: str, folder: Path) -> Any:
     gamma = method.tableau.gamma if isinstance(method, lm.Composition) else (1.0,)
     tableau = method.tableau_for(SPECIES) if isinstance(method, lm.Splitting) else STRANG
     rows = {"GAMMA": gamma, "KICKS": tableau.kicks, "DRIFTS": tableau.drifts}
-    defines = {
-        "STAGES": len(tableau.drifts),
-        **{name: baseline.listed(row) for name, row in rows.items()},
-    }
+    defines = {"STAGES": len(tableau.drifts), **{name: baseline.listed(row) for name, row in rows.items()}}
     return baseline.plain_c(SOURCE, defines, contraction, folder)
 
 
@@ -70,11 +64,7 @@ def main() -> None:
             times = measure(runs, *timing)
             ratios = {key: times["liemech"].over(t) for key, t in times.items() if key != "liemech"}
             rows.append(
-                {
-                    "method": method_name,
-                    "ns": {key: timing.best for key, timing in times.items()},
-                    "ratios": ratios,
-                }
+                {"method": method_name, "ns": {key: timing.best for key, timing in times.items()}, "ratios": ratios}
             )
     harness.table(
         "a step beside C: ns, best",

@@ -12,10 +12,7 @@ import numpy as np
 
 import liemech as lm
 
-BODY, TOP = (
-    lm.RigidBody([1.0, 1.6, 2.3]),
-    lm.models.LagrangeTop(transverse=1.0, axial=0.5, weight=1.0, length=1.0),
-)
+BODY, TOP = (lm.RigidBody([1.0, 1.6, 2.3]), lm.models.LagrangeTop(transverse=1.0, axial=0.5, weight=1.0, length=1.0))
 GALAXY, ROD = lm.models.HenonHeiles(), lm.SphericalPendulum()
 SCENES = {
     "free body, momentum": (BODY, BODY.state([0.3, 0.8, -0.5]), 0.1),
@@ -25,11 +22,7 @@ SCENES = {
     "rod": (ROD, ROD.state([0.0, 0.0, -1.0], [0.4, 1.5, 0.0]), 0.05),
 }
 CASES = [
-    *(
-        (lm.CovariantVariational(r), name)
-        for r in (lm.Cayley(), lm.Exponential())
-        for name in list(SCENES)[:2]
-    ),
+    *((lm.CovariantVariational(r), name) for r in (lm.Cayley(), lm.Exponential()) for name in list(SCENES)[:2]),
     (lm.RKMK(4), "free body, momentum"),
     (lm.LieVerlet(lm.Cayley()), "Lagrange top"),
     (lm.StormerVerlet(), "galaxy"),
@@ -46,9 +39,7 @@ def measured(method: lm.Method, scene: str, repetitions: int, duration: float) -
     seconds: dict[str, list[float]] = {"double": [], "double-double": []}
     plans, counts = {}, {}
     for digits in seconds:
-        plans[digits] = plan = lm.Plan(
-            system, method, h, every=10**9, precision=digits, compiled=True, progress=False
-        )
+        plans[digits] = plan = lm.Plan(system, method, h, every=10**9, precision=digits, compiled=True, progress=False)
         plan.run(start, steps=10)
         counts[digits] = 1000
         while (spent := spent_on(plan, start, counts[digits])) < duration:
@@ -78,13 +69,7 @@ def main() -> None:
         "ns a step",
         ["method", "scene", "double", "double-double", "ratio"],
         [
-            [
-                r["method"],
-                r["scene"],
-                f"{r['double']:.0f}",
-                f"{r['double-double']:.0f}",
-                f"{r['ratio']:.1f}",
-            ]
+            [r["method"], r["scene"], f"{r['double']:.0f}", f"{r['double-double']:.0f}", f"{r['ratio']:.1f}"]
             for r in rows
         ],
     )

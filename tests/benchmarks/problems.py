@@ -10,9 +10,7 @@ from peers import Problem
 
 import liemech as lm
 
-REFERENCE: dict[str, Any] = json.loads(
-    (Path(__file__).parents[1] / "reference" / "heavy_top.json").read_text()
-)
+REFERENCE: dict[str, Any] = json.loads((Path(__file__).parents[1] / "reference" / "heavy_top.json").read_text())
 """A top that is neither Lagrange's nor Kovalevskaya's, at a few times, in 22 digits."""
 
 
@@ -25,9 +23,7 @@ def top(name: str, *times: float) -> Problem:
     """The top of the reference."""
     x, y, z, w = np.array(lm.SO3().quaternion(numbers("R0"))).tolist()
     load = numbers("mgl") * numbers("chi")
-    return Problem(
-        name, tuple(numbers("J")), tuple(numbers("pi0")), times, tuple(load), (w, x, y, z), pace=4.0
-    )
+    return Problem(name, tuple(numbers("J")), tuple(numbers("pi0")), times, tuple(load), (w, x, y, z), pace=4.0)
 
 
 MU = (0.5, 0.0, math.sqrt(0.75))

@@ -22,9 +22,7 @@ import numpy as np
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "races.json"
 Numbers = Sequence[Any]
-Rates = Callable[
-    [Any, Any, Numbers], list[Any]
-]  # of a module with sin and cos, the time, and the numbers
+Rates = Callable[[Any, Any, Numbers], list[Any]]  # of a module with sin and cos, the time, and the numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +51,7 @@ class Race:
     @property
     def exact(self) -> np.ndarray:
         """The outputs by heyoka in 113 bits (64 bits for t = 10^5)."""
-        return self.outputs(
-            np.array(json.loads(REFERENCE.read_text(encoding="utf-8"))[self.key], dtype=float)
-        )
+        return self.outputs(np.array(json.loads(REFERENCE.read_text(encoding="utf-8"))[self.key], dtype=float))
 
 
 # ------------------------------------------------------------------ rigid bodies
@@ -124,16 +120,11 @@ def numbers(data: Any, name: str) -> np.ndarray:
 def quaternion(g: np.ndarray) -> tuple[float, ...]:
     """Of a rotation matrix that is not near a half turn, scalar part first."""
     w = 0.5 * math.sqrt(1.0 + np.trace(g))
-    x, y, z = (
-        np.array([g[2, 1] - g[1, 2], g[0, 2] - g[2, 0], g[1, 0] - g[0, 1]]) / (4.0 * w)
-    ).tolist()
+    x, y, z = (np.array([g[2, 1] - g[1, 2], g[0, 2] - g[2, 0], g[1, 0] - g[0, 1]]) / (4.0 * w)).tolist()
     return w, x, y, z
 
 
-TOP_MOMENTS, TOP_LOAD = (
-    tuple(numbers(TOP, "J").tolist()),
-    tuple((numbers(TOP, "mgl") * numbers(TOP, "chi")).tolist()),
-)
+TOP_MOMENTS, TOP_LOAD = (tuple(numbers(TOP, "J").tolist()), tuple((numbers(TOP, "mgl") * numbers(TOP, "chi")).tolist()))
 
 
 def top(m: Any, t: Any, y: Numbers) -> list[Any]:
@@ -153,21 +144,11 @@ def fish(m: Any, t: Any, y: Numbers) -> list[Any]:
     A, D, M = BLOCKS
     Pi, P, q = y[:3], y[3:6], y[6:10]
     w = [
-        A[i][0] * Pi[0]
-        + A[i][1] * Pi[1]
-        + A[i][2] * Pi[2]
-        + D[i][0] * P[0]
-        + D[i][1] * P[1]
-        + D[i][2] * P[2]
+        A[i][0] * Pi[0] + A[i][1] * Pi[1] + A[i][2] * Pi[2] + D[i][0] * P[0] + D[i][1] * P[1] + D[i][2] * P[2]
         for i in range(3)
     ]
     v = [
-        D[0][i] * Pi[0]
-        + D[1][i] * Pi[1]
-        + D[2][i] * Pi[2]
-        + M[i][0] * P[0]
-        + M[i][1] * P[1]
-        + M[i][2] * P[2]
+        D[0][i] * Pi[0] + D[1][i] * Pi[1] + D[2][i] * Pi[2] + M[i][0] * P[0] + M[i][1] * P[1] + M[i][2] * P[2]
         for i in range(3)
     ]
     turn, push, force = cross(Pi, w), cross(P, v), cross(P, w)
@@ -199,16 +180,10 @@ def four(m: Any, t: Any, y: Numbers) -> list[Any]:
     M, every = y[:6], range(4)
     W = [M[n] * (1.0 / FOUR[n]) for n in range(6)]
     turn = [
-        [
-            skew(M, j, k) * skew(W, k, i) - skew(W, j, k) * skew(M, k, i)
-            for k in every
-            if k not in (i, j)
-        ]
+        [skew(M, j, k) * skew(W, k, i) - skew(W, j, k) * skew(M, k, i) for k in every if k not in (i, j)]
         for i, j in PLANES
     ]
-    move = [
-        [y[6 + 4 * i + k] * skew(W, k, j) for k in every if k != j] for i in every for j in every
-    ]
+    move = [[y[6 + 4 * i + k] * skew(W, k, j) for k in every if k != j] for i in every for j in every]
     return [sum(terms[1:], terms[0]) for terms in [*turn, *move]]
 
 
@@ -233,14 +208,7 @@ def pendulum(m: Any, t: Any, y: Numbers) -> list[Any]:
     return [*v, -(pull * x[0]), -(pull * x[1]), -(pull * x[2]) - 9.81]
 
 
-SUNS = (
-    1.00000597682,
-    0.000954786104043,
-    0.000285583733151,
-    0.0000437273164546,
-    0.0000517759138449,
-    1 / 1.3e8,
-)
+SUNS = (1.00000597682, 0.000954786104043, 0.000285583733151, 0.0000437273164546, 0.0000517759138449, 1 / 1.3e8)
 PULL = 2.95912208286e-4
 PLACES = (
     (0.0, 0.0, 0.0), (-3.5023653, -3.8169847, -1.5507963), (9.0755314, -3.0458353, -1.6483708),
@@ -317,11 +285,7 @@ def reference(race: Race) -> list[list[str]]:
     start = [number(x) for x in race.start]
     tolerance = number(1e-20 if race.end > 1e4 else 1e-30)
     integrator = hy.taylor_adaptive(
-        list(zip(variables, rates, strict=True)),
-        start,
-        tol=tolerance,
-        fp_type=kind,
-        compact_mode=True,
+        list(zip(variables, rates, strict=True)), start, tol=tolerance, fp_type=kind, compact_mode=True
     )
     found = []
     for t in race.times.tolist():
@@ -335,9 +299,7 @@ def main() -> None:
     kept = json.loads(REFERENCE.read_text(encoding="utf-8")) if REFERENCE.exists() else {}
     for race in RACES:
         if race.key not in kept:
-            kept[race.key] = [
-                [text[:28] if "e" not in text else text for text in row] for row in reference(race)
-            ]
+            kept[race.key] = [[text[:28] if "e" not in text else text for text in row] for row in reference(race)]
             print(race.name, flush=True)
             REFERENCE.write_text(json.dumps(kept, indent=0) + "\n", encoding="utf-8")
 

@@ -40,22 +40,13 @@ COLUMNS = ["method", "records", "liemech", "C++", "ratio", "C++ fused", "ratio"]
 with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
     BODY, TOP = lm.RigidBody(INERTIA), lm.models.HeavyTop(INERTIA, 1.0, LOAD)
 
-ALGORITHM_1 = {
-    "Cayley": lm.CovariantVariational(lm.Cayley()),
-    "exp": lm.CovariantVariational(lm.Exponential()),
-}
+ALGORITHM_1 = {"Cayley": lm.CovariantVariational(lm.Cayley()), "exp": lm.CovariantVariational(lm.Exponential())}
 METHODS: dict[str, tuple[Any, lm.Method]] = {
     "RKMK4": (BODY, lm.RKMK(order=4)),
     **{f"Algorithm 1, {map}": (BODY, method) for map, method in ALGORITHM_1.items()},
     "Hamilton-Jacobi 4, exp": (BODY, lm.LiePoissonHamiltonJacobi(order=4)),
-    **{
-        f"Suzuki of Algorithm 1, {map}": (BODY, lm.Composition(method))
-        for map, method in ALGORITHM_1.items()
-    },
-    **{
-        f"Lie-Verlet, {map}": (TOP, lm.LieVerlet(method.retraction))
-        for map, method in ALGORITHM_1.items()
-    },
+    **{f"Suzuki of Algorithm 1, {map}": (BODY, lm.Composition(method)) for map, method in ALGORITHM_1.items()},
+    **{f"Lie-Verlet, {map}": (TOP, lm.LieVerlet(method.retraction)) for map, method in ALGORITHM_1.items()},
 }
 """The systems and methods of the library by the names of the C++ steps."""
 
@@ -66,9 +57,7 @@ def integrate(
     """Momentum and attitude at the end of a whole call."""
     system, method = METHODS[name]
     start, record = system.state(mu=mu, g=g), ("mu",) if g is None else ("mu", "g")
-    run: Any = lm.integrate(
-        system, method, start, h=h, steps=steps, every=steps, record=record, compiled=compiled
-    )
+    run: Any = lm.integrate(system, method, start, h=h, steps=steps, every=steps, record=record, compiled=compiled)
     return run.mu[-1], None if g is None else run.g[-1]
 
 
@@ -82,13 +71,7 @@ def random_momenta(n: int) -> np.ndarray:
 
 
 def compiled_cpp(
-    cpp: baseline.Baseline,
-    method: int,
-    lanes: int,
-    mu: np.ndarray,
-    attitude: bool,
-    h: float,
-    steps: int,
+    cpp: baseline.Baseline, method: int, lanes: int, mu: np.ndarray, attitude: bool, h: float, steps: int
 ) -> tuple[np.ndarray, np.ndarray | None, float]:
     """Run the C++ kernel from momenta (n, 3); final mu (n, 3), g (n, 3, 3) and Newton solves per
     step.
@@ -116,18 +99,9 @@ def validate(cpp: baseline.Baseline) -> None:
         for lanes, attitude in forms(method, cpp.lanes()):
             for sample in reference["steps"][SAME_STEP.get(name, name)]:
                 mu, g, _ = compiled_cpp(
-                    cpp,
-                    method,
-                    lanes,
-                    np.tile(reference["mu"], (lanes, 1)),
-                    attitude,
-                    reference["h"],
-                    sample["n"],
+                    cpp, method, lanes, np.tile(reference["mu"], (lanes, 1)), attitude, reference["h"], sample["n"]
                 )
-                error = max(
-                    np.abs(mu - sample["mu"]).max(),
-                    0 if g is None else np.abs(g - sample["g"]).max(),
-                )
+                error = max(np.abs(mu - sample["mu"]).max(), 0 if g is None else np.abs(g - sample["g"]).max())
                 if error > 1e-13:
                     raise SystemExit(
                         f"C++ {name}, {lanes} lanes, contraction {cpp.contraction}: error "
@@ -141,17 +115,13 @@ def validate_library() -> None:
     for name, samples in reference["steps"].items():
         for start in (np.array(reference["mu"]), np.tile(reference["mu"], (3, 1))):
             for sample in samples:
-                mu, g = integrate(
-                    name, start, attitudes(start), reference["h"], sample["n"], compiled=True
-                )
+                mu, g = integrate(name, start, attitudes(start), reference["h"], sample["n"], compiled=True)
                 error = max(np.abs(mu - sample["mu"]).max(), np.abs(g - sample["g"]).max())
                 if error > 1e-13:
                     raise SystemExit(f"liemech {name}: error {error:.1e} after {sample['n']} steps")
 
 
-def steps_table(
-    cpps: dict[str, baseline.Baseline], only: str, repetitions: int
-) -> list[dict[str, Any]]:
+def steps_table(cpps: dict[str, baseline.Baseline], only: str, repetitions: int) -> list[dict[str, Any]]:
     """ns per step of one body, without the call, by ordinary sums as in C++: every method, momentum
     only and with attitude.
 
@@ -172,26 +142,14 @@ def steps_table(
                 if isinstance(ours, lm.Composition):
                     runs["one stage"] = stepping.Native(system, ours.base, start, H)
             for contraction, cpp in cpps.items():
-                runs[f"C++ {contraction}"] = run = partial(
-                    compiled_cpp, cpp, method, 1, MU[None], attitude, H
-                )
+                runs[f"C++ {contraction}"] = run = partial(compiled_cpp, cpp, method, 1, MU[None], attitude, H)
                 solves = run(2000)[2] or None
             times = stepping.measure(runs, repetitions, 0.002)
             ns = {key: timing.as_dict() for key, timing in times.items()}
             if name in METHODS:
-                plain = partial(
-                    integrate, name, MU, np.eye(3) if attitude else None, H, compiled=False
-                )
-                ns |= {
-                    "plain": harness.measure({"": plain}, repetitions=3, duration=0.03)[
-                        ""
-                    ].as_dict()
-                }
-            ratios = {
-                key: times["liemech"].over(times[key])
-                for key in BUDGETS
-                if key in times and "liemech" in times
-            }
+                plain = partial(integrate, name, MU, np.eye(3) if attitude else None, H, compiled=False)
+                ns |= {"plain": harness.measure({"": plain}, repetitions=3, duration=0.03)[""].as_dict()}
+            ratios = {key: times["liemech"].over(times[key]) for key in BUDGETS if key in times and "liemech" in times}
             stages = times["liemech"].over(times["one stage"]) if "one stage" in times else None
             row = {
                 "method": name,
@@ -214,24 +172,10 @@ def steps_table(
 def _row(r: dict[str, Any]) -> list[object]:
     best = {key: ns["best"] for key, ns in r["ns"].items()}
     met = (
-        None
-        if not r["ratios"]
-        else "met"
-        if all(r["ratios"][key] <= BUDGETS[key] for key in r["ratios"])
-        else "MISSED"
+        None if not r["ratios"] else "met" if all(r["ratios"][key] <= BUDGETS[key] for key in r["ratios"]) else "MISSED"
     )
-    cells = [
-        best.get("liemech"),
-        *[cell for key in BUDGETS for cell in (best.get(key), r["ratios"].get(key))],
-    ]
-    return [
-        r["method"],
-        "mu, g" if r["attitude"] else "mu",
-        *cells,
-        r["newton_solves"],
-        best.get("plain"),
-        met,
-    ]
+    cells = [best.get("liemech"), *[cell for key in BUDGETS for cell in (best.get(key), r["ratios"].get(key))]]
+    return [r["method"], "mu, g" if r["attitude"] else "mu", *cells, r["newton_solves"], best.get("plain"), met]
 
 
 def ensembles_table(
@@ -245,20 +189,14 @@ def ensembles_table(
             continue
         for attitude in (False, True):
             runs: dict[str, harness.Run] = {
-                f"C++ {contraction}": partial(
-                    compiled_cpp, cpp, method, cpp.lanes(), mu, attitude, H
-                )
+                f"C++ {contraction}": partial(compiled_cpp, cpp, method, cpp.lanes(), mu, attitude, H)
                 for contraction, cpp in cpps.items()
             }
             if name in METHODS:
-                runs["liemech"] = partial(
-                    integrate, name, mu, attitudes(mu) if attitude else None, H, compiled=True
-                )
+                runs["liemech"] = partial(integrate, name, mu, attitudes(mu) if attitude else None, H, compiled=True)
             times = harness.measure(runs, bodies=BODIES, repetitions=repetitions, duration=duration)
             ours = times.get("liemech")
-            ratios = {
-                key: ours.over(timing) for key, timing in times.items() if ours and key != "liemech"
-            }
+            ratios = {key: ours.over(timing) for key, timing in times.items() if ours and key != "liemech"}
             ns = {key: timing.as_dict() for key, timing in times.items()}
             results.append({"method": name, "attitude": attitude, "ns": ns, "ratios": ratios})
     harness.table(
@@ -286,20 +224,13 @@ def sweep_table(repetitions: int, duration: float) -> list[dict[str, Any]]:
             }
             times = harness.measure(runs, bodies=BODIES, repetitions=repetitions, duration=duration)
             results.append(
-                {
-                    "method": name,
-                    "attitude": attitude,
-                    **{key: value.as_dict() for key, value in times.items()},
-                }
+                {"method": name, "attitude": attitude, **{key: value.as_dict() for key, value in times.items()}}
             )
     keys = [key for key in results[0] if key not in ("method", "attitude")] if results else []
     harness.table(
         "C++ ensembles, ns per step of one body, by lanes and contraction",
         ["method", "records", *keys],
-        [
-            [r["method"], "mu, g" if r["attitude"] else "mu", *[r[key]["best"] for key in keys]]
-            for r in results
-        ],
+        [[r["method"], "mu, g" if r["attitude"] else "mu", *[r[key]["best"] for key in keys]] for r in results],
     )
     return results
 
@@ -314,13 +245,7 @@ def equal_error_table(cpps: dict[str, baseline.Baseline], quick: bool) -> list[d
 
     def dop853(rtol: float) -> np.ndarray:
         return solve_ivp(
-            lambda t, mu: np.cross(mu, mu / INERTIA),
-            (0, t_end),
-            MU,
-            "DOP853",
-            [t_end],
-            rtol=rtol,
-            atol=1e-3 * rtol,
+            lambda t, mu: np.cross(mu, mu / INERTIA), (0, t_end), MU, "DOP853", [t_end], rtol=rtol, atol=1e-3 * rtol
         ).y[:, -1]
 
     def milliseconds(run: Callable[[], object]) -> float:
@@ -328,19 +253,14 @@ def equal_error_table(cpps: dict[str, baseline.Baseline], quick: bool) -> list[d
 
     exact = dop853(3e-14)
     errors = {
-        rtol: float(np.abs(dop853(rtol) - exact).max())
-        for rtol in 10.0 ** np.arange(-2, -11, -1.0 if quick else -0.25)
+        rtol: float(np.abs(dop853(rtol) - exact).max()) for rtol in 10.0 ** np.arange(-2, -11, -1.0 if quick else -0.25)
     }
     results = []
     for name, (system, _) in METHODS.items():
         if system is not BODY:
             continue
         method = baseline.METHODS[name]
-        run_cpp = (
-            partial(compiled_cpp, cpps["off"], method, 1, MU[None], False, t_end / steps, steps)
-            if cpps
-            else None
-        )
+        run_cpp = partial(compiled_cpp, cpps["off"], method, 1, MU[None], False, t_end / steps, steps) if cpps else None
         run = partial(integrate, name, MU, None, t_end / steps, steps, compiled=True)
         error = float(np.abs(run()[0] - exact).max())
         rtol = max((r for r, e in errors.items() if e <= error), default=min(errors))
@@ -356,8 +276,7 @@ def equal_error_table(cpps: dict[str, baseline.Baseline], quick: bool) -> list[d
             }
         )
     harness.table(
-        f"milliseconds to t = {t_end:g} at equal error of the "
-        f"momentum (calls included), h = {t_end / steps}",
+        f"milliseconds to t = {t_end:g} at equal error of the momentum (calls included), h = {t_end / steps}",
         ["method", "error", "DOP853 error", "DOP853", "liemech", "C++", "DOP853/liemech"],
         [
             [
@@ -389,16 +308,11 @@ def start_up_table(repetitions: int) -> list[dict[str, Any]]:
     """
 
     def process(*arguments: str, cache: str | None = None) -> float:
-        environment = os.environ | (
-            {"XDG_CACHE_HOME": cache, "LIEMECH_CACHE_DIR": cache} if cache else {}
-        )
+        environment = os.environ | ({"XDG_CACHE_HOME": cache, "LIEMECH_CACHE_DIR": cache} if cache else {})
         environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its byte code
         begin = time.perf_counter()
         subprocess.run(
-            [sys.executable, "-W", "ignore", *arguments],
-            check=True,
-            stdout=subprocess.DEVNULL,
-            env=environment,
+            [sys.executable, "-W", "ignore", *arguments], check=True, stdout=subprocess.DEVNULL, env=environment
         )
         return time.perf_counter() - begin
 
@@ -406,13 +320,9 @@ def start_up_table(repetitions: int) -> list[dict[str, Any]]:
         return process("-c", script, cache=cache or tempfile.mkdtemp(dir=folder))
 
     with tempfile.TemporaryDirectory() as folder:
-        commands: dict[str, Callable[[], float]] = {
-            "python -c 'import numpy'": lambda: process("-c", "import numpy")
-        }
+        commands: dict[str, Callable[[], float]] = {"python -c 'import numpy'": lambda: process("-c", "import numpy")}
         commands["python -c 'import liemech'"] = lambda: process("-c", "import liemech")
-        commands["python -m liemech --quiet"] = lambda: process(
-            "-m", "liemech", "--quiet", "--out", folder
-        )
+        commands["python -m liemech --quiet"] = lambda: process("-m", "liemech", "--quiet", "--out", folder)
         for name, method in {
             "RKMK4": "lm.RKMK(order=4)",
             "Algorithm 1, exp": "lm.CovariantVariational(lm.Exponential())",
@@ -444,26 +354,16 @@ def start_up_table(repetitions: int) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="smoke run: seconds instead of minutes, rough numbers"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="smoke run: seconds instead of minutes, rough numbers")
     parser.add_argument(
         "--sweep",
         action="store_true",
         help="also compare C++ ensembles by number of lanes and with fixed Newton counts",
     )
-    parser.add_argument(
-        "--only", default="", help="the steps of methods whose name contains this, and nothing else"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("rigid_body_benchmark.json"), help="where the JSON goes"
-    )
-    parser.add_argument(
-        "--short", action="store_true", help="no comparison at equal error, which takes long"
-    )
+    parser.add_argument("--only", default="", help="the steps of methods whose name contains this, and nothing else")
+    parser.add_argument("--out", type=Path, default=Path("rigid_body_benchmark.json"), help="where the JSON goes")
+    parser.add_argument("--short", action="store_true", help="no comparison at equal error, which takes long")
     options = parser.parse_args()
     repetitions, duration = (3, 0.004) if options.quick else (15, 0.03)
 
@@ -486,9 +386,7 @@ def main() -> None:
         results["instructions"] = {contraction: cpp.packed() for contraction, cpp in cpps.items()}
         rows = [[name, *count.values()] for name, count in cpps["off"].packed().items()]
         harness.table(
-            "packed arithmetic in the C++ ensemble kernels, no contraction",
-            ["kernel", "zmm", "ymm", "scalar"],
-            rows,
+            "packed arithmetic in the C++ ensemble kernels, no contraction", ["kernel", "zmm", "ymm", "scalar"], rows
         )
         if options.sweep:
             results["sweep"] = sweep_table(repetitions, duration)

@@ -146,11 +146,7 @@ def run(step: Step, samples: tuple[int, ...]) -> list[dict[str, Any]]:
         mu, g = step(mu, g, mp.mpf(H))
         if n in samples:
             found.append(
-                {
-                    "n": n,
-                    "mu": [float(x) for x in mu],
-                    "g": [[float(g[i, j]) for j in range(3)] for i in range(3)],
-                }
+                {"n": n, "mu": [float(x) for x in mu], "g": [[float(g[i, j]) for j in range(3)] for i in range(3)]}
             )
     return found
 
@@ -162,9 +158,7 @@ if __name__ == "__main__":
         "load": [float(x) for x in LOAD],
         "mu": [float(x) for x in START],
         "h": H,
-        "steps": {
-            name: run(step, SAMPLES.get(name, (1, 10, 200))) for name, step in METHODS.items()
-        },
+        "steps": {name: run(step, SAMPLES.get(name, (1, 10, 200))) for name, step in METHODS.items()},
     }
     rows = re.sub(r"\[[^][{}]*\]", lambda row: " ".join(row[0].split()), json.dumps(data, indent=1))
     Path(__file__).with_suffix(".json").write_text(rows + "\n")

@@ -21,9 +21,7 @@ import numpy as np
 import peers
 from races import MOMENTS, MU, PULL, SUNS, TOP_LOAD, TOP_MOMENTS, Race
 
-Run = Callable[
-    [], Any
-]  # a whole call; what it gives is turned into outputs later, outside of the time
+Run = Callable[[], Any]  # a whole call; what it gives is turned into outputs later, outside of the time
 TIGHTEST = peers.TIGHTEST
 tolerances, doubled = peers.tolerances, peers.doubled
 
@@ -140,9 +138,7 @@ def _ellipse_of_heyoka(hy: Any, race: Race) -> Entry:
         place = hy.cfunc([c - e, minor * s, -s * rate, minor * c * rate], vars=[mean])
         return lambda: place(times, outputs=found)
 
-    return Entry(
-        "heyoka", "kepE in a cfunc", (0.0,), prepare, lambda y: race.outputs(y.T), closed=True
-    )
+    return Entry("heyoka", "kepE in a cfunc", (0.0,), prepare, lambda y: race.outputs(y.T), closed=True)
 
 
 def scipy(race: Race) -> list[Entry]:
@@ -162,16 +158,9 @@ def _machine_code(numba: Any, race: Race) -> Callable[..., Any]:
     y = sympy.symbols(f"y:{len(race.start)}")
     t = sympy.Symbol("t")
     shared, rates = sympy.cse([sympy.sympify(rate) for rate in race.rates(sympy, t, y)])
-    lines = [
-        "def f(t, y):",
-        f"    {', '.join(map(str, y))}, = y",
-        f"    rates = empty({len(rates)})",
-    ]
+    lines = ["def f(t, y):", f"    {', '.join(map(str, y))}, = y", f"    rates = empty({len(rates)})"]
     lines += [f"    {name} = {sympy.pycode(value).replace('math.', '')}" for name, value in shared]
-    lines += [
-        f"    rates[{i}] = {sympy.pycode(rate).replace('math.', '')}"
-        for i, rate in enumerate(rates)
-    ]
+    lines += [f"    rates[{i}] = {sympy.pycode(rate).replace('math.', '')}" for i, rate in enumerate(rates)]
     space: dict[str, Any] = {"empty": np.empty, "sin": math.sin, "cos": math.cos, "sqrt": math.sqrt}
     exec("\n".join([*lines, "    return rates"]), space)
     made: Callable[..., Any] = numba.njit(space["f"])
@@ -187,15 +176,9 @@ def _scipy(race: Race, label: str, f: Callable[..., Any]) -> list[Entry]:
         options = {"method": method, "rtol": tolerance, "atol": tolerance, "t_eval": race.times}
         return lambda: integrate.solve_ivp(f, (0.0, race.end), race.start, **options).y.T
 
-    within = {
-        "DOP853": tolerances(-3, -13)[::2],
-        "LSODA": tolerances(-4, -12)[::2],
-        "Radau": tolerances(-3, -9)[::2],
-    }
+    within = {"DOP853": tolerances(-3, -13)[::2], "LSODA": tolerances(-4, -12)[::2], "Radau": tolerances(-3, -9)[::2]}
     return [
-        Entry(
-            "SciPy", f"{method}, {label}", settings, partial(prepare, method=method), race.outputs
-        )
+        Entry("SciPy", f"{method}, {label}", settings, partial(prepare, method=method), race.outputs)
         for method, settings in within.items()
     ]
 
@@ -227,13 +210,7 @@ def diffrax(race: Race) -> list[Entry]:
 
     def entry(name: str, settings: tuple[float, ...]) -> Entry:
         solve = solver(getattr(dx, name)())
-        return Entry(
-            "diffrax",
-            name,
-            settings,
-            lambda tolerance: lambda: np.asarray(solve(tolerance)),
-            race.outputs,
-        )
+        return Entry("diffrax", name, settings, lambda tolerance: lambda: np.asarray(solve(tolerance)), race.outputs)
 
     return [entry("Tsit5", tolerances(-3, -9)[::2]), entry("Dopri8", tolerances(-4, -13)[::3])]
 
@@ -246,13 +223,7 @@ def _problem(race: Race) -> peers.Problem | None:
     if race.key == "top":
         start: Any = race.start
         return peers.Problem(
-            race.name,
-            TOP_MOMENTS,
-            start[:3],
-            tuple(race.times),
-            TOP_LOAD,
-            start[3:],
-            100.0 / race.end,
+            race.name, TOP_MOMENTS, start[:3], tuple(race.times), TOP_LOAD, start[3:], 100.0 / race.end
         )
     if race.key in ("attitude", "long"):
         return peers.Problem(race.name, MOMENTS, MU, tuple(race.times), pace=100.0 / race.end)
@@ -264,9 +235,7 @@ def _both(results: Any) -> np.ndarray:
 
 
 def _of_peers(
-    race: Race,
-    contenders: Callable[[], list[peers.Contender]],
-    chosen: dict[str, tuple[float, ...]],
+    race: Race, contenders: Callable[[], list[peers.Contender]], chosen: dict[str, tuple[float, ...]]
 ) -> list[Entry]:
     """The contenders of `peers.py` that are chosen, with settings for this race: steps of the whole
     time, or tolerances.
@@ -288,9 +257,7 @@ def exudyn(race: Race) -> list[Entry]:
     importlib.import_module("exudyn")
     fine = 1000.0 if race.end > 1e4 else 1.0
     steps = {"RK67": doubled(50, 6), "RK44": doubled(400, 4)}
-    return _of_peers(
-        race, peers.exudyn, {name: tuple(fine * x for x in n) for name, n in steps.items()}
-    )
+    return _of_peers(race, peers.exudyn, {name: tuple(fine * x for x in n) for name, n in steps.items()})
 
 
 def lielab(race: Race) -> list[Entry]:
@@ -446,9 +413,7 @@ def rebound(race: Race) -> list[Entry]:
 
         return run
 
-    def entry(
-        name: str, settings: tuple[float, ...], method: str, closed: bool = False, **options: Any
-    ) -> Entry:
+    def entry(name: str, settings: tuple[float, ...], method: str, closed: bool = False, **options: Any) -> Entry:
         prepare = partial(fixed, method=method, options=options)
         return Entry("REBOUND", name, settings, prepare, outputs, closed)
 
@@ -463,9 +428,7 @@ def rebound(race: Race) -> list[Entry]:
         entry("WHFast", steps, "whfast"),
         entry("WHFast, corrector 17", steps, "whfast", corrector=17),
         entry("WHFast, correctors and lazy kernel", steps, "whfast", **best),
-        entry(
-            "WHFast, democratic heliocentric", steps, "whfast", coordinates="DEMOCRATICHELIOCENTRIC"
-        ),
+        entry("WHFast, democratic heliocentric", steps, "whfast", coordinates="DEMOCRATICHELIOCENTRIC"),
         entry("SABA 4", steps, "saba", type="4"),
         entry("SABA 4, corrected", steps, "saba", type="CL_4"),
         entry("SABA (10, 4)", steps, "saba", type="10_4"),

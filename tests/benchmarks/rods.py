@@ -45,15 +45,7 @@ WAVE = np.sqrt(YOUNG / DENSITY)
 def ours(n: int, tau: Any, h: float, steps: int, compensated: Any) -> tuple[Any, Any, Any]:
     """A plan, its start, and the rod."""
     rod = lm.models.CosseratRod(SECTION, 1.0, n, retraction=tau)
-    plan = lm.Plan(
-        rod,
-        lm.KickDrift(),
-        h=h,
-        every=steps,
-        compiled=True,
-        progress=False,
-        compensated=compensated,
-    )
+    plan = lm.Plan(rod, lm.KickDrift(), h=h, every=steps, compiled=True, progress=False, compensated=compensated)
     return plan, rod.at_rest(rod.shape(CURVED)), rod
 
 
@@ -111,13 +103,9 @@ def in_elastica(
         middles = lm.models.CosseratRod(SECTION, 1.0, 2 * n).shape(CURVED)[1::2]
         rod.position_collection[:] = nodes[:, :3, 3].T
         rod.director_collection[:] = np.transpose(middles[:, :3, :3], (2, 1, 0))
-    made.constrain(rod).using(
-        elastica.OneEndFixedBC, constrained_position_idx=(0,), constrained_director_idx=(0,)
-    )
+    made.constrain(rod).using(elastica.OneEndFixedBC, constrained_position_idx=(0,), constrained_director_idx=(0,))
     if gravity:
-        made.add_forcing_to(rod).using(
-            elastica.GravityForces, acc_gravity=np.array([0.0, 0.0, -gravity])
-        )
+        made.add_forcing_to(rod).using(elastica.GravityForces, acc_gravity=np.array([0.0, 0.0, -gravity]))
     made.finalize()
     return made, rod
 
@@ -163,19 +151,12 @@ def explicit(chosen: Any) -> dict[str, Any]:
         if n <= 100:
             fine = 0.1 * h
             swing = round(0.5 / fine)
-            plan = lm.Plan(
-                rod, lm.KickDrift(), h=fine, every=swing // 200, record=("energy",), progress=False
-            )
+            plan = lm.Plan(rod, lm.KickDrift(), h=fine, every=swing // 200, record=("energy",), progress=False)
             energy = plan.run(start, steps=swing).energy
             bands["ours"] = float(np.ptp(energy) / energy[0])
             wider = 4.0 * fine
             plan = lm.Plan(
-                rod,
-                lm.KickDrift(order=4),
-                h=wider,
-                every=max(1, swing // 800),
-                record=("energy",),
-                progress=False,
+                rod, lm.KickDrift(order=4), h=wider, every=max(1, swing // 800), record=("energy",), progress=False
             )
             energy = plan.run(start, steps=swing // 4).energy
             bands["order 4"] = float(np.ptp(energy) / energy[0])
@@ -284,11 +265,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--out", type=Path)
     chosen = parser.parse_args()
-    kept = {
-        "explicit": explicit(chosen),
-        "implicit": implicit(chosen),
-        "compiling": compiling(chosen),
-    }
+    kept = {"explicit": explicit(chosen), "implicit": implicit(chosen), "compiling": compiling(chosen)}
     if chosen.out:
         write(chosen.out, kept)
 

@@ -121,10 +121,7 @@ def measured(n: int, cubic: bool, rounds: int, libraries: dict[str, Any]) -> lis
     made = time.perf_counter() - begun
     ways: dict[str, Any] = {"ours": (lambda: plans[1].run(start, steps=steps), time.process_time)}
     for name, library in libraries.items():
-        ways[name] = (
-            lambda library=library: theirs(library, table, s, steps),
-            time.process_time,
-        )
+        ways[name] = (lambda library=library: theirs(library, table, s, steps), time.process_time)
     for w in (1, 2):
         ways[f"{w}"] = (lambda w=w: plans[w].run(start, steps=steps), time.perf_counter)
     least = dict.fromkeys(ways, float("inf"))

@@ -62,11 +62,7 @@ class Problem:
         self.flies, self.T = flies, T
         self.m = 6 if flies else 3
         self.begin = np.zeros(self.m)
-        self.free = (
-            lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([*J, M, M, M]))
-            if flies
-            else lm.RigidBody(J)
-        )
+        self.free = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([*J, M, M, M])) if flies else lm.RigidBody(J)
 
     def missed(self, R: ARRAY, mu: ARRAY, x: ARRAY) -> ARRAY:
         """What must be nought at the end: the momenta, the skew part of aim^T R, the place."""
@@ -79,12 +75,7 @@ class Ours:
     """Steps of ours, with gradients of ours."""
 
     def __init__(self, problem: Problem, nodes: int, method: Any) -> None:
-        self.problem, self.nodes, self.h, self.method = (
-            problem,
-            nodes,
-            problem.T / nodes,
-            method,
-        )
+        self.problem, self.nodes, self.h, self.method = (problem, nodes, problem.T / nodes, method)
 
     def plan(self, u: ARRAY, method: Any, parts: int = 1) -> tuple[Any, Any]:
         p = self.problem
@@ -257,9 +248,7 @@ def cheapest(side: Any, u: ARRAY) -> tuple[float, ARRAY, bool]:
 
     held = {"type": "eq", "fun": lambda w: end(w)[0], "jac": lambda w: end(w)[1] / root}
     options = {"maxiter": 150, "ftol": 1e-11}
-    found = minimize(
-        cost, root * u.ravel(), jac=True, method="SLSQP", constraints=held, options=options
-    )
+    found = minimize(cost, root * u.ravel(), jac=True, method="SLSQP", constraints=held, options=options)
     good = bool(found.success) and np.abs(end(found.x)[0]).max() < 1e-6
     return float(found.fun), found.x.reshape(shape) / root, good
 
@@ -337,10 +326,7 @@ def compared(problem: Problem, name: str, made: Any, counts: Any, more: int) -> 
         miss, V = Ours(problem, nodes, lm.LieVerlet()).replayed(u)
         true = 0.5 * problem.T / nodes * float((u * (weights(len(u), nodes) @ u)).sum()) + V
         words = "" if good else "  not converged"
-        print(
-            f"{name:10} {nodes:5} {cost:9.5f} {true:11.5f} {miss:10.1e} {spent:5.1f}{words}",
-            flush=True,
-        )
+        print(f"{name:10} {nodes:5} {cost:9.5f} {true:11.5f} {miss:10.1e} {spent:5.1f}{words}", flush=True)
 
 
 if __name__ == "__main__":

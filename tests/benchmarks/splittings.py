@@ -18,10 +18,7 @@ import liemech as lm
 from liemech.tableaus import KAHAN_LI6, KAHAN_LI8, SUZUKI4, TRIPLE_JUMP4, SplittingTableau
 
 SOURCE = Path(__file__).with_name("splittings.c")
-STEPS = {
-    "StormerVerlet()": lm.StormerVerlet(),
-    **{f"Splitting(order={p})": lm.Splitting(order=p) for p in (4, 6, 8)},
-}
+STEPS = {"StormerVerlet()": lm.StormerVerlet(), **{f"Splitting(order={p})": lm.Splitting(order=p) for p in (4, 6, 8)}}
 PLANETS, GALAXY = lm.Kepler(), lm.models.HenonHeiles()
 SYSTEMS = {
     "kepler": (PLANETS, PLANETS.pericentre(0.6), 0.01),
@@ -38,9 +35,7 @@ class C:
 
     def __call__(self, steps: int) -> np.ndarray:
         state = self.start.copy()
-        self.advance(
-            ctypes.c_void_p(state.ctypes.data), ctypes.c_double(1.0), self.h, ctypes.c_long(steps)
-        )
+        self.advance(ctypes.c_void_p(state.ctypes.data), ctypes.c_double(1.0), self.h, ctypes.c_long(steps))
         return state
 
 
@@ -69,11 +64,7 @@ def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:
                         "system": name,
                         "method": method_name,
                         "ns": {key: timing.best for key, timing in times.items()},
-                        "ratios": {
-                            key: times["liemech"].over(t)
-                            for key, t in times.items()
-                            if key != "liemech"
-                        },
+                        "ratios": {key: times["liemech"].over(t) for key, t in times.items() if key != "liemech"},
                     }
                 )
     columns = ["system", "method", *rows[0]["ns"], *[f"ratio {key}" for key in rows[0]["ratios"]]]
@@ -103,19 +94,8 @@ METHODS = {
 def errors() -> list[dict[str, Any]]:
     """The largest energy error and the error of (q, p) at the end, at equal numbers of forces."""
     ends = {"kepler": (20 * np.pi, (4000, 16000)), "galaxy": (100.0, (2000, 8000))}
-    fine = lm.integrate(
-        GALAXY,
-        lm.Taylor(20),
-        SYSTEMS["galaxy"][1],
-        h=0.01,
-        steps=10_000,
-        every=10_000,
-        progress=False,
-    )
-    references = {
-        "kepler": PLANETS.exact(SYSTEMS["kepler"][1], ends["kepler"][0]),
-        "galaxy": fine.last,
-    }
+    fine = lm.integrate(GALAXY, lm.Taylor(20), SYSTEMS["galaxy"][1], h=0.01, steps=10_000, every=10_000, progress=False)
+    references = {"kepler": PLANETS.exact(SYSTEMS["kepler"][1], ends["kepler"][0]), "galaxy": fine.last}
     rows = []
     for method_name, method in METHODS.items():
         row: dict[str, Any] = {"method": method_name, "forces": method.tableau.stages}
@@ -123,32 +103,16 @@ def errors() -> list[dict[str, Any]]:
             t_end, counts = ends[name]
             for forces in counts:
                 steps = round(forces / method.tableau.stages)
-                run = lm.integrate(
-                    system,
-                    method,
-                    start,
-                    h=t_end / steps,
-                    steps=steps,
-                    compiled=True,
-                    progress=False,
-                )
-                end, exact = (
-                    np.array([*state.q, *state.p]) for state in (run.last, references[name])
-                )
+                run = lm.integrate(system, method, start, h=t_end / steps, steps=steps, compiled=True, progress=False)
+                end, exact = (np.array([*state.q, *state.p]) for state in (run.last, references[name]))
                 miss = np.linalg.norm(end - exact)
-                row[f"{name} {forces}"] = [
-                    float(np.abs(run.energy / run.energy[0] - 1.0).max()),
-                    float(miss),
-                ]
+                row[f"{name} {forces}"] = [float(np.abs(run.energy / run.energy[0] - 1.0).max()), float(miss)]
         rows.append(row)
     keys = [key for key in rows[0] if key not in ("method", "forces")]
     harness.table(
         "largest relative energy error, error at the end",
         ["method", "forces", *keys],
-        [
-            [r["method"], r["forces"], *[f"{r[k][0]:.0e}, {r[k][1]:.0e}" for k in keys]]
-            for r in rows
-        ],
+        [[r["method"], r["forces"], *[f"{r[k][0]:.0e}, {r[k][1]:.0e}" for k in keys]] for r in rows],
     )
     return rows
 

@@ -23,9 +23,7 @@ class Native:
     compensate : as for `integrate`; ordinary sums, as in the C++, unless it is asked for.
     """
 
-    def __init__(
-        self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False
-    ) -> None:
+    def __init__(self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False) -> None:
         self.plan = plan_of(Steps(system, method, h, 1, compensate, "double", True, False, 1))
         self.carry = StraightRun(self.plan, start, 0.0, 0, None, None).trajectory().carry
         place = place_of(self.plan._steps, self.carry.shape)
@@ -59,14 +57,11 @@ def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float =
         for name, end in ends.items():
             if not np.abs(end - first).max() <= tolerance:
                 raise SystemExit(
-                    f"{name} differs from {next(iter(ends))} by "
-                    f"{np.abs(end - first).max():.1e} after {steps} steps"
+                    f"{name} differs from {next(iter(ends))} by {np.abs(end - first).max():.1e} after {steps} steps"
                 )
 
 
-def measure(
-    runs: Mapping[str, Callable[[int], Any]], repetitions: int, duration: float
-) -> dict[str, harness.Timing]:
+def measure(runs: Mapping[str, Callable[[int], Any]], repetitions: int, duration: float) -> dict[str, harness.Timing]:
     """ns per step in turn, again and again: processor time, so that other processes count little,
     less that of the call.
     """
@@ -79,12 +74,7 @@ def measure(
     steps, calls = {}, {}
     for name, run in runs.items():
         calls[name] = min(seconds(run, 1) for _ in range(20))
-        steps[name] = max(
-            50,
-            int(
-                1000 * duration / max(1e-9, min(seconds(run, 1000) for _ in range(5)) - calls[name])
-            ),
-        )
+        steps[name] = max(50, int(1000 * duration / max(1e-9, min(seconds(run, 1000) for _ in range(5)) - calls[name])))
     spent: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(repetitions):
         for name, run in runs.items():

@@ -24,10 +24,7 @@ import liemech as lm
 
 BODIES, STEP = 99_840, 0.05  # a multiple of 24 lanes and of 16
 METHODS = {"RKMK4": lm.RKMK(order=4), "Algorithm 1, Cayley": lm.CovariantVariational(lm.Cayley())}
-OPPONENTS = {
-    "RKMK4": ("RKMK4",),
-    "Algorithm 1, Cayley": ("Algorithm 1, Cayley", "Algorithm 1, Cayley, one unknown"),
-}
+OPPONENTS = {"RKMK4": ("RKMK4",), "Algorithm 1, Cayley": ("Algorithm 1, Cayley", "Algorithm 1, Cayley, one unknown")}
 GOALS = {20: 0.85, 200: 0.9}
 PAGE = Path(__file__).parents[2] / "docs" / "proof" / "performance.md"
 MARKS = "<!-- throughput -->", "<!-- end of throughput -->"
@@ -46,44 +43,23 @@ def timed(runs: dict[str, Callable[[], Any]], repetitions: int) -> dict[str, har
     return {name: harness.Timing(np.array(x)) for name, x in spent.items()}
 
 
-def ours(
-    method: lm.Method, bodies: int, steps: int, workers: int = 1, attitude: bool = False
-) -> Callable[[], Any]:
+def ours(method: lm.Method, bodies: int, steps: int, workers: int = 1, attitude: bool = False) -> Callable[[], Any]:
     """A call of liemech."""
     body = lm.RigidBody([1.0, 1.5, 2.0])
     mu = np.random.default_rng(0).normal(size=(bodies, 3))
     start = body.state(mu, np.broadcast_to(np.eye(3), (bodies, 3, 3)) if attitude else None)
-    plan = lm.Plan(
-        body,
-        method,
-        STEP,
-        every=steps,
-        compiled=True,
-        progress=False,
-        workers=workers,
-        compensated=False,
-    )
+    plan = lm.Plan(body, method, STEP, every=steps, compiled=True, progress=False, workers=workers, compensated=False)
     return lambda: plan.run(start, steps=steps)
 
 
-def theirs(
-    build: baseline.Baseline, name: str, steps: int, attitude: bool, bodies: int = BODIES
-) -> Callable[[], Any]:
+def theirs(build: baseline.Baseline, name: str, steps: int, attitude: bool, bodies: int = BODIES) -> Callable[[], Any]:
     """The same in C++: its arrays are laid out as its lanes want them, and copied before each run."""
     mu = np.ascontiguousarray(np.random.default_rng(0).normal(size=(bodies, 3)).T)
     g = np.ascontiguousarray(np.eye(3).reshape(9, 1).repeat(bodies, axis=1)) if attitude else None
     inertia, lanes = np.array([1.0, 1.5, 2.0]), build.lanes()
 
     def run() -> None:
-        build.advance(
-            baseline.METHODS[name],
-            lanes,
-            mu.copy(),
-            None if g is None else g.copy(),
-            inertia,
-            STEP,
-            steps,
-        )
+        build.advance(baseline.METHODS[name], lanes, mu.copy(), None if g is None else g.copy(), inertia, STEP, steps)
 
     return run
 
@@ -111,10 +87,7 @@ def beside_cpp(repetitions: int) -> list[dict[str, Any]]:
             for steps, goal in GOALS.items():
                 runs = {"liemech": ours(method, BODIES, steps, attitude=attitude)}
                 if build is not None:
-                    runs |= {
-                        opponent: theirs(build, opponent, steps, attitude)
-                        for opponent in OPPONENTS[name]
-                    }
+                    runs |= {opponent: theirs(build, opponent, steps, attitude) for opponent in OPPONENTS[name]}
                 found = timed(runs, repetitions)
                 mine = found["liemech"]
                 row: dict[str, Any] = {
@@ -184,19 +157,13 @@ def page(results: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="smoke run: rough numbers")
     parser.add_argument("--write", action="store_true", help="put the tables into the page")
     parser.add_argument("--out", type=Path, default=Path("throughput.json"), help="for the JSON")
     chosen = parser.parse_args()
     repetitions = 2 if chosen.quick else 25
-    results = {
-        "machine": harness.machine(),
-        "beside C++": beside_cpp(repetitions),
-        "workers": by_workers(repetitions),
-    }
+    results = {"machine": harness.machine(), "beside C++": beside_cpp(repetitions), "workers": by_workers(repetitions)}
     text = page(results)
     print(text)
     harness.write(chosen.out, results)

@@ -32,13 +32,7 @@ VERLET, EIGHT = STRANG.exchanged, SplittingTableau.of(KAHAN_LI8).exchanged
 CONTROLLED = lm.ReversibleController(lm.StormerVerlet(), POWER)
 STEPS = {
     "logarithmic, Verlet": ("logarithmic", VERLET, LOGARITHMIC, lm.Splitting(tableau=VERLET), 0.01),
-    "logarithmic, Kahan-Li 8": (
-        "logarithmic",
-        EIGHT,
-        LOGARITHMIC,
-        lm.Splitting(tableau=EIGHT),
-        0.3,
-    ),
+    "logarithmic, Kahan-Li 8": ("logarithmic", EIGHT, LOGARITHMIC, lm.Splitting(tableau=EIGHT), 0.3),
     "adaptive Verlet": ("adaptive", VERLET, POWERS, lm.AdaptiveVerlet(), 0.01),
     "reversible controller": ("controlled", VERLET, Clocked(KEPLER, POWER), CONTROLLED, 0.01),
 }
@@ -49,18 +43,11 @@ class C:
 
     def __init__(self, library: Any, name: str, start: Any, h: float) -> None:
         self.advance, self.h = getattr(library, f"advance_{name}"), ctypes.c_double(h)
-        self.start = np.array(
-            [x for part in start.parts.values() for x in np.ravel(np.array(part))]
-        )
+        self.start = np.array([x for part in start.parts.values() for x in np.ravel(np.array(part))])
 
     def __call__(self, steps: int) -> np.ndarray:
         state = self.start.copy()
-        self.advance(
-            ctypes.c_void_p(state.ctypes.data),
-            ctypes.c_double(POWER.power),
-            self.h,
-            ctypes.c_long(steps),
-        )
+        self.advance(ctypes.c_void_p(state.ctypes.data), ctypes.c_double(POWER.power), self.h, ctypes.c_long(steps))
         return state
 
 
@@ -90,11 +77,7 @@ def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:
                 {
                     "step": row,
                     "ns": {key: timing.best for key, timing in times.items()},
-                    "ratios": {
-                        key: times["liemech"].over(t)
-                        for key, t in times.items()
-                        if key.startswith("C")
-                    },
+                    "ratios": {key: times["liemech"].over(t) for key, t in times.items() if key.startswith("C")},
                 }
             )
     columns = ["step", *rows[0]["ns"], *[f"ratio {key}" for key in rows[0]["ratios"]]]
@@ -119,9 +102,7 @@ def best(run: Callable[[], np.ndarray], repetitions: int) -> tuple[float, float]
     return min(spent), float(np.abs(end - np.array(ORBIT.q)).max())
 
 
-def ours(
-    system: Any, method: lm.Method, h: float, compensated: bool | None
-) -> Callable[[], np.ndarray]:
+def ours(system: Any, method: lm.Method, h: float, compensated: bool | None) -> Callable[[], np.ndarray]:
     def run() -> np.ndarray:
         t_end = 2.0 * np.pi * PERIODS
         options = {"every": 10**9, "compiled": True, "progress": False, "compensated": compensated}
@@ -135,9 +116,7 @@ def heyoka(tolerance: float) -> Callable[[], np.ndarray]:
     x, y, u, v = hy.make_vars("x", "y", "u", "v")
     pull = (x * x + y * y) ** -1.5
     start = [*ORBIT.q, *ORBIT.p]
-    integrator = hy.taylor_adaptive(
-        [(x, u), (y, v), (u, -x * pull), (v, -y * pull)], start, tol=tolerance
-    )
+    integrator = hy.taylor_adaptive([(x, u), (y, v), (u, -x * pull), (v, -y * pull)], start, tol=tolerance)
 
     def run() -> np.ndarray:
         integrator.time = 0.0
@@ -152,11 +131,7 @@ COARSE = {
     "logarithmic, Kahan-Li 8": (LOGARITHMIC, lm.Splitting(tableau=EIGHT), None),
     "the same, ordinary sums": (LOGARITHMIC, lm.Splitting(tableau=EIGHT), False),
     "Kahan-Li 8 of adaptive Verlet": (POWERS, lm.Composition(lm.AdaptiveVerlet(), order=8), None),
-    "controller of Splitting(order=8)": (
-        KEPLER,
-        lm.ReversibleController(lm.Splitting(order=8), POWER),
-        None,
-    ),
+    "controller of Splitting(order=8)": (KEPLER, lm.ReversibleController(lm.Splitting(order=8), POWER), None),
     "Splitting(order=8), fixed steps": (KEPLER, lm.Splitting(order=8), None),
 }
 
@@ -199,11 +174,7 @@ def thousand_periods(repetitions: int, quick: bool) -> list[dict[str, Any]]:
     for name, curve in curves.items():
         within = {goal: [t for t, e in curve if e <= goal] for goal in (1e-3, 1e-6)}
         rows.append(
-            {
-                "method": name,
-                "ms": {f"{g:g}": 1e3 * min(t) if t else None for g, t in within.items()},
-                "curve": curve,
-            }
+            {"method": name, "ms": {f"{g:g}": 1e3 * min(t) if t else None for g, t in within.items()}, "curve": curve}
         )
     harness.table(
         f"{PERIODS} periods, ms of a call within 1e-3 and 1e-6 of the place",
@@ -216,10 +187,7 @@ def thousand_periods(repetitions: int, quick: bool) -> list[dict[str, Any]]:
 def main() -> None:
     out, timing = harness.options(__doc__, "time_transformations_benchmark.json")
     quick = timing[0] < 100
-    harness.write(
-        out,
-        {"steps": steps_beside_c(*timing), "periods": thousand_periods(2 if quick else 9, quick)},
-    )
+    harness.write(out, {"steps": steps_beside_c(*timing), "periods": thousand_periods(2 if quick else 9, quick)})
 
 
 if __name__ == "__main__":

@@ -52,29 +52,21 @@ def main() -> None:
         sizes: dict[str, tuple[int, int]] = {}
         for repetition in range(repetitions + 1):
             for name, show in SHOWN.items():
-                scene, run = timed(
-                    partial(animate, BODY, METHOD, START, show, h=0.1, steps=steps, frames=600)
-                )
+                scene, run = timed(partial(animate, BODY, METHOD, START, show, h=0.1, steps=steps, frames=600))
                 page, written = timed(scene.html)
                 if repetition:  # the first one compiles, and reads meshcat's file
                     spent[name].append((run, written))
                 sizes[name] = len(page.encode()), len(scene.html(compressed=True))
         rows = []
         for name in SHOWN:
-            run, written = (
-                1e3 * statistics.median(column) for column in zip(*spent[name], strict=True)
-            )
+            run, written = (1e3 * statistics.median(column) for column in zip(*spent[name], strict=True))
             rows.append((name, run, written, *(size / 1e3 for size in sizes[name])))
         table(
-            f"{steps} steps, at most 601 samples",
-            ("shown", "run, ms", "page, ms", "plain, kB", "compressed, kB"),
-            rows,
+            f"{steps} steps, at most 601 samples", ("shown", "run, ms", "page, ms", "plain, kB", "compressed, kB"), rows
         )
     same = lm.integrate(BODY, METHOD, START, h=0.1, steps=counts[-1])
     _, spent_on_all = timed(Scene(same).html)
-    print(
-        f"\nof a run that kept all {len(same)} samples the page takes {1e3 * spent_on_all:.0f} ms"
-    )
+    print(f"\nof a run that kept all {len(same)} samples the page takes {1e3 * spent_on_all:.0f} ms")
 
 
 if __name__ == "__main__":

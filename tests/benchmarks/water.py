@@ -247,14 +247,7 @@ def pair_sums(made: Any, side: int, rounds: int) -> list[list[Any]]:
         runs = {title: way(k) for k, title in enumerate(WAYS)} | {"liemech": step}
         pairs = len(x) * (len(x) - 1) / 2
         found = {title: 1e3 * us / pairs for title, us in gravity.least(runs, rounds).items()}
-        rows.append(
-            [
-                name,
-                *found.values(),
-                found["liemech"] / found["plain"],
-                found["liemech"] / found["once"],
-            ]
-        )
+        rows.append([name, *found.values(), found["liemech"] / found["plain"], found["liemech"] / found["once"]])
     return rows
 
 
@@ -266,22 +259,14 @@ def picture(path: Path, files: list[Path]) -> None:
     """Fluctuation over processor time, of what `--out` has kept."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(
-        1, len(files), figsize=(4.6 * len(files), 3.6), squeeze=False, dpi=110
-    )
+    figure, axes = plt.subplots(1, len(files), figsize=(4.6 * len(files), 3.6), squeeze=False, dpi=110)
     for axis, file in zip(axes[0], files, strict=True):
         kept = json.loads(file.read_text())
         for name in dict.fromkeys(row[0] for row in kept["rows"]):
             own = [row for row in kept["rows"] if row[0] == name]
             axis.loglog([r[2] for r in own], [r[3] for r in own], "o-", ms=4, lw=1.2, label=name)
             for _, h, seconds, spread, *_ in own:
-                axis.annotate(
-                    f" {h:g}",
-                    (seconds, spread),
-                    fontsize=7,
-                    xytext=(3, 2),
-                    textcoords="offset points",
-                )
+                axis.annotate(f" {h:g}", (seconds, spread), fontsize=7, xytext=(3, 2), textcoords="offset points")
         axis.set_title(f"{kept['molecules']} rigid molecules (numbers: h in fs)", fontsize=10)
         axis.set_xlabel("processor time, s/ps")
         axis.set_ylabel("energy, rms of its fluctuation, eV")
@@ -292,9 +277,7 @@ def picture(path: Path, files: list[Path]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--side", type=int, default=6, help="molecules along a side of the lattice")
     parser.add_argument("--picoseconds", type=float, default=2.0, help="how long")
     parser.add_argument("--out", type=Path, default=None, help="where the JSON goes")
@@ -331,9 +314,7 @@ def main() -> None:
         ("KickDrift, order 2", lm.KickDrift(), (0.0005, 0.001, 0.002)),
         ("KickDrift, order 4", lm.KickDrift(order=4), (0.002, 0.003, 0.004, 0.005)),
     ):
-        rows += [
-            [name, 1e3 * h, *ours(system, start, method, h, options.picoseconds)] for h in lengths
-        ]
+        rows += [[name, 1e3 * h, *ours(system, start, method, h, options.picoseconds)] for h in lengths]
     shown = [[a, b, c, f"{d:.2e}", f"{e:+.1e}"] for a, b, c, d, e in rows]
     columns = ["", "h, fs", "s/ps", "fluctuation, eV", "trend, eV/ps"]
     harness.table(f"{options.side**3} rigid SPC molecules", columns, shown)

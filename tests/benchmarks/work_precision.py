@@ -51,12 +51,7 @@ def curves(problem: Problem, everybody: list[Contender], repetitions: int) -> li
     runs: list[tuple[dict[str, Any], Run]] = []
     results: list[dict[str, Any]] = []
     for contender in everybody:
-        curve: dict[str, Any] = {
-            "package": contender.package,
-            "method": contender.method,
-            "set_up": 0.0,
-            "points": [],
-        }
+        curve: dict[str, Any] = {"package": contender.package, "method": contender.method, "set_up": 0.0, "points": []}
         results.append(curve)
         for setting in contender.settings:
             begun = time.perf_counter()
@@ -105,22 +100,14 @@ def time_for(points: list[dict[str, Any]], target: float) -> float | None:
     return min(times, default=None)
 
 
-def winners(
-    results: list[dict[str, Any]], packages: list[str]
-) -> dict[str, dict[float, tuple[float, str] | None]]:
+def winners(results: list[dict[str, Any]], packages: list[str]) -> dict[str, dict[float, tuple[float, str] | None]]:
     """For each package and error the time of its quickest method, and its name."""
     found: dict[str, dict[float, tuple[float, str] | None]] = {}
     for package in packages:
         found[package] = {}
         for target in TARGETS:
-            times = [
-                (time_for(c["points"], target), c["method"])
-                for c in results
-                if c["package"] == package
-            ]
-            found[package][target] = min(
-                ((t, name) for t, name in times if t is not None), default=None
-            )
+            times = [(time_for(c["points"], target), c["method"]) for c in results if c["package"] == package]
+            found[package][target] = min(((t, name) for t, name in times if t is not None), default=None)
     return found
 
 
@@ -138,10 +125,7 @@ def figure(results: dict[str, list[dict[str, Any]]], path: Path) -> None:
         for package, colour in COLOURS.items():
             own = [c["points"] for c in found if c["package"] == package]
             best = [
-                min(
-                    (t for t in (time_for(points, e) for points in own) if t is not None),
-                    default=math.nan,
-                )
+                min((t for t in (time_for(points, e) for points in own) if t is not None), default=math.nan)
                 for e in errors
             ]
             if own:
@@ -154,18 +138,10 @@ def figure(results: dict[str, list[dict[str, Any]]], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="smoke run: every third method and setting, once"
-    )
-    parser.add_argument(
-        "--only", default="", help="contenders whose package or method contains this"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("work_precision.json"), help="where the JSON goes"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="smoke run: every third method and setting, once")
+    parser.add_argument("--only", default="", help="contenders whose package or method contains this")
+    parser.add_argument("--out", type=Path, default=Path("work_precision.json"), help="where the JSON goes")
     parser.add_argument("--figure", type=Path, help="where a picture goes, if one is wanted")
     options = parser.parse_args()
 
@@ -174,29 +150,17 @@ def main() -> None:
         print(f"{package} {version or 'is not installed'}")
     results: dict[str, list[dict[str, Any]]] = {}
     for problem in PROBLEMS:
-        everybody = [
-            c for c in [*ours(problem), *others] if options.only in f"{c.package} {c.method}"
-        ]
+        everybody = [c for c in [*ours(problem), *others] if options.only in f"{c.package} {c.method}"]
         if options.quick:
-            everybody = [
-                Contender(c.package, c.method, c.settings[::3], c.prepare) for c in everybody[::3]
-            ]
+            everybody = [Contender(c.package, c.method, c.settings[::3], c.prepare) for c in everybody[::3]]
         packages = list(dict.fromkeys(c.package for c in everybody))
         results[problem.name] = found = curves(problem, everybody, 1 if options.quick else 9)
         best = winners(found, packages)
         rows: list[list[object]] = [
-            [
-                package,
-                *[
-                    f"{1e3 * cell[0]:.3g} ({cell[1]})" if (cell := best[package][e]) else None
-                    for e in TARGETS
-                ],
-            ]
+            [package, *[f"{1e3 * cell[0]:.3g} ({cell[1]})" if (cell := best[package][e]) else None for e in TARGETS]]
             for package in packages
         ]
-        harness.table(
-            f"{problem.name}: ms for an error of", ["package", *[f"{e:.0e}" for e in TARGETS]], rows
-        )
+        harness.table(f"{problem.name}: ms for an error of", ["package", *[f"{e:.0e}" for e in TARGETS]], rows)
         every: list[list[object]] = [
             [
                 c["package"],

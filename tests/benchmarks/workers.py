@@ -50,20 +50,14 @@ def of_spins(edge: int, work: float, rounds: int) -> list[list[Any]]:
     ]  # fmt: skip
     for method, pace in methods:
         steps = max(4, int(work / pace / sites))
-        plans = [
-            lm.Plan(system, method, h=H, every=10**9, workers=w, progress=False) for w in (1, 2)
-        ]
+        plans = [lm.Plan(system, method, h=H, every=10**9, workers=w, progress=False) for w in (1, 2)]
         found = [plan.run(start, steps=3).mu for plan in plans]
         if not np.array_equal(*found):
             raise AssertionError(f"{method}: two workers have other bits than one")
-        runs = {
-            w: functools.partial(plan.run, start, steps=steps) for w, plan in enumerate(plans, 1)
-        }
+        runs = {w: functools.partial(plan.run, start, steps=steps) for w, plan in enumerate(plans, 1)}
         lines.append(gains(f"cubic {edge}^3, {method!r}", sites * steps, runs, rounds))
         if isinstance(method, lm.SublatticeSplitting):
-            theirs = {
-                w: functools.partial(in_threads, loop, edge, s, steps, method, w) for w in (1, 2)
-            }
+            theirs = {w: functools.partial(in_threads, loop, edge, s, steps, method, w) for w in (1, 2)}
             if not np.abs(in_threads(loop, edge, s, 3, method, 2) - found[0][-1]).max() < 1e-13:
                 raise AssertionError(f"{method}: C++ and liemech differ")
             lines.append(gains("C++", sites * steps, theirs, rounds))
@@ -88,10 +82,7 @@ def of_masses(n: int, work: float, rounds: int) -> list[Any]:
     start = system.state(3.0 * rng.normal(size=3 * n), rng.normal(size=3 * n) / n)
     pairs = n * (n - 1) // 2
     steps = max(2, int(work / 0.7 / pairs))
-    plans = [
-        lm.Plan(system, lm.StormerVerlet(), h=1e-3, every=10**9, workers=w, progress=False)
-        for w in (1, 2)
-    ]
+    plans = [lm.Plan(system, lm.StormerVerlet(), h=1e-3, every=10**9, workers=w, progress=False) for w in (1, 2)]
     if not np.array_equal(*[plan.run(start, steps=3).q for plan in plans]):
         raise AssertionError("two workers have other bits than one")
     runs = {w: functools.partial(plan.run, start, steps=steps) for w, plan in enumerate(plans, 1)}

@@ -40,16 +40,7 @@ themselves.
 """
 
 SHAPELESS = (
-    *(
-        "constants",
-        "symmetry",
-        "state",
-        "exact",
-        "essential_part",
-        "variation",
-        "vouched",
-        "further_invariants",
-    ),
+    *("constants", "symmetry", "state", "exact", "essential_part", "variation", "vouched", "further_invariants"),
     *("rotation", "rigid_transform", "objection", "tangent", "isotropy"),
 )
 """Methods of states, and of objects other than arrays or of as many as there happen to be, whose
@@ -102,9 +93,7 @@ def subjects() -> tuple[Subject, ...]:
     found += [Subject(g.algebra, g) for g in groups()]
     found += [Subject(lm.coadjoint(g), g, vector=g.dim) for g in (so3, se3, lm.SU(2))]
     found += [Subject(lm.actions.AdjointAction(se3), se3, vector=6)]
-    found += [
-        Subject(lm.actions.RotationAction(lm.UnitQuaternions()), lm.UnitQuaternions(), vector=3)
-    ]
+    found += [Subject(lm.actions.RotationAction(lm.UnitQuaternions()), lm.UnitQuaternions(), vector=3)]
     found += [
         Subject(lm.actions.LinearAction(lm.SL(2)), lm.SL(2), vector=2),
         Subject(lm.actions.LeftMultiplication(so3), so3),
@@ -152,9 +141,7 @@ class Method:
 
     @functools.cached_property
     def parameters(self) -> dict[str, str]:
-        parameters = inspect.signature(
-            bare(getattr(type(self.subject.thing), self.name))
-        ).parameters
+        parameters = inspect.signature(bare(getattr(type(self.subject.thing), self.name))).parameters
         return {
             name: _class_text(p.annotation).removesuffix(" | None")
             for name, p in list(parameters.items())[
@@ -165,12 +152,8 @@ class Method:
 
     @functools.cached_property
     def required(self) -> tuple[str, ...]:
-        parameters = inspect.signature(
-            bare(getattr(type(self.subject.thing), self.name))
-        ).parameters
-        return tuple(
-            name for name in self.parameters if parameters[name].default is inspect.Parameter.empty
-        )
+        parameters = inspect.signature(bare(getattr(type(self.subject.thing), self.name))).parameters
+        return tuple(name for name in self.parameters if parameters[name].default is inspect.Parameter.empty)
 
     def __str__(self) -> str:
         return f"{self.subject.thing!r:.60}.{self.name}"
@@ -204,13 +187,7 @@ def shape_of(method: Method, name: str, text: str) -> tuple[int, ...] | None:
     """The shape of one argument of a method; None if it is no array."""
     subject, kind = method.subject, text
     if text in ("Any", ""):
-        kind = (
-            "Element"
-            if name in ("g", "h", "rate")
-            else "Vec"
-            if name in ("mu", "x", "q", "p", "xi", "t")
-            else ""
-        )
+        kind = "Element" if name in ("g", "h", "rate") else "Vec" if name in ("mu", "x", "q", "p", "xi", "t") else ""
     if kind not in ("Vec", "Mat", "Element", "Ambient", "float"):
         return None
     if kind == "float" or name == "t":
@@ -221,11 +198,7 @@ def shape_of(method: Method, name: str, text: str) -> tuple[int, ...] | None:
         return element if kind != "Mat" else matrix
     if subject.vector is not None and name in ("x", "p", "q", "velocity"):
         return (subject.vector,)
-    if (
-        subject.vector is not None
-        and isinstance(subject.thing, lm.HamiltonianSystem)
-        and name != "omega"
-    ):
+    if subject.vector is not None and isinstance(subject.thing, lm.HamiltonianSystem) and name != "omega":
         return (subject.vector,)
     if isinstance(subject.thing, lm.MechanicalSystem) and name == "omega":
         return (subject.thing.group.dim,)
@@ -247,27 +220,21 @@ def state_of(subject: Subject) -> Any:
     return thing.state(rng.normal(size=subject.group.dim), subject.group.random(1))
 
 
-def right(
-    method: Method, name: str, text: str, lead: tuple[int, ...], rng: np.random.Generator
-) -> Any:
+def right(method: Method, name: str, text: str, lead: tuple[int, ...], rng: np.random.Generator) -> Any:
     """An argument as it should be."""
     subject = method.subject
     if name in subject.given:
         return subject.given[name]
     shape = shape_of(method, name, text)
     if shape is not None:
-        if shape == subject.group.element_shape and (
-            text in ("Element", "Ambient") or name in ("g", "h")
-        ):
+        if shape == subject.group.element_shape and (text in ("Element", "Ambient") or name in ("g", "h")):
             return subject.group.random(rng, lead)
         if isinstance(subject.thing, lm.actions.SphereAction) and name == "x":
             return subject.thing.random(rng, lead)
         numbers = rng.normal(size=(*lead, *shape))
         return numbers if shape else float(numbers) if not lead else numbers
     if name == "start" and isinstance(subject.thing, lm.models.ReducedHeavyTop):
-        return lm.models.HeavyTop([1.0, 1.6, 2.3], 1.0, [0.0, 0.1, 1.0]).state(
-            [1.0, 2.0, 3.0], np.eye(3)
-        )
+        return lm.models.HeavyTop([1.0, 1.6, 2.3], 1.0, [0.0, 0.1, 1.0]).state([1.0, 2.0, 3.0], np.eye(3))
     if text.endswith("State") or text in ("Position", "Point") or name in ("state", "start"):
         return state_of(subject)
     choices: dict[str, Any] = {
@@ -327,16 +294,9 @@ def call(method: Method, rng: np.random.Generator) -> tuple[tuple[Any, ...], dic
     """Arguments for a call: in half of the cases one is wrong, else perhaps several."""
     names = [n for n in method.parameters if n in method.required or rng.random() < 0.5]
     lead: tuple[int, ...] = [(), (), (2,), (3, 1), (1,), (11,)][int(rng.integers(6))]
-    bad = (
-        {str(rng.choice(names))}
-        if names and rng.random() < 0.7
-        else {n for n in names if rng.random() < 0.4}
-    )
+    bad = {str(rng.choice(names))} if names and rng.random() < 0.7 else {n for n in names if rng.random() < 0.4}
     texts = method.parameters
-    made = {
-        n: wrong(method, n, texts[n], rng) if n in bad else right(method, n, texts[n], lead, rng)
-        for n in names
-    }
+    made = {n: wrong(method, n, texts[n], rng) if n in bad else right(method, n, texts[n], lead, rng) for n in names}
     keep = len(method.required) if rng.random() < 0.8 else int(rng.integers(0, len(names) + 1))
     args = tuple(made[n] for n in list(made)[:keep])
     options = {n: made[n] for n in list(made)[keep:]}
@@ -403,11 +363,7 @@ def ending(method: Method, args: tuple[Any, ...], options: dict[str, Any]) -> st
     """What became of a call: "" if it ended well, else what is wrong with its end."""
     names = list(method.parameters)
     given = {*names[: len(args)], *options}
-    counted = (
-        len(args) <= len(names)
-        and set(options) <= set(names[len(args) :])
-        and set(method.required) <= given
-    )
+    counted = len(args) <= len(names) and set(options) <= set(names[len(args) :]) and set(method.required) <= given
     begun = time.process_time()
     try:
         with warnings.catch_warnings():
@@ -508,11 +464,7 @@ def batch_failure(method: Method, rng: np.random.Generator, rows: int = 24) -> s
         try:
             call(**{n: a[chosen] if n in arrays else a for n, a in made.items()})
         except lm.errors.LiemechError as error:
-            return (
-                ""
-                if type(error) is type(singles[ill[0]])
-                else f"{method}: {error!r}, alone {singles[ill[0]]!r}"
-            )
+            return "" if type(error) is type(singles[ill[0]]) else f"{method}: {error!r}, alone {singles[ill[0]]!r}"
         return f"{method}: a row that is refused alone, {singles[ill[0]]!r}, passes in a batch"
     return ""
 

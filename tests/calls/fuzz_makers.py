@@ -235,17 +235,12 @@ GIVES_NUMBER = re.compile("def (energy|kinetic|potential)")
 WRONG_VALUES: dict[str, Callable[[str], str]] = {
     "nothing": lambda body: body.replace("return ", "", 1),
     "None": lambda body: body.partition("return ")[0] + "return None",
-    "None on one way": lambda body: body.replace(
-        "    return ", "    if abs(0.5) > 1.0:\n        return ", 1
-    ),
+    "None on one way": lambda body: body.replace("    return ", "    if abs(0.5) > 1.0:\n        return ", 1),
     "a text": lambda body: body.partition("return ")[0] + "return 'abc'",
-    "a vector of two in a tuple": lambda body: (
-        body.partition("return ")[0] + "return (lm.vec(1.0, 2.0),)"
-    ),
+    "a vector of two in a tuple": lambda body: body.partition("return ")[0] + "return (lm.vec(1.0, 2.0),)",
     "a dict": lambda body: body.partition("return ")[0] + "return {'a': 1.0}",
     "a vector, or a number": lambda body: (
-        body.partition("return ")[0]
-        + ("return lm.vec(0.5, 0.25, 0.125)" if GIVES_NUMBER.match(body) else "return 1.5")
+        body.partition("return ")[0] + ("return lm.vec(0.5, 0.25, 0.125)" if GIVES_NUMBER.match(body) else "return 1.5")
     ),
     "a generator": lambda body: body.replace("return ", "yield ", 1),
 }

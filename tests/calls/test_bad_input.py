@@ -54,9 +54,7 @@ def refused(error: type[Exception], words: str, call: Callable[[], object]) -> N
 
 
 def go(**options: object) -> lm.Trajectory:
-    system, method, start = (
-        options.pop(k, v) for k, v in (("system", BODY), ("method", RKMK4), ("start", START))
-    )
+    system, method, start = (options.pop(k, v) for k, v in (("system", BODY), ("method", RKMK4), ("start", START)))
     return lm.integrate(system, method, start, **{"h": 0.1, "steps": 3} | options)
 
 
@@ -71,11 +69,7 @@ STEPS = [
     (value, "h = 0 is no step", dict(h=0.0)),
     (value, "h = -0 is no step", dict(h=-0.0)),
     (value, "h = .*e-324 is no step.*1/h overflows", dict(h=5e-324)),
-    (
-        value,
-        "h = 1e-17 is lost beside t = 1.*smallest useful step there is 2.2e-16",
-        dict(h=1e-17, t0=1.0),
-    ),
+    (value, "h = 1e-17 is lost beside t = 1.*smallest useful step there is 2.2e-16", dict(h=1e-17, t0=1.0)),
     (value, r"h = 0.1 is lost beside t = 1e\+20", dict(t0=1e20)),
     (value, "t0 must be finite; got nan", dict(t0=NAN)),
     (value, "lead to t = inf", dict(h=1e308, steps=10)),
@@ -105,11 +99,7 @@ STEPS = [
     (value, "record is .*got .*'g'", dict(record=("g",))),
     (value, "record is", dict(record=())),
     (kind, "record is .*got 5", dict(record=5)),
-    (
-        value,
-        "record asks for g, but the start has none",
-        dict(record=("mu", "g"), start=BODY.state([1, 2, 3])),
-    ),
+    (value, "record asks for g, but the start has none", dict(record=("mu", "g"), start=BODY.state([1, 2, 3]))),
     (kind, "method must be a method such as RKMK.*got 'RK4'", dict(method="RK4")),
     (kind, r"write RKMK\(\.\.\.\), with the brackets", dict(method=lm.RKMK)),
     (kind, "method must be a method .*got BodyState", dict(method=START, start=RKMK4)),
@@ -131,9 +121,7 @@ def test_calls_that_cannot_be_meant(error: type[Exception], words: str, options:
 @pytest.mark.parametrize("every", [1, 3])
 def test_more_samples_than_memory(every: int) -> None:
     refused(
-        value,
-        r"need .* GiB .*this machine has .*larger `every`",
-        lambda: go(steps=10**12, every=every, compiled=False),
+        value, r"need .* GiB .*this machine has .*larger `every`", lambda: go(steps=10**12, every=every, compiled=False)
     )
 
 
@@ -149,9 +137,7 @@ def test_a_method_that_needs_more_than_the_system_has() -> None:
             return lm.vec(1.0, 0.0, 0.0)
 
     system = lm.LiePoissonSystem(G, Linear())
-    with pytest.raises(
-        lm.errors.IncompatibleSystem, match=r"needs a system with a lagrangian.*RKMK accepts every"
-    ):
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"needs a system with a lagrangian.*RKMK accepts every"):
         lm.integrate(system, EXP, system.state([1, 2, 3]), h=0.1, steps=1)
 
 
@@ -217,15 +203,9 @@ def test_attitudes(error: type[Exception], words: str, g: object) -> None:
 
 
 def test_momenta_and_attitudes_that_do_not_fit() -> None:
+    refused(value, "2 momenta and 3 group elements", lambda: BODY.state(np.ones((2, 3)), np.stack([np.eye(3)] * 3)))
     refused(
-        value,
-        "2 momenta and 3 group elements",
-        lambda: BODY.state(np.ones((2, 3)), np.stack([np.eye(3)] * 3)),
-    )
-    refused(
-        value,
-        r"g\[1\] is not in SO3.*reflection",
-        lambda: BODY.state([1, 2, 3], np.stack([np.eye(3), -np.eye(3)])),
+        value, r"g\[1\] is not in SO3.*reflection", lambda: BODY.state([1, 2, 3], np.stack([np.eye(3), -np.eye(3)]))
     )
 
 
@@ -282,18 +262,12 @@ def test_extreme_inertias_that_can_be_meant() -> None:
 
 def test_exact_motion() -> None:
     refused(value, "RigidBody.exact: t must be finite; got nan", lambda: BODY.exact(START, NAN))
-    refused(
-        value, "RigidBody.exact: t must be finite; got inf", lambda: BODY.exact(START, [0.0, INF])
-    )
+    refused(value, "RigidBody.exact: t must be finite; got inf", lambda: BODY.exact(START, [0.0, INF]))
     refused(value, r"row of times; got shape \(2, 2\)", lambda: BODY.exact(START, np.ones((2, 2))))
     refused(kind, "RigidBody.exact: t must be real numbers", lambda: BODY.exact(START, "noon"))
-    refused(
-        kind, "RigidBody.exact: start must come from body.state", lambda: BODY.exact([1, 2, 3], 1.0)
-    )
+    refused(kind, "RigidBody.exact: start must come from body.state", lambda: BODY.exact([1, 2, 3], 1.0))
     refused(value, "one body at a time", lambda: BODY.exact(BODY.state(np.ones((2, 3))), 1.0))
-    refused(
-        kind, "RigidBody.period: start must come from body.state", lambda: BODY.period(np.ones(3))
-    )
+    refused(kind, "RigidBody.period: start must come from body.state", lambda: BODY.period(np.ones(3)))
     refused(value, "one body at a time", lambda: BODY.period(BODY.state(np.ones((2, 3)))))
 
 
@@ -308,16 +282,8 @@ METHOD_OPTIONS = [
     (value, "from 0 to 12 .*got 13", lambda: lm.RKMK(truncation=13)),
     (value, "from 0 to 12 .*got 2.0", lambda: lm.RKMK(truncation=2.0)),  # type: ignore[arg-type]
     (value, "from 0 to 12 .*got 'all'", lambda: lm.RKMK(truncation="all")),
-    (
-        value,
-        "no series to cut; leave truncation out",
-        lambda: lm.RKMK(truncation=2, retraction=lm.Cayley()),
-    ),
-    (
-        kind,
-        "retraction must be Exponential.*got <class",
-        lambda: lm.CovariantVariational(lm.Cayley),
-    ),  # type: ignore[arg-type]
+    (value, "no series to cut; leave truncation out", lambda: lm.RKMK(truncation=2, retraction=lm.Cayley())),
+    (kind, "retraction must be Exponential.*got <class", lambda: lm.CovariantVariational(lm.Cayley)),  # type: ignore[arg-type]
     (kind, "retraction must be Exponential.*got 'cay'", lambda: lm.CovariantVariational("cay")),  # type: ignore[arg-type]
 ]
 
@@ -340,25 +306,13 @@ GEOMETRY = [
     (value, "ragged", lambda: G.exp([[1, 2, 3], [1]])),
     (kind, "SO3.exp: xi must be real numbers; got dtype", lambda: G.exp(["1", "2", "3"])),
     (kind, "SO3.exp: xi must be real numbers; got dtype bool", lambda: G.exp([True, False, True])),
-    (
-        kind,
-        "SO3.exp: xi must be real numbers; got dtype complex",
-        lambda: G.exp(np.array([1j, 0, 0])),
-    ),
-    (
-        kind,
-        "SO3.exp: xi must be real numbers; got dtype object",
-        lambda: G.exp(np.array([1, None, 0])),
-    ),
+    (kind, "SO3.exp: xi must be real numbers; got dtype complex", lambda: G.exp(np.array([1j, 0, 0]))),
+    (kind, "SO3.exp: xi must be real numbers; got dtype object", lambda: G.exp(np.array([1, None, 0]))),
     (value, "SO3.log: g is not in SO3.*reflection", lambda: G.log(-np.eye(3))),
     (value, "SO3.log: g is not in SO3.*unit matrix by 3.0e", lambda: G.log(2 * np.eye(3))),
     (value, "SO3.log: g is not in SO3", lambda: G.log(np.zeros((3, 3)))),
     (value, r"SO3.log: g\[0, 0\] is nan", lambda: G.log(np.full((3, 3), NAN))),
-    (
-        value,
-        r"SO3.log: g has shape \(3, 2\); its last axes must be \(3, 3\)",
-        lambda: G.log(np.ones((3, 2))),
-    ),
+    (value, r"SO3.log: g has shape \(3, 2\); its last axes must be \(3, 3\)", lambda: G.log(np.ones((3, 2)))),
     (value, "SO3.quaternion: g is not in SO3", lambda: G.quaternion(2 * np.eye(3))),
     (
         lm.errors.OutsideChart,
@@ -425,29 +379,19 @@ class Circling(lm.HomogeneousEquation):
 
 
 def test_points_too_far_off_for_a_float_are_refused_by_the_state() -> None:
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"Circling\.state: x is no point of SphereAction"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"Circling\.state: x is no point of SphereAction"):
         Circling(lm.actions.SphereAction(lm.SO3())).state(x=[1e308] * 3)
 
 
-@pytest.mark.parametrize(
-    "mu", [[[1.0, 2.0], [1.0]], [1.0, 2.0], [float("nan")] * 4, "abc"], ids=str
-)
+@pytest.mark.parametrize("mu", [[[1.0, 2.0], [1.0]], [1.0, 2.0], [float("nan")] * 4, "abc"], ids=str)
 def test_groups_without_further_invariants_refuse_what_is_no_momentum(mu: object) -> None:
     assert lm.GL(2).further_invariants([1.0, 2.0, 3.0, 4.0]) is None
-    with pytest.raises(
-        (lm.errors.InvalidInput, lm.errors.InvalidType), match=r"GL.*further_invariants: mu"
-    ):
+    with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=r"GL.*further_invariants: mu"):
         lm.GL(2).further_invariants(mu)
 
 
-def test_momenta_that_leave_the_range_of_floats_are_refused_in_the_name_of_what_was_called() -> (
-    None
-):
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"random_on_orbit: SE3\.K has no finite value"
-    ):
+def test_momenta_that_leave_the_range_of_floats_are_refused_in_the_name_of_what_was_called() -> None:
+    with pytest.raises(lm.errors.InvalidInput, match=r"random_on_orbit: SE3\.K has no finite value"):
         lm.coadjoint(lm.SE3()).random_on_orbit([1e308] * 6, rng=5)
 
 
@@ -459,8 +403,7 @@ def test_casimirs_of_a_top() -> None:
     top = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0])
     run = short_run(top, top.state([0.1, 0.2, 0.3], np.eye(3)))
     with pytest.raises(
-        lm.errors.InvalidInput,
-        match=r"Trajectory\.casimirs: HeavyTop.* free bodies .*`run\.drift\(\)` names",
+        lm.errors.InvalidInput, match=r"Trajectory\.casimirs: HeavyTop.* free bodies .*`run\.drift\(\)` names"
     ):
         run.casimirs  # noqa: B018
 
@@ -476,14 +419,9 @@ def test_rotations_of_every_kind() -> None:
     found = short_run(quaternions, quaternions.state(mu, [0.0, 0.0, 0.0, 1.0])).rotation.as_matrix()
     assert np.abs(found - expected).max() <= 1e-15
     top = lm.models.HeavyTop([1.0, 2.0, 3.0], 0.0, [0.0, 0.0, 1.0])
-    assert (
-        np.abs(short_run(top, top.state(mu, np.eye(3))).rotation.as_matrix() - expected).max()
-        <= 1e-15
-    )
+    assert np.abs(short_run(top, top.state(mu, np.eye(3))).rotation.as_matrix() - expected).max() <= 1e-15
     plane = lm.LiePoissonSystem(lm.SE2(), energy)
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"rotations of space, which elements of SE2\(\) are not"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"rotations of space, which elements of SE2\(\) are not"):
         short_run(plane, plane.state(mu, lm.SE2().exp([0.1, 1.0, 2.0]))).rotation  # noqa: B018
 
 
@@ -512,7 +450,5 @@ def test_a_differential_with_a_side_is_refused() -> None:
 
 
 def test_nothing_to_compose() -> None:
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"ExactFreeBody\(\) is exact; there is no error"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"ExactFreeBody\(\) is exact; there is no error"):
         lm.Composition(lm.ExactFreeBody(), order=4)

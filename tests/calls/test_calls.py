@@ -25,9 +25,7 @@ def test_what_makes_things_is_called_as_it_should_be(function: Any, given: dict[
     fuzz_makers.called(function, given)
 
 
-@pytest.mark.parametrize(
-    "count, seed", [(1000, 5), pytest.param(20_000, 6, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("count, seed", [(1000, 5), pytest.param(20_000, 6, marks=pytest.mark.slow)])
 def test_things_are_made_or_refused_with_an_error_that_says_why(count: int, seed: int) -> None:
     assert fuzz_makers.failures(count, seed) == []
 
@@ -82,7 +80,5 @@ def test_batches_of_many_methods_are_their_single_calls(at_once: None) -> None:
     rng = np.random.default_rng(0)
     """Every fiftieth here; compiling all takes a quarter of an hour."""
     assert [
-        what
-        for method in list(fuzz_calls.of_arrays())[::50]
-        if (what := fuzz_calls.batch_failure(method, rng))
+        what for method in list(fuzz_calls.of_arrays())[::50] if (what := fuzz_calls.batch_failure(method, rng))
     ] == []

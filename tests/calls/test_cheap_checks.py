@@ -57,13 +57,9 @@ def test_a_glance_never_says_more_than_a_closer_look(value: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "group",
-    [lm.SO3(), lm.SE3(), lm.SE2(), lm.SU(2), lm.UnitQuaternions(), lm.VectorSpace(3)],
-    ids=repr,
+    "group", [lm.SO3(), lm.SE3(), lm.SE2(), lm.SU(2), lm.UnitQuaternions(), lm.VectorSpace(3)], ids=repr
 )
-def test_elements_at_a_glance_are_those_that_the_group_contains(
-    group: lm.LieGroup, rng: np.random.Generator
-) -> None:
+def test_elements_at_a_glance_are_those_that_the_group_contains(group: lm.LieGroup, rng: np.random.Generator) -> None:
     g = group.random(rng)
     seen = element_at_a_glance(group, g)
     assert group.is_complex == (seen is None)
@@ -79,32 +75,20 @@ def test_a_glance_is_enough_for_what_people_write(monkeypatch: pytest.MonkeyPatc
     """Ordinary bodies and starts never take the long way."""
     body = lm.RigidBody([1.0, 1.5, 2.0])
     for module in ("system", "lie_poisson"):
-        monkeypatch.setattr(
-            f"liemech.systems.{module}.points", lambda *_: pytest.fail("the long way")
-        )
+        monkeypatch.setattr(f"liemech.systems.{module}.points", lambda *_: pytest.fail("the long way"))
     monkeypatch.setattr("liemech.models.inertia.real_array", lambda *_: pytest.fail("the long way"))
-    monkeypatch.setattr(
-        "liemech.systems.kinetic_energy.real_array", lambda *_: pytest.fail("the long way")
-    )
+    monkeypatch.setattr("liemech.systems.kinetic_energy.real_array", lambda *_: pytest.fail("the long way"))
     start = body.state(mu=[0.5, 0, 0.75**0.5], g=np.eye(3))
     assert start == body.state(np.array([0.5, 0.0, 0.75**0.5]), g=np.eye(3))
     lm.RigidBody([1.0, 1.5, 2.0]), lm.RigidBody((1, 2, 3)), lm.RigidBody(np.array([1.0, 1.5, 2.0]))
     lm.models.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
 
 
-WRONG = (
-    [1.0, 1.5, 0.0],
-    [1.0, -1.5, 2.0],
-    [1e-320, 1.0, 1.0],
-    [1.0, float("nan"), 2.0],
-    [1.0, 2.0, 9.0],
-)
+WRONG = ([1.0, 1.5, 0.0], [1.0, -1.5, 2.0], [1e-320, 1.0, 1.0], [1.0, float("nan"), 2.0], [1.0, 2.0, 9.0])
 
 
 @pytest.mark.parametrize("moments", WRONG)
-def test_refusals_and_warnings_are_the_same_for_lists_and_for_other_forms(
-    moments: list[float],
-) -> None:
+def test_refusals_and_warnings_are_the_same_for_lists_and_for_other_forms(moments: list[float]) -> None:
     def said(value: Any) -> str:
         try:
             lm.RigidBody(value)
@@ -112,11 +96,7 @@ def test_refusals_and_warnings_are_the_same_for_lists_and_for_other_forms(
             return f"{type(error).__name__}: {error}"
         return ""
 
-    with (
-        pytest.MonkeyPatch.context() as patch,
-        np.errstate(all="ignore"),
-        warnings.catch_warnings(),
-    ):
+    with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("error")
         quick = said(moments)
         patch.setattr("liemech.models.inertia.at_a_glance", lambda *_: None)

@@ -84,9 +84,7 @@ def guarded(paths: tuple[Step, ...] = PATHS) -> tuple[Any, Guard]:
     exec(TEXT, vars(module))
     values: list[Any] = []
     for parent, how, name in paths:
-        values.append(
-            asked(values[parent] if parent >= 0 else (vars(module)["formula"], ()), how, name)
-        )
+        values.append(asked(values[parent] if parent >= 0 else (vars(module)["formula"], ()), how, name))
     known: Known = {}
     return module, Guard(list(paths), values, ["", *[digest(x, known) for x in values[1:]]], known)
 
@@ -113,14 +111,10 @@ CHANGES: dict[str, Callable[[Any], Any]] = {
     "method above": lambda m: setattr(m.Base, "method", lambda self: 2.0),
     "class attribute": lambda m: setattr(m.Above, "gain", 3.0),
     "class attribute hidden": lambda m: setattr(m.Base, "gain", 3.0),
-    "cached property": lambda m: setattr(
-        m.Above, "table", functools.cached_property(lambda self: 2.0)
-    ),
+    "cached property": lambda m: setattr(m.Above, "table", functools.cached_property(lambda self: 2.0)),
     "cached property hidden": lambda m: setattr(m.Child, "table", 2.0),
     "bases": lambda m: setattr(
-        m.Child,
-        "__bases__",
-        (type("Base", (), {"method": m.Base.method, "gain": 2.0, "table": 1.0}),),
+        m.Child, "__bases__", (type("Base", (), {"method": m.Base.method, "gain": 2.0, "table": 1.0}),)
     ),
     "late attribute": lambda m: setattr(m.Child, "late", 1.0),
 }
@@ -137,9 +131,7 @@ def test_every_change_is_seen(what: str) -> None:
 
 
 def test_the_quick_comparison_is_the_one_that_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    paths = tuple(
-        (parent, how, "DEFAULT" if name == "_values" else name) for parent, how, name in PATHS
-    )
+    paths = tuple((parent, how, "DEFAULT" if name == "_values" else name) for parent, how, name in PATHS)
     _, guard = guarded(paths)
     assert guard.verdict(()) is True  # asked one by one, and from then on by words
     monkeypatch.setattr(Guard, "_by_parts", lambda *_: pytest.fail("asked one by one"))
@@ -169,21 +161,14 @@ def test_parts_of_arguments_are_compared_by_their_tokens() -> None:
 
 
 @pytest.mark.compiled
-def test_equal_systems_take_turns_without_a_comparison_of_all_that_was_read(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_equal_systems_take_turns_without_a_comparison_of_all_that_was_read(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two tops that share native code: each run of one had every path followed anew, for
     milliseconds, after one of the other.
     """
     plans = []
     for _ in range(2):
         top = lm.models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
-        plans.append(
-            (
-                lm.Plan(top, lm.RKMK(order=4), 0.01, compiled=True),
-                top.state([0.1, 0.2, 1.0], np.eye(3)),
-            )
-        )
+        plans.append((lm.Plan(top, lm.RKMK(order=4), 0.01, compiled=True), top.state([0.1, 0.2, 1.0], np.eye(3))))
     first = [[plan.run(start, steps=3).mu for plan, start in plans] for _ in range(2)]
     monkeypatch.setattr(Reads, "_found_from", None)  # whoever follows paths now fails
     again = [plan.run(start, steps=3).mu for plan, start in plans]

@@ -20,9 +20,7 @@ SYSTEMS = {
 
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize("many", [False, True])
-def test_a_velocity_gives_the_momentum_that_gives_it_back(
-    name: str, many: bool, rng: np.random.Generator
-) -> None:
+def test_a_velocity_gives_the_momentum_that_gives_it_back(name: str, many: bool, rng: np.random.Generator) -> None:
     system = SYSTEMS[name]
     group = getattr(system, "configurations", system.group)
     shape = (5,) if many else ()
@@ -37,15 +35,12 @@ def test_a_velocity_gives_the_momentum_that_gives_it_back(
 def test_momentum_or_velocity() -> None:
     body, top = SYSTEMS["body"], SYSTEMS["top"]
     for system in (body, top):
-        with pytest.raises(
-            lm.errors.InvalidInput, match=r"give mu, the momentum, or xi, the velocity$"
-        ):
+        with pytest.raises(lm.errors.InvalidInput, match=r"give mu, the momentum, or xi, the velocity$"):
             system.state(g=np.eye(3))
         with pytest.raises(lm.errors.InvalidInput, match="not both"):
             system.state(mu=[1.0, 2.0, 3.0], xi=[1.0, 2.0, 3.0], g=np.eye(3))
         with pytest.raises(
-            lm.errors.InvalidInput,
-            match=r"state: xi has shape \(2,\); a velocity on SO3\(\) has shape \(3,\)",
+            lm.errors.InvalidInput, match=r"state: xi has shape \(2,\); a velocity on SO3\(\) has shape \(3,\)"
         ):
             system.state(xi=[1.0, 2.0], g=np.eye(3))
         with pytest.raises(lm.errors.InvalidInput, match=r"state: xi\[1\] is nan"):
@@ -54,8 +49,7 @@ def test_momentum_or_velocity() -> None:
         top.state(xi=[1.0, 2.0, 3.0])
     reduced = lm.models.ReducedHeavyTop([1.0, 1.5, 2.0], 3.0, [0.1, 0.2, 0.5])
     with pytest.raises(
-        lm.errors.InvalidInput,
-        match="has no Lagrangian, which makes a momentum of the velocity xi; give mu",
+        lm.errors.InvalidInput, match="has no Lagrangian, which makes a momentum of the velocity xi; give mu"
     ):
         reduced.state(xi=np.ones(6))
 
@@ -72,10 +66,7 @@ def test_quaternions_in_both_orders(rng: np.random.Generator) -> None:
         G.from_quaternion(np.roll(q, 1, axis=1), "wxyz"),
     ):
         assert np.abs(found - R.as_matrix()).max() < 1e-15
-    assert (
-        np.abs(G.from_quaternion((R[0] * R[1]).as_quat(), "xyzw") - (R[0] * R[1]).as_matrix()).max()
-        < 1e-15
-    )
+    assert np.abs(G.from_quaternion((R[0] * R[1]).as_quat(), "xyzw") - (R[0] * R[1]).as_matrix()).max() < 1e-15
     assert np.array_equal(G.from_quaternion([1, 0, 0, 0], order="wxyz"), np.eye(3))
     assert np.array_equal(G.from_quaternion([1, 0, 0, 0], order="xyzw"), np.diag([1.0, -1.0, -1.0]))
     back = G.quaternion(G.from_quaternion(q, "xyzw"))
@@ -85,8 +76,7 @@ def test_quaternions_in_both_orders(rng: np.random.Generator) -> None:
 def test_quaternions_that_are_none() -> None:
     G = lm.SO3()
     with pytest.raises(
-        lm.errors.InvalidInput,
-        match=r'order is "wxyz", scalar first, or "xyzw", scalar last; got \'wzyx\'',
+        lm.errors.InvalidInput, match=r'order is "wxyz", scalar first, or "xyzw", scalar last; got \'wzyx\''
     ):
         G.from_quaternion([1.0, 0.0, 0.0, 0.0], order="wzyx")
     with pytest.raises(lm.errors.InvalidInput, match=r"no unit quaternion, \|q\|\^2 is 1\.21"):

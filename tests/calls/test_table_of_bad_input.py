@@ -52,12 +52,9 @@ class Entry:
 def go(**options: Any) -> lm.Trajectory:
     """A short run in plain Python."""
     system, method, start = (
-        options.pop(k, v)
-        for k, v in (("system", BODY), ("method", lm.RKMK(order=4)), ("start", START))
+        options.pop(k, v) for k, v in (("system", BODY), ("method", lm.RKMK(order=4)), ("start", START))
     )
-    return lm.integrate(
-        system, method, start, **{"h": 0.1, "steps": 3, "compiled": False} | options
-    )
+    return lm.integrate(system, method, start, **{"h": 0.1, "steps": 3, "compiled": False} | options)
 
 
 def state(g: object) -> Call:
@@ -73,9 +70,7 @@ def body(inertia: object) -> Call:
 def exp_step(h: float, **options: Any) -> Call:
     """Steps of Algorithm 1 with the exponential, the article's body."""
     start = lm.BodyState(lm.vec(0.5, 0.0, 0.75**0.5))
-    return lambda: go(
-        system=quiet(2 / 3, 1, 2), method=lm.CovariantVariational(), start=start, h=h, **options
-    )
+    return lambda: go(system=quiet(2 / 3, 1, 2), method=lm.CovariantVariational(), start=start, h=h, **options)
 
 
 def quiet(*inertia: float) -> lm.RigidBody:
@@ -97,9 +92,7 @@ def warned(category: type[Warning], words: str, call: Call) -> Call:
 
 def same(*runs: lm.Trajectory) -> bool:
     """Bit for bit."""
-    return all(
-        np.array_equal(run.mu, runs[0].mu) and np.array_equal(run.g, runs[0].g) for run in runs
-    )
+    return all(np.array_equal(run.mu, runs[0].mu) and np.array_equal(run.g, runs[0].g) for run in runs)
 
 
 def there_and_back() -> bool:
@@ -199,9 +192,7 @@ def one_bad_member() -> bool:
         warnings.simplefilter("ignore")
         run = go(start=BODY.state(bad))
     rest = [i for i in range(40) if i != 17]
-    return set(run.stopped) == {17} and bool(
-        np.array_equal(run.mu[:, rest], go(start=BODY.state(mu)).mu[:, rest])
-    )
+    return set(run.stopped) == {17} and bool(np.array_equal(run.mu[:, rest], go(start=BODY.state(mu)).mu[:, rest]))
 
 
 def redundant() -> object:
@@ -217,12 +208,7 @@ def redundant() -> object:
 
     system = Empty()
     return lm.integrate(
-        system,
-        lm.RATTLE(),
-        system.state([0.0, 0.0, -1.0], [0.1, 0.0, 0.0]),
-        h=0.01,
-        steps=2,
-        compiled=False,
+        system, lm.RATTLE(), system.state([0.0, 0.0, -1.0], [0.1, 0.0, 0.0]), h=0.01, steps=2, compiled=False
     )
 
 
@@ -400,23 +386,15 @@ def answer(entry: Entry, call: Call) -> tuple[str, float]:
     if isinstance(result, np.bool_ | bool):
         return "" if result else "not as it should be", seconds
     numbers = (
-        [result.mu]
-        if isinstance(result, lm.Trajectory)
-        else [result]
-        if not isinstance(result, lm.RigidBody)
-        else []
+        [result.mu] if isinstance(result, lm.Trajectory) else [result] if not isinstance(result, lm.RigidBody) else []
     )
-    return "" if all(
-        np.isfinite(np.asarray(x, dtype=float)).all() for x in numbers
-    ) else "not finite", seconds
+    return "" if all(np.isfinite(np.asarray(x, dtype=float)).all() for x in numbers) else "not finite", seconds
 
 
 CALLS = [(entry, call) for entry in TABLE for call in entry.calls]
 
 
-@pytest.mark.parametrize(
-    ("entry", "call"), CALLS, ids=[f"{entry.number} {entry.what}" for entry, _ in CALLS]
-)
+@pytest.mark.parametrize(("entry", "call"), CALLS, ids=[f"{entry.number} {entry.what}" for entry, _ in CALLS])
 def test_bad_input(entry: Entry, call: Call) -> None:
     wrong, seconds = answer(entry, call)
     assert not wrong

@@ -73,9 +73,7 @@ def test_native_code_is_compared_on_request() -> None:
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
-    "retraction",
-    [lm.Exponential(), lm.Cayley(), CayleyOfQuaternions()],
-    ids=lambda r: type(r).__name__,
+    "retraction", [lm.Exponential(), lm.Cayley(), CayleyOfQuaternions()], ids=lambda r: type(r).__name__
 )
 def test_retractions_obey_their_laws(retraction: lm.Retraction) -> None:
     assert check_retraction(retraction, lm.SO3())
@@ -176,10 +174,7 @@ class TransposedHat(SO3Algebra):
 class HalfABracket(SO3Algebra):
     @property
     def structure_constants(self):
-        return tuple(
-            tuple(tuple(0.5 * x for x in row) for row in plane)
-            for plane in SO3Algebra().structure_constants
-        )
+        return tuple(tuple(tuple(0.5 * x for x in row) for row in plane) for plane in SO3Algebra().structure_constants)
 
     def bracket(self, xi, eta):
         return 0.5 * lm.cross(xi, eta)
@@ -215,11 +210,7 @@ class NoInverse(lm.SO3):
 @slip("inverse")
 class InverseForgetsRotation(Plane):
     def inverse(self, g):
-        return lm.mat(
-            lm.vec(g[0, 0], g[1, 0], -g[0, 2]),
-            lm.vec(g[0, 1], g[1, 1], -g[1, 2]),
-            lm.vec(0.0, 0.0, 1.0),
-        )
+        return lm.mat(lm.vec(g[0, 0], g[1, 0], -g[0, 2]), lm.vec(g[0, 1], g[1, 1], -g[1, 2]), lm.vec(0.0, 0.0, 1.0))
 
 
 @slip("exponential", "sign")
@@ -473,9 +464,7 @@ class NotANumberAtZero(lm.SO3):
 
 
 @pytest.mark.sample(3)
-@pytest.mark.parametrize(
-    ("group", "law", "hint"), SLIPS, ids=[type(group).__name__ for group, _, _ in SLIPS]
-)
+@pytest.mark.parametrize(("group", "law", "hint"), SLIPS, ids=[type(group).__name__ for group, _, _ in SLIPS])
 def test_a_slip_is_found_and_named(group: lm.LieGroup, law: str, hint: str) -> None:
     with pytest.raises(lm.errors.LawViolation) as found:
         check_group(group)
@@ -500,16 +489,7 @@ def test_a_violation_tells_where_and_by_how_much() -> None:
     with pytest.raises(lm.errors.LawViolation) as found:
         check_group(CayleyWithoutHalf())
     text = str(found.value)
-    for word in (
-        "where",
-        "xi = (",
-        "defect",
-        "expected  below",
-        "roundings",
-        "probably",
-        "also broken",
-        "dcayley",
-    ):
+    for word in ("where", "xi = (", "defect", "expected  below", "roundings", "probably", "also broken", "dcayley"):
         assert word in text, text
 
 

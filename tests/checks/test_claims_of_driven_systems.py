@@ -56,9 +56,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_brackets_of_driven_systems_are_observed(name: str) -> None:
     system, start, laws, method = CASES[name]
-    found: Any = {
-        f.law: f.verdict for f in lm.check_method(method, system, start, compiled=False).findings
-    }
+    found: Any = {f.law: f.verdict for f in lm.check_method(method, system, start, compiled=False).findings}
     assert laws <= set(found)
     assert found["Poisson" if name == "body" else "symplectic"] == "holds"
 
@@ -91,9 +89,7 @@ def towed(begin: float) -> lm.MechanicalSystem:
 
 
 @pytest.mark.parametrize(("begin", "given"), [(0.0, True), (990.0, False)])
-def test_a_system_with_a_table_is_looked_at_when_the_table_has_values(
-    begin: float, given: bool
-) -> None:
+def test_a_system_with_a_table_is_looked_at_when_the_table_has_values(begin: float, given: bool) -> None:
     system = towed(begin)
     start = system.state([0.9, 0.7, -0.6], np.eye(3)) if given else None
     assert lm.check_system(system, start)

@@ -64,9 +64,9 @@ def test_the_way_back_is_judged_by_what_moves() -> None:
             return -self.mass * cos(q[0])
 
     seen = [
-        lm.check_method(
-            lm.Splitting(order=3), system, system.state([1.0], [0.0]), h=1.5, raises=False
-        )["symmetric"].observed
+        lm.check_method(lm.Splitting(order=3), system, system.state([1.0], [0.0]), h=1.5, raises=False)[
+            "symmetric"
+        ].observed
         for system in (Light(1.0), Light(2.0**-14))
     ]
     assert float(seen[1]) == pytest.approx(float(seen[0]), rel=0.1)

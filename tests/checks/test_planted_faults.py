@@ -29,9 +29,7 @@ IN_ORBIT = KEPLER.state([0.8, 0.1], [-0.1, 1.1])
 
 def changed(base: type, **members: Any) -> Any:
     """A subclass with some methods or claims of its own."""
-    annotations = {
-        name: f"ClassVar[{type(x).__name__}]" for name, x in members.items() if not callable(x)
-    }
+    annotations = {name: f"ClassVar[{type(x).__name__}]" for name, x in members.items() if not callable(x)}
     body = {"__module__": __name__, "__annotations__": annotations, **members}
     return lm.record(type(f"Faulty{base.__name__}", (base,), body))
 
@@ -181,10 +179,7 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
         "force of energy",
     ),
     "force of a driven system, late": (
-        lambda: changed(
-            Swing,
-            force=lambda self, t, q, p: vec(-where(t < 6.0, 9.0 + cos(t), 9.0) * sin(q[0])),
-        )(),
+        lambda: changed(Swing, force=lambda self, t, q, p: vec(-where(t < 6.0, 9.0 + cos(t), 9.0) * sin(q[0])))(),
         "force of energy",
     ),
     "velocity of a driven system": (
@@ -192,15 +187,11 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
         "velocity of energy",
     ),
     "gradient of a driven body": (
-        lambda: lm.DrivenLiePoissonSystem(
-            lm.SO3(), changed(Spinning, gradient=lambda self, t, mu: 2.0 * mu)()
-        ),
+        lambda: lm.DrivenLiePoissonSystem(lm.SO3(), changed(Spinning, gradient=lambda self, t, mu: 2.0 * mu)()),
         "gradient",
     ),
     "a drive that is forgotten": (
-        lambda: lm.DrivenLiePoissonSystem(
-            lm.SO3(), changed(Spinning, gradient=lambda self, t, mu: mu / J)()
-        ),
+        lambda: lm.DrivenLiePoissonSystem(lm.SO3(), changed(Spinning, gradient=lambda self, t, mu: mu / J)()),
         "gradient",
     ),
     "sign of a constraint's jacobian": (
@@ -209,30 +200,20 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "right-trivialised jacobian": (
         lambda: tied(
-            changed(
-                Tied,
-                jacobian=lambda self, group, g: lm.mat(
-                    vec(*cross(g[:3, :3] @ self.at, g[:3, 3]), *g[:3, 3])
-                ),
-            )
+            changed(Tied, jacobian=lambda self, group, g: lm.mat(vec(*cross(g[:3, :3] @ self.at, g[:3, 3]), *g[:3, 3])))
         ),
         "jacobian",
     ),
     "rows of a constraint": (
         lambda: bead(
             changed(
-                Sphere,
-                rows=lambda self, group, g: tuple(
-                    parts_of(group, 2.0 * row) for row in self.jacobian(group, g)
-                ),
+                Sphere, rows=lambda self, group, g: tuple(parts_of(group, 2.0 * row) for row in self.jacobian(group, g))
             )
         ),
         "rows of the constraint",
     ),
     "jacobian of a pendulum": (
-        lambda: changed(
-            lm.SphericalPendulum, constraint_jacobian=lambda self, q: lm.mat(-1.0 * q)
-        )(),
+        lambda: changed(lm.SphericalPendulum, constraint_jacobian=lambda self, q: lm.mat(-1.0 * q))(),
         "Jacobian of the constraints",
     ),
     "relative force": (
@@ -240,24 +221,17 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
         "relative_force",
     ),
     "relative force with the attraction": (
-        lambda: changed(
-            lm.Kepler, relative_force=lambda self, q: (-self.attraction / dot(q, q)) * q
-        )(2.0),
+        lambda: changed(lm.Kepler, relative_force=lambda self, q: (-self.attraction / dot(q, q)) * q)(2.0),
         "relative_force",
     ),
     "force in a region": (
-        lambda: changed(
-            lm.Kepler,
-            force=lambda self, q, p: (-where(q[0] < -0.2, 1.01, 1.0) / dot(q, q) ** 1.5) * q,
-        )(),
+        lambda: changed(lm.Kepler, force=lambda self, q, p: (-where(q[0] < -0.2, 1.01, 1.0) / dot(q, q) ** 1.5) * q)(),
         "force of energy",
     ),
     "force far out": (
         lambda: changed(
             lm.models.HenonHeiles,
-            force=lambda self, q, p: (
-                where(q[1] > 3.0, 1.0, 0.0) * p + lm.models.HenonHeiles.force(self, q, p)
-            ),
+            force=lambda self, q, p: where(q[1] > 3.0, 1.0, 0.0) * p + lm.models.HenonHeiles.force(self, q, p),
         )(),
         "force of energy",
     ),
@@ -275,19 +249,13 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "force of one part": (
         lambda: changed(
-            Springs,
-            part_force=lambda self, k, q: (
-                (1.0 if k == 0 else 0.5) * lm.MultirateSystem.part_force(self, k, q)
-            ),
+            Springs, part_force=lambda self, k, q: (1.0 if k == 0 else 0.5) * lm.MultirateSystem.part_force(self, k, q)
         )(),
         "part_force",
     ),
     "slope of a time scale": (
         lambda: lm.TimeTransformed(
-            KEPLER,
-            changed(lm.time_scales.DistancePower, slope=lambda self, system, q: self.power * q)(
-                1.5
-            ),
+            KEPLER, changed(lm.time_scales.DistancePower, slope=lambda self, system, q: self.power * q)(1.5)
         ),
         "slope",
     ),
@@ -311,45 +279,36 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "torque the wrong way round": (
         lambda: lm.MechanicalSystem(
-            BODY,
-            changed(Weight, force=lambda self, group, g: cross(self.moment, g[2]))(
-                vec(0.1, 0.2, 0.3)
-            ),
+            BODY, changed(Weight, force=lambda self, group, g: cross(self.moment, g[2]))(vec(0.1, 0.2, 0.3))
         ),
         "force",
     ),
     "torque in space": (
         lambda: lm.MechanicalSystem(
             BODY,
-            changed(
-                Weight, force=lambda self, group, g: cross(g @ self.moment, vec(0.0, 0.0, 1.0))
-            )(vec(0.1, 0.2, 0.3)),
+            changed(Weight, force=lambda self, group, g: cross(g @ self.moment, vec(0.0, 0.0, 1.0)))(
+                vec(0.1, 0.2, 0.3)
+            ),
         ),
         "force",
     ),
     "gradient of one part": (
         lambda: lm.PoissonSystem(
-            lm.structures.Canonical(1),
-            lm.SplitHamiltonian((lm.KineticEnergy([1.0, 1.0]), HalfBowl())),
+            lm.structures.Canonical(1), lm.SplitHamiltonian((lm.KineticEnergy([1.0, 1.0]), HalfBowl()))
         ),
         "gradient",
     ),
     "velocities of points": (
-        lambda: Turns(
-            changed(lm.actions.SphereAction, infinitesimal=lambda self, xi, x: cross(x, xi))(3)
-        ),
+        lambda: Turns(changed(lm.actions.SphereAction, infinitesimal=lambda self, xi, x: cross(x, xi))(3)),
         "infinitesimal",
     ),
     "sharp": (
-        lambda: lm.PoissonSystem(
-            changed(Area, sharp=lambda self, y, a: vec(-a[1], a[0], 0.0, 0.0))(), Bowl()
-        ),
+        lambda: lm.PoissonSystem(changed(Area, sharp=lambda self, y, a: vec(-a[1], a[0], 0.0, 0.0))(), Bowl()),
         "sharp",
     ),
     "what is no constant": (
         lambda: changed(
-            lm.Kepler,
-            constants=lambda self, states: {"area": states["q"][..., 0] * states["p"][..., 1]},
+            lm.Kepler, constants=lambda self, states: {"area": states["q"][..., 0] * states["p"][..., 1]}
         )(),
         "constants",
     ),
@@ -361,15 +320,11 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "length and its square as Casimirs": (
         lambda: lm.LiePoissonSystem(
-            changed(lm.SO3, casimirs=lambda self, mu: vec(sqrt(dot(mu, mu)), dot(mu, mu)))(),
-            lm.KineticEnergy(J),
+            changed(lm.SO3, casimirs=lambda self, mu: vec(sqrt(dot(mu, mu)), dot(mu, mu)))(), lm.KineticEnergy(J)
         ),
         "independent Casimirs",
     ),
-    "hessian of the inverse": (
-        lambda: free(hessian=lambda self, xi: 1.0 / self.inertia),
-        "hessian",
-    ),
+    "hessian of the inverse": (lambda: free(hessian=lambda self, xi: 1.0 / self.inertia), "hessian"),
 }
 
 
@@ -407,38 +362,26 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "Casimirs of large momenta": (
         lambda: check_group(
-            rotations(
-                casimirs=lambda self, mu: vec(where(dot(mu, mu) > 100.0, mu[0], dot(mu, mu)))
-            ),
-            raises=False,
+            rotations(casimirs=lambda self, mu: vec(where(dot(mu, mu) > 100.0, mu[0], dot(mu, mu)))), raises=False
         ),
         "Casimirs",
     ),
     "a constant beside a Casimir": (
-        lambda: check_group(
-            rotations(casimirs=lambda self, mu: vec(dot(mu, mu), 2.0)), raises=False
-        ),
+        lambda: check_group(rotations(casimirs=lambda self, mu: vec(dot(mu, mu), 2.0)), raises=False),
         "independent Casimirs",
     ),
     "a constant as Casimir of a structure": (
-        lambda: check_poisson(
-            changed(Area, casimirs=lambda self, y: vec(y[2], 7.0))(), raises=False
-        ),
+        lambda: check_poisson(changed(Area, casimirs=lambda self, y: vec(y[2], 7.0))(), raises=False),
         "independent Casimirs",
     ),
     "a Casimir and its square": (
-        lambda: check_poisson(
-            changed(Area, casimirs=lambda self, y: vec(y[2], y[2] ** 2))(), raises=False
-        ),
+        lambda: check_poisson(changed(Area, casimirs=lambda self, y: vec(y[2], y[2] ** 2))(), raises=False),
         "independent Casimirs",
     ),
     "a structure far out": (
         lambda: check_poisson(
             changed(
-                Area,
-                sharp=lambda self, y, a: (
-                    where(abs(y[3]) > 4.0, 1.1, 1.0) * lm.PoissonStructure.sharp(self, y, a)
-                ),
+                Area, sharp=lambda self, y, a: where(abs(y[3]) > 4.0, 1.1, 1.0) * lm.PoissonStructure.sharp(self, y, a)
             )(),
             raises=False,
         ),
@@ -446,29 +389,24 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "the dual of an action": (
         lambda: check_action(
-            changed(lm.actions.CoadjointAction, act_dual=lambda self, g, p: self.act(g, p))(
-                lm.SE3()
-            ),
-            raises=False,
+            changed(lm.actions.CoadjointAction, act_dual=lambda self, g, p: self.act(g, p))(lm.SE3()), raises=False
         ),
         "act_dual",
     ),
     "the average of an action": (
         lambda: check_action(
-            changed(
-                lm.actions.CoadjointAction,
-                phi1=lambda self, xi, x: self.act(self.group.exp(0.5 * xi), x),
-            )(lm.SO3()),
+            changed(lm.actions.CoadjointAction, phi1=lambda self, xi, x: self.act(self.group.exp(0.5 * xi), x))(
+                lm.SO3()
+            ),
             raises=False,
         ),
         "phi1",
     ),
     "an action to nowhere": (
         lambda: check_action(
-            changed(
-                lm.actions.SphereAction,
-                act=lambda self, g, x: where(g[0, 0] < 0.5, float("nan"), 1.0) * (g @ x),
-            )(3),
+            changed(lm.actions.SphereAction, act=lambda self, g, x: where(g[0, 0] < 0.5, float("nan"), 1.0) * (g @ x))(
+                3
+            ),
             raises=False,
         ),
         "moved points",
@@ -666,25 +604,16 @@ SPECIES = lm.models.LotkaVolterra()
 
 METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
     "damped on a constraint": (lambda: (Damped(), bead(), on_sphere()), "symplectic"),
-    "off the constraint": (
-        lambda: (changed(lm.RKMK, symplectic=True)(order=4), bead(), on_sphere()),
-        "constraint",
-    ),
+    "off the constraint": (lambda: (changed(lm.RKMK, symplectic=True)(order=4), bead(), on_sphere()), "constraint"),
     "unprojected velocities": (lambda: (Unprojected(), bead(), on_sphere()), "hidden constraint"),
     "1e-6 h^2": (lambda: (Drifting(order=4), BODY, START), "order"),
     "1e-6 h^2 on positions": (lambda: (Drifting(order=4), GALAXY, IN_GALAXY), "order"),
     "1e-6 h^2 at order 8": (lambda: (Drifting(order=8), BODY, START), "order"),
     "wrong from the second step on": (lambda: (SecondStep(), GALAXY, IN_GALAXY), "symplectic"),
-    "much from the second step on": (
-        lambda: (SecondStep(wrong=1.0), GALAXY, IN_GALAXY),
-        "symmetric",
-    ),
+    "much from the second step on": (lambda: (SecondStep(wrong=1.0), GALAXY, IN_GALAXY), "symmetric"),
     "after t = 6": (lambda: (Late(order=4), BODY, START), "order"),
     "after t = 6, driven": (lambda: (Late(order=4), TURNING, AT_REST), "order"),
-    "in a region": (
-        lambda: (verlet(lambda s, h: s.q[0] < -0.2), GALAXY, IN_GALAXY),
-        "symmetric",
-    ),
+    "in a region": (lambda: (verlet(lambda s, h: s.q[0] < -0.2), GALAXY, IN_GALAXY), "symmetric"),
     "far out": (lambda: (runge(lambda s, h: s.q[1] > 3.0), GALAXY, IN_GALAXY), "order"),
     "far out on the other side": (
         lambda: (runge(lambda s, h: s.q[0] < -1.5), GALAXY, GALAXY.state([0.1, 0.2], [0.2, 0.1])),
@@ -697,24 +626,12 @@ METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
     "fast bodies": (lambda: (runge(lambda s, h: abs(s.mu[1]) > 4.0), BODY, START), "order"),
     "slow bodies": (lambda: (runge(lambda s, h: abs(s.mu[1]) < 0.3), BODY, START), "order"),
     "steps backwards": (lambda: (runge(lambda s, h: h < 0.0), BODY, START), "order"),
-    "steps backwards, symmetric": (
-        lambda: (verlet(lambda s, h: h < 0.0), GALAXY, IN_GALAXY),
-        "symmetric",
-    ),
+    "steps backwards, symmetric": (lambda: (verlet(lambda s, h: h < 0.0), GALAXY, IN_GALAXY), "symmetric"),
     "not reversible": (lambda: (Ahead(), GALAXY, IN_GALAXY), "reversible"),
     "a stage at a wrong time": (lambda: (EarlyTime(), TURNING, AT_REST), "order"),
-    "fictive time, not symmetric": (
-        lambda: (Backwards(), lm.TimeTransformed(KEPLER, ARC), IN_ORBIT),
-        "symmetric",
-    ),
-    "a clock that errs": (
-        lambda: (WrongClock(lm.StormerVerlet(), ARC), KEPLER, IN_ORBIT),
-        "order",
-    ),
-    "a controller that is explicit": (
-        lambda: (Unequal(lm.StormerVerlet(), ARC), KEPLER, IN_ORBIT),
-        "symmetric",
-    ),
+    "fictive time, not symmetric": (lambda: (Backwards(), lm.TimeTransformed(KEPLER, ARC), IN_ORBIT), "symmetric"),
+    "a clock that errs": (lambda: (WrongClock(lm.StormerVerlet(), ARC), KEPLER, IN_ORBIT), "order"),
+    "a controller that is explicit": (lambda: (Unequal(lm.StormerVerlet(), ARC), KEPLER, IN_ORBIT), "symmetric"),
 }
 
 
@@ -724,8 +641,7 @@ ON_A_CONSTRAINT = "damped on a constraint", "off the constraint", "unprojected v
 
 @pytest.mark.sample(6)
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=[pytest.mark.slow] if n in ON_A_CONSTRAINT else []) for n in METHODS],
+    "name", [pytest.param(n, marks=[pytest.mark.slow] if n in ON_A_CONSTRAINT else []) for n in METHODS]
 )
 def test_a_fault_of_a_method_is_found(name: str) -> None:
     make, law = METHODS[name]
@@ -735,21 +651,10 @@ def test_a_fault_of_a_method_is_found(name: str) -> None:
 
 FICTIVE = {
     "controller": (lm.ReversibleController(lm.StormerVerlet(), ARC), KEPLER, IN_ORBIT),
-    "controller of a body": (
-        lm.ReversibleController(lm.LieVerlet(), lm.time_scales.EqualArc()),
-        *heavy_top(),
-    ),
+    "controller of a body": (lm.ReversibleController(lm.LieVerlet(), lm.time_scales.EqualArc()), *heavy_top()),
     "adaptive Verlet": (lm.AdaptiveVerlet(), lm.TimeTransformed(KEPLER, ARC), IN_ORBIT),
-    "composition": (
-        lm.Composition(lm.AdaptiveVerlet(), order=4),
-        lm.TimeTransformed(KEPLER, ARC),
-        IN_ORBIT,
-    ),
-    "logarithmic": (
-        lm.Splitting(order=4, quadratic=False),
-        lm.LogarithmicHamiltonian(KEPLER),
-        IN_ORBIT,
-    ),
+    "composition": (lm.Composition(lm.AdaptiveVerlet(), order=4), lm.TimeTransformed(KEPLER, ARC), IN_ORBIT),
+    "logarithmic": (lm.Splitting(order=4, quadratic=False), lm.LogarithmicHamiltonian(KEPLER), IN_ORBIT),
 }
 
 
@@ -785,13 +690,7 @@ def test_a_time_scale_that_sees_velocities_one_way_is_not_reversible() -> None:
     report = check_method(method, KEPLER, IN_ORBIT, raises=False)
     assert report["time scale and reversal"].verdict == "not seen"
     assert report["reversible"].verdict == "not seen"
-    insisted = check_method(
-        method,
-        KEPLER,
-        IN_ORBIT,
-        rho=lambda s: lm.CanonicalState(s.q, -s.p),
-        raises=False,
-    )
+    insisted = check_method(method, KEPLER, IN_ORBIT, rho=lambda s: lm.CanonicalState(s.q, -s.p), raises=False)
     assert insisted["time scale and reversal"].verdict == "broken"
 
 
@@ -902,10 +801,7 @@ class Rough(lm.Method):
         q, p = state.q, state.p
         x, y = q, p
         for _ in range(4):
-            v, f = (
-                system.velocity(0.5 * (q + x), 0.5 * (p + y)),
-                system.force(0.5 * (q + x), 0.5 * (p + y)),
-            )
+            v, f = (system.velocity(0.5 * (q + x), 0.5 * (p + y)), system.force(0.5 * (q + x), 0.5 * (p + y)))
             x, y = q + h * v, p + h * f
         return lm.CanonicalState(x, y)
 
@@ -999,10 +895,7 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
             lm.LiePoissonSystem(
                 lm.SO3(),
                 changed(
-                    Tilted,
-                    gradient=lambda self, mu: (
-                        INVERSE @ mu + where(mu[1] < 0.0, 0.3, 0.0) * vec(0.0, mu[1], 0.0)
-                    ),
+                    Tilted, gradient=lambda self, mu: INVERSE @ mu + where(mu[1] < 0.0, 0.3, 0.0) * vec(0.0, mu[1], 0.0)
                 )(),
             ),
             raises=False,
@@ -1010,70 +903,44 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
         "gradient",
     ),
     "a matrix that is not symmetric": (
-        lambda: check_system(
-            changed(Plate, force=lambda self, q, p: -1.0 * (A @ q))(), raises=False
-        ),
+        lambda: check_system(changed(Plate, force=lambda self, q, p: -1.0 * (A @ q))(), raises=False),
         "force of energy",
     ),
     "a transposed matrix": (
-        lambda: check_system(
-            changed(Plate, force=lambda self, q, p: -1.0 * (A.T @ q))(), raises=False
-        ),
+        lambda: check_system(changed(Plate, force=lambda self, q, p: -1.0 * (A.T @ q))(), raises=False),
         "force of energy",
     ),
     "the chain rule": (
         lambda: check_system(
-            changed(Well, force=lambda self, q, p: (-0.5 / sqrt(1.0 + dot(q, q))) * q)(),
-            raises=False,
+            changed(Well, force=lambda self, q, p: (-0.5 / sqrt(1.0 + dot(q, q))) * q)(), raises=False
         ),
         "force of energy",
     ),
     "degrees": (lambda: check_system(InDegrees(), raises=False), "force of energy"),
     "a stale constant": (
         lambda: check_system(
-            changed(lm.Kepler, force=lambda self, q, p: (-1.0 / dot(q, q) ** 1.5) * q)(2.0),
-            raises=False,
+            changed(lm.Kepler, force=lambda self, q, p: (-1.0 / dot(q, q) ** 1.5) * q)(2.0), raises=False
         ),
         "force of energy",
     ),
     "a factor of a velocity": (
-        lambda: check_system(
-            changed(lm.Kepler, velocity=lambda self, q, p: 2.0 * p)(), raises=False
-        ),
+        lambda: check_system(changed(lm.Kepler, velocity=lambda self, q, p: 2.0 * p)(), raises=False),
         "velocity of energy",
     ),
-    "an entry with a wrong sign": (
-        lambda: check_poisson(NotSkew(), raises=False),
-        "skew symmetry",
-    ),
+    "an entry with a wrong sign": (lambda: check_poisson(NotSkew(), raises=False), "skew symmetry"),
     "small rotations": (lambda: check_group(Coarse(), raises=False), "exponential"),
-    "K for Ad*": (
-        lambda: check_group(rotations(Ad_star=lambda self, g, mu: g @ mu), raises=False),
-        "dual of Ad",
-    ),
+    "K for Ad*": (lambda: check_group(rotations(Ad_star=lambda self, g, mu: g @ mu), raises=False), "dual of Ad"),
     "an order of axes": (
         lambda: check_method(Turned((0, 1, 2, 0, 1)), BODY, START, compiled=False, raises=False),
         "symmetric",
     ),
     "a share that is missing": (
-        lambda: check_method(
-            Turned(shares=(0.5, 0.5, 1.0, 0.5, 0.45)), BODY, START, compiled=False, raises=False
-        ),
+        lambda: check_method(Turned(shares=(0.5, 0.5, 1.0, 0.5, 0.45)), BODY, START, compiled=False, raises=False),
         "order",
     ),
-    "the wrong side": (
-        lambda: check_method(FromTheWrongSide(), BODY, START, compiled=False, raises=False),
-        "order",
-    ),
+    "the wrong side": (lambda: check_method(FromTheWrongSide(), BODY, START, compiled=False, raises=False), "order"),
     "the wrong side, momentum": (
-        lambda: check_method(
-            FromTheWrongSide(),
-            BODY,
-            START,
-            keeps=["spatial momentum"],
-            compiled=False,
-            raises=False,
-        ),
+        lambda: check_method(FromTheWrongSide(), BODY, START, keeps=["spatial momentum"], compiled=False, raises=False),
         "spatial momentum",
     ),
     "an attitude of order 1": (
@@ -1088,14 +955,8 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: check_method(Stretching(), GALAXY, IN_GALAXY, compiled=False, raises=False),
         "order",
     ),
-    "|h|": (
-        lambda: check_method(OneWay(), GALAXY, IN_GALAXY, compiled=False, raises=False),
-        "order",
-    ),
-    "a stale force": (
-        lambda: check_method(Stale(), GALAXY, IN_GALAXY, compiled=False, raises=False),
-        "order",
-    ),
+    "|h|": (lambda: check_method(OneWay(), GALAXY, IN_GALAXY, compiled=False, raises=False), "order"),
+    "a stale force": (lambda: check_method(Stale(), GALAXY, IN_GALAXY, compiled=False, raises=False), "order"),
     "an energy that is put right": (
         lambda: check_method(Rescaled(), GALAXY, IN_GALAXY, compiled=False, raises=False),
         "symplectic",

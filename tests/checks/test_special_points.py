@@ -54,9 +54,7 @@ class OnAnAxis(Particle):
 
 
 @pytest.mark.parametrize(
-    "system",
-    [Exact(), Threshold(), Even(), Diagonal(2), OnAnAxis(2)],
-    ids=lambda s: type(s).__name__,
+    "system", [Exact(), Threshold(), Even(), Diagonal(2), OnAnAxis(2)], ids=lambda s: type(s).__name__
 )
 def test_branches_for_a_point_are_found(system: Any) -> None:
     with pytest.raises(lm.errors.LawViolation, match=LAW):
@@ -85,9 +83,7 @@ class Singular(Particle):
         return 1.0 / lm.dot(q, q) + cos(q[0])
 
 
-@pytest.mark.parametrize(
-    "system", [Smooth(2), Kinked(1), Cone(2), Singular(2)], ids=lambda s: type(s).__name__
-)
+@pytest.mark.parametrize("system", [Smooth(2), Kinked(1), Cone(2), Singular(2)], ids=lambda s: type(s).__name__)
 def test_what_is_smooth_or_has_no_derivative_there_passes(system: Any) -> None:
     report = check_system(system)
     assert any(finding.law == LAW and finding.verdict == "holds" for finding in report.findings)

@@ -40,11 +40,7 @@ class Friction(lm.Force):
 
 
 SHIPPED = (
-    *(
-        asymmetric_body()[0],
-        lm.RigidBody([[2.0, 0.1, 0.2], [0.1, 2.2, 0.3], [0.2, 0.3, 2.5]]),
-        kirchhoff_body()[0],
-    ),
+    *(asymmetric_body()[0], lm.RigidBody([[2.0, 0.1, 0.2], [0.1, 2.2, 0.3], [0.2, 0.3, 2.5]]), kirchhoff_body()[0]),
     *(
         heavy_top()[0],
         heavy_top()[0].reduced,
@@ -178,11 +174,7 @@ class WrongCasimir(lm.SO3):
 WEIGHT = lm.vec(0.1, 0.2, 0.3)
 SLIPS: dict[str, tuple[Any, str, str]] = {
     "gradient": (lm.LiePoissonSystem(lm.SO3(), Gyrostat(J, vec(0.1, 0.2, 0.7))), "gradient", ""),
-    "another body": (
-        lm.LiePoissonSystem(lm.SO3(), lm.KineticEnergy(J), Twice(J)),
-        "momentum",
-        "a factor 2 too many",
-    ),
+    "another body": (lm.LiePoissonSystem(lm.SO3(), lm.KineticEnergy(J), Twice(J)), "momentum", "a factor 2 too many"),
     "sign of a force": (lm.MechanicalSystem(BODY, Weight(WEIGHT)), "force", "a wrong sign"),
     "no symmetry": (lm.MechanicalSystem(BODY, Sideways(WEIGHT)), "constants", ""),
     "a term of a force": (Skewed(), "force of energy", ""),
@@ -190,11 +182,7 @@ SLIPS: dict[str, tuple[Any, str, str]] = {
     "not quadratic": (Insistent(), "quadratic kinetic energy", ""),
     "no constant": (Forgetful(2.0), "constants", ""),
     "a Casimir": (lm.LiePoissonSystem(WrongCasimir(), lm.KineticEnergy(J)), "Casimirs", ""),
-    "a short load": (
-        lm.MechanicalSystem(BODY, Sideways(WEIGHT), load=Short()),
-        "velocity",
-        "3 components",
-    ),
+    "a short load": (lm.MechanicalSystem(BODY, Sideways(WEIGHT), load=Short()), "velocity", "3 components"),
 }
 
 
@@ -259,17 +247,14 @@ class HalfPlane(lm.SeparableSystem):
 def test_random_states_are_where_the_formulas_are_defined() -> None:
     assert check_system(HalfPlane(0.0))
     far = HalfPlane(100.0)
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"not defined at random states \(.*\); give some, states="
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"not defined at random states \(.*\); give some, states="):
         check_system(far)
     report = check_system(far, far.state([[101.0, 2.0], [103.0, -1.0]], [0.1, 0.2]))
     assert "state " in report["force of energy"].where
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
-    [((lm.RigidBody,), r"must be a System.*write RigidBody\(\)"), ((BODY, 3), "a State")],
+    ("arguments", "words"), [((lm.RigidBody,), r"must be a System.*write RigidBody\(\)"), ((BODY, 3), "a State")]
 )
 def test_what_cannot_be_checked_is_said(arguments: tuple[Any, ...], words: str) -> None:
     with pytest.raises(lm.errors.InvalidType, match=words):

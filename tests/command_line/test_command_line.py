@@ -51,9 +51,7 @@ every = 5
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_scene_runs_and_its_method_keeps_the_energy(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_scene_runs_and_its_method_keeps_the_energy(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", name, "--steps", "6", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["steps"] == 6 and told["files"] == []
@@ -67,24 +65,16 @@ NO_PLACE = "hares-and-foxes"
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    "name", [name if name in SHOWN else slow(name) for name in SCENES if name != NO_PLACE]
-)
-def test_every_scene_can_be_shown(
-    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize("name", [name if name in SHOWN else slow(name) for name in SCENES if name != NO_PLACE])
+def test_every_scene_can_be_shown(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     pytest.importorskip("meshcat")
     assert main(["run", name, "--steps", "8", "--quiet", "--view", "--plot", "--save"]) == 0
     assert capsys.readouterr().out == ""
-    assert {path.name for path in folder.iterdir()} == {
-        f"{name}.{ending}" for ending in ("html", "png", "npz")
-    }
+    assert {path.name for path in folder.iterdir()} == {f"{name}.{ending}" for ending in ("html", "png", "npz")}
 
 
-def test_a_scene_without_a_place_is_plotted_and_says_so(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scene_without_a_place_is_plotted_and_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["run", NO_PLACE, "--steps", "8", "--quiet", "--view"])
     assert "whose state is no place; `run.plot()`, or --plot, draws it" in capsys.readouterr().err
@@ -106,15 +96,11 @@ def test_a_scene_computes_what_it_shows_and_nothing_else() -> None:
     assert run.g is None and list(run.states) == ["mu"]
 
 
-def test_explain_tells_it_and_runs_nothing(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_explain_tells_it_and_runs_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lm, "integrate", None)
     assert main(["run", "flip", "--explain"]) == 0
     told = capsys.readouterr().out
-    assert (
-        "g             not computed, nothing shows it" in told and "spatial momentum: needs" in told
-    )
+    assert "g             not computed, nothing shows it" in told and "spatial momentum: needs" in told
     assert main(["run", "flip", "--explain", "--view"]) == 0
     told = capsys.readouterr().out
     assert "g             computed, it is recorded or shown" in told and "not told" not in told
@@ -122,19 +108,7 @@ def test_explain_tells_it_and_runs_nothing(
 
 def test_another_method_and_step_reach_the_run(capsys: pytest.CaptureFixture[str]) -> None:
     assert (
-        main(
-            [
-                "run",
-                "free-body",
-                "--h",
-                "1/4",
-                "--steps",
-                "8",
-                "--method",
-                "CovariantVariational(Cayley)",
-                "--json",
-            ]
-        )
+        main(["run", "free-body", "--h", "1/4", "--steps", "8", "--method", "CovariantVariational(Cayley)", "--json"])
         == 0
     )
     told = json.loads(capsys.readouterr().out)
@@ -145,9 +119,7 @@ def test_another_method_and_step_reach_the_run(capsys: pytest.CaptureFixture[str
     assert told["method"] == repr(method)
 
 
-def test_a_failing_run_leaves_what_was_computed(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_failing_run_leaves_what_was_computed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = [
         "run",
         "free-body",
@@ -194,35 +166,22 @@ def test_without_matplotlib_the_run_is_told_and_the_picture_is_missed(
 # ---------------------------------------------------------------- files
 
 
-def test_a_scene_file_is_the_scene_it_describes(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scene_file_is_the_scene_it_describes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "book.toml").write_text(BOOK)
     scene = scene_file(folder / "book.toml")
     body = lm.RigidBody([1.0, 1.5, 2.0])
-    assert (
-        scene.system == body
-        and scene.method == lm.CovariantVariational(lm.Cayley())
-        and scene.view == ("momentum",)
-    )
+    assert scene.system == body and scene.method == lm.CovariantVariational(lm.Cayley()) and scene.view == ("momentum",)
     assert main(["run", "book.toml", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    run = lm.integrate(
-        body, scene.method, body.state([0.5, 0.0, 0.8], np.eye(3)), h=0.1, steps=20, every=5
-    )
+    run = lm.integrate(body, scene.method, body.state([0.5, 0.0, 0.8], np.eye(3)), h=0.1, steps=20, every=5)
     assert told["samples"] == 5 and told["last"]["g"] == run.g[-1].tolist()
 
 
-def test_scene_files_may_be_adaptive_tilted_and_nested(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_scene_files_may_be_adaptive_tilted_and_nested(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = BOOK.replace('"identity"', "{ exp = [0.1, 0.2, 0.3] }").replace('"RigidBody"\ninertia = [1.0, 1.5, 2.0]', (
         '"LiePoissonSystem"\ngroup = "SO3"\nhamiltonian = { name = "KineticEnergy", inertia = [1.0, 1.5, 2.0] }'
     ))  # fmt: skip
-    text = (
-        text[: text.index("[method]")]
-        + '[method]\nname = "RKMK"\norder = 5\n[run]\nt_end = 2.0\nrtol = 1e-8\n'
-    )
+    text = text[: text.index("[method]")] + '[method]\nname = "RKMK"\norder = 5\n[run]\nt_end = 2.0\nrtol = 1e-8\n'
     (folder / "tilted.toml").write_text(text)
     assert main(["run", "tilted.toml", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -234,28 +193,16 @@ def test_scene_files_may_be_adaptive_tilted_and_nested(
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        (
-            "inertia",
-            "inertja",
-            r"[system]: RigidBody has no 'inertja' (did you mean inertia?); allowed are inertia",
-        ),
+        ("inertia", "inertja", r"[system]: RigidBody has no 'inertja' (did you mean inertia?); allowed are inertia"),
         (
             'title = "a book"',
             "titel = 1",
             "'titel' is no key of the file (did you mean title?); allowed are title, record, view, system",
         ),
-        (
-            "steps = 20",
-            "step = 20",
-            "[run]: 'step' is no key of the run (did you mean steps?); allowed are h, steps",
-        ),
+        ("steps = 20", "step = 20", "[run]: 'step' is no key of the run (did you mean steps?); allowed are h, steps"),
         ("steps = 20", "steps = 2.5", "[run]: steps must be a whole number; got 2.5"),
         ("steps = 20", "", "[run]: give h and steps"),
-        (
-            '"RigidBody"',
-            '"RigidBodies"',
-            "'RigidBodies' is no System (did you mean RigidBody?); there are",
-        ),
+        ('"RigidBody"', '"RigidBodies"', "'RigidBodies' is no System (did you mean RigidBody?); there are"),
         ('"RigidBody"', '"RKMK"', "'RKMK' is no System"),
         (
             '"Cayley()"',
@@ -295,10 +242,7 @@ def run_of(text: str, asked: str) -> str:
 @pytest.mark.parametrize(
     ("asked", "complaint"),
     [
-        (
-            "h = 0.1\nsteps = 1000000000000000000",
-            "1e+18 steps; a file may ask for 1e+09 at most; --steps",
-        ),
+        ("h = 0.1\nsteps = 1000000000000000000", "1e+18 steps; a file may ask for 1e+09 at most; --steps"),
         ("h = 0.1\nsteps = 1000000001", "1e+09 at most"),
         ("h = 1e-12\nt_end = 1e6", "1e+18 steps; a file may ask for 1e+09 at most"),
         ("h = -1e-12\nt_end = -1e6", "1e+18 steps"),
@@ -312,9 +256,7 @@ def test_a_file_asks_for_no_more_than_somebody_would_wait_for(
     assert complaint in refused(capsys, "run", "book.toml")
 
 
-def test_adaptive_steps_of_a_file_have_an_end(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_adaptive_steps_of_a_file_have_an_end(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every one is kept, so there are at most a million, unless the file says how many."""
     method = 'name = "CovariantVariational"\nretraction = "Cayley()"'
     assert method in BOOK
@@ -329,9 +271,7 @@ def test_adaptive_steps_of_a_file_have_an_end(
     assert "1e+07 at most" in refused(capsys, "run", "many.toml")
 
 
-def test_what_does_not_exist_is_named_with_what_does(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_does_not_exist_is_named_with_what_does(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "there are free-body, flip" in refused(capsys, "run", "flop")
     assert "there are run, scenes, methods" in refused(capsys, "fly")
     assert "cannot be read" in refused(capsys, "run", "gone.toml")
@@ -343,9 +283,7 @@ def test_what_does_not_exist_is_named_with_what_does(
         capsys, "run", "flip", "--method", "Kepler"
     )
     assert "accepts" in refused(capsys, "run", "kepler", "--method", "CovariantVariational")
-    assert "is no class of the library (did you mean RigidBody?)" in refused(
-        capsys, "check", "RigidBoby"
-    )
+    assert "is no class of the library (did you mean RigidBody?)" in refused(capsys, "check", "RigidBoby")
     assert "no module 'nowhere'" in refused(capsys, "check", "nowhere:Group")
     assert "gone.npz" in refused(capsys, "view", "gone.npz")
     (folder / "other.npz").write_bytes(b"PK")
@@ -414,33 +352,23 @@ start = system.state([0.1, 1.0, 0.0])
 """
 
 
-def test_check_and_bench_take_what_a_user_wrote(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_and_bench_take_what_a_user_wrote(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "own_things.py").write_text(OWN)
     try:
         assert main(["check", "own_things:system"]) == 0
         assert "none broken" in capsys.readouterr().out
         assert main(["check", "own_things:Boastful", "--json"]) == 1
-        assert "broken" in {
-            v for report in json.loads(capsys.readouterr().out) for v in report["laws"].values()
-        }
+        assert "broken" in {v for report in json.loads(capsys.readouterr().out) for v in report["laws"].values()}
         words = ["--start", "own_things:start", "--steps", "50", "--h", "0.4", "--json"]
         assert main(["bench", "own_things:system", *words]) == 0
         told = json.loads(capsys.readouterr().out)
-        assert (
-            told["order"] == pytest.approx(4.0, abs=0.25)
-            and told["ns per step"] > 0.0
-            and told["parts"] == ["mu"]
-        )
+        assert told["order"] == pytest.approx(4.0, abs=0.25) and told["ns per step"] > 0.0 and told["parts"] == ["mu"]
         from own_things import system  # type: ignore[import-not-found]
 
         run = lm.integrate(system, lm.RKMK(order=4), system.state([0.1, 1.0, 0.0]), h=0.1, steps=3)
         run.save(folder / "own.npz")
         assert lm.Trajectory.load(folder / "own.npz", ["own_things"]).system == system
-        assert "is no state" in refused(
-            capsys, "bench", "own_things:system", "--start", "own_things:system"
-        )
+        assert "is no state" in refused(capsys, "bench", "own_things:system", "--start", "own_things:system")
     finally:
         sys.modules.pop("own_things", None)
 
@@ -458,12 +386,12 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
 
 
 def test_the_module_is_the_command_and_loads_no_pictures() -> None:
-    code = "import sys; from liemech.command_line.main import main; main(['run', 'kepler', '--steps', '3', '--quiet']); "
+    code = (
+        "import sys; from liemech.command_line.main import main; main(['run', 'kepler', '--steps', '3', '--quiet']); "
+    )
     code += "assert not {'matplotlib', 'meshcat', 'sympy'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
-    done = subprocess.run(
-        [sys.executable, "-m", "liemech", "nonsense"], capture_output=True, text=True
-    )
+    done = subprocess.run([sys.executable, "-m", "liemech", "nonsense"], capture_output=True, text=True)
     assert done.returncode == 2 and "there are run" in done.stderr
 
 

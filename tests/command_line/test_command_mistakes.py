@@ -69,9 +69,7 @@ def test_ctrl_c_keeps_what_the_main_job_has_computed(
     assert "RKMK4" in printed and "Algorithm 1, exp" in printed and "Hamilton-Jacobi" not in printed
 
 
-def test_ctrl_c_elsewhere_in_the_main_job(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_elsewhere_in_the_main_job(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def stop(*_: Any) -> Any:
         raise KeyboardInterrupt
 
@@ -102,10 +100,7 @@ def test_texts_that_are_no_objects(text: str, capsys: pytest.CaptureFixture[str]
 def test_modules_that_cannot_be_imported(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("broken_on_purpose.py").write_text("x = 1 / 0\n", encoding="utf-8")
     Path("unreadable_on_purpose.py").write_text("def (:\n", encoding="utf-8")
-    for module, told in (
-        ("broken_on_purpose", "ZeroDivisionError"),
-        ("unreadable_on_purpose", "SyntaxError"),
-    ):
+    for module, told in (("broken_on_purpose", "ZeroDivisionError"), ("unreadable_on_purpose", "SyntaxError")):
         complained = refused(capsys, "check", f"{module}:X")
         assert told in complained and "line 1" in complained
     refused(capsys, "view", "run.npz", "--modules", "there_is_no_such_module")
@@ -131,9 +126,7 @@ def test_files_that_cannot_be_written(
         ("t_end = 1.0\nevery = 3", "RKMK(order=5)", "every"),
     ],
 )
-def test_no_option_of_a_run_is_dropped(
-    run: str, method: str, told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_option_of_a_run_is_dropped(run: str, method: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
     name, _, rest = method.partition("(")
     if rest:
         run = f"{run}\n"
@@ -184,7 +177,6 @@ def test_a_run_that_cannot_be_saved_has_its_other_outputs(
     monkeypatch.setattr(lm.Trajectory, "save", save)
     assert main(["run", "comet", "--steps", "10", "--save", "--view", "--quiet"]) == 1
     assert (
-        capsys.readouterr().err
-        == "liemech: comet.npz is not written: Trajectory.save: not of runs in fictive time\n"
+        capsys.readouterr().err == "liemech: comet.npz is not written: Trajectory.save: not of runs in fictive time\n"
     )
     assert Path("comet.html").exists()

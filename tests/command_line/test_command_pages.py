@@ -26,9 +26,7 @@ def test_every_command_of_the_page_runs(
     monkeypatch.chdir(tmp_path)
     (file,) = re.findall(r"^```toml\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
     (tmp_path / "book.toml").write_text(file)
-    lines = "".join(
-        re.findall(r"^```sh\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
-    ).splitlines()
+    lines = "".join(re.findall(r"^```sh\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)).splitlines()
     for line in lines:
         program, *words = shlex.split(line)
         assert program == "liemech" and main(words) == 0, line
@@ -41,9 +39,7 @@ def test_every_command_of_the_page_runs(
 def test_the_gallery_shows_every_example_and_every_picture_is_small() -> None:
     examples = {path.stem for path in (ROOT / "examples").glob("*.py")}
     shown = set(re.findall(r"\(\.\./examples/(\w+)\.py\)", GALLERY))
-    assert shown == examples, (
-        "draw the new ones, and write the gallery: python docs/figures/draw.py NAME"
-    )
+    assert shown == examples, "draw the new ones, and write the gallery: python docs/figures/draw.py NAME"
     for picture in re.findall(r"\(figures/(\w+\.png)\)", GALLERY):
         assert (ROOT / "docs" / "figures" / picture).stat().st_size < 150_000
     assert (ROOT / "docs" / "figures" / "flip.gif").stat().st_size < 1_000_000

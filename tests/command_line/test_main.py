@@ -41,9 +41,7 @@ def rows(printed: str) -> dict[str, list[str]]:
 def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """What a stranger sees who runs it in an empty folder, and the folder."""
     folder = tmp_path_factory.mktemp("job")
-    done = subprocess.run(
-        [sys.executable, "-m", "liemech"], cwd=folder, capture_output=True, text=True, timeout=100
-    )
+    done = subprocess.run([sys.executable, "-m", "liemech"], cwd=folder, capture_output=True, text=True, timeout=100)
     # of runs and compilations that take long, as on a busy machine
     bars = "step/s]", "liemech: compiling"
     others = [s for s in done.stderr.splitlines() if s.strip() and not any(b in s for b in bars)]
@@ -51,9 +49,7 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     return done.stdout, folder
 
 
-def test_the_table_has_the_errors_of_the_reference_runs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_table_has_the_errors_of_the_reference_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*ARTICLE, "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert "diag(0.666667, 1, 2)" in printed and "triangle inequality" in printed
@@ -98,20 +94,7 @@ def test_it_says_what_it_simulates_and_where_the_picture_is(job: tuple[str, Path
 @pytest.mark.slow
 def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "deep" / "exp.svg"
-    options = [
-        "--steps",
-        "1e1",
-        "--h",
-        "-1/4",
-        "--inertia",
-        "1",
-        "3/2",
-        "2",
-        "--mu",
-        "-1/2",
-        "-1e-3",
-        "0",
-    ]
+    options = ["--steps", "1e1", "--h", "-1/4", "--inertia", "1", "3/2", "2", "--mu", "-1/2", "-1e-3", "0"]
     assert main([*options, "--methods", "exp", "--out", str(picture)]) == 0
     printed = capsys.readouterr().out
     assert list(rows(printed)) == ["Algorithm 1, exp", "exact"]
@@ -121,9 +104,7 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "start", ["--mu 0 1 0", "--inertia 1 1 1", "--inertia 1 1 2", "--mu 1e-150 0 1e-150"]
-)
+@pytest.mark.parametrize("start", ["--mu 0 1 0", "--inertia 1 1 1", "--inertia 1 1 2", "--mu 1e-150 0 1e-150"])
 def test_every_kind_of_motion_can_be_drawn(start: str, tmp_path: Path) -> None:
     assert main(["--steps", "5", "--quiet", "--out", str(tmp_path), *start.split()]) == 0
     assert (tmp_path / "rigid_body.png").exists()
@@ -167,9 +148,7 @@ def test_bad_options_get_one_line_and_status_2(
 
 
 @pytest.mark.slow
-def test_a_method_that_fails_leaves_the_others(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_method_that_fails_leaves_the_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--h", "20", "--out", str(tmp_path)]) == 1
     printed, complained = capsys.readouterr()
     assert "Algorithm 1, exp" not in rows(printed) and "Algorithm 1, Cayley" in rows(printed)

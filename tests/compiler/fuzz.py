@@ -34,41 +34,23 @@ class Writer:
     def expression(self, depth: int = 1) -> str:
         r = self.random
         if depth == 0 or r.random() < 0.3:
-            return r.choice(
-                [
-                    self.name(),
-                    self.name(),
-                    r.choice(["0.5", "-1.25", "2.0", "0.0", "-0.0", "3.0", "1e-3"]),
-                ]
-            )
+            return r.choice([self.name(), self.name(), r.choice(["0.5", "-1.25", "2.0", "0.0", "-0.0", "3.0", "1e-3"])])
         one = two = lambda: self.expression(depth - 1)
         kinds = [
             lambda: f"({one()} {r.choice('+-*')} {two()})",
             lambda: f"({one()} {r.choice('+-*')} {two()})",
             lambda: f"({one()} / (1.5 + abs({two()})))",
-            lambda: (
-                f"{r.choice(['sin', 'cos', 'atan', 'tanh', 'abs', '-', 'sqrt', 'exp', 'log'])}({one()})"
-            ),
+            lambda: f"{r.choice(['sin', 'cos', 'atan', 'tanh', 'abs', '-', 'sqrt', 'exp', 'log'])}({one()})",
             lambda: f"{r.choice(['min', 'max'])}({one()}, {two()})",
             lambda: f"where({self.condition(1)}, {one()}, {two()})",
             lambda: f"({one()} if {self.condition(1)} else {two()})",
             lambda: f"({one()} {r.choice(['and', 'or'])} {two()})",
             lambda: f"dot(vec({one()}, {self.name()}), vec({two()}, 0.5))",
-            lambda: (
-                f"[{one()}, {two()}, {self.name()}][{r.choice(['0', '1', '2', '-1', 'n - 1'])}]"
-            ),
-            lambda: (
-                f"max([x * {self.name()} for x in ({one()}, {two()}) if "
-                f"{r.choice(['True', '1 < 2'])}])"
-            ),
+            lambda: f"[{one()}, {two()}, {self.name()}][{r.choice(['0', '1', '2', '-1', 'n - 1'])}]",
+            lambda: f"max([x * {self.name()} for x in ({one()}, {two()}) if {r.choice(['True', '1 < 2'])}])",
         ]
         if self.helpers:
-            kinds += [
-                lambda: (
-                    f"{r.choice(self.helpers)}({one()}, {two()}, "
-                    f"{self.name()}, n)[{r.choice('012')}]"
-                )
-            ] * 3
+            kinds += [lambda: f"{r.choice(self.helpers)}({one()}, {two()}, {self.name()}, n)[{r.choice('012')}]"] * 3
         return r.choice(kinds)()
 
     def condition(self, depth: int = 1) -> str:
@@ -111,10 +93,7 @@ class Writer:
             elif kind < 0.8:
                 self.put(indent, f"{r.choice(NAMES)} {r.choice('+-*')}= {self.expression(1)}")
             elif kind < 0.9:
-                self.put(
-                    indent,
-                    f"{', '.join(r.sample(NAMES, 2))} = {self.expression(1)}, {self.expression(1)}",
-                )
+                self.put(indent, f"{', '.join(r.sample(NAMES, 2))} = {self.expression(1)}, {self.expression(1)}")
             else:
                 self.put(indent, f"s[{r.choice('012')}] = {self.expression(1)}")
         elif choice < 0.6:
@@ -136,18 +115,14 @@ class Writer:
             self.inside(indent, depth, (*loops, "static"), i)
         elif choice < 0.80:
             i = self.loop_name()
-            self.put(
-                indent, f"for {i} in range({r.choice(['n', '1, n', '70', 'n + 1', '-1, n'])}):"
-            )
+            self.put(indent, f"for {i} in range({r.choice(['n', '1, n', '70', 'n + 1', '-1, n'])}):")
             self.inside(indent, depth, (*loops, "dynamic"), i)
         elif choice < 0.88:
             k = self.loop_name()
             bound = r.choice(["6", "n", "3.5"])
             self.put(indent, f"{k} = {r.choice(['0', '0.0'])}")
             self.put(
-                indent,
-                f"while {k} < "
-                f"{bound}{r.choice(['', f' and {self.condition()}', f' and {self.condition()}'])}:",
+                indent, f"while {k} < {bound}{r.choice(['', f' and {self.condition()}', f' and {self.condition()}'])}:"
             )
             self.put(indent + 1, f"{k} = {k} + 1")
             self.inside(indent, depth, (*loops, "dynamic"), k)
@@ -185,9 +160,7 @@ class Writer:
         self.names = self.names[:-1]
 
     def give(self) -> str:
-        return (
-            f"return vec({self.expression(1)}, {self.name()}, {self.name()}, {self.expression(1)})"
-        )
+        return f"return vec({self.expression(1)}, {self.name()}, {self.name()}, {self.expression(1)})"
 
     def formula(self, name: str, arguments: str, depth: int) -> str:
         self.lines = []
@@ -219,9 +192,7 @@ def arguments(seed: int, count: int, special: tuple[float, ...]) -> list[list[fl
     r = random.Random(seed)
     return [
         [
-            r.choice(special)
-            if r.random() < 0.15
-            else r.uniform(-3.0, 3.0) * 10.0 ** r.choice([0, 0, 0, 1, -3])
+            r.choice(special) if r.random() < 0.15 else r.uniform(-3.0, 3.0) * 10.0 ** r.choice([0, 0, 0, 1, -3])
             for _ in NAMES
         ]
         for _ in range(count)

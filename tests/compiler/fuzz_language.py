@@ -191,9 +191,7 @@ def one_of(name: str, lines: str, paragraphs: str = "") -> Callable[[Language], 
     def feature(writer: Language) -> str:
         return writer.fill(writer.random.choice(forms))
 
-    forms = [
-        form for form in (*lines.strip().split("\n"), *paragraphs.strip().split("\n\n")) if form
-    ]
+    forms = [form for form in (*lines.strip().split("\n"), *paragraphs.strip().split("\n\n")) if form]
     feature.__name__ = name
     feature.forms = forms  # type: ignore[attr-defined]
     return feature
@@ -1275,7 +1273,9 @@ class Derivatives(fuzz.Writer):
 
     def module(self) -> str:
         lines = "".join(f"    {x} = {self.derived(('a', 'b', 'c'), 3, 3)}\n" for x in "pq")
-        return f"from liemech.formulas import *\n\n\ndef formula(a, b, c, d, n):\n{lines}    return vec(p, q, p * q, d)\n"
+        return (
+            f"from liemech.formulas import *\n\n\ndef formula(a, b, c, d, n):\n{lines}    return vec(p, q, p * q, d)\n"
+        )
 
 
 class Memories(fuzz.Writer):
@@ -1283,12 +1283,7 @@ class Memories(fuzz.Writer):
     values, vectors, tuples and records of these, within each other, all of which change.
     """
 
-    METHODS = (
-        "lm.RKMK(order=4)",
-        "lm.RKMK(order=2)",
-        "lm.CovariantVariational()",
-        "lm.RKMK(order=3)",
-    )
+    METHODS = ("lm.RKMK(order=4)", "lm.RKMK(order=2)", "lm.CovariantVariational()", "lm.RKMK(order=3)")
     FLOATS = "0.5", "-1.25", "0.0", "-0.0", "1e-3", "3.0"
     WHOLE = "0", "1", "-3", "2**60 + 1", "-(2**61)", "17"
 
@@ -1309,9 +1304,7 @@ class Memories(fuzz.Writer):
             n = r.randint(1, 4)
             self.floats += [f"{path}[{i}]" for i in range(n)]
             values = ", ".join(r.choice(self.FLOATS) for _ in range(n))
-            return f"lm.vec({values})", r.choice(
-                ["lm.vec(" + ", ".join("F" * n) + ")", f"0.5 * {path}"]
-            )
+            return f"lm.vec({values})", r.choice(["lm.vec(" + ", ".join("F" * n) + ")", f"0.5 * {path}"])
         self.floats += [f"{path}[0, 1]", f"{path}[1, 0]"]
         return "lm.mat([0.5, 1.0], [-0.25, 0.0])", r.choice(["lm.mat([F, F], [F, F])", f"{path}.T"])
 
@@ -1392,15 +1385,9 @@ class Memories(fuzz.Writer):
         parts = [self.part(f"m.f{i}", 2) for i in range(r.randint(1, 4))]
         self.names = tuple(self.floats)
         fields = "".join(f"    f{i}: Any\n" for i in range(len(parts)))
-        text = (
-            "from typing import Any\n\nimport liemech as lm\nfrom liemech.formulas import *\n\n\n"
-        )
+        text = "from typing import Any\n\nimport liemech as lm\nfrom liemech.formulas import *\n\n\n"
         for name, n in self.records:
-            text += (
-                f"@lm.record\nclass {name}(lm.Record):\n"
-                + "".join(f"    f{i}: Any\n" for i in range(n))
-                + "\n\n"
-            )
+            text += f"@lm.record\nclass {name}(lm.Record):\n" + "".join(f"    f{i}: Any\n" for i in range(n)) + "\n\n"
         begun = ", ".join(first for first, _ in parts)
         after = ", ".join(self.chosen(then) for _, then in parts)
         self.past = r.random() < 0.5
@@ -1495,11 +1482,7 @@ class SpecialPoints(Derivatives):
         r = self.random
         x, y = r.choice(names), r.choice(names)
         border = r.choice(
-            [
-                f"{x} {r.choice('<>')} 0.0",
-                f"{x} {r.choice(['<=', '>='])} {y}",
-                f"{x} > 0.0 and {y} > 0.0",
-            ]
+            [f"{x} {r.choice('<>')} 0.0", f"{x} {r.choice(['<=', '>='])} {y}", f"{x} > 0.0 and {y} > 0.0"]
         )
         one, other = r.choice(
             [

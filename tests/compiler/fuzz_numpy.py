@@ -68,10 +68,7 @@ class World(Record):
 """
 
 SELF = types.SimpleNamespace(
-    A=np.array([[1.0, 2.0, -0.5], [0.25, -1.5, 3.0], [0.0, 0.7, 1.25]]),
-    J=np.array([1.0, 1.5, 2.0]),
-    k=0.75,
-    m=3,
+    A=np.array([[1.0, 2.0, -0.5], [0.25, -1.5, 3.0], [0.0, 0.7, 1.25]]), J=np.array([1.0, 1.5, 2.0]), k=0.75, m=3
 )
 """The fields of `World` as NumPy has them."""
 
@@ -173,10 +170,7 @@ for i in range(-1, 2):
 return e
 """
 
-FORMULAS = [
-    *(f"return {line}" for line in LINES.strip().split("\n")),
-    *PARAGRAPHS.strip().split("\n\n"),
-]
+FORMULAS = [*(f"return {line}" for line in LINES.strip().split("\n")), *PARAGRAPHS.strip().split("\n\n")]
 
 SPECIAL = 0.0, -0.0, 1.0, -1.0, 0.5, 2.0, 3.0, -2.5, 1e-310, 1e300
 
@@ -220,9 +214,7 @@ def differences(i: int, folder: Path, seed: int, lanes: tuple[int, ...]) -> Iter
             plain.append(None)
             continue
         plain.append(float(found))
-        if expected is not None and not math.isclose(
-            plain[-1], expected, rel_tol=1e-11, abs_tol=1e-11
-        ):
+        if expected is not None and not math.isclose(plain[-1], expected, rel_tol=1e-11, abs_tol=1e-11):
             yield f"{FORMULAS[i]} at {row}: {plain[-1]} instead of NumPy's {expected}"
     for count in lanes:
         found = worlds.outcomes(module.World.formula, given, 1, 2, count, (world,))

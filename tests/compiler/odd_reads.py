@@ -40,9 +40,7 @@ def module(number: int, folder: Path) -> Any:
     """The program of this number, as a module from a file of its own."""
     before, expression, change = PROGRAMS[number].split(" | ")
     text = HEAD.format(
-        before=before.replace(";;", "\n"),
-        expression=expression,
-        change=change.replace(";;", "\n    ") or "pass",
+        before=before.replace(";;", "\n"), expression=expression, change=change.replace(";;", "\n    ") or "pass"
     )
     file = folder / f"odd_{number}.py"
     if not file.exists():

@@ -29,10 +29,7 @@ pytestmark = pytest.mark.compiled
 SO3 = lm.SO3()
 N = 517  # no multiple of any number of lanes
 
-CALLS: dict[str, dict[str, Any]] = {
-    "dexp_inv_series": {"terms": 4},
-    "from_quaternion": {"order": "wxyz"},
-}
+CALLS: dict[str, dict[str, Any]] = {"dexp_inv_series": {"terms": 4}, "from_quaternion": {"order": "wxyz"}}
 """Arguments that are no arrays."""
 
 METHODS = sorted(
@@ -66,17 +63,7 @@ def rows() -> dict[str, np.ndarray]:
     q = rng.normal(size=(N, 4))
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     rate = rng.normal(size=(N, 3, 3))
-    return {
-        "xi": angle * xi,
-        "eta": eta,
-        "mu": mu,
-        "p": p,
-        "g": g,
-        "h": h,
-        "q": q,
-        "rate": rate,
-        "matrix": g - h,
-    }
+    return {"xi": angle * xi, "eta": eta, "mu": mu, "p": p, "g": g, "h": h, "q": q, "rate": rate, "matrix": g - h}
 
 
 @pytest.fixture(autouse=True)
@@ -109,9 +96,7 @@ def in_python(name: str, arrays: dict[str, np.ndarray], owner: Any = None) -> An
     owner = owner or owner_of(name)
     formula = bare(getattr(type(owner), name))
     count = len(next(iter(arrays.values())))
-    found = [
-        formula(owner, **batches.row_of(arrays, i), **CALLS.get(name, {})) for i in range(count)
-    ]
+    found = [formula(owner, **batches.row_of(arrays, i), **CALLS.get(name, {})) for i in range(count)]
     if isinstance(found[0], tuple) and not isinstance(found[0], SmallVec):
         return tuple(np.array([np.array(one[k]) for one in found]) for k in range(len(found[0])))
     return np.array([np.array(one) for one in found])
@@ -122,39 +107,21 @@ def equal(a: Any, b: Any) -> bool:
         return len(a) == len(b) and all(map(equal, a, b))
     if a.dtype != b.dtype:
         return False
-    return (
-        np.array_equal(a, b)
-        if a.dtype == bool
-        else same_bits(np.ascontiguousarray(a), np.ascontiguousarray(b))
-    )
+    return np.array_equal(a, b) if a.dtype == bool else same_bits(np.ascontiguousarray(a), np.ascontiguousarray(b))
 
 
 def test_the_list_is_the_public_surface() -> None:
-    assert {
-        "exp",
-        "log",
-        "compose",
-        "inverse",
-        "Ad",
-        "Ad_star",
-        "K",
-        "dexp",
-        "dexp_inv",
-        "cayley",
-        "distance",
-    } <= set(METHODS)
+    assert {"exp", "log", "compose", "inverse", "Ad", "Ad_star", "K", "dexp", "dexp_inv", "cayley", "distance"} <= set(
+        METHODS
+    )
     assert len(METHODS) > 40
 
 
 @pytest.mark.sample(3)
 @pytest.mark.parametrize("name", METHODS)
-def test_every_method_gives_the_bits_of_plain_python(
-    name: str, rows: dict[str, np.ndarray], no_python: None
-) -> None:
+def test_every_method_gives_the_bits_of_plain_python(name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
     arrays = arguments_of(name, rows)
-    assert equal(
-        getattr(owner_of(name), name)(**arrays, **CALLS.get(name, {})), in_python(name, arrays)
-    )
+    assert equal(getattr(owner_of(name), name)(**arrays, **CALLS.get(name, {})), in_python(name, arrays))
 
 
 @pytest.mark.sample(2)
@@ -195,9 +162,7 @@ def wider(a: np.ndarray) -> np.ndarray:
 
 def crooked(a: np.ndarray) -> np.ndarray:
     """At addresses that are no multiples of eight, as in packed files."""
-    packed = np.zeros(
-        len(a), dtype=np.dtype([("tag", "i1"), ("value", "f8", a.shape[1:])], align=False)
-    )
+    packed = np.zeros(len(a), dtype=np.dtype([("tag", "i1"), ("value", "f8", a.shape[1:])], align=False))
     packed["value"] = a
     return packed["value"]
 
@@ -217,9 +182,7 @@ FORMS = (
 @pytest.mark.sample(5)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", ["exp", "log", "compose", "Ad_star"])
-def test_arrays_in_any_form(
-    form: Callable[..., Any], name: str, rows: dict[str, np.ndarray], no_python: None
-) -> None:
+def test_arrays_in_any_form(form: Callable[..., Any], name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
     arrays = arguments_of(name, rows)
     before = {k: a.copy() for k, a in arrays.items()}
     given = {k: form(a) for k, a in arrays.items()}
@@ -241,9 +204,7 @@ def test_threads_and_where_they_meet(
     alone = SO3.log(rows["g"])
     monkeypatch.setattr(batch, "SHARE", 100)
     for cores in (2, 3, 7):
-        monkeypatch.setattr(
-            batch.os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)), raising=False
-        )
+        monkeypatch.setattr(batch.os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)), raising=False)
         assert equal(SO3.log(rows["g"]), alone)
 
 
@@ -270,9 +231,7 @@ def many(rng: np.random.Generator) -> dict[str, np.ndarray]:
     ],
 )
 @pytest.mark.parametrize("name", ["log", "Ad_star", "inverse"])
-def test_a_bad_row_is_named(
-    name: str, value: np.ndarray, reason: str, many: dict[str, np.ndarray]
-) -> None:
+def test_a_bad_row_is_named(name: str, value: np.ndarray, reason: str, many: dict[str, np.ndarray]) -> None:
     many["g"][BAD] = value
     with pytest.raises(InvalidInput, match=reason):
         getattr(SO3, name)(**arguments_of(name, many))
@@ -335,12 +294,9 @@ class Sampler(Record):
 
 def test_complex_results(rng: np.random.Generator) -> None:
     x, sampler = rng.normal(size=(N, 3)), Sampler(0.5)
+    assert np.array_equal(sampler.phase(x), np.stack([x[:, 0] + 1j * x[:, 1], 0.5 + 1j * x[:, 2]], axis=1))
     assert np.array_equal(
-        sampler.phase(x), np.stack([x[:, 0] + 1j * x[:, 1], 0.5 + 1j * x[:, 2]], axis=1)
-    )
-    assert np.array_equal(
-        sampler.mixed(x),
-        np.stack([x[:, 0] + 0j, x[:, 1] + 1j * x[:, 2], np.full(N, 2.0 + 0j)], axis=1),
+        sampler.mixed(x), np.stack([x[:, 0] + 0j, x[:, 1] + 1j * x[:, 2], np.full(N, 2.0 + 0j)], axis=1)
     )
 
 
@@ -419,9 +375,7 @@ class Faulty(Record):
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("rows", [1, 3, 40, 700])
 @pytest.mark.parametrize(("method", "error"), [("name", NameError), ("form", TypeError)])
-def test_a_mistake_in_a_formula_is_raised_as_itself(
-    rows: int, method: str, error: type[Exception]
-) -> None:
+def test_a_mistake_in_a_formula_is_raised_as_itself(rows: int, method: str, error: type[Exception]) -> None:
     x = np.ones((rows, 3))
     x[-1, 0] = 3.0
     with pytest.raises(error) as caught:
@@ -435,8 +389,7 @@ def test_what_has_no_value_is_refused_with_its_row(row: int, rng: np.random.Gene
     x = rng.normal(size=(600, 3)) * [0.1, 1.0, 1.0]
     x[row] = 2.0, 7.0, 0.0
     with pytest.raises(
-        InvalidInput,
-        match=r"Faulty\.division has no finite value at x = \[2\.0, 7\.0, 0\.0\]: .*division by zero",
+        InvalidInput, match=r"Faulty\.division has no finite value at x = \[2\.0, 7\.0, 0\.0\]: .*division by zero"
     ):
         Faulty(1.0).division(x)
 
@@ -475,19 +428,13 @@ class Stubborn(Record):
             return 0.0
 
 
-def test_a_refusal_is_said_once_and_remembered(
-    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
-) -> None:
+def test_a_refusal_is_said_once_and_remembered(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     tries = []
     monkeypatch.setattr(
-        batch.kernel,
-        "kernel",
-        lambda *a, make=batch.kernel.kernel, **o: (tries.append(1), make(*a, **o))[1],
+        batch.kernel, "kernel", lambda *a, make=batch.kernel.kernel, **o: (tries.append(1), make(*a, **o))[1]
     )
     x = rng.normal(size=(100, 3))
-    with pytest.warns(
-        NotCompiledWarning, match=r"Stubborn\.value runs as plain Python: .*try"
-    ) as caught:
+    with pytest.warns(NotCompiledWarning, match=r"Stubborn\.value runs as plain Python: .*try") as caught:
         first = Stubborn().value(x)
     assert caught[0].filename == __file__
     before = len(tries)
@@ -529,17 +476,13 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     return now
 
 
-def test_few_rows_are_not_worth_a_compilation(
-    clock: dict[str, float], rng: np.random.Generator
-) -> None:
+def test_few_rows_are_not_worth_a_compilation(clock: dict[str, float], rng: np.random.Generator) -> None:
     clock["step"] = 20e-6
     Counted(2.0).value(rng.normal(size=(512, 3)))
     assert clock["rows"] == 512
 
 
-def test_native_code_takes_over_when_it_pays(
-    clock: dict[str, float], rng: np.random.Generator
-) -> None:
+def test_native_code_takes_over_when_it_pays(clock: dict[str, float], rng: np.random.Generator) -> None:
     clock["step"], x = 20e-6, rng.normal(size=(100_000, 3))
     found = Counted(2.0).value(x)
     assert clock["rows"] < 1000
@@ -610,9 +553,7 @@ def test_what_is_remembered_of_a_batch_keeps_no_owner(
     assert np.array_equal(Counted(3.0).value(x), 3.0 * x[:, 0] + x[:, 1] * x[:, 2])
 
 
-def test_the_batch_used_last_is_the_last_to_go(
-    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
-) -> None:
+def test_the_batch_used_last_is_the_last_to_go(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     monkeypatch.setattr(batch, "_ready", collections.OrderedDict())
     monkeypatch.setattr(batch, "_of_this_form", lambda _: None)
     x = rng.normal(size=(64, 3))

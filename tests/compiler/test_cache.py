@@ -126,9 +126,7 @@ def in_a_copy(program: str, *arguments: str, folder: Path) -> str:
     if "fork" not in multiprocessing.get_all_start_methods():
         env = os.environ | {"LIEMECH_CACHE_DIR": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
         command = [sys.executable, "-c", program, *arguments]
-        return subprocess.run(
-            command, env=env, capture_output=True, text=True, timeout=120, check=True
-        ).stdout
+        return subprocess.run(command, env=env, capture_output=True, text=True, timeout=120, check=True).stdout
 
     def inside(channel: Any) -> None:
         os.environ["LIEMECH_CACHE_DIR"] = str(folder)
@@ -173,19 +171,10 @@ class Project:
         path.write_text(text.replace(old, new))
 
     def start(self, **environment: str) -> subprocess.Popen[str]:
-        env = (
-            os.environ
-            | {"LIEMECH_CACHE_DIR": str(self.cache), "PYTHONDONTWRITEBYTECODE": "1"}
-            | environment
-        )
+        env = os.environ | {"LIEMECH_CACHE_DIR": str(self.cache), "PYTHONDONTWRITEBYTECODE": "1"} | environment
         command = [sys.executable, "-c", PROGRAM, str(self.place), str(Path(__file__).parent)]
         return subprocess.Popen(
-            command,
-            cwd=self.place,
-            env=env,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
+            command, cwd=self.place, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
 
     def hits(self, **environment: str) -> bool:
@@ -196,9 +185,7 @@ class Project:
         """
         if environment:
             return self.result(self.start(**environment))
-        return self.verdict(
-            in_a_copy(PROGRAM, str(self.place), str(Path(__file__).parent), folder=self.cache)
-        )
+        return self.verdict(in_a_copy(PROGRAM, str(self.place), str(Path(__file__).parent), folder=self.cache))
 
     @classmethod
     def result(cls, process: subprocess.Popen[str]) -> bool:
@@ -238,9 +225,7 @@ EDITS = {
 """Each is reached by the formula, each in its own way."""
 
 
-def test_found_by_the_next_process_and_missed_after_every_edit_that_matters(
-    project: Project,
-) -> None:
+def test_found_by_the_next_process_and_missed_after_every_edit_that_matters(project: Project) -> None:
     assert [project.hits(), project.hits()] == [False, True]
     for what, (file, old, new) in EDITS.items():
         project.edit(file, old, new)
@@ -248,9 +233,7 @@ def test_found_by_the_next_process_and_missed_after_every_edit_that_matters(
     objects = list(project.cache.glob("*.o"))
     assert len(objects) == cache.VARIANTS < len(EDITS)  # the last ones used
     assert all(500 < f.stat().st_size < 40_000 for f in objects)
-    assert Project.result(project.start()), (
-        "a new Python found nothing of what the others have made"
-    )
+    assert Project.result(project.start()), "a new Python found nothing of what the others have made"
 
 
 def test_found_after_edits_that_do_not_matter(project: Project) -> None:
@@ -276,12 +259,7 @@ print(sum(k.entry is advance for k in kernel.alive()))
 """
     env = os.environ | {"LIEMECH_CACHE_DIR": str(project.cache)}
     run = subprocess.run(
-        [sys.executable, "-c", program],
-        env=env,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
+        [sys.executable, "-c", program], env=env, capture_output=True, text=True, timeout=120, check=True
     )
     assert run.stdout.split() == ["1"]
 
@@ -316,11 +294,7 @@ def test_damaged_files_are_made_again(project: Project, damage) -> None:
 
 def copy_of_the_package(place: Path) -> Path:
     """liemech.formulas in a place of its own, as an installation."""
-    shutil.copytree(
-        Path(liemech.__file__).parent,
-        place / "liemech",
-        ignore=shutil.ignore_patterns("__pycache__"),
-    )
+    shutil.copytree(Path(liemech.__file__).parent, place / "liemech", ignore=shutil.ignore_patterns("__pycache__"))
     return place / "liemech" / "compiler" / "__pycache__"
 
 
@@ -380,9 +354,7 @@ def load(key: str) -> bytes | None:
     return found and found[1]
 
 
-def test_what_was_not_used_for_the_longest_time_goes_first(
-    place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_not_used_for_the_longest_time_goes_first(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for i in range(6):
         cache.store(f"{i:02}", ["read"], bytes([i]) * 1000)
         os.utime(place / f"{i:02}-0.o", (i, i))
@@ -405,13 +377,8 @@ def test_several_codes_for_one_key_are_told_apart_by_what_they_read(place: Path)
         cache.store("key", [i], bytes([i]))
         os.utime(place / f"key-{min(i, cache.VARIANTS - 1)}.o", (i, i))
     cache.store("key", [cache.VARIANTS + 1], b"again")  # the same manifest: the same file
-    found = {
-        i: cache.load("key", lambda manifest, i=i: manifest == [i] or None)
-        for i in range(cache.VARIANTS + 2)
-    }
-    assert (
-        sum(f is not None for f in found.values()) == cache.VARIANTS == len(list(place.iterdir()))
-    )
+    found = {i: cache.load("key", lambda manifest, i=i: manifest == [i] or None) for i in range(cache.VARIANTS + 2)}
+    assert sum(f is not None for f in found.values()) == cache.VARIANTS == len(list(place.iterdir()))
     assert found[cache.VARIANTS + 1] == (True, b"again")
 
 
@@ -432,18 +399,10 @@ def test_a_file_in_the_place_of_another_is_a_miss(place: Path, tmp_path: Path, s
 
 
 @pytest.mark.skipif(os.name == "nt", reason="about users and links")
-def test_a_folder_that_others_can_write_or_own_is_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_others_can_write_or_own_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     place = tmp_path / "shared"
     monkeypatch.setenv("LIEMECH_CACHE_DIR", str(place))
-    for mode, safe in (
-        (0o700, True),
-        (0o755, True),
-        (0o775, False),
-        (0o757, False),
-        (0o777, False),
-    ):
+    for mode, safe in ((0o700, True), (0o755, True), (0o775, False), (0o757, False), (0o777, False)):
         place.mkdir(exist_ok=True)
         place.chmod(mode)
         with warnings.catch_warnings(record=True) as told:
@@ -456,9 +415,7 @@ def test_a_folder_that_others_can_write_or_own_is_not_used(
         assert cache.folder.__wrapped__() is None
 
 
-def test_a_folder_that_was_named_and_cannot_be_used_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_was_named_and_cannot_be_used_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("LIEMECH_CACHE_DIR", str(tmp_path / "file"))
     with pytest.warns(RuntimeWarning, match="every process compiles anew"):
@@ -469,9 +426,7 @@ def test_a_folder_that_was_named_and_cannot_be_used_is_told(
         assert cache.folder.__wrapped__() is None
 
 
-def test_a_compiler_edited_while_it_runs_keeps_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_compiler_edited_while_it_runs_keeps_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert cache.own_source.__wrapped__() is not None
     monkeypatch.setattr(cache, "IMPORTED", 0.0)
     assert cache.own_source.__wrapped__() is None
@@ -559,10 +514,7 @@ IN_PLACE = {
         "captured = through(elsewhere)",
         "captured = through(types.SimpleNamespace(RATE=7.0))",
     ],
-    "a module reached through an attribute": [
-        "module=elsewhere",
-        "module=types.SimpleNamespace(RATE=7.0)",
-    ],
+    "a module reached through an attribute": ["module=elsewhere", "module=types.SimpleNamespace(RATE=7.0)"],
 }
 
 
@@ -572,8 +524,7 @@ QUICK = {"a nested lambda", "a default", "a slot", "a module reached through a c
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
-    "what",
-    [what if what in QUICK else pytest.param(what, marks=pytest.mark.slow) for what in IN_PLACE],
+    "what", [what if what in QUICK else pytest.param(what, marks=pytest.mark.slow) for what in IN_PLACE]
 )
 def test_an_edit_while_the_process_runs_poisons_nothing(what: str, tmp_path: Path) -> None:
     """The process that was there before the edit runs what it has read, or refuses; the next one
@@ -595,9 +546,7 @@ def test_an_edit_while_the_process_runs_poisons_nothing(what: str, tmp_path: Pat
         assert run(None) == [True, False], "an edit of a module reached in another way was missed"
 
 
-def test_a_global_of_a_script_that_has_the_name_of_an_attribute_is_no_miss(
-    project: Project,
-) -> None:
+def test_a_global_of_a_script_that_has_the_name_of_an_attribute_is_no_miss(project: Project) -> None:
     assert not project.hits()
     path = project.place / "formulas.py"
     path.write_text(path.read_text() + "\n\nmore = stiff = gain = turn = depth = order = 12.0\n")

@@ -81,22 +81,15 @@ def formula(x, y, n):
         assert llvm.optimised(made).count("fmul") >= 30 * 6
 
 
-def test_lanes_of_a_long_kernel_are_translated_once(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_lanes_of_a_long_kernel_are_translated_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """With one register a number; a short one once more, with two."""
     no_kernels(monkeypatch)
     widths: list[int] = []
     translation = kernel._translation
-    monkeypatch.setattr(
-        kernel, "_translation", lambda *a: (widths.append(a[2]), translation(*a))[1]
-    )
+    monkeypatch.setattr(kernel, "_translation", lambda *a: (widths.append(a[2]), translation(*a))[1])
     text = "def formula(x, y, n):\n    return x * y + x, y / (x * x + 1.0)"
     rows = [(0.1 * k, 1.0 + k) for k in range(kernel.lanes())]
-    for short, wanted in (
-        (instructions.SHORT, [kernel.width(), kernel.lanes()]),
-        (0, [kernel.width()]),
-    ):
+    for short, wanted in ((instructions.SHORT, [kernel.width(), kernel.lanes()]), (0, [kernel.width()])):
         monkeypatch.setattr(instructions, "SHORT", short)
         module = worlds.module_from(text, tmp_path, f"widths_{short}")
         worlds.same_in_all_worlds(module.formula, rows, lanes=[kernel.lanes()])

@@ -206,40 +206,19 @@ CHANGES: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "a default": ("use_helper", other_defaults),
     "a default of a keyword": ("use_helper", other_keyword),
     "a function in a list": ("use_in_list", lambda w: w.m.FUNCTIONS.__setitem__(0, replaced)),
-    "a function in a list, of the same code": (
-        "use_in_list",
-        lambda w: w.m.FUNCTIONS.__setitem__(0, w.m.make(7.0)[0]),
-    ),
+    "a function in a list, of the same code": ("use_in_list", lambda w: w.m.FUNCTIONS.__setitem__(0, w.m.make(7.0)[0])),
     "a slot of an object": ("use_object", assign("m.KNOB", "own", 2.5)),
     "another object of the class": ("use_object", lambda w: setattr(w.m, "KNOB", w.m.Knob(4.0))),
     "a class attribute of an object": ("use_object", assign("m.Knob", "turn", 4.0)),
-    "a method of an object's class": (
-        "use_object",
-        assign("m.Knob", "turned", lambda self, x: x - self.own),
-    ),
-    "a property of an object's class": (
-        "use_object",
-        assign("m.Knob", "half", property(lambda self: 0.25 * self.own)),
-    ),
-    "a method of a base class": (
-        "use_record",
-        assign("m.Base", "method", lambda self, x: x - self.k),
-    ),
+    "a method of an object's class": ("use_object", assign("m.Knob", "turned", lambda self, x: x - self.own)),
+    "a property of an object's class": ("use_object", assign("m.Knob", "half", property(lambda self: 0.25 * self.own))),
+    "a method of a base class": ("use_record", assign("m.Base", "method", lambda self, x: x - self.k)),
     "an override in a subclass": ("use_record", assign("m.Child", "gain", 9.0)),
-    "a property overridden": (
-        "use_record",
-        assign("m.Child", "stiff", property(lambda self: 3.0 * self.k)),
-    ),
-    "a class method": (
-        "use_record",
-        assign("m.Base", "of_class", classmethod(lambda cls, x: x - cls.gain)),
-    ),
+    "a property overridden": ("use_record", assign("m.Child", "stiff", property(lambda self: 3.0 * self.k))),
+    "a class method": ("use_record", assign("m.Base", "of_class", classmethod(lambda cls, x: x - cls.gain))),
     "a static method": ("use_record", assign("m.Base", "fixed", staticmethod(lambda x: x - 1.0))),
     "another record": ("use_record", lambda w: setattr(w.m, "CHILD", w.m.Child(5.0))),
-    "a field of a record, by force": (
-        "use_record",
-        lambda w: object.__setattr__(w.m.CHILD, "k", 7.0),
-    ),
+    "a field of a record, by force": ("use_record", lambda w: object.__setattr__(w.m.CHILD, "k", 7.0)),
     "the class of a record that is made": (
         "use_made",
         lambda w: setattr(w.m.Child, "stiff", property(lambda self: 5.0 * self.k)),
@@ -270,9 +249,7 @@ def test_a_change_is_seen_and_a_change_back_needs_no_compiler(what: str, world: 
     assert len(kernel.alive()) >= min(made + 1, kernel.ALIVE)
 
 
-def test_constants_that_come_and_go_are_compiled_once_each(
-    world: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_constants_that_come_and_go_are_compiled_once_each(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     # not what an earlier run of the tests has left
     monkeypatch.setattr("liemech.compiler.cache.load", lambda *_: None)
     compiled: list[Any] = []
@@ -332,24 +309,17 @@ class Scaled(lm.Hamiltonian):
 def final(hamiltonian: Any, many: bool, compiled: bool | None, **how: Any) -> bytes:
     system = lm.LiePoissonSystem(lm.SO3(), hamiltonian([1.0, 2.0, 3.0]))
     mu = [[0.5, 0.25, 0.75], [0.1, 0.2, 0.3]] if many else [0.5, 0.25, 0.75]
-    run = lm.integrate(
-        system, how.pop("method", lm.RKMK(order=4)), system.state(mu=mu), compiled=compiled, **how
-    )
+    run = lm.integrate(system, how.pop("method", lm.RKMK(order=4)), system.state(mu=mu), compiled=compiled, **how)
     return np.asarray(run.mu)[-1].tobytes()
 
 
-RUNS = {
-    "short": {"h": 0.1, "steps": 20},
-    "long": {"h": 0.1, "steps": 400, "every": 400},
-}
+RUNS = {"short": {"h": 0.1, "steps": 20}, "long": {"h": 0.1, "steps": 400, "every": 400}}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("many", [False, True])
 @pytest.mark.parametrize("what", ["short", "long"])
-def test_runs_in_a_loop_over_a_global(
-    what: str, many: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_in_a_loop_over_a_global(what: str, many: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     # also where nothing is said, native code is made in the middle of a long run
     monkeypatch.setattr(execution, "WAIT", 0.05)
     for value in (1.0, 2.0, 1.0):
@@ -357,11 +327,7 @@ def test_runs_in_a_loop_over_a_global(
         monkeypatch.setitem(globals(), "SCALE", value)
         for hamiltonian in (Twisted, Scaled):
             plain = final(hamiltonian, many, False, **RUNS[what])
-            assert (
-                plain
-                == final(hamiltonian, many, True, **RUNS[what])
-                == final(hamiltonian, many, None, **RUNS[what])
-            )
+            assert plain == final(hamiltonian, many, True, **RUNS[what]) == final(hamiltonian, many, None, **RUNS[what])
 
 
 def test_public_functions_of_many_rows_see_a_global(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -462,12 +428,8 @@ def use_hash(a, b, c, d, n): return vec(a * (hash("a") % 7), b)
 """
 
 
-@pytest.mark.parametrize(
-    "name", [n.split("(")[0] for n in OPAQUE.split("def ") if n.startswith("use_")]
-)
-def test_objects_on_which_python_would_compute_unseen_are_refused(
-    name: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("name", [n.split("(")[0] for n in OPAQUE.split("def ") if n.startswith("use_")])
+def test_objects_on_which_python_would_compute_unseen_are_refused(name: str, tmp_path: Path) -> None:
     formula = getattr(worlds.module_from(OPAQUE, tmp_path, "opaque"), name)
     with pytest.raises(NotCompilable):
         worlds.native(formula, [[1.0, 2.0, 3.0, 4.0]], 2, 1, 1)
@@ -514,9 +476,7 @@ class Pairs(lm.ProductGroup):
         return ProductAlgebra((SO3Algebra(), SO3Algebra()))
 
 
-def test_what_a_property_makes_anew_is_the_same_until_the_property_changes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_a_property_makes_anew_is_the_same_until_the_property_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     group = Pairs((lm.SO3(), lm.SO3()))
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, 6)))
     start = system.state([0.3, 0.8, -0.5, 0.1, 0.2, 0.9])

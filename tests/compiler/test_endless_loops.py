@@ -23,10 +23,7 @@ from liemech.compiler.driver import write
 from liemech.errors import IntegrationInterrupted
 from liemech.formulas.pytree import NUMBER
 
-pytestmark = [
-    pytest.mark.compiled,
-    pytest.mark.skipif(os.name == "nt", reason="os.kill ends a process there"),
-]
+pytestmark = [pytest.mark.compiled, pytest.mark.skipif(os.name == "nt", reason="os.kill ends a process there")]
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 ONE, MANY = BODY.state(mu=[0.5, 0.0, 0.7]), BODY.state(mu=np.full((11, 3), 0.5))
@@ -110,9 +107,7 @@ HOW = {"h": 0.1, "steps": 50, "compiled": True, "progress": False}
 
 
 @pytest.mark.parametrize("start", [ONE, MANY], ids=["one body", "lanes"])
-@pytest.mark.parametrize(
-    "method", [Waiting(), Counting(), Asking()], ids=["while", "for", "asking"]
-)
+@pytest.mark.parametrize("method", [Waiting(), Counting(), Asking()], ids=["while", "for", "asking"])
 def test_steps_of_one_length(method: Any, start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     run = lambda: lm.integrate(BODY, method, start, **HOW)  # noqa: E731
     assert seconds_to_stop(run, monkeypatch) < 1.0

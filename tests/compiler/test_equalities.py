@@ -71,9 +71,7 @@ def never_asked(x, turns):
 
 
 def of_constants(x, turns):
-    return derivative(
-        lambda y: derivative(lambda z: sinc(z) if constant(z) != 0.0 else 1.0 * z, y), x
-    )
+    return derivative(lambda y: derivative(lambda z: sinc(z) if constant(z) != 0.0 else 1.0 * z, y), x)
 
 
 def of_what_rests(x, turns):
@@ -129,9 +127,7 @@ def test_runs_say_what_to_write(method: Any, steps: Any, compiled: bool) -> None
     for q, p in ([0.0], [0.5]), ([[0.3], [0.0]], [[0.0], [0.5]]):
         with pytest.raises((InvalidInput, NotCompilable), match=r"liemech\.formulas"):
             system = Guarded()
-            lm.integrate(
-                system, method, system.state(q=q, p=p), **steps, compiled=compiled, progress=False
-            )
+            lm.integrate(system, method, system.state(q=q, p=p), **steps, compiled=compiled, progress=False)
 
 
 @pytest.mark.parametrize("compiled", [pytest.param(True, marks=pytest.mark.compiled), False])
@@ -142,6 +138,4 @@ def test_the_tangent_from_rest(compiled: bool) -> None:
     found = plan.tangent(system.state(q=[0.0], p=[0.0]), steps=n)
     kick, drift = np.array([[1.0, 0.0], [-0.5 * h / 3.0, 1.0]]), np.array([[1.0, h], [0.0, 1.0]])
     step = kick @ drift @ kick
-    np.testing.assert_allclose(
-        found.tangent["start"][-1], np.linalg.matrix_power(step, n), rtol=1e-13, atol=1e-15
-    )
+    np.testing.assert_allclose(found.tangent["start"][-1], np.linalg.matrix_power(step, n), rtol=1e-13, atol=1e-15)

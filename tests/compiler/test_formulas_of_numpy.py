@@ -16,11 +16,7 @@ SOME = range(0, len(fuzz_numpy.FORMULAS), 6)
 
 
 @pytest.mark.parametrize(
-    "i",
-    [
-        i if i in SOME else pytest.param(i, marks=pytest.mark.slow)
-        for i in range(len(fuzz_numpy.FORMULAS))
-    ],
+    "i", [i if i in SOME else pytest.param(i, marks=pytest.mark.slow) for i in range(len(fuzz_numpy.FORMULAS))]
 )
 def test_numpy_plain_python_and_native_code_agree(i: int, tmp_path: Path) -> None:
     lanes = (1, kernel.lanes())

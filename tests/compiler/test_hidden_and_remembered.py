@@ -47,9 +47,7 @@ class Ball(lm.SeparableSystem):
 def blown(compiled: bool) -> np.ndarray:
     ball = Ball()
     start = ball.state(q=1.0, p=0.0)
-    return np.asarray(
-        lm.integrate(ball, lm.StormerVerlet(), start, h=0.1, steps=30, compiled=compiled).q
-    )
+    return np.asarray(lm.integrate(ball, lm.StormerVerlet(), start, h=0.1, steps=30, compiled=compiled).q)
 
 
 @pytest.mark.parametrize("change", ["wind", "gust", "class", "deleted"])
@@ -98,9 +96,7 @@ class Turning(lm.SeparableSystem):
 def test_a_loop_does_not_take_the_kinds_of_numbers_from_another_call() -> None:
     system = Turning()
     runs = [
-        lm.integrate(
-            system, lm.StormerVerlet(), system.state(1.5, 0.0), h=0.02, steps=50, compiled=c
-        )
+        lm.integrate(system, lm.StormerVerlet(), system.state(1.5, 0.0), h=0.02, steps=50, compiled=c)
         for c in (False, True)
     ]
     assert np.array_equal(runs[0].q, runs[1].q)

@@ -17,16 +17,7 @@ pytest.importorskip("llvmlite")
 import worlds
 
 import liemech as lm
-from liemech.compiler import (
-    cache,
-    inlining,
-    instructions,
-    kernel,
-    llvm,
-    memory_loops,
-    native_functions,
-    state,
-)
+from liemech.compiler import cache, inlining, instructions, kernel, llvm, memory_loops, native_functions, state
 from liemech.errors import NotCompilable
 from liemech.simulation.compiled import execution
 
@@ -134,17 +125,7 @@ def _at_once(self: Any, frame: Any) -> Any:
 
 _enter = inlining.Outliner.enter
 
-ROWS = [
-    (0.3, 1.7),
-    (2.0, 5.0),
-    (1e-3, 40.0),
-    (-1.0, 2.0),
-    (3.0, -0.5),
-    (7.0, 0.1),
-    (1e3, 1e3),
-    (0.0, 0.0),
-    (1.0, 1.0),
-]
+ROWS = [(0.3, 1.7), (2.0, 5.0), (1e-3, 40.0), (-1.0, 2.0), (3.0, -0.5), (7.0, 0.1), (1e3, 1e3), (0.0, 0.0), (1.0, 1.0)]
 
 
 @pytest.mark.sample(3)
@@ -177,9 +158,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     builders: list[Any] = []
     made = instructions.Builder.__init__
     monkeypatch.setattr(
-        instructions.Builder,
-        "__init__",
-        lambda self, *args: (builders.append(self), made(self, *args))[1],
+        instructions.Builder, "__init__", lambda self, *args: (builders.append(self), made(self, *args))[1]
     )
     return builders
 
@@ -188,9 +167,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 @pytest.mark.parametrize("name", ["ways", "raising", "derived", "lists", "imaginary"])
 def test_what_grows_has_the_same_bits(name: str, small: list[Any], tmp_path: Path) -> None:
     text = TEXT + f"def turned(x, y, turns):\n    return {name}(x, y)"
-    worlds.same_in_all_worlds(
-        worlds.module_from(text, tmp_path, f"growing_{name}").turned, ROWS, lanes=[1, 4]
-    )
+    worlds.same_in_all_worlds(worlds.module_from(text, tmp_path, f"growing_{name}").turned, ROWS, lanes=[1, 4])
 
 
 def test_what_grows_is_given_up_soon(small: list[Any], tmp_path: Path) -> None:
@@ -306,18 +283,10 @@ def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPa
     texts: list[str] = []
     code = llvm.object_code
     monkeypatch.setattr(llvm, "object_code", lambda text: texts.append(text) or code(text))
-    lm.integrate(
-        BODY,
-        lm.CovariantVariational(lm.Exponential()),
-        BODY.state(mu=MU),
-        h=0.1,
-        steps=1,
-        compiled=True,
-    )
+    lm.integrate(BODY, lm.CovariantVariational(lm.Exponential()), BODY.state(mu=MU), h=0.1, steps=1, compiled=True)
     names = re.findall(r"^define internal .*@\"?([^\"(]+)\"?\(", texts[-1], re.MULTILINE)
     assert names and all(
-        re.search(rf'call (fastcc|preserve_mostcc) .*@"?{re.escape(name)}"?\(', texts[-1])
-        for name in names
+        re.search(rf'call (fastcc|preserve_mostcc) .*@"?{re.escape(name)}"?\(', texts[-1]) for name in names
     )
 
 
@@ -358,14 +327,7 @@ def test_a_long_kernel_is_short() -> None:
 
         translated, kernel._translated = kernel._translated, counted
         try:
-            lm.integrate(
-                BODY,
-                method,
-                BODY.state(mu=MU),
-                h=0.0625 * (1.0 + len(found)),
-                steps=1,
-                compiled=True,
-            )
+            lm.integrate(BODY, method, BODY.state(mu=MU), h=0.0625 * (1.0 + len(found)), steps=1, compiled=True)
         finally:
             kernel._translated = translated
         return found[-1]

@@ -46,9 +46,7 @@ def no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-def test_a_sweep_over_static_values_does_not_leak(
-    monkeypatch: pytest.MonkeyPatch, no_disk: None
-) -> None:
+def test_a_sweep_over_static_values_does_not_leak(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
     monkeypatch.setattr(kernel, "ALIVE", 4)
     kernel.forget()
     seen: list[Any] = []
@@ -65,9 +63,7 @@ def test_a_sweep_over_static_values_does_not_leak(
     assert args[2][:, 0].tolist() == [2.5, 5.0]
 
 
-@pytest.mark.skipif(
-    sys.platform != "linux", reason="reads the memory of the process as Linux tells it"
-)
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the memory of the process as Linux tells it")
 def test_compiling_keeps_no_memory(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
     """Before, 0.27 KB for each instruction: the passes' tables were never freed."""
     texts: list[str] = []
@@ -122,9 +118,7 @@ def test_threads_make_the_same_kernel_once(monkeypatch: pytest.MonkeyPatch, no_d
     assert found == [[77.5, 155.0]] * 4 and len(made) == 1
 
 
-def test_different_kernels_do_not_wait_for_each_other(
-    monkeypatch: pytest.MonkeyPatch, no_disk: None
-) -> None:
+def test_different_kernels_do_not_wait_for_each_other(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
     """While one thread is held up in the translation of its kernel, another makes its own."""
     kernel.forget()
     held, go_on = threading.Event(), threading.Event()
@@ -173,9 +167,7 @@ def test_a_child_forked_while_another_thread_compiles_can_compile(no_disk: None)
             if done == (0, 0):
                 os.kill(child, 9)
                 os.waitpid(child, 0)
-            assert done[0] == child and os.waitstatus_to_exitcode(done[1]) == 0, (
-                "the child waits for a lock for ever"
-            )
+            assert done[0] == child and os.waitstatus_to_exitcode(done[1]) == 0, "the child waits for a lock for ever"
     finally:
         stop.set()
         thread.join(60)
@@ -188,31 +180,14 @@ def test_an_instance_made_anew_is_not_looked_at_as_another(no_disk: None) -> Non
     runs = []
     for moments in ([1.0, 2.0, 3.0], [2.0, 3.0, 4.0]):
         body = lm.RigidBody(moments)
-        runs.append(
-            lm.integrate(
-                body,
-                lm.RKMK(order=2),
-                body.state(mu=[1.0, 0.0, 0.5]),
-                h=0.1,
-                steps=3,
-                compiled=True,
-            )
-        )
-    mine = [
-        k
-        for k in kernel.alive()
-        if k.entry.__name__ == "advance" and k.kinds[0] == layout_of(lm.RKMK(order=2))
-    ]
+        runs.append(lm.integrate(body, lm.RKMK(order=2), body.state(mu=[1.0, 0.0, 0.5]), h=0.1, steps=3, compiled=True))
+    mine = [k for k in kernel.alive() if k.entry.__name__ == "advance" and k.kinds[0] == layout_of(lm.RKMK(order=2))]
     assert len(mine) == 1 and mine[0].reads._guard is not None
 
 
 def test_one_file_binds_llvm() -> None:
     package = Path(liemech.__file__).parent
-    binding = [
-        f.relative_to(package).as_posix()
-        for f in package.rglob("*.py")
-        if "llvmlite.binding" in f.read_text()
-    ]
+    binding = [f.relative_to(package).as_posix() for f in package.rglob("*.py") if "llvmlite.binding" in f.read_text()]
     assert binding == ["compiler/llvm.py"]
 
 

@@ -36,9 +36,7 @@ def instructions(formula: Any, lanes: int = 1) -> list[str]:
     from liemech.compiler import llvm
 
     text = llvm.optimised(
-        kernel._translated(
-            worlds.drive, kernel.kernel(worlds.drive, *args, lanes=lanes).kinds, lanes
-        )[1]
+        kernel._translated(worlds.drive, kernel.kernel(worlds.drive, *args, lanes=lanes).kinds, lanes)[1]
     )
     lines = [line.strip() for line in text.splitlines() if line.startswith("  ")]
     return [re.sub(r"[%@#!][\w.\"-]+", "_", line) for line in lines]
@@ -131,9 +129,7 @@ def test_a_method_of_fewer_stages_is_shorter_code() -> None:
     """No dead stages: the exponentials of RKMK of order 1, 2, 4 are as many as the stages (the
     first needs none) and one.
     """
-    products = [
-        len(re.findall(r"\bv?mul[sp]d|\bfmul\b", march_assembly(order, 1))) for order in (1, 2, 4)
-    ]
+    products = [len(re.findall(r"\bv?mul[sp]d|\bfmul\b", march_assembly(order, 1))) for order in (1, 2, 4)]
     assert products[0] < 0.65 * products[1] and products[1] < 0.5 * products[2]
 
 
@@ -153,9 +149,7 @@ def march_assembly(order: int, lanes: int) -> str:
     return next(k for k in mine if k.lanes == lanes and k.kinds[3].detail.width == 3).assembly()
 
 
-@pytest.mark.skipif(
-    platform.machine().lower() not in ("x86_64", "amd64"), reason="reads the assembly of x86"
-)
+@pytest.mark.skipif(platform.machine().lower() not in ("x86_64", "amd64"), reason="reads the assembly of x86")
 def test_an_ensemble_computes_with_whole_vector_registers() -> None:
     text = march_assembly(4, kernel.lanes())
     arithmetic = r"\bv?(?:add|sub|mul|div){}d\b.*%{}"
@@ -211,8 +205,7 @@ def test_the_turns_of_a_loop_are_counted_once_for_all_lanes() -> None:
     worlds.same_in_all_worlds(turns_until_small, ROWS, lanes=[1, 4, kernel.lanes()])
     lines = instructions(turns_until_small, kernel.width())
     scalar, vectors = (
-        len([line for line in lines if re.search(form, line)])
-        for form in (r"= phi i64", r"= phi <\d+ x i64>")
+        len([line for line in lines if re.search(form, line)]) for form in (r"= phi i64", r"= phi <\d+ x i64>")
     )
     assert scalar == 2 * vectors, "the counters of bodies and of turns, beside k"
 
@@ -266,9 +259,7 @@ def after_others_have_returned(a, b, c, d, n):
     return vec(within(1.0 * n, -10.0, 10.0) + b)
 
 
-@pytest.mark.parametrize(
-    "formula", [under_a_mask, after_others_have_raised, after_others_have_returned]
-)
+@pytest.mark.parametrize("formula", [under_a_mask, after_others_have_raised, after_others_have_returned])
 @pytest.mark.parametrize("turns", [3, 30])
 def test_what_all_lanes_raise_together_may_stand_under_a_mask(formula: Any, turns: int) -> None:
     rows = [[0.5, 0.25, c, 1.0] for c in (-1.0, 0.5, 2.5, 3.5)]
@@ -307,9 +298,7 @@ def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
     g = np.broadcast_to(np.eye(3), (37, 3, 3))
     for method in (lm.RKMK(order=4), lm.RKMK(order=3), lm.CovariantVariational(lm.Cayley())):
         h = 0.3 if isinstance(method, lm.RKMK) else 0.02
-        many = lm.integrate(
-            body, method, body.state(mu=mu, g=g), h=h, steps=60, every=20, compiled=True
-        )
+        many = lm.integrate(body, method, body.state(mu=mu, g=g), h=h, steps=60, every=20, compiled=True)
         for i in range(0, 37, 3):
             start = body.state(mu=mu[i], g=g[i])
             for compiled in (True, False):
@@ -324,9 +313,7 @@ def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
 def run_of(moments: list[float], steps: int = 2000, compiled: bool = True) -> bytes:
     body = lm.RigidBody(moments)
     start = body.state(mu=[0.5, -0.25, 0.75], g=np.eye(3))
-    run = lm.integrate(
-        body, lm.RKMK(order=4), start, h=0.1, steps=steps, every=100, compiled=compiled
-    )
+    run = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=steps, every=100, compiled=compiled)
     return run.mu.tobytes() + run.g.tobytes()
 
 
@@ -356,10 +343,7 @@ def test_workers_share_an_ensemble_without_changing_it() -> None:
     """A thread is worth 2^15 steps: here are three."""
     body = lm.RigidBody([1.0, 1.5, 2.0])
     starts = body.state(mu=np.random.default_rng(3).normal(size=(1000, 3)))
-    runs = [
-        lm.integrate(body, lm.RKMK(order=4), starts, h=0.1, steps=100, compiled=True, workers=w)
-        for w in (1, 2, 5)
-    ]
+    runs = [lm.integrate(body, lm.RKMK(order=4), starts, h=0.1, steps=100, compiled=True, workers=w) for w in (1, 2, 5)]
     assert all(np.array_equal(run.mu, runs[0].mu) for run in runs)
 
 

@@ -51,10 +51,7 @@ from liemech.formulas import (
 
 pytestmark = pytest.mark.compiled
 
-ROWS = [
-    *fuzz.arguments(1, 40, worlds.SPECIAL),
-    *([x, y, 1.0, -1.0] for x in worlds.SPECIAL for y in worlds.SPECIAL),
-]
+ROWS = [*fuzz.arguments(1, 40, worlds.SPECIAL), *([x, y, 1.0, -1.0] for x in worlds.SPECIAL for y in worlds.SPECIAL)]
 """Numbers of all sizes, and each special value beside each."""
 
 FORMULAS: list[Callable[..., Any]] = []
@@ -76,17 +73,7 @@ class Stop(ArithmeticError):
 @formula
 def arithmetic(a, b, c, d, n):
     return vec(
-        a + b * c - d,
-        -a,
-        +b,
-        a / (1.0 + b * b),
-        2 * a,
-        a - 1,
-        1 - a,
-        3 / (2.0 + abs(b)),
-        abs(c),
-        n * a,
-        (n + 1) / 2,
+        a + b * c - d, -a, +b, a / (1.0 + b * b), 2 * a, a - 1, 1 - a, 3 / (2.0 + abs(b)), abs(c), n * a, (n + 1) / 2
     )
 
 
@@ -105,15 +92,7 @@ def powers(a, b, c, d, n):
 @formula
 def signs_of_zero(a, b, c, d, n):
     return vec(
-        -0.0,
-        0.0,
-        -(a - a),
-        a * 0.0,
-        -0.0 + a * 0.0,
-        0.0 - a,
-        -1 * (a * 0.0),
-        where(a == 0.0, a, 1.0),
-        abs(-0.0 * b),
+        -0.0, 0.0, -(a - a), a * 0.0, -0.0 + a * 0.0, 0.0 - a, -1 * (a * 0.0), where(a == 0.0, a, 1.0), abs(-0.0 * b)
     )
 
 
@@ -121,44 +100,8 @@ def signs_of_zero(a, b, c, d, n):
 def elementary_functions(a, b, c, d, n):
     x = min(max(a, -5.0), 5.0)
     return vec(
-        *[
-            f(a)
-            for f in (
-                sin,
-                cos,
-                tan,
-                atan,
-                asin,
-                acos,
-                tanh,
-                sqrt,
-                log,
-                exp,
-                expm1,
-                log1p,
-                sinh,
-                cosh,
-            )
-        ],
-        *[
-            f(x)
-            for f in (
-                sin,
-                cos,
-                tan,
-                atan,
-                asin,
-                acos,
-                tanh,
-                sqrt,
-                log,
-                exp,
-                expm1,
-                log1p,
-                sinh,
-                cosh,
-            )
-        ],
+        *[f(a) for f in (sin, cos, tan, atan, asin, acos, tanh, sqrt, log, exp, expm1, log1p, sinh, cosh)],
+        *[f(x) for f in (sin, cos, tan, atan, asin, acos, tanh, sqrt, log, exp, expm1, log1p, sinh, cosh)],
         atan2(a, b),
         atan2(b, x),
     )
@@ -167,40 +110,17 @@ def elementary_functions(a, b, c, d, n):
 @formula
 def functions_of_the_math_module(a, b, c, d, n):
     x = min(max(a, -5.0), 5.0)
-    return vec(
-        math.sin(x), math.exp(x), math.sqrt(abs(x)), math.atan2(b, x), math.pi * x, math.fabs(x)
-    )
+    return vec(math.sin(x), math.exp(x), math.sqrt(abs(x)), math.atan2(b, x), math.pi * x, math.fabs(x))
 
 
 @formula
 def least_and_greatest(a, b, c, d, n):
-    return vec(
-        min(a, b),
-        max(a, b),
-        min(a, b, c),
-        max((a, b, c, d)),
-        min(a, 0.0),
-        max(0.0, a),
-        min(n, 2),
-        max(a, n),
-    )
+    return vec(min(a, b), max(a, b), min(a, b, c), max((a, b, c, d)), min(a, 0.0), max(0.0, a), min(n, 2), max(a, n))
 
 
 @formula
 def comparisons(a, b, c, d, n):
-    tests = [
-        a < b,
-        a <= b,
-        a > b,
-        a >= b,
-        a == b,
-        a != b,
-        a < b < c,
-        a < b > c,
-        0 < n <= 3,
-        a == b == c,
-        not a < b,
-    ]
+    tests = [a < b, a <= b, a > b, a >= b, a == b, a != b, a < b < c, a < b > c, 0 < n <= 3, a == b == c, not a < b]
     return vec(*[where(t, 1.0, 0.0) for t in tests])
 
 
@@ -213,9 +133,7 @@ def truth_of_numbers(a, b, c, d, n):
         total = total + 2.0
     if n and c:
         total = total + 4.0
-    return vec(
-        total, a or b, a and b, a or b or c, a and b and c, (a > 0 and b) or c, bool(a) * 2.0
-    )
+    return vec(total, a or b, a and b, a or b or c, a and b and c, (a > 0 and b) or c, bool(a) * 2.0)
 
 
 @formula
@@ -236,14 +154,7 @@ def fails_for_negative(x):
 @formula
 def selections(a, b, c, d, n):
     u, v = where(a < b, vec(a, b), vec(c, d)), where(n > 1, (a, vec(b)), (b, vec(c)))
-    return vec(
-        *u,
-        v[0],
-        *v[1],
-        where(a < b, 1, 2),
-        where(True, a, None),
-        where(a < b < c, a, where(c < d, c, d)),
-    )
+    return vec(*u, v[0], *v[1], where(a < b, 1, 2), where(True, a, None), where(a < b < c, a, where(c < d, c, d)))
 
 
 # --- vectors and matrices
@@ -275,15 +186,7 @@ def matrices(a, b, c, d, n):
         diagonal(x),
         identity_matrix(2),
     ]
-    return vec(
-        *[x for r in rows for row in r for x in row],
-        *(m @ x),
-        *(x @ m),
-        m[0, 1],
-        m[1][0],
-        m.shape[0],
-        *m[1],
-    )
+    return vec(*[x for r in rows for row in r for x in row], *(m @ x), *(x @ m), m[0, 1], m[1][0], m.shape[0], *m[1])
 
 
 @formula
@@ -291,11 +194,7 @@ def pivoted_solutions(a, b, c, d, n):
     m = mat(vec(a, b, 1.0), vec(c, d, 0.5), vec(2.0, a, 4.0))
     regular = mat(vec(0.0, 2.0, 0.0), vec(3.0, 0.0, 1.0), vec(1.0, 1.0, 5.0))
     f = 1.0 / (1.0 + abs(a))
-    return (
-        vec(*solve(regular, vec(f, b, c)), *solve3(regular, vec(f, b, 1.0)))
-        if a == a
-        else vec(*m[0], *m[1])
-    )
+    return vec(*solve(regular, vec(f, b, c)), *solve3(regular, vec(f, b, 1.0))) if a == a else vec(*m[0], *m[1])
 
 
 @formula
@@ -612,13 +511,7 @@ def lists(a, b, c, d, n):
     first = [x for x, _ in pairs][::-1]
     more = items + [a]
     more += [b]
-    return vec(
-        *items,
-        *first,
-        *more[1:],
-        len(pairs),
-        *[i * j for i in range(2) for j in range(3) if i != j],
-    )
+    return vec(*items, *first, *more[1:], len(pairs), *[i * j for i in range(2) for j in range(3) if i != j])
 
 
 @formula
@@ -628,9 +521,7 @@ def names_known_at_translation(a, b, c, d, n):
     values = {"x": 1.0}["x"] if label != "x" else 2.0
     nothing = None
     total = a if nothing is None else b
-    known = (
-        label in ("x", "y") and label != "z" and isinstance(a, float) and not isinstance(n, float)
-    )
+    known = label in ("x", "y") and label != "z" and isinstance(a, float) and not isinstance(n, float)
     whole = [round(2.5), int(3.7), divmod(7, 2)[1], 7 // 2, 7 % 4, 2**3, type(a) is float]
     return vec(total, len(kind), values if known else 0.0, *whole)
 
@@ -784,15 +675,7 @@ def nan_in_tests(a, b, c, d, n):
     return vec(
         *[
             where(t, 1.0, 0.0)
-            for t in (
-                a != a,
-                a == a,
-                not a < b,
-                not a >= b,
-                nan == 0.0,
-                inf == inf,
-                inf - inf == 0.0,
-            )
+            for t in (a != a, a == a, not a < b, not a >= b, nan == 0.0, inf == inf, inf - inf == 0.0)
         ],
         *[0.0 if x != x else x for x in (a, nan, inf, a / (1.0 + b * b))],
         min(a, 1.0),
@@ -851,11 +734,7 @@ def _plain_sum(x: float, n: int) -> float:
 def test_every_lane_takes_its_own_way():
     """The rows above send neighbouring lanes different ways; make sure they do."""
     kinds = {
-        tuple(worlds.plain(early_returns, row, 3)) == tuple(worlds.plain(early_returns, ROWS[0], 3))
-        for row in ROWS
+        tuple(worlds.plain(early_returns, row, 3)) == tuple(worlds.plain(early_returns, ROWS[0], 3)) for row in ROWS
     }
-    turns = {
-        worlds.plain(newton_for_each_body_its_own_number_of_turns, row, 3)[1]
-        for row in ROWS[: kernel.lanes()]
-    }
+    turns = {worlds.plain(newton_for_each_body_its_own_number_of_turns, row, 3)[1] for row in ROWS[: kernel.lanes()]}
     assert kinds == {True, False} and len(turns) > 2

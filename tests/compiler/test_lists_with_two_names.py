@@ -124,12 +124,9 @@ TWO_NAMES = [
 
 
 @pytest.mark.parametrize(
-    ("formula", "lanes"),
-    [*[(f, 1) for f in TWO_NAMES], (chosen_by_a_branch, 4), (taken_over_by_a_branch, 4)],
+    ("formula", "lanes"), [*[(f, 1) for f in TWO_NAMES], (chosen_by_a_branch, 4), (taken_over_by_a_branch, 4)]
 )
-def test_changing_one_is_refused_with_what_to_write(
-    formula: Callable[..., Any], lanes: int
-) -> None:
+def test_changing_one_is_refused_with_what_to_write(formula: Callable[..., Any], lanes: int) -> None:
     with pytest.raises(NotCompilable, match=r"let it be a copy|change a copy, `\[\*\w+\]`"):
         native(formula, [[1.0, 2.0], [-1.0, 2.0]], 1, 3, lanes)
 

@@ -61,10 +61,7 @@ def test_an_energy_with_math_runs_plain_and_native() -> None:
     start = system.state(mu=[0.1, 0.2, 0.3])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        runs = [
-            lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=12, compiled=c).mu
-            for c in (False, True)
-        ]
+        runs = [lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=12, compiled=c).mu for c in (False, True)]
     assert np.array_equal(*runs)
 
 

@@ -238,12 +238,7 @@ def large_integers(a, b, c, d, n):
 def integers_beside_floats(a, b, c, d, n):
     x = a * 0.0 + 2.0**53
     k = 2**53
-    return vec(
-        *[
-            1.0 if t else 0.0
-            for t in (x == k + 1, x < k + 1, x <= k + 1, x > k - 1, x >= k + 1, n < HUGE)
-        ]
-    )
+    return vec(*[1.0 if t else 0.0 for t in (x == k + 1, x < k + 1, x <= k + 1, x > k - 1, x >= k + 1, n < HUGE)])
 
 
 @meaning
@@ -285,9 +280,7 @@ def roundings_to_integers(a, b, c, d, n):
 @meaning
 def what_people_write(a, b, c, d, n):
     total = a + b + c + d
-    low, *_, high = (
-        sorted([a, b, c, d]) if a == a and b == b and c == c and d == d else [a, b, c, d]
-    )
+    low, *_, high = sorted([a, b, c, d]) if a == a and b == b and c == c and d == d else [a, b, c, d]
     if (y := total + 1.0) > 2.0:
         total = y
     return vec(total, low, high, WHOLE * a, vec(a, b) @ vec(TABLE[0, 1], TABLE[1, 0]))
@@ -305,12 +298,7 @@ def functions_of_math(a, b, c, d, n):
         return vec(a, b, c, d, 1.0, 2.0)
     x = abs(a) + 0.1
     return vec(
-        math.hypot(a, b),
-        math.copysign(a, b),
-        math.log10(x),
-        math.radians(a),
-        math.pow(x, 1.5),
-        math.log(x, 3.0),
+        math.hypot(a, b), math.copysign(a, b), math.log10(x), math.radians(a), math.pow(x, 1.5), math.log(x, 3.0)
     )
 
 
@@ -344,10 +332,7 @@ def a_variable_of_some_turns_only(a, b, c, d, n):
 def identity_of_truth_values(a, b, c, d, n):
     x, y = a < b, c < d
     return vec(
-        1.0 if x is True else 0.0,
-        1.0 if x is not True else 0.0,
-        1.0 if y is False else 0.0,
-        1.0 if x is None else 0.0,
+        1.0 if x is True else 0.0, 1.0 if x is not True else 0.0, 1.0 if y is False else 0.0, 1.0 if x is None else 0.0
     )
 
 
@@ -419,13 +404,9 @@ def formula(a, b, c, d, n):
 """
     formula = worlds.module_from(text, tmp_path, "zeros").formula
     assert math.copysign(1.0, formula(1.0, 1.0, 1.0, 1.0, 0)[0]) == 1.0
-    with pytest.raises(
-        worlds.NotCompilable, match=r"line 9\) cannot be compiled: the negative of a number that is"
-    ):
+    with pytest.raises(worlds.NotCompilable, match=r"line 9\) cannot be compiled: the negative of a number that is"):
         worlds.native(formula, ROWS[:1], 2, 3, 1)
-    good = worlds.module_from(
-        text.replace("total = 0\n", "total = 0.0\n"), tmp_path, "floats"
-    ).formula
+    good = worlds.module_from(text.replace("total = 0\n", "total = 0.0\n"), tmp_path, "floats").formula
     worlds.same_in_all_worlds(good, ROWS, 0)
     worlds.same_in_all_worlds(good, ROWS, 3)
 
@@ -481,9 +462,7 @@ def changed_after_a_call(x: Any, y: Any, n: Any) -> Any:
 
 
 @pytest.mark.parametrize("lanes", [1, 4])
-@pytest.mark.parametrize(
-    "formula", [a_row_by_a_run_time_index, two_rows, halved_until_small, changed_after_a_call]
-)
+@pytest.mark.parametrize("formula", [a_row_by_a_run_time_index, two_rows, halved_until_small, changed_after_a_call])
 def test_as_in_python(formula: Callable[..., Any], lanes: int) -> None:
     width = 1 if formula is a_row_by_a_run_time_index else len(formula(1.0, 1.0, 1))
     assert native(formula, PAIRS, width, 3, lanes) == [plain(formula, row, 3) for row in PAIRS]

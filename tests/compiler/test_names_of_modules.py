@@ -78,9 +78,7 @@ def test_every_edit_counts_in_the_next_run_and_the_next_step() -> None:
     module = made()
     system = module.Turning(lm.SO3())
     start = system.state(np.eye(3))
-    native, plain = (
-        lm.Plan(system, lm.RKMK(order=1), 0.1, compiled=compiled) for compiled in (True, False)
-    )
+    native, plain = (lm.Plan(system, lm.RKMK(order=1), 0.1, compiled=compiled) for compiled in (True, False))
     before = native.run(start, steps=2).g
     for name, edit in EDITS.items():
         edit(module)

@@ -117,8 +117,6 @@ def test_what_python_says(formula: Callable[..., Any]) -> None:
         (lambda x, y, n: abs(complex(x, y)), "formulas.Complex"),
     ],
 )  # fmt: skip
-def test_what_numpy_says_otherwise_is_refused_with_the_way_out(
-    formula: Callable[..., Any], words: str
-) -> None:
+def test_what_numpy_says_otherwise_is_refused_with_the_way_out(formula: Callable[..., Any], words: str) -> None:
     with pytest.raises(NotCompilable, match=words):
         native(formula, ROWS, 1, 3, 1)

@@ -26,10 +26,7 @@ def test_odd_reads(group: int, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "compiler.odd_reads", str(tmp_path), str(group), str(GROUPS)]
     paths = [str(Path(odd_reads.__file__).parents[1]), *sys.path]
     done = subprocess.run(
-        command,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
-        capture_output=True,
-        text=True,
+        command, env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)}, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     assert not done.stdout, done.stdout

@@ -38,12 +38,7 @@ import numpy as np
 from liemech.formulas import *
 """
 
-ROWS = [
-    [0.5, -1.5, 2.0, 0.25],
-    [-0.7, 1.2, 0.5, 3.0],
-    [0.0, -0.0, 1.0, -1.0],
-    [2.77, 0.44, -8.99, -0.26],
-]
+ROWS = [[0.5, -1.5, 2.0, 0.25], [-0.7, 1.2, 0.5, 3.0], [0.0, -0.0, 1.0, -1.0], [2.77, 0.44, -8.99, -0.26]]
 
 PROGRAMS = r"""
 ### is True of numpy bool | `is` of a truth value, in a formula with NumPy's numbers
@@ -879,9 +874,7 @@ def cases() -> list[Any]:
 
 @pytest.mark.sample(30)
 @pytest.mark.parametrize(("program", "told"), cases())
-def test_as_in_python_or_refused(
-    program: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_as_in_python_or_refused(program: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "store", lambda *_: None)
     monkeypatch.chdir(tmp_path)
     text, *changes = program.split("#> ")
@@ -960,12 +953,6 @@ def test_large_floats_among_integers_are_no_failures() -> None:
         x = 1
         if a > 0.0:
             x = a
-        return (
-            1 / max(a, 1),
-            max(a, 1) + max(b, 2),
-            sum([max(b, 0), max(a, 1)]),
-            1 / x,
-            max(a, 1) - b,
-        )
+        return (1 / max(a, 1), max(a, 1) + max(b, 2), sum([max(b, 0), max(a, 1)]), 1 / x, max(a, 1) - b)
 
     worlds.same_in_all_worlds(formula, [(1e17, 3.0), (0.5, -2e300), (3e20, 4e20), (2.0, 5.0)])

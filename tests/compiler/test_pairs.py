@@ -54,9 +54,7 @@ def slope(f: Callable[[Any], Any], x: float) -> float:
 def test_derivatives_of_elementary_functions(name: str) -> None:
     x, f = ELEMENTARY[name], getattr(formulas, name)
     with mp.workdps(30):
-        assert f(Dual(x, 2.0)).slope == pytest.approx(
-            float(2 * slope(getattr(mp, name), mp.mpf(x))), rel=1e-15
-        )
+        assert f(Dual(x, 2.0)).slope == pytest.approx(float(2 * slope(getattr(mp, name), mp.mpf(x))), rel=1e-15)
     assert f(Dual(x, 2.0)).value == f(x)
 
 
@@ -72,9 +70,7 @@ def test_derivative_of_atan2() -> None:
 @pytest.mark.parametrize("x", [0.7, 2.3])
 def test_derivatives_of_operators(name: str, x: float) -> None:
     with mp.workdps(30):
-        assert OPERATORS[name](Dual(x, 1.0)).slope == pytest.approx(
-            float(slope(OPERATORS[name], mp.mpf(x))), rel=4e-15
-        )
+        assert OPERATORS[name](Dual(x, 1.0)).slope == pytest.approx(float(slope(OPERATORS[name], mp.mpf(x))), rel=4e-15)
 
 
 def test_comparisons_look_at_the_value() -> None:
@@ -126,10 +122,7 @@ def test_second_derivatives() -> None:
 
     x, y = 0.7, 1.3
     s, c = np.sin(x * y), np.cos(x * y)
-    expected = [
-        [-y * y * s + 6 * x / y, c - x * y * s - 3 * x * x / y**2],
-        [0, -x * x * s + 2 * x**3 / y**3],
-    ]
+    expected = [[-y * y * s + 6 * x / y, c - x * y * s - 3 * x * x / y**2], [0, -x * x * s + 2 * x**3 / y**3]]
     expected[1][0] = expected[0][1]
     assert np.allclose(jacobian(gradient, vec(x, y)), expected, rtol=1e-15, atol=1e-15)
 
@@ -141,9 +134,7 @@ class Anharmonic(lm.Hamiltonian):
     k: float
 
     def energy(self, mu):
-        return self.k * sqrt(1.0 + dot(mu, mu)) + formulas.sin(mu[0]) * mu[1] / (
-            2.0 + formulas.cos(mu[2])
-        )
+        return self.k * sqrt(1.0 + dot(mu, mu)) + formulas.sin(mu[0]) * mu[1] / (2.0 + formulas.cos(mu[2]))
 
     def gradient(self, mu):
         return vec(*[derivative(lambda m: self.energy(m), mu, unit) for unit in identity_matrix(3)])
@@ -154,19 +145,10 @@ class Anharmonic(lm.Hamiltonian):
 def test_a_derived_gradient_in_native_code_and_in_lanes() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Anharmonic(2.0))
     momenta = np.random.default_rng(1).normal(size=(11, 3))
-    run = lm.integrate(
-        system, lm.RKMK(order=4), system.state(momenta), h=0.1, steps=50, compiled=True
-    )
+    run = lm.integrate(system, lm.RKMK(order=4), system.state(momenta), h=0.1, steps=50, compiled=True)
     for i in (0, 10):
         for compiled in (False, True):
-            one = lm.integrate(
-                system,
-                lm.RKMK(order=4),
-                system.state(momenta[i]),
-                h=0.1,
-                steps=50,
-                compiled=compiled,
-            )
+            one = lm.integrate(system, lm.RKMK(order=4), system.state(momenta[i]), h=0.1, steps=50, compiled=compiled)
             assert np.array_equal(one.mu, run.mu[:, i])
     assert run.drift()["energy"].largest < 1e-3
 
@@ -179,24 +161,16 @@ class Branching(lm.Hamiltonian):
         a, v = 1.0, vec(0.5, 1.0)
         if mu[0] > 0.2:
             a, v = 2.0 * mu[0], vec(mu[1], 1.0)
-        return (
-            a * dot(mu, mu)
-            + v[0] * (0.25 if mu[1] > 0.0 else mu[2])
-            + where(mu[2] > 0.0, mu[2] * mu[2], 0.0)
-        )
+        return a * dot(mu, mu) + v[0] * (0.25 if mu[1] > 0.0 else mu[2]) + where(mu[2] > 0.0, mu[2] * mu[2], 0.0)
 
 
 @pytest.mark.compiled
 def test_derivatives_on_one_way_only() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Branching())
     momenta = np.random.default_rng(6).normal(size=(20, 3))
-    many = lm.integrate(
-        system, lm.RKMK(order=2), system.state(momenta), h=0.01, steps=20, compiled=True
-    )
+    many = lm.integrate(system, lm.RKMK(order=2), system.state(momenta), h=0.01, steps=20, compiled=True)
     for i in range(20):
-        one = lm.integrate(
-            system, lm.RKMK(order=2), system.state(momenta[i]), h=0.01, steps=20, compiled=False
-        )
+        one = lm.integrate(system, lm.RKMK(order=2), system.state(momenta[i]), h=0.01, steps=20, compiled=False)
         assert np.array_equal(one.mu, many.mu[:, i])
 
 
@@ -204,19 +178,11 @@ def test_pairs_multiply_vectors_and_matrices() -> None:
     """c(x) v and c(x) M for a number that carries a derivative, or is complex, on either side."""
     v, m = vec(1.0, 2.0), mat(vec(1.0, 2.0), vec(3.0, 4.0))
     for x in (Dual(3.0, 5.0), Complex(3.0, 5.0)):
-        for product, factor in (
-            (x * v, v),
-            (v * x, v),
-            (x * m, m),
-            (m * x, m),
-            (v / x * (x * x), v),
-        ):
+        for product, factor in ((x * v, v), (v * x, v), (x * m, m), (m * x, m), (v / x * (x * x), v)):
             first = product[0] if factor is v else product[0, 0]
             assert first.parts == pytest.approx((3.0, 5.0))
             assert type(product) is type(factor)
-    assert derivative(lambda x: dot(x, x) * (x[0] * v), vec(2.0, 1.0), vec(1.0, 0.0)) == vec(
-        13.0, 26.0
-    )
+    assert derivative(lambda x: dot(x, x) * (x[0] * v), vec(2.0, 1.0), vec(1.0, 0.0)) == vec(13.0, 26.0)
 
 
 # ---------------------------------------------------------------- complex numbers

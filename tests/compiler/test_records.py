@@ -96,11 +96,7 @@ def test_leading_axes(lead: tuple[int, ...], rng: np.random.Generator) -> None:
     assert (energy.shape, force.shape, hessian.shape) == (lead, (*lead, 3), (*lead, 3, 3))
     for i in np.ndindex(*lead):
         one = S.both(x[i])
-        assert (
-            energy[i] == one[0]
-            and np.array_equal(force[i], one[1])
-            and np.array_equal(hessian[i], one[2])
-        )
+        assert energy[i] == one[0] and np.array_equal(force[i], one[1]) and np.array_equal(hessian[i], one[2])
 
 
 def test_leading_axes_broadcast(rng: np.random.Generator) -> None:
@@ -146,27 +142,11 @@ def test_input_is_neither_changed_nor_kept() -> None:
 
 BAD = {
     "too short": (np.zeros(2), InvalidInput, r"Spring\.force: x has shape \(2,\)"),
-    "no axis": (
-        np.float64(1.0),
-        InvalidInput,
-        r"Spring\.force: x has shape \(\); .* \(3,\); got np\.float64\(1\.0\)",
-    ),
-    "columns": (
-        np.zeros((3, 1)),
-        InvalidInput,
-        r"Spring\.force: x has shape \(3, 1\); its last axes must be \(3,\)",
-    ),
+    "no axis": (np.float64(1.0), InvalidInput, r"Spring\.force: x has shape \(\); .* \(3,\); got np\.float64\(1\.0\)"),
+    "columns": (np.zeros((3, 1)), InvalidInput, r"Spring\.force: x has shape \(3, 1\); its last axes must be \(3,\)"),
     "nan": (np.array([0.0, np.nan, 0.0]), InvalidInput, r"Spring\.force: x\[1\] is nan"),
-    "inf": (
-        np.array([[0.0, 0.0, 0.0], [0.0, 0.0, np.inf]]),
-        InvalidInput,
-        r"Spring\.force: x\[1, 2\] is inf",
-    ),
-    "complex": (
-        np.zeros(3, complex),
-        InvalidType,
-        r"Spring\.force: x must be real numbers; got dtype complex128",
-    ),
+    "inf": (np.array([[0.0, 0.0, 0.0], [0.0, 0.0, np.inf]]), InvalidInput, r"Spring\.force: x\[1, 2\] is inf"),
+    "complex": (np.zeros(3, complex), InvalidType, r"Spring\.force: x must be real numbers; got dtype complex128"),
     "objects": (np.array([0.0, None, 1.0], object), InvalidType, "got dtype object"),
     "strings": (["a", "b", "c"], InvalidType, "got dtype"),
     "truth values": (np.array([True, False, True]), InvalidType, "got dtype bool"),
@@ -205,16 +185,11 @@ def test_many_elements_run_in_native_code_with_the_same_bits(
     x = rng.normal(size=(1005, 3))
     many = [S.energy(x), S.force(x, 3.0), *S.both(x), S.wave(x)]
     monkeypatch.setattr(batches, "evaluate_rows", batches.in_python)
-    assert all(
-        np.array_equal(a, b)
-        for a, b in zip(many, [S.energy(x), S.force(x, 3.0), *S.both(x), S.wave(x)])
-    )
+    assert all(np.array_equal(a, b) for a, b in zip(many, [S.energy(x), S.force(x, 3.0), *S.both(x), S.wave(x)]))
 
 
 @pytest.mark.compiled
-def test_a_formula_that_gives_integers_too(
-    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_formula_that_gives_integers_too(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(batch, "WORTH", 0.0)
     monkeypatch.setattr(batch, "ROWS", 0)
     monkeypatch.setattr(batch, "NOISE", 0.0)
@@ -235,22 +210,16 @@ def test_fields_become_floats_and_small_vectors() -> None:
     assert Spring(2).rest == Vec(0.0, 0.0, 0.0) and Spring(2).shear is None
 
 
-@pytest.mark.parametrize(
-    "bad", ["2", None, True, 1j, [1.0], np.zeros(2), object()], ids=lambda x: type(x).__name__
-)
+@pytest.mark.parametrize("bad", ["2", None, True, 1j, [1.0], np.zeros(2), object()], ids=lambda x: type(x).__name__)
 def test_a_number_must_be_a_number(bad: Any) -> None:
     with pytest.raises(InvalidType, match=r"Spring\.stiffness is a number"):
         Spring(bad)
 
 
 def test_a_vector_must_be_a_vector() -> None:
-    with pytest.raises(
-        InvalidInput, match=r"Spring\.rest is a vector; got an array of shape \(3, 3\)"
-    ):
+    with pytest.raises(InvalidInput, match=r"Spring\.rest is a vector; got an array of shape \(3, 3\)"):
         Spring(1.0, np.eye(3))
-    with pytest.raises(
-        InvalidInput, match=r"Spring\.shear is a matrix; got an array of shape \(3,\)"
-    ):
+    with pytest.raises(InvalidInput, match=r"Spring\.shear is a matrix; got an array of shape \(3,\)"):
         Spring(1.0, shear=X)
     with pytest.raises(InvalidType, match=r"Spring\.rest must be real numbers"):
         Spring(1.0, ["a", "b"])
@@ -283,11 +252,7 @@ VECTORS = [
 @pytest.mark.parametrize("annotation", VECTORS, ids=str)
 def test_annotations_that_mean_a_vector(annotation: Any) -> None:
     made = annotated(annotation)(np.array([1, 2]))
-    assert (
-        type(made.value) is Vec
-        and made.value == Vec(1.0, 2.0)
-        and all(type(x) is float for x in made.value)
-    )
+    assert type(made.value) is Vec and made.value == Vec(1.0, 2.0) and all(type(x) is float for x in made.value)
     assert type(annotated(annotation)([1, np.float64(2)]).value[1]) is float
     assert type(annotated(annotation)(Vec(np.float64(1.0), 2)).value[0]) is float
 
@@ -312,20 +277,14 @@ HELD = [
 @pytest.mark.parametrize(("annotation", "given", "held"), HELD, ids=lambda x: str(x)[:30])
 def test_what_a_field_holds(annotation: Any, given: Any, held: Any) -> None:
     found = annotated(annotation)(given).value
-    assert found == held and exact(found) == exact(
-        held if not isinstance(held, dict) else FrozenDict(held)
-    )
+    assert found == held and exact(found) == exact(held if not isinstance(held, dict) else FrozenDict(held))
     hash(found)
 
 
 @pytest.mark.parametrize(
     ("annotation", "given", "message"),
     [
-        (
-            "Any",
-            [1.0],
-            r"Annotated\.value is \[1\.0\], which can be changed in place: annotate the field as lm\.Vec",
-        ),
+        ("Any", [1.0], r"Annotated\.value is \[1\.0\], which can be changed in place: annotate the field as lm\.Vec"),
         ("object", {"a": 1}, r"Annotated\.value is .'a': 1., which can be changed in place"),
         ("str", {1}, r"Annotated\.value is .1., which"),
         ("Any", (1, ([2],)), r"Annotated\.value is \[2\], which"),
@@ -365,30 +324,15 @@ def test_nothing_in_a_field_can_be_changed_in_place() -> None:
     source = np.array([[1.0, 2.0]])
     held = Held(source, source[:, ::-1])
     source[:] = 7.0
-    assert (
-        held.table.tolist() == [[1.0, 2.0]]
-        and held.loose.tolist() == [[2.0, 1.0]]
-        and held.made == Vec(1.0, 2.0)
-    )
+    assert held.table.tolist() == [[1.0, 2.0]] and held.loose.tolist() == [[2.0, 1.0]] and held.made == Vec(1.0, 2.0)
     again = pickle.loads(pickle.dumps(Anything(source)))
-    for copied in (
-        held,
-        copy.copy(held),
-        copy.deepcopy(held),
-        again,
-        dataclasses.replace(held, seed=1.0),
-    ):
+    for copied in (held, copy.copy(held), copy.deepcopy(held), again, dataclasses.replace(held, seed=1.0)):
         for name in {"table", "loose", "value"} & {f.name for f in dataclasses.fields(copied)}:
             with pytest.raises(ValueError, match="read-only"):
                 getattr(copied, name)[0, 0] = 5.0
             with pytest.raises(ValueError, match="WRITEABLE"):
                 getattr(copied, name).flags.writeable = True
-    for change in (
-        lambda d: d.update(b=2),
-        lambda d: d.__setitem__("b", 2),
-        lambda d: d.pop("a"),
-        lambda d: d.clear(),
-    ):
+    for change in (lambda d: d.update(b=2), lambda d: d.__setitem__("b", 2), lambda d: d.pop("a"), lambda d: d.clear()):
         with pytest.raises(TypeError, match="cannot be changed"):
             change(held.names)
     assert pickle.loads(pickle.dumps(held.names)) == {"a": 1}
@@ -458,9 +402,7 @@ def test_a_method_that_a_field_would_hide_is_refused() -> None:
         def weight(self) -> float:
             return 2.0
 
-    with pytest.raises(
-        InvalidType, match=r"Pushed\.load is a method .* load is a field.*load=\.\.\."
-    ):
+    with pytest.raises(InvalidType, match=r"Pushed\.load is a method .* load is a field.*load=\.\.\."):
         Pushed([1.0, 1.0, 0.5], 2.0, [0.0, 0.0, 1.0])
     with pytest.raises(InvalidType, match=r"Derived\.weight is a method or a property"):
         Derived([1.0, 1.0, 0.5], 2.0, [0.0, 0.0, 1.0])
@@ -486,24 +428,18 @@ def test_annotations_that_are_computed_when_asked_for(monkeypatch: pytest.Monkey
     """
     library = types.ModuleType("annotationlib")
     library.Format = types.SimpleNamespace(FORWARDREF="forward references")  # type: ignore[attr-defined]
-    library.get_annotations = lambda thing, format: getattr(thing, "__annotate__", lambda _: {})(
-        format
-    )  # type: ignore[attr-defined]
+    library.get_annotations = lambda thing, format: getattr(thing, "__annotate__", lambda _: {})(format)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "annotationlib", library)
     made = annotated(ForwardRef("Vec | None"))
     del made.__annotations__
-    made.__annotate__ = staticmethod(
-        lambda format: {"forward references": {"value": ForwardRef("Vec | None")}}[format]
-    )
+    made.__annotate__ = staticmethod(lambda format: {"forward references": {"value": ForwardRef("Vec | None")}}[format])
     monkeypatch.setattr(sys, "version_info", (3, 14, 0))
     assert made([1, 2]).value == Vec(1.0, 2.0) and made(None).value is None
 
     class Bare(Record):
         __annotate__ = staticmethod(lambda format: {"stiffness": float})
 
-    with pytest.raises(
-        InvalidType, match=r"Bare has the fields stiffness: put @liemech\.record above"
-    ):
+    with pytest.raises(InvalidType, match=r"Bare has the fields stiffness: put @liemech\.record above"):
         Bare()
 
     def force(self: Any, x: Any) -> Any:
@@ -576,10 +512,7 @@ class Constants(Record):
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        (
-            Constants((1.0,), np.float32(1)),
-            Constants((1.0,), np.float32(1) + np.finfo(np.float32).eps),
-        ),
+        (Constants((1.0,), np.float32(1)), Constants((1.0,), np.float32(1) + np.finfo(np.float32).eps)),
         (Constants((1.0,), 0), Constants((1.0 + 1e-9,), 0)),
         (Constants((1.0,), Loud(1.0)), Constants((1.0,), Loud(1.0 + 1e-9))),
         (Constants((Loud(1.0),), 0), Constants((Loud(1.0 + 1e-9),), 0)),
@@ -599,11 +532,7 @@ def test_the_derivative_by_a_static_parameter_is_not_zero(
 def test_what_is_remembered_beside_the_fields_is_not_seen() -> None:
     fresh, used = Spring(2.0, rest=(1, 0, 0)), Spring(2.0, rest=(1, 0, 0))
     layout = layout_of(used)
-    assert (
-        layout_of(used) is layout
-        and vars(used) == vars(fresh)
-        and pickle.dumps(used) == pickle.dumps(fresh)
-    )
+    assert layout_of(used) is layout and vars(used) == vars(fresh) and pickle.dumps(used) == pickle.dumps(fresh)
     assert vars(copy.deepcopy(used)) == vars(fresh) and copy.copy(used) == fresh
 
     @record
@@ -637,20 +566,10 @@ def test_annotations_of_methods_in_every_form() -> None:
             space: dict[str, Any] = dict(spaces)
             exec(text, space)
             result = (
-                space["Made"]().twice(np.array([1.0, 2.0]))
-                if "Element" not in annotation
-                else np.array([2.0, 4.0])
+                space["Made"]().twice(np.array([1.0, 2.0])) if "Element" not in annotation else np.array([2.0, 4.0])
             )
-            assert isinstance(result, np.ndarray) and hasattr(space["Made"].twice, "__formula__"), (
-                annotation,
-                future,
-            )
-    others = {
-        "str": "a",
-        "dict[str, Vec]": {"a": [1.0]},
-        "Unfindable": [1.0, 2.0],
-        "tuple[Vec, ...]": (),
-    }
+            assert isinstance(result, np.ndarray) and hasattr(space["Made"].twice, "__formula__"), (annotation, future)
+    others = {"str": "a", "dict[str, Vec]": {"a": [1.0]}, "Unfindable": [1.0, 2.0], "tuple[Vec, ...]": ()}
     for annotation, given in others.items():  # not broadcast
         space = dict(spaces)
         text = f"from __future__ import annotations\n@record\nclass Made(Record):\n    def twice(self, x: {annotation}): return x\n"
@@ -664,10 +583,7 @@ def test_records_are_frozen_compare_and_say_what_they_are() -> None:
     same, other = Spring(2.0, rest=(1, 0, 0)), Spring(2.0)
     assert same == S and hash(same) == hash(S) and other != S and Stiff(2.0) != other
     assert {S: "a"}[same] == "a"
-    assert (
-        repr(other)
-        == "Spring(stiffness=2.0, rest=Vec(0.0, 0.0, 0.0), shear=None, order=2, label='spring')"
-    )
+    assert repr(other) == "Spring(stiffness=2.0, rest=Vec(0.0, 0.0, 0.0), shear=None, order=2, label='spring')"
     assert dataclasses.replace(S, stiffness=5).stiffness == 5.0
 
 
@@ -681,13 +597,7 @@ def test_only_records_are_records() -> None:
 
 @pytest.mark.parametrize("protocol", range(2, pickle.HIGHEST_PROTOCOL + 1))
 def test_pickling(protocol: int) -> None:
-    for thing in (
-        S,
-        Spring(1.0, shear=np.eye(2)),
-        Vec(1.0, -0.0),
-        Mat((1.0, 2.0), (3.0, 4.0)),
-        Stiff(3.0),
-    ):
+    for thing in (S, Spring(1.0, shear=np.eye(2)), Vec(1.0, -0.0), Mat((1.0, 2.0), (3.0, 4.0)), Stiff(3.0)):
         again = pickle.loads(pickle.dumps(thing, protocol))
         assert again == thing and type(again) is type(thing) and hash(again) == hash(thing)
 
@@ -711,12 +621,7 @@ def test_arithmetic_with_arrays_and_lists() -> None:
     v, a = vec(1.0, 2.0), np.array([3.0, 4.0])
     for result in (v + a, a + v, v + [3.0, 4.0]):
         assert isinstance(result, Vec) and result == Vec(4.0, 6.0)
-    assert (
-        a - v == Vec(2.0, 2.0)
-        and a * v == Vec(3.0, 8.0)
-        and a / v == Vec(3.0, 2.0)
-        and v @ a == 11.0
-    )
+    assert a - v == Vec(2.0, 2.0) and a * v == Vec(3.0, 8.0) and a / v == Vec(3.0, 2.0) and v @ a == 11.0
 
 
 @pytest.mark.parametrize(

@@ -29,10 +29,7 @@ REFUSALS = {
     "a dictionary with two names": ("d = {}\ne = d\nd['x'] = a", "has another name"),
     "a key that the run knows": ("d = {}\nd[n] = a\nx = d[2]", "a key of a dict must be known now"),
     "a key known at run time": ("x = {0: a, 1: b}[n]", "a key of a dict must be known now"),
-    "try": (
-        "try:\n    x = a\nexcept ValueError:\n    x = b",
-        "`try:`: this statement has no place",
-    ),
+    "try": ("try:\n    x = a\nexcept ValueError:\n    x = b", "`try:`: this statement has no place"),
     "with": ("with open('x') as f:\n    pass", "this statement has no place"),
     "a variable of the function around": (
         "def inner(y):\n    nonlocal x\n    x = y\ninner(a)",
@@ -47,14 +44,10 @@ REFUSALS = {
         "loop of unknown length",
     ),
     "an iterator in a loop that may end early": (
-        "i = iter((a, b, c))\nfor _ in range(2):\n    x = next(i)\n "
-        "   if x > a:\n        break\nx = next(i)",
+        "i = iter((a, b, c))\nfor _ in range(2):\n    x = next(i)\n    if x > a:\n        break\nx = next(i)",
         "that may end early",
     ),
-    "an integer power known at run time": (
-        "x = 2**n",
-        "an integer to the power of one known only at run time",
-    ),
+    "an integer power known at run time": ("x = 2**n", "an integer to the power of one known only at run time"),
     "an integer beyond 2**63": ("x = n + 2**63", "beyond the integers of native code"),
     "NumPy's functions that have no formula": (
         "x = np.convolve(vec(a, b), vec(c, d))",
@@ -64,24 +57,15 @@ REFUSALS = {
         "x = np.linalg.solve(((a, b), (c, d)), (a, b))",
         "`solve` of numbers known only at run time",
     ),
-    "an unknown function": (
-        "x = time.perf_counter() * a",
-        "`perf_counter` is not known to native code",
-    ),
+    "an unknown function": ("x = time.perf_counter() * a", "`perf_counter` is not known to native code"),
     "printing": ("print(a)", "`print` is not known to native code"),
     "an undefined name": ("x = a + oops", "`oops` is not defined"),
     "an attribute of a number": ("x = a.real", "`real` of a number known only at run time"),
     "a text of numbers": ("x = len(f'{a}')", "text of numbers known only at run time"),
     "str of a number": ("x = len(str(a))", "`str` of numbers known only at run time"),
     "rounding to digits": ("x = round(a, 2)", "`round` to a number of digits"),
-    "an attribute assigned": (
-        "spring = SPRING\nspring.k = a",
-        "formulas do not change objects in place",
-    ),
-    "a list with two names": (
-        "items = [a, b]\nother = items\nitems[0] = c\nx = other[0]",
-        "has another name",
-    ),
+    "an attribute assigned": ("spring = SPRING\nspring.k = a", "formulas do not change objects in place"),
+    "a list with two names": ("items = [a, b]\nother = items\nitems[0] = c\nx = other[0]", "has another name"),
     "the caller's list": ("items = [a, b]\nx = changes(items) + items[0]", "has another name"),
     "a list that `zip` goes through": (
         "items = [a, b]\nfor y, z in zip(items, items):\n    x = x + y\n    items[1] = c",
@@ -94,10 +78,7 @@ REFUSALS = {
     "a tuple changed": ("items = (a, b)\nitems[0] = c", "formulas do not change objects in place"),
     "insert": ("items = [a]\nitems.insert(0, b)", "`list.insert` is not known to native code"),
     "recursion without end": ("x = endless(a)", "formulas call each other without end"),
-    "different things at one index": (
-        "x = ((a, b), 'text')[n]",
-        "it is one thing on one way and another on the other",
-    ),
+    "different things at one index": ("x = ((a, b), 'text')[n]", "it is one thing on one way and another on the other"),
     "an index that is no integer": ("x = (a, b)[c]", "is used as an index"),
     "a range to a float": ("for i in range(a):\n    x = i", "`range(a)`: `range` of a float"),
     "a length known at run time": (
@@ -115,10 +96,7 @@ REFUSALS = {
     "another structure": ("if a > b:\n    return a\n", "the returned value has no one form"),
     "a variable of no branch": ("if n > 2**70:\n    y = a\nx = y", "`y` may have no value here"),
     "a variable of a loop": ("for i in range(n):\n    y = a\nx = y", "`y` has no one value here"),
-    "a vector or None": (
-        "y = None\nif a > b:\n    y = vec(a, b)\nx = dot(y, y)",
-        "`y` has no one value here",
-    ),
+    "a vector or None": ("y = None\nif a > b:\n    y = vec(a, b)\nx = dot(y, y)", "`y` has no one value here"),
     "nothing but errors": ("x = always(a)", "every way through the formula raises"),
     "an endless loop": ("while True:\n    x = a", "the loop never ends"),
     "vectors of different lengths": (
@@ -193,11 +171,7 @@ def test_refused_with_one_sentence_that_says_where_and_why(what: str, tmp_path: 
     where = re.match(r"(\S+) \(refused\.py, line (\d+)\) cannot be compiled: ", message)
     assert where, message
     line = text.splitlines()[int(where[2]) - 1].strip()
-    expected = {
-        "the caller's list": "changes",
-        "recursion without end": "endless",
-        "nothing but errors": "always",
-    }
+    expected = {"the caller's list": "changes", "recursion without end": "endless", "nothing but errors": "always"}
     assert where[1] == expected.get(what, "Spring.force")
     if where[1] == "Spring.force" and what != "another structure":
         assert line in body, f"line {where[2]} is {line!r}"
@@ -207,15 +181,11 @@ def test_a_formula_without_a_file() -> None:
     names: dict = {}
     text = "from liemech.formulas import vec\ndef formula(a, b, c, d, n):\n    return vec(a, b)"
     exec(compile(text, "<nowhere>", "exec"), names)  # what "<string>" was, Python 3.13 may remember
-    assert "the source of formula cannot be read: define it in a file or a notebook" in refusal(
-        names["formula"]
-    )
+    assert "the source of formula cannot be read: define it in a file or a notebook" in refusal(names["formula"])
 
 
 def test_a_formula_whose_file_has_changed_since_its_import(tmp_path: Path) -> None:
-    text = (
-        "from liemech.formulas import vec\n\n\ndef formula(a, b, c, d, n):\n    return vec(a, {})\n"
-    )
+    text = "from liemech.formulas import vec\n\n\ndef formula(a, b, c, d, n):\n    return vec(a, {})\n"
     module = worlds.module_from(text.format("b"), tmp_path, "altered")
     (tmp_path / "altered.py").write_text(text.format("b + c"))
     assert "altered.py has changed since it was imported" in refusal(module.formula)
@@ -225,9 +195,7 @@ def test_a_formula_whose_file_has_changed_since_its_import(tmp_path: Path) -> No
 
 
 def test_a_formula_from_a_notebook_cell_compiles() -> None:
-    text = (
-        "from liemech.formulas import vec\ndef formula(a, b, c, d, n):\n    return vec(a * b, n)\n"
-    )
+    text = "from liemech.formulas import vec\ndef formula(a, b, c, d, n):\n    return vec(a * b, n)\n"
     name = "<ipython-input-1-0123>"
     linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
     names: dict = {}
@@ -275,9 +243,7 @@ def product(x, y):
 def formula(a, b, c, d, n):
     return vec(product(a, b), n)
 """
-    worlds.same_in_all_worlds(
-        worlds.module_from(text, tmp_path, "decorated").formula, [[1.0, 2.0, 3.0, 4.0]]
-    )
+    worlds.same_in_all_worlds(worlds.module_from(text, tmp_path, "decorated").formula, [[1.0, 2.0, 3.0, 4.0]])
 
 
 # --- what a user sees
@@ -321,29 +287,17 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_run_goes_on_in_plain_python_with_one_warning(gyrostat) -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        run = lm.integrate(
-            gyrostat.system, lm.RKMK(order=4), gyrostat.start, h=0.1, steps=80, every=80
-        )
+        run = lm.integrate(gyrostat.system, lm.RKMK(order=4), gyrostat.start, h=0.1, steps=80, every=80)
     assert [w.category for w in caught] == [NotCompiledWarning]
     assert "Gyrostat.gradient (gyrostat.py, line 14) cannot be compiled" in str(caught[0].message)
     assert caught[0].filename == __file__  # where the user called integrate
-    plain = lm.integrate(
-        gyrostat.system,
-        lm.RKMK(order=4),
-        gyrostat.start,
-        h=0.1,
-        steps=80,
-        every=80,
-        compiled=False,
-    )
+    plain = lm.integrate(gyrostat.system, lm.RKMK(order=4), gyrostat.start, h=0.1, steps=80, every=80, compiled=False)
     assert np.array_equal(run.mu, plain.mu) and not run.compiled
 
 
 def test_a_demanded_compilation_raises(gyrostat) -> None:
     with pytest.raises(NotCompilable, match=r"Gyrostat.gradient \(gyrostat.py, line 14\)"):
-        lm.integrate(
-            gyrostat.system, lm.RKMK(order=4), gyrostat.start, h=0.1, steps=10, compiled=True
-        )
+        lm.integrate(gyrostat.system, lm.RKMK(order=4), gyrostat.start, h=0.1, steps=10, compiled=True)
 
 
 @lm.record
@@ -362,24 +316,16 @@ def test_a_method_whose_start_does_not_compile() -> None:
     one, many = body.state(mu=[0.5, 0.0, 0.5]), body.state(mu=np.full((4, 3), 0.5))
     alone = lm.integrate(body, Dreamer(), one, h=0.1, steps=800, every=800)
     assert alone.compiled
-    assert np.array_equal(
-        alone.mu, lm.integrate(body, lm.RKMK(), one, h=0.1, steps=800, every=800).mu
-    )
+    assert np.array_equal(alone.mu, lm.integrate(body, lm.RKMK(), one, h=0.1, steps=800, every=800).mu)
     with pytest.warns(NotCompiledWarning, match="Dreamer.start"):
         run = lm.integrate(body, Dreamer(), many, h=0.1, steps=400, every=400)
-    assert np.array_equal(
-        run.mu, lm.integrate(body, lm.RKMK(), many, h=0.1, steps=400, every=400).mu
-    )
+    assert np.array_equal(run.mu, lm.integrate(body, lm.RKMK(), many, h=0.1, steps=400, every=400).mu)
 
 
 def test_the_terminal_shows_one_short_traceback(tmp_path: Path) -> None:
     program = tmp_path / "program.py"
-    program.write_text(
-        GYROSTAT + "lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=10, compiled=True)\n"
-    )
-    run = subprocess.run(
-        [sys.executable, str(program)], capture_output=True, text=True, timeout=120
-    )
+    program.write_text(GYROSTAT + "lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=10, compiled=True)\n")
+    run = subprocess.run([sys.executable, str(program)], capture_output=True, text=True, timeout=120)
     assert run.returncode == 1
     assert run.stderr.count("Traceback") == 1 and len(run.stderr.splitlines()) < 30, run.stderr
     assert run.stderr.splitlines()[-1].startswith(
@@ -417,9 +363,7 @@ print("llvmlite" in sys.modules)
 def test_the_same_bits_without_a_compiler() -> None:
     def run(*arguments: str, **environment: str) -> list[str]:
         program = [sys.executable, "-c", RUN, *arguments]
-        done = subprocess.run(
-            program, env=os.environ | environment, capture_output=True, text=True, timeout=120
-        )
+        done = subprocess.run(program, env=os.environ | environment, capture_output=True, text=True, timeout=120)
         assert done.returncode == 0, done.stderr
         return done.stdout.splitlines()
 
@@ -433,9 +377,7 @@ def test_the_same_bits_without_a_compiler() -> None:
 
 
 @pytest.mark.usefixtures("at_once")
-def test_a_compiler_that_fails_is_no_reason_to_stop(
-    gyrostat, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_compiler_that_fails_is_no_reason_to_stop(gyrostat, monkeypatch: pytest.MonkeyPatch) -> None:
     """LLVM itself may refuse (an unknown processor, a broken installation): the run goes on, with a
     warning.
     """
@@ -459,11 +401,7 @@ def test_a_compiler_that_fails_is_no_reason_to_stop(
 
     body = lm.LiePoissonSystem(lm.SO3(), Unseen())
     with pytest.warns(NotCompiledWarning, match="LLVM does not know this processor"):
-        run = lm.integrate(
-            body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=800, every=800
-        )
+        run = lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=800, every=800)
     assert not run.compiled and np.isfinite(run.mu).all()
     with pytest.raises(NotCompilable, match="LLVM does not know this processor"):
-        lm.integrate(
-            body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=10, compiled=True
-        )
+        lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=10, compiled=True)

@@ -108,7 +108,6 @@ def test_planets_move_with_the_bits_of_plain_python(planets):
     reduced = m[1:] * np.cumsum(m)[:-1] / np.cumsum(m)[1:]
     start = system.state(np.concatenate([Q.ravel(), (reduced[:, None] * V).ravel()]))
     plain, native = (
-        lm.integrate(system, lm.Splitting(order=2), start, h=0.3, steps=5, compiled=c)
-        for c in (False, True)
+        lm.integrate(system, lm.Splitting(order=2), start, h=0.3, steps=5, compiled=c) for c in (False, True)
     )
     assert plain.y.tobytes() == native.y.tobytes()

@@ -37,9 +37,7 @@ def agree(found: Series, formula: object, tolerance: float = 1e-14) -> None:
     with mpmath.workdps(60):
         exact = np.array([float(c) for c in mpmath.taylor(formula, 0, TERMS - 1)])
     scale = np.maximum.accumulate(np.abs(exact))  # products of terms before are what is rounded
-    assert (np.abs(terms(found) - exact) <= tolerance * np.maximum(scale, 1.0)).all(), (
-        terms(found) - exact
-    ) / scale
+    assert (np.abs(terms(found) - exact) <= tolerance * np.maximum(scale, 1.0)).all(), (terms(found) - exact) / scale
 
 
 OF_TWO = "atan2", "pow"
@@ -50,17 +48,11 @@ ELSEWHERE = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [f.__name__ for f in (functions.sqrt, *functions.LIBM) if f.__name__ not in OF_TWO]
-)
+@pytest.mark.parametrize("name", [f.__name__ for f in (functions.sqrt, *functions.LIBM) if f.__name__ not in OF_TWO])
 def test_elementary_functions_expand_as_mpmath_says(name: str) -> None:
     exact = ELSEWHERE.get(name) or getattr(mpmath, name)
     x = (1.7, *X[1:]) if name == "acosh" else X  # in its domain
-    agree(
-        getattr(functions, name)(Series(*x)),
-        lambda s: exact(polynomial(x, s)),
-        1e-11 if name == "acosh" else 1e-12,
-    )
+    agree(getattr(functions, name)(Series(*x)), lambda s: exact(polynomial(x, s)), 1e-11 if name == "acosh" else 1e-12)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 7, -1, -2, 2.0, -3.0, 0.5, -0.5, 1 / 3, 2.7])
@@ -114,13 +106,7 @@ def test_comparisons_look_at_the_first_term() -> None:
 
 
 @pytest.mark.parametrize(
-    "asked",
-    [
-        lambda x: x == 1.0,
-        lambda x: x != 1.0,
-        lambda x: bool(x - 1.0),
-        lambda x: x * x == Series(1.0),
-    ],
+    "asked", [lambda x: x == 1.0, lambda x: x != 1.0, lambda x: bool(x - 1.0), lambda x: x * x == Series(1.0)]
 )
 def test_an_equality_that_holds_only_where_a_series_begins_is_refused(asked: Any) -> None:
     with pytest.raises(InvalidInput, match=r"of a power series.* expm1_over"):
@@ -130,11 +116,7 @@ def test_an_equality_that_holds_only_where_a_series_begins_is_refused(asked: Any
 def test_functions_that_ask_for_nan_take_series() -> None:
     """x != x is no equality that holds at one point only."""
     x = Series(0.4).by(lambda k: 1.0 / k)
-    for function, other in (
-        (np.maximum, -1.0),
-        (np.minimum, 2.0),
-        (np.clip, (-1.0, 2.0)),
-    ):
+    for function, other in ((np.maximum, -1.0), (np.minimum, 2.0), (np.clip, (-1.0, 2.0))):
         bounds = other if isinstance(other, tuple) else (other,)
         found = function(x, *bounds)
         assert [found[k] for k in range(4)] == [x[k] for k in range(4)]
@@ -155,9 +137,7 @@ def test_terms_that_are_not_there_take_no_part() -> None:
 def test_a_series_can_solve_an_equation() -> None:
     y = Series(1.0)
     y.grow(y, 1.0)  # y' = y
-    np.testing.assert_allclose(
-        terms(y), [1 / float(mpmath.factorial(k)) for k in range(TERMS)], rtol=1e-15
-    )
+    np.testing.assert_allclose(terms(y), [1 / float(mpmath.factorial(k)) for k in range(TERMS)], rtol=1e-15)
     z = Series(0.5)
     z.grow(z * z, 2.0)  # z' = 2 z^2: 1/(2 - 2 s)
     np.testing.assert_allclose(terms(z), 0.5, rtol=1e-15)
@@ -215,10 +195,7 @@ class Wall(lm.SeparableSystem):
 def test_they_are_those_of_plain_python() -> None:
     system = Wall(5.0)
     start = system.state(q=[0.1], p=[0.4])
-    runs = [
-        lm.integrate(system, lm.HamiltonJacobi(order=3), start, h=0.1, steps=20, compiled=c)
-        for c in (False, True)
-    ]
+    runs = [lm.integrate(system, lm.HamiltonJacobi(order=3), start, h=0.1, steps=20, compiled=c) for c in (False, True)]
     assert runs[0].q.max() > 0.31
     assert np.array_equal(runs[0].q, runs[1].q)
 
@@ -328,10 +305,7 @@ def test_terms_that_are_first_wanted_in_a_part_that_is_taken_back() -> None:
     body = lm.models.KirchhoffBody(a @ a.T + 6.0 * np.eye(6))
     start = body.state(mu=[0.5, 0.1, 0.8, 0.1, 0.2, 0.3])
     method = lm.LiePoissonHamiltonJacobi(order=8)
-    runs = [
-        lm.integrate(body, method, start, h=0.01, steps=2, compiled=c, progress=False).mu
-        for c in (False, True)
-    ]
+    runs = [lm.integrate(body, method, start, h=0.01, steps=2, compiled=c, progress=False).mu for c in (False, True)]
     assert np.array_equal(*runs)
 
 
@@ -341,7 +315,6 @@ def test_power_series_on_constraints() -> None:
     pendulum = lm.SphericalPendulum(length=1.0)
     start = pendulum.state(q=[0.6, 0.0, -0.8], p=[0.0, 0.5, 0.0])
     runs = [
-        lm.integrate(pendulum, lm.Taylor(), start, h=0.05, steps=4, compiled=c, progress=False).q
-        for c in (False, True)
+        lm.integrate(pendulum, lm.Taylor(), start, h=0.05, steps=4, compiled=c, progress=False).q for c in (False, True)
     ]
     assert np.array_equal(*runs)

@@ -43,9 +43,7 @@ class Reading(lm.Method):
 def test_the_same_bits_as_plain_python(bodies: int | None) -> None:
     mu = np.random.default_rng(3).normal(size=(bodies, 3) if bodies else 3)
     runs = [
-        lm.integrate(
-            BODY, Reading(), BODY.state(mu=mu), h=0.1, steps=40, compiled=c, progress=False
-        ).mu
+        lm.integrate(BODY, Reading(), BODY.state(mu=mu), h=0.1, steps=40, compiled=c, progress=False).mu
         for c in (False, True)
     ]
     assert np.array_equal(*runs)
@@ -111,9 +109,7 @@ def test_the_code_does_not_grow_with_the_table(monkeypatch: pytest.MonkeyPatch) 
     """Selecting took one comparison for each entry, and 10,000 were refused."""
     sizes: list[int] = []
     code = llvm.object_code
-    monkeypatch.setattr(
-        llvm, "object_code", lambda text: (sizes.append(llvm.size(text)), code(text))[1]
-    )
+    monkeypatch.setattr(llvm, "object_code", lambda text: (sizes.append(llvm.size(text)), code(text))[1])
     monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
     monkeypatch.setattr(cache, "load", lambda *_: None)
     for n in (50, 10_000):

@@ -116,9 +116,7 @@ def change(module: ModuleType, name: str, value: str) -> None:
     setattr(getattr(module, owner) if owner else module, attribute, eval(value, vars(module)))
 
 
-def sample(
-    seeds: range, folder: Path, show: Any = None
-) -> tuple[collections.Counter[str], dict[str, list[str]]]:
+def sample(seeds: range, folder: Path, show: Any = None) -> tuple[collections.Counter[str], dict[str, list[str]]]:
     """Refusals by kind, and failures by the features of the program."""
     refused: collections.Counter[str] = collections.Counter()
     failed: dict[str, list[str]] = {}
@@ -189,15 +187,12 @@ def of_mpmath() -> dict[str, Any]:
         "log1p_over": lambda x: hyper([1, 1], [2], -x),
         "atan_over": lambda x: hyper([0.5, 1], [1.5], -x * x),
         "stumpff": lambda k, z: (
-            hyper([1], [(k + 1) / mpmath.mpf(2), (k + 2) / mpmath.mpf(2)], -z / 4)
-            / mpmath.factorial(k)
+            hyper([1], [(k + 1) / mpmath.mpf(2), (k + 2) / mpmath.mpf(2)], -z / 4) / mpmath.factorial(k)
         ),
     }
 
 
-def check_derivatives(
-    seed: int, folder: Path, lanes: tuple[int, ...], writer: Any = fuzz_language.Derivatives
-) -> str:
+def check_derivatives(seed: int, folder: Path, lanes: tuple[int, ...], writer: Any = fuzz_language.Derivatives) -> str:
     """Derivatives within derivatives are those of mpmath's differences of 60 digits, and of one
     form in all worlds.  Which are refused by name, of those at special points.
     """
@@ -223,9 +218,7 @@ def check_derivatives(
             right = names["formula"](*map(mpmath.mpf, row), 2)
             for x, y in zip(right, found, strict=True):
                 if not abs(x - y) <= 1e-9 * (1.0 + abs(x)) and mpmath.isfinite(x):
-                    raise Difference(
-                        f"{text}\n{row}: {found} instead of {[float(x) for x in right]}"
-                    )
+                    raise Difference(f"{text}\n{row}: {found} instead of {[float(x) for x in right]}")
     if rows and lanes:
         worlds.same_in_all_worlds(module.formula, rows, 2, lanes)
     return "\n".join(refused)
@@ -243,10 +236,7 @@ def test_random_derivatives(seed: int, tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.compiled
 @pytest.mark.parametrize("thousand", (10, 11))
 def test_many_random_programs(
-    thousand: int,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    thousand: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Four hundred here; twenty thousand by
     `python tests/compiler/test_whole_language.py 10000 30000`.
@@ -265,9 +255,7 @@ def test_many_random_programs(
 @pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("hundred", (1, 2))
-def test_many_random_derivatives(
-    hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_many_random_derivatives(hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "store", lambda *_: None)
     for seed in range(100 * hundred, 100 * hundred + 40):
         check_derivatives(seed, tmp_path, (1,))
@@ -312,9 +300,7 @@ def check_memory(seed: int, folder: Path, every_driver: bool = True) -> None:
         same(plan.run(one, steps=STEPS).mu, exact, f"{world} run")
         run = plan.resume(plan.run(one, steps=seed % 5 + 1), steps=3)
         run.save(folder / "run.npz")
-        run = plan.resume(
-            lm.Trajectory.load(folder / "run.npz", trusted=True), steps=STEPS - run.carry.step
-        )
+        run = plan.resume(lm.Trajectory.load(folder / "run.npz", trusted=True), steps=STEPS - run.carry.step)
         same(run.mu[-1], exact[-1], f"{world} run from a file")
         stepper = plan.stepper(one)
         for steps in (1, 2, 1, 5):
@@ -323,11 +309,7 @@ def check_memory(seed: int, folder: Path, every_driver: bool = True) -> None:
         bodies = many if compiled else many[:3]
         all_of_them = plan.run(BODY.state(mu=bodies), steps=STEPS)
         for i in {0, 1, len(bodies) - 1}:
-            same(
-                all_of_them.mu[:, i],
-                stepped(method, bodies[i]),
-                f"{world} body {i} of {len(bodies)}",
-            )
+            same(all_of_them.mu[:, i], stepped(method, bodies[i]), f"{world} body {i} of {len(bodies)}")
         rest = plan.resume(plan.run(BODY.state(mu=bodies), steps=4), steps=STEPS - 4)
         same(rest.mu[-1], all_of_them.mu[-1], f"{world} ensemble that went on")
     if not every_driver:
@@ -343,9 +325,7 @@ def check_memory(seed: int, folder: Path, every_driver: bool = True) -> None:
 @pytest.mark.sample(8)
 @pytest.mark.compiled
 @pytest.mark.parametrize("seed", range(40))
-def test_derivatives_at_special_points(
-    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_derivatives_at_special_points(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """At zero, on axes, on diagonals, at ends of branches: right, or refused by name."""
     monkeypatch.setattr(cache, "store", lambda *_: None)
     lanes = (1, kernel.lanes()) if seed % 8 == 0 else ()
@@ -376,25 +356,17 @@ def crossing(t: float, state: Any) -> Any:
 
 HOW: dict[str, Any] = {
     "t_eval": lambda method, start, compiled: [
-        lm.integrate(
-            BODY, method, start, h=0.1, t_end=2.0, t_eval=[0.3, 1.0, 1.91], compiled=compiled
-        ).mu
+        lm.integrate(BODY, method, start, h=0.1, t_end=2.0, t_eval=[0.3, 1.0, 1.91], compiled=compiled).mu
     ],
     "events": lambda method, start, compiled: (
-        run := lm.integrate(
-            BODY, method, start, h=0.1, steps=STEPS, events=[crossing], compiled=compiled
-        ),
+        run := lm.integrate(BODY, method, start, h=0.1, steps=STEPS, events=[crossing], compiled=compiled),
         [run.mu, run.events[0][0], run.events[0][1].mu],
     )[1],
     "tangent": lambda method, start, compiled: [
-        lm.Plan(BODY, method, h=0.1, compiled=compiled)
-        .tangent(start, by=("start",), steps=7)
-        .tangent["start"]
+        lm.Plan(BODY, method, h=0.1, compiled=compiled).tangent(start, by=("start",), steps=7).tangent["start"]
     ],
     "compensated": lambda method, start, compiled: [
-        lm.integrate(
-            BODY, method, start, h=0.1, steps=STEPS, compensated=True, compiled=compiled
-        ).mu
+        lm.integrate(BODY, method, start, h=0.1, steps=STEPS, compensated=True, compiled=compiled).mu
     ],
 }
 DRIVERS = tuple(HOW)
@@ -417,11 +389,7 @@ def main(first: int, last: int, kind: str = "") -> None:
     with tempfile.TemporaryDirectory() as folder:
         if kind:
             warnings.simplefilter("ignore")
-            guard_words.ON, home, writer = (
-                kind == "memories",
-                Path(folder),
-                fuzz_language.SpecialPoints,
-            )
+            guard_words.ON, home, writer = (kind == "memories", Path(folder), fuzz_language.SpecialPoints)
             each(
                 first,
                 last,
@@ -434,12 +402,7 @@ def main(first: int, last: int, kind: str = "") -> None:
             return
         if first == last:
             for form, kinds in forms_alone(Path(folder)):
-                print(
-                    f"--- {form!r}",
-                    *(f"{count} {kind}" for kind, count in kinds.items()),
-                    sep="\n    ",
-                    flush=True,
-                )
+                print(f"--- {form!r}", *(f"{count} {kind}" for kind, count in kinds.items()), sep="\n    ", flush=True)
             return
         refused, failed = sample(range(first, last), Path(folder), print)
     for kind, count in refused.most_common():

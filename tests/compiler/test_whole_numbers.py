@@ -49,9 +49,7 @@ class Stairs(lm.HamiltonianSystem):
 def test_they_have_the_same_bits_in_native_code() -> None:
     system = Stairs()
     runs = [
-        lm.integrate(
-            system, lm.RKMK(order=4), system.state(0.37, 0.61), h=0.05, steps=40, compiled=c
-        )
+        lm.integrate(system, lm.RKMK(order=4), system.state(0.37, 0.61), h=0.05, steps=40, compiled=c)
         for c in (False, True)
     ]
     assert np.array_equal(runs[0].q, runs[1].q) and np.array_equal(runs[0].p, runs[1].p)
@@ -72,9 +70,7 @@ def test_what_is_advised_exists() -> None:
     system = ErrorFunction()
     for compiled, error in ((True, NotCompilable), (False, TypeError)):
         with pytest.raises(error, match="write the gradient or force yourself"):
-            lm.integrate(
-                system, lm.RKMK(order=4), system.state(0.3, 0.6), h=0.1, steps=2, compiled=compiled
-            )
+            lm.integrate(system, lm.RKMK(order=4), system.state(0.3, 0.6), h=0.1, steps=2, compiled=compiled)
 
 
 @lm.record
@@ -90,6 +86,4 @@ class WrittenComplex(lm.HamiltonianSystem):
 def test_a_complex_constant_is_not_taken_for_a_power_of_a_negative_number() -> None:
     system = WrittenComplex()
     with pytest.raises(TypeError, match="complex"):
-        lm.integrate(
-            system, lm.RKMK(order=4), system.state(0.3, 0.6), h=0.1, steps=2, compiled=False
-        )
+        lm.integrate(system, lm.RKMK(order=4), system.state(0.3, 0.6), h=0.1, steps=2, compiled=False)

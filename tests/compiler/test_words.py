@@ -36,8 +36,7 @@ def looking(*reads):
 
 
 @pytest.mark.parametrize(
-    "name, value",
-    [("__code__", other.__code__), ("__defaults__", (5,)), ("__kwdefaults__", {"y": 7})],
+    "name, value", [("__code__", other.__code__), ("__defaults__", (5,)), ("__kwdefaults__", {"y": 7})]
 )
 def test_a_function_that_gets_another_part_shows_it(name, value):
     function = types.FunctionType(one.__code__, globals(), argdefs=(1,))

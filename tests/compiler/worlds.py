@@ -31,9 +31,7 @@ UNWRITTEN = 0x7FF5_0123_4567_89AB
 SPECIAL = (0.0, -0.0, 1.0, -1.0, 1e-310, 1e300, -1e300, float("inf"), float("-inf"), float("nan"))
 
 
-def drive(
-    formula: Any, extra: Any, layout: Any, turns: int, given: Any, out: Any, fine: Any
-) -> None:
+def drive(formula: Any, extra: Any, layout: Any, turns: int, given: Any, out: Any, fine: Any) -> None:
     """The driver: the formula's numbers, in `out`, and whether it went through, in `fine`."""
     value = attempt(formula, *extra, *read(given, 0, layout), turns)
     write(out, 0, value, layout_of(value))
@@ -111,10 +109,7 @@ def outcomes(
 
 
 def same_in_all_worlds(
-    formula: Callable[..., Any],
-    rows: Iterable[Sequence[float]],
-    turns: int = 3,
-    lanes: Iterable[int] | None = None,
+    formula: Callable[..., Any], rows: Iterable[Sequence[float]], turns: int = 3, lanes: Iterable[int] | None = None
 ) -> None:
     """Assert that `formula(*row, turns)` gives the same bits plain, compiled and in every lane
     beside all the other rows.
@@ -129,7 +124,9 @@ def same_in_all_worlds(
         found = outcomes(formula, rows, width, turns, count)
         for row, right, got in zip(rows, expected, found, strict=True):
             values, fine = got
-            what = f"{count} lanes, arguments {row}, turns {turns}: {_shown(values)}, {fine}, instead of {_shown(right)}"
+            what = (
+                f"{count} lanes, arguments {row}, turns {turns}: {_shown(values)}, {fine}, instead of {_shown(right)}"
+            )
             assert fine is (right is not REJECTED and all(map(_finite, right))), what
             assert right is REJECTED or values == right, what
 
@@ -139,11 +136,7 @@ def _finite(x: bytes) -> bool:
 
 
 def _shown(values: Any) -> Any:
-    return (
-        values
-        if isinstance(values, str)
-        else [v if v == b"nan" else struct.unpack("<d", v)[0] for v in values]
-    )
+    return values if isinstance(values, str) else [v if v == b"nan" else struct.unpack("<d", v)[0] for v in values]
 
 
 def module_from(text: str, folder: Path, name: str) -> ModuleType:

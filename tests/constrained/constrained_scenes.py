@@ -36,9 +36,7 @@ PENDULUM = lm.SphericalPendulum(gravity=SPHERE["g"])
 SWINGING = PENDULUM.state(SPHERE["q0"], SPHERE["v0"])
 
 DOUBLE = reference("double_pendulum")
-CHAIN = lm.models.ChainPendulum(
-    [DOUBLE["m1"], DOUBLE["m2"]], [DOUBLE["l1"], DOUBLE["l2"]], DOUBLE["g"], dimension=2
-)
+CHAIN = lm.models.ChainPendulum([DOUBLE["m1"], DOUBLE["m2"]], [DOUBLE["l1"], DOUBLE["l2"]], DOUBLE["g"], dimension=2)
 MASSES = np.repeat([DOUBLE["m1"], DOUBLE["m2"]], 2)
 HANGING = CHAIN.state(DOUBLE["q0"], MASSES * DOUBLE["v0"])
 
@@ -62,20 +60,10 @@ STRETCHING = Stretching()
 MOVING = STRETCHING.state([0.6, 0.0, -0.8], [0.4, 0.9, 0.3])
 
 
-def plain(
-    system: lm.System, method: lm.Method, start: lm.State, h: float, steps: int, **options: Any
-) -> lm.Trajectory:
+def plain(system: lm.System, method: lm.Method, start: lm.State, h: float, steps: int, **options: Any) -> lm.Trajectory:
     """A run in plain Python, without compensation: the bare formulas."""
     return lm.integrate(
-        system,
-        method,
-        start,
-        h=h,
-        steps=steps,
-        compiled=False,
-        compensated=False,
-        progress=False,
-        **options,
+        system, method, start, h=h, steps=steps, compiled=False, compensated=False, progress=False, **options
     )
 
 
@@ -109,8 +97,7 @@ def two_form_defect(method: Any, system: Any, start: Any, h: float) -> float:
     y = np.array([*start.q, *start.p])
     before = tangents(system, y)
     after = [
-        np.array(derivative(lambda z: stepped(method, system, h, z), vec(*y.tolist()), u.tolist()))
-        for u in before
+        np.array(derivative(lambda z: stepped(method, system, h, z), vec(*y.tolist()), u.tolist())) for u in before
     ]
     n, (U, V) = system.degrees, (np.array(before), np.array(after))
     forms = [X[:, :n] @ X[:, n:].T - X[:, n:] @ X[:, :n].T for X in (U, V)]

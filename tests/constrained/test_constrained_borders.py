@@ -84,19 +84,12 @@ class OnATable(lm.SeparableConstrainedSystem):
 def test_rest_at_the_origin_is_no_fold() -> None:
     """There all that g(q) could be compared with is zero."""
     table = OnATable()
-    run = lm.integrate(
-        table, lm.RATTLE(), table.state([0.0, 0.0], [0.0, 0.0]), h=0.1, steps=50, compiled=False
-    )
+    run = lm.integrate(table, lm.RATTLE(), table.state([0.0, 0.0], [0.0, 0.0]), h=0.1, steps=50, compiled=False)
     assert np.abs(run.q).max() < 1e-14
 
 
 def test_only_methods_for_any_equation_are_reduced() -> None:
-    for method in (
-        lm.RATTLE(),
-        lm.LobattoPair(4),
-        lm.ConstrainedEuler(),
-        lm.Composition(lm.RATTLE()),
-    ):
+    for method in (lm.RATTLE(), lm.LobattoPair(4), lm.ConstrainedEuler(), lm.Composition(lm.RATTLE())):
         with pytest.raises(InvalidInput, match="keeps the constraints"):
             lm.IndexReduction(method)
     with pytest.raises(InvalidType, match="project must be True or False; got 'no'"):

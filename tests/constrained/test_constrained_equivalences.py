@@ -8,17 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from constrained_scenes import (
-    CHAIN,
-    DOUBLE,
-    HANGING,
-    MASSES,
-    MOVING,
-    PENDULUM,
-    STRETCHING,
-    SWINGING,
-    plain,
-)
+from constrained_scenes import CHAIN, DOUBLE, HANGING, MASSES, MOVING, PENDULUM, STRETCHING, SWINGING, plain
 from scenes import SEED_INERTIA, quiet_body, rotation, slow
 
 import liemech as lm
@@ -53,9 +43,7 @@ def test_positions_of_rattle_are_those_of_shake() -> None:
     h = 0.02
     run = plain(CHAIN, lm.RATTLE(), HANGING, h, 20)
     for before, here, after in zip(run.q, run.q[1:], run.q[2:], strict=False):
-        rest = MASSES * (after - 2 * here + before) / h**2 - np.array(
-            CHAIN.force(vec(*here), vec(*here))
-        )
+        rest = MASSES * (after - 2 * here + before) / h**2 - np.array(CHAIN.force(vec(*here), vec(*here)))
         G = np.array(CHAIN.constraint_jacobian(vec(*here)))
         left = rest - G.T @ np.linalg.lstsq(G.T, rest, rcond=None)[0]
         assert np.abs(left).max() < 1e-11 * np.abs(rest).max()
@@ -79,12 +67,8 @@ def test_rattle_on_the_sphere_in_closed_form() -> None:
 
 
 def test_the_chain_is_the_double_pendulum_in_angles() -> None:
-    angles = lm.models.DoublePendulum(
-        [DOUBLE["m1"], DOUBLE["m2"]], [DOUBLE["l1"], DOUBLE["l2"]], DOUBLE["g"]
-    )
-    start = angles.state(
-        DOUBLE["angles0"], angles.momentum(DOUBLE["angles0"], DOUBLE["angular_velocities0"])
-    )
+    angles = lm.models.DoublePendulum([DOUBLE["m1"], DOUBLE["m2"]], [DOUBLE["l1"], DOUBLE["l2"]], DOUBLE["g"])
+    start = angles.state(DOUBLE["angles0"], angles.momentum(DOUBLE["angles0"], DOUBLE["angular_velocities0"]))
     a, b = plain(angles, lm.RKMK(order=8), start, 0.02, 50).q[-1]
     ours = plain(CHAIN, lm.Composition(lm.RATTLE(), order=8), HANGING, 0.1, 10)
     first = DOUBLE["l1"] * np.array([np.sin(a), -np.cos(a)])
@@ -110,10 +94,7 @@ def test_a_plane_cuts_the_chain_out_of_space() -> None:
     v = np.array([0.3, 0.0, 0.1, 0.2, -0.2, 0.1])
     down = [0.6, -0.8, 0.0, -1.0, 0.28, -0.96]
     start = flat.consistent(flat.hanging(down), v)
-    lifted = [
-        np.insert(np.reshape(np.array(x), (3, 2)), 1, 0.0, axis=1).ravel()
-        for x in (start.q, start.p)
-    ]
+    lifted = [np.insert(np.reshape(np.array(x), (3, 2)), 1, 0.0, axis=1).ravel() for x in (start.q, start.p)]
     a = plain(flat, lm.RATTLE(), start, 0.02, 10)
     b = plain(space, lm.RATTLE(), space.state(*lifted), 0.02, 10)
     assert np.abs(b.q.reshape(-1, 3, 3)[:, :, [0, 2]] - a.q.reshape(-1, 3, 2)).max() < 1e-15
@@ -127,9 +108,7 @@ def test_conical_motion_is_steady() -> None:
     r, w = 1.5 * np.sin(a), np.sqrt(system.gravity / (1.5 * np.cos(a)))
     start = system.state([r, 0.0, -1.5 * np.cos(a)], [0.0, 2.0 * r * w, 0.0])
     run = plain(system, lm.Composition(lm.RATTLE(), order=8), start, 0.05, 20)
-    wanted = np.stack(
-        [r * np.cos(w * run.t), r * np.sin(w * run.t), 0.0 * run.t - 1.5 * np.cos(a)], axis=1
-    )
+    wanted = np.stack([r * np.cos(w * run.t), r * np.sin(w * run.t), 0.0 * run.t - 1.5 * np.cos(a)], axis=1)
     assert np.abs(run.q - wanted).max() < 1e-9
     tension = np.asarray(system.multipliers(run.q, run.p))
     assert np.abs(tension - 2.0 * system.gravity / np.cos(a)).max() < 1e-8
@@ -196,11 +175,7 @@ def test_lagranges_equations_are_hamiltons() -> None:
     rate = np.array(system.rate(0.0, start))
     assert np.array(v) == pytest.approx(rate[:3], rel=1e-15)
     ahead = [
-        np.array(
-            system.velocity(
-                vec(*(np.array(start.q) + e * rate[:3])), vec(*(np.array(start.p) + e * rate[3:]))
-            )
-        )
+        np.array(system.velocity(vec(*(np.array(start.q) + e * rate[:3])), vec(*(np.array(start.p) + e * rate[3:]))))
         for e in (1e-5, -1e-5)
     ]
     assert (ahead[0] - ahead[1]) / 2e-5 == pytest.approx(np.array(turned), rel=1e-8)
@@ -230,16 +205,10 @@ def test_a_bead_on_a_wire_is_its_own_coordinate() -> None:
     bead, pendulum = lm.Constrained(Falling(), Ring()), lm.models.Pendulum(gravity=1.0)
     assert bead.separable
     ours = plain(
-        bead,
-        lm.Composition(lm.RATTLE(), order=8),
-        bead.state([np.sin(1.0), -np.cos(1.0)], [0.0, 0.0]),
-        0.2,
-        10,
+        bead, lm.Composition(lm.RATTLE(), order=8), bead.state([np.sin(1.0), -np.cos(1.0)], [0.0, 0.0]), 0.2, 10
     )
     theirs = plain(pendulum, lm.Splitting(order=8), pendulum.state(1.0, 0.0), 0.05, 40)
-    assert ours.q[-1] == pytest.approx(
-        [np.sin(theirs.q[-1, 0]), -np.cos(theirs.q[-1, 0])], abs=1e-9
-    )
+    assert ours.q[-1] == pytest.approx([np.sin(theirs.q[-1, 0]), -np.cos(theirs.q[-1, 0])], abs=1e-9)
 
 
 def test_wrapping_an_energy_that_does_not_separate() -> None:
@@ -254,13 +223,9 @@ def test_wrapping_an_energy_that_does_not_separate() -> None:
     run = plain(stiff, lm.RATTLE(), start, 0.01, 100)
     one = lm.Constrained(lm.models.DoublePendulum(gravity=1.0), Bar())
     assert one == stiff
-    theta = lm.models.Pendulum(
-        gravity=1.0
-    )  # both rods as one: I = 5, weight 3, so that I w' = -3 sin
+    theta = lm.models.Pendulum(gravity=1.0)  # both rods as one: I = 5, weight 3, so that I w' = -3 sin
     w = float(stiff.velocity(start.q, start.p)[0])
-    other = plain(
-        theta, lm.Splitting(order=6), theta.state(0.5, w / np.sqrt(0.6)), 0.01 * np.sqrt(0.6), 100
-    )
+    other = plain(theta, lm.Splitting(order=6), theta.state(0.5, w / np.sqrt(0.6)), 0.01 * np.sqrt(0.6), 100)
     assert run.q[-1] == pytest.approx([other.q[-1, 0]] * 2, abs=2e-5)
 
 
@@ -271,19 +236,12 @@ def test_the_linkage_is_a_pendulum() -> None:
         q = np.array([[j, 1.0] for j in range(loops + 1)]).ravel()
         v = np.array([[1.0, 0.0] for _ in range(loops + 1)]).ravel()
         start = linkage.state(q, linkage.momentum(vec(*q), vec(*v)))
-        assert linkage.energy(start.q, start.p) == pytest.approx(
-            {1: 20.4533333333, 2: 35.835}[loops], rel=1e-9
-        )
+        assert linkage.energy(start.q, start.p) == pytest.approx({1: 20.4533333333, 2: 35.835}[loops], rel=1e-9)
         inertia, weight = (loops + 1) / 3 + loops, (loops + 1) / 2 + loops
         pendulum = lm.models.Pendulum(gravity=9.81 * weight / inertia)
-        angle = (
-            plain(pendulum, lm.Splitting(order=8), pendulum.state(np.pi, -1.0), 0.02, 25).q[-1, 0]
-            - 0.5 * np.pi
-        )
+        angle = plain(pendulum, lm.Splitting(order=8), pendulum.state(np.pi, -1.0), 0.02, 25).q[-1, 0] - 0.5 * np.pi
         run = plain(linkage, lm.Composition(lm.RATTLE(), order=4), start, 0.1, 5)
-        assert run.q[-1].reshape(-1, 2)[0] == pytest.approx(
-            [np.cos(angle), np.sin(angle)], abs=2e-5
-        )
+        assert run.q[-1].reshape(-1, 2)[0] == pytest.approx([np.cos(angle), np.sin(angle)], abs=2e-5)
 
 
 @pytest.mark.slow

@@ -12,13 +12,7 @@ from constrained_scenes import CHAIN, PENDULUM, SWINGING, plain
 
 import liemech as lm
 from liemech import errors
-from liemech.errors import (
-    IncompatibleSystem,
-    InconsistentState,
-    InvalidInput,
-    InvalidType,
-    NoConvergence,
-)
+from liemech.errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, NoConvergence
 from liemech.formulas import record, vec
 
 
@@ -91,8 +85,7 @@ def test_dependent_constraints_are_named() -> None:
             return vec(lm.dot(q, q) - 1.0, q[0], 3.0 * q[0] + 0.5 * (lm.dot(q, q) - 1.0))
 
     with pytest.raises(
-        InvalidInput,
-        match=r"rank 2 of 3.*constraint\[2\] follows from those of constraint\[0\], constraint\[1\]",
+        InvalidInput, match=r"rank 2 of 3.*constraint\[2\] follows from those of constraint\[0\], constraint\[1\]"
     ):
         Redundant().state([0.0, 0.6, -0.8], [0.0, 0.0, 0.0])
 
@@ -244,8 +237,7 @@ def test_the_reduced_equation_says_where_constraints_become_dependent() -> None:
     linkage = lm.models.FourBarLinkage()
     line = vec(1.0, 0.0, 2.0, 0.0)
     with pytest.raises(
-        InconsistentState,
-        match=r"constraint\[2\] follows from those of constraint\[0\], constraint\[1\]",
+        InconsistentState, match=r"constraint\[2\] follows from those of constraint\[0\], constraint\[1\]"
     ):
         linkage.multipliers(line, 0.0 * line)
 
@@ -259,13 +251,9 @@ def test_one_member_of_an_ensemble_may_fail() -> None:
     free = lm.SphericalPendulum(gravity=0.0)
     q, p = np.tile([1.0, 0.0, 0.0], (5, 1)), np.outer([0.5, 0.8, 3.0, 0.9, 0.2], [0.0, 1.0, 0.0])
     with pytest.warns(RuntimeWarning, match="body 2 after 0 steps"):
-        run = lm.integrate(
-            free, lm.RATTLE(), free.state(q, p), h=1.0, steps=5, compiled=True, progress=False
-        )
+        run = lm.integrate(free, lm.RATTLE(), free.state(q, p), h=1.0, steps=5, compiled=True, progress=False)
     assert isinstance(run.stopped[2].error, NoConvergence)
-    alone = lm.integrate(
-        free, lm.RATTLE(), free.state(q[3], p[3]), h=1.0, steps=5, compiled=False, progress=False
-    )
+    alone = lm.integrate(free, lm.RATTLE(), free.state(q[3], p[3]), h=1.0, steps=5, compiled=False, progress=False)
     assert np.array_equal(run.q[:, 3], alone.q)
 
 
@@ -282,6 +270,4 @@ def test_a_start_is_that_of_its_own_system():
     two = short.state([[0.0, 0.6, -0.8]] * 2, [[1.0, 0.0, 0.0]] * 2)
     with pytest.raises(errors.InvalidInput, match=r"body 1: .*not consistent"):
         lm.integrate([short, long], lm.RATTLE(), two, h=0.01, steps=2, compiled=False)
-    assert (
-        lm.integrate([short, same], lm.RATTLE(), two, h=0.01, steps=2, compiled=False).bodies == 2
-    )
+    assert lm.integrate([short, same], lm.RATTLE(), two, h=0.01, steps=2, compiled=False).bodies == 2

@@ -38,11 +38,7 @@ EPS = float(np.finfo(float).eps)
 COUNTS = {1: 40, 2: 12, 4: 8, 6: 8, 8: 4}
 """Steps over a unit of time at which errors are halved for the first time."""
 
-SCENES: dict[str, Any] = {
-    "sphere": (PENDULUM, SWINGING),
-    "chain": (CHAIN, HANGING),
-    "stretching": (STRETCHING, MOVING),
-}
+SCENES: dict[str, Any] = {"sphere": (PENDULUM, SWINGING), "chain": (CHAIN, HANGING), "stretching": (STRETCHING, MOVING)}
 
 
 @functools.cache
@@ -68,45 +64,32 @@ def orders(method: lm.Method, scene: str, finer: int = 1) -> list[float]:
     for steps in (finer * COUNTS[method.order], 2 * finer * COUNTS[method.order]):
         run = plain(system, method, start, 0.5 / steps, steps)
         lam = np.array(system.multipliers(run.q[-1], run.p[-1]))
-        errors.append(
-            [np.abs(x).max() for x in (run.q[-1] - there[:n], run.p[-1] - there[n:], lam - wanted)]
-        )
+        errors.append([np.abs(x).max() for x in (run.q[-1] - there[:n], run.p[-1] - there[n:], lam - wanted)])
     return [float(x) for x in np.log2(np.divide(errors[0], errors[1]))]
 
 
 CASES = (
     *((method, "sphere") for method in GENERAL),
-    *(
-        slow(method, scene)
-        for scene in ("chain", "stretching")
-        for method in GENERAL
-        if method.order < 8
-    ),
+    *(slow(method, scene) for scene in ("chain", "stretching") for method in GENERAL if method.order < 8),
 )
 
 
 @pytest.mark.parametrize(("method", "scene"), CASES)
 def test_order_of_positions_momenta_and_multipliers(method: lm.Method, scene: str) -> None:
     finer = 2 if scene != "sphere" and method.order > 4 else 1
-    assert orders(method, scene, finer) == pytest.approx(
-        [method.order] * 3, abs=0.6 if method.order > 4 else 0.35
-    )
+    assert orders(method, scene, finer) == pytest.approx([method.order] * 3, abs=0.6 if method.order > 4 else 0.35)
 
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("scene", ["chain", "stretching"])
 @pytest.mark.parametrize("method", [lm.RATTLE(), PAIRS[1]], ids=repr)
-def test_order_with_two_constraints_and_with_energies_that_do_not_separate(
-    method: lm.Method, scene: str
-) -> None:
+def test_order_with_two_constraints_and_with_energies_that_do_not_separate(method: lm.Method, scene: str) -> None:
     assert orders(method, scene) == pytest.approx([method.order] * 3, abs=0.35)
 
 
 @pytest.mark.parametrize("method", GEODESIC, ids=repr)
 def test_splittings_have_their_order_on_a_sphere(method: lm.Method) -> None:
-    assert orders(method, "sphere", 2 if method.order == 4 else 1) == pytest.approx(
-        [method.order] * 3, abs=0.35
-    )
+    assert orders(method, "sphere", 2 if method.order == 4 else 1) == pytest.approx([method.order] * 3, abs=0.35)
 
 
 def test_reference_of_the_multipliers() -> None:
@@ -131,9 +114,7 @@ def test_symmetric_methods_undo_their_steps(method: lm.Method, scene: str) -> No
     back = stepped(method, system, -0.1, stepped(method, system, 0.1, y))
     assert np.abs(np.subtract(tuple(back), tuple(y))).max() < 2e-15
     there = stepped(EULERS[0], system, 0.1, y)
-    assert (
-        np.abs(np.subtract(tuple(stepped(EULERS[0], system, -0.1, there)), tuple(y))).max() > 1e-3
-    )
+    assert np.abs(np.subtract(tuple(stepped(EULERS[0], system, -0.1, there)), tuple(y))).max() > 1e-3
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -146,9 +127,7 @@ def test_the_euler_methods_undo_each_other(scene: str) -> None:
 
 @pytest.mark.sample(6)
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize(
-    "method", [lm.RATTLE(), *EULERS, PAIRS[1], slow(PAIRS[2]), slow(COMPOSED[1])], ids=repr
-)
+@pytest.mark.parametrize("method", [lm.RATTLE(), *EULERS, PAIRS[1], slow(PAIRS[2]), slow(COMPOSED[1])], ids=repr)
 def test_steps_keep_the_two_form_on_the_manifold(method: lm.Method, scene: str) -> None:
     system, start = SCENES[scene]
     assert two_form_defect(method, system, start, 0.05) < 1e-13
@@ -170,9 +149,7 @@ def test_index_reduction_does_not() -> None:
 @pytest.mark.parametrize("scene", SCENES)
 def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(scene: str) -> None:
     system, start = SCENES[scene]
-    run = lm.integrate(
-        system, lm.RATTLE(), start, h=0.01, steps=100_000, every=20, compiled=True, progress=False
-    )
+    run = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=100_000, every=20, compiled=True, progress=False)
     position, hidden = np.split(np.asarray(system.defects(run.q, run.p)), 2, axis=1)
     assert position.max() <= 4.0 * EPS
     assert hidden.max() <= 16.0 * EPS  # beside speeds, which are sometimes small
@@ -187,9 +164,7 @@ def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [PAIRS[1], GEODESIC[2]], ids=repr)
 def test_constraints_hold_in_other_methods(method: lm.Method) -> None:
-    run = lm.integrate(
-        PENDULUM, method, SWINGING, h=0.05, steps=20_000, every=20, compiled=True, progress=False
-    )
+    run = lm.integrate(PENDULUM, method, SWINGING, h=0.05, steps=20_000, every=20, compiled=True, progress=False)
     assert np.asarray(PENDULUM.defects(run.q, run.p)).max() <= 4.0 * EPS
     assert run.drift()["energy"].verdict in ("bounded", "exact")
 
@@ -200,8 +175,7 @@ def test_native_lanes_and_plain_are_one() -> None:
     q = np.stack([np.sin(angles), 0.0 * angles, -np.cos(angles)], axis=1)
     many = PENDULUM.state(q, [0.0, 1.0, 0.0] * np.ones((9, 1)))
     native, python = (
-        lm.integrate(PENDULUM, lm.RATTLE(), many, h=0.05, steps=20, compiled=c, progress=False)
-        for c in (True, False)
+        lm.integrate(PENDULUM, lm.RATTLE(), many, h=0.05, steps=20, compiled=c, progress=False) for c in (True, False)
     )
     assert same_bits(native.q, python.q)
     assert same_bits(native.p, python.p)
@@ -214,14 +188,7 @@ def test_energies_walk_but_do_not_drift_in_ten_million_steps() -> None:
     looked at.
     """
     run = lm.integrate(
-        PENDULUM,
-        lm.RATTLE(),
-        SWINGING,
-        h=0.01,
-        steps=10_000_000,
-        every=500,
-        compiled=True,
-        progress=False,
+        PENDULUM, lm.RATTLE(), SWINGING, h=0.01, steps=10_000_000, every=500, compiled=True, progress=False
     )
     errors = np.abs(run.energy - run.energy[0])[1:].reshape(10, -1).max(axis=1)
     assert np.ptp(errors) < 0.05 * errors.mean()
@@ -264,10 +231,7 @@ def test_the_origin_does_not_matter(x: float) -> None:
     """Positions are rounded to eps x, and so are the constraints; nothing else is lost."""
     far = Distant(x)
     start = far.consistent(np.array(SPHERE["q0"]) + [x, 0.0, 0.0], SPHERE["v0"])
-    a, b = (
-        plain(PENDULUM, lm.RATTLE(), SWINGING, 0.05, 20),
-        plain(far, lm.RATTLE(), start, 0.05, 20),
-    )
+    a, b = (plain(PENDULUM, lm.RATTLE(), SWINGING, 0.05, 20), plain(far, lm.RATTLE(), start, 0.05, 20))
     assert np.abs(b.q - [x, 0.0, 0.0] - a.q).max() < 200.0 * EPS * x
 
 
@@ -294,10 +258,7 @@ def test_states_at_turning_points_are_consistent() -> None:
 
 
 def test_index_reduction_is_the_reduced_equation() -> None:
-    a, b = (
-        plain(PENDULUM, m, SWINGING, 0.05, 20)
-        for m in (lm.IndexReduction(lm.RKMK(order=4)), lm.RKMK(order=4))
-    )
+    a, b = (plain(PENDULUM, m, SWINGING, 0.05, 20) for m in (lm.IndexReduction(lm.RKMK(order=4)), lm.RKMK(order=4)))
     assert same_bits(a.q, b.q)
 
 
@@ -319,20 +280,7 @@ def test_index_reduction_leaves_the_manifold_and_projection_does_not() -> None:
 @pytest.mark.compiled
 def test_only_rattle_keeps_the_energy_for_a_long_time() -> None:
     drifts = {}
-    for method in (
-        lm.RATTLE(),
-        lm.IndexReduction(lm.RKMK(order=4)),
-        lm.IndexReduction(lm.RKMK(order=4), project=True),
-    ):
-        run = lm.integrate(
-            PENDULUM,
-            method,
-            SWINGING,
-            h=0.02,
-            steps=20_000,
-            every=10,
-            compiled=True,
-            progress=False,
-        )
+    for method in (lm.RATTLE(), lm.IndexReduction(lm.RKMK(order=4)), lm.IndexReduction(lm.RKMK(order=4), project=True)):
+        run = lm.integrate(PENDULUM, method, SWINGING, h=0.02, steps=20_000, every=10, compiled=True, progress=False)
         drifts[method] = run.drift()["energy"].verdict
     assert list(drifts.values()) == ["bounded", "drifting", "drifting"]

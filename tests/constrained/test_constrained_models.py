@@ -57,20 +57,11 @@ def scene(name: str) -> tuple[Any, Any, dict[str, Any]]:
     return linkage, linkage.state(q, linkage.momentum(q, vec(*[1.0, 0.0] * (loops + 1)))), known
 
 
-STEPS = {
-    "planar chain": 40,
-    "spatial chain": 40,
-    "bead": 40,
-    "ellipsoid": 20,
-    "linkage 1": 6,
-    "linkage 2": 6,
-}
+STEPS = {"planar chain": 40, "spatial chain": 40, "bead": 40, "ellipsoid": 20, "linkage 1": 6, "linkage 2": 6}
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    "name", [slow(name) if name in ("spatial chain", "linkage 2") else name for name in STEPS]
-)
+@pytest.mark.parametrize("name", [slow(name) if name in ("spatial chain", "linkage 2") else name for name in STEPS])
 def test_models_are_where_they_should_be(name: str) -> None:
     """The reduced equation comes there to 9 digits, RATTLE to those of order 2 at two steps, the
     error falling as h^2.
@@ -81,8 +72,7 @@ def test_models_are_where_they_should_be(name: str) -> None:
     exact = plain(system, lm.RKMK(order=8), start, t / n, n).q[-1][: len(wanted)]
     assert np.abs(exact - wanted).max() < 3e-9
     errors = [
-        np.abs(plain(system, lm.RATTLE(), start, t / n, n).q[-1][: len(wanted)] - wanted).max()
-        for n in (n, 2 * n)
+        np.abs(plain(system, lm.RATTLE(), start, t / n, n).q[-1][: len(wanted)] - wanted).max() for n in (n, 2 * n)
     ]
     assert errors[1] < 1e-2
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.25)
@@ -92,6 +82,4 @@ def test_the_energy_of_a_free_particle_is_kinetic() -> None:
     system = lm.models.ParticleOnEllipsoid(axes=[1.0, 1.5, 2.0], mass=1.7)
     q, p = np.array([0.6, -0.9, 1.058]), np.array([0.3, 0.2, -0.4])
     assert system.energy(q, p) == pytest.approx(p @ p / 3.4, rel=1e-15)
-    assert not np.any(np.array(system.force(q, p))) and np.allclose(
-        system.velocity(q, p), p / 1.7, rtol=1e-15
-    )
+    assert not np.any(np.array(system.force(q, p))) and np.allclose(system.velocity(q, p), p / 1.7, rtol=1e-15)

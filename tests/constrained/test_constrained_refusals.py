@@ -55,9 +55,7 @@ def test_one_constraint_whose_derivative_vanishes_on_the_way(method: lm.Method, 
     after one.
     """
     start = Cone().state([0.0625, 0.0, 0.0625], [0.0, 0.0, 0.0])
-    with pytest.raises(
-        InconsistentState, match=r"nearly dependent at q = .*a dead point"
-    ) as stopped:
+    with pytest.raises(InconsistentState, match=r"nearly dependent at q = .*a dead point") as stopped:
         plain(Cone(), method, start, h, 40)
     run = stopped.value.trajectory
     assert 0.4 < run.t[-1] <= 0.5
@@ -107,8 +105,7 @@ def test_a_kink_does_not_depend_on_the_unit_of_mass(mass: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("radius", "told"),
-    [(1.0, "redundant"), (2.0, r"contradict each other: constraint\[1\] is 1.5")],
+    ("radius", "told"), [(1.0, "redundant"), (2.0, r"contradict each other: constraint\[1\] is 1.5")]
 )
 def test_redundant_and_contradictory_constraints_differ(radius: float, told: str) -> None:
     """Two spheres about one centre: twice the same, or of different size."""

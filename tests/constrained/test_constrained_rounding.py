@@ -36,13 +36,7 @@ def test_geodesics_have_no_bias_of_energy():
     """It was 7e-18 J a step; the scatter of 16 bodies after 2e5 steps is 5e-19."""
     steps, every = 200_000, 10
     run = lm.integrate(
-        SPHERE,
-        lm.GeodesicSplitting(order=6),
-        swinging(16),
-        h=0.1,
-        steps=steps,
-        every=every,
-        progress=False,
+        SPHERE, lm.GeodesicSplitting(order=6), swinging(16), h=0.1, steps=steps, every=every, progress=False
     )
     quarter = len(run.energy) // 4
     change = run.energy[-quarter:].mean(axis=0) - run.energy[:quarter].mean(axis=0)

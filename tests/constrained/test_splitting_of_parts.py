@@ -148,14 +148,7 @@ def test_two_parts_of_second_degree_are_the_geodesic_splitting(order: int) -> No
 @pytest.mark.compiled
 def test_long_runs_keep_the_constraints_and_the_energy() -> None:
     run = lm.integrate(
-        GENERAL,
-        lm.Splitting(order=2),
-        HANGING,
-        h=0.02,
-        steps=20_000,
-        every=20,
-        compiled=True,
-        progress=False,
+        GENERAL, lm.Splitting(order=2), HANGING, h=0.02, steps=20_000, every=20, compiled=True, progress=False
     )
     assert run.drift()["energy"].verdict == "bounded"
     assert np.asarray(GENERAL.defects(run.q, run.p)).max() < 1e-13
@@ -167,9 +160,7 @@ def test_native_lanes_and_plain_are_one() -> None:
     q = np.stack([np.sin(angles), 0.0 * angles, -np.cos(angles)], axis=1)
     many = GENERAL.state(q, [0.0, 1.0, 0.0] * np.ones((9, 1)))
     native, python = (
-        lm.integrate(
-            GENERAL, lm.Splitting(order=2), many, h=0.05, steps=10, compiled=c, progress=False
-        )
+        lm.integrate(GENERAL, lm.Splitting(order=2), many, h=0.05, steps=10, compiled=c, progress=False)
         for c in (True, False)
     )
     assert native.q.tobytes() == python.q.tobytes()

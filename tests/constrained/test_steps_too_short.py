@@ -18,9 +18,7 @@ ACROSS = np.cross(HERE, RNG.normal(size=3))
 MOVING = PENDULUM.state(HERE, ACROSS / np.linalg.norm(ACROSS))
 
 
-@pytest.mark.parametrize(
-    "method", [lm.RATTLE(), lm.ConstrainedEuler(), lm.LobattoPair(2), lm.Composition(lm.RATTLE())]
-)
+@pytest.mark.parametrize("method", [lm.RATTLE(), lm.ConstrainedEuler(), lm.LobattoPair(2), lm.Composition(lm.RATTLE())])
 def test_a_step_that_positions_do_not_notice_is_refused(method):
     how = dict(steps=20, compiled=False)
     for h in 1e-17, -1e-20, 1e-100:

@@ -189,10 +189,7 @@ def test_an_invariant_filter_gains_nothing_along_what_cannot_be_observed():
     quiet = es.Imu([1e-12] * 3, [1e-12] * 3)
     start = quiet.group.random(RNG)
     gained = {}
-    for name, process, g in (
-        ("invariant", quiet, start),
-        ("ordinary", OrdinaryImu(quiet), ordinary(start)),
-    ):
+    for name, process, g in (("invariant", quiet, start), ("ordinary", OrdinaryImu(quiet), ordinary(start))):
         rng = np.random.default_rng(3)
         ekf = es.ErrorStateFilter(process, "right")
         sensor = BodyVelocity(process.group, [0.1] * 3)
@@ -202,9 +199,7 @@ def test_an_invariant_filter_gains_nothing_along_what_cannot_be_observed():
         def yaw(belief, name=name):
             N = np.zeros(9)
             N[2] = 1.0
-            if (
-                name == "ordinary"
-            ):  # a rotation of space turns the velocity and the position of the estimate
+            if name == "ordinary":  # a rotation of space turns the velocity and the position of the estimate
                 N[3:6] = np.cross([0, 0, 1], belief.g[9:12])
                 N[6:] = np.cross([0, 0, 1], belief.g[12:])
             return N @ np.linalg.inv(belief.covariance) @ N
@@ -401,11 +396,7 @@ def test_a_gate_leaves_out_what_is_beyond_its_quantile():
         found = ekf.update(belief, star, z, gate=0.99)
         assert found.accepted == wanted
         assert np.isclose(found.nis, factor**2 * chi2.ppf(0.99, 3), rtol=1e-9)
-        assert (
-            np.array_equal(found.g, belief.g)
-            == np.array_equal(found.covariance, belief.covariance)
-            == (not wanted)
-        )
+        assert np.array_equal(found.g, belief.g) == np.array_equal(found.covariance, belief.covariance) == (not wanted)
     both = ekf.belief(np.array([np.eye(3)] * 2), [0.01] * 3)
     z = group.exp(np.array([[0.0, 0.1 * edge, 0.0], [0.0, 9.0 * edge, 0.0]]))
     assert ekf.update(both, star, z, gate=0.99).accepted.tolist() == [True, False]
@@ -438,10 +429,7 @@ def test_the_covariance_moves_by_the_differential_of_the_step_itself(side):
     F, L, d = np.zeros((3, 3)), np.zeros((3, 3)), 1e-5
     here, size = es.Belief(group, there, None, side), np.array([0.1, 0.2, 0.3])
     for i, unit in enumerate(np.eye(3)):
-        ends = [
-            process.move(errors_moved(group, side, g, s * d * unit), u, np.zeros(3), h)
-            for s in (1, -1)
-        ]
+        ends = [process.move(errors_moved(group, side, g, s * d * unit), u, np.zeros(3), h) for s in (1, -1)]
         F[:, i] = (here.error(ends[0]) - here.error(ends[1])) / (2 * d)
         ends = [process.move(g, u, s * d * unit, h) for s in (1, -1)]
         L[:, i] = (here.error(ends[0]) - here.error(ends[1])) / (2 * d) * size[i]
@@ -450,9 +438,7 @@ def test_the_covariance_moves_by_the_differential_of_the_step_itself(side):
     assert np.allclose(found.covariance, F @ P @ F.T + L @ L.T, rtol=1e-7, atol=1e-10)
     # a coarser method has another differential
     other = es.ErrorStateFilter(Seeking(group, lm.RKMK(order=1)), side)
-    assert not np.allclose(
-        other.predict(other.belief(g, P), u, h).covariance, found.covariance, rtol=1e-3
-    )
+    assert not np.allclose(other.predict(other.belief(g, P), u, h).covariance, found.covariance, rtol=1e-3)
 
 
 @pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
@@ -482,9 +468,7 @@ def test_a_bias_is_found():
         truth = lm.SO3().compose_exp(truth, h * w)
         belief = ekf.predict(belief, w + bias + 1e-3 / np.sqrt(h) * rng.normal(size=3), h)
         if k % 5 == 0:
-            belief = ekf.update(
-                belief, star, lm.SO3().compose_exp(truth, 1e-3 * rng.normal(size=3))
-            )
+            belief = ekf.update(belief, star, lm.SO3().compose_exp(truth, 1e-3 * rng.normal(size=3)))
     assert np.all(np.abs(group.split(belief.g)[1] - bias) < 4.0 * belief.deviations[3:])
     assert belief.deviations[3:].max() < 2e-3
     assert belief.nees(group.join(truth, bias)) < chi2.ppf(0.999, 6)
@@ -502,9 +486,7 @@ def consistent(kind, side, runs, turns):
         truth = group.compose_exp(truth, h * np.broadcast_to(w, (runs, 3)))
         belief = ekf.predict(belief, w + 1e-3 / np.sqrt(h) * rng.normal(size=(runs, 3)), h)
         if k % 10 == 9:
-            belief = ekf.update(
-                belief, star, group.compose_exp(truth, 0.01 * rng.normal(size=(runs, 3)))
-            )
+            belief = ekf.update(belief, star, group.compose_exp(truth, 0.01 * rng.normal(size=(runs, 3))))
             nees.append(belief.nees(truth))
             nis.append(belief.nis)
     return es.consistency(nees, 3), es.consistency(nis, 3)

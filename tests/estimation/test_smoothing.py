@@ -176,9 +176,7 @@ def test_a_smoothed_chain_of_poses_is_scipys_least_squares(side):
             parts.append((value - predicted) / [0.1, 0.2, 0.3])
         return np.concatenate(parts)
 
-    other = scipy.optimize.least_squares(
-        residuals, np.zeros(24), xtol=1e-14, ftol=1e-14, gtol=1e-14
-    )
+    other = scipy.optimize.least_squares(residuals, np.zeros(24), xtol=1e-14, ftol=1e-14, gtol=1e-14)
     assert np.abs(other.x).max() < 2e-6  # it stays where we ended
     assert np.isclose(found.chi2, 2.0 * other.cost, rtol=1e-8)
     if side == "left":
@@ -190,9 +188,7 @@ def test_a_smoothed_chain_of_poses_is_scipys_least_squares(side):
 def test_what_is_found_does_not_depend_on_where_it_begins():
     process, u, x, h = tour(6)
     group, at = process.group, np.array([2, 4, 6])
-    sensors = [
-        (es.Landmark(group, p, [0.05] * 3), at) for p in ([3.0, 1, 2], [-2.0, 4, 0], [1.0, -3, 1])
-    ]
+    sensors = [(es.Landmark(group, p, [0.05] * 3), at) for p in ([3.0, 1, 2], [-2.0, 4, 0], [1.0, -3, 1])]
     seen = [(s, at, s.value(x[at]) + 0.05 * RNG.normal(size=(3, 3))) for s, at in sensors]
     first = es.smooth(process, None, u, h, seen, initial=x)
     far = group.compose_exp(x, 0.6 * RNG.normal(size=(7, 6)))
@@ -265,9 +261,7 @@ def test_a_start_is_found_from_the_attitude():
 
     other = scipy.optimize.least_squares(residuals, np.zeros(6), jac="3-point", xtol=1e-13)
     assert np.abs(other.x).max() < 1e-6 and np.isclose(2.0 * other.cost, found.chi2, rtol=1e-9)
-    assert np.allclose(
-        found.covariance, np.linalg.inv(other.jac.T @ other.jac), rtol=1e-4, atol=1e-9
-    )
+    assert np.allclose(found.covariance, np.linalg.inv(other.jac.T @ other.jac), rtol=1e-4, atol=1e-9)
 
 
 def test_parameters_are_found_with_the_start():
@@ -309,9 +303,7 @@ def test_an_orbit_is_found_from_positions():
             return g[:2]
 
     assert Seen([0.1] * 2).group == space
-    found = es.fit(
-        plan, system.state(q=[1.1, 0.1], p=[0.1, 1.0]), [(Seen([0.1] * 2), at, run.q[at])]
-    )
+    found = es.fit(plan, system.state(q=[1.1, 0.1], p=[0.1, 1.0]), [(Seen([0.1] * 2), at, run.q[at])])
     assert np.allclose(found.start.q, [1.0, 0.0], atol=1e-9)
     assert np.allclose(found.start.p, [0.0, 1.1], atol=1e-9)
 

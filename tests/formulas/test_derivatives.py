@@ -52,24 +52,18 @@ def other_way(x, y, turns):
 
 def third(x, y, turns):
     """d^3/dx^2 dy."""
-    return derivative(
-        lambda b: derivative(lambda a: derivative(lambda c: f.exp(c * b) * f.log(c + b), a), x), y
-    )
+    return derivative(lambda b: derivative(lambda a: derivative(lambda c: f.exp(c * b) * f.log(c + b), a), x), y)
 
 
 def thrice(x, y, turns):
     """d^3/dx^3."""
-    return derivative(
-        lambda a: derivative(lambda b: derivative(lambda c: f.sqrt(c) * f.atan(y * c), b), a), x
-    )
+    return derivative(lambda a: derivative(lambda b: derivative(lambda c: f.sqrt(c) * f.atan(y * c), b), a), x)
 
 
 def of_a_product_of_derivatives(x, y, turns):
     """d/dx (f_x f_y), f = x^2 y^3 + sin x."""
     energy = lambda a, b: a**2 * b**3 + f.sin(a)  # noqa: E731
-    return derivative(
-        lambda a: derivative(lambda u: energy(u, y), a) * derivative(lambda u: energy(a, u), y), x
-    )
+    return derivative(lambda a: derivative(lambda u: energy(u, y), a) * derivative(lambda u: energy(a, u), y), x)
 
 
 def at_what_was_derived(x, y, turns):
@@ -80,9 +74,7 @@ def at_what_was_derived(x, y, turns):
 
 def along_what_moves(x, y, turns):
     """d/dx of the derivative of u v^2 at (x, y) along (x^2, x y)."""
-    return derivative(
-        lambda a: derivative(lambda z: z[0] * z[1] ** 2, vec(a, y), vec(a * a, a * y)), x
-    )
+    return derivative(lambda a: derivative(lambda z: z[0] * z[1] ** 2, vec(a, y), vec(a * a, a * y)), x)
 
 
 def powers(x, y, turns):
@@ -100,24 +92,11 @@ def powers(x, y, turns):
 def elementary(x, y, turns):
     return vec(
         derivative(lambda a: f.hypot(a, y) * f.cbrt(a) + f.exp2(a) * f.log2(a) - f.log10(a * y), x),
+        derivative(lambda a: derivative(lambda b: f.asinh(a * b) + f.acosh(1.0 + a * b) + f.atanh(a * b / 9.0), y), x),
         derivative(
-            lambda a: derivative(
-                lambda b: f.asinh(a * b) + f.acosh(1.0 + a * b) + f.atanh(a * b / 9.0), y
-            ),
-            x,
+            lambda a: derivative(lambda b: f.atan2(a, b) + f.tanh(a - b) + f.log1p(a / b) + f.expm1(a * b), y), x
         ),
-        derivative(
-            lambda a: derivative(
-                lambda b: f.atan2(a, b) + f.tanh(a - b) + f.log1p(a / b) + f.expm1(a * b), y
-            ),
-            x,
-        ),
-        derivative(
-            lambda a: derivative(
-                lambda b: f.pow(a, b) * f.radians(b) + f.degrees(a) / f.fabs(b), y
-            ),
-            x,
-        ),
+        derivative(lambda a: derivative(lambda b: f.pow(a, b) * f.radians(b) + f.degrees(a) / f.fabs(b), y), x),
     )
 
 
@@ -176,9 +155,7 @@ def test_nested_derivatives_are_those_of_sympy(formula: Callable[..., Any]) -> N
         values = dict(zip(symbols, (x, y, x, y), strict=True))
         entries = exact if isinstance(exact, (list, sympy.MatrixBase)) else [exact]
         expected = [float(sympy.sympify(e).subs(values).evalf(30)) for e in entries]
-        np.testing.assert_allclose(
-            np.array(formula(x, y, 3)).ravel(), expected, rtol=2e-13, atol=1e-14
-        )
+        np.testing.assert_allclose(np.array(formula(x, y, 3)).ravel(), expected, rtol=2e-13, atol=1e-14)
 
 
 @pytest.mark.sample(3)
@@ -231,9 +208,7 @@ def in_loops(x, y, turns):
 
 @pytest.mark.sample(1)
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "formula", [on_branches, constants_on_one_way, in_loops], ids=lambda formula: formula.__name__
-)
+@pytest.mark.parametrize("formula", [on_branches, constants_on_one_way, in_loops], ids=lambda formula: formula.__name__)
 def test_branches_and_loops_in_native_code(formula: Callable[..., Any]) -> None:
     same_in_all_worlds(formula, ROWS)
 
@@ -267,9 +242,7 @@ class Products(lm.HamiltonianSystem):
 def test_a_derived_velocity_is_derived_again() -> None:
     system, q, p = Products(1.0), vec(2.0, 0.5), vec(3.0, 0.7)
     sin = np.sin(0.5)
-    np.testing.assert_allclose(
-        system.velocity_slope(q, p), [[6.0, -0.7 * sin], [0.0, -3.0 * sin]], rtol=1e-15
-    )
+    np.testing.assert_allclose(system.velocity_slope(q, p), [[6.0, -0.7 * sin], [0.0, -3.0 * sin]], rtol=1e-15)
     # d^2 H/dq dp in the other order
     transposed = transpose(jacobian(lambda x: -system.force(q, x), p))
     np.testing.assert_allclose(system.velocity_slope(q, p), np.array(transposed).T.T, rtol=1e-15)
@@ -308,9 +281,7 @@ def test_derivatives_along_a_group_are_those_of_differences() -> None:
     group, a, b, h = lm.SO3(), 0.3, 0.7, 1e-5
     g, eta = group.exp(vec(b, a, 0.25)), vec(a, b, 0.5)
     there, here = (Potential().force(group, group.compose_exp(g, t * eta)) for t in (h, -h))
-    np.testing.assert_allclose(
-        stiffness(a, b, 3), (np.array(there) - np.array(here)) / (2 * h), rtol=1e-9
-    )
+    np.testing.assert_allclose(stiffness(a, b, 3), (np.array(there) - np.array(here)) / (2 * h), rtol=1e-9)
 
 
 @pytest.mark.slow
@@ -336,9 +307,7 @@ def test_derivatives_by_a_number_and_of_anything() -> None:
     assert moved.mu == state.mu and moved.g is None
 
 
-@pytest.mark.parametrize(
-    "x", [[1.0, 2.0], (1.0, 2.0), np.array([1.0, 2.0]), np.array([1, 2]), vec(1, 2)]
-)
+@pytest.mark.parametrize("x", [[1.0, 2.0], (1.0, 2.0), np.array([1.0, 2.0]), np.array([1, 2]), vec(1, 2)])
 def test_vectors_come_in_every_shape(x: Any) -> None:
     assert gradient(lambda y: y[0] ** 2 * y[1], x) == vec(4.0, 1.0)
     assert derivative(lambda y: dot(y, y), x, [1, 0]) == 2.0
@@ -349,10 +318,7 @@ def test_vectors_come_in_every_shape(x: Any) -> None:
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
-        (
-            lambda: derivative(lambda x: x[0], vec(1.0, 2.0, 3.0), vec(1.0, 2.0)),
-            "3 components .* 2 components",
-        ),
+        (lambda: derivative(lambda x: x[0], vec(1.0, 2.0, 3.0), vec(1.0, 2.0)), "3 components .* 2 components"),
         (lambda: derivative(lambda x: x[0], vec(1.0, 2.0, 3.0)), "3 components .* got 1.0"),
         (lambda: derivative(lambda x: x, 1.0, vec(1.0, 2.0)), "is a number; got Vec"),
         (lambda: gradient(lambda x: x, 1.0), "must be a vector; got float"),
@@ -398,12 +364,8 @@ def test_powers_with_an_exponent_that_moves_through_zero() -> None:
     same_in_all_worlds(with_moving_exponents, ROWS)
 
 
-@pytest.mark.parametrize(
-    "n, at_zero", [(0.0, None), (1.0, None), (1.5, 0.0), (2.0, 0.0), (3.0, 0.0)]
-)
-def test_a_power_of_zero_has_a_mixed_derivative_if_its_exponent_is_above_one(
-    n: float, at_zero: float | None
-) -> None:
+@pytest.mark.parametrize("n, at_zero", [(0.0, None), (1.0, None), (1.5, 0.0), (2.0, 0.0), (3.0, 0.0)])
+def test_a_power_of_zero_has_a_mixed_derivative_if_its_exponent_is_above_one(n: float, at_zero: float | None) -> None:
     """x^(n - 1) (1 + n log x), which is infinite for n <= 1."""
     ways = (
         lambda: derivative(lambda n: derivative(lambda x: x**n, 0.0), n),
@@ -436,10 +398,7 @@ class Exponent(lm.Record):
     n: float
 
     def slopes(self, x):
-        return vec(
-            derivative(lambda a: a**self.n, x),
-            derivative(lambda a: derivative(lambda b: b**self.n, a), x),
-        )
+        return vec(derivative(lambda a: a**self.n, x), derivative(lambda a: derivative(lambda b: b**self.n, a), x))
 
 
 def with_exponents(a, b, turns):
@@ -494,28 +453,17 @@ def test_threads_have_levels_of_their_own() -> None:
 
 
 def test_complex_numbers_hold_derivatives_in_either_order() -> None:
-    for product in (
-        lambda x: x * Complex(1.0, 2.0),
-        lambda x: Complex(1.0, 2.0) * x,
-        lambda x: Complex(x, 2.0 * x),
-    ):
+    for product in (lambda x: x * Complex(1.0, 2.0), lambda x: Complex(1.0, 2.0) * x, lambda x: Complex(x, 2.0 * x)):
         assert derivative(product, 3.0) == Complex(1.0, 2.0)
     assert derivative(lambda x: (x + Complex(0.0, 1.0)) ** 2, 3.0) == Complex(6.0, 2.0)
     assert derivative(lambda x: 5.0 / (x * Complex(0.0, 1.0)), 2.0) == Complex(0.0, 1.25)
     mixed = derivative(lambda x: derivative(lambda y: x * Complex(0.0, y) * y, 2.0), 3.0)
     assert mixed == Complex(0.0, 4.0)
-    assert derivative(lambda z: z[0] * z[0], [Complex(1.0, 2.0)], [Complex(0.0, 1.0)]) == Complex(
-        -4.0, 2.0
-    )
+    assert derivative(lambda z: z[0] * z[0], [Complex(1.0, 2.0)], [Complex(0.0, 1.0)]) == Complex(-4.0, 2.0)
 
 
 def with_complex_numbers(x, y, turns):
-    z = derivative(
-        lambda a: derivative(
-            lambda b: (a + Complex(b, a)) * (b * Complex(0.0, 1.0)) / Complex(a, b), y
-        ),
-        x,
-    )
+    z = derivative(lambda a: derivative(lambda b: (a + Complex(b, a)) * (b * Complex(0.0, 1.0)) / Complex(a, b), y), x)
     return z.re, z.im, abs(z)
 
 

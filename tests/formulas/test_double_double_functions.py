@@ -27,11 +27,7 @@ def wide(m: Any) -> Mat:
 def distance(a: Any, b: Any) -> mp.mpf:
     """The largest difference of two matrices of numbers of two doubles."""
     with mp.workdps(60):
-        return max(
-            abs(exactly(x) - exactly(y))
-            for p, q in zip(a, b, strict=True)
-            for x, y in zip(p, q, strict=True)
-        )
+        return max(abs(exactly(x) - exactly(y)) for p, q in zip(a, b, strict=True) for x, y in zip(p, q, strict=True))
 
 
 @pytest.mark.sample(4)

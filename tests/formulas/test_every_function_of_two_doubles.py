@@ -11,15 +11,7 @@ import mpmath as mp
 import pytest
 
 from liemech import formulas as f
-from liemech.formulas.double_double import (
-    COSINE,
-    EXPONENTIAL,
-    HALF_PI,
-    LN_2,
-    SINE,
-    DoubleDouble,
-    quotient,
-)
+from liemech.formulas.double_double import COSINE, EXPONENTIAL, HALF_PI, LN_2, SINE, DoubleDouble, quotient
 
 EVERYWHERE = -40.3, -2.7, -1.0, -0.61, -1e-3, -1e-9, 1e-9, 1e-3, 0.34, 0.35, 0.61, 1.0, 2.7, 40.3
 ABOVE_ZERO = tuple([x for x in EVERYWHERE if x > 0.0] + [0.49, 0.51, 1e-30, 1e30])
@@ -98,11 +90,7 @@ def test_constants() -> None:
             for k, word in enumerate(words):
                 assert word == float(constant - mp.fsum(words[:k]))
         for k, (sine, cosine, growth) in enumerate(zip(SINE, COSINE, EXPONENTIAL)):
-            for n, sign, found in (
-                (2 * k + 1, (-1) ** k, sine),
-                (2 * k, (-1) ** k, cosine),
-                (k + 1, 1, growth),
-            ):
+            for n, sign, found in ((2 * k + 1, (-1) ** k, sine), (2 * k, (-1) ** k, cosine), (k + 1, 1, growth)):
                 exact = mp.mpf(sign) / mp.factorial(n)
                 assert found == (float(exact), float(exact - float(exact)))
         third = mp.mpf(1) / 3

@@ -33,13 +33,7 @@ def plain(make: Decorator) -> tuple[type, list[tuple[tuple[Any, ...], dict[str, 
         x: float
         y: float = 2.0
 
-    return Plain, [
-        ((1.0,), {}),
-        ((1.0, 3.0), {}),
-        ((), {"y": 5.0, "x": 1}),
-        ((), {}),
-        ((1, 2, 3), {}),
-    ]
+    return Plain, [((1.0,), {}), ((1.0, 3.0), {}), ((), {"y": 5.0, "x": 1}), ((), {}), ((1, 2, 3), {})]
 
 
 def nothing(make: Decorator) -> Any:
@@ -350,9 +344,7 @@ def looked_at(make: Decorator, kind: Any) -> Iterator[Any]:
         for f in dataclasses.fields(cls)
     ]
     yield [(f.name, f.default) for f in dataclasses.fields(cls)]
-    yield {
-        f.name: outcome(functools.partial(getattr, cls, f.name)) for f in dataclasses.fields(cls)
-    }
+    yield {f.name: outcome(functools.partial(getattr, cls, f.name)) for f in dataclasses.fields(cls)}
     made = []
     for args, options in calls:
         yield outcome(lambda args=args, options=options: cls(*args, **options))
@@ -407,9 +399,7 @@ def test_the_constructor_of_a_base_that_has_made_nothing_yet_is_its_own() -> Non
             super().__init__(y + 1)
 
     assert Derived(1).x == 2 and Base(5).x == 5
-    assert inspect.signature(Base) == inspect.signature(
-        frozen(type("B", (), {"__annotations__": {"x": "int"}}))
-    )
+    assert inspect.signature(Base) == inspect.signature(frozen(type("B", (), {"__annotations__": {"x": "int"}})))
 
 
 def test_a_class_of_no_module() -> None:
@@ -507,10 +497,7 @@ def test_fields_of_records_are_replaced() -> None:
 @pytest.mark.parametrize(
     "wrong, says",
     [
-        (
-            lambda: lm.RigidBody(inertias=[1, 2, 3]),
-            r"RigidBody\(\) .*'inertias'. Did you mean 'inertia'",
-        ),
+        (lambda: lm.RigidBody(inertias=[1, 2, 3]), r"RigidBody\(\) .*'inertias'. Did you mean 'inertia'"),
         (lambda: lm.RKMK(ordr=4), r"RKMK\(\) .*'ordr'. Did you mean 'order'"),
         (lambda: Shifted([1.0], shfit=[2.0]), "'shfit'. Did you mean 'shift'"),
         (lambda: Sized(wieghts=[1.0]), "'wieghts'; it takes none"),

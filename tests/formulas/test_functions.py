@@ -14,13 +14,7 @@ from compiler.worlds import same_in_all_worlds
 from liemech import formulas as f
 from liemech.formulas import derivative, functions, vec
 
-NAMES = [
-    *functions.INSTRUCTIONS,
-    *[g.__name__ for g in functions.LIBM],
-    "fabs",
-    "radians",
-    "degrees",
-]
+NAMES = [*functions.INSTRUCTIONS, *[g.__name__ for g in functions.LIBM], "fabs", "radians", "degrees"]
 OF_TWO = "copysign", "atan2", "pow"
 
 
@@ -63,26 +57,20 @@ def test_derivatives(name: str) -> None:
     assert derivative(lambda y: getattr(f, name)(y, *extra), x) == pytest.approx(exact, rel=1e-14)
     if name in ("atan2", "pow"):
         exact = float(sympy.diff(getattr(f, name)(*extra, t), t).subs(t, x).evalf(30))
-        assert derivative(lambda y: getattr(f, name)(*extra, y), x) == pytest.approx(
-            exact, rel=1e-14
-        )
+        assert derivative(lambda y: getattr(f, name)(*extra, y), x) == pytest.approx(exact, rel=1e-14)
 
 
 @pytest.mark.parametrize("name", [g.__name__ for g in (functions.sqrt, *functions.LIBM)])
 def test_arrays(name: str) -> None:
     x = np.array([1.25, 1.5]) if name == "acosh" else np.array([0.25, 0.5])
     extra = (2.0,) if name in OF_TWO else ()
-    np.testing.assert_allclose(
-        getattr(f, name)(x, *extra), [getattr(f, name)(float(a), *extra) for a in x], rtol=1e-14
-    )
+    np.testing.assert_allclose(getattr(f, name)(x, *extra), [getattr(f, name)(float(a), *extra) for a in x], rtol=1e-14)
     assert getattr(f, name)(x[:1], *extra).shape == (1,)
 
 
 @pytest.mark.parametrize("wrong", [vec(1.0, 2.0), "1.0", None, f.Complex(1.0, 2.0), [1.0]])
 def test_what_is_no_number_is_refused(wrong: Any) -> None:
-    with pytest.raises(
-        TypeError, match=f"sin is a function of numbers; got {type(wrong).__name__}"
-    ):
+    with pytest.raises(TypeError, match=f"sin is a function of numbers; got {type(wrong).__name__}"):
         f.sin(wrong)
 
 
@@ -108,8 +96,6 @@ def lists_sum(items):
 
 @pytest.mark.sample(1)
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "formula", [every_function, their_slopes], ids=lambda formula: formula.__name__
-)
+@pytest.mark.parametrize("formula", [every_function, their_slopes], ids=lambda formula: formula.__name__)
 def test_the_same_bits_in_native_code(formula: Any) -> None:
     same_in_all_worlds(formula, [(0.3, 0.7), (-1.1, 0.4), (2.3, -1.9), (0.01, 1.3)])

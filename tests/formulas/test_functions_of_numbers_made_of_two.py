@@ -26,9 +26,7 @@ WHOLE = int, round, math.floor, math.ceil, math.trunc
 OPERATIONS = operator.mod, operator.floordiv, divmod
 
 
-@pytest.mark.parametrize(
-    "function", (*functions.LIBM, f.sqrt, f.copysign), ids=lambda f: f.__name__
-)
+@pytest.mark.parametrize("function", (*functions.LIBM, f.sqrt, f.copysign), ids=lambda f: f.__name__)
 def test_functions_of_compensated_numbers_are_those_of_the_value(function: Any) -> None:
     x, y = Compensated(1.25, 1e-17), Compensated(0.75, -1e-17)
     two = function in (f.atan2, f.pow, f.copysign)
@@ -38,9 +36,7 @@ def test_functions_of_compensated_numbers_are_those_of_the_value(function: Any) 
         else [function(x - 0.25 * (function is f.atanh) * 2)]
     )
     argument = 1.25 - 0.5 * (function is f.atanh)
-    assert set(found) == {function(1.25, 0.75) if two else function(argument)} or math.isnan(
-        found[0]
-    )
+    assert set(found) == {function(1.25, 0.75) if two else function(argument)} or math.isnan(found[0])
     if not two and not math.isnan(found[0]):
         slope = derivative(lambda s: function(x + s - 0.5 * (function is f.atanh)), 0.0)
         assert float(slope) == derivative(function, argument)
@@ -73,9 +69,7 @@ def test_remainders_and_quotients(operation: Callable[..., Any]) -> None:
                     operation.__name__, [quotient, p - quotient * q]
                 )
                 found = operation(long, short)
-                for n, right in zip(
-                    found if isinstance(found, tuple) else [found], wanted, strict=True
-                ):
+                for n, right in zip(found if isinstance(found, tuple) else [found], wanted, strict=True):
                     assert abs(mp.mpf(n.value) + mp.mpf(n.low) - right) <= 2**-98 * abs(p)
 
 
@@ -119,8 +113,5 @@ def test_energies_with_functions_run_natively_in_compensated_sums(method: Any) -
         start = system.state(mu=[0.3, -0.2, 0.5], g=np.eye(3))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        runs = [
-            lm.Plan(system, method, h=0.01, compensated=c).run(start, steps=300).mu[-1]
-            for c in (None, False)
-        ]
+        runs = [lm.Plan(system, method, h=0.01, compensated=c).run(start, steps=300).mu[-1] for c in (None, False)]
     assert np.allclose(*runs, rtol=1e-11)

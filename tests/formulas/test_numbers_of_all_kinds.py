@@ -19,15 +19,7 @@ from liemech.formulas.compensated import Compensated
 from liemech.formulas.derivatives import tangent
 from liemech.formulas.dual import Dual
 from liemech.formulas.functions import fma
-from liemech.formulas.pytree import (
-    build,
-    double_double,
-    fitted,
-    layout_of,
-    leaves,
-    rounded,
-    with_slopes,
-)
+from liemech.formulas.pytree import build, double_double, fitted, layout_of, leaves, rounded, with_slopes
 from liemech.formulas.records import Record
 from liemech.formulas.series import Series
 from liemech.formulas.sizes import one_norm
@@ -63,9 +55,7 @@ def test_comparisons_look_at_the_value(operation: Any) -> None:
                 continue
             assert operation(x, y) is operation(x, b) is operation(a, y) is wanted
             seen = []
-            derivative(
-                lambda s, a=a, b=b, seen=seen: seen.append(operation(a + s, b - s)) or s, 0.0
-            )
+            derivative(lambda s, a=a, b=b, seen=seen: seen.append(operation(a + s, b - s)) or s, 0.0)
             assert seen == [wanted]
 
 
@@ -157,9 +147,7 @@ def test_vectors_and_matrices_of_any_shape_as_fields_and_arguments() -> None:
     for wrong in (v[0], m):
         with pytest.raises(InvalidInput, match="matrix is a matrix; got an array of shape"):
             Form(wrong, v[0])
-    with pytest.raises(
-        InvalidInput, match=r"m has shape \(2,\); its last axes must be \('n', 'n'\)"
-    ):
+    with pytest.raises(InvalidInput, match=r"m has shape \(2,\); its last axes must be \('n', 'n'\)"):
         form.value(v[0], v[0])
 
 

@@ -26,9 +26,7 @@ def test_a_number_is_zero_with_its_derivative_only_if_both_are() -> None:
 
 def test_an_array_and_a_matrix_add_up_in_both_orders() -> None:
     a, b = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[5.0, 7.0], [11.0, 13.0]])
-    assert np.array_equal(np.array(a + lm.Mat.of(b)), a + b) and np.array_equal(
-        np.array(lm.Mat.of(b) + a), a + b
-    )
+    assert np.array_equal(np.array(a + lm.Mat.of(b)), a + b) and np.array_equal(np.array(lm.Mat.of(b) + a), a + b)
 
 
 @pytest.mark.parametrize("x", [-3.0, -1e-3, 1e-9, 0.4, 2.5])

@@ -23,9 +23,7 @@ TABLE, FIELD = np.array([[2.0, -1.0, 0.5], [0.25, 3.0, 1.0]]), np.array([0.5, -2
 X, STEP = 0.4, 1e-3
 
 
-SMOOTH = [
-    f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.where, np.sign, np.floor_divide)
-]
+SMOOTH = [f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.where, np.sign, np.floor_divide)]
 
 
 @pytest.mark.parametrize("function", SMOOTH, ids=lambda f: f.__name__)
@@ -68,9 +66,7 @@ def test_comparisons_look_at_values(function: Any) -> None:
     for x in (0.25, 0.5, 0.75):
         moving = 1.0 if x != 0.5 or function not in (np.equal, np.not_equal) else 0
         assert function(np.float64(x), Dual(0.5, moving)) is bool(function(x, 0.5))
-        assert function(Vec(x, 1.0), np.array([0.5, 1.0])).tolist() == [
-            *function([x, 1.0], [0.5, 1.0])
-        ]
+        assert function(Vec(x, 1.0), np.array([0.5, 1.0])).tolist() == [*function([x, 1.0], [0.5, 1.0])]
 
 
 def test_functions_of_vectors_are_those_of_formulas() -> None:

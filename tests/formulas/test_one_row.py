@@ -15,16 +15,7 @@ from liemech.errors import LiemechError
 from liemech.formulas import one_row
 from liemech.formulas.vectors import small
 
-GROUPS = [
-    lm.SO3(),
-    lm.SE3(),
-    lm.UnitQuaternions(),
-    lm.SE2(),
-    lm.SE23(),
-    lm.SGal3(),
-    lm.SO(4),
-    lm.SU(2),
-]
+GROUPS = [lm.SO3(), lm.SE3(), lm.UnitQuaternions(), lm.SE2(), lm.SE23(), lm.SGal3(), lm.SO(4), lm.SU(2)]
 RNG = np.random.default_rng(5)
 
 

@@ -73,12 +73,7 @@ def right_jet(exact: Callable[[Any], Any], x: float, n: int) -> list[Any]:
 @NAMES
 def test_values_and_derivatives(name: str) -> None:
     formula, exact, switches = EXACT[name]
-    allowed = (
-        8.0,
-        40.0,
-        300.0,
-        1000.0,
-    )  # units in the last place of the first, second, ... derivative
+    allowed = (8.0, 40.0, 300.0, 1000.0)  # units in the last place of the first, second, ... derivative
     for x in places(switches):
         for k, right in enumerate(right_jet(exact, x, 4)):
             error = abs(nth(formula, k)(x) - right) / max(abs(right), mp.mpf("0.02"))
@@ -125,9 +120,7 @@ def curvatures_of_them(x, turns):
 @pytest.mark.compiled
 @pytest.mark.parametrize("formula", [all_of_them, slopes_of_them, curvatures_of_them])
 def test_the_same_bits_in_all_worlds(formula: Any) -> None:
-    rows = [
-        (x,) for x in (0.0, -0.0, 1e-12, -0.3, 0.5, 0.51, 1.9, 2.1, -2.5, 3.999, 4.1, -4.5, 30.0)
-    ]
+    rows = [(x,) for x in (0.0, -0.0, 1e-12, -0.3, 0.5, 0.51, 1.9, 2.1, -2.5, 3.999, 4.1, -4.5, 30.0)]
     same_in_all_worlds(formula, rows)
 
 

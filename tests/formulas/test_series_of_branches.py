@@ -12,15 +12,7 @@ import pytest
 import liemech as lm
 from liemech import formulas as f
 
-QUOTIENTS = (
-    f.sinc,
-    f.versine_over,
-    f.segment_over,
-    f.sinh_over,
-    f.coshm1_over,
-    f.expm1_over,
-    f.atan_over,
-)
+QUOTIENTS = (f.sinc, f.versine_over, f.segment_over, f.sinh_over, f.coshm1_over, f.expm1_over, f.atan_over)
 
 
 @lm.record
@@ -77,8 +69,5 @@ def test_series_pass_both_ways_of_a_branch(system: Any) -> None:
 )
 def test_series_give_the_same_bits_in_native_code(system: Any, method: Any) -> None:
     for start in (starts(system), system.state(q=[2.5, 1.0], p=[0.8, -0.2])):
-        plain, native = (
-            lm.integrate(system, method, start, h=0.002, steps=2, compiled=how)
-            for how in (False, True)
-        )
+        plain, native = (lm.integrate(system, method, start, h=0.002, steps=2, compiled=how) for how in (False, True))
         assert np.array_equal(plain.q, native.q) and np.array_equal(plain.p, native.p)

@@ -12,8 +12,5 @@ def test_both_rests_are_added() -> None:
         return Fraction(x.value) + Fraction(x.rest)
 
     large, small = Compensated(1.0, 2.0**-60), Compensated(2.0**-30, 2.0**-85)
-    for found, wanted in (
-        (large + small, exact(large) + exact(small)),
-        (large - small, exact(large) - exact(small)),
-    ):
+    for found, wanted in ((large + small, exact(large) + exact(small)), (large - small, exact(large) - exact(small))):
         assert abs(exact(found) - wanted) < Fraction(2) ** -82

@@ -40,9 +40,7 @@ def test_sums_go_from_left_to_right() -> None:
     assert lm.sum([]) == 0.0
 
 
-@pytest.mark.parametrize(
-    "other", [[1, 2, 3], (1.0, 2.0, 3.0), np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3])]
-)
+@pytest.mark.parametrize("other", [[1, 2, 3], (1.0, 2.0, 3.0), np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3])])
 def test_lists_tuples_and_arrays_stand_beside_vectors(other: Any) -> None:
     w = vec(1.0, 2.0, 3.0)
     for found, expected in (
@@ -88,10 +86,7 @@ def test_arrays_stand_beside_matrices() -> None:
         (lambda: cross(V, vec(1.0, 2.0, 3.0, 4.0)), "3 and 4 components"),
         (lambda: M @ vec(1.0, 2.0), r"\(3, 3\) cannot multiply one with 2 rows"),
         (lambda: M @ 2.0, r"\(3, 3\) cannot multiply float"),
-        (
-            lambda: V @ mat(vec(1.0, 2.0), vec(3.0, 4.0)),
-            r"3 components cannot multiply a matrix of shape \(2, 2\)",
-        ),
+        (lambda: V @ mat(vec(1.0, 2.0), vec(3.0, 4.0)), r"3 components cannot multiply a matrix of shape \(2, 2\)"),
         (lambda: TALL @ M, r"\(3, 2\) cannot multiply one with 3 rows"),
         (lambda: M + TALL, r"\(3, 3\) and \(3, 2\)"),
         (lambda: mat(vec(1.0, 2.0), vec(3.0)), "rows of 2, 1"),
@@ -116,15 +111,7 @@ WEIGHTS = (0.5, 0.25, 3.0)
 def all_of_it(a, b, turns):
     v = vec(a, b, 1.5)
     sums = v.sum(), lm.sum([v, 2.0 * v, v]), lm.sum(v)
-    return (
-        v**2,
-        v**2.0,
-        abs(v),
-        (v * v + [1, 2, 3]) ** v,
-        WEIGHTS * v - (1.0, a, b),
-        v @ M @ v,
-        sums,
-    )
+    return (v**2, v**2.0, abs(v), (v * v + [1, 2, 3]) ** v, WEIGHTS * v - (1.0, a, b), v @ M @ v, sums)
 
 
 @pytest.mark.compiled
@@ -176,16 +163,12 @@ def test_what_is_no_number_is_refused_in_a_vector(wrong: Any) -> None:
 def test_an_annotation_that_is_a_value_is_refused(annotation: Any) -> None:
     space = {"__annotations__": {"x": annotation}, "__module__": __name__}
     made = lm.record(type("Wrong", (lm.Record,), space))
-    with pytest.raises(
-        InvalidType, match=r"Wrong\.x is annotated by the value .* by a type, float"
-    ):
+    with pytest.raises(InvalidType, match=r"Wrong\.x is annotated by the value .* by a type, float"):
         made(1.0)
 
 
 def test_a_length_in_an_annotation_is_refused() -> None:
     space = {"__annotations__": {"x": "lm.Vec[3]"}, "__module__": __name__}
     made = lm.record(type("Long", (lm.Record,), space))
-    with pytest.raises(
-        InvalidType, match=r"Long\.x is annotated 'lm\.Vec\[3\]': write lm\.Vec alone"
-    ):
+    with pytest.raises(InvalidType, match=r"Long\.x is annotated 'lm\.Vec\[3\]': write lm\.Vec alone"):
         made([1.0, 2.0, 3.0])

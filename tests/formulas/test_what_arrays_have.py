@@ -141,9 +141,7 @@ def test_places_of_special_numbers_are_those_of_numpy() -> None:
     for x in (math.nan, math.inf, -math.inf, 0.0, -0.0, *nodes, -0.7, 0.3, 3.0):
         for side in ("left", "right"):
             assert place(nodes, x, side) == np.searchsorted(nodes, x, side=side)
-        assert worlds.bits(interpolated(x, nodes, values)) == worlds.bits(
-            np.interp(x, nodes, values)
-        )
+        assert worlds.bits(interpolated(x, nodes, values)) == worlds.bits(np.interp(x, nodes, values))
 
 
 def test_bounds_and_ties_of_clip_are_those_of_numpy() -> None:

@@ -13,12 +13,7 @@ from scenes import hat
 from scipy.linalg import expm
 
 import liemech as lm
-from liemech.groups.representations import (
-    AdjointAction,
-    Representation,
-    RotationAction,
-    standard_action,
-)
+from liemech.groups.representations import AdjointAction, Representation, RotationAction, standard_action
 
 EPS = 2.0**-52
 SO3, SE3, Q, SL3 = lm.SO3(), lm.SE3(), lm.UnitQuaternions(), lm.SL(3)
@@ -92,9 +87,7 @@ def test_what_is_left_out_follows() -> None:
     assert lm.check_action(action, points=[[0.3], [-0.8], [0.1]])
     xi, x = np.array([0.2, -0.5, 0.7]), np.array([0.4])
     m = lm.SL(2).algebra.hat(xi)
-    assert close(
-        action.infinitesimal(xi, x), [2 * m[0, 0] * x[0] + m[0, 1] - m[1, 0] * x[0] ** 2], 4
-    )
+    assert close(action.infinitesimal(xi, x), [2 * m[0, 0] * x[0] + m[0, 1] - m[1, 0] * x[0] ** 2], 4)
     assert action.point_shape is None
     assert action.contains(x)
     with pytest.raises(NotImplementedError, match="OnThePlane must define `point_shape`"):
@@ -129,9 +122,7 @@ def test_points_of_spheres_turn_by_the_rotation(rng: np.random.Generator) -> Non
             expected = np.array([float(a) for a in turned])
         for action in (SPHERES[0], SPHERES[2]):
             assert np.abs(action.exp_act(xi, x) - expected).max() <= 8 * EPS
-        assert np.abs(SPHERES[0].infinitesimal(xi, x) - np.cross(xi, x)).max() <= 4 * EPS * max(
-            1.0, size
-        )
+        assert np.abs(SPHERES[0].infinitesimal(xi, x) - np.cross(xi, x)).max() <= 4 * EPS * max(1.0, size)
     g, q = SO3.random(rng), Q.random(rng)
     assert close(SPHERES[0].act(g, x), g @ x)
     assert close(SPHERES[2].act(q, x), Q.matrix(q) @ x)
@@ -158,9 +149,7 @@ def test_steps_in_the_chart_stay_on_the_sphere() -> None:
 
     def step(x: np.ndarray, h: float) -> np.ndarray:
         def rate(omega: np.ndarray) -> np.ndarray:
-            return np.asarray(
-                group.dexp_inv(omega, velocity(action.exp_act(omega, x)), side="right")
-            )
+            return np.asarray(group.dexp_inv(omega, velocity(action.exp_act(omega, x)), side="right"))
 
         k1 = rate(np.zeros(3))
         k2 = rate(h / 2 * k1)
@@ -187,22 +176,12 @@ def test_duals_are_transposes(action: Representation) -> None:
     rng = np.random.default_rng(6)
     g, xi = action.group.random(rng), rng.normal(size=action.group.dim)
     x, p = rng.normal(size=(2, action.space_dim))
-    one = {
-        "act": g,
-        "infinitesimal": xi,
-        "phi1": 0.5 * xi,
-        "phi1_inv": 0.5 * xi,
-        "half_inverse": 0.3 * xi,
-    }
+    one = {"act": g, "infinitesimal": xi, "phi1": 0.5 * xi, "phi1_inv": 0.5 * xi, "half_inverse": 0.3 * xi}
     for name, a in one.items():
         left, right = p @ getattr(action, name)(a, x), getattr(action, name + "_dual")(a, p) @ x
         assert abs(left - right) <= 64 * EPS * (abs(left) + 10), name
-    assert p @ action.exp_act(xi, x) == pytest.approx(
-        action.exp_act_dual(xi, p) @ x, abs=64 * EPS * 10
-    )
-    assert action.momentum(x, p) @ xi == pytest.approx(
-        p @ action.infinitesimal(xi, x), abs=64 * EPS
-    )
+    assert p @ action.exp_act(xi, x) == pytest.approx(action.exp_act_dual(xi, p) @ x, abs=64 * EPS * 10)
+    assert action.momentum(x, p) @ xi == pytest.approx(p @ action.infinitesimal(xi, x), abs=64 * EPS)
 
 
 @pytest.mark.sample(18)
@@ -302,11 +281,7 @@ def test_a_group_moves_itself(rng: np.random.Generator) -> None:
 )
 def test_batches_equal_rows(action: lm.GroupAction) -> None:
     rng, n = np.random.default_rng(12), 2100
-    g, x, xi = (
-        action.group.random(rng, n),
-        action.random(rng, n),
-        rng.normal(size=(n, action.group.dim)),
-    )
+    g, x, xi = (action.group.random(rng, n), action.random(rng, n), rng.normal(size=(n, action.group.dim)))
     for name, a in {"act": g, "exp_act": xi, "infinitesimal": xi}.items():
         whole, some = getattr(action, name)(a, x), [0, 1, 777, n - 1]
         assert np.array_equal(whole[some], [getattr(action, name)(a[i], x[i]) for i in some]), name
@@ -314,14 +289,7 @@ def test_batches_equal_rows(action: lm.GroupAction) -> None:
 
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("n", [10, 2100])
-@each(
-    [
-        SPHERES[0],
-        lm.actions.LinearAction(SO3),
-        lm.actions.CoadjointAction(SO3),
-        lm.actions.LeftMultiplication(SO3),
-    ]
-)
+@each([SPHERES[0], lm.actions.LinearAction(SO3), lm.actions.CoadjointAction(SO3), lm.actions.LeftMultiplication(SO3)])
 def test_elements_off_the_group_are_refused_however_many(action: lm.GroupAction, n: int) -> None:
     g, x = action.group.random(1, n), action.random(2, n)
     g[7] *= 1.1

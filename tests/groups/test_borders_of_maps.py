@@ -25,14 +25,7 @@ TURNING = (
 @pytest.mark.parametrize("group", TURNING, ids=repr)
 def test_the_chart_of_the_exponential_ends_at_a_full_turn(group: lm.LieGroup) -> None:
     """Whatever the displacement; there its inverse differential is refused."""
-    for angle, inside in (
-        (0.9, True),
-        (6.2831, True),
-        (-6.2831, True),
-        (6.2833, False),
-        (9.0, False),
-        (-9.0, False),
-    ):
+    for angle, inside in ((0.9, True), (6.2831, True), (-6.2831, True), (6.2833, False), (9.0, False), (-9.0, False)):
         xi = [angle, *[0.0] * (group.dim - 1)]
         assert group.algebra.is_exp_chart(xi) is inside
         far = [angle, *[0.0] * (group.dim - 1)]
@@ -53,9 +46,7 @@ def test_the_cayley_map_of_any_velocity(size: float) -> None:
     sine, cosine = 4.0 / size / (1.0 + 4.0 / size**2 if size < 1e100 else 1.0), -1.0
     for g in (rotation, plane):
         assert g[1, 0] == pytest.approx(sine, rel=1e-14) and g[0, 1] == -g[1, 0]
-        assert (
-            g[0, 0] == g[1, 1] == pytest.approx(cosine, abs=9.0 / size**2 if size < 1e100 else 0.0)
-        )
+        assert g[0, 0] == g[1, 1] == pytest.approx(cosine, abs=9.0 / size**2 if size < 1e100 else 0.0)
     half = np.array([[1.0, 0.5 * size], [-0.5 * size, 1.0]])  # (1 - w J/2)
     assert half @ (plane[:2, 2] / 1.0) == pytest.approx([3.0, -5.0], rel=1e-5)
     moved = np.array(lm.SE2().compose_cayley(np.eye(3), [size, 3.0, -5.0]))
@@ -87,9 +78,7 @@ def test_series_of_ad() -> None:
     for k in range(9):
         total = total + BERNOULLI[k] * power
         assert np.allclose(np.array(bernoulli_series(ad, x, v, k)), total, rtol=1e-15, atol=1e-15)
-        assert np.allclose(
-            np.array(closed.dexp_inv_series(-x, v, k)), total, rtol=1e-14, atol=1e-15
-        )
+        assert np.allclose(np.array(closed.dexp_inv_series(-x, v, k)), total, rtol=1e-14, atol=1e-15)
         power = np.cross(numbers[0], power)
     for terms in (-1, TERMS + 1, 10**30):
         with pytest.raises(lm.errors.InvalidInput, match=f"from 0 to {TERMS}; got"):

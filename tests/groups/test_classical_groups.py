@@ -22,22 +22,7 @@ def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:
     return getattr(group if hasattr(group, name) else group.algebra, name)
 
 
-CLASSICAL = (
-    SO(2),
-    SO(3),
-    SO(4),
-    SO(5),
-    SL(2),
-    SL(3),
-    GL(1),
-    GL(2),
-    SU(2),
-    SU(3),
-    U(1),
-    U(2),
-    Sp(2),
-    Sp(4),
-)
+CLASSICAL = (SO(2), SO(3), SO(4), SO(5), SL(2), SL(3), GL(1), GL(2), SU(2), SU(3), U(1), U(2), Sp(2), Sp(4))
 GROUPS = (*CLASSICAL, Heisenberg(1), Heisenberg(2))
 WITH_CAYLEY = (SO(2), SO(3), SO(4), SL(2), SU(2), U(1), U(2), Sp(2), Sp(4), GL(2), Heisenberg(2))
 DIMENSIONS = {
@@ -89,9 +74,7 @@ def test_elements_obey_the_defining_laws(group: MatrixLieGroup) -> None:
             assert np.allclose(g.T @ group.form @ g, group.form)
         assert np.allclose(np.array(group.inverse(g)) @ g, np.eye(n), atol=1e-12)
         assert np.allclose(
-            group.Ad_star(g, group.Ad_star(group.inverse(g), samples(group)[2])),
-            samples(group)[2],
-            atol=1e-10,
+            group.Ad_star(g, group.Ad_star(group.inverse(g), samples(group)[2])), samples(group)[2], atol=1e-10
         )
 
 
@@ -125,9 +108,7 @@ def test_exponential_logarithm_and_cayley(group: MatrixLieGroup) -> None:
         assert np.abs(group.log(group.exp(xi)) - xi).max() <= 4e-15
         if group.why_no_cayley() is None:
             one = np.eye(len(x))
-            assert np.allclose(
-                group.cayley(xi), np.linalg.solve(one - x / 2, one + x / 2), rtol=0, atol=1e-14
-            )
+            assert np.allclose(group.cayley(xi), np.linalg.solve(one - x / 2, one + x / 2), rtol=0, atol=1e-14)
             assert np.abs(group.cayley_inv(group.cayley(xi)) - xi).max() <= 4e-15
 
 
@@ -155,18 +136,14 @@ def test_casimir_functions(group: MatrixLieGroup) -> None:
     assert len(gradient) == free == np.linalg.matrix_rank(gradient, tol=1e-6)
     g = group.random(5)
     before, after = group.casimirs(mu), group.casimirs(group.Ad_star(g, mu))
-    assert np.abs(after - before).max() <= 1e-12 * max(1.0, np.abs(g).max()) ** 8 * max(
-        1.0, np.abs(before).max()
-    )
+    assert np.abs(after - before).max() <= 1e-12 * max(1.0, np.abs(g).max()) ** 8 * max(1.0, np.abs(before).max())
 
 
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("group", [SO(4), SU(2), Sp(4), Heisenberg(1)], ids=repr)
 def test_casimir_functions_along_a_motion(group: MatrixLieGroup) -> None:
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
-    run = lm.integrate(
-        system, lm.RKMK(order=4), system.state(samples(group)[2]), h=0.1, steps=50, compiled=False
-    )
+    run = lm.integrate(system, lm.RKMK(order=4), system.state(samples(group)[2]), h=0.1, steps=50, compiled=False)
     assert np.abs(group.casimirs(run.mu) - group.casimirs(run.mu[0])).max() < 1e-13
 
 
@@ -212,19 +189,10 @@ def test_special_cases_agree() -> None:
     xi, eta, mu = samples(SO(3))
     closed, general = lm.SO3(), SO(3)
     g = closed.exp(eta)
-    calls = {
-        "exp": (xi,),
-        "log": (g,),
-        "Ad": (g, xi),
-        "exp_Ad_star": (xi, mu),
-        "dexp": (xi, eta),
-        "casimirs": (mu,),
-    }
+    calls = {"exp": (xi,), "log": (g,), "Ad": (g, xi), "exp_Ad_star": (xi, mu), "dexp": (xi, eta), "casimirs": (mu,)}
     for name, args in calls.items():
         assert np.allclose(of(general, name)(*args), of(closed, name)(*args), rtol=0, atol=1e-15)
-    assert np.allclose(
-        Sp(2).exp(xi), SL(2).exp(SL(2).algebra.vee(Sp(2).algebra.hat(xi))), atol=1e-15
-    )
+    assert np.allclose(Sp(2).exp(xi), SL(2).exp(SL(2).algebra.vee(Sp(2).algebra.hat(xi))), atol=1e-15)
 
 
 def test_heisenberg() -> None:
@@ -234,10 +202,7 @@ def test_heisenberg() -> None:
     closed = Heisenberg(2)
     general = MatrixLieGroup.of(closed.generators)
     unit = np.eye(5)
-    assert (
-        np.array_equal(closed.ad(unit[1], unit[3]), unit[4])
-        and not closed.ad(unit[0], unit[3]).any()
-    )
+    assert np.array_equal(closed.ad(unit[1], unit[3]), unit[4]) and not closed.ad(unit[0], unit[3]).any()
     assert closed.algebra.invariant_form is None
     xi, eta, mu = samples(closed, 2.0)
     g = closed.exp(eta)

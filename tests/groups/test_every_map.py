@@ -81,12 +81,7 @@ GROUPS: tuple[lm.LieGroup, ...] = (
 )  # fmt: skip
 LONG = lm.SU(3), lm.Sp(4)  # the others have all their formulas
 BY_DEFAULT = [G if G not in LONG else pytest.param(G, marks=pytest.mark.slow) for G in GROUPS]
-SIZES = [
-    0.12,
-    pytest.param(0.9, marks=pytest.mark.slow),
-    3.3,
-    pytest.param(5.4, marks=pytest.mark.slow),
-]
+SIZES = [0.12, pytest.param(0.9, marks=pytest.mark.slow), 3.3, pytest.param(5.4, marks=pytest.mark.slow)]
 
 
 def array(x: Any) -> np.ndarray:
@@ -119,9 +114,7 @@ def test_the_exponential(group: lm.LieGroup, size: float) -> None:
         condition = float(np.linalg.cond(mean))
         if algebra.is_exp_chart(xi) and condition < 1e6:
             assert close(group.dexp_inv(xi, eta, side), np.linalg.solve(mean, eta), condition)
-            assert close(
-                algebra.dexp_inv_dual(sided(xi, side), mu), np.linalg.solve(mean.T, mu), condition
-            )
+            assert close(algebra.dexp_inv_dual(sided(xi, side), mu), np.linalg.solve(mean.T, mu), condition)
     r, by_p, by_xi = algebra.exp_residual(xi, p, mu)
     by_p = by_p * units if isinstance(by_p, float) else array(by_p)
     assert close(r, by_p @ (array(p) - phi.T @ mu))

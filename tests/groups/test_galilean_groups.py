@@ -51,10 +51,7 @@ def test_closed_forms_beside_block_exponentials(group: lm.LieGroup, size: float)
             D = phi1(sign * a)
             found = group.dexp(xi, eta, side)
             assert np.abs(found - D @ eta).max() <= bound * np.abs(D).max()
-            assert (
-                np.abs(group.algebra.dexp_dual(sided(xi, side), mu) - D.T @ mu).max()
-                <= bound * np.abs(D).max()
-            )
+            assert np.abs(group.algebra.dexp_dual(sided(xi, side), mu) - D.T @ mu).max() <= bound * np.abs(D).max()
             if size < 6.0:
                 back = group.dexp_inv(xi, found, side)
                 assert np.abs(back - eta).max() <= bound * np.linalg.cond(D)
@@ -71,9 +68,7 @@ def test_galilean_exponential_in_40_digits(size: float) -> None:
             x = mp.matrix(np.array(lm.SGal3().algebra.hat(xi)).tolist())
             exact = mp.expm(x, method="taylor")
             g = lm.SGal3().exp(xi)
-            worst = max(
-                abs(mp.mpf(float(g[i, j])) - exact[i, j]) for i in range(5) for j in range(5)
-            )
+            worst = max(abs(mp.mpf(float(g[i, j])) - exact[i, j]) for i in range(5) for j in range(5))
         assert worst <= 8 * EPS * max(1.0, np.abs(xi).max() ** 2)
 
 
@@ -106,9 +101,7 @@ def test_extended_poses_are_galilean_frames_at_one_time() -> None:
         long, short = lm.SGal3(), lm.SE23()
         at_rest = np.r_[xi, 0.0]
         assert np.abs(long.exp(at_rest) - short.exp(xi)).max() < 8 * EPS
-        assert (
-            np.abs(long.dexp(at_rest, np.r_[eta, 0.0])[:9] - short.dexp(xi, eta)).max() < 32 * EPS
-        )
+        assert np.abs(long.dexp(at_rest, np.r_[eta, 0.0])[:9] - short.dexp(xi, eta)).max() < 32 * EPS
         motion = lm.SE3().exp(np.r_[xi[:3], xi[6:]])
         assert np.abs(short.exp(xi)[:3, [0, 1, 2, 4]] - motion[:3]).max() < 4 * EPS
 
@@ -125,17 +118,13 @@ def test_casimirs_and_orbits(group: lm.LieGroup) -> None:
 
 @pytest.mark.sample(2)
 @names
-@pytest.mark.parametrize(
-    "method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr
-)
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr)
 def test_a_body_moves_on_them(group: lm.LieGroup, method: lm.Method) -> None:
     """Casimirs and the spatial momentum stay, whatever the energy."""
     energy = lm.KineticEnergy(1.0 + 0.1 * np.arange(group.dim))
     system = lm.LiePoissonSystem(group, energy)
     mu = 0.5 * np.cos(1.0 + np.arange(group.dim))
-    run = lm.integrate(
-        system, method, system.state(mu=mu, g=np.eye(5)), h=0.05, steps=4, compiled=False
-    )
+    run = lm.integrate(system, method, system.state(mu=mu, g=np.eye(5)), h=0.05, steps=4, compiled=False)
     assert np.abs(run.casimirs - run.casimirs[0]).max() < 1e-13
     assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 1e-13
     assert np.abs(run.mu - run.mu[0]).max() > 0.01
@@ -153,10 +142,7 @@ def test_native_code_does_the_same(group: lm.LieGroup) -> None:
 def test_what_is_no_element_is_refused(group: lm.LieGroup) -> None:
     g = np.eye(5)
     g[4, 0] = 1.0
-    with pytest.raises(
-        lm.errors.InvalidInput,
-        match=rf"{group!r}.*last rows".replace("(", r"\(").replace(")", r"\)"),
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=rf"{group!r}.*last rows".replace("(", r"\(").replace(")", r"\)")):
         group.log(g)
     with pytest.raises(lm.errors.InvalidInput, match="reflection"):
         group.log(np.diag([1.0, 1.0, -1.0, 1.0, 1.0]))

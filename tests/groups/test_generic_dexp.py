@@ -54,9 +54,7 @@ def test_derivatives_of_it() -> None:
     xi, eta, d = rng.normal(size=(3, 3))
     xi *= 20.0
     slope = lm.derivative(
-        lambda x: group.dexp(x, lm.Vec.of(eta.tolist())),
-        lm.Vec.of(xi.tolist()),
-        lm.Vec.of(d.tolist()),
+        lambda x: group.dexp(x, lm.Vec.of(eta.tolist())), lm.Vec.of(xi.tolist()), lm.Vec.of(d.tolist())
     )
     h = 1e-5
     expected = (lm.SO3().dexp(xi + h * d, eta) - lm.SO3().dexp(xi - h * d, eta)) / (2 * h)
@@ -70,8 +68,7 @@ def test_native_code_does_the_same() -> None:
     body = lm.LiePoissonSystem(Rotations(), lm.KineticEnergy([1.0, 1.0, 1.1]))
     start = body.state([0.1, 2.0, 1.4], np.eye(3))
     plain, native = (
-        lm.integrate(body, lm.CovariantVariational(), start, h=1.0, steps=3, compiled=c)
-        for c in (False, True)
+        lm.integrate(body, lm.CovariantVariational(), start, h=1.0, steps=3, compiled=c) for c in (False, True)
     )
     assert np.array_equal(plain.mu, native.mu)
 
@@ -101,9 +98,7 @@ def test_the_slope_of_the_mean_is_its_derivative() -> None:
     x, v = 0.7 * rng.normal(size=6), rng.normal(size=6)
     slope = mean_slope(group.ad_star, vec(*x), vec(*v), 12.0)
     for i, unit in enumerate(np.eye(6)):
-        column = derivative(
-            lambda s, e=unit: mean(group.ad_star, vec(*x) + s * vec(*e), vec(*v)), 0.0
-        )
+        column = derivative(lambda s, e=unit: mean(group.ad_star, vec(*x) + s * vec(*e), vec(*v)), 0.0)
         assert np.allclose(np.array(slope)[:, i], np.array(column), rtol=0.0, atol=1e-10)
 
 
@@ -113,12 +108,8 @@ def test_the_mean_of_a_long_motion_is_halved_until_its_series_is_short() -> None
     """
     group, angle = lm.SO3(), 75.0
     xi = vec(0.0, 0.0, angle)
-    x, _, z = averaged(
-        group.ad, lambda w, x: group.Ad(group.exp(w), x), angle * angle, xi, vec(1.0, 0.0, 1.0)
-    )
-    assert x == pytest.approx(np.sin(angle) / angle, abs=1e-14) and z == pytest.approx(
-        1.0, rel=1e-14
-    )
+    x, _, z = averaged(group.ad, lambda w, x: group.Ad(group.exp(w), x), angle * angle, xi, vec(1.0, 0.0, 1.0))
+    assert x == pytest.approx(np.sin(angle) / angle, abs=1e-14) and z == pytest.approx(1.0, rel=1e-14)
 
 
 def test_numbers_of_terms_that_series_have_not() -> None:

@@ -36,10 +36,7 @@ def invariance(algebra: lm.LieAlgebra, form: np.ndarray) -> float:
     """The largest of ([x, y], z) - (x, [y, z]) over the basis, against the size of the form."""
     e = np.eye(algebra.dim)
     defects = [
-        abs(algebra.bracket(x, y) @ form @ z - x @ form @ algebra.bracket(y, z))
-        for x in e
-        for y in e
-        for z in e
+        abs(algebra.bracket(x, y) @ form @ z - x @ form @ algebra.bracket(y, z)) for x in e for y in e for z in e
     ]
     return max(defects) / np.abs(form).max()
 
@@ -53,9 +50,7 @@ def test_killing_form_of_semisimple_algebras(group: lm.LieGroup) -> None:
     algebra, e = group.algebra, np.eye(group.dim)
     ad = [np.stack([algebra.bracket(x, y) for y in e], axis=1) for x in e]
     K = algebra.killing_form
-    assert np.allclose(
-        K, [[np.trace(a @ b) for b in ad] for a in ad], rtol=0, atol=1e-13 * np.abs(K).max()
-    )
+    assert np.allclose(K, [[np.trace(a @ b) for b in ad] for a in ad], rtol=0, atol=1e-13 * np.abs(K).max())
     assert np.linalg.matrix_rank(K) == group.dim
     assert invariance(algebra, K) < 1e-13
     assert np.allclose(algebra.invariant_form, -K / np.abs(K).max())
@@ -102,9 +97,7 @@ def test_klein_form_is_among_those_of_screws() -> None:
     assert abs(b) > 1e-3
 
 
-@pytest.mark.parametrize(
-    "group", [lm.SO3(), lm.SE3(), lm.SL(2), lm.SU(2), lm.Heisenberg(1)], ids=repr
-)
+@pytest.mark.parametrize("group", [lm.SO3(), lm.SE3(), lm.SL(2), lm.SU(2), lm.Heisenberg(1)], ids=repr)
 def test_basis(group: lm.LieGroup) -> None:
     """The basis are the matrices of the unit velocities, and their commutators have the structure
     constants as coordinates.
@@ -114,9 +107,7 @@ def test_basis(group: lm.LieGroup) -> None:
     assert E.shape == (group.dim, *group.element_shape)
     for i in range(group.dim):
         for j in range(group.dim):
-            assert np.allclose(
-                E[i] @ E[j] - E[j] @ E[i], np.einsum("k,kab->ab", c[:, i, j], E), rtol=0, atol=1e-14
-            )
+            assert np.allclose(E[i] @ E[j] - E[j] @ E[i], np.einsum("k,kab->ab", c[:, i, j], E), rtol=0, atol=1e-14)
 
 
 @lm.record

@@ -41,9 +41,7 @@ def test_against_the_exponential_of_a_block(group: lm.LieGroup) -> None:
         for side, sign in (("right", 1.0), ("left", -1.0)):
             D = algebra.dexp_matrix(xi, side)
             assert np.abs(D - phi1(sign * a)).max() < bound
-            assert np.abs(
-                algebra.dexp_inv_matrix(xi, side) @ D - units
-            ).max() < bound * np.linalg.cond(D)
+            assert np.abs(algebra.dexp_inv_matrix(xi, side) @ D - units).max() < bound * np.linalg.cond(D)
 
 
 @names
@@ -57,12 +55,8 @@ def test_what_they_are_for(group: lm.LieGroup) -> None:
     g, back = group.exp(xi), group.exp(-xi)
     bound = 50.0 * float(d @ d)  # what is left is of second order
     of_robotics = algebra.dexp_matrix(xi, "right"), algebra.dexp_matrix(xi, "left")
-    assert (
-        np.abs(group.log(group.compose(group.exp(xi + d), back)) - of_robotics[0] @ d).max() < bound
-    )
-    assert (
-        np.abs(group.log(group.compose(back, group.exp(xi + d))) - of_robotics[1] @ d).max() < bound
-    )
+    assert np.abs(group.log(group.compose(group.exp(xi + d), back)) - of_robotics[0] @ d).max() < bound
+    assert np.abs(group.log(group.compose(back, group.exp(xi + d))) - of_robotics[1] @ d).max() < bound
     right = group.log(group.compose(g, group.exp(d)))
     left = group.log(group.compose(group.exp(d), g))
     assert np.abs(right - xi - algebra.dexp_inv_matrix(xi, "left") @ d).max() < bound
@@ -86,11 +80,7 @@ def test_the_sides_differ_by_Ad(group: lm.LieGroup) -> None:
 @names
 def test_batches_equal_their_rows(group: lm.LieGroup) -> None:
     xi = np.random.default_rng(4).normal(size=(2, 3, group.dim))
-    for formula in (
-        group.algebra.ad_matrix,
-        group.algebra.dexp_matrix,
-        group.algebra.dexp_inv_matrix,
-    ):
+    for formula in (group.algebra.ad_matrix, group.algebra.dexp_matrix, group.algebra.dexp_inv_matrix):
         many = formula(xi)
         assert many.shape == (2, 3, group.dim, group.dim)
         assert np.array_equal(many[1, 2], formula(xi[1, 2]))

@@ -75,11 +75,7 @@ def plane_hat(xi: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -xi[0], xi[1]], [xi[0], 0.0, xi[2]], [0.0, 0.0, 0.0]])
 
 
-HATS: dict[type, Callable[[np.ndarray], np.ndarray]] = {
-    lm.SO3: hat,
-    BareRotations: hat,
-    PlaneMotions: plane_hat,
-}
+HATS: dict[type, Callable[[np.ndarray], np.ndarray]] = {lm.SO3: hat, BareRotations: hat, PlaneMotions: plane_hat}
 GROUPS = (lm.SO3(), BareRotations(), PlaneMotions())
 SIZES = {"identity": 0.0, "1e-8": 1e-8, "random": 1.3, "near pi": math.pi - 1e-6}
 
@@ -106,9 +102,7 @@ class Case:
         return found
 
 
-@pytest.fixture(
-    params=[(g, s) for g in GROUPS for s in SIZES], ids=lambda p: f"{type(p[0]).__name__}-{p[1]}"
-)
+@pytest.fixture(params=[(g, s) for g in GROUPS for s in SIZES], ids=lambda p: f"{type(p[0]).__name__}-{p[1]}")
 def case(request: pytest.FixtureRequest) -> Case:
     group, label = request.param
     rng = np.random.default_rng([3, len(label)])
@@ -245,9 +239,7 @@ def test_symplectic_form_of_the_orbit(case: Case) -> None:
     assert value == pytest.approx(np.dot(xi, G.poisson_structure(case.mu) @ case.eta), abs=32 * EPS)
     assert value == pytest.approx(-G.symplectic_form(case.mu, case.eta, xi), abs=32 * EPS)
     moved = [case.group.Ad(g, v) for v in (xi, case.eta)]
-    assert value == pytest.approx(
-        G.symplectic_form(G.K(g, case.mu), *moved), abs=64 * EPS * (1 + case.size**2)
-    )
+    assert value == pytest.approx(G.symplectic_form(G.K(g, case.mu), *moved), abs=64 * EPS * (1 + case.size**2))
 
 
 def test_orbits_of_rotations() -> None:
@@ -340,18 +332,11 @@ def by_definition(case: Case, tau: Callable, xi: np.ndarray, side: str) -> np.nd
         e, here = mp.mpf(10) ** -20, tau(mp_hat(case, xi)) ** -1
         columns = []
         for unit in np.eye(3):
-            steps = [
-                [mp.mpf(x) + s * e * int(u) for x, u in zip(xi.tolist(), unit, strict=True)]
-                for s in (1, -1)
-            ]
+            steps = [[mp.mpf(x) + s * e * int(u) for x, u in zip(xi.tolist(), unit, strict=True)] for s in (1, -1)]
             plus, minus = (tau(mp_hat(case, step)) for step in steps)
             slope = (plus - minus) / (2 * e)
             columns.append(
-                case.vee(
-                    np.array(
-                        (slope * here if side == "right" else here * slope).tolist(), dtype=float
-                    )
-                )
+                case.vee(np.array((slope * here if side == "right" else here * slope).tolist(), dtype=float))
             )
     return np.stack(columns, axis=1)
 
@@ -364,9 +349,7 @@ def test_dexp_and_its_inverses_by_definition(case: Case, side: str) -> None:
     assert close(G.dexp(xi, case.eta, side), D @ case.eta)
     # the second-largest size is near pi, where the inverse still has a condition number below 3
     assert close(G.dexp_inv(xi, case.eta, side), np.linalg.solve(D, case.eta), 128)
-    assert close(
-        G.algebra.dexp_inv_dual(sided(xi, side), case.mu), np.linalg.solve(D.T, case.mu), 128
-    )
+    assert close(G.algebra.dexp_inv_dual(sided(xi, side), case.mu), np.linalg.solve(D.T, case.mu), 128)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -402,9 +385,7 @@ def test_series_of_the_inverse_differential(case: Case) -> None:
     for q, b in enumerate(bernoulli):
         total = total + b / math.factorial(q) * (np.linalg.matrix_power(ad, q) @ eta)
         assert close(G.algebra.dexp_inv_series(-xi, eta, q), total)
-    assert (
-        np.abs(total - G.dexp_inv(-xi, eta)).max() < 1e-12 + (case.size / 5 / 2 / math.pi) ** 14 * 4
-    )
+    assert np.abs(total - G.dexp_inv(-xi, eta)).max() < 1e-12 + (case.size / 5 / 2 / math.pi) ** 14 * 4
 
 
 # ---------------------------------------------------------------- closed forms against what follows
@@ -445,11 +426,7 @@ def test_a_bare_group_moves_a_body_as_the_closed_one_does() -> None:
     for group in (lm.SO3(), BareRotations()):
         system = lm.LiePoissonSystem(group, energy)
         for method in (lm.RKMK(order=4), lm.RKMK(order=4, truncation="closed")):
-            runs.append(
-                lm.integrate(
-                    system, method, system.state(**starts), h=0.1, steps=20, compiled=False
-                )
-            )
+            runs.append(lm.integrate(system, method, system.state(**starts), h=0.1, steps=20, compiled=False))
     for a, b in ((0, 2), (1, 3)):
         assert np.abs(runs[a].mu - runs[b].mu).max() < 1e-14
         assert np.abs(runs[a].g - runs[b].g).max() < 1e-14
@@ -461,21 +438,13 @@ def test_what_a_bare_group_lacks_says_so() -> None:
         bare.log(np.eye(3))
     with pytest.raises(lm.errors.IncompatibleSystem, match="PlaneMotions has no Cayley map"):
         bare.cayley(xi)
-    with pytest.raises(
-        lm.errors.IncompatibleSystem, match=r"cannot be used on PlaneMotions.*Exponential"
-    ):
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"cannot be used on PlaneMotions.*Exponential"):
         lm.Cayley().require(bare)
     assert bare.casimirs(xi).shape == (0,)
     assert dot(lm.vec(1.0, 2.0), lm.vec(3.0, 4.0)) == 11.0
 
 
-MOVING = (
-    lm.SO3(),
-    lm.SE2(),
-    lm.UnitQuaternions(),
-    lm.ProductGroup(lm.SO3(), lm.SE2()),
-    lm.Heisenberg(2),
-)
+MOVING = (lm.SO3(), lm.SE2(), lm.UnitQuaternions(), lm.ProductGroup(lm.SO3(), lm.SE2()), lm.Heisenberg(2))
 
 
 @pytest.mark.parametrize("group", MOVING, ids=repr)
@@ -488,9 +457,7 @@ def test_the_velocity_of_a_moving_element(group: Any) -> None:
     assert np.allclose(found, np.array(xi), rtol=0.0, atol=1e-14 * np.abs(np.array(g)).max() ** 2)
 
 
-@pytest.mark.parametrize(
-    "group", [lm.UnitQuaternions(), lm.ProductGroup(lm.SO3(), lm.SE2())], ids=repr
-)
+@pytest.mark.parametrize("group", [lm.UnitQuaternions(), lm.ProductGroup(lm.SO3(), lm.SE2())], ids=repr)
 def test_the_velocity_of_elements_that_are_no_matrices(group: Any) -> None:
     """The formula for every group, where these have closed forms."""
     rng = np.random.default_rng(3)

@@ -17,9 +17,7 @@ SMALL_ONES = {
     "SU(2)": lm.SU(2),
     "SL(2)": lm.SL(2),
     "H_3": Heisenberg(1),  # nilpotent: no eigenvectors
-    "triangular": MatrixLieGroup.of(
-        [[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]
-    ),
+    "triangular": MatrixLieGroup.of([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]),
 }
 
 
@@ -35,9 +33,7 @@ def test_large_matrices_are_moved_as_small_ones(name: str, monkeypatch: pytest.M
     g, h = np.array(small.exp(eta)), np.array(small.exp(-0.4 * xi))
 
     def same(owner: str, method: str, *args: Any) -> None:
-        ours, theirs = (
-            getattr(G if owner == "group" else G.algebra, method)(*args) for G in (large, small)
-        )
+        ours, theirs = (getattr(G if owner == "group" else G.algebra, method)(*args) for G in (large, small))
         assert np.allclose(ours, theirs, rtol=1e-13, atol=1e-13), method
 
     for method in ("exp", "cayley"):

@@ -48,13 +48,9 @@ def test_exponential(n: int, size: float, complex_: bool) -> None:
     """exp(x) - 1 is right relative to its own size, which for small x is that of x."""
     x = sample(n, size, complex_)
     exact = exact_expm1(x)
-    assert np.abs(of(functions.expm1, x) - exact).max() <= 8 * EPS * max(
-        1.0, size
-    ) * np.linalg.norm(exact, 2)
+    assert np.abs(of(functions.expm1, x) - exact).max() <= 8 * EPS * max(1.0, size) * np.linalg.norm(exact, 2)
     # SciPy has 5e-13 here
-    assert np.allclose(
-        of(functions.expm, x), expm(x), rtol=0, atol=1e-12 * np.linalg.norm(expm(x), 2)
-    )
+    assert np.allclose(of(functions.expm, x), expm(x), rtol=0, atol=1e-12 * np.linalg.norm(expm(x), 2))
 
 
 def test_exponential_of_nothing_and_of_too_much() -> None:
@@ -65,10 +61,7 @@ def test_exponential_of_nothing_and_of_too_much() -> None:
     assert np.abs(g.T @ g - np.eye(2)).max() < 1e-9
     assert np.abs(g - [[np.cos(1e6), -np.sin(1e6)], [np.sin(1e6), np.cos(1e6)]]).max() < 1e-9
     for lost in (1e17, 1e200):  # no digit would be right
-        assert (
-            np.isnan(of(functions.expm, lost * turn)).all()
-            and np.isnan(of(functions.phi1m, lost * turn)).all()
-        )
+        assert np.isnan(of(functions.expm, lost * turn)).all() and np.isnan(of(functions.phi1m, lost * turn)).all()
     of(functions.expm, np.full((2, 2), np.inf))  # ends
 
 
@@ -101,16 +94,11 @@ def test_inverse_determinant_and_solutions(n: int, complex_: bool) -> None:
         m, rhs = sample(n, 3.0, complex_, seed), sample(n, 1.0, complex_, seed + 10)
         condition = np.linalg.cond(m)
         assert np.abs(of(elimination.inverse, m) @ m - np.eye(n)).max() <= 16 * EPS * condition
-        assert (
-            abs(complex(elimination.determinant(Mat.of(m.tolist()))) - np.linalg.det(m))
-            <= 64 * EPS * 3.0**n
-        )
+        assert abs(complex(elimination.determinant(Mat.of(m.tolist()))) - np.linalg.det(m)) <= 64 * EPS * 3.0**n
         solution = np.array(elimination.solve_matrix(Mat.of(m.tolist()), Mat.of(rhs.tolist())))
         assert np.abs(m @ solution - rhs).max() <= 16 * EPS * condition
     assert not np.isfinite(of(elimination.inverse, np.zeros((2, 2)))).any()
-    assert np.array_equal(
-        of(elimination.inverse, np.array([[0.0, 2.0], [1.0, 0.0]])), [[0.0, 1.0], [0.5, 0.0]]
-    )
+    assert np.array_equal(of(elimination.inverse, np.array([[0.0, 2.0], [1.0, 0.0]])), [[0.0, 1.0], [0.5, 0.0]])
     assert elimination.determinant(Mat.of([[0.0, 2.0], [0.0, 1.0]])) == 0.0
 
 
@@ -121,14 +109,11 @@ def test_phi(size: float) -> None:
     for n in (1, 2, 3, 6):
         a = sample(n, size, False) if size else np.zeros((n, n))
         exact = exact_expm1(a).real
-        assert np.abs(a @ of(functions.phi1m, a) - exact).max() <= 32 * EPS * max(
-            1.0, size**2
-        ) * max(1.0, np.linalg.norm(exact, 2))
-    for tiny in (0.0, 1e-9):
-        assert (
-            np.abs(of(functions.phi1m, tiny * np.eye(2)) - (1.0 + 0.5 * tiny) * np.eye(2)).max()
-            <= EPS
+        assert np.abs(a @ of(functions.phi1m, a) - exact).max() <= 32 * EPS * max(1.0, size**2) * max(
+            1.0, np.linalg.norm(exact, 2)
         )
+    for tiny in (0.0, 1e-9):
+        assert np.abs(of(functions.phi1m, tiny * np.eye(2)) - (1.0 + 0.5 * tiny) * np.eye(2)).max() <= EPS
 
 
 @pytest.mark.parametrize("function", [functions.expm1, functions.phi1m])

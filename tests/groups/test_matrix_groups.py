@@ -43,11 +43,7 @@ class Plane(MatrixLieGroup):
     """SE(2), decorated."""
 
     generators = np.array(
-        [
-            [[0, -1, 0], [1, 0, 0], [0, 0, 0]],
-            [[0, 0, 1], [0, 0, 0], [0, 0, 0]],
-            [[0, 0, 0], [0, 0, 1], [0, 0, 0]],
-        ],
+        [[[0, -1, 0], [1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 0, 0]]]
     )
 
 
@@ -73,40 +69,19 @@ class Affine(MatrixLieGroup):
 class Triangular(MatrixLieGroup):
     """Upper triangular matrices: known by no form, only by g E g^-1."""
 
-    generators = np.array(
-        [[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]
-    )
+    generators = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
 
 
 GIVEN = MatrixLieGroup.of(Plane.generators)
-GROUPS = (
-    Rotations(),
-    Plane(),
-    Scaled(2),
-    Affine(),
-    Triangular(),
-    SO(4),
-    SL(2),
-    SL(3),
-    SU(2),
-    SU(3),
-    Sp(4),
-    GIVEN,
-)
-METHODS = (
-    lm.RKMK(order=4),
-    lm.CovariantVariational(lm.Cayley()),
-    lm.CovariantVariational(lm.Exponential()),
-)
+GROUPS = (Rotations(), Plane(), Scaled(2), Affine(), Triangular(), SO(4), SL(2), SL(3), SU(2), SU(3), Sp(4), GIVEN)
+METHODS = (lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley()), lm.CovariantVariational(lm.Exponential()))
 names = pytest.mark.parametrize("group", GROUPS, ids=repr)
 sizes = pytest.mark.parametrize("size", [0.0, 1e-8, 0.1, 1.0, 3.0, 6.0])
 
 
 def samples(group: lm.LieGroup, size: float) -> tuple[np.ndarray, ...]:
     """A velocity of a given length, another one and a momentum of length about 1."""
-    xi, eta, mu = np.random.default_rng(group.dim).normal(size=(3, group.dim)) / math.sqrt(
-        group.dim
-    )
+    xi, eta, mu = np.random.default_rng(group.dim).normal(size=(3, group.dim)) / math.sqrt(group.dim)
     return xi * (size / np.linalg.norm(xi)), eta, mu
 
 
@@ -152,11 +127,7 @@ def test_rotations_from_generators_move_a_body_as_the_closed_forms_do(method: lm
     runs = []
     for group in (lm.SO3(), Rotations()):
         system = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.5, 2.0]))
-        runs.append(
-            lm.integrate(
-                system, method, system.state([0.4, -0.5, 0.7], np.eye(3)), h=0.1, steps=1000
-            )
-        )
+        runs.append(lm.integrate(system, method, system.state([0.4, -0.5, 0.7], np.eye(3)), h=0.1, steps=1000))
     # the rounding of a thousand steps, of both
     assert np.abs(runs[0].mu - runs[1].mu).max() < 3e-14
     assert np.abs(runs[0].g - runs[1].g).max() < 1e-13  # of which the angles are the sums
@@ -172,16 +143,10 @@ def test_logarithm_near_half_a_turn(angle: float) -> None:
     for group in (Rotations(), SO(3)):
         found = group.log(lm.SO3().exp(angle * axis))
         assert (
-            min(
-                np.abs(found - angle * axis).max(),
-                np.abs(found + angle * axis).max() + (angle < 3.14159) * 9,
-            )
-            < 4e-15
+            min(np.abs(found - angle * axis).max(), np.abs(found + angle * axis).max() + (angle < 3.14159) * 9) < 4e-15
         )
     assert np.allclose(
-        SO(4).exp(SO(4).log(np.diag([-1.0, -1.0, 1.0, 1.0]))),
-        np.diag([-1.0, -1.0, 1.0, 1.0]),
-        atol=1e-14,
+        SO(4).exp(SO(4).log(np.diag([-1.0, -1.0, 1.0, 1.0]))), np.diag([-1.0, -1.0, 1.0, 1.0]), atol=1e-14
     )
 
 
@@ -201,9 +166,7 @@ def test_definitions(group: MatrixLieGroup, size: float) -> None:
     g = np.array(group.exp(xi))
     scale = np.linalg.cond(g)
     assert np.abs(g - expm(x)).max() <= 1e-12 * np.abs(g).max()
-    assert np.allclose(
-        algebra.hat(group.Ad(g, eta)), g @ y @ np.linalg.inv(g), rtol=0, atol=1e-14 * scale**2
-    )
+    assert np.allclose(algebra.hat(group.Ad(g, eta)), g @ y @ np.linalg.inv(g), rtol=0, atol=1e-14 * scale**2)
     assert abs(group.Ad_star(g, mu) @ eta - mu @ group.Ad(g, eta)) <= 1e-14 * scale**2
     ad = np.stack([group.ad(xi, e) for e in np.eye(group.dim)], axis=1)
     block = np.block([[ad, np.eye(group.dim)], [np.zeros_like(ad), np.zeros_like(ad)]])
@@ -215,9 +178,7 @@ def test_definitions(group: MatrixLieGroup, size: float) -> None:
     assert np.abs(group.dexp(xi, eta, "right") - group.dexp(-xi, eta)).max() == 0.0
     if np.linalg.cond(phi) < 1e4:
         assert np.abs(group.dexp_inv(-xi, phi @ eta) - eta).max() <= size_of * np.linalg.cond(phi)
-        assert np.abs(
-            group.algebra.dexp_inv_dual(-xi, phi.T @ mu) - mu
-        ).max() <= size_of * np.linalg.cond(phi)
+        assert np.abs(group.algebra.dexp_inv_dual(-xi, phi.T @ mu) - mu).max() <= size_of * np.linalg.cond(phi)
     assert np.abs(group.compose_exp(g, -xi) - np.eye(len(x))).max() <= 1e-14 * scale**2
     assert group.defect(g) < 1e-12 * scale
     if size <= 1.0:
@@ -241,16 +202,9 @@ def test_cayley_family(group: MatrixLieGroup, size: float) -> None:
     assert group.defect(g) < 1e-14
     assert close(group.cayley_inv(g), xi)
     assert close(group.algebra.hat(group.algebra.dcayley(xi, eta)), right @ y @ left)
-    assert close(
-        group.algebra.hat(group.algebra.dcayley_inv(xi, eta)), (one + x / 2) @ y @ (one - x / 2)
-    )
-    assert (
-        abs(group.algebra.dcayley_dual(xi, mu) @ eta - mu @ group.algebra.dcayley(xi, eta)) < 1e-14
-    )
-    assert (
-        abs(group.algebra.dcayley_inv_dual(xi, mu) @ eta - mu @ group.algebra.dcayley_inv(xi, eta))
-        < 1e-14
-    )
+    assert close(group.algebra.hat(group.algebra.dcayley_inv(xi, eta)), (one + x / 2) @ y @ (one - x / 2))
+    assert abs(group.algebra.dcayley_dual(xi, mu) @ eta - mu @ group.algebra.dcayley(xi, eta)) < 1e-14
+    assert abs(group.algebra.dcayley_inv_dual(xi, mu) @ eta - mu @ group.algebra.dcayley_inv(xi, eta)) < 1e-14
     assert close(group.algebra.cayley_Ad_star(xi, mu), group.Ad_star(g, mu))
     assert close(group.compose_cayley(g, xi), g @ g)
 
@@ -267,35 +221,19 @@ def test_mismatches(group: MatrixLieGroup, size: float) -> None:
     for mismatch, fitting, tolerance in maps:
         assert np.abs(np.array(mismatch(xi, fitting, mu)[0])).max() < 1e-14
         _, by_p, by_xi = mismatch(xi, p, mu)
-        assert (
-            np.abs(
-                np.array(by_xi) - np.array(jacobian(lambda x, m=mismatch: m(x, p, mu)[0], xi))
-            ).max()
-            < tolerance
-        )
+        assert np.abs(np.array(by_xi) - np.array(jacobian(lambda x, m=mismatch: m(x, p, mu)[0], xi))).max() < tolerance
         of_p = np.array(jacobian(lambda q, m=mismatch: m(xi, q, mu)[0], p))
-        assert np.allclose(
-            of_p,
-            by_p * np.eye(group.dim) if isinstance(by_p, float) else np.array(by_p),
-            atol=1e-14,
-        )
+        assert np.allclose(of_p, by_p * np.eye(group.dim) if isinstance(by_p, float) else np.array(by_p), atol=1e-14)
 
 
 def test_structure_constants_are_clean() -> None:
     """Integers and small fractions exactly, irrational numbers untouched."""
     assert np.array_equal(Rotations().algebra.structure_constants, SO3Algebra().structure_constants)
     c = np.array(Scaled(2).algebra.structure_constants)
-    assert np.allclose(
-        c,
-        math.sqrt(0.5) * np.array(SO3Algebra().structure_constants),
-        rtol=4 * EPS,
-        atol=0,
-    )
+    assert np.allclose(c, math.sqrt(0.5) * np.array(SO3Algebra().structure_constants), rtol=4 * EPS, atol=0)
     values = np.array([1 - EPS / 2, 1 / 3 + EPS / 8, 1e-17, math.pi, math.sqrt(2) / 3, -0.5])
     assert np.array_equal(clean(values), [1.0, 1 / 3, 0.0, math.pi, math.sqrt(2) / 3, -0.5])
-    mixed = np.einsum(
-        "ij,jab->iab", [[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]], Rotations.generators
-    )
+    mixed = np.einsum("ij,jab->iab", [[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]], Rotations.generators)
     c = 2.0 * np.array(MatrixLieGroup.of(mixed).algebra.structure_constants)
     assert np.array_equal(c, np.round(c))
 
@@ -322,9 +260,7 @@ def test_structure_constants_are_clean() -> None:
 )
 def test_membership_found_from_generators(group: MatrixLieGroup, matrix: np.ndarray) -> None:
     """Elements pass, what breaks an invariant does not; formula and words agree."""
-    assert not group.contains(matrix) and group.objection(
-        np.asarray(matrix, dtype=group.generated.generators.dtype)
-    )
+    assert not group.contains(matrix) and group.objection(np.asarray(matrix, dtype=group.generated.generators.dtype))
     elements = group.random(3, 5)
     assert group.contains(elements).all() and group.defect(elements).max() < 1e-11
     assert group.objection(elements[0]) is None
@@ -345,11 +281,7 @@ def test_membership_found_from_generators(group: MatrixLieGroup, matrix: np.ndar
         ([[[1.0], [0.0, 0.0]]], lm.errors.InvalidInput, "ragged"),
         (np.array([np.eye(2), 2 * np.eye(2)]), lm.errors.LawViolation, "rank 1"),
         (np.array([np.zeros((2, 2))]), lm.errors.LawViolation, "rank 0"),
-        (
-            np.array([[[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]]]),
-            lm.errors.LawViolation,
-            "generators 1 and 2",
-        ),
+        (np.array([[[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]]]), lm.errors.LawViolation, "generators 1 and 2"),
     ],
 )
 def test_bad_generators(generators: object, error: type[Exception], words: str) -> None:
@@ -389,10 +321,7 @@ def test_logarithm_outside_the_image_of_exp() -> None:
             (Rotations(), METHODS[2]),
         ),
         *(slow(group, METHODS[0]) for group in (SO(4), SU(2), Heisenberg(1))),
-        *(
-            slow(*pair)
-            for pair in ((Rotations(), METHODS[1]), (SU(2), METHODS[2]), (SO(4), METHODS[1]))
-        ),
+        *(slow(*pair) for pair in ((Rotations(), METHODS[1]), (SU(2), METHODS[2]), (SO(4), METHODS[1]))),
     ],
 )
 def test_plain_and_compiled_give_the_same_bits(group: MatrixLieGroup, method: lm.Method) -> None:
@@ -426,13 +355,9 @@ def test_an_ensemble_moves_as_its_bodies_do() -> None:
     group = SO(4)
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, 6)))
     mu = np.random.default_rng(4).normal(size=(9, 6)) * np.geomspace(1e-6, 40.0, 9)[:, None]
-    many = lm.integrate(
-        system, lm.RKMK(order=2), system.state(mu, np.eye(4)), h=0.1, steps=5, compiled=True
-    )
+    many = lm.integrate(system, lm.RKMK(order=2), system.state(mu, np.eye(4)), h=0.1, steps=5, compiled=True)
     for i in (0, 5, 8):
-        one = lm.integrate(
-            system, lm.RKMK(order=2), system.state(mu[i], np.eye(4)), h=0.1, steps=5, compiled=False
-        )
+        one = lm.integrate(system, lm.RKMK(order=2), system.state(mu[i], np.eye(4)), h=0.1, steps=5, compiled=False)
         assert same_bits(np.ascontiguousarray(many.mu[:, i]), one.mu)
         assert same_bits(np.ascontiguousarray(many.g[:, i]), one.g)
 
@@ -508,9 +433,7 @@ def on_symmetric_matrices(generators: np.ndarray) -> np.ndarray:
         "symmetric matrices",
         pytest.param(
             "angles (x, 3x)",
-            marks=pytest.mark.xfail(
-                strict=True, reason="a law of degree 4; docs/proof/known_deficiencies.md"
-            ),
+            marks=pytest.mark.xfail(strict=True, reason="a law of degree 4; docs/proof/known_deficiencies.md"),
         ),
     ],
 )
@@ -570,9 +493,7 @@ def test_generators_of_unlike_sizes_have_all_their_brackets(unit):
     inverse = np.array(group.dexp_inv(xi / units, eta / units))
     assert np.allclose(inverse, lm.SO3().dexp_inv(xi, eta) / units, rtol=1e-12, atol=0.0)
     (before,), (after,) = group.casimirs(mu * units), group.casimirs(moved)
-    assert abs(after - before) < 1e-12 * abs(before) and group.contains(
-        expm_of(turns(unit), xi / units)
-    )
+    assert abs(after - before) < 1e-12 * abs(before) and group.contains(expm_of(turns(unit), xi / units))
 
 
 @pytest.mark.parametrize("c", [1.0, 1e5, 299792458.0])

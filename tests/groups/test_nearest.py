@@ -49,27 +49,19 @@ def test_an_element_of_the_kind_asked_for(group: lm.MatrixLieGroup) -> None:
 def test_at_half_turns_and_far_away() -> None:
     """There the logarithm has no unique value: the polar factor has."""
     group, rng = from_generators(lm.SO(3)), np.random.default_rng(3)
-    for g in (
-        np.diag([1.0, -1.0, -1.0]),
-        lm.SO3().exp([np.pi, 0.0, 0.0]),
-        lm.SO3().exp([0.0, 3.1, 0.7]),
-    ):
+    for g in (np.diag([1.0, -1.0, -1.0]), lm.SO3().exp([np.pi, 0.0, 0.0]), lm.SO3().exp([0.0, 3.1, 0.7])):
         a = g + 1e-3 * rng.normal(size=(3, 3))
         assert np.asarray(group.nearest(a)) == pytest.approx(polar(a)[0], abs=8 * EPS)
     far = np.diag([1.0, 2.0, 3.0]) + 0.5 * rng.normal(size=(3, 3))
     assert np.asarray(group.nearest(far)) == pytest.approx(polar(far)[0], abs=8 * EPS)
     minus = from_generators(lm.SL(2)).nearest(-np.eye(2) * 1.01)
     assert np.asarray(minus) == pytest.approx(-np.eye(2), abs=8 * EPS)
-    assert np.asarray(from_generators(lm.SU(2)).nearest(-1.01 * np.eye(2))) == pytest.approx(
-        -np.eye(2), abs=8 * EPS
-    )
+    assert np.asarray(from_generators(lm.SU(2)).nearest(-1.01 * np.eye(2))) == pytest.approx(-np.eye(2), abs=8 * EPS)
 
 
 def test_heisenberg_takes_the_entries_that_are_free() -> None:
     a = np.arange(9.0).reshape(3, 3) - 4.0
-    assert np.array_equal(
-        lm.Heisenberg().nearest(a), [[1, a[0, 1], a[0, 2]], [0, 1, a[1, 2]], [0, 0, 1]]
-    )
+    assert np.array_equal(lm.Heisenberg().nearest(a), [[1, a[0, 1], a[0, 2]], [0, 1, a[1, 2]], [0, 0, 1]])
 
 
 def test_size_does_not_matter_for_rotations() -> None:
@@ -77,36 +69,23 @@ def test_size_does_not_matter_for_rotations() -> None:
     q, R = rng.normal(size=4), lm.SO3().random(rng)
     turn = lm.SE2().exp([0.7, 0.0, 0.0])
     for size in (1e-300, 1.0, 1e300):
-        assert np.asarray(lm.UnitQuaternions().nearest(size * q)) == pytest.approx(
-            q / np.linalg.norm(q), abs=2 * EPS
-        )
+        assert np.asarray(lm.UnitQuaternions().nearest(size * q)) == pytest.approx(q / np.linalg.norm(q), abs=2 * EPS)
         assert np.asarray(lm.SO3().nearest(size * R)) == pytest.approx(R, abs=8 * EPS)
         assert np.asarray(lm.SO(3).nearest(size * R)) == pytest.approx(R, abs=8 * EPS)
-        assert np.asarray(from_generators(lm.SO(3)).nearest(size * R)) == pytest.approx(
-            R, abs=8 * EPS
-        )
+        assert np.asarray(from_generators(lm.SO(3)).nearest(size * R)) == pytest.approx(R, abs=8 * EPS)
         moved = np.array(turn)
         moved[:2, :2] *= size
         assert np.asarray(lm.SE2().nearest(moved)) == pytest.approx(turn, abs=2 * EPS)
 
 
 @pytest.mark.parametrize(
-    "group",
-    [lm.Sp(2), lm.Sp(4), from_generators(lm.SL(2)), from_generators(lm.GL(2))],
-    ids=range(4),
+    "group", [lm.Sp(2), lm.Sp(4), from_generators(lm.SL(2)), from_generators(lm.GL(2))], ids=range(4)
 )
 def test_too_far_is_refused(group: lm.MatrixLieGroup) -> None:
     """Singular, without an element near, or so large that squares overflow: at once, and by name."""
     n = group.generated.n
-    for a in (
-        np.zeros((n, n)),
-        np.ones((n, n)),
-        1e200 * np.ones((n, n)),
-        np.diag([0.0] * (n - 1) + [1.0]),
-    ):
-        with pytest.raises(
-            lm.errors.InvalidInput, match="nearest: the array is too far from the group"
-        ):
+    for a in (np.zeros((n, n)), np.ones((n, n)), 1e200 * np.ones((n, n)), np.diag([0.0] * (n - 1) + [1.0])):
+        with pytest.raises(lm.errors.InvalidInput, match="nearest: the array is too far from the group"):
             group.nearest(a)
 
 
@@ -135,9 +114,7 @@ def test_boosts_from_the_polar_factor_of_their_form() -> None:
 
 
 @pytest.mark.parametrize("n", [2, 3, 4, 5])
-def test_a_reflection_is_turned_along_its_shortest_direction(
-    n: int, rng: np.random.Generator
-) -> None:
+def test_a_reflection_is_turned_along_its_shortest_direction(n: int, rng: np.random.Generator) -> None:
     """The stationary points of |h - g| on SO(n) are u s v, s = diag(+-1, ...), g = u d v: none of
     them is nearer.
     """

@@ -18,16 +18,10 @@ METHODS = (
     lm.LiePoissonHamiltonJacobi(order=4),
     lm.Taylor(order=6),
 )
-INERTIAS = {
-    lm.SO3(): [1.0, 1.6, 2.3],
-    lm.SE3(): [1.0, 1.5, 2.0, 1.2, 1.6, 2.1],
-    lm.SU(2): [1.0, 1.6, 2.3],
-}
+INERTIAS = {lm.SO3(): [1.0, 1.6, 2.3], lm.SE3(): [1.0, 1.5, 2.0, 1.2, 1.6, 2.1], lm.SU(2): [1.0, 1.6, 2.3]}
 
 
-@pytest.mark.parametrize(
-    "group", [lm.SO3(), slow(lm.SE3()), slow(lm.SE23()), slow(lm.SL(2))], ids=repr
-)
+@pytest.mark.parametrize("group", [lm.SO3(), slow(lm.SE3()), slow(lm.SE23()), slow(lm.SL(2))], ids=repr)
 def test_every_law_holds(group: lm.LieGroup) -> None:
     assert not lm.check_group(lm.OppositeGroup(group)).broken
 
@@ -35,9 +29,7 @@ def test_every_law_holds(group: lm.LieGroup) -> None:
 @pytest.mark.sample(4)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 @pytest.mark.parametrize("group", INERTIAS, ids=repr)
-def test_inversion_makes_a_left_invariant_system_of_it(
-    group: lm.LieGroup, method: lm.Method
-) -> None:
+def test_inversion_makes_a_left_invariant_system_of_it(group: lm.LieGroup, method: lm.Method) -> None:
     """h = g^-1 has the body velocity -xi and, for an even energy, the momentum -mu."""
     energy, rng = lm.KineticEnergy(INERTIAS[group]), np.random.default_rng(1)
     mu, g = 0.7 * rng.normal(size=group.dim), group.random(rng)
@@ -58,17 +50,12 @@ def test_the_equations() -> None:
     g = group.exp([0.3, -0.2, 0.5, 1.0, 2.0, 3.0])
     xi = system.velocity(mu)
     there, back = (
-        lm.integrate(
-            system, lm.RKMK(order=4), system.state(mu=mu, g=g), h=s, steps=1, compiled=False
-        )
-        for s in (h, -h)
+        lm.integrate(system, lm.RKMK(order=4), system.state(mu=mu, g=g), h=s, steps=1, compiled=False) for s in (h, -h)
     )
     rate_g, rate_mu = (there.g[-1] - back.g[-1]) / (2 * h), (there.mu[-1] - back.mu[-1]) / (2 * h)
     assert np.abs(rate_g - group.algebra.hat(xi) @ g).max() < 1e-5
     assert np.abs(rate_mu + group.ad_star(xi, mu)).max() < 1e-5
-    run = lm.integrate(
-        system, lm.RKMK(order=4), system.state(mu=mu, g=g), h=0.05, steps=50, compiled=False
-    )
+    run = lm.integrate(system, lm.RKMK(order=4), system.state(mu=mu, g=g), h=0.05, steps=50, compiled=False)
     in_body = group.Ad_star(run.g, run.mu)
     assert np.abs(in_body - in_body[0]).max() < 1e-13
     assert np.abs(run.spatial_momentum - in_body).max() < 1e-13

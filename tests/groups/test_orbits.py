@@ -25,9 +25,7 @@ GENERIC = (
     (lm.ProductGroup(SO3, lm.SE2()), 4, 2), (from_generators(lm.SO(3)), 2, 1), (from_generators(SO4), 4, 2),
     (from_generators(lm.SU(3)), 6, 2), (from_generators(lm.GL(3)), 6, 3), (from_generators(lm.Heisenberg()), 2, 1),
 )  # fmt: skip
-each = partial(
-    pytest.mark.parametrize, "group, orbit, casimirs", GENERIC, ids=lambda x: repr(x)[:40]
-)()
+each = partial(pytest.mark.parametrize, "group, orbit, casimirs", GENERIC, ids=lambda x: repr(x)[:40])()
 
 
 @each
@@ -45,9 +43,7 @@ def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
         assert np.abs(group.ad_star(xi, mu)).max() <= 64 * 2.0**-52 * size
     for xi in np.eye(group.dim):  # tangent vectors ad*_xi mu have no part outside the span
         moved = group.ad_star(xi, mu)
-        rest = (
-            moved - np.linalg.lstsq(tangent.T, moved, rcond=None)[0] @ tangent if orbit else moved
-        )
+        rest = moved - np.linalg.lstsq(tangent.T, moved, rcond=None)[0] @ tangent if orbit else moved
         assert np.abs(rest).max() <= 1e-13 * size
     slopes = np.array(lm.jacobian(group.casimirs, mu))
     assert len(slopes) == casimirs
@@ -119,9 +115,7 @@ def test_mirror_images_of_even_rotations(n: int) -> None:
     assert group.casimirs(mu)[-1] ** 2 == pytest.approx(np.linalg.det(m), rel=1e-10)
     assert not lm.coadjoint(group).on_same_orbit(mu, nu)
     if n == 4:
-        assert group.casimirs(mu)[-1] == pytest.approx(
-            mu[0] * mu[5] - mu[1] * mu[4] + mu[2] * mu[3], rel=1e-13
-        )
+        assert group.casimirs(mu)[-1] == pytest.approx(mu[0] * mu[5] - mu[1] * mu[4] + mu[2] * mu[3], rel=1e-13)
         assert not lm.coadjoint(from_generators(group)).on_same_orbit(mu, nu)
 
 
@@ -150,9 +144,7 @@ def test_brackets_of_functions() -> None:
     """
     bracket, rng = lm.coadjoint(SO3).poisson_bracket, np.random.default_rng(2)
     mu = rng.normal(size=3)
-    first, second, third = (
-        lambda m, i=i: m[i] * m[(i + 1) % 3] ** 2 + np.pi * m[i] for i in range(3)
-    )
+    first, second, third = (lambda m, i=i: m[i] * m[(i + 1) % 3] ** 2 + np.pi * m[i] for i in range(3))
     assert bracket(lambda m: m[0], lambda m: m[1])(mu) == -mu[2]
     body = lm.RigidBody([1.0, 1.5, 2.0])
     rate = np.dot(lm.gradient(first, mu), np.cross(mu, mu / [1.0, 1.5, 2.0]))
@@ -177,13 +169,10 @@ def test_bad_momenta_are_named() -> None:
 
 
 @pytest.mark.parametrize(
-    "mu, why",
-    [((), "shape"), ([1.0, 2.0], "shape"), (len, "real numbers"), ([np.nan] * 6, "finite")],
+    "mu, why", [((), "shape"), ([1.0, 2.0], "shape"), (len, "real numbers"), ([np.nan] * 6, "finite")]
 )
 def test_further_invariants_are_of_one_momentum(mu: object, why: str) -> None:
-    with pytest.raises(
-        (lm.errors.InvalidInput, lm.errors.InvalidType), match=f"SE3.further_invariants: mu.*{why}"
-    ):
+    with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=f"SE3.further_invariants: mu.*{why}"):
         lm.SE3().further_invariants(mu)
 
 

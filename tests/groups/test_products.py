@@ -157,9 +157,7 @@ def test_complex_factors_are_real_numbers_in_the_product() -> None:
 def test_products_name_the_factor_at_fault() -> None:
     group = PRODUCTS[0]
     off = group.join(np.diag([1.0, 1.0, -1.0]), np.zeros(3))
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"in factor 1, SO3\(\), its determinant is -1"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"in factor 1, SO3\(\), its determinant is -1"):
         group.inverse(off)
     assert not group.contains(off)
     assert group.contains(group.nearest(group.join(np.diag([1.0, 1.0, -0.9]), np.zeros(3))))
@@ -187,24 +185,13 @@ def test_products_name_the_factor_at_fault() -> None:
 
 def test_a_product_moves_as_its_factors_do_on_their_own() -> None:
     group = lm.ProductGroup(SO3, SO3)
-    mu, moments = (
-        np.array([0.4, -0.5, 0.7, 1.0, 0.2, -0.3]),
-        np.array([1.0, 1.6, 2.3, 0.5, 0.8, 1.1]),
-    )
-    for method in (
-        lm.RKMK(order=4),
-        lm.CovariantVariational(lm.Exponential()),
-        lm.CovariantVariational(lm.Cayley()),
-    ):
+    mu, moments = (np.array([0.4, -0.5, 0.7, 1.0, 0.2, -0.3]), np.array([1.0, 1.6, 2.3, 0.5, 0.8, 1.1]))
+    for method in (lm.RKMK(order=4), lm.CovariantVariational(lm.Exponential()), lm.CovariantVariational(lm.Cayley())):
         both = lm.LiePoissonSystem(group, lm.KineticEnergy(moments))
-        run = lm.integrate(
-            both, method, both.state(mu, group.identity()), h=0.1, steps=20, compiled=False
-        )
+        run = lm.integrate(both, method, both.state(mu, group.identity()), h=0.1, steps=20, compiled=False)
         for half in (slice(0, 3), slice(3, 6)):
             one = lm.LiePoissonSystem(SO3, lm.KineticEnergy(moments[half]))
-            alone = lm.integrate(
-                one, method, one.state(mu[half], np.eye(3)), h=0.1, steps=20, compiled=False
-            )
+            alone = lm.integrate(one, method, one.state(mu[half], np.eye(3)), h=0.1, steps=20, compiled=False)
             assert np.abs(alone.mu - run.mu[:, half]).max() <= 64 * EPS
             assert np.abs(alone.g - group.split(run.g)[half.start // 3]).max() <= 64 * EPS
 
@@ -238,23 +225,11 @@ def test_compiled_runs_equal_plain_ones(group: lm.LieGroup, method: lm.Method) -
 @each([PRODUCTS[0], RIGID])
 def test_batches_equal_rows(group: lm.LieGroup) -> None:
     rng, n = np.random.default_rng(11), 2100
-    g, xi, eta = (
-        group.random(rng, n),
-        0.8 * rng.normal(size=(n, group.dim)),
-        rng.normal(size=(n, group.dim)),
-    )
-    arguments = {
-        "exp": (xi,),
-        "log": (g,),
-        "compose": (g, g[::-1]),
-        "Ad_star": (g, eta),
-        "dexp_inv_dual": (xi, eta),
-    }
+    g, xi, eta = (group.random(rng, n), 0.8 * rng.normal(size=(n, group.dim)), rng.normal(size=(n, group.dim)))
+    arguments = {"exp": (xi,), "log": (g,), "compose": (g, g[::-1]), "Ad_star": (g, eta), "dexp_inv_dual": (xi, eta)}
     for name, args in arguments.items():
         whole, some = of(group, name)(*args), [0, 1, 777, n - 1]
-        assert np.array_equal(
-            whole[some], [of(group, name)(*(a[i] for a in args)) for i in some]
-        ), name
+        assert np.array_equal(whole[some], [of(group, name)(*(a[i] for a in args)) for i in some]), name
     g[5] *= 1.1
     with pytest.raises(lm.errors.InvalidInput, match=r"g\[5\] is not in"):
         group.log(g)
@@ -286,9 +261,7 @@ def as_matrix(g: np.ndarray) -> np.ndarray:
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("size", SIZES)
 @each([SEMIDIRECT[0], SEMIDIRECT[1]])
-def test_rigid_motions_once_more(
-    group: lm.SemidirectProduct, size: float, rng: np.random.Generator
-) -> None:
+def test_rigid_motions_once_more(group: lm.SemidirectProduct, size: float, rng: np.random.Generator) -> None:
     """Every map is that of SE3, in the same coordinates; near a whole turn dexp^-1 has a condition
     number of 75.
     """
@@ -307,21 +280,10 @@ def test_rigid_motions_once_more(
             assert close(of(group, name)(g, mu), of(SE3, name)(m, mu)), name
         for name in ("ad", "ad_star", "exp_Ad_star", "cayley_Ad_star"):
             assert close(of(group, name)(xi, mu), of(SE3, name)(xi, mu)), name
-        for name in (
-            "dexp",
-            "dexp_dual",
-            "dcayley",
-            "dcayley_dual",
-            "dcayley_inv",
-            "dcayley_inv_dual",
-        ):
+        for name in ("dexp", "dexp_dual", "dcayley", "dcayley_dual", "dcayley_inv", "dcayley_inv_dual"):
             assert close(of(group, name)(xi, eta), of(SE3, name)(xi, eta), 64), name
         for name in ("dexp_inv", "dexp_inv_dual"):
-            assert close(
-                of(group, name)(xi, eta),
-                of(SE3, name)(xi, eta),
-                64 if size < 6 else 8192,
-            ), name
+            assert close(of(group, name)(xi, eta), of(SE3, name)(xi, eta), 64 if size < 6 else 8192), name
     assert close(group.algebra.structure_constants, SE3.algebra.structure_constants)
 
 
@@ -358,9 +320,7 @@ def mp_phi1(a: np.ndarray, exact: list[mp.mpf], basis: list[np.ndarray]) -> mp.m
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 1e-3, 0.9, 1.1, 3.0, 6.2])
 @each([RIGID, SEMIDIRECT[3], SEMIDIRECT[4]])
-def test_dexp_and_its_inverses_by_definition_in_50_digits(
-    group: lm.SemidirectProduct, size: float
-) -> None:
+def test_dexp_and_its_inverses_by_definition_in_50_digits(group: lm.SemidirectProduct, size: float) -> None:
     """phi1 of the matrix of -ad; large vectors beside small velocities lose nothing."""
     rng = np.random.default_rng(5)
     n, k = group.acting.dim, group.action.space_dim
@@ -373,18 +333,12 @@ def test_dexp_and_its_inverses_by_definition_in_50_digits(
         with mp.workdps(50):
             D = mp_phi1(units, [-mp.mpf(float(x)) for x in xi], basis)
             by = [D, D.T, D**-1, (D**-1).T]
-            products = [
-                m * mp.matrix(v.tolist()) for m, v in zip(by, (eta, mu, eta, mu), strict=True)
-            ]
+            products = [m * mp.matrix(v.tolist()) for m, v in zip(by, (eta, mu, eta, mu), strict=True)]
             expected = [np.array([float(x) for x in product]) for product in products]
             scales = [float(mp.mnorm(m, "f")) for m in by]
         condition = scales[0] * scales[2] / reach
         for name, vector, right, scale in zip(
-            ("dexp", "dexp_dual", "dexp_inv", "dexp_inv_dual"),
-            (eta, mu, eta, mu),
-            expected,
-            scales,
-            strict=True,
+            ("dexp", "dexp_dual", "dexp_inv", "dexp_inv_dual"), (eta, mu, eta, mu), expected, scales, strict=True
         ):
             error = np.abs(of(group, name)(xi, vector) - right)
             bound = (
@@ -397,9 +351,7 @@ def test_dexp_and_its_inverses_by_definition_in_50_digits(
             assert error.max() <= bound, (name, reach)
         # what has no vector in it is exact without one
         rotational = np.abs(group.dexp(xi, eta) - expected[0])[:n]
-        assert rotational.max() <= 64 * EPS * np.abs(expected[0][:n]).max() * max(
-            1.0, math.exp(size / 2)
-        )
+        assert rotational.max() <= 64 * EPS * np.abs(expected[0][:n]).max() * max(1.0, math.exp(size / 2))
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.5, 3.0])
@@ -413,9 +365,7 @@ def test_affine_maps_by_matrices(size: float, rng: np.random.Generator) -> None:
     assert close(group.matrix(group.exp(xi)), expm(generator), 64)
     half = 0.5 * generator
     assert close(
-        group.matrix(group.cayley(0.3 * xi)),
-        np.linalg.solve(np.eye(3) - 0.3 * half, np.eye(3) + 0.3 * half),
-        64,
+        group.matrix(group.cayley(0.3 * xi)), np.linalg.solve(np.eye(3) - 0.3 * half, np.eye(3) + 0.3 * half), 64
     )
     g, h = group.random(rng, 2)
     assert close(group.matrix(group.compose(g, h)), group.matrix(g) @ group.matrix(h))
@@ -479,9 +429,7 @@ class HeavyTop(lm.Hamiltonian):
 
     def energy(self, mu: lm.Vec) -> float:
         xi = self.gradient(mu)
-        return 0.5 * (mu[0] * xi[0] + mu[1] * xi[1] + mu[2] * xi[2]) + (
-            mu[3] * xi[3] + mu[4] * xi[4] + mu[5] * xi[5]
-        )
+        return 0.5 * (mu[0] * xi[0] + mu[1] * xi[1] + mu[2] * xi[2]) + (mu[3] * xi[3] + mu[4] * xi[4] + mu[5] * xi[5])
 
     def gradient(self, mu: lm.Vec) -> lm.Vec:
         return lm.vec(*[mu[i] / self.moments[i] for i in range(3)], *self.chi)
@@ -489,9 +437,7 @@ class HeavyTop(lm.Hamiltonian):
 
 def heavy_top(group: lm.LieGroup) -> tuple[lm.LiePoissonSystem, np.ndarray, np.ndarray]:
     """The system, its start, and the exact state after two units of time."""
-    J, mgl, chi, pi, R = (
-        np.array(HEAVY_TOP[k], dtype=float) for k in ("J", "mgl", "chi", "pi0", "R0")
-    )
+    J, mgl, chi, pi, R = (np.array(HEAVY_TOP[k], dtype=float) for k in ("J", "mgl", "chi", "pi0", "R0"))
     at_two = next(s for s in HEAVY_TOP["samples"] if float(s["t"]) == 2.0)
     exact = np.array(at_two["pi"] + at_two["Gamma"], dtype=float)
     return lm.LiePoissonSystem(group, HeavyTop(J, mgl * chi)), np.concatenate([pi, R[2]]), exact
@@ -503,9 +449,7 @@ def test_heavy_top_converges_with_order_4_to_the_exact_motion(group: lm.Semidire
     system, start, exact = heavy_top(group)
     errors, steps = [], [20, 40, 80]
     for n in steps:
-        run = lm.integrate(
-            system, lm.RKMK(order=4), system.state(start), h=2.0 / n, steps=n, compiled=False
-        )
+        run = lm.integrate(system, lm.RKMK(order=4), system.state(start), h=2.0 / n, steps=n, compiled=False)
         errors.append(np.abs(run.mu[-1] - exact).max())
         kept = group.casimirs(run.mu)
         assert np.abs(kept - kept[0]).max() <= 64 * EPS
@@ -519,9 +463,7 @@ def test_energy_and_casimirs_of_the_heavy_top() -> None:
         assert system.energy(mu) == pytest.approx(float(HEAVY_TOP["energy"]), rel=16 * EPS)
         length, vertical = RIGID.casimirs(mu)
         assert length == pytest.approx(1.0, abs=16 * EPS)
-        assert vertical == pytest.approx(
-            float(HEAVY_TOP["vertical_momentum_pi_dot_Gamma"]), rel=16 * EPS
-        )
+        assert vertical == pytest.approx(float(HEAVY_TOP["vertical_momentum_pi_dot_Gamma"]), rel=16 * EPS)
 
 
 def test_equations_of_the_heavy_top(rng: np.random.Generator) -> None:

@@ -70,9 +70,7 @@ def test_left_and_right(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> 
     xi, eta, mu = vectors
     g = tau.tau(G, xi)
     assert close(tau.dtau(G, xi, eta), g.T @ tau.dtau(G, -xi, eta))
-    assert close(
-        tau.dtau_inv_dual(G, xi, mu), tau.tau_Ad_star(G, xi, tau.dtau_inv_dual(G, -xi, mu))
-    )
+    assert close(tau.dtau_inv_dual(G, xi, mu), tau.tau_Ad_star(G, xi, tau.dtau_inv_dual(G, -xi, mu)))
 
 
 def test_differential_by_differences(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:

@@ -84,10 +84,7 @@ class Motion:
         return np.stack([f(*first, u, **options) for u in self.units], axis=-1)
 
 
-@pytest.fixture(
-    params=[(g, s) for g in (SE3(), SE2()) for s in SIZES],
-    ids=lambda p: f"{type(p[0]).__name__}-{p[1]}",
-)
+@pytest.fixture(params=[(g, s) for g in (SE3(), SE2()) for s in SIZES], ids=lambda p: f"{type(p[0]).__name__}-{p[1]}")
 def motion(request: pytest.FixtureRequest) -> Motion:
     group, label = request.param
     rng = np.random.default_rng([4, len(label)])
@@ -140,9 +137,7 @@ def test_actions_by_definition(motion: Motion) -> None:
     assert close(motion.hat(G.Ad(g, eta)), g @ motion.hat(eta) @ np.linalg.inv(g), 32)
     assert close(motion.linear(G.Ad_star, g), motion.linear(G.Ad, g).T)
     assert close(motion.linear(G.ad_star, motion.xi), motion.linear(G.ad, motion.xi).T, 1)
-    assert close(
-        G.Ad_star(G.compose(g, G.exp(eta)), mu), G.Ad_star(G.exp(eta), G.Ad_star(g, mu)), 32
-    )
+    assert close(G.Ad_star(G.compose(g, G.exp(eta)), mu), G.Ad_star(G.exp(eta), G.Ad_star(g, mu)), 32)
     assert close(G.K(g, G.Ad_star(g, mu)), mu, 16)
 
 
@@ -153,16 +148,12 @@ def test_poisson_structure_and_casimirs(motion: Motion) -> None:
     G, mu = motion.group, motion.mu
     B = G.algebra.poisson_structure(mu)
     assert np.array_equal(B, -B.T)
-    assert motion.p @ B @ motion.eta == pytest.approx(
-        -mu @ G.ad(motion.p, motion.eta), abs=16 * EPS
-    )
+    assert motion.p @ B @ motion.eta == pytest.approx(-mu @ G.ad(motion.p, motion.eta), abs=16 * EPS)
     slope = np.stack([G.algebra.poisson_structure(e) for e in motion.units], axis=-1)
     first = np.einsum("ijl,lk->ijk", slope, B)
     assert np.abs(first + first.transpose(2, 0, 1) + first.transpose(1, 2, 0)).max() < 8 * EPS
     P = mu[motion.angular :]
-    gradients = [np.r_[np.zeros(motion.angular), 2 * P]] + (
-        [np.r_[P, mu[:3]]] if motion.dim == 6 else []
-    )
+    gradients = [np.r_[np.zeros(motion.angular), 2 * P]] + ([np.r_[P, mu[:3]]] if motion.dim == 6 else [])
     values = [P @ P] + ([P @ mu[:3]] if motion.dim == 6 else [])
     assert close(G.casimirs(mu), values, 2)
     for gradient in gradients:
@@ -196,13 +187,10 @@ def by_definition(motion: Motion, tau: Callable, side: str = "right") -> np.ndar
     here = tau(motion.mp_hat(xi)) ** -1
     for unit in motion.units:
         plus, minus = (
-            tau(motion.mp_hat([mp.mpf(x) + s * e * int(u) for x, u in zip(xi, unit, strict=True)]))
-            for s in (1, -1)
+            tau(motion.mp_hat([mp.mpf(x) + s * e * int(u) for x, u in zip(xi, unit, strict=True)])) for s in (1, -1)
         )
         slope = (plus - minus) / (2 * e)
-        columns.append(
-            [float(c) for c in motion.vee(slope * here if side == "right" else here * slope)]
-        )
+        columns.append([float(c) for c in motion.vee(slope * here if side == "right" else here * slope)])
     return np.array(columns).T
 
 
@@ -275,9 +263,7 @@ def test_dcayley_and_its_relatives_by_definition(motion: Motion, side: str) -> N
     with mp.workdps(40):
         assert close(G.cayley(xi), floats(mp_cayley(motion.mp_hat(xi.tolist()))))
         D = by_definition(motion, mp_cayley, side)
-        inverse = floats(
-            mp_dcayley(motion, [x if side == "right" else -x for x in xi.tolist()]) ** -1
-        )
+        inverse = floats(mp_dcayley(motion, [x if side == "right" else -x for x in xi.tolist()]) ** -1)
     assert close(motion.linear(G.algebra.dcayley, sided(xi, side)), D)
     assert close(motion.linear(G.algebra.dcayley_dual, sided(xi, side)), D.T)
     assert close(motion.linear(G.algebra.dcayley_inv, sided(xi, side)), inverse)
@@ -292,9 +278,7 @@ def test_the_second_cayley_map_is_the_one_of_ad(motion: Motion, side: str) -> No
     g = G.by_adjoint.cayley(xi)
     with mp.workdps(40):
         wanted = floats(mp_cayley(mp_ad(motion, xi.tolist())))
-        inverse = floats(
-            mp_dcayley_adjoint(motion, [x if side == "right" else -x for x in xi.tolist()]) ** -1
-        )
+        inverse = floats(mp_dcayley_adjoint(motion, [x if side == "right" else -x for x in xi.tolist()]) ** -1)
     assert close(motion.linear(G.Ad, g), wanted)
     assert close(motion.linear(G.by_adjoint.algebra.cayley_Ad_star, xi), wanted.T)
     assert close(motion.linear(G.by_adjoint.algebra.dcayley_inv, sided(xi, side)), inverse)
@@ -352,32 +336,22 @@ def test_mismatch_and_its_jacobian(motion: Motion, name: str) -> None:
     """r = s (p - (dtau_xi)* mu) with s = dr/dp; dr/dxi by differences in 40 digits."""
     G, xi, mu, p, k = motion.group, motion.xi, motion.mu, motion.p, motion.angular
     algebra = G.by_adjoint.algebra if name == "cayley_adjoint" else G.algebra
-    r, s, by_xi = getattr(algebra, "exp_residual" if name == "exp" else "cayley_residual")(
-        xi, p, mu
-    )
+    r, s, by_xi = getattr(algebra, "exp_residual" if name == "exp" else "cayley_residual")(xi, p, mu)
 
     def exact(x: list) -> mp.matrix:
         scale = 1 if name == "exp" else 4 + mp.fsum(c * c for c in x[:k])
-        return scale * (
-            mp.matrix(p.tolist()) - DIFFERENTIALS[name](motion, x).T * mp.matrix(mu.tolist())
-        )
+        return scale * (mp.matrix(p.tolist()) - DIFFERENTIALS[name](motion, x).T * mp.matrix(mu.tolist()))
 
     with mp.workdps(40):
         e, at = mp.mpf(10) ** -20, [mp.mpf(c) for c in xi.tolist()]
         assert close(r, floats(exact(at)).ravel(), 32)
         columns = []
         for j in range(motion.dim):
-            plus, minus = (
-                [c + (sign * e if i == j else 0) for i, c in enumerate(at)] for sign in (1, -1)
-            )
+            plus, minus = ([c + (sign * e if i == j else 0) for i, c in enumerate(at)] for sign in (1, -1))
             columns.append([float(c) for c in (exact(plus) - exact(minus)) / (2 * e)])
     assert s == pytest.approx(1.0 if name == "exp" else 4.0 + xi[:k] @ xi[:k], rel=4 * EPS)
     # the second derivatives in the Jacobian of exp forgive a few digits
-    assert close(
-        by_xi,
-        np.array(columns).T,
-        4000 if name == "exp" and motion.dim == 6 and motion.angle > 0.63 else 32,
-    )
+    assert close(by_xi, np.array(columns).T, 4000 if name == "exp" and motion.dim == 6 and motion.angle > 0.63 else 32)
 
 
 def test_exponential_is_that_of_matrices(motion: Motion) -> None:
@@ -404,18 +378,12 @@ def test_the_chart_ends_at_a_whole_turn() -> None:
                     assert np.isfinite(group.dexp_inv(x, xi)).all()
                     continue
                 for call in (group.dexp_inv, group.algebra.dexp_inv_dual):
-                    with pytest.raises(
-                        lm.errors.OutsideChart, match=r"singular at a full turn.*smaller h"
-                    ):
+                    with pytest.raises(lm.errors.OutsideChart, match=r"singular at a full turn.*smaller h"):
                         call(x, xi)
 
 
 def test_cayley_cannot_represent_half_a_turn() -> None:
-    for group, half in (
-        (lm.SO3(), [0, math.pi, 0]),
-        (SE3(), [0, math.pi, 0, 1, 2, 3]),
-        (SE2(), [math.pi, 1, 2]),
-    ):
+    for group, half in ((lm.SO3(), [0, math.pi, 0]), (SE3(), [0, math.pi, 0, 1, 2, 3]), (SE2(), [math.pi, 1, 2])):
         g = group.exp(np.array(half, dtype=float))
         with pytest.raises(lm.errors.OutsideChart, match="half a turn"):
             group.cayley_inv(g)

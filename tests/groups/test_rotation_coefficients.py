@@ -103,9 +103,7 @@ def angles(low: float, high: float, count: int = 120) -> list[float]:
     return [math.exp(r.uniform(math.log(low), math.log(high))) ** 2 for _ in range(count)]
 
 
-def gaps(
-    centre: float, low: float, high: float, sides: tuple[int, ...], count: int = 120
-) -> list[float]:
+def gaps(centre: float, low: float, high: float, sides: tuple[int, ...], count: int = 120) -> list[float]:
     """Values of theta^2 for angles at distances between the bounds from the centre."""
     r = random.Random(f"{centre} {low}")
     sizes = (10 ** r.uniform(math.log10(low), math.log10(high)) for _ in range(count))
@@ -164,24 +162,17 @@ def test_the_definitions_in_the_derivation() -> None:
             series = mp.fsum((-x) ** k / mp.factorial(2 * k + m) for k in range(40))
             assert mp.almosteq(derivation[name](x), series, 1e-50)
         b = [abs(mp.bernoulli(2 * k)) / mp.factorial(2 * k) for k in range(1, 40)]
-        assert mp.almosteq(
-            derivation["bernoulli"](x), mp.fsum(bk * x**k for k, bk in enumerate(b)), 1e-50
-        )
+        assert mp.almosteq(derivation["bernoulli"](x), mp.fsum(bk * x**k for k, bk in enumerate(b)), 1e-50)
         for m, name in enumerate(("stumpff4", "stumpff5"), start=4):
             series = mp.fsum((-x) ** k / mp.factorial(2 * k + m) for k in range(40))
             assert mp.almosteq(derivation[name](x), series, 1e-50)
         slope = mp.fsum(k * bk * x ** (k - 1) for k, bk in enumerate(b))
         assert mp.almosteq(derivation["bernoulli_slope"](x), slope, 1e-50)
         for m, name in enumerate(("versine_curvature", "segment_curvature"), start=2):
-            series = mp.fsum(
-                (-1) ** k * k * (k - 1) * x ** (k - 2) / mp.factorial(2 * k + m)
-                for k in range(2, 40)
-            )
+            series = mp.fsum((-1) ** k * k * (k - 1) * x ** (k - 2) / mp.factorial(2 * k + m) for k in range(2, 40))
             assert mp.almosteq(derivation[name](x), series, 1e-50)
         for name in ("sinc", "versine", "segment"):
-            assert mp.almosteq(
-                exact(f"{name}_slope", 0.37), mp.diff(derivation[name], mpf(0.37)), 1e-25
-            )
+            assert mp.almosteq(exact(f"{name}_slope", 0.37), mp.diff(derivation[name], mpf(0.37)), 1e-25)
 
 
 def test_polynomial_sums_all_its_terms() -> None:
@@ -256,9 +247,7 @@ def test_the_inverse_differential_ends_at_a_whole_turn() -> None:
 
 def test_both_ways_to_the_inverse_differential_agree() -> None:
     for x in [x for where in (ON_POLYNOMIAL, BEYOND) for xs in where.values() for x in xs]:
-        assert code.bernoulli_coefficients(x)[0] == pytest.approx(
-            code.bernoulli(x), rel=4 * EPS, abs=0.0
-        )
+        assert code.bernoulli_coefficients(x)[0] == pytest.approx(code.bernoulli(x), rel=4 * EPS, abs=0.0)
 
 
 @pytest.mark.parametrize("size", [0.5, 0.7, 3.0, 1e2, 1e5, 1e8, 1e12, 2.0**53])

@@ -94,9 +94,7 @@ def test_the_identity_gives_exact_zeros(zero: float) -> None:
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("zero", [0.0, -0.0])
 def test_half_turns_about_the_axes(axis: int, zero: float) -> None:
-    R = Mat(
-        *([(1.0 if i == axis else -1.0) if i == j else zero for j in range(3)] for i in range(3))
-    )
+    R = Mat(*([(1.0 if i == axis else -1.0) if i == j else zero for j in range(3)] for i in range(3)))
     assert tuple(rotation_vector(R)) == tuple(math.pi if i == axis else 0.0 for i in range(3))
 
 
@@ -111,9 +109,7 @@ def test_half_turns_and_their_sign() -> None:
             diagonal = [R[i, i] for i in range(3)]
             sign = math.copysign(1.0, n[diagonal.index(max(diagonal))])
             with mp.workdps(DIGITS):
-                assert (
-                    error([sign * mp.pi * c / mp.sqrt(nn) for c in n], rotation_vector(R)) < 2.0
-                ), n
+                assert error([sign * mp.pi * c / mp.sqrt(nn) for c in n], rotation_vector(R)) < 2.0, n
 
 
 # ---------------------------------------------------------------- the quaternion
@@ -122,10 +118,7 @@ def test_half_turns_and_their_sign() -> None:
 def random_rotations(count: int) -> list[Mat]:
     s = random.Random(5)
     with mp.workdps(DIGITS):
-        return [
-            rotation([s.uniform(0, 3.1) * c / mp.norm(mp.matrix(n)) for c in n])
-            for n in directions(count)
-        ]
+        return [rotation([s.uniform(0, 3.1) * c / mp.norm(mp.matrix(n)) for c in n]) for n in directions(count)]
 
 
 def test_the_quaternion_is_a_unit_and_gives_the_matrix_back() -> None:
@@ -169,20 +162,11 @@ def test_small_defects_stay_small(defect: float) -> None:
     with mp.workdps(DIGITS):
         for n in directions(60):
             for angle in (0.0, 1e-9, 1.0, 2.0, 3.0, math.pi - 1e-4, math.pi):
-                w = (
-                    [mpf(angle) * c / mp.norm(mp.matrix(n)) for c in n]
-                    if angle
-                    else [mpf(1e-300), mpf(0), mpf(0)]
-                )
+                w = [mpf(angle) * c / mp.norm(mp.matrix(n)) for c in n] if angle else [mpf(1e-300), mpf(0), mpf(0)]
                 R = rotation(w)
-                found = rotation_vector(
-                    Mat(*([e + defect * s.uniform(-1, 1) for e in row] for row in R))
-                )
+                found = rotation_vector(Mat(*([e + defect * s.uniform(-1, 1) for e in row] for row in R)))
                 assert math.hypot(*found) <= math.pi * (1 + 2 * EPS)
-                distance = min(
-                    mp.norm(mp.matrix(v) - mp.matrix(list(found)))
-                    for v in (w, *other_sheet(w, angle))
-                )
+                distance = min(mp.norm(mp.matrix(v) - mp.matrix(list(found))) for v in (w, *other_sheet(w, angle)))
                 assert distance < 4 * (defect + EPS * angle)
 
 

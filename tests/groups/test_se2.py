@@ -38,16 +38,11 @@ def test_motions_of_the_plane_are_motions_of_space(size: float, rng: np.random.G
             g, h = ours(xi), in_space(screw(xi))
             assert np.abs(g[:2, :2] - h[:2, :2]).max() < 4 * EPS
             assert np.abs(g[:2, 2] - h[:2, 3]).max() < 8 * EPS
-        by_names = [
-            (G.algebra, S.algebra, n) for n in ("dexp", "dexp_inv", "dcayley", "dcayley_inv")
-        ]
+        by_names = [(G.algebra, S.algebra, n) for n in ("dexp", "dexp_inv", "dcayley", "dcayley_inv")]
         for a, b, name in [*by_names, (G.by_adjoint.algebra, S.by_adjoint.algebra, "dcayley_inv")]:
             wanted = getattr(b, name)(screw(xi), screw(eta))[IN_SPACE]
             assert np.abs(getattr(a, name)(xi, eta) - wanted).max() < 32 * EPS
-        assert (
-            np.abs(G.exp_Ad_star(xi, mu) - S.exp_Ad_star(screw(xi), screw(mu))[IN_SPACE]).max()
-            < 32 * EPS
-        )
+        assert np.abs(G.exp_Ad_star(xi, mu) - S.exp_Ad_star(screw(xi), screw(mu))[IN_SPACE]).max() < 32 * EPS
 
 
 def test_a_quarter_turn_on_an_arc() -> None:
@@ -64,14 +59,10 @@ def test_accuracy_of_the_exponential(size: float, rng: np.random.Generator) -> N
             c, s, a, b = mp.cos(w), mp.sin(w), mp.sin(w) / mp.mpf(w), (1 - mp.cos(w)) / mp.mpf(w)
             wanted = [c, -s, a * x - b * y, s, c, b * x + a * y, 0, 0, 1]
             g = G.exp(np.array([w, x, y])).ravel().tolist()
-            assert max(abs(mp.mpf(u) - z) for u, z in zip(g, wanted, strict=True)) < 4 * EPS * max(
-                1.0, abs(x), abs(y)
-            )
+            assert max(abs(mp.mpf(u) - z) for u, z in zip(g, wanted, strict=True)) < 4 * EPS * max(1.0, abs(x), abs(y))
 
 
-@pytest.mark.parametrize(
-    "w", [0.0, 1e-12, 1e-3, 1.0, -2.0, 3.0, math.pi - 1e-4, math.pi - 1e-13, -math.pi + 1e-9]
-)
+@pytest.mark.parametrize("w", [0.0, 1e-12, 1e-3, 1.0, -2.0, 3.0, math.pi - 1e-4, math.pi - 1e-13, -math.pi + 1e-9])
 def test_accuracy_of_the_logarithm(w: float, rng: np.random.Generator) -> None:
     for v in rng.normal(size=(20, 2)):
         found = G.log(G.exp(np.array([w, *v])))
@@ -88,9 +79,7 @@ def test_the_algebra_is_closed_under_x_y_x(rng: np.random.Generator) -> None:
 
 
 def test_cayley_of_anything_finite() -> None:
-    assert np.array_equal(
-        G.cayley(np.array([1e160, 1.0, 2.0]))[:2, :2], [[-1.0, -4e-160], [4e-160, -1.0]]
-    )
+    assert np.array_equal(G.cayley(np.array([1e160, 1.0, 2.0]))[:2, :2], [[-1.0, -4e-160], [4e-160, -1.0]])
     for w in (1e3, -1e8, 1e100):
         assert G.contains(G.cayley(np.array([w, 1.0, 2.0])))
 
@@ -113,9 +102,7 @@ def test_membership_names_the_law(rng: np.random.Generator) -> None:
 
 # ---------------------------------------------------------------- bodies that move
 
-EXP, CAYLEY, ADJOINT = map(
-    lm.CovariantVariational, (lm.Exponential(), lm.Cayley(), CayleyAdjoint())
-)
+EXP, CAYLEY, ADJOINT = map(lm.CovariantVariational, (lm.Exponential(), lm.Cayley(), CayleyAdjoint()))
 METHODS = [lm.RKMK(order=4), lm.RKMK(order=4, truncation="closed"), EXP, CAYLEY, ADJOINT]
 
 
@@ -123,9 +110,7 @@ def sledge() -> tuple[lm.LiePoissonSystem, lm.BodyState]:
     """A body in a plane fluid: added mass depends on the direction, and the centre of pressure is
     not the centre of mass.
     """
-    system = lm.LiePoissonSystem(
-        G, KineticEnergy(np.array([[1.0, 0.1, 0.2], [0.1, 1.5, 0.0], [0.2, 0.0, 0.7]]))
-    )
+    system = lm.LiePoissonSystem(G, KineticEnergy(np.array([[1.0, 0.1, 0.2], [0.1, 1.5, 0.0], [0.2, 0.0, 0.7]])))
     return system, system.state([0.4, 0.8, -0.5], G.exp(np.array([0.3, 1.0, -2.0])))
 
 
@@ -137,9 +122,7 @@ def test_order_and_what_the_group_keeps(method: lm.Method) -> None:
     errors = []
     for n in (10, 20, 40):
         run = lm.integrate(system, method, start, h=1.0 / n, steps=n, every=n, compiled=False)
-        errors.append(
-            max(np.abs(run.mu[-1] - fine.mu[-1]).max(), np.abs(run.g[-1] - fine.g[-1]).max())
-        )
+        errors.append(max(np.abs(run.mu[-1] - fine.mu[-1]).max(), np.abs(run.g[-1] - fine.g[-1]).max()))
     assert np.log2(errors[1] / errors[2]) == pytest.approx(method.order, abs=0.1)
     run = lm.integrate(system, method, start, h=0.05, steps=1000)
     spatial = system.spatial_momentum(run.mu, run.g)
@@ -152,9 +135,7 @@ def test_order_and_what_the_group_keeps(method: lm.Method) -> None:
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:
     system, start = sledge()
-    plain, native = (
-        lm.integrate(system, method, start, h=0.1, steps=50, compiled=c) for c in (False, True)
-    )
+    plain, native = (lm.integrate(system, method, start, h=0.1, steps=50, compiled=c) for c in (False, True))
     assert native.compiled
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)

@@ -77,12 +77,8 @@ def test_pure_rotations_are_those_of_so3(rng: np.random.Generator) -> None:
         ours = [(G.algebra, n) for n in ("dexp", "dexp_inv", "dcayley", "dcayley_inv")]
         for se3, name in [*ours, *[(G.by_adjoint.algebra, n) for n in ("dcayley", "dcayley_inv")]]:
             so3, dual = R3.algebra, f"{name}_dual"
-            assert (
-                scaled(getattr(se3, name)(xi, eta), np.r_[getattr(so3, name)(w, a), zero]) < 4 * EPS
-            )
-            assert (
-                scaled(getattr(se3, dual)(xi, mu), np.r_[getattr(so3, dual)(w, m), zero]) < 4 * EPS
-            )
+            assert scaled(getattr(se3, name)(xi, eta), np.r_[getattr(so3, name)(w, a), zero]) < 4 * EPS
+            assert scaled(getattr(se3, dual)(xi, mu), np.r_[getattr(so3, dual)(w, m), zero]) < 4 * EPS
 
 
 def test_pure_translations_are_vectors(rng: np.random.Generator) -> None:
@@ -117,16 +113,11 @@ def mp_motion(w: list, v: list) -> tuple[mp.matrix, mp.matrix]:
     x = mp.fsum(c * c for c in w)
     t, W = mp.sqrt(x), mp.matrix([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
     R = mp.eye(3) + mp.sin(t) / t * W + (1 - mp.cos(t)) / x * W * W
-    return R, (mp.eye(3) + (1 - mp.cos(t)) / x * W + (t - mp.sin(t)) / (x * t) * W * W) * mp.matrix(
-        v
-    )
+    return R, (mp.eye(3) + (1 - mp.cos(t)) / x * W + (t - mp.sin(t)) / (x * t) * W * W) * mp.matrix(v)
 
 
 def off(values: np.ndarray, wanted: mp.matrix) -> float:
-    return (
-        float(max(abs(mp.mpf(float(a)) - b) for a, b in zip(values.ravel(), wanted, strict=True)))
-        / EPS
-    )
+    return float(max(abs(mp.mpf(float(a)) - b) for a, b in zip(values.ravel(), wanted, strict=True))) / EPS
 
 
 @pytest.mark.sample(4)
@@ -155,9 +146,7 @@ def test_accuracy_of_the_logarithm(gap: float) -> None:
             length = mp.norm(mp.matrix(n.tolist()))
             w = [mp.mpf(c) * (mp.pi - mp.mpf(gap)) / length for c in n.tolist()]
             R, p = mp_motion(w, [mp.mpf(c) for c in v.tolist()])
-            xi = G.log(
-                motion(np.array(R.tolist(), dtype=float), np.array(p.tolist(), dtype=float).ravel())
-            )
+            xi = G.log(motion(np.array(R.tolist(), dtype=float), np.array(p.tolist(), dtype=float).ravel()))
             assert off(xi[:3], mp.matrix(w)) < 3.0 * (math.pi - gap)
             assert off(xi[3:], mp.matrix(v.tolist())) < 3.0 * np.linalg.norm(v)
 
@@ -244,33 +233,16 @@ def kirchhoff() -> tuple[lm.LiePoissonSystem, lm.BodyState]:
     return system, system.state(mu, motion(exact(KIRCHHOFF["R0"]), exact(KIRCHHOFF["x0"])))
 
 
-EXP, CAYLEY, ADJOINT = map(
-    lm.CovariantVariational, (lm.Exponential(), lm.Cayley(), CayleyAdjoint())
-)
-METHODS = [
-    lm.RKMK(order=2),
-    lm.RKMK(order=4),
-    lm.RKMK(order=4, truncation="closed"),
-    EXP,
-    CAYLEY,
-    ADJOINT,
-]
+EXP, CAYLEY, ADJOINT = map(lm.CovariantVariational, (lm.Exponential(), lm.Cayley(), CayleyAdjoint()))
+METHODS = [lm.RKMK(order=2), lm.RKMK(order=4), lm.RKMK(order=4, truncation="closed"), EXP, CAYLEY, ADJOINT]
 
 
 def test_energy_casimirs_and_spatial_momentum_of_the_reference() -> None:
     system, start = kirchhoff()
     mu, g = np.array(start.mu), np.array(start.g)
     assert system.energy(mu) == pytest.approx(float(KIRCHHOFF["energy"]), rel=8 * EPS)
-    assert (
-        scaled(
-            system.casimirs(mu),
-            exact([KIRCHHOFF["casimir_P_dot_P"], KIRCHHOFF["casimir_Pi_dot_P"]]),
-        )
-        < 4 * EPS
-    )
-    spatial = np.r_[
-        exact(KIRCHHOFF["spatial_angular_momentum"]), exact(KIRCHHOFF["spatial_linear_momentum"])
-    ]
+    assert scaled(system.casimirs(mu), exact([KIRCHHOFF["casimir_P_dot_P"], KIRCHHOFF["casimir_Pi_dot_P"]])) < 4 * EPS
+    spatial = np.r_[exact(KIRCHHOFF["spatial_angular_momentum"]), exact(KIRCHHOFF["spatial_linear_momentum"])]
     assert scaled(system.spatial_momentum(mu, g), spatial) < 4 * EPS
 
 
@@ -279,14 +251,9 @@ def test_energy_casimirs_and_spatial_momentum_of_the_reference() -> None:
 def test_order_against_the_reference(method: lm.Method) -> None:
     system, start = kirchhoff()
     sample, errors = KIRCHHOFF["samples"][1], []
-    mu, g = (
-        np.r_[exact(sample["Pi"]), exact(sample["P"])],
-        motion(exact(sample["R"]), exact(sample["x"])),
-    )
+    mu, g = (np.r_[exact(sample["Pi"]), exact(sample["P"])], motion(exact(sample["R"]), exact(sample["x"])))
     for n in (10, 20, 40):
-        run = lm.integrate(
-            system, method, start, h=float(sample["t"]) / n, steps=n, every=n, compiled=False
-        )
+        run = lm.integrate(system, method, start, h=float(sample["t"]) / n, steps=n, every=n, compiled=False)
         errors.append(max(np.abs(run.mu[-1] - mu).max(), np.abs(run.g[-1] - g).max()))
     assert np.log2(errors[1] / errors[2]) == pytest.approx(method.order, abs=0.05)
 
@@ -308,9 +275,7 @@ def test_what_the_group_keeps(method: lm.Method) -> None:
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:
     system, start = kirchhoff()
-    plain, native = (
-        lm.integrate(system, method, start, h=0.1, steps=50, compiled=c) for c in (False, True)
-    )
+    plain, native = (lm.integrate(system, method, start, h=0.1, steps=50, compiled=c) for c in (False, True))
     assert native.compiled
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
@@ -343,14 +308,7 @@ def test_a_stage_beyond_a_whole_turn_ends_the_run_in_both_worlds(group: lm.LieGr
     start = system.state(3.0 * np.ones(group.dim), np.array(group.identity()))
     for compiled in (False, True):
         with pytest.raises(lm.errors.OutsideChart, match="singular at a full turn") as caught:
-            lm.integrate(
-                system,
-                lm.RKMK(order=4, truncation="closed"),
-                start,
-                h=5.0,
-                steps=100,
-                compiled=compiled,
-            )
+            lm.integrate(system, lm.RKMK(order=4, truncation="closed"), start, h=5.0, steps=100, compiled=compiled)
         assert caught.value.trajectory is not None
         assert np.isfinite(caught.value.trajectory.mu).all()
 

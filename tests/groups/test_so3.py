@@ -71,9 +71,7 @@ def test_logarithm_of_the_reference_exponential(reference: dict) -> None:
         R = G.exp(exact(reference["omega"]))
         assert np.abs(G.exp(G.log(R)) - R).max() < 8 * EPS
     else:
-        assert np.abs(G.log(exact(reference["exp"])) - wanted).max() < 4 * EPS * max(
-            1.0, np.abs(wanted).max()
-        )
+        assert np.abs(G.log(exact(reference["exp"])) - wanted).max() < 4 * EPS * max(1.0, np.abs(wanted).max())
 
 
 # ---------------------------------------------------------------- conventions
@@ -122,17 +120,13 @@ def test_exponential_is_that_of_matrices(size: float, rng: np.random.Generator) 
     assert np.abs(G.exp(w) - Rotation.from_rotvec(w).as_matrix()).max() < 4e-15 * max(1.0, size)
 
 
-@pytest.mark.parametrize(
-    "size", [1e-300, 1e-160, 1e-20, 1e-12, 1e-8, 1e-4, 0.1, 1.0, 2.0, 3.0, 3.14, math.pi - 1e-9]
-)
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1e-20, 1e-12, 1e-8, 1e-4, 0.1, 1.0, 2.0, 3.0, 3.14, math.pi - 1e-9])
 def test_logarithm_undoes_the_exponential(size: float, rng: np.random.Generator) -> None:
     for w in rng.normal(size=(20, 3)):
         w = w * (size / np.linalg.norm(w))
         # exp(w) is rounded: each of its entries by eps, which a small angle does not feel and which
         # near pi moves the axis
-        assert np.abs(G.log(G.exp(w)) - w).max() <= 8 * EPS * min(1.0, size) + (
-            4 * EPS if size > 1e-4 else 0.0
-        )
+        assert np.abs(G.log(G.exp(w)) - w).max() <= 8 * EPS * min(1.0, size) + (4 * EPS if size > 1e-4 else 0.0)
 
 
 def test_exponential_of_tiny_vectors_is_one_plus_hat() -> None:
@@ -158,9 +152,7 @@ def test_exponential_of_many_turns(size: float, rng: np.random.Generator) -> Non
 
 
 @pytest.mark.parametrize("size", [1e50, 1e150])
-def test_exponential_of_more_than_a_double_can_tell_is_a_rotation(
-    size: float, rng: np.random.Generator
-) -> None:
+def test_exponential_of_more_than_a_double_can_tell_is_a_rotation(size: float, rng: np.random.Generator) -> None:
     assert G.contains(G.exp(size * rng.normal(size=(20, 3)))).all()
     with pytest.raises(lm.errors.InvalidInput, match="no finite value"):
         G.exp(np.array([1e200, 0.0, 0.0]))
@@ -182,32 +174,20 @@ def test_cayley_and_its_inverse(size: float, rng: np.random.Generator) -> None:
     for w in rng.normal(size=(10, 3)):
         w = w * (size / np.linalg.norm(w))
         R = G.cayley(w)
-        assert (
-            np.abs(R - Rotation.from_rotvec(w * (2 * math.atan(size / 2) / size)).as_matrix()).max()
-            < 8 * EPS
-        )
+        assert np.abs(R - Rotation.from_rotvec(w * (2 * math.atan(size / 2) / size)).as_matrix()).max() < 8 * EPS
         half = hat(w) / 2
         assert np.abs((np.eye(3) - half) @ R - (np.eye(3) + half)).max() < 8 * EPS * max(1.0, size)
         # the tangent of half the angle magnifies the rounding of R by 1 + size^2/4
-        assert (
-            np.abs(G.cayley_inv(R) - w).max() < 8 * EPS * (min(size, 1.0) + size**2 * (1 + size))
-            or size > 1e5
-        )
+        assert np.abs(G.cayley_inv(R) - w).max() < 8 * EPS * (min(size, 1.0) + size**2 * (1 + size)) or size > 1e5
 
 
 @pytest.mark.parametrize("size", [1e-10, 0.5, 1.58, 1.59, 3.0, 3.2, 6.0])
-def test_exponential_rotates_momenta_without_the_matrix(
-    size: float, rng: np.random.Generator
-) -> None:
+def test_exponential_rotates_momenta_without_the_matrix(size: float, rng: np.random.Generator) -> None:
     for w, mu in rng.normal(size=(10, 2, 3)):
         w = w * (size / np.linalg.norm(w))
+        assert np.abs(G.exp_Ad_star(w, mu) - G.Ad_star(G.exp(w), mu)).max() < 8 * EPS * np.abs(mu).max() * 2
         assert (
-            np.abs(G.exp_Ad_star(w, mu) - G.Ad_star(G.exp(w), mu)).max()
-            < 8 * EPS * np.abs(mu).max() * 2
-        )
-        assert (
-            np.abs(G.algebra.cayley_Ad_star(w, mu) - G.Ad_star(G.cayley(w), mu)).max()
-            < 8 * EPS * np.abs(mu).max() * 2
+            np.abs(G.algebra.cayley_Ad_star(w, mu) - G.Ad_star(G.cayley(w), mu)).max() < 8 * EPS * np.abs(mu).max() * 2
         )
 
 

@@ -28,20 +28,7 @@ LIMIT_ANGLE = 2.0 * math.sqrt(0.4)
 """Where the polynomials of the half angle end."""
 
 ANGLES = [
-    *(
-        0.0,
-        1e-290,
-        1e-160,
-        1e-12,
-        1e-8,
-        1e-4,
-        0.1,
-        0.9999 * LIMIT_ANGLE,
-        1.0001 * LIMIT_ANGLE,
-        1.5,
-        2.0,
-        3.0,
-    ),
+    *(0.0, 1e-290, 1e-160, 1e-12, 1e-8, 1e-4, 0.1, 0.9999 * LIMIT_ANGLE, 1.0001 * LIMIT_ANGLE, 1.5, 2.0, 3.0),
     *(
         math.pi - 1e-3,
         math.pi - 1e-9,
@@ -60,9 +47,7 @@ ANGLES = [
 
 def directions(angle: float) -> np.ndarray:
     """Rotation vectors of this length: along the axes, and in no special direction."""
-    axes = np.array(
-        [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [0.48, -0.6, 0.64], [1e-9, 1.0, -1e-5]]
-    )
+    axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [0.48, -0.6, 0.64], [1e-9, 1.0, -1e-5]])
     return angle * axes
 
 
@@ -84,12 +69,7 @@ def test_the_cayley_map_of_the_adjoint_representation_is_the_same(group: lm.LieG
     xi = np.array([0.4, -1.0, 2.0])
     ad = np.stack([group.ad(xi, unit) for unit in np.eye(3)], axis=1)
     by_ad = np.linalg.solve(np.eye(3) - ad / 2, np.eye(3) + ad / 2)
-    assert (
-        np.abs(
-            np.stack([group.Ad(group.cayley(xi), unit) for unit in np.eye(3)], axis=1) - by_ad
-        ).max()
-        <= 8 * EPS
-    )
+    assert np.abs(np.stack([group.Ad(group.cayley(xi), unit) for unit in np.eye(3)], axis=1) - by_ad).max() <= 8 * EPS
 
 
 @pytest.mark.slow
@@ -136,9 +116,7 @@ def test_cayley_by_its_definition() -> None:
                 half = [mp.mpf(float(a)) / 2 for a in xi]
                 length = mp.sqrt(1 + sum(a * a for a in half))
                 for ours, exact in zip(Q.cayley(xi), [*half, 1], strict=True):
-                    assert abs(mp.mpf(float(ours)) - exact / length) <= 4 * EPS * abs(
-                        exact / length
-                    )
+                    assert abs(mp.mpf(float(ours)) - exact / length) <= 4 * EPS * abs(exact / length)
 
 
 @pytest.mark.parametrize("name", ["exp", "cayley"])
@@ -190,10 +168,7 @@ def test_products_are_hamiltons() -> None:
 def test_products_and_matrices_are_those_of_scipy(rng: np.random.Generator) -> None:
     p, q = Q.random(rng, (2, 20))
     assert np.abs(Q.matrix(q) - Rotation.from_quat(q).as_matrix()).max() <= 4 * EPS
-    assert (
-        np.abs(Q.compose(p, q) - (Rotation.from_quat(p) * Rotation.from_quat(q)).as_quat()).max()
-        <= 4 * EPS
-    )
+    assert np.abs(Q.compose(p, q) - (Rotation.from_quat(p) * Rotation.from_quat(q)).as_quat()).max() <= 4 * EPS
     assert np.abs(Q.rotation(q).as_matrix() - Q.matrix(q)).max() <= 4 * EPS
 
 
@@ -211,17 +186,11 @@ def test_a_body_turns_as_with_matrices() -> None:
     """The momentum equation is the same to the last bit, the attitudes cover each other."""
     energy = lm.KineticEnergy([1.0, 1.6, 2.3])
     mu, q = [0.4, -0.5, 0.7], Q.random(5)
-    for method in (
-        lm.RKMK(order=4),
-        lm.CovariantVariational(lm.Exponential()),
-        lm.CovariantVariational(lm.Cayley()),
-    ):
+    for method in (lm.RKMK(order=4), lm.CovariantVariational(lm.Exponential()), lm.CovariantVariational(lm.Cayley())):
         turned = []
         for group, g in ((Q, q), (R, Q.matrix(q))):
             system = lm.LiePoissonSystem(group, energy)
-            turned.append(
-                lm.integrate(system, method, system.state(mu, g), h=0.1, steps=60, compiled=False)
-            )
+            turned.append(lm.integrate(system, method, system.state(mu, g), h=0.1, steps=60, compiled=False))
         assert np.array_equal(turned[0].mu, turned[1].mu)
         assert np.abs(Q.matrix(turned[0].g) - turned[1].g).max() <= 64 * EPS
         assert np.abs(Q.defect(turned[0].g)).max() <= 16 * EPS
@@ -233,9 +202,7 @@ def test_compiled_runs_equal_plain_ones() -> None:
     system = lm.LiePoissonSystem(Q, lm.KineticEnergy([1.0, 1.6, 2.3]))
     start = system.state([0.4, -0.5, 0.7], Q.random(5))
     for method in (lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())):
-        a, b = (
-            lm.integrate(system, method, start, h=0.1, steps=50, compiled=c) for c in (False, True)
-        )
+        a, b = (lm.integrate(system, method, start, h=0.1, steps=50, compiled=c) for c in (False, True))
         assert np.array_equal(a.mu, b.mu)
         assert np.array_equal(a.g, b.g)
 
@@ -270,17 +237,13 @@ def test_random_quaternions_are_uniform() -> None:
 
 @pytest.mark.sample(3)
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", ["exp", "log", "compose", "Ad", "compose_exp", "cayley_inv", "matrix", "defect"]
-)
+@pytest.mark.parametrize("method", ["exp", "log", "compose", "Ad", "compose_exp", "cayley_inv", "matrix", "defect"])
 def test_batches_equal_rows(method: str) -> None:
     rng = np.random.default_rng(11)
     n = 2100
     g, h, xi = Q.random(rng, n), Q.random(rng, n), rng.normal(size=(n, 3))
     g = np.where(g[:, 3:] >= 0.0, g, -g)
-    args = {"compose": (g, h), "Ad": (g, xi), "compose_exp": (g, xi), "exp": (xi,)}.get(
-        method, (g,)
-    )
+    args = {"compose": (g, h), "Ad": (g, xi), "compose_exp": (g, xi), "exp": (xi,)}.get(method, (g,))
     whole = of(Q, method)(*args)
     some = [0, 1, 777, n - 1]
     rows = np.array([of(Q, method)(*(a[i] for a in args)) for i in some])

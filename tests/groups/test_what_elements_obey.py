@@ -113,13 +113,8 @@ def test_terms_with_positive_coefficients_come_first() -> None:
 def test_why_there_is_no_cayley_map() -> None:
     """Two generators whose product x y x leaves the algebra, or three whose products together do."""
     reason = lm.SL(3).why_no_cayley()
-    assert reason and reason.endswith(
-        "x = E_7, y = E_8 the product sticks out by 2.0e-01 of its size"
-    )
-    one, up = (
-        np.eye(2),
-        np.array([[0.0, 1.0], [0.0, 0.0]]),
-    )  # they commute, and their squares vanish
+    assert reason and reason.endswith("x = E_7, y = E_8 the product sticks out by 2.0e-01 of its size")
+    one, up = (np.eye(2), np.array([[0.0, 1.0], [0.0, 0.0]]))  # they commute, and their squares vanish
     factors = (up, one, one), (one, up, one), (one, one, up)
     reason = MatrixLieGroup.of([np.kron(a, np.kron(b, c)) for a, b, c in factors]).why_no_cayley()
     assert reason and "x = E_1 + E_3, y = E_2 the product sticks out by 2.5e-01" in reason
@@ -147,9 +142,7 @@ def test_solutions_of_linear_equations_look_simple(complex_: bool, size: float) 
             first = int(np.flatnonzero(row)[0])
             assert np.abs(row).max() == pytest.approx(1.0, rel=1e-15)
             assert np.count_nonzero(rows[:, first]) == 1
-    assert np.array_equal(
-        null_space(np.array([[0.0, 0.0, 3.0]])), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    )
+    assert np.array_equal(null_space(np.array([[0.0, 0.0, 3.0]])), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 @pytest.mark.parametrize(

@@ -32,9 +32,7 @@ def least_on_the_octant(J: np.ndarray) -> float:
     k = np.zeros((3, 3))
     for i, j, l in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         k[i, i] = 2.0 * J[i] * (4.0 * J[i] ** 2 + 3.0 * J[j] * J[l])
-        k[i, j] = k[j, i] = (
-            4.0 * J[i] * J[j] * (J[i] + J[j]) + 8.0 * J.prod() - J[l] * (J[i] ** 2 + J[j] ** 2)
-        )
+        k[i, j] = k[j, i] = 4.0 * J[i] * J[j] * (J[i] + J[j]) + 8.0 * J.prod() - J[l] * (J[i] ** 2 + J[j] ** 2)
     values = []
     for size in (1, 2, 3):
         for some in itertools.combinations(range(3), size):
@@ -76,9 +74,7 @@ def test_bounds_in_any_order(order: list[int]) -> None:
         full = lm.Mat.of((R @ np.diag(J) @ R.T).tolist())
         for inertia, close in ((lm.vec(*J), 1e-14), (full, 1e-9)):
             assert first_fold(inertia, EXP) == pytest.approx(fold, rel=close)
-            assert largest_impulse(inertia, EXP) == pytest.approx(
-                min(fold, 2.0 * math.pi * J1), rel=close
-            )
+            assert largest_impulse(inertia, EXP) == pytest.approx(min(fold, 2.0 * math.pi * J1), rel=close)
             whole = math.inf if least_on_the_octant(J) >= 0.0 else fold
             assert first_fold(inertia, CAY) == pytest.approx(whole, rel=close)
             assert largest_impulse(inertia, CAY) == pytest.approx(whole, rel=close)

@@ -57,9 +57,7 @@ by_name = pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 @pytest.mark.parametrize("tableau", TABLEAUS, ids=repr)
 def test_a_tableau_has_the_order_it_claims_and_no_more(tableau: FlowTableau) -> None:
     tableau.check()
-    with pytest.raises(
-        lm.errors.LawViolation, match=f"not of order {tableau.order + 1}: the word "
-    ):
+    with pytest.raises(lm.errors.LawViolation, match=f"not of order {tableau.order + 1}: the word "):
         FlowTableau(tableau.name, tableau.order + 1, tableau.flows, tableau.origins)
 
 
@@ -73,17 +71,13 @@ def test_weights_of_the_exact_motion() -> None:
     """Those of exp for a constant velocity; and a product of two weights is the sum over all ways
     to shuffle the words.
     """
-    assert [flows.exact_weight(((),) * n) for n in (1, 2, 3, 4)] == pytest.approx(
-        [1, 1 / 2, 1 / 6, 1 / 24], rel=1e-15
-    )
+    assert [flows.exact_weight(((),) * n) for n in (1, 2, 3, 4)] == pytest.approx([1, 1 / 2, 1 / 6, 1 / 24], rel=1e-15)
     for n in (1, 2, 3):
         for m in (1, 2, 3):
             for u in flows.words(n):
                 for v in flows.words(m):
                     both = flows.exact_weight(u) * flows.exact_weight(v)
-                    assert sum(map(flows.exact_weight, shuffles(u, v))) == pytest.approx(
-                        both, rel=1e-14
-                    )
+                    assert sum(map(flows.exact_weight, shuffles(u, v))) == pytest.approx(both, rel=1e-14)
 
 
 def shuffles(u: flows.Word, v: flows.Word) -> list[flows.Word]:
@@ -103,9 +97,7 @@ def butcher(tableau: FlowTableau) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(("tableau", "classical"), [(CF3, HEUN3), (CF4, RK4)], ids=repr)
-def test_the_sums_of_the_rows_are_classical(
-    tableau: FlowTableau, classical: lm.tableaus.ButcherTableau
-) -> None:
+def test_the_sums_of_the_rows_are_classical(tableau: FlowTableau, classical: lm.tableaus.ButcherTableau) -> None:
     A, b = butcher(tableau)
     for i, row in enumerate(classical.A):
         assert np.allclose(A[i, : len(row)], row, rtol=0.0, atol=1e-16)
@@ -122,9 +114,7 @@ def test_classical_conditions_do_not_suffice() -> None:
     with pytest.raises(lm.errors.LawViolation, match=r"the word \. \[\.\]|the word \[\.\] \."):
         FlowTableau("naive", 3, rows)
     body, start = asymmetric_body()
-    for error in errors_at(
-        body, CommutatorFree(tableau=FlowTableau("naive", 2, rows)), start, 2.0, COUNTS[3]
-    ):
+    for error in errors_at(body, CommutatorFree(tableau=FlowTableau("naive", 2, rows)), start, 2.0, COUNTS[3]):
         assert slope([1 / n for n in COUNTS[3]], error) == pytest.approx(2.0, abs=0.1)
 
 
@@ -208,9 +198,7 @@ def reference(kind: type[Steered], t_end: float) -> np.ndarray:
         return (g @ spin if system.side == "left" else spin @ g).ravel()
 
     return (
-        solve_ivp(rate, (0.0, t_end), ATTITUDE.ravel(), method="DOP853", rtol=3e-14, atol=1e-15)
-        .y[:, -1]
-        .reshape(3, 3)
+        solve_ivp(rate, (0.0, t_end), ATTITUDE.ravel(), method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1].reshape(3, 3)
     )
 
 
@@ -221,8 +209,7 @@ def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered])
     system, counts = kind(lm.SO3()), [2 * n for n in COUNTS[method.order]]
     error = [
         np.abs(
-            lm.integrate(system, method, system.state(ATTITUDE), h=2.0 / n, steps=n).g[-1]
-            - reference(kind, 2.0)
+            lm.integrate(system, method, system.state(ATTITUDE), h=2.0 / n, steps=n).g[-1] - reference(kind, 2.0)
         ).max()
         for n in counts
     ]
@@ -242,9 +229,7 @@ def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
     counts, errors = (20, 40, 80), []
     for n in counts:
         run = lm.integrate(system, method, start, h=1.0 / n, steps=n)
-        errors.append(
-            [np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()]
-        )
+        errors.append([np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()])
         assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 2e-14
         assert np.abs(run.casimirs - run.casimirs[0]).max() < 2e-14
     for error in np.transpose(errors):
@@ -260,10 +245,7 @@ def test_order_on_a_body_in_a_fluid(method: CommutatorFree) -> None:
     t, mu, g = later[2]
     counts = COUNTS[method.order]
     runs = [lm.integrate(body, method, start, h=t / n, steps=n) for n in counts]
-    for error in (
-        [np.abs(run.mu[-1] - mu).max() for run in runs],
-        [np.abs(run.g[-1] - g).max() for run in runs],
-    ):
+    for error in ([np.abs(run.mu[-1] - mu).max() for run in runs], [np.abs(run.g[-1] - g).max() for run in runs]):
         assert min(error) > 1e-12
         assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
@@ -277,17 +259,12 @@ def test_a_fifth_velocity_makes_errors_smaller() -> None:
     would be equal work.
     """
     body, start = asymmetric_body()
-    cf4, ck4 = (
-        errors_at(body, CommutatorFree(tableau=t), start, 2.0, [40])
-        for t in (CF4, CARPENTER_KENNEDY4)
-    )
+    cf4, ck4 = (errors_at(body, CommutatorFree(tableau=t), start, 2.0, [40]) for t in (CF4, CARPENTER_KENNEDY4))
     assert 20 * np.max(ck4) < np.min(cf4)
     for kind in (Steered, SteeredFromSpace):
         system, error = kind(lm.SO3()), []
         for t in (CF4, CARPENTER_KENNEDY4):
-            run = lm.integrate(
-                system, CommutatorFree(tableau=t), system.state(ATTITUDE), h=0.025, steps=80
-            )
+            run = lm.integrate(system, CommutatorFree(tableau=t), system.state(ATTITUDE), h=0.025, steps=80)
             error.append(np.abs(run.g[-1] - reference(kind, 2.0)).max())
         assert 1.5 * error[1] < error[0]
 
@@ -311,9 +288,7 @@ def test_flows_that_are_not_exact_leave_order_two(monkeypatch: pytest.MonkeyPatc
     for tableau in (CF4, CARPENTER_KENNEDY4):
         mu, g = [], []
         for n in (20, 40, 80):
-            run = lm.integrate(
-                body, CommutatorFree(tableau=tableau), start, h=2.0 / n, steps=n, compiled=False
-            )
+            run = lm.integrate(body, CommutatorFree(tableau=tableau), start, h=2.0 / n, steps=n, compiled=False)
             exact = body.exact(start, 2.0)
             mu.append(np.abs(run.mu[-1] - exact.mu).max())
             g.append(np.abs(run.g[-1] - exact.g).max())
@@ -336,9 +311,7 @@ def test_on_a_vector_space_they_are_runge_kutta_methods() -> None:
         A, b = butcher(tableau)
         rows = tuple(tuple(row[:i]) for i, row in enumerate(A.tolist()))
         classical = lm.RKMK(
-            tableau=lm.tableaus.ButcherTableau(
-                "sums", tableau.order, rows, tuple(b.tolist()), tableau.c[:-1]
-            )
+            tableau=lm.tableaus.ButcherTableau("sums", tableau.order, rows, tuple(b.tolist()), tableau.c[:-1])
         )
         runs = [
             lm.integrate(system, method, start, h=0.1, steps=20).g
@@ -363,14 +336,9 @@ def test_shared_flows_are_the_same_as_flows_followed_again() -> None:
     """CF3 and CF4 with every stage reached from the start: the same products."""
     body, start = asymmetric_body()
     for tableau in (CF3, CF4, LUSCHER3, CARPENTER_KENNEDY4):
-        alone = FlowTableau(
-            tableau.name, tableau.order, tuple(tableau.way(i) for i in range(tableau.stages + 1))
-        )
+        alone = FlowTableau(tableau.name, tableau.order, tuple(tableau.way(i) for i in range(tableau.stages + 1)))
         assert alone.exponentials > tableau.exponentials
-        runs = [
-            lm.integrate(body, CommutatorFree(tableau=t), start, h=0.3, steps=50)
-            for t in (tableau, alone)
-        ]
+        runs = [lm.integrate(body, CommutatorFree(tableau=t), start, h=0.3, steps=50) for t in (tableau, alone)]
         assert same_bits(runs[0].mu, runs[1].mu)
         assert same_bits(runs[0].g, runs[1].g)
 
@@ -392,9 +360,7 @@ def test_orbit_group_and_spatial_momentum_are_kept_to_rounding(method: Commutato
 def test_the_bracket_is_not_kept() -> None:
     body, start = asymmetric_body()
     h = [0.16, 0.08, 0.04]
-    defects = [
-        poisson_defect(body, CommutatorFree(order=4), np.array(start.mu), step) for step in h
-    ]
+    defects = [poisson_defect(body, CommutatorFree(order=4), np.array(start.mu), step) for step in h]
     assert defects[0] > 1e-8
     assert slope(h, defects) == pytest.approx(5.0, abs=0.4)
 
@@ -405,9 +371,7 @@ def test_the_bracket_is_not_kept() -> None:
 def test_native_code_gives_the_same_bits(method: CommutatorFree) -> None:
     (body, start), steered = asymmetric_body(), SteeredFromSpace(lm.SO3())
     for system, at in ((body, start), (steered, steered.state(ATTITUDE))):
-        plain, native = (
-            lm.integrate(system, method, at, h=0.3, steps=40, compiled=c) for c in (False, True)
-        )
+        plain, native = (lm.integrate(system, method, at, h=0.3, steps=40, compiled=c) for c in (False, True))
         assert native.compiled
         assert same_bits(plain.g, native.g)
         assert system is steered or same_bits(plain.mu, native.mu)
@@ -415,9 +379,7 @@ def test_native_code_gives_the_same_bits(method: CommutatorFree) -> None:
 
 @pytest.mark.sample(3)
 @by_name
-def test_the_momentum_does_not_know_whether_the_attitude_is_asked_for(
-    method: CommutatorFree,
-) -> None:
+def test_the_momentum_does_not_know_whether_the_attitude_is_asked_for(method: CommutatorFree) -> None:
     body, start = asymmetric_body()
     runs = [lm.integrate(body, method, s, h=0.3, steps=40) for s in (start, body.state(start.mu))]
     assert same_bits(runs[0].mu, runs[1].mu)
@@ -428,24 +390,15 @@ def test_the_momentum_does_not_know_whether_the_attitude_is_asked_for(
 
 
 def test_repr_builds_the_same_method() -> None:
-    for method in (
-        CommutatorFree(),
-        CommutatorFree(order=2),
-        CrouchGrossman(),
-        CrouchGrossman(order=3),
-    ):
-        assert (
-            eval(repr(method), {"CommutatorFree": CommutatorFree, "CrouchGrossman": CrouchGrossman})
-            == method
-        )
-    assert [
-        m.name for m in (CommutatorFree(), CommutatorFree(order=1), CrouchGrossman(order=3))
-    ] == ["CF4", "Lie-Euler", "CG3"]
+    for method in (CommutatorFree(), CommutatorFree(order=2), CrouchGrossman(), CrouchGrossman(order=3)):
+        assert eval(repr(method), {"CommutatorFree": CommutatorFree, "CrouchGrossman": CrouchGrossman}) == method
+    assert [m.name for m in (CommutatorFree(), CommutatorFree(order=1), CrouchGrossman(order=3))] == [
+        "CF4",
+        "Lie-Euler",
+        "CG3",
+    ]
     mine = CommutatorFree(tableau=CARPENTER_KENNEDY4)
-    assert (
-        repr(mine)
-        == "CommutatorFree(tableau=FlowTableau(Carpenter-Kennedy 4: order 4, 5 stages, 5 flows))"
-    )
+    assert repr(mine) == "CommutatorFree(tableau=FlowTableau(Carpenter-Kennedy 4: order 4, 5 stages, 5 flows))"
     assert mine.order == 4
     assert not mine.symmetric
     assert not mine.symplectic
@@ -454,10 +407,7 @@ def test_repr_builds_the_same_method() -> None:
 def test_refusals() -> None:
     for kind in (CommutatorFree, CrouchGrossman):
         for order in (0, 5, 2.0, True, "4"):
-            with pytest.raises(
-                lm.errors.InvalidInput,
-                match=rf"{kind.__name__}: order .* choose from \[1, 2, 3, 4\]",
-            ):
+            with pytest.raises(lm.errors.InvalidInput, match=rf"{kind.__name__}: order .* choose from \[1, 2, 3, 4\]"):
                 kind(order=order)  # type: ignore[arg-type]
         with pytest.raises(lm.errors.InvalidType, match="must be a FlowTableau"):
             kind(tableau=RK4)  # type: ignore[arg-type]
@@ -482,12 +432,5 @@ def test_steps_of_four_stages_written_out() -> None:
     k2 = h * y2 / J
     k3 = h * (expm(k2 / 2) @ mu0) / J
     k4 = h * (expm(k3 - k1 / 2) @ y2) / J
-    end = (
-        expm((-k1 + 2 * k2 + 2 * k3 + 3 * k4) / 12)
-        @ expm((3 * k1 + 2 * k2 + 2 * k3 - k4) / 12)
-        @ mu0
-    )
-    assert (
-        np.abs(lm.integrate(body, CommutatorFree(order=4), start, h=h, steps=1).mu[-1] - end).max()
-        < 1e-15
-    )
+    end = expm((-k1 + 2 * k2 + 2 * k3 + 3 * k4) / 12) @ expm((3 * k1 + 2 * k2 + 2 * k3 - k4) / 12) @ mu0
+    assert np.abs(lm.integrate(body, CommutatorFree(order=4), start, h=h, steps=1).mu[-1] - end).max() < 1e-15

@@ -27,12 +27,7 @@ from liemech.integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
 from liemech.integrators.splitting import ThreeRotations
 from liemech.tableaus import DOP853, gauss
 
-IMPLICIT, SPHERICAL, VESELOV, ROTATIONS = (
-    ImplicitMidpoint(),
-    SphericalMidpoint(),
-    MoserVeselov(),
-    ThreeRotations(),
-)
+IMPLICIT, SPHERICAL, VESELOV, ROTATIONS = (ImplicitMidpoint(), SphericalMidpoint(), MoserVeselov(), ThreeRotations())
 GAUSS = [Isospectral(p) for p in (2, 4, 6, 8)]
 METHODS = [IMPLICIT, SPHERICAL, VESELOV, ROTATIONS, *GAUSS]
 SYMPLECTIC = [VESELOV, ROTATIONS, *GAUSS]
@@ -157,9 +152,7 @@ def test_who_is_more_accurate() -> None:
         for m in (*METHODS, EXP, CAYLEY)
     }
     assert error["Spherical midpoint"] < 0.2 * error["Implicit midpoint"]
-    assert (
-        error["Implicit midpoint"] < error[EXP.name] < error["Moser-Veselov"] < error[CAYLEY.name]
-    )
+    assert error["Implicit midpoint"] < error[EXP.name] < error["Moser-Veselov"] < error[CAYLEY.name]
     assert error["Isospectral Gauss 2"] == pytest.approx(error[CAYLEY.name], abs=1e-13)
     assert error["Isospectral Gauss 4"] < 1e-7
     assert error["Isospectral Gauss 6"] < 3e-12
@@ -184,9 +177,7 @@ def test_the_bracket(method: lm.Method) -> None:
     assert defect < 1e-11 if method.symplectic else 1e-4 < defect < 1e-2
 
 
-def two_form_defect(
-    body: lm.RigidBody, method: lm.Method, mu: np.ndarray, g: np.ndarray, h: float
-) -> float:
+def two_form_defect(body: lm.RigidBody, method: lm.Method, mu: np.ndarray, g: np.ndarray, h: float) -> float:
     """max |D^T Omega(mu_1) D - Omega(mu_0)|, D the derivative of a step in (g^-1 dg, dmu).
 
     Omega((a, m), (b, n)) = n.a - m.b + mu.[a, b] is the canonical two-form of T*G in body
@@ -210,9 +201,7 @@ def two_form_defect(
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    "method", [*SYMPLECTIC, EXP, CAYLEY, Composition(ROTATIONS, order=4)], ids=named
-)
+@pytest.mark.parametrize("method", [*SYMPLECTIC, EXP, CAYLEY, Composition(ROTATIONS, order=4)], ids=named)
 def test_momentum_and_attitude_together_are_symplectic(method: lm.Method) -> None:
     body, _ = seed_body()
     assert two_form_defect(body, method, TILTED, rotation(np.random.default_rng(1)), 0.3) < 1e-11
@@ -244,17 +233,9 @@ def test_ten_thousand_steps(method: lm.Method) -> None:
 def test_energy_of_large_steps() -> None:
     """A thousand steps h = 0.5: bounded, or exact."""
     body, start = seed_body()
-    for method, bound in (
-        (ROTATIONS, 1.8e-3),
-        (EXP, 1.0e-3),
-        (CAYLEY, 2.6e-3),
-        (IMPLICIT, 0.0),
-        (SPHERICAL, 0.0),
-    ):
+    for method, bound in ((ROTATIONS, 1.8e-3), (EXP, 1.0e-3), (CAYLEY, 2.6e-3), (IMPLICIT, 0.0), (SPHERICAL, 0.0)):
         run = lm.integrate(body, method, start, h=0.5, steps=1000)
-        assert np.abs(run.energy - run.energy[0]).max() == pytest.approx(
-            bound, rel=0.05, abs=1e-14
-        ), method
+        assert np.abs(run.energy - run.energy[0]).max() == pytest.approx(bound, rel=0.05, abs=1e-14), method
 
 
 # ---------------------------------------------------------------- other energies, other axes, rest
@@ -267,11 +248,7 @@ class Quartic(lm.Hamiltonian):
     stiffness: float
 
     def energy(self, mu: lm.Vec) -> float:
-        return (
-            0.5 * lm.dot(mu, mu / lm.vec(1.0, 2.0, 3.0))
-            + self.stiffness * mu[0] ** 4
-            + self.stiffness * mu[1] ** 3
-        )
+        return 0.5 * lm.dot(mu, mu / lm.vec(1.0, 2.0, 3.0)) + self.stiffness * mu[0] ** 4 + self.stiffness * mu[1] ** 3
 
 
 @pytest.mark.slow
@@ -284,16 +261,11 @@ def test_any_hamiltonian(method: lm.Method) -> None:
     for n in counts:
         last = lm.integrate(system, method, start, h=2.0 / n, steps=n).last
         errors.append(
-            [
-                np.abs(np.array(last.mu) - np.array(exact.mu)).max(),
-                np.abs(np.array(last.g) - np.array(exact.g)).max(),
-            ]
+            [np.abs(np.array(last.mu) - np.array(exact.mu)).max(), np.abs(np.array(last.g) - np.array(exact.g)).max()]
         )
     for error in np.transpose(errors):
         assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)  # type: ignore[attr-defined]
-    assert (
-        poisson_defect(system, method, np.array([0.6, -0.4, 0.8]), 0.3) < 1e-11
-    ) == method.symplectic
+    assert (poisson_defect(system, method, np.array([0.6, -0.4, 0.8]), 0.3) < 1e-11) == method.symplectic
 
 
 @pytest.mark.sample(2)
@@ -318,14 +290,7 @@ def test_units_do_not_matter(method: lm.Method, scale: float) -> None:
     body, start = asymmetric_body()
     heavy = lm.RigidBody(scale * np.array(body.inertia))
     a = lm.integrate(body, method, start, h=0.2, steps=20, compiled=False)
-    b = lm.integrate(
-        heavy,
-        method,
-        heavy.state(scale * np.array(start.mu), start.g),
-        h=0.2,
-        steps=20,
-        compiled=False,
-    )
+    b = lm.integrate(heavy, method, heavy.state(scale * np.array(start.mu), start.g), h=0.2, steps=20, compiled=False)
     assert same_bits(a.g, b.g)
     assert same_bits(scale * a.mu, b.mu)
 
@@ -343,19 +308,13 @@ def test_a_body_at_rest_stays(method: lm.Method) -> None:
 @pytest.mark.parametrize("method", METHODS[:-2], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method) -> None:
     body, start = asymmetric_body()
-    plain, native = (
-        lm.integrate(body, method, start, h=0.2, steps=60, compiled=c) for c in (False, True)
-    )
+    plain, native = (lm.integrate(body, method, start, h=0.2, steps=60, compiled=c) for c in (False, True))
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
-    many = body.state(
-        np.outer([0.0, 0.3, 0.5, 0.7, 0.9, 1.1, 1.2], np.array(start.mu)), np.array(start.g)
-    )
+    many = body.state(np.outer([0.0, 0.3, 0.5, 0.7, 0.9, 1.1, 1.2], np.array(start.mu)), np.array(start.g))
     cloud = lm.integrate(body, method, many, h=0.2, steps=60, compiled=True)
     for i in (0, 3, 6):
-        alone = lm.integrate(
-            body, method, body.state(many.mu[i], start.g), h=0.2, steps=60, compiled=False
-        )
+        alone = lm.integrate(body, method, body.state(many.mu[i], start.g), h=0.2, steps=60, compiled=False)
         assert same_bits(np.ascontiguousarray(cloud.mu[:, i]), alone.mu)
         assert same_bits(np.ascontiguousarray(cloud.g[:, i]), alone.g)
 
@@ -454,9 +413,7 @@ def test_fitted_steps_follow_every_start_on_the_orbit() -> None:
 def test_fitted_steps_plain_and_native() -> None:
     body, start = asymmetric_body()
     method = ExactMoserVeselov.of(body, start, 0.3)
-    plain, native = (
-        lm.integrate(body, method, start, h=0.3, steps=60, compiled=c) for c in (False, True)
-    )
+    plain, native = (lm.integrate(body, method, start, h=0.3, steps=60, compiled=c) for c in (False, True))
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
 
@@ -466,25 +423,12 @@ def test_fitted_steps_plain_and_native() -> None:
 def test_fitted_steps_refuse_other_motions(compiled: bool) -> None:
     body, start = asymmetric_body()
     method = ExactMoserVeselov.of(body, start, 0.3)
-    for other, h in (
-        (start, 0.2),
-        (body.state(1.01 * np.array(start.mu)), 0.3),
-        (body.state([0.0, 0.0, 1.3]), 0.3),
-    ):
-        with pytest.raises(
-            lm.errors.InconsistentState, match=r"was fitted to another motion, with h = 0\.3"
-        ):
+    for other, h in ((start, 0.2), (body.state(1.01 * np.array(start.mu)), 0.3), (body.state([0.0, 0.0, 1.3]), 0.3)):
+        with pytest.raises(lm.errors.InconsistentState, match=r"was fitted to another motion, with h = 0\.3"):
             lm.integrate(body, method, other, h=h, steps=5, compiled=compiled)
     turned = lm.RigidBody(np.array(body.inertia)[[1, 2, 0]])  # the same motion under other names
     with pytest.raises(lm.errors.InconsistentState, match="was fitted to another motion"):
-        lm.integrate(
-            turned,
-            method,
-            turned.state(np.array(start.mu)[[1, 2, 0]]),
-            h=0.3,
-            steps=5,
-            compiled=compiled,
-        )
+        lm.integrate(turned, method, turned.state(np.array(start.mu)[[1, 2, 0]]), h=0.3, steps=5, compiled=compiled)
     many = body.state(np.outer([1.0, 1.1, 1.0], np.array(start.mu)))
     with pytest.warns(RuntimeWarning, match="body 1 after 0 steps"):
         run = lm.integrate(body, method, many, h=0.3, steps=5, compiled=compiled)
@@ -504,8 +448,7 @@ def test_fitted_steps_refuse_other_motions(compiled: bool) -> None:
 def test_other_systems_are_refused(method: lm.Method) -> None:
     kirchhoff = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 2.0, 3.0, 1.0, 1.0, 2.0]))
     with pytest.raises(
-        lm.errors.IncompatibleSystem,
-        match=r"such as RigidBody\(\[1.0, 1.5, 2.0\]\).*; got LiePoissonSystem",
+        lm.errors.IncompatibleSystem, match=r"such as RigidBody\(\[1.0, 1.5, 2.0\]\).*; got LiePoissonSystem"
     ):
         lm.integrate(kirchhoff, method, kirchhoff.state(np.ones(6)), h=0.1, steps=1)
 
@@ -523,9 +466,7 @@ def test_three_rotations_need_principal_axes() -> None:
 
 
 def test_isospectral_orders() -> None:
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"order must be one of \(2, 4, 6, 8, 10\); got 3"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"order must be one of \(2, 4, 6, 8, 10\); got 3"):
         Isospectral(3)
 
 

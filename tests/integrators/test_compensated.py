@@ -75,20 +75,14 @@ def test_all_else_is_done_with_the_value() -> None:
         assert type(found) is float
         assert found == wanted
     assert isinstance(x * Dual(1.0, 2.0), Dual)
-    assert all(
-        [x > 1.0, x >= 2.0, x < 2.5, x <= 2.0, x == 2.0, operator.ne(x, 3.0), operator.lt(1.0, x)]
-    )
+    assert all([x > 1.0, x >= 2.0, x < 2.5, x <= 2.0, x == 2.0, operator.ne(x, 3.0), operator.lt(1.0, x)])
     assert isinstance(x + Dual(1.0, 2.0), Dual)
     assert float(x) == 2.0
     assert repr(x) == "(2.0 + 1e-17)"
 
 
 def test_vectors_matrices_and_complex_numbers_of_them() -> None:
-    v, m, z = (
-        compensated(vec(1.0, 2.0)),
-        compensated(mat((1.0, 2.0), (3.0, 4.0))),
-        compensated(Complex(1.0, 2.0)),
-    )
+    v, m, z = (compensated(vec(1.0, 2.0)), compensated(mat((1.0, 2.0), (3.0, 4.0))), compensated(Complex(1.0, 2.0)))
     tiny = 1e-17
     assert [x.rest for x in v + vec(tiny, -tiny)] == [tiny, -tiny]
     assert [x.rest for row in m + tiny * m for x in row] == [tiny, 2e-17, 3e-17, 4e-17]
@@ -156,9 +150,7 @@ def test_a_uniform_motion_arrives_where_it_should() -> None:
     system = Drift(lm.VectorSpace(2), vec(0.1, -0.3))
     start = system.state([0.0, 1.0])
     end = {
-        c: lm.integrate(
-            system, lm.RKMK(1), start, h=0.7, steps=10**6, every=10**6, compensated=c
-        ).g[-1]
+        c: lm.integrate(system, lm.RKMK(1), start, h=0.7, steps=10**6, every=10**6, compensated=c).g[-1]
         for c in (False, True)
     }
     step = [Fraction(0.7 * v) for v in (0.1, -0.3)]
@@ -179,9 +171,7 @@ def test_what_a_million_steps_keep(method: lm.Method) -> None:
     start = body.state(mu, np.broadcast_to(np.eye(3), (16, 3, 3)))
     casimir, momentum = {}, {}
     for mode in (False, None, True):
-        run = lm.integrate(
-            body, method, start, h=0.1, steps=10**6, every=10**6, compensated=mode, progress=False
-        )
+        run = lm.integrate(body, method, start, h=0.1, steps=10**6, every=10**6, compensated=mode, progress=False)
         change = run.spatial_momentum[-1] - run.spatial_momentum[0]
         casimir[mode] = np.sqrt(np.mean((run.casimirs[-1] / run.casimirs[0] - 1) ** 2))
         momentum[mode] = np.sqrt(np.mean(np.sum(change**2, axis=-1) / np.sum(mu**2, axis=-1)))
@@ -203,26 +193,14 @@ iteration.  All pairs are slow.
 @pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(("method", "mode"), [p if p in QUICK else slow(*p) for p in PAIRS])
-def test_plain_and_native_and_ensembles_agree_to_the_bit(
-    method: lm.Method, mode: bool | None
-) -> None:
+def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method, mode: bool | None) -> None:
     body, start = asymmetric_body()
     mu = np.array(start.mu) * np.linspace(0.5, 1.5, 9)[:, None]
     g = None if isinstance(method, lm.ImplicitMidpoint) else np.array(start.g)
-    many = lm.integrate(
-        body, method, body.state(mu, g), h=0.1, steps=50, compensated=mode, compiled=True
-    )
+    many = lm.integrate(body, method, body.state(mu, g), h=0.1, steps=50, compensated=mode, compiled=True)
     for i in (0, 8):
         for compiled in (False, True):
-            one = lm.integrate(
-                body,
-                method,
-                body.state(mu[i], g),
-                h=0.1,
-                steps=50,
-                compensated=mode,
-                compiled=compiled,
-            )
+            one = lm.integrate(body, method, body.state(mu[i], g), h=0.1, steps=50, compensated=mode, compiled=compiled)
             assert same_bits(one.mu, many.mu[:, i])
             assert g is None or same_bits(one.g, many.g[:, i])
 
@@ -231,16 +209,14 @@ def test_plain_and_native_and_ensembles_agree_to_the_bit(
 def test_by_default_symmetric_methods_sum_up_what_the_motion_depends_on() -> None:
     body, start = asymmetric_body()
     runs = {
-        c: lm.integrate(body, EXP, start, h=0.1, steps=100, compensated=c, compiled=False)
-        for c in (False, None, True)
+        c: lm.integrate(body, EXP, start, h=0.1, steps=100, compensated=c, compiled=False) for c in (False, None, True)
     }
     assert same_bits(runs[None].mu, runs[True].mu)
     assert not same_bits(runs[None].g, runs[True].g)
     assert not same_bits(runs[None].mu, runs[False].mu)
     assert np.abs(runs[None].mu - runs[False].mu).max() < 1e-14
     rkmk = {
-        c: lm.integrate(body, lm.RKMK(4), start, h=0.1, steps=100, compensated=c, compiled=False)
-        for c in (False, None)
+        c: lm.integrate(body, lm.RKMK(4), start, h=0.1, steps=100, compensated=c, compiled=False) for c in (False, None)
     }
     assert same_bits(rkmk[None].mu, rkmk[False].mu)
 
@@ -253,8 +229,7 @@ def test_on_other_groups(group: lm.LieGroup) -> None:
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
     start = system.state(rng.normal(size=group.dim), group.random(rng))
     one, other = (
-        lm.integrate(system, EXP, start, h=0.1, steps=30, compensated=c, compiled=False)
-        for c in (False, True)
+        lm.integrate(system, EXP, start, h=0.1, steps=30, compensated=c, compiled=False) for c in (False, True)
     )
     assert np.abs(one.mu - other.mu).max() < 1e-13
     assert np.abs(one.g - other.g).max() < 1e-13
@@ -289,9 +264,7 @@ def test_several_displacements_a_step_remember_in_native_code(
 
 def test_what_cannot_be_meant() -> None:
     body, start = asymmetric_body()
-    with pytest.raises(
-        lm.errors.InvalidType, match="compensated must be True, False or None; got 'yes'"
-    ):
+    with pytest.raises(lm.errors.InvalidType, match="compensated must be True, False or None; got 'yes'"):
         lm.integrate(body, EXP, start, h=0.1, steps=1, compensated="yes")  # type: ignore[arg-type]
 
 
@@ -330,14 +303,7 @@ def test_what_it_brings() -> None:
     off = []
     for choice in (False, True):
         run = lm.integrate(
-            TOP,
-            lm.RKMK(order=4),
-            START,
-            h=0.01,
-            steps=20_000,
-            every=20_000,
-            compensated=choice,
-            compiled=True,
+            TOP, lm.RKMK(order=4), START, h=0.01, steps=20_000, every=20_000, compensated=choice, compiled=True
         )
         off.append(np.abs(run.g[-1].T @ run.g[-1] - np.eye(3)).max())
     assert off[1] <= 6 * EPS
@@ -380,9 +346,7 @@ def test_a_number_that_remembers_on_one_way_only(kind: str) -> None:
         runs = []
         for mode in (False, True):
             try:
-                run = lm.integrate(
-                    system, Saturated(kind), system.state(x), h=0.1, steps=60, compiled=mode
-                )
+                run = lm.integrate(system, Saturated(kind), system.state(x), h=0.1, steps=60, compiled=mode)
                 runs.append(run)
             except lm.errors.NotCompilable as error:
                 assert kind == "sum" and "remembers on one way only" in str(error)

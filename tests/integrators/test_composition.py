@@ -55,9 +55,7 @@ COUNTS = {4: (40, 80, 160), 6: (20, 40, 80), 8: (10, 20, 40)}
 def test_a_composition_has_the_order_it_claims_and_no_more(tableau: CompositionTableau) -> None:
     tableau.check()
     assert CompositionTableau.of(tableau.gamma).order == tableau.order
-    with pytest.raises(
-        lm.errors.LawViolation, match=f"of order {tableau.order}, not {tableau.order + 1}"
-    ):
+    with pytest.raises(lm.errors.LawViolation, match=f"of order {tableau.order}, not {tableau.order + 1}"):
         CompositionTableau(tableau.name, tableau.order + 1, tableau.gamma)
 
 
@@ -76,14 +74,7 @@ def test_sums_of_odd_powers_vanish(tableau: CompositionTableau) -> None:
 
 def test_stages_and_reach_as_in_the_books() -> None:
     found = [(t.order, t.stages, round(t.reach, 2)) for t in COMPOSITIONS.values()]
-    assert found == [
-        (4, 3, 1.70),
-        (4, 5, 0.66),
-        (6, 7, 1.32),
-        (6, 9, 0.80),
-        (8, 15, 0.80),
-        (8, 17, 0.61),
-    ]
+    assert found == [(4, 3, 1.70), (4, 5, 0.66), (6, 7, 1.32), (6, 9, 0.80), (8, 15, 0.80), (8, 17, 0.61)]
 
 
 @pytest.mark.parametrize("tableau", [YOSHIDA6, KAHAN_LI8], ids=lambda t: t.name)
@@ -113,9 +104,7 @@ def test_power_sums_alone_are_not_enough() -> None:
 
 
 def test_laws_are_named() -> None:
-    with pytest.raises(
-        lm.errors.LawViolation, match=r"not symmetric: gamma_1 = 0\.25 and gamma_2 = 0\.75"
-    ):
+    with pytest.raises(lm.errors.LawViolation, match=r"not symmetric: gamma_1 = 0\.25 and gamma_2 = 0\.75"):
         CompositionTableau("lame", 1, (0.25, 0.75))
     for wrong, message in (
         ({"base_order": 3}, "even orders"),
@@ -210,9 +199,7 @@ def test_substeps_know_the_time(order: int) -> None:
     exact = lm.integrate(system, Magnus(6), start, h=8e-3, steps=250, t0=0.3).g[-1]
     errors, counts = [], (20, 40, 80)
     for n in counts:
-        run = lm.integrate(
-            system, Composition(Magnus(2), order=order), start, h=2.0 / n, steps=n, t0=0.3
-        )
+        run = lm.integrate(system, Composition(Magnus(2), order=order), start, h=2.0 / n, steps=n, t0=0.3)
         errors.append(np.abs(run.g[-1] - exact).max())
     assert slope([1 / n for n in counts], errors) == pytest.approx(order, abs=0.2)
 
@@ -255,9 +242,7 @@ def test_a_step_back_finds_the_start(method: Composition) -> None:
     assert np.abs(back.g[-1] - np.array(start.g)).max() < 1e-14
 
 
-@pytest.mark.parametrize(
-    "method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named
-)
+@pytest.mark.parametrize("method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named)
 def test_the_bracket_is_kept(method: Composition) -> None:
     body, _ = seed_body()
     assert poisson_defect(body, method, np.array([0.5, 0.3, 0.75**0.5]), 0.5) < 1e-11
@@ -265,9 +250,7 @@ def test_the_bracket_is_kept(method: Composition) -> None:
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named
-)
+@pytest.mark.parametrize("method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named)
 def test_momentum_is_kept_over_ten_thousand_steps(method: Composition) -> None:
     body, start = seed_body()
     run = lm.integrate(body, method, start, h=0.1, steps=10_000, every=10)
@@ -280,14 +263,10 @@ def test_momentum_is_kept_over_ten_thousand_steps(method: Composition) -> None:
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", [Composition(CAYLEY, order=4), Composition(ThreeRotations(), order=8)], ids=named
-)
+@pytest.mark.parametrize("method", [Composition(CAYLEY, order=4), Composition(ThreeRotations(), order=8)], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: Composition) -> None:
     body, start = asymmetric_body()
-    plain, native = (
-        lm.integrate(body, method, start, h=0.2, steps=40, compiled=c) for c in (False, True)
-    )
+    plain, native = (lm.integrate(body, method, start, h=0.2, steps=40, compiled=c) for c in (False, True))
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
     many = body.state(np.outer(np.linspace(0.5, 2.0, 9), np.array(start.mu)))
@@ -314,13 +293,11 @@ def test_refusals() -> None:
     with pytest.raises(lm.errors.InvalidInput, match=r"RKMK\(order=4\) is not symmetric"):
         Composition(RKMK4)
     with pytest.raises(
-        lm.errors.InvalidInput,
-        match=r"order 5 has no tableau for a base of order 2; choose from \[4, 6, 8\]",
+        lm.errors.InvalidInput, match=r"order 5 has no tableau for a base of order 2; choose from \[4, 6, 8\]"
     ):
         Composition(CAYLEY, order=5)
     with pytest.raises(
-        lm.errors.InvalidInput,
-        match=r"order 8 has no tableau for a base of order 4; choose from \[6\]",
+        lm.errors.InvalidInput, match=r"order 8 has no tableau for a base of order 4; choose from \[6\]"
     ):
         Composition(Isospectral(4), order=8)
     with pytest.raises(lm.errors.InvalidInput, match="for a base of order 4"):
@@ -339,9 +316,7 @@ def test_systems_are_those_of_the_base() -> None:
 
 def test_a_substep_that_cannot_be_made_ends_the_run() -> None:
     body, start = seed_body()
-    with pytest.raises(
-        lm.errors.IntegrationFailure, match=r"too large for this motion|too large; try"
-    ):
+    with pytest.raises(lm.errors.IntegrationFailure, match=r"too large for this motion|too large; try"):
         lm.integrate(body, Composition(EXP, order=4), start, h=40.0, steps=3)
 
 
@@ -368,7 +343,6 @@ class Twice(lm.Method):
 def test_a_base_with_a_memory_of_its_own_is_started_anew() -> None:
     body, start = asymmetric_body()
     runs = [
-        lm.integrate(body, Composition(base, order=4), start, h=0.2, steps=20)
-        for base in (Twice(), ThreeRotations())
+        lm.integrate(body, Composition(base, order=4), start, h=0.2, steps=20) for base in (Twice(), ThreeRotations())
     ]
     assert same_bits(runs[0].mu, runs[1].mu)

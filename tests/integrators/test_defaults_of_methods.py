@@ -87,9 +87,7 @@ NAMES = {
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.__name__)
 def test_what_a_method_is_when_nothing_is_said(method: type) -> None:
     said = {f.name: f.default for f in dataclasses.fields(method)}
-    assert {name: said.get(name, getattr(method, name, None)) for name in METHODS[method]} == (
-        METHODS[method]
-    )
+    assert {name: said.get(name, getattr(method, name, None)) for name in METHODS[method]} == (METHODS[method])
 
 
 @pytest.mark.parametrize(("made", "wanted"), OFFERED)
@@ -134,23 +132,16 @@ POOL: dict[str, list[Any]] = {
     "method": [lm.StormerVerlet(), lm.LieVerlet(), lm.RKMK(4), lm.RKMK(tableau=tableaus.gauss(2))],
     "free": [lm.ExactFreeBody(), lm.ThreeRotations()],
 }
-SHIPPED = sorted(
-    {x for x in everything().values() if isinstance(x, type)},
-    key=lambda kind: kind.__name__,
-)
+SHIPPED = sorted({x for x in everything().values() if isinstance(x, type)}, key=lambda kind: kind.__name__)
 
 
-@pytest.mark.parametrize(
-    "kind", [k for k in SHIPPED if issubclass(k, lm.Method)], ids=lambda k: k.__name__
-)
+@pytest.mark.parametrize("kind", [k for k in SHIPPED if issubclass(k, lm.Method)], ids=lambda k: k.__name__)
 @pytest.mark.filterwarnings("ignore::liemech.errors.OrderWarning")
 def test_different_methods_have_different_names(kind: Any) -> None:
     """Two curves of one picture are told apart."""
     names: dict[str, Any] = {}
     fields = [f.name for f in dataclasses.fields(kind) if f.init and f.name in POOL]
-    for chosen in itertools.chain.from_iterable(
-        itertools.combinations(fields, k) for k in (0, 1, 2)
-    ):
+    for chosen in itertools.chain.from_iterable(itertools.combinations(fields, k) for k in (0, 1, 2)):
         for values in itertools.product(*[POOL[name] for name in chosen]):
             try:
                 method = kind(**dict(zip(chosen, values)))

@@ -30,11 +30,7 @@ class Trace(lm.GroupLagrangian):
     def on_group(self, g: Mat, h: float) -> float:
         J = self.moments
         half = 0.5 * (J[0] + J[1] + J[2])
-        return (
-            (half - J[0]) * (1.0 - g[0, 0])
-            + (half - J[1]) * (1.0 - g[1, 1])
-            + (half - J[2]) * (1.0 - g[2, 2])
-        ) / h
+        return ((half - J[0]) * (1.0 - g[0, 0]) + (half - J[1]) * (1.0 - g[1, 1]) + (half - J[2]) * (1.0 - g[2, 2])) / h
 
 
 @record
@@ -60,12 +56,7 @@ class Skewed(lm.DiscreteLagrangian):
 
 
 def run(
-    method: lm.Method,
-    h: float = 0.2,
-    steps: int = 10,
-    system: Any = BODY,
-    start: Any = START,
-    **options: Any,
+    method: lm.Method, h: float = 0.2, steps: int = 10, system: Any = BODY, start: Any = START, **options: Any
 ) -> Any:
     return lm.integrate(system, method, start, h=h, steps=steps, **({"compiled": False} | options))
 
@@ -80,18 +71,13 @@ def apart(a: Any, b: Any) -> float:
 @RETRACTIONS
 def test_the_trace_form_is_the_method_of_moser_and_veselov(retraction: lm.Retraction) -> None:
     """Whatever the coordinates: L_d is a function on the group."""
-    assert (
-        apart(run(lm.CovariantVariational(retraction, Trace(J))), run(lm.MoserVeselov())) <= 1e-14
-    )
+    assert apart(run(lm.CovariantVariational(retraction, Trace(J))), run(lm.MoserVeselov())) <= 1e-14
 
 
 @RETRACTIONS
 def test_h_l_is_the_default(retraction: lm.Retraction) -> None:
     assert (
-        apart(
-            run(lm.CovariantVariational(retraction, OfTheVelocity(J))),
-            run(lm.CovariantVariational(retraction)),
-        )
+        apart(run(lm.CovariantVariational(retraction, OfTheVelocity(J))), run(lm.CovariantVariational(retraction)))
         <= 1e-14
     )
 
@@ -106,10 +92,7 @@ def test_the_inverse_of_the_element_reverses_the_convention() -> None:
         def on_group(self, g: Mat, h: float) -> float:
             return Trace(self.moments).on_group(g.T, h)
 
-    assert (
-        apart(run(lm.CovariantVariational(lm.Cayley(), Inverse(J))), run(lm.MoserVeselov()))
-        <= 1e-14
-    )
+    assert apart(run(lm.CovariantVariational(lm.Cayley(), Inverse(J))), run(lm.MoserVeselov())) <= 1e-14
 
 
 def test_the_momentum_is_that_of_the_first_line_of_algorithm_1() -> None:
@@ -121,12 +104,7 @@ def test_the_momentum_is_that_of_the_first_line_of_algorithm_1() -> None:
         xi = method.velocity(BODY, START.mu, h)
         assert np.abs(np.array(method.momentum(BODY, xi, h)) - np.array(START.mu)).max() < 2e-15
         stepped = run(method, h, 1)
-        assert (
-            np.abs(
-                stepped.g[1] - np.array(START.g) @ np.array(lm.SO3().cayley(h * np.array(xi)))
-            ).max()
-            < 2e-15
-        )
+        assert np.abs(stepped.g[1] - np.array(START.g) @ np.array(lm.SO3().cayley(h * np.array(xi)))).max() < 2e-15
 
 
 # ------------------------------------------------------------------ orders and structure
@@ -142,9 +120,7 @@ def test_quadrature_is_of_order_four(retraction: lm.Retraction) -> None:
         for steps in 5, 10:
             exact = BODY.exact(START, 1.0)
             last = run(method, 1.0 / steps, steps)
-            errors.append(
-                max(np.abs(last.mu[-1] - exact.mu).max(), np.abs(last.g[-1] - exact.g).max())
-            )
+            errors.append(max(np.abs(last.mu[-1] - exact.mu).max(), np.abs(last.g[-1] - exact.g).max()))
         assert abs(np.log2(errors[0] / errors[1]) - 4.0) < 0.2
 
 
@@ -163,9 +139,7 @@ def test_the_action_is_that_of_the_motion_up_to_the_fifth_power_of_h() -> None:
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    "action", [Trace(J), Skewed(J), lm.QuadratureLagrangian()], ids=lambda a: type(a).__name__
-)
+@pytest.mark.parametrize("action", [Trace(J), Skewed(J), lm.QuadratureLagrangian()], ids=lambda a: type(a).__name__)
 def test_momenta_are_kept_and_steps_are_poisson_maps(action: lm.DiscreteLagrangian) -> None:
     method = lm.CovariantVariational(lm.Cayley(), action)
     samples = run(method, steps=20)
@@ -213,9 +187,7 @@ def test_native_code_has_the_same_bits() -> None:
 
 @pytest.mark.slow
 def test_claims_of_the_order_four_method() -> None:
-    report = lm.check_method(
-        lm.CovariantVariational(lm.Cayley(), lm.QuadratureLagrangian()), BODY, START
-    )
+    report = lm.check_method(lm.CovariantVariational(lm.Cayley(), lm.QuadratureLagrangian()), BODY, START)
     assert report, report
 
 

@@ -93,12 +93,7 @@ def test_estimates_of_taylor_methods(order: int) -> None:
         assert found.share == (pytest.approx(wanted, rel=0.01) if wanted < taylor.WHOLE else 1.0)
         # each term is the derivative of those before
         exact = lm.integrate(
-            SYSTEM,
-            lm.RKMK(order=8),
-            SYSTEM.state(Y),
-            h=found.share * H / 20,
-            steps=20,
-            compiled=False,
+            SYSTEM, lm.RKMK(order=8), SYSTEM.state(Y), h=found.share * H / 20, steps=20, compiled=False
         ).y[-1]
         assert np.abs(Y + way.sum(axis=0) - exact).max() < {2: 3e-2, 5: 3e-4, 12: 1e-8}[order]
         assert np.allclose(found.state.y, Y + way.sum(axis=0), rtol=1e-15)

@@ -53,9 +53,7 @@ def test_energy_walks_and_does_not_drift() -> None:
     rounding of an orbit's constants acted on the energy.
     """
     mu = np.array(STARTS[0]) + 0.2 * np.random.default_rng(1).normal(size=(64, 3))
-    run = lm.integrate(
-        BODY, FLOW, BODY.state(mu=mu), h=0.1, steps=10**6, every=10**4, progress=False
-    )
+    run = lm.integrate(BODY, FLOW, BODY.state(mu=mu), h=0.1, steps=10**6, every=10**4, progress=False)
     momenta = run.mu.astype(np.longdouble)
     energy = (momenta**2 / J).sum(axis=-1)
     found = (energy / energy[0] - 1.0).astype(float)

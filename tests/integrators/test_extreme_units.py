@@ -17,22 +17,11 @@ HJ = lm.LiePoissonHamiltonJacobi
 def moved(method: lm.Method, mass: float = 1.0, time: float = 1.0) -> np.ndarray:
     """Momentum and attitude after two steps, in ordinary units."""
     body = lm.RigidBody(mass * J)
-    run = lm.integrate(
-        body, method, body.state(mass / time * MU, np.eye(3)), h=0.2 * time, steps=2, compiled=False
-    )
+    run = lm.integrate(body, method, body.state(mass / time * MU, np.eye(3)), h=0.2 * time, steps=2, compiled=False)
     return np.concatenate([run.mu[-1] / (mass / time), run.g[-1].ravel()])
 
 
-METHODS = (
-    HJ(2),
-    HJ(4),
-    HJ(4, CAY),
-    HJ(6),
-    HJ(8),
-    lm.ExactFreeBody(),
-    lm.RKMK(order=4),
-    lm.CovariantVariational(),
-)
+METHODS = (HJ(2), HJ(4), HJ(4, CAY), HJ(6), HJ(8), lm.ExactFreeBody(), lm.RKMK(order=4), lm.CovariantVariational())
 
 
 @pytest.mark.sample(3)
@@ -56,9 +45,7 @@ def test_more_of_them(method: lm.Method, k: int) -> None:
 
 @pytest.mark.parametrize("retraction", [EXP, CAY], ids=repr)
 @pytest.mark.parametrize("units", [(1e-110, 1.0), (1e110, 1.0), (1.0, 1e-110), (1.0, 1e110)])
-def test_algorithm_1_has_a_unit_of_time_of_its_own(
-    retraction: lm.Retraction, units: tuple[float, float]
-) -> None:
+def test_algorithm_1_has_a_unit_of_time_of_its_own(retraction: lm.Retraction, units: tuple[float, float]) -> None:
     here = moved(method := lm.CovariantVariational(retraction))
     assert np.abs(moved(method, *units) - here).max() <= 1e-14
 
@@ -67,9 +54,7 @@ def test_algorithm_1_has_a_unit_of_time_of_its_own(
 def test_a_body_at_rest_in_a_field(size: float) -> None:
     """It drifts by h J^-1 mu as long as that is anything, and stays where it is."""
     field = lm.MechanicalSystem(lm.RigidBody(J), lm.models.FixedPointGravity(0.0, [0.0, 0.0, 1.0]))
-    run = lm.integrate(
-        field, lm.KickDrift(), field.state(size * MU, np.eye(3)), h=0.1, steps=3, compiled=False
-    )
+    run = lm.integrate(field, lm.KickDrift(), field.state(size * MU, np.eye(3)), h=0.1, steps=3, compiled=False)
     assert np.array_equal(run.mu[-1], size * MU)
     turned = lm.SO3().log(run.g[-1])
     assert np.abs(turned - 0.3 * (size * MU) / J).max() <= max(1e-14 * size, 1e-300)
@@ -98,17 +83,13 @@ class Shaken(lm.GroupEquation):
 
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(order=12)], ids=lambda m: m.name)
 @pytest.mark.parametrize("power", [-30, 10])
-def test_adaptive_steps_in_a_vector_space_are_those_of_all_units(
-    method: lm.Method, power: int
-) -> None:
+def test_adaptive_steps_in_a_vector_space_are_those_of_all_units(method: lm.Method, power: int) -> None:
     """Errors are compared with the components: in another unit the same steps, bit for bit."""
     runs = []
     for unit in 1.0, 2.0**power:
         spring = Shaken(lm.VectorSpace(2), unit)
         start = spring.state([unit, 0.0])
-        run = lm.integrate(
-            spring, method, start, t_end=3.0, rtol=1e-8, atol=1e-10 * unit, compiled=False
-        )
+        run = lm.integrate(spring, method, start, t_end=3.0, rtol=1e-8, atol=1e-10 * unit, compiled=False)
         runs.append((run.t, run.g / unit))
     for one, other in zip(*runs, strict=True):
         assert np.array_equal(one, other)
@@ -122,9 +103,7 @@ class Flight(lm.GroupEquation):
 
     def velocity(self, t: float, g: lm.Mat) -> lm.Vec:
         turn = lm.vec(0.3, lm.formulas.sin(t), 0.5 * g[2, 0])
-        return lm.vec(
-            *turn, self.unit * g[0, 0], g[0, 3] - g[1, 3], self.unit * lm.formulas.cos(3.0 * t)
-        )
+        return lm.vec(*turn, self.unit * g[0, 0], g[0, 3] - g[1, 3], self.unit * lm.formulas.cos(3.0 * t))
 
 
 @pytest.mark.parametrize("power", [-30, 10])
@@ -137,15 +116,7 @@ def test_adaptive_steps_of_motions_of_space_are_those_of_all_units(power: int) -
         flight = Flight(lm.SE3(), unit)
         here = np.eye(4)
         here[:3, 3] = [unit, 0.5 * unit, 0.0]
-        run = lm.integrate(
-            flight,
-            lm.RKMK(order=5),
-            flight.state(here),
-            t_end=3.0,
-            rtol=1e-8,
-            atol=0.0,
-            compiled=False,
-        )
+        run = lm.integrate(flight, lm.RKMK(order=5), flight.state(here), t_end=3.0, rtol=1e-8, atol=0.0, compiled=False)
         assert len(run.t) > 10
         runs.append((run.t, run.g[:, :3, :3], run.g[:, :3, 3] / unit))
     for one, other in zip(*runs, strict=True):

@@ -14,12 +14,7 @@ from scenes import asymmetric_body, poisson_defect, same_bits, seed_body, slope,
 
 import liemech as lm
 from liemech.groups.lie_algebra import sided
-from liemech.integrators.class_functions import (
-    CayleySquare,
-    ClassFunction,
-    InvariantForm,
-    TraceOfAd,
-)
+from liemech.integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
 from liemech.integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from liemech.integrators.motion_series import first_kind
 
@@ -139,9 +134,7 @@ def cayley_terms(xi: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize(
-    ("retraction", "terms"),
-    [(EXP, exponential_terms), (CAYLEY, cayley_terms)],
-    ids=["exp", "Cayley"],
+    ("retraction", "terms"), [(EXP, exponential_terms), (CAYLEY, cayley_terms)], ids=["exp", "Cayley"]
 )
 def test_closed_forms_on_so3(retraction: lm.Retraction, terms: Callable[[Any], list[Any]]) -> None:
     """pi_k = (dtau^-1_xi)* dS_k/dxi / k!."""
@@ -150,9 +143,7 @@ def test_closed_forms_on_so3(retraction: lm.Retraction, terms: Callable[[Any], l
     found = first_kind(body, retraction, FORM, 1.0, XI, count)
     for k in range(1, count + 1):
         slope_of_s = lm.gradient(lambda x, k=k: terms(x)[k - 1], XI)
-        wanted = np.array(retraction.dtau_inv_dual(lm.SO3(), XI, slope_of_s)) / np.prod(
-            np.arange(1.0, k + 1.0)
-        )
+        wanted = np.array(retraction.dtau_inv_dual(lm.SO3(), XI, slope_of_s)) / np.prod(np.arange(1.0, k + 1.0))
         assert np.abs(np.array(found[k]) - wanted).max() < 1e-13
 
 
@@ -178,18 +169,14 @@ def test_class_functions(
     for side in ("left", "right"):
         carried = retraction.dtau_inv_dual(group, sided(xi, side), lm.gradient(value, xi))
         assert np.abs(np.array(carried) - momentum).max() < 1e-14
-    assert (
-        np.abs(np.array(s0.turn(group, retraction, lm.vec(*momentum))) - np.array(xi)).max() < 1e-14
-    )
+    assert np.abs(np.array(s0.turn(group, retraction, lm.vec(*momentum))) - np.array(xi)).max() < 1e-14
 
 
 @pytest.mark.slow
 def test_the_trace_is_the_same_function_for_every_retraction() -> None:
     body, start = asymmetric_body()
     methods = (FirstKindHamiltonJacobi(3, r, TRACE) for r in (EXP, CAYLEY))
-    runs = [
-        lm.integrate(body, method, start, h=0.05, steps=10, compiled=False) for method in methods
-    ]
+    runs = [lm.integrate(body, method, start, h=0.05, steps=10, compiled=False) for method in methods]
     assert np.abs(runs[0].mu - runs[1].mu).max() < 1e-13
     assert np.abs(runs[0].g - runs[1].g).max() < 1e-13
 
@@ -200,21 +187,12 @@ def test_the_trace_is_the_same_function_for_every_retraction() -> None:
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("order", "s0", "retraction"),
-    [
-        case if case in QUICK else slow(*case)
-        for case in ((order, *pair) for order in (1, 2, 3, 4) for pair in PAIRS)
-    ],
+    [case if case in QUICK else slow(*case) for case in ((order, *pair) for order in (1, 2, 3, 4) for pair in PAIRS)],
     ids=str,
 )
 def test_order_on_so3(order: int, s0: ClassFunction, retraction: lm.Retraction) -> None:
     body, start = asymmetric_body()
-    assert_order(
-        body,
-        FirstKindHamiltonJacobi(order, retraction, s0),
-        start,
-        body.exact(start, 1.0),
-        (80, 160),
-    )
+    assert_order(body, FirstKindHamiltonJacobi(order, retraction, s0), start, body.exact(start, 1.0), (80, 160))
 
 
 @pytest.mark.slow
@@ -231,9 +209,7 @@ def test_order_on_so3(order: int, s0: ClassFunction, retraction: lm.Retraction) 
         ),
     ],
 )
-def test_order_with_the_klein_form(
-    order: int, retraction: lm.Retraction, scene: Callable[[], Any]
-) -> None:
+def test_order_with_the_klein_form(order: int, retraction: lm.Retraction, scene: Callable[[], Any]) -> None:
     system, start = scene()
     assert_order(system, FirstKindHamiltonJacobi(order, retraction, KLEIN), start, end_of(scene))
 
@@ -258,15 +234,7 @@ def test_order_on_so4(order: int) -> None:
     system, start = on(lm.SO(4))
     end = lm.integrate(system, lm.Taylor(12, EXP), start, h=0.02, steps=10).last
     for s0 in (FORM, TRACE):  # in plain Python: TRACE, derived twice, is too long for native code
-        assert_order(
-            system,
-            FirstKindHamiltonJacobi(order, CAYLEY, s0),
-            start,
-            end,
-            (12, 24),
-            0.2,
-            compiled=False,
-        )
+        assert_order(system, FirstKindHamiltonJacobi(order, CAYLEY, s0), start, end, (12, 24), 0.2, compiled=False)
 
 
 def assert_order(
@@ -280,14 +248,9 @@ def assert_order(
 ) -> None:
     """The error at the end, of momentum and of attitude, falls as it should."""
     end = end or lm.integrate(system, lm.Taylor(12, EXP), start, h=0.02, steps=50).last
-    runs = [
-        lm.integrate(system, method, start, h=t_end / n, steps=n, compiled=compiled) for n in counts
-    ]
+    runs = [lm.integrate(system, method, start, h=t_end / n, steps=n, compiled=compiled) for n in counts]
     for name in ("mu", "g"):
-        errors = [
-            np.abs(getattr(run, name)[-1] - np.squeeze(np.array(getattr(end, name)))).max()
-            for run in runs
-        ]
+        errors = [np.abs(getattr(run, name)[-1] - np.squeeze(np.array(getattr(end, name)))).max() for run in runs]
         assert slope([1 / n for n in counts], errors) == pytest.approx(method.order, abs=0.2)  # type: ignore[attr-defined]
 
 
@@ -318,9 +281,7 @@ def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None
     ],
     ids=lambda x: getattr(x, "__name__", type(x).__name__),
 )
-def test_the_bracket_is_kept(
-    scene: Callable[[], Any], s0: ClassFunction, retraction: lm.Retraction
-) -> None:
+def test_the_bracket_is_kept(scene: Callable[[], Any], s0: ClassFunction, retraction: lm.Retraction) -> None:
     system, start = scene()
     method = FirstKindHamiltonJacobi(2, retraction, s0, scale=2.6)
     assert poisson_defect(system, method, np.array(start.mu), 0.05) < 1e-11
@@ -330,9 +291,7 @@ def test_the_bracket_is_kept(
 @pytest.mark.parametrize("retraction", [ADJOINT, slow(EXP)], ids=repr)
 def test_what_a_fish_keeps(retraction: lm.Retraction) -> None:
     system, start = fish()
-    run = lm.integrate(
-        system, FirstKindHamiltonJacobi(4, retraction), start, h=0.02, steps=3000, every=10
-    )
+    run = lm.integrate(system, FirstKindHamiltonJacobi(4, retraction), start, h=0.02, steps=3000, every=10)
     casimirs = np.array(system.casimirs(run.mu))
     assert np.ptp(casimirs, axis=0).max() < 1e-13
 
@@ -345,18 +304,14 @@ def test_plain_and_native_agree_to_the_bit() -> None:
         FirstKindHamiltonJacobi(2, CAYLEY),
         FirstKindHamiltonJacobi(3, EXP, TRACE),
     ):
-        native, plain = (
-            lm.integrate(body, method, start, h=0.05, steps=5, compiled=c) for c in (True, False)
-        )
+        native, plain = (lm.integrate(body, method, start, h=0.05, steps=5, compiled=c) for c in (True, False))
         assert same_bits(native.mu, plain.mu)
         assert same_bits(native.g, plain.g)
 
 
 def test_a_body_at_rest_stays() -> None:
     body, _ = asymmetric_body()
-    run = lm.integrate(
-        body, FirstKindHamiltonJacobi(4), body.state([0.0, 0.0, 0.0], np.eye(3)), h=0.05, steps=3
-    )
+    run = lm.integrate(body, FirstKindHamiltonJacobi(4), body.state([0.0, 0.0, 0.0], np.eye(3)), h=0.05, steps=3)
     assert not run.mu.any()
     assert np.abs(run.g - np.eye(3)).max() == 0.0
 
@@ -369,14 +324,7 @@ def test_momenta_outside_the_chart(compiled: bool) -> None:
     body, start = asymmetric_body()
     for s0, scale in ((FORM, 0.2), (TRACE, 1.2)):
         with pytest.raises(lm.errors.OutsideChart, match="Take a larger scale; None chooses one"):
-            lm.integrate(
-                body,
-                FirstKindHamiltonJacobi(2, EXP, s0, scale),
-                start,
-                h=0.05,
-                steps=3,
-                compiled=compiled,
-            )
+            lm.integrate(body, FirstKindHamiltonJacobi(2, EXP, s0, scale), start, h=0.05, steps=3, compiled=compiled)
 
 
 def test_forms_that_generate_no_identity() -> None:
@@ -385,8 +333,7 @@ def test_forms_that_generate_no_identity() -> None:
         (
             lm.Heisenberg(),
             FORM,
-            "no regular invariant form. LiePoissonHamiltonJacobi, "
-            "of the second kind, serves every group",
+            "no regular invariant form. LiePoissonHamiltonJacobi, of the second kind, serves every group",
         ),
         (lm.Heisenberg(), InvariantForm(np.eye(3)), "the form is not invariant"),
         (lm.SE3(), InvariantForm(algebra.killing_form), "is degenerate, of rank 3"),

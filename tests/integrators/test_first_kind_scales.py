@@ -54,9 +54,7 @@ def test_screws_in_other_units(length: float) -> None:
         scaled = np.repeat([unit**2, unit], 3)
         start = body.state(scaled * mu, np.eye(4))
         run = lm.integrate(body, FirstKindHamiltonJacobi(2), start, h=0.05, steps=1, compiled=False)
-        return np.concatenate(
-            [run.mu[-1] / scaled, run.g[-1, :3, :3].ravel(), run.g[-1, :3, 3] / unit]
-        )
+        return np.concatenate([run.mu[-1] / scaled, run.g[-1, :3, :3].ravel(), run.g[-1, :3, 3] / unit])
 
     assert np.abs(moved(length) - moved(1.0)).max() <= 1e-13
 

@@ -108,19 +108,11 @@ def free(group: lm.LieGroup, seed: int = 3) -> tuple[lm.LiePoissonSystem, lm.Bod
     """A free body on a group, started anywhere."""
     rng = np.random.default_rng(seed)
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
-    return system, system.state(
-        0.5 * rng.normal(size=group.dim), np.array(group.exp(0.3 * rng.normal(size=group.dim)))
-    )
+    return system, system.state(0.5 * rng.normal(size=group.dim), np.array(group.exp(0.3 * rng.normal(size=group.dim))))
 
 
 def assert_order(
-    system: Any,
-    method: lm.Method,
-    start: lm.BodyState,
-    end: Any,
-    t_end: float,
-    counts: Any,
-    t0: float = 0.0,
+    system: Any, method: lm.Method, start: lm.BodyState, end: Any, t_end: float, counts: Any, t0: float = 0.0
 ) -> None:
     """The errors of momentum and configuration fall as they should; of order 8 they are soon
     rounding, hence the wider bound.
@@ -163,24 +155,15 @@ def test_the_action_is_stationary(method: GalerkinVariational) -> None:
         total = 0.0
         for X, v, weight in zip(h * A @ V, V, b):
             xi, g = tau.dtau(group, X, v), group.compose(start.g, tau.tau(group, X))
-            total += weight * (
-                0.5 * np.sum(np.array(top.inertia) * xi**2) - top.potential.energy(g)
-            )
+            total += weight * (0.5 * np.sum(np.array(top.inertia) * xi**2) - top.potential.energy(g))
         return total
 
-    assert (
-        np.abs(
-            np.array(group.compose(start.g, tau.tau(group, h * b @ V))) - np.array(memory.state.g)
-        ).max()
-        < 1e-15
-    )
+    assert np.abs(np.array(group.compose(start.g, tau.tau(group, h * b @ V))) - np.array(memory.state.g)).max() < 1e-15
     gradient = np.empty_like(V)
     for place in np.ndindex(*V.shape):
         e = np.zeros_like(V)
         e[place] = 1e-3
-        gradient[place] = (
-            8 * (action(V + e) - action(V - e)) - (action(V + 2 * e) - action(V - 2 * e))
-        ) / 12e-3
+        gradient[place] = (8 * (action(V + e) - action(V - e)) - (action(V + 2 * e) - action(V - 2 * e))) / 12e-3
     forces = gradient / b[:, None]
     assert np.abs(forces - forces[0]).max() < 1e-10
 
@@ -188,15 +171,8 @@ def test_the_action_is_stationary(method: GalerkinVariational) -> None:
 @pytest.mark.slow
 def test_order_two_with_exp_is_the_variational_method() -> None:
     """One node in the middle, xi = V: h l(xi) and its action principle."""
-    for system, start, h in (
-        (*asymmetric_body(), 0.4),
-        (*kirchhoff_body()[:2], 0.2),
-        (*free(PlaneMotions()), 0.2),
-    ):
-        ours, theirs = (
-            lm.integrate(system, method, start, h=h, steps=40, compiled=False)
-            for method in (EXPS[2], EXP)
-        )
+    for system, start, h in ((*asymmetric_body(), 0.4), (*kirchhoff_body()[:2], 0.2), (*free(PlaneMotions()), 0.2)):
+        ours, theirs = (lm.integrate(system, method, start, h=h, steps=40, compiled=False) for method in (EXPS[2], EXP))
         size = 1.0 + np.abs(theirs.g).max()
         assert np.abs(ours.mu - theirs.mu).max() < 1e-14
         assert np.abs(ours.g - theirs.g).max() < 2e-14 * size
@@ -244,9 +220,7 @@ def test_on_vectors_it_is_the_runge_kutta_method_of_gauss() -> None:
     ],
     ids=lambda x: x.name if isinstance(x, lm.Method) else "",
 )
-def test_order_of_momentum_and_attitude(
-    method: GalerkinVariational, t_end: float, counts: Any
-) -> None:
+def test_order_of_momentum_and_attitude(method: GalerkinVariational, t_end: float, counts: Any) -> None:
     body, start = asymmetric_body()
     for error in errors_at(body, method, start, t_end, counts):
         assert slope([1 / n for n in counts], error) == pytest.approx(
@@ -256,9 +230,7 @@ def test_order_of_momentum_and_attitude(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "method",
-    [*EXPS.values(), *CAYLEYS.values(), GalerkinVariational(4, lm.CayleyAdjoint())],
-    ids=named,
+    "method", [*EXPS.values(), *CAYLEYS.values(), GalerkinVariational(4, lm.CayleyAdjoint())], ids=named
 )
 def test_order_in_a_fluid(method: GalerkinVariational) -> None:
     """A Kirchhoff body with all its couplings."""
@@ -274,20 +246,8 @@ def test_order_of_a_heavy_top(method: GalerkinVariational) -> None:
     """Momentum and attitude, in a field."""
     top, start = heavy_top()
     at = TOP["samples"][2 if method.order == 8 else 1]
-    counts = {
-        2: (40, 80),
-        4: (20, 40),
-        6: (12, 24),
-        8: (12, 20) if method in EXPS.values() else (16, 24),
-    }[method.order]
-    assert_order(
-        top,
-        method,
-        start,
-        (np.array(at["pi"], float), np.array(at["R"], float)),
-        float(at["t"]),
-        counts,
-    )
+    counts = {2: (40, 80), 4: (20, 40), 6: (12, 24), 8: (12, 20) if method in EXPS.values() else (16, 24)}[method.order]
+    assert_order(top, method, start, (np.array(at["pi"], float), np.array(at["R"], float)), float(at["t"]), counts)
 
 
 @pytest.mark.slow
@@ -300,9 +260,7 @@ def test_order_under_a_load_that_changes_with_time(method: GalerkinVariational) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "group", [Affine(), PlaneMotions(), lm.SO(4)], ids=["generators only", "exp only", "SO(4)"]
-)
+@pytest.mark.parametrize("group", [Affine(), PlaneMotions(), lm.SO(4)], ids=["generators only", "exp only", "SO(4)"])
 def test_orders_on_other_groups(group: lm.LieGroup) -> None:
     system, start = free(group)
     end = lm.integrate(system, lm.RKMK(order=8), start, h=0.025, steps=40, compiled=False).last
@@ -324,12 +282,7 @@ def test_order_with_a_retraction_of_ones_own() -> None:
 def test_order_of_a_lagrangian_that_is_not_quadratic(order: int) -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Fast([1.0, 1.6, 2.3]))
     start = system.state([0.7, -0.4, 0.9], np.eye(3))
-    assert (
-        np.abs(
-            np.array(system.lagrangian.momentum(system.velocity(start.mu))) - np.array(start.mu)
-        ).max()
-        < 1e-15
-    )
+    assert np.abs(np.array(system.lagrangian.momentum(system.velocity(start.mu))) - np.array(start.mu)).max() < 1e-15
     end = lm.integrate(system, lm.RKMK(order=8), start, h=0.1, steps=40).last
     assert_order(system, EXPS[order], start, (end.mu, end.g), 4.0, {4: (8, 16), 6: (6, 12)}[order])
 
@@ -346,10 +299,7 @@ def test_only_order_two_with_exp_is_symmetric() -> None:
         for system, start in (asymmetric_body(), heavy_top()):
             away = lm.integrate(system, method, start, h=0.3, steps=5, compiled=False)
             home = lm.integrate(system, method, away.last, h=-0.3, steps=5, compiled=False)
-            error = max(
-                np.abs(home.mu[-1] - np.array(start.mu)).max(),
-                np.abs(home.g[-1] - np.array(start.g)).max(),
-            )
+            error = max(np.abs(home.mu[-1] - np.array(start.mu)).max(), np.abs(home.g[-1] - np.array(start.g)).max())
             if method.symmetric:
                 assert error < 2e-14
         assert method.symmetric == (method == EXPS[2])
@@ -360,14 +310,7 @@ def test_only_order_two_with_exp_is_symmetric() -> None:
 def test_composition_takes_what_is_symmetric() -> None:
     top, start = heavy_top()
     method, at = lm.Composition(EXPS[2], order=4), TOP["samples"][1]
-    assert_order(
-        top,
-        method,
-        start,
-        (np.array(at["pi"], float), np.array(at["R"], float)),
-        float(at["t"]),
-        (10, 20),
-    )
+    assert_order(top, method, start, (np.array(at["pi"], float), np.array(at["R"], float)), float(at["t"]), (10, 20))
     with pytest.raises(lm.errors.InvalidInput, match="not symmetric"):
         lm.Composition(EXPS[4], order=6)
 
@@ -392,12 +335,7 @@ def test_the_canonical_form_is_kept_in_a_field(method: GalerkinVariational) -> N
 
     def step(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         run = lm.integrate(
-            top,
-            method,
-            top.state(mu0 + x[:, 3:], g0 @ group.exp(x[:, :3])),
-            h=0.2,
-            steps=1,
-            compiled=False,
+            top, method, top.state(mu0 + x[:, 3:], g0 @ group.exp(x[:, :3])), h=0.2, steps=1, compiled=False
         )
         return run.mu[1], run.g[1]
 
@@ -434,10 +372,7 @@ def test_what_is_kept_over_a_million_steps() -> None:
     """Spatial momentum and Casimir to rounding, with compensated sums; the energy as well as at the
     start.
     """
-    for system, start, h, casimir in (
-        (*asymmetric_body(), 0.5, 1.3**2),
-        (*kirchhoff_body()[:2], 0.2, 0.62),
-    ):
+    for system, start, h, casimir in ((*asymmetric_body(), 0.5, 1.3**2), (*kirchhoff_body()[:2], 0.2, 0.62)):
         run = lm.integrate(system, EXPS[4], start, h=h, steps=10**6, every=10**3, compensated=True)
         casimirs = np.array(system.casimirs(run.mu))[:, 0]
         assert np.abs(casimirs / casimir - 1.0).max() < 1e-13
@@ -469,9 +404,7 @@ def test_what_a_top_keeps(method: GalerkinVariational) -> None:
     [slow(EXPS[4], asymmetric_body), (CAYLEYS[4], lambda: heavy_top(Driven()))],
     ids=["free", "driven"],
 )
-def test_plain_and_native_and_ensembles_agree_to_the_bit(
-    method: GalerkinVariational, scene: Any
-) -> None:
+def test_plain_and_native_and_ensembles_agree_to_the_bit(method: GalerkinVariational, scene: Any) -> None:
     system, start = scene()
     both = system.state(np.array([start.mu, [0.2, 0.9, -0.4]]), np.array([start.g, np.eye(3)]))
     plain = lm.integrate(system, method, start, h=0.2, steps=8, compiled=False)
@@ -491,9 +424,7 @@ def test_compensated_sums() -> None:
             for c in (False, True)
         ]
         assert same_bits(runs[0].mu, runs[1].mu)
-        usual = lm.integrate(
-            system, CAYLEYS[4], start, h=0.2, steps=30, compiled=False, compensated=False
-        )
+        usual = lm.integrate(system, CAYLEYS[4], start, h=0.2, steps=30, compiled=False, compensated=False)
         assert 0.0 < np.abs(usual.mu - runs[0].mu).max() < 1e-14
 
 
@@ -503,8 +434,7 @@ def test_a_field_of_nothing_changes_nothing() -> None:
     nowhere = lm.MechanicalSystem(body, lm.NoPotential())
     for method in (EXPS[4], CAYLEYS[6]):
         a, b = (
-            lm.integrate(system, method, system.state(start.mu, start.g), h=0.3, steps=10)
-            for system in (body, nowhere)
+            lm.integrate(system, method, system.state(start.mu, start.g), h=0.3, steps=10) for system in (body, nowhere)
         )
         assert np.abs(a.mu - b.mu).max() < 1e-14
         assert np.abs(a.g - b.g).max() < 1e-14
@@ -528,11 +458,7 @@ def test_bodies_at_rest() -> None:
         assert (run.g == np.eye(3)).all()
         swing = lm.models.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 1.0])
         fall = lm.integrate(
-            swing,
-            method,
-            swing.state([0.0, 0.0, 0.0], lm.SO3().exp([2.0, 0.0, 0.0])),
-            h=0.1,
-            steps=150,
+            swing, method, swing.state([0.0, 0.0, 0.0], lm.SO3().exp([2.0, 0.0, 0.0])), h=0.1, steps=150
         )
         energy = swing.energy(fall.mu, fall.g)
         assert np.abs(energy - energy[0]).max() < {2: 1e-2, 4: 1e-4, 8: 1e-9}[method.order]
@@ -544,9 +470,7 @@ def test_bodies_at_rest() -> None:
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_too_large_a_step_is_refused(method: GalerkinVariational, compiled: bool) -> None:
     for system, start in (seed_body(), heavy_top()):
-        with pytest.raises(
-            lm.errors.NoConvergence, match=r"GalerkinVariational.*h = 8 is too large.*try 2"
-        ) as caught:
+        with pytest.raises(lm.errors.NoConvergence, match=r"GalerkinVariational.*h = 8 is too large.*try 2") as caught:
             lm.integrate(system, method, start, h=8.0, steps=100, compiled=compiled)
         assert len(caught.value.trajectory) >= 1
 
@@ -575,12 +499,8 @@ def test_what_cannot_be_meant() -> None:
     with pytest.raises(lm.errors.IncompatibleSystem, match="Exponential"):
         lm.integrate(system, CAYLEYS[4], start, h=0.1, steps=1)
     reduced = lm.models.ReducedHeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0])
-    with pytest.raises(
-        lm.errors.IncompatibleSystem, match=r"a lagrangian.*LiePoissonHamiltonJacobi"
-    ):
-        lm.integrate(
-            reduced, EXPS[4], reduced.state([0.4, -0.5, 0.7, 0.6, 0.0, 0.8]), h=0.1, steps=1
-        )
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"a lagrangian.*LiePoissonHamiltonJacobi"):
+        lm.integrate(reduced, EXPS[4], reduced.state([0.4, -0.5, 0.7, 0.6, 0.0, 0.8]), h=0.1, steps=1)
     with pytest.raises(lm.errors.IncompatibleSystem, match="needs a body, free"):
         EXPS[4].require(3)
 

@@ -57,9 +57,7 @@ SYSTEMS = pytest.mark.parametrize(
 T0 = 0.3
 
 
-def stepped(
-    system: Any, method: lm.Method, h: float, q: Any = 0.4, p: Any = 0.5, t: float = T0
-) -> np.ndarray:
+def stepped(system: Any, method: lm.Method, h: float, q: Any = 0.4, p: Any = 0.5, t: float = T0) -> np.ndarray:
     """(q, p) after one step in plain Python."""
     state = method.step(system, t, system.state(q, p), h)
     return np.array([*state.q, *state.p])
@@ -69,10 +67,7 @@ def local_order(system: Any, method: lm.Method, h: float = 0.06) -> float:
     """The power of h of what a step does that the motion does not, less one: the motion by a Taylor
     method of order 12.
     """
-    errors = [
-        np.abs(stepped(system, method, x) - stepped(system, lm.Taylor(12), x)).max()
-        for x in (h, 0.5 * h)
-    ]
+    errors = [np.abs(stepped(system, method, x) - stepped(system, lm.Taylor(12), x)).max() for x in (h, 0.5 * h)]
     return float(np.log2(errors[0] / errors[1])) - 1.0
 
 
@@ -107,10 +102,7 @@ def test_steps_are_symplectic_and_undone_by_the_adjoint(system: Any, kind: str) 
         (SymmetricHamiltonJacobi(4, kind), SymmetricHamiltonJacobi(4, kind)),
     ):
         there = stepped(system, method, 0.2)
-        assert (
-            np.abs(stepped(system, back, -0.2, there[0], there[1], T0 + 0.2) - (0.4, 0.5)).max()
-            < 4e-15
-        )
+        assert np.abs(stepped(system, back, -0.2, there[0], there[1], T0 + 0.2) - (0.4, 0.5)).max() < 4e-15
 
 
 def area(system: Any, method: lm.Method, h: float = 0.2, e: float = 1e-3) -> float:
@@ -174,31 +166,20 @@ class Exchanged(lm.HamiltonianSystem):
 def test_the_kinds_qq_and_pp_are_one_with_positions_and_momenta_exchanged(order: int) -> None:
     for adjoint in False, True:
         x, y = stepped(Exchanged(), HamiltonJacobi(order, adjoint, "qQ"), 0.2, 0.5, -0.4)
-        assert (
-            np.abs(stepped(Curved(), HamiltonJacobi(order, adjoint, "pP"), 0.2) - (-y, x)).max()
-            < 1e-15
-        )
+        assert np.abs(stepped(Curved(), HamiltonJacobi(order, adjoint, "pP"), 0.2) - (-y, x)).max() < 1e-15
 
 
 def test_order_two_of_every_kind_is_the_stormer_verlet_method_where_the_energy_separates() -> None:
     system = lm.models.HenonHeiles()
     run = lm.integrate(
-        system,
-        lm.StormerVerlet(),
-        system.state([0.1, 0.3], [0.3, -0.1]),
-        h=0.1,
-        steps=1,
-        compiled=False,
+        system, lm.StormerVerlet(), system.state([0.1, 0.3], [0.3, -0.1]), h=0.1, steps=1, compiled=False
     )
     verlet = np.array([*run.q[1], *run.p[1]])
     other = [
-        stepped(system, SymmetricHamiltonJacobi(2, kind), 0.1, [0.1, 0.3], [0.3, -0.1])
-        for kind in ("qP", "qQ", "pP")
+        stepped(system, SymmetricHamiltonJacobi(2, kind), 0.1, [0.1, 0.3], [0.3, -0.1]) for kind in ("qP", "qQ", "pP")
     ]
     drift_first = stepped(system, HamiltonJacobi(1), 0.05, [0.1, 0.3], [0.3, -0.1])
-    drift_first = stepped(
-        system, HamiltonJacobi(1, adjoint=True), 0.05, drift_first[:2], drift_first[2:]
-    )
+    drift_first = stepped(system, HamiltonJacobi(1, adjoint=True), 0.05, drift_first[:2], drift_first[2:])
     for found in other[:2]:
         assert np.abs(found - drift_first).max() < 1e-15
     assert np.abs(other[2] - verlet).max() < 1e-15
@@ -218,9 +199,7 @@ def test_the_direct_recursion_is_that_of_extended_phase_space(order: int) -> Non
 
 def test_the_energy_of_a_driven_run_is_that_of_its_times() -> None:
     system = Driven()
-    run = lm.integrate(
-        system, HamiltonJacobi(2), system.state(0.4, 0.5), h=0.1, steps=3, t0=T0, compiled=False
-    )
+    run = lm.integrate(system, HamiltonJacobi(2), system.state(0.4, 0.5), h=0.1, steps=3, t0=T0, compiled=False)
     wanted = [system.energy(float(t), q, p) for t, q, p in zip(run.t, run.q, run.p)]
     assert np.array_equal(run.energy, wanted)
     many = system.state(np.full((2, 1), 0.4), np.full((2, 1), 0.5))
@@ -273,9 +252,7 @@ FAMILIES = pytest.mark.parametrize(
 
 def turned(method: lm.Method, h: float, steps: int = 1) -> lm.BodyState:
     start = SATELLITE.state([0.3, 0.8, -0.5], np.eye(3))
-    return lm.integrate(
-        SATELLITE, method, start, h=h, steps=steps, t0=T0, compiled=False, progress=False
-    ).last
+    return lm.integrate(SATELLITE, method, start, h=h, steps=steps, t0=T0, compiled=False, progress=False).last
 
 
 @functools.cache
@@ -290,10 +267,7 @@ def test_order_and_structure_of_driven_bodies(method: Any) -> None:
     for h in 0.1, 0.05:
         found, wanted = turned(method, h), flow(h)
         errors.append(
-            max(
-                np.abs(np.array(a) - np.array(b)).max()
-                for a, b in ((found.mu, wanted.mu), (found.g, wanted.g))
-            )
+            max(np.abs(np.array(a) - np.array(b)).max() for a, b in ((found.mu, wanted.mu), (found.g, wanted.g)))
         )
         spatial = np.array(found.g) @ np.array(found.mu)
         assert np.abs(spatial - (0.3, 0.8, -0.5)).max() < 1e-15
@@ -318,10 +292,7 @@ def test_a_drive_that_stands_still_changes_nothing() -> None:
     start = [0.3, 0.8, -0.5]
     system = lm.DrivenLiePoissonSystem(lm.SO3(), Still())
     for method in lm.LiePoissonHamiltonJacobi(4), lm.FirstKindHamiltonJacobi(2):
-        runs = [
-            lm.integrate(s, method, s.state(start), h=0.2, steps=1, compiled=False)
-            for s in (system, still)
-        ]
+        runs = [lm.integrate(s, method, s.state(start), h=0.2, steps=1, compiled=False) for s in (system, still)]
         assert np.abs(runs[0].mu - runs[1].mu).max() < 1e-15
 
 
@@ -339,13 +310,9 @@ class Free(lm.HamiltonianSystem):
 
 
 def test_kinds_without_a_generating_function_are_refused_by_name() -> None:
-    with pytest.raises(
-        IncompatibleSystem, match=r"\(p, P\) needs forces that tell positions apart"
-    ):
+    with pytest.raises(IncompatibleSystem, match=r"\(p, P\) needs forces that tell positions apart"):
         HamiltonJacobi(2, kind="pP").require(Free())
-    with pytest.raises(
-        IncompatibleSystem, match=r"\(q, Q\) needs velocities that tell momenta apart"
-    ):
+    with pytest.raises(IncompatibleSystem, match=r"\(q, Q\) needs velocities that tell momenta apart"):
         HamiltonJacobi(2, kind="qQ").require(Extended())
     with pytest.raises(OutsideChart, match=r"the identity.*no generating function of q and Q"):
         stepped(Curved(), HamiltonJacobi(2, kind="qQ"), 0.0)

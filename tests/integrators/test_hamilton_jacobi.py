@@ -52,42 +52,27 @@ STEPS = {PENDULUM: 0.1, CURVED: 0.1, DOUBLE: 0.03, GALAXY: 0.2, Kepler(): 0.05}
 SYSTEMS = pytest.mark.parametrize("system", STARTS, ids=lambda system: type(system).__name__)
 SOME = pytest.mark.parametrize(
     "method",
-    [
-        HamiltonJacobi(k, adjoint=a)
-        for k, a in ((1, False), (2, True), (3, False), (4, False), (5, True))
-    ],
+    [HamiltonJacobi(k, adjoint=a) for k, a in ((1, False), (2, True), (3, False), (4, False), (5, True))],
     ids=named,
 )
 
 
-def step(
-    system: HamiltonianSystem, method: lm.Method, h: float, q: Any, p: Any
-) -> tuple[np.ndarray, np.ndarray]:
+def step(system: HamiltonianSystem, method: lm.Method, h: float, q: Any, p: Any) -> tuple[np.ndarray, np.ndarray]:
     """One step, or one for each row, in plain Python."""
     run = lm.integrate(system, method, system.state(q, p), h=h, steps=1, compiled=False)
     return run.q[-1], run.p[-1]
 
 
-def errors(
-    system: HamiltonianSystem, method: lm.Method, t_end: float, counts: tuple[int, ...]
-) -> list[float]:
+def errors(system: HamiltonianSystem, method: lm.Method, t_end: float, counts: tuple[int, ...]) -> list[float]:
     """The largest error on the way to t_end for these numbers of steps, against a Taylor method of
     order 14.
     """
     first = min(counts)
     fine = lm.integrate(
-        system,
-        lm.Taylor(14),
-        STARTS[system],
-        h=t_end / first / 4,
-        steps=4 * first,
-        every=4,
-        compiled=True,
+        system, lm.Taylor(14), STARTS[system], h=t_end / first / 4, steps=4 * first, every=4, compiled=True
     )
     runs = [
-        lm.integrate(
-            system, method, STARTS[system], h=t_end / n, steps=n, every=n // first, compiled=True
-        )
+        lm.integrate(system, method, STARTS[system], h=t_end / n, steps=n, every=n // first, compiled=True)
         for n in counts
     ]
     return [max(np.abs(run.q - fine.q).max(), np.abs(run.p - fine.p).max()) for run in runs]
@@ -116,11 +101,7 @@ def curved(q: Any, p: Any) -> sympy.Expr:
     """The energy of Curved, once more."""
     import sympy
 
-    return (
-        p[0] ** 2 * (1 + sympy.Rational(3, 10) * sympy.sin(q[0]) ** 2) / 2
-        - sympy.cos(q[0])
-        + p[0] ** 3 / 20
-    )
+    return p[0] ** 2 * (1 + sympy.Rational(3, 10) * sympy.sin(q[0]) ** 2) / 2 - sympy.cos(q[0]) + p[0] ** 3 / 20
 
 
 def galaxy(q: Any, p: Any) -> sympy.Expr:
@@ -129,12 +110,8 @@ def galaxy(q: Any, p: Any) -> sympy.Expr:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("system", "energy"), [(CURVED, curved), (GALAXY, galaxy)], ids=["Curved", "HenonHeiles"]
-)
-def test_steps_are_generated_by_the_truncated_series(
-    system: HamiltonianSystem, energy: Any
-) -> None:
+@pytest.mark.parametrize(("system", "energy"), [(CURVED, curved), (GALAXY, galaxy)], ids=["Curved", "HenonHeiles"])
+def test_steps_are_generated_by_the_truncated_series(system: HamiltonianSystem, energy: Any) -> None:
     """Q = dG/dP and p = dG/dq to rounding, with G_1 to G_4 from computer algebra."""
     import sympy
 
@@ -163,11 +140,7 @@ def test_the_formulas_for_the_first_four_terms() -> None:
     G1 = -H
     G2 = -Hp * sympy.diff(G1, q)
     G3 = -Hp * sympy.diff(G2, q) - Hpp * sympy.diff(G1, q) ** 2
-    G4 = (
-        -Hp * sympy.diff(G3, q)
-        - 3 * Hpp * sympy.diff(G1, q) * sympy.diff(G2, q)
-        - Hppp * sympy.diff(G1, q) ** 3
-    )
+    G4 = -Hp * sympy.diff(G3, q) - 3 * Hpp * sympy.diff(G1, q) * sympy.diff(G2, q) - Hppp * sympy.diff(G1, q) ** 3
     for written, found in zip((G1, G2, G3, G4), generating_terms(H, (q,), (p,), h)):
         assert sympy.expand(written - found) == 0
 
@@ -178,12 +151,8 @@ def test_the_formulas_for_the_first_four_terms() -> None:
 @pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", range(1, 7))
-@pytest.mark.parametrize(
-    ("system", "adjoint"), [(PENDULUM, False), (CURVED, False), (CURVED, True)]
-)
-def test_order_in_one_degree_of_freedom(
-    system: HamiltonianSystem, order: int, adjoint: bool
-) -> None:
+@pytest.mark.parametrize(("system", "adjoint"), [(PENDULUM, False), (CURVED, False), (CURVED, True)])
+def test_order_in_one_degree_of_freedom(system: HamiltonianSystem, order: int, adjoint: bool) -> None:
     counts = {1: (2000, 4000), 5: (400, 800)}.get(order, (200, 400))
     error = errors(system, HamiltonJacobi(order, adjoint=adjoint), 5.0, counts)
     assert abs(slope([1 / n for n in counts], error) - order) <= 0.1
@@ -193,12 +162,8 @@ def test_order_in_one_degree_of_freedom(
 @pytest.mark.compiled
 @pytest.mark.parametrize("adjoint", [False, True])
 @pytest.mark.parametrize("order", [2, 4, 6])
-@pytest.mark.parametrize(
-    ("system", "t_end"), [(DOUBLE, 1.0), (GALAXY, 10.0)], ids=["DoublePendulum", "HenonHeiles"]
-)
-def test_order_in_two_degrees_of_freedom(
-    system: HamiltonianSystem, t_end: float, order: int, adjoint: bool
-) -> None:
+@pytest.mark.parametrize(("system", "t_end"), [(DOUBLE, 1.0), (GALAXY, 10.0)], ids=["DoublePendulum", "HenonHeiles"])
+def test_order_in_two_degrees_of_freedom(system: HamiltonianSystem, t_end: float, order: int, adjoint: bool) -> None:
     counts = (200, 400)
     error = errors(system, HamiltonJacobi(order, adjoint=adjoint), t_end, counts)
     assert abs(slope([1 / n for n in counts], error) - order) <= 0.1
@@ -217,15 +182,11 @@ def test_high_orders(order: int) -> None:
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    "system", [PENDULUM, GALAXY, Kepler()], ids=lambda system: type(system).__name__
-)
+@pytest.mark.parametrize("system", [PENDULUM, GALAXY, Kepler()], ids=lambda system: type(system).__name__)
 def test_order_one_is_symplectic_euler_to_the_bit(system: HamiltonianSystem) -> None:
     h, start = STEPS[system], STARTS[system]
     run = lm.integrate(system, HamiltonJacobi(1), start, h=h, steps=50, compensated=False)
-    other = lm.integrate(
-        system, HamiltonJacobi(1, adjoint=True), start, h=h, steps=50, compensated=False
-    )
+    other = lm.integrate(system, HamiltonJacobi(1, adjoint=True), start, h=h, steps=50, compensated=False)
     q, p = Q, P = Vec.of(start.q), Vec.of(start.p)
     for i in range(50):
         q = q + h * system.velocity(q, p)  # separable: H_p depends on p alone
@@ -281,9 +242,7 @@ def test_the_taylor_method_is_not() -> None:
 @pytest.mark.sample(4)
 @SOME
 @SYSTEMS
-def test_the_adjoint_undoes_the_step_backwards(
-    system: HamiltonianSystem, method: HamiltonJacobi
-) -> None:
+def test_the_adjoint_undoes_the_step_backwards(system: HamiltonianSystem, method: HamiltonJacobi) -> None:
     start, h = STARTS[system], STEPS[system]
     there = step(system, method, h, start.q, start.p)
     back = step(system, HamiltonJacobi(method.order, adjoint=not method.adjoint), -h, *there)
@@ -294,14 +253,10 @@ def test_the_adjoint_undoes_the_step_backwards(
 @pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 6])
-@pytest.mark.parametrize(
-    "system", [PENDULUM, CURVED, GALAXY], ids=lambda system: type(system).__name__
-)
+@pytest.mark.parametrize("system", [PENDULUM, CURVED, GALAXY], ids=lambda system: type(system).__name__)
 def test_the_energy_stays_bounded(system: HamiltonianSystem, order: int) -> None:
     """10^4 steps: in the second half no further away than 1.1 times the first."""
-    run = lm.integrate(
-        system, HamiltonJacobi(order), STARTS[system], h=STEPS[system], steps=10_000, compiled=True
-    )
+    run = lm.integrate(system, HamiltonJacobi(order), STARTS[system], h=STEPS[system], steps=10_000, compiled=True)
     away = np.abs(run.energy - run.energy[0])
     assert away[5000:].max() <= 1.1 * away[:5000].max()
     assert away.max() <= STEPS[system] ** order
@@ -315,9 +270,7 @@ def test_angular_momentum_is_kept() -> None:
     """
     system = Kepler()
     for order in 1, 3, 4:
-        run = lm.integrate(
-            system, HamiltonJacobi(order), STARTS[system], h=0.05, steps=5000, compiled=True
-        )
+        run = lm.integrate(system, HamiltonJacobi(order), STARTS[system], h=0.05, steps=5000, compiled=True)
         assert run.drift()["angular momentum"].largest <= 1e-12
         assert run.drift()["Runge-Lenz vector"].largest >= 1e-8
 
@@ -343,8 +296,7 @@ def test_plain_native_and_ensemble_runs_have_the_same_bits(
 ) -> None:
     start, h, n = STARTS[system], STEPS[system], system.degrees
     many = system.state(
-        np.array(start.q) + 0.1 * rng.normal(size=(5, n)),
-        np.array(start.p) + 0.1 * rng.normal(size=(5, n)),
+        np.array(start.q) + 0.1 * rng.normal(size=(5, n)), np.array(start.p) + 0.1 * rng.normal(size=(5, n))
     )
     alone = system.state(many.q[3], many.p[3])
     plain = lm.integrate(system, method, alone, h=h, steps=20, compiled=False)
@@ -408,13 +360,9 @@ class Steps(HamiltonianSystem):
         return 0.5 * p[0] ** 2 + math.floor(q[0])
 
 
-@pytest.mark.parametrize(
-    "system", [OfTheMathModule(), Steps()], ids=lambda system: type(system).__name__
-)
+@pytest.mark.parametrize("system", [OfTheMathModule(), Steps()], ids=lambda system: type(system).__name__)
 def test_energies_without_a_power_series_are_refused(system: HamiltonianSystem) -> None:
-    with pytest.raises(
-        IncompatibleSystem, match=r"power series.*functions of liemech\.formulas.*RKMK"
-    ):
+    with pytest.raises(IncompatibleSystem, match=r"power series.*functions of liemech\.formulas.*RKMK"):
         lm.integrate(system, HamiltonJacobi(2), system.state(0.3, 0.2), h=0.1, steps=1)
 
 
@@ -425,9 +373,7 @@ def test_the_way_out() -> None:
     fine = lm.integrate(system, HamiltonJacobi(4), start, h=0.05, steps=40, compiled=False)
     exact = lm.integrate(system, lm.RKMK(order=8), start, h=0.05, steps=40, compiled=False)
     assert abs(fine.q[-1] - exact.q[-1]) < 1e-6
-    run = lm.integrate(
-        system, lm.RKMK(order=8), system.state(0.3, 0.2), h=0.1, steps=20, compiled=False
-    )
+    run = lm.integrate(system, lm.RKMK(order=8), system.state(0.3, 0.2), h=0.1, steps=20, compiled=False)
     assert np.abs(run.energy - run.energy[0]).max() <= 1e-9
 
 
@@ -446,17 +392,13 @@ def test_where_there_is_no_derivative_the_run_ends() -> None:
     lm.integrate(system, HamiltonJacobi(3), system.state(1.0, 0.0), h=0.1, steps=3)
     for compiled in False, None:
         with pytest.raises(NotFinite, match="step 1 of 3"):
-            lm.integrate(
-                system, HamiltonJacobi(3), system.state(0.0, 0.0), h=0.1, steps=3, compiled=compiled
-            )
+            lm.integrate(system, HamiltonJacobi(3), system.state(0.0, 0.0), h=0.1, steps=3, compiled=compiled)
 
 
 @pytest.mark.sample(1)
 @SYSTEMS
 def test_a_step_that_is_too_large_is_told(system: HamiltonianSystem) -> None:
-    with pytest.raises(
-        NoConvergence, match=r"The step h = 3 is too large for this motion; try 0\.75"
-    ) as failure:
+    with pytest.raises(NoConvergence, match=r"The step h = 3 is too large for this motion; try 0\.75") as failure:
         lm.integrate(system, HamiltonJacobi(4), STARTS[system], h=3.0, steps=5)
     assert failure.value.trajectory is not None
     assert len(failure.value.trajectory) >= 1
@@ -468,9 +410,7 @@ def test_members_that_fail_stop_and_the_others_go_on() -> None:
     system = Kepler()
     q, p = np.array([[1.0, 0.0], [0.001, 0.0]]), np.array([[0.0, 1.0], [0.0, 1.0]])
     with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early"):
-        run = lm.integrate(
-            system, HamiltonJacobi(4), system.state(q, p), h=0.05, steps=2000, compiled=True
-        )
+        run = lm.integrate(system, HamiltonJacobi(4), system.state(q, p), h=0.05, steps=2000, compiled=True)
     assert set(run.stopped) == {1}
     assert np.abs(run.energy[:, 0] + 0.5).max() <= 1e-4
 
@@ -494,7 +434,5 @@ def test_a_million_steps() -> None:
     """
     for system, h in ((PENDULUM, 0.1), (GALAXY, 0.2)):
         run = lm.integrate(system, HamiltonJacobi(4), STARTS[system], h=h, steps=10**6, every=7)
-        away = (
-            np.abs(run.energy - run.energy[0])[: 10 * (len(run) // 10)].reshape(10, -1).max(axis=1)
-        )
+        away = np.abs(run.energy - run.energy[0])[: 10 * (len(run) // 10)].reshape(10, -1).max(axis=1)
         assert np.ptp(away) <= 0.02 * away[0]

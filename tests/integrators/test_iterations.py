@@ -194,23 +194,14 @@ def watched(
 
 EXP, CAY = lm.Exponential(), lm.Cayley()
 BALL, SPLIT = lm.SphericalPendulum(), lm.KickDrift(lm.CovariantVariational(EXP))
-COARSE = {
-    (lm.LiePoissonHamiltonJacobi, 6): 2e-6,
-    (lm.FirstKindHamiltonJacobi, 2): 0.06,
-}
+COARSE = {(lm.LiePoissonHamiltonJacobi, 6): 2e-6, (lm.FirstKindHamiltonJacobi, 2): 0.06}
 """Methods whose slope is that of a lower order."""
 CASES: list[Any] = [
     (lm.CovariantVariational(EXP), asymmetric_body, 0.3, [3, 3, 3, 3, 2], (0.021, 0.000519)),
     (lm.CovariantVariational(CAY), full, 0.3, [3, 3, 3, 2, 2], (0.018, 3.32e-05)),
     (lm.CovariantVariational(EXP), rod, 0.3, [31, 190, 294, 70, 132], (1.77, 0.45)),
     (lm.CovariantVariational(CAY), in_a_fluid, 0.2, [3, 3, 3, 3, 3], (0.0856, 0.00484)),
-    (
-        lm.CovariantVariational(EXP, lm.QuadratureLagrangian()),
-        asymmetric_body,
-        0.3,
-        [3, 3, 3],
-        (0.0204, 0.0195),
-    ),
+    (lm.CovariantVariational(EXP, lm.QuadratureLagrangian()), asymmetric_body, 0.3, [3, 3, 3], (0.0204, 0.0195)),
     (lm.MoserVeselov(), full, 0.3, [3, 3, 3, 2, 2], (0.0238, 3.55e-05)),
     (lm.ImplicitMidpoint(), full, 0.3, [3, 3, 3, 2, 2], (0.0114, 2.84e-05)),
     (lm.SphericalMidpoint(), full, 0.3, [3, 3, 3, 2, 2], (0.0114, 2.84e-05)),
@@ -221,13 +212,7 @@ CASES: list[Any] = [
     (lm.LiePoissonHamiltonJacobi(6, EXP), asymmetric_body, 0.3, [4, 4, 4], (0.025, 0.0246)),
     (lm.FirstKindHamiltonJacobi(1), asymmetric_body, 0.1, [5, 5, 5], (0.0335, 0.0329)),
     (lm.FirstKindHamiltonJacobi(2), asymmetric_body, 0.1, [6, 7, 6], (0.0325, 0.0319)),
-    (
-        lm.FirstKindHamiltonJacobi(2, s0=lm.class_functions.TraceOfAd()),
-        asymmetric_body,
-        0.1,
-        [19],
-        (0.228, 0.228),
-    ),
+    (lm.FirstKindHamiltonJacobi(2, s0=lm.class_functions.TraceOfAd()), asymmetric_body, 0.1, [19], (0.228, 0.228)),
     (lm.HamiltonJacobi(4), particle, 0.2, [5, 4, 4, 5, 5], (0, 0)),
     (lm.HamiltonJacobi(4, adjoint=True), particle, 0.2, [5, 5, 4, 5, 5], (0, 0)),
     (lm.HamiltonJacobi(3, kind="qQ"), particle, 0.2, [18, 15, 15], (0.563, 0.575)),
@@ -254,26 +239,12 @@ CASES: list[Any] = [
     (lm.GalerkinVariational(6), in_a_fluid, 0.3, [8, 9, 9, 9, 8], (0.224, 0.0172)),
     (lm.GalerkinVariational(4, CAY), braked, 0.2, [17, 15, 14, 12, 11], (0.181, 0.149)),
     (lm.AdaptiveVerlet(), in_fictive_time, 0.1, [4, 4, 4, 4, 4], (0, 0)),
-    (
-        lm.RKMK(tableau=lm.tableaus.CROUZEIX3),
-        asymmetric_body,
-        0.3,
-        [16, 15, 15, 15, 15],
-        (0.0354, 0.0218),
-    ),
-    (
-        lm.RKMK(tableau=lm.tableaus.gauss(2)),
-        asymmetric_body,
-        0.3,
-        [11, 11, 11, 11, 11],
-        (0.0319, 0.0223),
-    ),
+    (lm.RKMK(tableau=lm.tableaus.CROUZEIX3), asymmetric_body, 0.3, [16, 15, 15, 15, 15], (0.0354, 0.0218)),
+    (lm.RKMK(tableau=lm.tableaus.gauss(2)), asymmetric_body, 0.3, [11, 11, 11, 11, 11], (0.0319, 0.0223)),
 ]
 
 
-@pytest.mark.parametrize(
-    ("method", "made", "h", "wanted", "far"), CASES, ids=[f"{c[0]!r}" for c in CASES]
-)
+@pytest.mark.parametrize(("method", "made", "h", "wanted", "far"), CASES, ids=[f"{c[0]!r}" for c in CASES])
 def test_steps_need_few_iterations(
     method: Any, made: Any, h: float, wanted: list[int], far: tuple[float, float], monkeypatch: Any
 ) -> None:

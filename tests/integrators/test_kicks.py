@@ -86,32 +86,19 @@ MOMENTS = {
 }
 
 
-def motion(
-    J: Any, mu: Any, times: list[float], terms: int = 32
-) -> list[tuple[np.ndarray, np.ndarray]]:
+def motion(J: Any, mu: Any, times: list[float], terms: int = 32) -> list[tuple[np.ndarray, np.ndarray]]:
     """Momentum and displacement by their power series, in 30 digits."""
     with mp.workdps(30):
         K, m, g = [1 / mp.mpf(float(j)) for j in J], [[mp.mpf(float(x)) for x in mu]], [mp.eye(3)]
         for k in range(terms):
             w = [[x * y for x, y in zip(K, row, strict=True)] for row in m]
             pairs = [(m[j], w[k - j]) for j in range(k + 1)]
-            m.append(
-                [
-                    sum(x[a] * y[b] - x[b] * y[a] for x, y in pairs) / (k + 1)
-                    for a, b in ((1, 2), (2, 0), (0, 1))
-                ]
-            )
-            g.append(
-                sum((g[j] * mp.matrix(hat(w[k - j]).tolist()) for j in range(k + 1)), mp.zeros(3))
-                / (k + 1)
-            )
+            m.append([sum(x[a] * y[b] - x[b] * y[a] for x, y in pairs) / (k + 1) for a, b in ((1, 2), (2, 0), (0, 1))])
+            g.append(sum((g[j] * mp.matrix(hat(w[k - j]).tolist()) for j in range(k + 1)), mp.zeros(3)) / (k + 1))
         ends = []
         for t in times:
             mu_t = [float(mp.polyval([row[i] for row in reversed(m)], t)) for i in range(3)]
-            g_t = [
-                [float(mp.polyval([x[i, j] for x in reversed(g)], t)) for j in range(3)]
-                for i in range(3)
-            ]
+            g_t = [[float(mp.polyval([x[i, j] for x in reversed(g)], t)) for j in range(3)] for i in range(3)]
             ends.append((np.array(mu_t), np.array(g_t)))
     return ends
 
@@ -121,12 +108,7 @@ def starts_of_all_kinds(J: Any) -> list[np.ndarray]:
     and beside it.
     """
     rng = np.random.default_rng(4)
-    starts = [
-        *rng.normal(size=(2, 3)),
-        np.eye(3)[0],
-        *(np.eye(3) + 1e-7),
-        np.eye(3)[1] + 1e-3 * rng.normal(size=3),
-    ]
+    starts = [*rng.normal(size=(2, 3)), np.eye(3)[0], *(np.eye(3) + 1e-7), np.eye(3)[1] + 1e-3 * rng.normal(size=3)]
     J = np.array(J)
     a, b, c = np.argsort(J)
     if J[a] < J[b] < J[c]:
@@ -158,10 +140,7 @@ def test_long_steps_are_made_in_parts(h: float) -> None:
         body = quiet_body(moments)
         for mu in np.random.default_rng(4).normal(size=(3, 3)):
             start = body.state(mu, np.eye(3))
-            run, exact = (
-                lm.integrate(body, EXACT, start, h=h, steps=1, compiled=False),
-                body.exact(start, h),
-            )
+            run, exact = (lm.integrate(body, EXACT, start, h=h, steps=1, compiled=False), body.exact(start, h))
             turn = abs(h) * float(np.linalg.norm(body.velocity(mu)))
             assert np.abs(run.mu[-1] - exact.mu).max() < 4 * EPS * (1 + turn) * np.linalg.norm(mu)
             assert np.abs(run.g[-1] - exact.g).max() < 4 * EPS * (1 + turn)
@@ -200,9 +179,7 @@ def test_the_angle_about_the_momentum_is_the_same_all_along_an_orbit() -> None:
 @pytest.mark.compiled
 def test_a_free_body_keeps_everything() -> None:
     body = lm.RigidBody([1.0, 1.6, 2.3])
-    run = lm.integrate(
-        body, EXACT, body.state([0.4, 0.9, -0.3], np.eye(3)), h=0.3, steps=100_000, every=1000
-    )
+    run = lm.integrate(body, EXACT, body.state([0.4, 0.9, -0.3], np.eye(3)), h=0.3, steps=100_000, every=1000)
     for name in ("energy", "Casimir 1", "spatial momentum"):
         assert run.drift()[name].largest < 1e-13
     exact = body.exact(body.state([0.4, 0.9, -0.3], np.eye(3)), run.t[-1])
@@ -234,10 +211,7 @@ def test_rest_and_units() -> None:
 
 def test_too_many_turns() -> None:
     body = lm.RigidBody([1.0, 1.6, 2.3])
-    with pytest.raises(
-        lm.errors.NoConvergence,
-        match=r"turns more than a hundred thousand times in it; try [0-9.e-]+",
-    ):
+    with pytest.raises(lm.errors.NoConvergence, match=r"turns more than a hundred thousand times in it; try [0-9.e-]+"):
         lm.integrate(body, EXACT, body.state([1e9, 1.0, 1.0], np.eye(3)), h=10.0, steps=1)
 
 
@@ -252,10 +226,7 @@ EVERYWHERE = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 BY_ORDER = [KickDrift(order=p) for p in (2, 4, 6, 8)]
 SHORT = KickDrift(tableau=BLANES_MOAN6_SHORT)
 COMPOSED = [Composition(KickDrift(), order=p) for p in (4, 6, 8)]
-ROTATIONS, ALGORITHM_1 = (
-    KickDrift(ThreeRotations()),
-    KickDrift(lm.CovariantVariational(lm.Cayley())),
-)
+ROTATIONS, ALGORITHM_1 = (KickDrift(ThreeRotations()), KickDrift(lm.CovariantVariational(lm.Cayley())))
 COUNTS = {
     **dict(zip(BY_ORDER, [(100, 200, 400), (48, 64, 96), (16, 20, 24), (12, 16, 20)], strict=True)),
     SHORT: (16, 20, 30),
@@ -274,11 +245,7 @@ def fast_top() -> tuple[HeavyTop, lm.BodyState, lm.BodyState]:
     """A top with two turns ahead of it, and where it is after 3 s: by RKMK of order 8, step 1e-3."""
     top, slow = heavy_top()
     start = top.state(2.5 * np.array(slow.mu), np.array(slow.g))
-    return (
-        top,
-        start,
-        lm.integrate(top, lm.RKMK(order=8), start, h=1e-3, steps=3000, every=3000).last,
-    )
+    return (top, start, lm.integrate(top, lm.RKMK(order=8), start, h=1e-3, steps=3000, every=3000).last)
 
 
 @pytest.mark.slow
@@ -289,14 +256,10 @@ def test_orders_on_the_heavy_top(method: Any) -> None:
     errors = []
     for n in COUNTS[method]:
         run = lm.integrate(top, method, start, h=3.0 / n, steps=n, compiled=True)
-        errors.append(
-            [np.abs(run.mu[-1] - np.array(end.mu)).max(), np.abs(run.g[-1] - np.array(end.g)).max()]
-        )
+        errors.append([np.abs(run.mu[-1] - np.array(end.mu)).max(), np.abs(run.g[-1] - np.array(end.g)).max()])
         assert run.drift()["vertical momentum"].largest < 2e-14
     for error in np.array(errors).T:
-        assert slope([3.0 / n for n in COUNTS[method]], error) == pytest.approx(
-            method.order, abs=0.2
-        )
+        assert slope([3.0 / n for n in COUNTS[method]], error) == pytest.approx(method.order, abs=0.2)
 
 
 @pytest.mark.slow
@@ -318,19 +281,13 @@ def test_the_reference_digits(method: Any) -> None:
 def test_order_four_in_other_fields(scene: Any) -> None:
     """Spinning tops, thrown and orbiting bodies, with inertia that is no diagonal."""
     system, start = scene()
-    exact = lm.integrate(
-        system, lm.RKMK(order=8), start, h=1 / 40, steps=40, every=40, compiled=False
-    )
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=1 / 40, steps=40, every=40, compiled=False)
     errors = []
     for n in (8, 12, 16):
         run = lm.integrate(system, BY_ORDER[1], start, h=1 / n, steps=n, compiled=False)
-        errors.append(
-            max(np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max())
-        )
+        errors.append(max(np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()))
     size = max(np.abs(exact.mu[-1]).max(), np.abs(exact.g[-1]).max())
-    assert errors[-1] < 1e-13 * size or slope([1 / 8, 1 / 12, 1 / 16], errors) == pytest.approx(
-        4.0, abs=0.2
-    )
+    assert errors[-1] < 1e-13 * size or slope([1 / 8, 1 / 12, 1 / 16], errors) == pytest.approx(4.0, abs=0.2)
 
 
 def test_a_thrown_body_is_split_without_error() -> None:
@@ -346,28 +303,20 @@ def test_without_a_field_only_the_drift_is_left() -> None:
     body = lm.RigidBody([1.0, 1.6, 2.3])
     field = MechanicalSystem(body, NoPotential())
     g = rotation(np.random.default_rng(2))
-    a = lm.integrate(
-        body, EXACT, body.state([0.4, 0.9, -0.3], g), h=0.1, steps=50, compensated=False
-    )
-    b = lm.integrate(
-        field, BY_ORDER[0], field.state([0.4, 0.9, -0.3], g), h=0.1, steps=50, compensated=False
-    )
+    a = lm.integrate(body, EXACT, body.state([0.4, 0.9, -0.3], g), h=0.1, steps=50, compensated=False)
+    b = lm.integrate(field, BY_ORDER[0], field.state([0.4, 0.9, -0.3], g), h=0.1, steps=50, compensated=False)
     assert same_bits(a.mu, b.mu)
     assert same_bits(a.g, b.g)
 
 
 @pytest.mark.sample(1)
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", [BY_ORDER[1], ROTATIONS, *(slow(m) for m in (BY_ORDER[0], BY_ORDER[2]))], ids=named
-)
+@pytest.mark.parametrize("method", [BY_ORDER[1], ROTATIONS, *(slow(m) for m in (BY_ORDER[0], BY_ORDER[2]))], ids=named)
 def test_energy_is_bounded_and_the_vertical_momentum_kept(method: Any) -> None:
     top, start = heavy_top()
     run = lm.integrate(top, method, start, h=0.1, steps=100_000, every=20)
     energy = np.abs(top.energy(run.mu, run.g) - float(TOP["energy"]))
-    assert (
-        energy[2500:].max() <= 1.1 * energy[:2500].max() < {2: 2e-2, 4: 1e-6, 6: 1e-9}[method.order]
-    )
+    assert energy[2500:].max() <= 1.1 * energy[:2500].max() < {2: 2e-2, 4: 1e-6, 6: 1e-9}[method.order]
     vertical = np.einsum("ni,ni->n", run.mu, run.g[:, 2, :])
     assert np.abs(vertical - float(TOP["vertical_momentum_pi_dot_Gamma"])).max() < 1e-12
 
@@ -423,9 +372,7 @@ def test_the_canonical_form_is_kept() -> None:
 )
 def test_plain_and_compiled_runs_are_equal(method: Any, scene: Any) -> None:
     system, start = scene()
-    plain, native = (
-        lm.integrate(system, method, start, h=0.1, steps=10, compiled=c) for c in (False, True)
-    )
+    plain, native = (lm.integrate(system, method, start, h=0.1, steps=10, compiled=c) for c in (False, True))
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
 
@@ -433,15 +380,10 @@ def test_plain_and_compiled_runs_are_equal(method: Any, scene: Any) -> None:
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_long_steps_compile_too() -> None:
-    for body in (
-        lm.RigidBody([1.0, 1.6, 2.3]),
-        lm.RigidBody([[1.0, 0.1, 0.0], [0.1, 1.6, 0.2], [0.0, 0.2, 2.3]]),
-    ):
+    for body in (lm.RigidBody([1.0, 1.6, 2.3]), lm.RigidBody([[1.0, 0.1, 0.0], [0.1, 1.6, 0.2], [0.0, 0.2, 2.3]])):
         start = body.state([0.4, 0.9, -0.3], np.eye(3))
         for h in (0.1, 11.0):
-            plain, native = (
-                lm.integrate(body, EXACT, start, h=h, steps=10, compiled=c) for c in (False, True)
-            )
+            plain, native = (lm.integrate(body, EXACT, start, h=h, steps=10, compiled=c) for c in (False, True))
             assert same_bits(plain.mu, native.mu)
             assert same_bits(plain.g, native.g)
 
@@ -452,16 +394,11 @@ def test_ensembles_are_single_runs(compiled: bool) -> None:
     """Members that need one part a step beside those that need many, and one at rest."""
     rng = np.random.default_rng(6)
     top, _ = heavy_top()
-    mu, g = (
-        np.array([0.0, 0.3, 1.0, 9.0, 40.0])[:, None] * rng.normal(size=(5, 3)),
-        lm.SO3().random(rng, 5),
-    )
+    mu, g = (np.array([0.0, 0.3, 1.0, 9.0, 40.0])[:, None] * rng.normal(size=(5, 3)), lm.SO3().random(rng, 5))
     for system, method in ((top, BY_ORDER[0]), (top.body, EXACT)):
         many = lm.integrate(system, method, system.state(mu, g), h=0.2, steps=20, compiled=compiled)
         for i in range(5):
-            one = lm.integrate(
-                system, method, system.state(mu[i], g[i]), h=0.2, steps=20, compiled=False
-            )
+            one = lm.integrate(system, method, system.state(mu[i], g[i]), h=0.2, steps=20, compiled=False)
             assert same_bits(np.ascontiguousarray(many.mu[:, i]), one.mu)
             assert same_bits(np.ascontiguousarray(many.g[:, i]), one.g)
 
@@ -485,15 +422,11 @@ def test_orders_under_a_load(friction: float, order: int) -> None:
     """A driven top keeps the order, one with friction does not."""
     top, start = heavy_top()
     system = HeavyTop(top.inertia, top.weight, top.centre, load=Drive(friction))
-    exact = lm.integrate(
-        system, lm.RKMK(order=8), start, h=1 / 40, steps=80, every=80, t0=0.3, compiled=False
-    )
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=1 / 40, steps=80, every=80, t0=0.3, compiled=False)
     errors = []
     for n in (24, 32, 48):
         run = lm.integrate(system, BY_ORDER[1], start, h=2 / n, steps=n, t0=0.3, compiled=False)
-        errors.append(
-            max(np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max())
-        )
+        errors.append(max(np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()))
     assert slope([1 / 24, 1 / 32, 1 / 48], errors) == pytest.approx(order, abs=0.2)
     home = lm.integrate(system, BY_ORDER[1], run.last, h=-2 / n, steps=n, t0=2.3, compiled=False)
     assert np.abs(home.mu[-1] - np.array(start.mu)).max() < 1e-12
@@ -547,29 +480,15 @@ TABLEAUS = pytest.mark.parametrize("tableau", SPLITTINGS.values(), ids=lambda t:
 @TABLEAUS
 def test_a_splitting_has_the_order_it_claims_and_no_more(tableau: SplittingTableau) -> None:
     tableau.check()
-    with pytest.raises(
-        lm.errors.LawViolation, match=f"of order {tableau.order}, not {tableau.order + 1}"
-    ):
+    with pytest.raises(lm.errors.LawViolation, match=f"of order {tableau.order}, not {tableau.order + 1}"):
         SplittingTableau(
-            tableau.name,
-            tableau.order + 1,
-            tableau.kicks,
-            tableau.drifts,
-            tableau.quadratic,
-            "",
-            tableau.symmetric,
+            tableau.name, tableau.order + 1, tableau.kicks, tableau.drifts, tableau.quadratic, "", tableau.symmetric
         )
     if tableau.quadratic:
         with pytest.raises(lm.errors.LawViolation, match=r"of order [24], not"):
             SplittingTableau(
-                tableau.name,
-                tableau.order,
-                tableau.kicks,
-                tableau.drifts,
-                quadratic=tableau.order == 4,
-            ) if (tableau.order > 4) else SplittingTableau(
-                tableau.name, 5, tableau.kicks, tableau.drifts
-            )
+                tableau.name, tableau.order, tableau.kicks, tableau.drifts, quadratic=tableau.order == 4
+            ) if (tableau.order > 4) else SplittingTableau(tableau.name, 5, tableau.kicks, tableau.drifts)
 
 
 def test_a_composition_of_strang_is_a_splitting() -> None:
@@ -592,25 +511,15 @@ def test_stages_and_reach() -> None:
 @pytest.mark.parametrize(
     ("error", "words", "arguments"),
     [
-        (
-            lm.errors.LawViolation,
-            "drifts are .* not the same backwards",
-            (2, (0.5, 0.0, 0.5), (0.5, 0.6)),
-        ),
-        (
-            lm.errors.LawViolation,
-            "is of order 0, not 2: the word B",
-            (2, (0.5, 0.6, 0.5), (0.5, 0.5)),
-        ),
+        (lm.errors.LawViolation, "drifts are .* not the same backwards", (2, (0.5, 0.0, 0.5), (0.5, 0.6))),
+        (lm.errors.LawViolation, "is of order 0, not 2: the word B", (2, (0.5, 0.6, 0.5), (0.5, 0.5))),
         (lm.errors.LawViolation, "is of order 2, not 4", (4, (0.5, 0.5), (1.0,))),
         (lm.errors.InvalidInput, "one more finite number than drifts", (2, (0.5, 0.5), (0.5, 0.5))),
         (lm.errors.InvalidInput, "whole number from 1", (0, (0.5, 0.5), (1.0,))),
         (lm.errors.InvalidType, "kicks is a sequence of numbers", (2, "ab", (1.0,))),
     ],
 )
-def test_coefficients_that_cannot_be_meant(
-    error: type[Exception], words: str, arguments: Any
-) -> None:
+def test_coefficients_that_cannot_be_meant(error: type[Exception], words: str, arguments: Any) -> None:
     with pytest.raises(error, match=words):
         SplittingTableau("spoilt", *arguments)
 
@@ -638,9 +547,7 @@ def test_methods_that_cannot_be_meant() -> None:
 def test_systems_that_are_refused() -> None:
     top, start = heavy_top()
     body = top.body
-    with pytest.raises(
-        lm.errors.IncompatibleSystem, match=r"body in a field.*Without a field it is ExactFreeBody"
-    ):
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"body in a field.*Without a field it is ExactFreeBody"):
         lm.integrate(body, KickDrift(), body.state(start.mu, start.g), h=0.1, steps=1)
 
     @lm.record
@@ -661,23 +568,19 @@ def test_systems_that_are_refused() -> None:
         EXACT.require(fish)
     with pytest.raises(lm.errors.IncompatibleSystem, match="needs a system"):
         EXACT.require(3)
-    with pytest.raises(
-        lm.errors.IncompatibleSystem, match=r"in a field.*KickDrift\(ExactFreeBody\(\)\) splits"
-    ):
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"in a field.*KickDrift\(ExactFreeBody\(\)\) splits"):
         EXACT.require(top)
     for method in (KickDrift(), lm.LieVerlet()):
-        with pytest.raises(
-            lm.errors.IncompatibleSystem, match=r"HeavyTop\(.*the same top as a body in a field"
-        ):
+        with pytest.raises(lm.errors.IncompatibleSystem, match=r"HeavyTop\(.*the same top as a body in a field"):
             method.require(top.reduced)
 
 
 def test_faces() -> None:
     assert repr(KickDrift(order=4)) == "KickDrift(ExactFreeBody(), order=4)"
     assert KickDrift(ThreeRotations()).name == "Strang splitting (Three rotations)"
-    assert eval(
-        repr(KickDrift(order=6)), {"KickDrift": KickDrift, "ExactFreeBody": ExactFreeBody}
-    ) == KickDrift(order=6)
+    assert eval(repr(KickDrift(order=6)), {"KickDrift": KickDrift, "ExactFreeBody": ExactFreeBody}) == KickDrift(
+        order=6
+    )
     assert repr(BLANES_MOAN6) == "SplittingTableau(Blanes-Moan 6: order 6, 14 kicks)"
     assert KickDrift().tableau == STRANG
     assert KickDrift(order=8).tableau == BLANES_CASAS_ESCORIHUELA8

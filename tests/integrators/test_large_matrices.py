@@ -53,9 +53,7 @@ def test_order_casimirs_and_spatial_momentum(group: Any, order: int) -> None:
     turned = lm.integrate(system, lm.RKMK(order=8), start, h=0.1, steps=12, compiled=False).g[-1]
     exact, errors = reference(system, mu, 1.2), []
     for h in (0.4, 0.2):
-        run = lm.integrate(
-            system, lm.Isospectral(order), start, h=h, steps=round(1.2 / h), compiled=False
-        )
+        run = lm.integrate(system, lm.Isospectral(order), start, h=h, steps=round(1.2 / h), compiled=False)
         errors.append([np.abs(run.mu[-1] - exact).max(), np.abs(run.g[-1] - turned).max()])
         characteristic = [np.poly(group.generated.covector(m)) for m in run.mu[[0, -1]]]
         assert np.abs(characteristic[1] - characteristic[0]).max() < 3e-15
@@ -70,12 +68,7 @@ NATIVE = [
     *[
         pytest.param(group, method, marks=pytest.mark.slow)
         for group in (lm.SO(14), lm.SU(13), lm.SL(13), lm.Sp(14))
-        for method in (
-            lm.Isospectral(2),
-            lm.Isospectral(4),
-            lm.RKMK(order=4),
-            lm.CommutatorFree(order=4),
-        )
+        for method in (lm.Isospectral(2), lm.Isospectral(4), lm.RKMK(order=4), lm.CommutatorFree(order=4))
     ],
 ]
 
@@ -84,9 +77,7 @@ NATIVE = [
 def test_native_code_has_the_bits_of_plain_python(group: Any, method: Any) -> None:
     system = body(group)
     start = system.state(mu=start_of(system))
-    plain, native = (
-        lm.integrate(system, method, start, h=0.2, steps=7, compiled=c) for c in (False, True)
-    )
+    plain, native = (lm.integrate(system, method, start, h=0.2, steps=7, compiled=c) for c in (False, True))
     assert native.compiled and np.array_equal(plain.mu, native.mu)
 
 
@@ -133,9 +124,7 @@ IN_MATRIX_FORM = [
 
 
 @pytest.mark.parametrize("method", IN_MATRIX_FORM, ids=repr)
-def test_methods_with_derivatives_are_the_same_small_and_large(
-    method: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_methods_with_derivatives_are_the_same_small_and_large(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """SO(4) written out, where Newton's method solves and derivatives go by components, and in
     memory, where matrices are iterated and series have matrices as terms.
     """
@@ -170,9 +159,7 @@ def test_order_of_methods_with_derivatives(method: Any, order: int) -> None:
     system = body(lm.SO(14))
     mu, errors = start_of(system), []
     for h in (0.4, 0.2):
-        run = lm.integrate(
-            system, method, system.state(mu=mu, g=np.eye(14)), h=h, steps=round(1.2 / h)
-        )
+        run = lm.integrate(system, method, system.state(mu=mu, g=np.eye(14)), h=h, steps=round(1.2 / h))
         errors.append(np.abs(run.mu[-1] - reference(system, mu, 1.2)).max())
         kept = run.drift()
         assert kept["Casimir 1"].verdict == kept["spatial momentum"].verdict == "exact"
@@ -187,16 +174,7 @@ def test_adaptive_steps(group: Any, method: Any) -> None:
     start = system.state(mu=start_of(system), g=np.eye(group.n))
     exact, found = reference(system, start_of(system), 2.0), []
     for rtol in (1e-6, 1e-9):
-        run = lm.integrate(
-            system,
-            method,
-            start,
-            t_end=2.0,
-            rtol=rtol,
-            atol=1e-3 * rtol,
-            compiled=False,
-            dense=True,
-        )
+        run = lm.integrate(system, method, start, t_end=2.0, rtol=rtol, atol=1e-3 * rtol, compiled=False, dense=True)
         found.append(np.abs(run.mu[-1] - exact).max())
         between = reference(system, start_of(system), 0.77)
         assert np.abs(run.at(0.77).mu - between).max() < 10.0 * rtol
@@ -204,14 +182,8 @@ def test_adaptive_steps(group: Any, method: Any) -> None:
     assert found[0] < 1e-6 and found[1] < 1e-9 and len(run.t) > 5
 
 
-@pytest.mark.parametrize(
-    "method",
-    [lm.RKMK(order=5), pytest.param(lm.Taylor(6), marks=pytest.mark.slow)],
-    ids=repr,
-)
-def test_adaptive_steps_small_and_large_are_the_same(
-    method: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("method", [lm.RKMK(order=5), pytest.param(lm.Taylor(6), marks=pytest.mark.slow)], ids=repr)
+def test_adaptive_steps_small_and_large_are_the_same(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from liemech.groups import matrix_basis
 
     def run() -> Any:
@@ -246,11 +218,7 @@ def test_what_cannot_be_says_why() -> None:
     start = system.state(mu=start_of(system))
     cases: list[tuple[Any, dict[str, Any], str]] = [
         (lm.GalerkinVariational(2), {"h": 0.1}, "products of matrices"),
-        (
-            lm.CovariantVariational(lagrangian=lm.QuadratureLagrangian()),
-            {"h": 0.1},
-            "Leave lagrangian out",
-        ),
+        (lm.CovariantVariational(lagrangian=lm.QuadratureLagrangian()), {"h": 0.1}, "Leave lagrangian out"),
         (lm.Isospectral(2), {"h": 0.1, "precision": "double-double"}, "double precision"),
     ]
     for method, options, words in cases:
@@ -296,9 +264,7 @@ def test_elements_without_cayley_map(group: Any) -> None:
     start, found = system.state(mu=start_of(system), g=np.eye(n)), []
     exact = lm.integrate(system, lm.RKMK(order=8), start, h=0.3, steps=2, compiled=False).g[-1]
     for steps in (2, 4):
-        run = lm.integrate(
-            system, lm.Isospectral(2), start, h=0.6 / steps, steps=steps, compiled=False
-        )
+        run = lm.integrate(system, lm.Isospectral(2), start, h=0.6 / steps, steps=steps, compiled=False)
         assert abs(np.linalg.det(run.g[-1]) - 1.0) < 5e-15
         assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-15
         found.append(np.abs(run.g[-1] - exact).max())
@@ -333,10 +299,7 @@ def test_native_determinants_have_their_sign() -> None:
     """Of a matrix whose rows pivots exchange."""
     system = lm.LiePoissonSystem(lm.GL(11), Pivoted())
     start = system.state(mu=(np.eye(11)[::-1] + 0.1 * RNG.normal(size=(11, 11))).ravel())
-    plain, native = (
-        lm.integrate(system, lm.Isospectral(2), start, h=0.05, steps=3, compiled=c)
-        for c in (False, True)
-    )
+    plain, native = (lm.integrate(system, lm.Isospectral(2), start, h=0.05, steps=3, compiled=c) for c in (False, True))
     assert native.compiled and np.array_equal(plain.mu, native.mu)
     assert np.abs(plain.mu[-1] - plain.mu[0]).max() > 1e-3
 
@@ -364,10 +327,7 @@ def test_arithmetic_in_memory_is_that_of_numpy() -> None:
 def test_an_energy_of_ones_own() -> None:
     system = lm.LiePoissonSystem(lm.SO(10), Quartic(np.linspace(1.0, 2.0, 45)))
     start = system.state(mu=start_of(system))
-    plain, native = (
-        lm.integrate(system, lm.Isospectral(2), start, h=0.2, steps=9, compiled=c)
-        for c in (False, True)
-    )
+    plain, native = (lm.integrate(system, lm.Isospectral(2), start, h=0.2, steps=9, compiled=c) for c in (False, True))
     assert native.compiled and np.array_equal(plain.mu, native.mu)
     assert native.drift()["Casimir 1"].verdict == "exact"
     assert np.ptp(native.energy) < 1e-3 * native.energy[0]
@@ -406,9 +366,7 @@ def test_exponentials_of_large_matrices(rows: int, norm: float) -> None:
     from liemech.groups.matrix_functions import expm1
 
     rng = np.random.default_rng(rows)
-    turns = np.append(
-        1.0, rng.uniform(-0.1, 0.1, rows - 1)
-    )  # its norm is nearly that of one eigenvalue
+    turns = np.append(1.0, rng.uniform(-0.1, 0.1, rows - 1))  # its norm is nearly that of one eigenvalue
     turns *= norm / np.linalg.norm(turns)
     q = np.linalg.qr(rng.normal(size=(rows, rows)) + 1j * rng.normal(size=(rows, rows)))[0]
     x = (q * (1j * turns)) @ q.conj().T
@@ -436,9 +394,7 @@ def test_pade_coefficients() -> None:
         ]  # fmt: skip
         assert np.allclose(pade_coefficients(m), [float(x) for x in b], rtol=0.0, atol=0.0)
         for k in range(2 * m + 1):  # the coefficient of x^k in p(-x) exp(x) - p(x)
-            product = sum(
-                ((-1) ** j * b[j] / factorial(k - j) for j in range(min(k, m) + 1)), Fraction(0)
-            )
+            product = sum(((-1) ** j * b[j] / factorial(k - j) for j in range(min(k, m) + 1)), Fraction(0))
             assert product == (b[k] if k <= m else 0)
 
 
@@ -471,15 +427,9 @@ def test_what_is_no_momentum_and_no_element_is_named(group: Any) -> None:
         (lambda: algebra.vee(np.eye(n + 1)), "matrix has shape"),
         (lambda: group.exp(np.full(group.dim, np.nan)), "finite"),
         (lambda: group.log(0.0 * e), "is not in "),
-        (
-            lambda: lm.LiePoissonSystem(group, lm.KineticEnergy(np.ones(group.dim - 1))),
-            "components",
-        ),
+        (lambda: lm.LiePoissonSystem(group, lm.KineticEnergy(np.ones(group.dim - 1))), "components"),
     ):
-        with pytest.raises(
-            (lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.IncompatibleSystem),
-            match=words,
-        ):
+        with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.IncompatibleSystem), match=words):
             call()
 
 
@@ -500,9 +450,7 @@ def test_magnus_on_a_large_group() -> None:
     start, errors = system.state(np.eye(14)), []
     exact = lm.integrate(system, lm.RKMK(order=8), start, h=0.1, steps=20, compiled=False).g[-1]
     for h in (0.2, 0.1):
-        run = lm.integrate(
-            system, lm.Magnus(order=4), start, h=h, steps=round(2.0 / h), compiled=False
-        )
+        run = lm.integrate(system, lm.Magnus(order=4), start, h=h, steps=round(2.0 / h), compiled=False)
         errors.append(np.abs(run.g[-1] - exact).max())
         assert np.asarray(group.contains(run.g)).all()
     assert 3.9 < np.log2(errors[0] / errors[1]) < 4.1

@@ -151,9 +151,7 @@ def top() -> tuple[lm.models.ReducedHeavyTop, lm.BodyState]:
     system = lm.models.ReducedHeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0])
     attitude = rotation(np.random.default_rng(5))
     return system, system.from_top(
-        lm.models.HeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0]).state(
-            mu=[0.4, -0.5, 0.7], g=attitude
-        )
+        lm.models.HeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0]).state(mu=[0.4, -0.5, 0.7], g=attitude)
     )
 
 
@@ -199,8 +197,7 @@ def test_order_two_is_the_variational_method_over_a_thousand_steps(group: lm.Lie
     mu = np.random.default_rng(1).normal(size=group.dim)
     start = system.state(mu / np.linalg.norm(mu), np.array(group.identity()))
     one, other = (
-        lm.integrate(system, method, start, h=0.05, steps=1000, compensated=True)
-        for method in (CAYLEY, CAYLEY2)
+        lm.integrate(system, method, start, h=0.05, steps=1000, compensated=True) for method in (CAYLEY, CAYLEY2)
     )
     assert np.abs(one.mu - other.mu).max() < 1e-14
     assert np.abs(one.g - other.g).max() < 1e-14
@@ -215,28 +212,17 @@ def test_order_two_is_the_variational_method(retraction: lm.Retraction) -> None:
     body, start = asymmetric_body()
     fish = lm.models.KirchhoffBody.of_blocks([1.0, 1.6, 2.3], [2.0, 2.5, 3.1])
     swim = fish.state([0.5, -0.3, 0.4, 0.2, 0.6, -0.4], np.eye(4))
-    general = lm.LiePoissonSystem(
-        lm.SO(4), lm.KineticEnergy(np.diag([1.0, 1.5, 2.0, 2.5, 3.0, 3.5]))
-    )
+    general = lm.LiePoissonSystem(lm.SO(4), lm.KineticEnergy(np.diag([1.0, 1.5, 2.0, 2.5, 3.0, 3.5])))
     turn = general.state([0.3, -0.5, 0.4, 0.2, 0.6, -0.3], np.eye(4))
     scenes = [(body, start, 0.4), (fish, swim, 0.2), (general, turn, 0.2)]
     for system, state, h in scenes if retraction == lm.Cayley() else scenes[:2]:
         places = lm.integrate(
-            system,
-            lm.CovariantVariational(retraction),
-            state,
-            h=h,
-            steps=100,
-            every=5,
-            compiled=False,
+            system, lm.CovariantVariational(retraction), state, h=h, steps=100, every=5, compiled=False
         )
         everywhere = system.state(places.mu, places.g)
         ours, theirs = (
             lm.integrate(system, method, everywhere, h=h, steps=1, compiled=False)
-            for method in (
-                LiePoissonHamiltonJacobi(2, retraction),
-                lm.CovariantVariational(retraction),
-            )
+            for method in (LiePoissonHamiltonJacobi(2, retraction), lm.CovariantVariational(retraction))
         )
         assert np.abs(ours.mu - theirs.mu).max() < 2e-15
         size = 1.0 + np.abs(places.g).max(axis=(1, 2))  # a fish is soon far away
@@ -254,9 +240,7 @@ def test_order_two_is_the_variational_method(retraction: lm.Retraction) -> None:
     ],
     ids=repr,
 )
-def test_second_term_is_the_second_time_derivative_of_the_energy(
-    retraction: lm.Retraction, group: lm.LieGroup
-) -> None:
+def test_second_term_is_the_second_time_derivative_of_the_energy(retraction: lm.Retraction, group: lm.LieGroup) -> None:
     """s_3 = (d/dt)^2 H((dtau^-1_tv)* p) at 0, left-trivialised, v = dH(p), and x = t v + (t^3/6)
     ds_3/dp; by differences.
     """
@@ -268,21 +252,12 @@ def test_second_term_is_the_second_time_derivative_of_the_energy(
         return float(system.energy(retraction.dtau_inv_dual(group, t * v, p)))
 
     def third(p: np.ndarray) -> float:
-        differences = [
-            (energy(p, e) - 2.0 * energy(p, 0.0) + energy(p, -e)) / e**2 for e in (1e-2, 2e-2)
-        ]
+        differences = [(energy(p, e) - 2.0 * energy(p, 0.0) + energy(p, -e)) / e**2 for e in (1e-2, 2e-2)]
         return (4.0 * differences[0] - differences[1]) / 3.0
 
-    wanted = [
-        (third(p + 1e-3 * unit) - third(p - 1e-3 * unit)) / 2e-3 for unit in np.eye(group.dim)
-    ]
+    wanted = [(third(p + 1e-3 * unit) - third(p - 1e-3 * unit)) / 2e-3 for unit in np.eye(group.dim)]
     for terms in (2, 3):
-        assert (
-            np.abs(
-                6.0 * np.array(second_kind(system, retraction, start.mu, terms)[1]) - wanted
-            ).max()
-            < 2e-5
-        )
+        assert np.abs(6.0 * np.array(second_kind(system, retraction, start.mu, terms)[1]) - wanted).max() < 2e-5
     found = LiePoissonHamiltonJacobi(4, retraction).displacement(system, 1.0, start.mu)
     assert np.abs(6.0 * (np.array(found) - np.array(system.velocity(p))) - wanted).max() < 2e-5
 
@@ -320,9 +295,7 @@ def test_terms_of_a_free_body(retraction: lm.Retraction) -> None:
     found = second_kind(body, retraction, p, 3)
     third = free_body_terms(K, p, cayley)[0]
     fifth = lm.gradient(lambda q: free_body_terms(K, q, cayley)[1], p)
-    for term, wanted in zip(
-        found, (K * np.array(p), np.array(third) / 6.0, np.array(fifth) / 120.0)
-    ):
+    for term, wanted in zip(found, (K * np.array(p), np.array(third) / 6.0, np.array(fifth) / 120.0)):
         assert np.abs(np.array(term) - wanted).max() < 1e-15
 
 
@@ -340,13 +313,9 @@ def test_displacements_are_gradients(retraction: lm.Retraction, group: lm.LieGro
     p, e = np.array(start.mu), 1e-3
 
     def terms(q: np.ndarray) -> np.ndarray:
-        return np.array(
-            [np.array(term) for term in second_kind(system, retraction, lm.vec(*q.tolist()), 4)]
-        )
+        return np.array([np.array(term) for term in second_kind(system, retraction, lm.vec(*q.tolist()), 4)])
 
-    slopes = np.array(
-        [(terms(p + e * unit) - terms(p - e * unit)) / (2 * e) for unit in np.eye(group.dim)]
-    )
+    slopes = np.array([(terms(p + e * unit) - terms(p - e * unit)) / (2 * e) for unit in np.eye(group.dim)])
     for k in (1, 2, 3):
         hessian = slopes[:, k]
         assert np.abs(hessian - hessian.T).max() < 1e-5 * np.abs(hessian).max()
@@ -405,22 +374,16 @@ def test_order_of_other_motions(method: LiePoissonHamiltonJacobi, name: str) -> 
     ],
     ids=repr,
 )
-def test_order_on_groups_made_of_matrices(
-    method: LiePoissonHamiltonJacobi, group: lm.LieGroup
-) -> None:
+def test_order_on_groups_made_of_matrices(method: LiePoissonHamiltonJacobi, group: lm.LieGroup) -> None:
     system, start = quartic(group)
     reference = lm.integrate(system, lm.Taylor(12, lm.Exponential()), start, h=0.02, steps=50).last
-    assert_order(
-        system, method, start, reference, {2: (32, 64), 4: (16, 32), 6: (8, 16)}[method.order]
-    )
+    assert_order(system, method, start, reference, {2: (32, 64), 4: (16, 32), 6: (8, 16)}[method.order])
 
 
 @pytest.mark.slow
 def test_order_with_a_retraction_of_ones_own() -> None:
     body, start = asymmetric_body()
-    assert_order(
-        body, LiePoissonHamiltonJacobi(4, TiltAndSpin()), start, body.exact(start, 1.0), (5, 10)
-    )
+    assert_order(body, LiePoissonHamiltonJacobi(4, TiltAndSpin()), start, body.exact(start, 1.0), (5, 10))
 
 
 @pytest.mark.slow
@@ -428,9 +391,7 @@ def test_order_with_a_retraction_of_ones_own() -> None:
 def test_derived_differentials_give_the_method_of_the_closed_forms(order: int) -> None:
     body, start = asymmetric_body()
     derived, closed = (
-        lm.integrate(
-            body, LiePoissonHamiltonJacobi(order, retraction), start, h=0.1, steps=10, compiled=True
-        )
+        lm.integrate(body, LiePoissonHamiltonJacobi(order, retraction), start, h=0.1, steps=10, compiled=True)
         for retraction in (TauOfCayley(), lm.Cayley())
     )
     for name in ("mu", "g"):
@@ -438,9 +399,7 @@ def test_derived_differentials_give_the_method_of_the_closed_forms(order: int) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("method", "counts"), [(EXP8, (6, 12)), slow(CAYLEY8, (16, 32))], ids=["exp", "Cayley"]
-)
+@pytest.mark.parametrize(("method", "counts"), [(EXP8, (6, 12)), slow(CAYLEY8, (16, 32))], ids=["exp", "Cayley"])
 def test_order_eight(method: LiePoissonHamiltonJacobi, counts: tuple[int, int]) -> None:
     body, start = asymmetric_body()
     assert_order(body, method, start, body.exact(start, 3.0), counts, 3.0, 0.15)
@@ -493,12 +452,8 @@ def test_the_bracket_is_kept(method: LiePoissonHamiltonJacobi, h: float) -> None
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    "method", [EXP2, EXP4, CAYLEY4, *(slow(m) for m in (EXP6, CAYLEY6))], ids=named
-)
-def test_the_bracket_is_kept_by_an_energy_that_is_not_quadratic(
-    method: LiePoissonHamiltonJacobi,
-) -> None:
+@pytest.mark.parametrize("method", [EXP2, EXP4, CAYLEY4, *(slow(m) for m in (EXP6, CAYLEY6))], ids=named)
+def test_the_bracket_is_kept_by_an_energy_that_is_not_quadratic(method: LiePoissonHamiltonJacobi) -> None:
     system, start = quartic(lm.SO3())
     for h in (0.1, 0.5):
         assert poisson_defect(system, method, np.array(start.mu), h) < 1e-11
@@ -551,9 +506,7 @@ def test_what_a_heavy_top_keeps(method: LiePoissonHamiltonJacobi) -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", [EXP4, *(slow(m) for m in (EXP2, EXP6, CAYLEY2, CAYLEY4, CAYLEY6))], ids=named
-)
+@pytest.mark.parametrize("method", [EXP4, *(slow(m) for m in (EXP2, EXP6, CAYLEY2, CAYLEY4, CAYLEY6))], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: LiePoissonHamiltonJacobi) -> None:
     body, start = asymmetric_body()
     native = lm.integrate(body, method, start, h=0.3, steps=20, compiled=True)
@@ -656,19 +609,11 @@ class Kinked(lm.Hamiltonian):
     ],
     ids=["arrays", "doubled", "halved"],
 )
-def test_hamiltonians_that_cannot_be_differentiated(
-    hamiltonian: lm.Hamiltonian, error: Any, reason: str
-) -> None:
+def test_hamiltonians_that_cannot_be_differentiated(hamiltonian: lm.Hamiltonian, error: Any, reason: str) -> None:
     for order in (2, 4, 6):
         with pytest.raises(error, match=reason):
             system = lm.LiePoissonSystem(lm.SO3(), hamiltonian)
-            lm.integrate(
-                system,
-                LiePoissonHamiltonJacobi(order),
-                system.state([1.0, 2.0, 3.0]),
-                h=0.1,
-                steps=3,
-            )
+            lm.integrate(system, LiePoissonHamiltonJacobi(order), system.state([1.0, 2.0, 3.0]), h=0.1, steps=3)
 
 
 @pytest.mark.slow

@@ -78,9 +78,7 @@ def reference(kind: type[Driven], t_end: float) -> np.ndarray:
         return (g @ spin if system.side == "left" else spin @ g).ravel()
 
     return (
-        solve_ivp(rate, (0.0, t_end), ATTITUDE.ravel(), method="DOP853", rtol=3e-14, atol=1e-15)
-        .y[:, -1]
-        .reshape(3, 3)
+        solve_ivp(rate, (0.0, t_end), ATTITUDE.ravel(), method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1].reshape(3, 3)
     )
 
 
@@ -95,8 +93,7 @@ def test_order(method: Magnus, kind: type[Driven], t_end: float) -> None:
     system, counts = kind(lm.SO3()), COUNTS[method.order]
     error = [
         np.abs(
-            lm.integrate(system, method, system.state(ATTITUDE), h=t_end / n, steps=n).g[-1]
-            - reference(kind, t_end)
+            lm.integrate(system, method, system.state(ATTITUDE), h=t_end / n, steps=n).g[-1] - reference(kind, t_end)
         ).max()
         for n in counts
     ]
@@ -111,13 +108,8 @@ def test_order_for_rigid_motions(method: Magnus, kind: type[Screw]) -> None:
     """Against a converged run of a method with other errors."""
     system, counts = kind(SE3()), COUNTS[method.order]
     start = system.state(np.eye(4))
-    exact = lm.integrate(system, lm.RKMK(order=4), start, h=2.0 / 8000, steps=8000, every=8000).g[
-        -1
-    ]
-    error = [
-        np.abs(lm.integrate(system, method, start, h=2.0 / n, steps=n).g[-1] - exact).max()
-        for n in counts
-    ]
+    exact = lm.integrate(system, lm.RKMK(order=4), start, h=2.0 / 8000, steps=8000, every=8000).g[-1]
+    error = [np.abs(lm.integrate(system, method, start, h=2.0 / n, steps=n).g[-1] - exact).max() for n in counts]
     assert min(error) > 1e-11
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
@@ -188,20 +180,10 @@ def test_velocities_that_commute_are_integrated_to_the_degree_of_gauss() -> None
         for degree in range(method.order):
             system = OneAxis(lm.SO3(), degree)
             run = lm.integrate(system, method, system.state(np.eye(3)), h=0.75, steps=2)
-            assert (
-                np.abs(
-                    run.g - lm.SO3().exp(run.t[:, None] ** (degree + 1) * [0.3, -0.2, 0.6])
-                ).max()
-                < 1e-14
-            )
+            assert np.abs(run.g - lm.SO3().exp(run.t[:, None] ** (degree + 1) * [0.3, -0.2, 0.6])).max() < 1e-14
         system = OneAxis(lm.SO3(), method.order)
         run = lm.integrate(system, method, system.state(np.eye(3)), h=0.75, steps=2)
-        assert (
-            np.abs(
-                run.g[-1] - lm.SO3().exp(1.5 ** (method.order + 1) * np.array([0.3, -0.2, 0.6]))
-            ).max()
-            > 1e-5
-        )
+        assert np.abs(run.g[-1] - lm.SO3().exp(1.5 ** (method.order + 1) * np.array([0.3, -0.2, 0.6]))).max() > 1e-5
 
 
 @pytest.mark.slow
@@ -211,9 +193,7 @@ def test_order_two_is_the_midpoint_rule_and_all_stay_on_the_group(method: Magnus
     run = lm.integrate(system, method, system.state(ATTITUDE), h=0.3, steps=200, compensated=False)
     assert np.abs(np.swapaxes(run.g, 1, 2) @ run.g - np.eye(3)).max() < 3e-14
     if method.order == 2:
-        midpoint = lm.integrate(
-            system, CommutatorFree(order=2), system.state(ATTITUDE), h=0.3, steps=200
-        )
+        midpoint = lm.integrate(system, CommutatorFree(order=2), system.state(ATTITUDE), h=0.3, steps=200)
         assert same_bits(run.g, midpoint.g)
 
 
@@ -224,8 +204,7 @@ def test_order_two_is_the_midpoint_rule_and_all_stay_on_the_group(method: Magnus
 def test_native_code_gives_the_same_bits(method: Magnus, kind: type[Driven]) -> None:
     system = kind(lm.SO3())
     plain, native = (
-        lm.integrate(system, method, system.state(ATTITUDE), h=0.3, steps=100, compiled=c)
-        for c in (False, True)
+        lm.integrate(system, method, system.state(ATTITUDE), h=0.3, steps=100, compiled=c) for c in (False, True)
     )
     assert native.compiled
     assert same_bits(plain.g, native.g)
@@ -249,19 +228,14 @@ def test_refusals() -> None:
             return vec(g[0, 1], t, 1.0)
 
     for order in (0, 1, 3, 8, 4.0, True, "4", None):
-        with pytest.raises(
-            lm.errors.InvalidInput, match=r"Magnus: order must be one of \[2, 4, 6\]"
-        ):
+        with pytest.raises(lm.errors.InvalidInput, match=r"Magnus: order must be one of \[2, 4, 6\]"):
             Magnus(order)  # type: ignore[arg-type]
     body, start = asymmetric_body()
     steered = Steered(lm.SO3())
     rod = lm.SphericalPendulum()  # its velocity is linear in the momentum, and no linear equation
     hanging = rod.state([0.0, 0.0, -1.0], [0.4, 1.5, 0.0])
     for system, state in ((body, start), (steered, steered.state(ATTITUDE)), (rod, hanging)):
-        with pytest.raises(
-            lm.errors.IncompatibleSystem,
-            match=r"needs a linear equation.*use RKMK.*or CommutatorFree",
-        ):
+        with pytest.raises(lm.errors.IncompatibleSystem, match=r"needs a linear equation.*use RKMK.*or CommutatorFree"):
             lm.integrate(system, Magnus(), state, h=0.1, steps=1)
 
 

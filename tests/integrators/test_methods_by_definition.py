@@ -88,8 +88,7 @@ def test_the_action_of_a_bent_path() -> None:
         action = 0.0
         for s, weight in zip(0.5 + 0.5 * c, 0.5 * w):
             ends = [
-                np.array(retraction.tau(SO3, vec(*(r * h * xi + r * (1.0 - r) * bend))))
-                for r in (s - 1e-4, s + 1e-4)
+                np.array(retraction.tau(SO3, vec(*(r * h * xi + r * (1.0 - r) * bend)))) for r in (s - 1e-4, s + 1e-4)
             ]
             v = np.array(SO3.log(ends[0].T @ ends[1])) / (2e-4 * h)
             action += 0.5 * h * weight * v @ (J * v)
@@ -174,9 +173,7 @@ def test_how_far_class_functions_lead() -> None:
     # on another group |ad_xi|/sqrt 2
     plane, xi = lm.SL(2), np.array([0.3, -0.4, 1.2])
     ad = np.array([plane.ad(vec(*xi), vec(*e)) for e in np.eye(3)])
-    assert class_functions._turning(plane, vec(*xi)) == pytest.approx(
-        np.sqrt(0.5 * (ad**2).sum()), rel=1e-14
-    )
+    assert class_functions._turning(plane, vec(*xi)) == pytest.approx(np.sqrt(0.5 * (ad**2).sum()), rel=1e-14)
 
 
 @pytest.mark.parametrize("group", [SO3, lm.SL(2), lm.SO(4)], ids=str)
@@ -184,10 +181,7 @@ def test_the_trace_of_the_adjoint(group: Any) -> None:
     """P_j = -tr(Ad_g ad_j)/k, and the xi with P = mu by Newton's method."""
     xi = 0.3 * np.cos(1.0 + np.arange(group.dim))
     Ad = np.array([group.Ad(group.exp(xi), e) for e in np.eye(group.dim)]).T
-    ads = [
-        np.array([group.ad(vec(*a), vec(*e)) for e in np.eye(group.dim)]).T
-        for a in np.eye(group.dim)
-    ]
+    ads = [np.array([group.ad(vec(*a), vec(*e)) for e in np.eye(group.dim)]).T for a in np.eye(group.dim)]
     k = max(np.abs(np.trace(a @ b)) for a in ads for b in ads)
     wanted = np.array([-np.trace(Ad @ a) for a in ads]) / k
     function = TraceOfAd()
@@ -244,10 +238,7 @@ def test_the_quick_ways_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
                 patch.setattr(lie_poisson_hj, "jacobian", None)
                 patch.setattr(lie_poisson_hj, "derivative", None)
             x, slope = method.displacement(body, 0.3, p), np.array(method.slope(body, 0.3, p, 4))
-            ends = [
-                np.array(method.displacement(body, 0.3, p + s * vec(0.3, 0.2, 0.1)))
-                for s in (1e-5, -1e-5)
-            ]
+            ends = [np.array(method.displacement(body, 0.3, p + s * vec(0.3, 0.2, 0.1))) for s in (1e-5, -1e-5)]
         assert np.allclose(x, slow, rtol=1e-13)
         assert np.allclose((ends[0] - ends[1]) / 2e-5, slope @ [0.3, 0.2, 0.1], rtol=1e-9)
 
@@ -322,10 +313,7 @@ def test_where_a_solution_is_told_to_end(unit: float) -> None:
 
 def test_where_no_bound_is_known_a_quarter_is_told() -> None:
     """Of rigid motions."""
-    body, mu = (
-        lm.models.KirchhoffBody([0.001, 1.0, 1.2, 1.0, 1.1, 1.3]),
-        vec(0.3, 1.1, 0.4, 0.2, 0.5, 0.1),
-    )
+    body, mu = (lm.models.KirchhoffBody([0.001, 1.0, 1.2, 1.0, 1.1, 1.3]), vec(0.3, 1.1, 0.4, 0.2, 0.5, 0.1))
     with pytest.raises(lm.errors.NoConvergence, match=r"ends at h = .* try 1$"):
         lm.CovariantVariational(EXP).displacement(body, 4.0, mu, 4.0 * body.velocity(mu))
 
@@ -409,10 +397,7 @@ def test_steps_of_no_length() -> None:
         system = Oscillator(2.0)
         with pytest.raises(lm.errors.OutsideChart, match="the identity"):
             lm.HamiltonJacobi(2, kind=kind).solution(system, 0.0, 0.0, vec(0.3), vec(0.1))
-    assert tuple(lm.HamiltonJacobi(2).solution(Oscillator(2.0), 0.0, 0.0, vec(0.3), vec(0.1))) == (
-        0.0,
-        0.0,
-    )
+    assert tuple(lm.HamiltonJacobi(2).solution(Oscillator(2.0), 0.0, 0.0, vec(0.3), vec(0.1))) == (0.0, 0.0)
 
 
 # ---------------------------------------------------------------- what follows from an order
@@ -455,9 +440,7 @@ def test_one_step_errs_by_the_next_power(order: int, retraction: Any) -> None:
     for h in (0.3, 0.15) if order > 4 else (0.1, 0.05):
         end = method.observe(method.step(body, 0.0, method.start(body, start, h), h))
         exact = body.exact(start, h)
-        errors.append(
-            [np.abs(np.array(end.mu) - exact.mu).max(), np.abs(np.array(end.g) - exact.g).max()]
-        )
+        errors.append([np.abs(np.array(end.mu) - exact.mu).max(), np.abs(np.array(end.g) - exact.g).max()])
     slopes = np.log2(np.array(errors[0]) / errors[1])
     assert np.abs(slopes - (order + 1)).max() < 0.6
 
@@ -563,9 +546,7 @@ def test_a_slow_body_steps_like_a_fast_one(method: Any, power: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "method",
-    [lm.HamiltonJacobi(4), lm.HamiltonJacobi(4, True), lm.HamiltonJacobi(3, kind="qQ")],
-    ids=repr,
+    "method", [lm.HamiltonJacobi(4), lm.HamiltonJacobi(4, True), lm.HamiltonJacobi(3, kind="qQ")], ids=repr
 )
 @pytest.mark.parametrize("power", [-60, 60])
 def test_small_swings_are_like_large_ones(method: Any, power: int) -> None:

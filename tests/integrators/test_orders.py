@@ -61,22 +61,14 @@ def problems() -> tuple[Problem, ...]:
     rng = np.random.default_rng(3)
     attitudes = np.array([rotation(rng) for _ in range(4)])
     mu, pi = rng.normal(size=(2, 4, 3))
-    body, driven, steered = (
-        lm.RigidBody([1.0, 1.6, 2.3]),
-        Driven(lm.SO3()),
-        SteeredFromSpace(lm.SO3()),
-    )
+    body, driven, steered = (lm.RigidBody([1.0, 1.6, 2.3]), Driven(lm.SO3()), SteeredFromSpace(lm.SO3()))
     top = lm.LiePoissonSystem(SE3(), HeavyTop(number("J"), number("mgl") * number("chi")))
     turned, pi = np.array([number("R0"), *attitudes[1:]]), np.array([number("pi0"), *pi[1:]])
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, :3, :3] = turned
     return (
         Rotating(
-            "free body",
-            body,
-            body.state(1.3 * mu / np.linalg.norm(mu, axis=1, keepdims=True), attitudes),
-            10.0,
-            BODY,
+            "free body", body, body.state(1.3 * mu / np.linalg.norm(mu, axis=1, keepdims=True), attitudes), 10.0, BODY
         ),
         Rotating("driven", driven, driven.state(attitudes), 8.0, DRIVEN),
         Rotating("steered", steered, steered.state(attitudes), 4.0, STEERED),
@@ -114,12 +106,7 @@ def rows() -> Iterator[tuple[str, lm.Method, int]]:
         *(CommutatorFree(order=p) for p in (1, 2, 3, 4)),
         *(CommutatorFree(tableau=t) for t in (LUSCHER3, CARPENTER_KENNEDY4)),
     )
-    for method in (
-        *flows,
-        CrouchGrossman(order=3),
-        CrouchGrossman(order=4),
-        *map(Magnus, (2, 4, 6)),
-    ):
+    for method in (*flows, CrouchGrossman(order=3), CrouchGrossman(order=4), *map(Magnus, (2, 4, 6))):
         yield method.name, method, method.order
 
 
@@ -133,11 +120,7 @@ def quiet(order: int, truncation: int) -> lm.RKMK:
 ROWS = {name: (method, order) for name, method, order in rows()}
 ALWAYS = {
     *(f"RKMK, {BY_ORDER[p].name}" for p in (3, 4, 8)),
-    *(
-        "RKMK, order 4, closed dexp^-1",
-        "RKMK, order 4, Cayley coordinates",
-        "RKMK, order 3, truncation 0",
-    ),
+    *("RKMK, order 4, closed dexp^-1", "RKMK, order 4, Cayley coordinates", "RKMK, order 3, truncation 0"),
     *("CF4", "CG4", "Magnus2", "Magnus4", "Magnus6"),
 }
 """What is measured whenever the tests run, on half of the problems; the others are slow.  The low
@@ -162,16 +145,10 @@ def columns() -> tuple[tuple[Problem, ...], ...]:
 TABLE = Table(HEAD, ROWS, columns)
 MISSED = {"RKMK, order 8, truncation 5": "6.89 on the driven rotation, where 6.90 is asked for"}
 CHOICES = [
-    *(
-        pytest.param(name, 0, marks=[] if name in ALWAYS else [pytest.mark.slow])
-        for name in ROWS
-        if name not in MISSED
-    ),
+    *(pytest.param(name, 0, marks=[] if name in ALWAYS else [pytest.mark.slow]) for name in ROWS if name not in MISSED),
     *(pytest.param(name, 1, marks=pytest.mark.slow) for name in ROWS if name in ALWAYS),
     *(
-        pytest.param(
-            name, None, marks=[pytest.mark.slow, pytest.mark.xfail(reason=why, strict=True)]
-        )
+        pytest.param(name, None, marks=[pytest.mark.slow, pytest.mark.xfail(reason=why, strict=True)])
         for name, why in MISSED.items()
     ),
 ]

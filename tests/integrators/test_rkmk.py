@@ -10,28 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import (
-    RKMK4,
-    asymmetric_body,
-    errors_at,
-    poisson_defect,
-    rotation,
-    same_bits,
-    seed_body,
-    slope,
-)
+from scenes import RKMK4, asymmetric_body, errors_at, poisson_defect, rotation, same_bits, seed_body, slope
 
 import liemech as lm
 from liemech.formulas import cos, sin, vec
 from liemech.tableaus import gauss, radau_iia
 from liemech.tableaus.tableau import ButcherTableau
 
-REFERENCE = json.loads(
-    (Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text()
-)
-HEUN3 = ButcherTableau(
-    "Heun 3", 3, ((), (1 / 3,), (0, 2 / 3)), (1 / 4, 0, 3 / 4), (0, 1 / 3, 2 / 3)
-)
+REFERENCE = json.loads((Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text())
+HEUN3 = ButcherTableau("Heun 3", 3, ((), (1 / 3,), (0, 2 / 3)), (1 / 4, 0, 3 / 4), (0, 1 / 3, 2 / 3))
 COUNTS = {1: (200, 400, 800), 2: (80, 160, 320), 3: (40, 80, 160), 4: (20, 40, 80)}
 
 
@@ -102,9 +89,7 @@ def test_a_linear_hamiltonian_is_followed_exactly() -> None:
     w, mu = np.array([0.3, -0.7, 0.5]), np.array([1.0, 2.0, -0.5])
     system = lm.LiePoissonSystem(lm.SO3(), Linear(w))
     for order in (1, 2, 3, 4):
-        run = lm.integrate(
-            system, lm.RKMK(order=order), system.state(mu, np.eye(3)), h=0.7, steps=10
-        )
+        run = lm.integrate(system, lm.RKMK(order=order), system.state(mu, np.eye(3)), h=0.7, steps=10)
         wanted = lm.SO3().exp(run.t[:, None] * w)
         assert np.abs(run.g - wanted).max() < 1e-14
         assert np.abs(run.mu - np.swapaxes(wanted, 1, 2) @ mu).max() < 1e-14
@@ -121,9 +106,7 @@ class Pendulum(lm.GroupEquation):
         return vec(g[1] * cos(t), -sin(g[0]) + 0.1 * t)
 
 
-def runge_kutta(
-    tableau: lm.tableaus.ButcherTableau, t: float, y: np.ndarray, h: float
-) -> np.ndarray:
+def runge_kutta(tableau: lm.tableaus.ButcherTableau, t: float, y: np.ndarray, h: float) -> np.ndarray:
     """A step of the ordinary method, with sums in the order of the tableau."""
     slopes: list[np.ndarray] = []
 
@@ -197,18 +180,14 @@ class EvenFromSpace(Even):
 @pytest.mark.compiled
 @pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
-def test_steps_from_either_side_lose_equally_little(
-    retraction: lm.Retraction, compensated: bool
-) -> None:
+def test_steps_from_either_side_lose_equally_little(retraction: lm.Retraction, compensated: bool) -> None:
     """A step adds an increment to g.  The product of a rounded tau(omega) and g would lose the same
     half of a rounding in each of equal steps: 1000 in these.
     """
     for system in Even(lm.SO3()), EvenFromSpace(lm.SO3()), EvenFromSpace(lm.UnitQuaternions()):
         method = lm.RKMK(order=4, retraction=retraction)
         start = system.state(system.group.identity())
-        run = lm.integrate(
-            system, method, start, h=0.05, steps=8000, every=8000, compensated=compensated
-        )
+        run = lm.integrate(system, method, start, h=0.05, steps=8000, every=8000, compensated=compensated)
         assert system.group.defect(run.g[-1]) < 150 * 2.0**-52
 
 
@@ -228,16 +207,12 @@ def compass() -> np.ndarray:
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         return np.cross([x[1] * x[2] + np.cos(t), 1.0 + x[0], -0.5 * x[2] + np.sin(2.0 * t)], x)
 
-    return solve_ivp(rate, (0.0, 2.0), [0.6, 0.0, 0.8], method="DOP853", rtol=3e-14, atol=1e-15).y[
-        :, -1
-    ]
+    return solve_ivp(rate, (0.0, 2.0), [0.6, 0.0, 0.8], method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
 
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
-    "method",
-    [lm.RKMK(order=2), RKMK4, *IMPLICIT, lm.RKMK(order=2, retraction=lm.Cayley())],
-    ids=repr,
+    "method", [lm.RKMK(order=2), RKMK4, *IMPLICIT, lm.RKMK(order=2, retraction=lm.Cayley())], ids=repr
 )
 def test_points_stay_on_the_sphere(method: lm.RKMK) -> None:
     system, counts = Compass(lm.actions.SphereAction(3)), [2 * n for n in COUNTS[method.order]]
@@ -259,10 +234,7 @@ def there_and_back(system: lm.System, method: lm.RKMK, start: lm.State, h: float
     """
     there = lm.integrate(system, method, start, h=h, steps=1, t0=0.3)
     back = lm.integrate(system, method, there.last, h=-h, steps=1, t0=0.3 + h).last
-    return max(
-        np.abs(np.array(a) - np.array(b)).max()
-        for a, b in zip(back.parts.values(), start.parts.values())
-    )
+    return max(np.abs(np.array(a) - np.array(b)).max() for a, b in zip(back.parts.values(), start.parts.values()))
 
 
 def test_where_gauss_methods_undo_their_steps() -> None:
@@ -278,10 +250,7 @@ def test_where_gauss_methods_undo_their_steps() -> None:
                 assert there_and_back(body, method, start, h) < 1e-14
                 assert there_and_back(steered, method, steered.state(ATTITUDE), h) < 1e-14
     for stages, steps in ((2, [0.2, 0.1, 0.05]), (3, [0.4, 0.2, 0.1])):
-        missed = [
-            there_and_back(steered, lm.RKMK(tableau=gauss(stages)), steered.state(ATTITUDE), h)
-            for h in steps
-        ]
+        missed = [there_and_back(steered, lm.RKMK(tableau=gauss(stages)), steered.state(ATTITUDE), h) for h in steps]
         assert slope(steps, missed) == pytest.approx(2 * stages + 2, abs=0.4)
     assert not lm.RKMK.symmetric
 
@@ -291,9 +260,7 @@ def test_where_gauss_methods_undo_their_steps() -> None:
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_stages_that_do_not_converge_are_an_error(method: lm.RKMK, compiled: bool) -> None:
     body, start = asymmetric_body()
-    with pytest.raises(
-        lm.errors.NoConvergence, match=r"stages did not converge.*step h = 10 is too large.*try 2.5"
-    ):
+    with pytest.raises(lm.errors.NoConvergence, match=r"stages did not converge.*step h = 10 is too large.*try 2.5"):
         lm.integrate(body, method, start, h=10.0, steps=3, compiled=compiled)
 
 
@@ -303,14 +270,10 @@ def test_stages_that_do_not_converge_are_an_error(method: lm.RKMK, compiled: boo
 def test_bodies_of_an_ensemble_move_as_if_alone(method: lm.RKMK) -> None:
     body, start = asymmetric_body()
     momenta = np.random.default_rng(2).normal(size=(9, 3))
-    together = lm.integrate(
-        body, method, body.state(momenta, start.g), h=0.2, steps=30, compiled=True
-    )
+    together = lm.integrate(body, method, body.state(momenta, start.g), h=0.2, steps=30, compiled=True)
     for i, mu in enumerate(momenta):
         for compiled in (False, True):
-            alone = lm.integrate(
-                body, method, body.state(mu, start.g), h=0.2, steps=30, compiled=compiled
-            )
+            alone = lm.integrate(body, method, body.state(mu, start.g), h=0.2, steps=30, compiled=compiled)
             assert same_bits(together.mu[:, i].copy(), alone.mu)
             assert same_bits(together.g[:, i].copy(), alone.g)
 
@@ -359,13 +322,7 @@ def test_the_energy_drifts() -> None:
 
 def test_repr_builds_the_same_method() -> None:
     by_cayley = lm.RKMK(order=3, retraction=lm.Cayley())
-    for method in (
-        lm.RKMK(),
-        lm.RKMK(order=2),
-        lm.RKMK(truncation=4),
-        lm.RKMK(truncation="closed"),
-        by_cayley,
-    ):
+    for method in (lm.RKMK(), lm.RKMK(order=2), lm.RKMK(truncation=4), lm.RKMK(truncation="closed"), by_cayley):
         assert eval(repr(method), {"RKMK": lm.RKMK, "Cayley": lm.Cayley}) == method
     assert lm.RKMK().order == 4
     assert lm.RKMK(order=3).name == "RKMK3"
@@ -384,12 +341,8 @@ class Powers(lm.LinearGroupEquation):
         return vec(t**self.power)
 
 
-@pytest.mark.parametrize(
-    ("tableau", "degree"), [(gauss(2), 3), (gauss(3), 5), (radau_iia(2), 2), (radau_iia(3), 4)]
-)
-def test_stages_of_implicit_methods_stand_at_their_times(
-    tableau: lm.tableaus.ButcherTableau, degree: int
-) -> None:
+@pytest.mark.parametrize(("tableau", "degree"), [(gauss(2), 3), (gauss(3), 5), (radau_iia(2), 2), (radau_iia(3), 4)])
+def test_stages_of_implicit_methods_stand_at_their_times(tableau: lm.tableaus.ButcherTableau, degree: int) -> None:
     """Gauss' nodes integrate powers up to 2s - 1 exactly, those of Radau up to 2s - 2."""
     for power in range(degree + 2):
         line = Powers(lm.VectorSpace(1), power)

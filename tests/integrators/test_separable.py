@@ -26,9 +26,7 @@ Q, P = np.array(STAR.q), np.array(STAR.p)
 PLANETS = lm.Kepler()
 
 
-def plain(
-    system: lm.System, method: lm.Method, start: lm.State, h: float, steps: int
-) -> lm.Trajectory:
+def plain(system: lm.System, method: lm.Method, start: lm.State, h: float, steps: int) -> lm.Trajectory:
     """A run in plain Python, without compensation: the bare formulas."""
     return lm.integrate(system, method, start, h=h, steps=steps, compiled=False, compensated=False)
 
@@ -37,12 +35,7 @@ def plain(
 
 EULERS = lm.SymplecticEuler(), lm.SymplecticEuler(first="drift")
 VERLETS = lm.StormerVerlet(), lm.StormerVerlet(first="drift")
-GENERAL = (
-    *EULERS,
-    *VERLETS,
-    lm.Splitting(order=3),
-    *(lm.Splitting(order=p, quadratic=False) for p in (4, 6, 8)),
-)
+GENERAL = (*EULERS, *VERLETS, lm.Splitting(order=3), *(lm.Splitting(order=p, quadratic=False) for p in (4, 6, 8)))
 QUADRATIC = tuple(lm.Splitting(order=p) for p in (4, 6, 8))
 STEPS = {1: 100, 2: 60, 3: 60, 4: 40, 6: 20, 8: 14}
 
@@ -77,13 +70,7 @@ def test_order_on_an_ellipse(method: lm.Method) -> None:
 def test_pendulum_against_elliptic_functions() -> None:
     system = lm.models.Pendulum(gravity=1.0)
     sample = next(s for s in PENDULUM["samples"] if float(s["t"]) == 1.0)
-    run = plain(
-        system,
-        lm.Splitting(order=8),
-        system.state(float(PENDULUM["q0"]), float(PENDULUM["p0"])),
-        0.1,
-        10,
-    )
+    run = plain(system, lm.Splitting(order=8), system.state(float(PENDULUM["q0"]), float(PENDULUM["p0"])), 0.1, 10)
     assert abs(run.q[-1, 0] - float(sample["q"])) <= 2e-13
     assert abs(run.p[-1, 0] - float(sample["p"])) <= 2e-13
 
@@ -122,10 +109,7 @@ def test_positions_obey_stormers_recursion() -> None:
     """q_n+1 - 2 q_n + q_n-1 = h^2 f(q_n)."""
     run = plain(GALAXY, lm.StormerVerlet(), STAR, 0.1, 20)
     middle = run.q[1:-1]
-    assert (
-        np.abs(run.q[2:] - 2 * middle + run.q[:-2] - 0.01 * GALAXY.force(middle, 0 * middle)).max()
-        < 1e-15
-    )
+    assert np.abs(run.q[2:] - 2 * middle + run.q[:-2] - 0.01 * GALAXY.force(middle, 0 * middle)).max() < 1e-15
 
 
 @pytest.mark.slow
@@ -182,9 +166,7 @@ def test_the_modified_energy_of_an_oscillator_is_constant() -> None:
         kept = run.p**2 + 9.0 * run.q**2 * (1.0 - 2.25 * h * h)
         assert np.ptp(kept) < 1e-12 * np.abs(run.p).max() ** 2
     assert np.abs(run.q).max() < 100.0
-    assert (
-        np.abs(plain(system, lm.StormerVerlet(), system.state(1.0, 0.5), 0.67, 200).q).max() > 1e6
-    )
+    assert np.abs(plain(system, lm.StormerVerlet(), system.state(1.0, 0.5), 0.67, 200).q).max() > 1e6
 
 
 @pytest.mark.parametrize("method", [*EULERS, *VERLETS, *QUADRATIC, lm.Splitting(order=3)], ids=repr)
@@ -201,14 +183,10 @@ def test_native_lanes_and_plain_are_one() -> None:
     q = np.linspace(0.05, 0.2, 10)[:, None] * [1.0, -0.7]
     many = GALAXY.state(q, [0.3, 0.1])
     for method in (lm.StormerVerlet(), lm.Splitting(order=6)):
-        native, python = (
-            lm.integrate(GALAXY, method, many, h=0.1, steps=30, compiled=c) for c in (True, False)
-        )
+        native, python = (lm.integrate(GALAXY, method, many, h=0.1, steps=30, compiled=c) for c in (True, False))
         assert same_bits(native.q, python.q)
         assert same_bits(native.p, python.p)
-        alone = lm.integrate(
-            GALAXY, method, GALAXY.state(q[7], [0.3, 0.1]), h=0.1, steps=30, compiled=True
-        )
+        alone = lm.integrate(GALAXY, method, GALAXY.state(q[7], [0.3, 0.1]), h=0.1, steps=30, compiled=True)
         assert same_bits(native.q[:, 7], alone.q)
 
 
@@ -216,29 +194,12 @@ def test_native_lanes_and_plain_are_one() -> None:
 def test_compensated_sums_find_the_way_back() -> None:
     """A thousand steps and a thousand back: to the last bit with compensation, not without."""
     there = [
-        lm.integrate(
-            GALAXY,
-            lm.StormerVerlet(),
-            STAR,
-            h=0.1,
-            steps=1000,
-            every=1000,
-            compiled=False,
-            compensated=c,
-        )
+        lm.integrate(GALAXY, lm.StormerVerlet(), STAR, h=0.1, steps=1000, every=1000, compiled=False, compensated=c)
         for c in (False, True)
     ]
     missed = [
         np.abs(
-            lm.integrate(
-                GALAXY,
-                lm.StormerVerlet(),
-                run.last,
-                h=-0.1,
-                steps=1000,
-                compiled=False,
-                compensated=c,
-            ).q[-1]
+            lm.integrate(GALAXY, lm.StormerVerlet(), run.last, h=-0.1, steps=1000, compiled=False, compensated=c).q[-1]
             - Q
         )
         for run, c in zip(there, (False, True), strict=True)
@@ -290,9 +251,7 @@ def test_derivatives_that_nobody_wrote_are_those_in_closed_form(rng: np.random.G
         q, p = (lm.Vec.of(x) for x in rng.normal(size=(2, system.degrees)).tolist())
         for name in ("velocity", "force"):
             derived = getattr(lm.SeparableSystem, name)(system, q, p)
-            assert np.allclose(
-                np.array(derived), np.array(getattr(system, name)(q, p)), rtol=1e-14, atol=1e-15
-            )
+            assert np.allclose(np.array(derived), np.array(getattr(system, name)(q, p)), rtol=1e-14, atol=1e-15)
         assert system.energy(q, p) == system.kinetic(p) + system.potential(q)
 
 
@@ -315,15 +274,7 @@ def test_a_quadratic_kinetic_energy_is_told_by_its_formula() -> None:
             return 0.0
 
     assert all(
-        s.quadratic
-        for s in (
-            GALAXY,
-            PLANETS,
-            lm.models.Pendulum(),
-            Oscillator(1.0),
-            Free(1.0),
-            Massive(1.0, [[2.0]]),
-        )
+        s.quadratic for s in (GALAXY, PLANETS, lm.models.Pendulum(), Oscillator(1.0), Free(1.0), Massive(1.0, [[2.0]]))
     )
     assert not any(s.quadratic for s in (Relativistic(), Relativistic(3e8), Quartic(1.0)))
 
@@ -331,17 +282,11 @@ def test_a_quadratic_kinetic_energy_is_told_by_its_formula() -> None:
 def test_refusals_say_what_to_do() -> None:
     double = lm.models.DoublePendulum()
     for method in (lm.StormerVerlet(), lm.SymplecticEuler(), lm.Splitting(order=4)):
-        with pytest.raises(
-            IncompatibleSystem, match=r"needs a SeparableSystem.*write kinetic\(p\).*HamiltonJacobi"
-        ):
+        with pytest.raises(IncompatibleSystem, match=r"needs a SeparableSystem.*write kinetic\(p\).*HamiltonJacobi"):
             lm.integrate(double, method, double.state([1.0, 1.0], [0.0, 0.0]), h=0.1, steps=1)
-        with pytest.raises(
-            IncompatibleSystem, match=r"needs a SeparableSystem.*RKMK accepts every system"
-        ):
+        with pytest.raises(IncompatibleSystem, match=r"needs a SeparableSystem.*RKMK accepts every system"):
             method.require(lm.RigidBody([1.0, 1.5, 2.0]))
-    with pytest.raises(
-        IncompatibleSystem, match=r"second degree.*Splitting\(order=6, quadratic=False\)"
-    ):
+    with pytest.raises(IncompatibleSystem, match=r"second degree.*Splitting\(order=6, quadratic=False\)"):
         lm.Splitting(order=6).require(Relativistic())
     with pytest.raises(IncompatibleSystem, match=r"in a field.*StormerVerlet"):
         lm.KickDrift().require(PLANETS)
@@ -380,23 +325,10 @@ def test_what_cannot_be_meant(make: object, error: type[Exception], words: str) 
 
 def test_faces() -> None:
     for method in (*EULERS, *VERLETS, *QUADRATIC, *GENERAL):
-        assert (
-            eval(
-                repr(method),
-                everything(),
-            )
-            == method
-        )
+        assert eval(repr(method), everything()) == method
         assert method.symplectic
         assert method.symmetric == (method.order not in (1, 3))
     assert STRANG.exchanged.exchanged.kicks == STRANG.kicks
     assert STRANG.exchanged.exchanged.drifts == STRANG.drifts
-    assert [lm.Splitting(order=p).tableau.stages for p in (1, 2, 3, 4, 6, 8)] == [
-        1,
-        1,
-        3,
-        6,
-        11,
-        19,
-    ]
+    assert [lm.Splitting(order=p).tableau.stages for p in (1, 2, 3, 4, 6, 8)] == [1, 1, 3, 6, 11, 19]
     assert [lm.Splitting(order=p, quadratic=False).tableau.stages for p in (4, 6, 8)] == [6, 10, 17]

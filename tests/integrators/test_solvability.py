@@ -34,9 +34,7 @@ def coefficients(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     th = np.sqrt(square)
     safe = np.where(square < 1e-3, 1.0, th)
     b = np.where(square < 1e-3, 0.5 - square / 24 + square**2 / 720, (1 - np.cos(safe)) / safe**2)
-    c = np.where(
-        square < 1e-3, 1 / 6 - square / 120 + square**2 / 5040, (safe - np.sin(safe)) / safe**3
-    )
+    c = np.where(square < 1e-3, 1 / 6 - square / 120 + square**2 / 5040, (safe - np.sin(safe)) / safe**3)
     return b, c
 
 
@@ -49,16 +47,12 @@ def carried(method: lm.CovariantVariational, x: np.ndarray, m: np.ndarray) -> np
     return m - b * w + c * np.cross(x, w)
 
 
-def excess(
-    method: lm.CovariantVariational, J: np.ndarray, x: np.ndarray, m: np.ndarray
-) -> np.ndarray:
+def excess(method: lm.CovariantVariational, J: np.ndarray, x: np.ndarray, m: np.ndarray) -> np.ndarray:
     """J x - (dtau_x)* m, zero for a step."""
     return J * x - carried(method, x, m)
 
 
-def slopes(
-    method: lm.CovariantVariational, J: np.ndarray, x: np.ndarray, m: np.ndarray
-) -> np.ndarray:
+def slopes(method: lm.CovariantVariational, J: np.ndarray, x: np.ndarray, m: np.ndarray) -> np.ndarray:
     """Its derivative by x, (..., 3, 3): of a polynomial for Cayley, else by central differences of
     order 4.
     """
@@ -100,9 +94,7 @@ def branch(
         ) -> tuple[np.ndarray, np.ndarray]:
             D = slopes(method, J, x, s[:, None] * m)
             dx, ds = (adjugate(D) @ carried(method, x, m)[..., None])[..., 0], np.linalg.det(D)
-            size = np.maximum(
-                np.linalg.norm(dx, axis=1) / (0.3 + np.linalg.norm(x, axis=1)), 2 * np.abs(ds)
-            )
+            size = np.maximum(np.linalg.norm(dx, axis=1) / (0.3 + np.linalg.norm(x, axis=1)), 2 * np.abs(ds))
             return dx / size[:, None], ds / size
 
         dx, ds = direction(x, s)
@@ -117,18 +109,14 @@ def branch(
                 slopes(method, inertia, new, part[:, None] * data),
                 excess(method, inertia, new, part[:, None] * data),
             )
-            wide = np.concatenate(
-                [D, np.where(arrived[:, None], 0.0, -carried(method, new, data))[..., None]], axis=2
-            )
+            wide = np.concatenate([D, np.where(arrived[:, None], 0.0, -carried(method, new, data))[..., None]], axis=2)
             change = (np.linalg.pinv(wide) @ r[..., None])[..., 0]
             new, part = new - change[:, :3], part - np.where(arrived, 0.0, change[:, 3])
         fold = ~arrived & (np.linalg.det(slopes(method, inertia, new, part[:, None] * data)) <= 0.0)
         fold |= np.linalg.norm(new, axis=1) >= chart
         close[active] |= np.linalg.norm(new, axis=1) >= chart - 0.1
         x_all[active], s_all[active] = new, part
-        ended[active] = np.where(
-            fold, np.minimum(part, 1 - 1e-9), np.where(close[active], math.nan, 1.0)
-        )
+        ended[active] = np.where(fold, np.minimum(part, 1 - 1e-9), np.where(close[active], math.nan, 1.0))
         active = active[~(arrived | fold)]
     raise AssertionError("the branch is longer than expected")
 
@@ -144,9 +132,7 @@ def shapes(rng: np.random.Generator, count: int) -> np.ndarray:
     return rng.permuted(np.array(J), axis=1)
 
 
-def against_the_branch(
-    method: lm.CovariantVariational, count: int, seed: int, piece: float = 0.02
-) -> tuple[int, int]:
+def against_the_branch(method: lm.CovariantVariational, count: int, seed: int, piece: float = 0.02) -> tuple[int, int]:
     """Steps of h = 1 on random bodies, h |mu| from 0.1 to 20: how many were accepted, how many
     refused, all of them rightly.
 
@@ -177,12 +163,8 @@ def against_the_branch(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("method", "count", "seed"), [(EXP, 24, 4), (CAYLEY, 40, 5)], ids=["exp", "Cayley"]
-)
-def test_steps_are_those_that_grow_out_of_zero(
-    method: lm.CovariantVariational, count: int, seed: int
-) -> None:
+@pytest.mark.parametrize(("method", "count", "seed"), [(EXP, 24, 4), (CAYLEY, 40, 5)], ids=["exp", "Cayley"])
+def test_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational, count: int, seed: int) -> None:
     accepted, refused = against_the_branch(method, count, seed, piece=0.05)
     assert accepted > count / 2
     assert refused > (count / 5 if method is EXP else 0)
@@ -196,16 +178,12 @@ def test_many_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariatio
 
 @pytest.mark.slow
 @BOTH
-def test_steps_of_rigid_motions_are_those_that_grow_out_of_zero(
-    method: lm.CovariantVariational,
-) -> None:
+def test_steps_of_rigid_motions_are_those_that_grow_out_of_zero(method: lm.CovariantVariational) -> None:
     """On SE(3), against 400 small pieces of the way."""
     rng, accepted = np.random.default_rng(12), 0
     for _ in range(30):
         a, b = np.sort(rng.uniform(0.3, 1.0, 2))
-        body = lm.models.KirchhoffBody.of_blocks(
-            [a, b, b + a * rng.uniform()], rng.uniform(0.5, 2.0, 3)
-        )
+        body = lm.models.KirchhoffBody.of_blocks([a, b, b + a * rng.uniform()], rng.uniform(0.5, 2.0, 3))
         mu = rng.normal(size=6)
         mu *= 10 ** rng.uniform(0.0, 1.2) * a / np.linalg.norm(mu[:3])
         x = before = np.zeros(6)
@@ -219,18 +197,14 @@ def test_steps_of_rigid_motions_are_those_that_grow_out_of_zero(
                 if np.abs(change).max() < 1e-9:
                     break
             on_the_way = (
-                np.abs(change).max() < 1e-8
-                and np.linalg.det(np.array(D)) > 0.0
-                and np.abs(y - guess).max() < 0.1
+                np.abs(change).max() < 1e-8 and np.linalg.det(np.array(D)) > 0.0 and np.abs(y - guess).max() < 0.1
             )
             if not on_the_way or (method is EXP and np.linalg.norm(y[:3]) > 2 * math.pi):
                 on_the_way = False
                 break
             x, before = y, x
         try:
-            found = np.array(
-                method.displacement(body, 1.0, lm.Vec.of(mu), body.velocity(lm.Vec.of(mu)))
-            )
+            found = np.array(method.displacement(body, 1.0, lm.Vec.of(mu), body.velocity(lm.Vec.of(mu))))
         except lm.errors.NoConvergence:
             assert not on_the_way
             continue
@@ -257,16 +231,9 @@ def test_thin_rods_have_steps_on_other_sheets_which_are_refused(thin: float, siz
             continue
         with pytest.raises(lm.errors.NoConvergence, match="grows out of h = 0 ends at h"):
             CAYLEY.displacement(body, 1.0, lm.Vec.of(m), lm.Vec.of(m / J[0]))
-        y = np.array(
-            newton(
-                lambda y, m=m: CAYLEY.equation(body, 1.0, lm.Vec.of(m), y),
-                lm.Vec.of(m / J[0]),
-                m @ m,
-            )[0]
-        )
+        y = np.array(newton(lambda y, m=m: CAYLEY.equation(body, 1.0, lm.Vec.of(m), y), lm.Vec.of(m / J[0]), m @ m)[0])
         strangers += (
-            np.abs(excess(CAYLEY, J[0], y, m)).max() < 1e-10
-            and np.linalg.det(slopes(CAYLEY, J[0], y, m)) > 0.0
+            np.abs(excess(CAYLEY, J[0], y, m)).max() < 1e-10 and np.linalg.det(slopes(CAYLEY, J[0], y, m)) > 0.0
         )
     assert strangers > 1
 
@@ -279,9 +246,7 @@ def cayley_determinant(J: np.ndarray, x: np.ndarray) -> np.ndarray:
     columns = []
     for e in np.eye(3):
         turning = np.cross(e, J * x) + np.cross(x, J * e)
-        columns.append(
-            J * e + turning + 2 * (x @ (J * e))[:, None] * x + ((x * x) @ J)[:, None] * e
-        )
+        columns.append(J * e + turning + 2 * (x @ (J * e))[:, None] * x + ((x * x) @ J)[:, None] * e)
     return np.linalg.det(np.stack(columns, -1))
 
 
@@ -316,11 +281,7 @@ def test_no_derivative_is_singular_before_the_first_fold() -> None:
     singular = 0
     for J in (*shapes(rng, 24), np.array([1.0, 1.0, 2.0]), np.array([0.01, 0.0101, 1.0])):
         u = np.abs(rng.normal(size=(3000, 3))) * 10 ** rng.uniform(-2, 0, (3000, 3))
-        x = (
-            u
-            / np.linalg.norm(u, axis=1)[:, None]
-            * rng.uniform(0.5, 2 * math.pi - 1e-2, 3000)[:, None]
-        )
+        x = u / np.linalg.norm(u, axis=1)[:, None] * rng.uniform(0.5, 2 * math.pi - 1e-2, 3000)[:, None]
         M = np.stack([carried(EXP, x, e) for e in np.eye(3)], -1)
         m = np.linalg.solve(M, (J * x)[..., None])[..., 0]
         folded = np.linalg.det(slopes(EXP, J, x, m)) <= 0.0
@@ -341,10 +302,7 @@ def test_the_bound_of_the_proof() -> None:
     """
     for th in np.linspace(0.1, math.pi, 20):
         angle = np.linspace(0.0, math.pi, 31)
-        x, m = (
-            np.broadcast_to([0.0, 0.0, th], (31, 3)),
-            np.stack([np.sin(angle), 0 * angle, np.cos(angle)], -1),
-        )
+        x, m = (np.broadcast_to([0.0, 0.0, th], (31, 3)), np.stack([np.sin(angle), 0 * angle, np.cos(angle)], -1))
         D = -slopes(EXP, np.zeros(3), x, m)
         largest = np.linalg.eigvalsh((D + np.swapaxes(D, 1, 2)) / 2).max()
         assert largest == pytest.approx((1 - math.sin(th) / th) / th, rel=1e-8)
@@ -367,26 +325,18 @@ def test_largest_step() -> None:
     body, start = asymmetric_body()
     size = np.linalg.norm(np.array(start.mu))
     assert CAYLEY.largest_step(body, start) == INFINITY
-    assert EXP.largest_step(body, start) == pytest.approx(
-        math.pi * math.sqrt(1.6) / size, rel=1e-14
-    )
+    assert EXP.largest_step(body, start) == pytest.approx(math.pi * math.sqrt(1.6) / size, rel=1e-14)
     many = body.state(np.outer([0.5, 2.0], start.mu))
-    assert EXP.largest_step(body, many) == pytest.approx(
-        math.pi * math.sqrt(1.6) / (2 * size), rel=1e-14
-    )
+    assert EXP.largest_step(body, many) == pytest.approx(math.pi * math.sqrt(1.6) / (2 * size), rel=1e-14)
     assert EXP.largest_step(body, body.state([0.0, 0.0, 0.0])) == INFINITY
     turn = rotation(np.random.default_rng(1))
     full = turn @ np.diag(body.inertia) @ turn.T
     tilted = lm.RigidBody(0.5 * (full + full.T))
-    assert EXP.largest_step(tilted, start) == pytest.approx(
-        EXP.largest_step(body, start), rel=1e-10
-    )
+    assert EXP.largest_step(tilted, start) == pytest.approx(EXP.largest_step(body, start), rel=1e-10)
     assert CAYLEY.largest_step(tilted, start) == INFINITY
     needle = quiet_body([1 / 500, 1.0, 1.0])
     assert EXP.largest_step(needle, start) == pytest.approx(2 * math.pi / 500 / size, rel=1e-14)
-    assert CAYLEY.largest_step(needle, start) == pytest.approx(
-        math.pi * math.sqrt(1 / 500) / size, rel=1e-14
-    )
+    assert CAYLEY.largest_step(needle, start) == pytest.approx(math.pi * math.sqrt(1 / 500) / size, rel=1e-14)
     fish = lm.models.KirchhoffBody.of_blocks([1.0, 1.6, 2.3], [2.0, 2.5, 3.1])
     assert EXP.largest_step(fish, fish.state([0.5, -0.3, 0.4, 0.2, 0.6, -0.4])) is None
 
@@ -471,15 +421,11 @@ def test_large_steps_have_the_same_bits_in_native_code(method: lm.CovariantVaria
 @BOTH
 def test_a_unit_of_mass_changes_no_bit_of_a_large_step(method: lm.CovariantVariational) -> None:
     J, mu = np.array([1 / 150, 1.0, 1.005]), np.array([0.05, 0.8, -0.5])
-    plain = lm.integrate(
-        quiet_body(J), method, quiet_body(J).state(mu), h=0.9, steps=3, compiled=False
-    )
+    plain = lm.integrate(quiet_body(J), method, quiet_body(J).state(mu), h=0.9, steps=3, compiled=False)
     for unit in (2.0**-200, 2.0**200):
         body = quiet_body(unit * J)
         assert same_bits(
-            lm.integrate(body, method, body.state(unit * mu), h=0.9, steps=3, compiled=False).mu
-            / unit,
-            plain.mu,
+            lm.integrate(body, method, body.state(unit * mu), h=0.9, steps=3, compiled=False).mu / unit, plain.mu
         )
 
 
@@ -490,11 +436,7 @@ def least_value(J: np.ndarray, across: np.ndarray) -> float:
     a, b, c = J
     k = np.diag([J[i] * (4.0 * J[i] ** 2 + 3.0 * J[i - 1] * J[i - 2]) for i in range(3)])
     for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        k[i, j] = k[j, i] = (
-            2.0 * J[i] * J[j] * (J[i] + J[j])
-            + 4.0 * a * b * c
-            - 0.5 * J[m] * (J[i] ** 2 + J[j] ** 2)
-        )
+        k[i, j] = k[j, i] = 2.0 * J[i] * J[j] * (J[i] + J[j]) + 4.0 * a * b * c - 0.5 * J[m] * (J[i] ** 2 + J[j] ** 2)
     return float(np.einsum("ni,ij,nj->n", across, k, across).min())
 
 

@@ -41,9 +41,7 @@ def columns() -> tuple[tuple[Problem, ...], ...]:
     rotations = np.array([rotation(rng) for _ in range(4)])
     free = lm.RigidBody([1.0, 1.6, 2.3])
     fluid, start, _ = kirchhoff_body()
-    poses = np.array(
-        [start.g, *(pose(R, x) for R, x in zip(rotations[1:], rng.normal(size=(3, 3))))]
-    )
+    poses = np.array([start.g, *(pose(R, x) for R, x in zip(rotations[1:], rng.normal(size=(3, 3))))])
     four = lm.LiePoissonSystem(lm.SO(4), lm.KineticEnergy([1.0, 1.4, 1.9, 1.2, 2.3, 1.6]))
     group = MatrixLieGroup.of(lm.SL(2).generators)
     linear = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.6, 2.3]))
@@ -57,16 +55,9 @@ def columns() -> tuple[tuple[Problem, ...], ...]:
     return (
         (Smooth("free body", free, free.state(1.3 * directions(rng, 3), rotations), 10.0),),
         (Smooth("body in a fluid", fluid, fluid.state(impulses, poses), 2.0),),
-        (
-            Smooth(
-                "SO(4)", four, four.state(1.5 * directions(rng, 6), lm.SO(4).random(rng, 4)), 4.0
-            ),
-        ),
+        (Smooth("SO(4)", four, four.state(1.5 * directions(rng, 6), lm.SO(4).random(rng, 4)), 4.0),),
         (Smooth("SL(2)", linear, linear.state(1.2 * directions(rng, 3), shears), 2.0),),
-        (
-            Smooth("heavy top", top, started, 2.0),
-            Turned("heavy top", reduced, reduced.from_top(started), 2.0),
-        ),
+        (Smooth("heavy top", top, started, 2.0), Turned("heavy top", reduced, reduced.from_top(started), 2.0)),
     )
 
 
@@ -92,12 +83,7 @@ def rows() -> Iterator[lm.Method]:
     yield from VERLET
     for p in (4, 6, 8):
         yield lm.Composition(VERLET[0], order=p)
-    yield from (
-        lm.MoserVeselov(),
-        lm.ThreeRotations(),
-        lm.ImplicitMidpoint(),
-        lm.SphericalMidpoint(),
-    )
+    yield from (lm.MoserVeselov(), lm.ThreeRotations(), lm.ImplicitMidpoint(), lm.SphericalMidpoint())
     yield from (lm.Isospectral(p) for p in (2, 4, 6, 8))
 
 

@@ -13,13 +13,7 @@ import pytest
 from scenes import asymmetric_body, rotation, same_bits, slope
 
 import liemech as lm
-from liemech.errors import (
-    IncompatibleSystem,
-    InvalidInput,
-    InvalidType,
-    NotCompilable,
-    StepTooSmall,
-)
+from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, NotCompilable, StepTooSmall
 from liemech.formulas import cos, dot, exp, log, record, sin, sqrt, tanh, vec, where
 from liemech.integrators.taylor import SAFETY, Taylor, shortened
 
@@ -72,29 +66,18 @@ class Rotor(lm.Hamiltonian):
     """An energy that is not quadratic, and whose gradient nobody writes."""
 
     def energy(self, mu: Any) -> float:
-        return (
-            sqrt(1.0 + dot(mu, vec(1.0, 0.7, 0.4) * mu))
-            + 0.2 * log(2.0 + mu[0])
-            + 0.1 * tanh(mu[1]) ** 2
-        )
+        return sqrt(1.0 + dot(mu, vec(1.0, 0.7, 0.4) * mu)) + 0.2 * log(2.0 + mu[0]) + 0.1 * tanh(mu[1]) ** 2
 
 
 def moving(name: str) -> tuple[lm.System, Any, lm.Retraction]:
     """A system, its start and a retraction."""
     rng = np.random.default_rng(3)
-    cayley, exponential, g, six = (
-        lm.Cayley(),
-        lm.Exponential(),
-        rotation(rng),
-        [0.3, 0.4, 1.0, 0.2, 0.5, 0.7],
-    )
+    cayley, exponential, g, six = (lm.Cayley(), lm.Exponential(), rotation(rng), [0.3, 0.4, 1.0, 0.2, 0.5, 0.7])
     rotations = lm.SO3()
     submarine = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 1.5, 2.0, 1.0, 1.3, 1.7]))
     hidden = lm.LiePoissonSystem(rotations, Rotor())
     quantum = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 1.5, 2.0]))
-    volume = lm.LiePoissonSystem(
-        lm.SL(3), lm.KineticEnergy([1.0, 1.5, 2.0, 1.2, 1.4, 1.7, 1.1, 1.9])
-    )
+    volume = lm.LiePoissonSystem(lm.SL(3), lm.KineticEnergy([1.0, 1.5, 2.0, 1.2, 1.4, 1.7, 1.1, 1.9]))
     ball, plain = OnSphere(lm.actions.SphereAction(3)), Plain(lm.VectorSpace(9))
     return {
         "body": (asymmetric_body()[0], asymmetric_body()[1], cayley),
@@ -130,14 +113,10 @@ NAMES = (
 
 def ends(run: lm.Trajectory, at: int = -1) -> np.ndarray:
     """All that is known of the last state, in one row."""
-    return np.concatenate([np.ravel(x)[:] for x in (getattr(run, n)[at] for n in run.states)]).view(
-        float
-    )
+    return np.concatenate([np.ravel(x)[:] for x in (getattr(run, n)[at] for n in run.states)]).view(float)
 
 
-def last(
-    system: lm.System, method: lm.Method, start: Any, t_end: float, n: int, **options: Any
-) -> np.ndarray:
+def last(system: lm.System, method: lm.Method, start: Any, t_end: float, n: int, **options: Any) -> np.ndarray:
     return ends(lm.integrate(system, method, start, h=t_end / n, steps=n, every=n, **options))
 
 
@@ -167,10 +146,7 @@ def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int,
     system, start, retraction = moving(name)
     method = Taylor(order=order, retraction=retraction)
     reference = last(system, lm.RKMK(order=8), start, 1.5, 60)
-    coarse, fine = (
-        np.abs(last(system, method, start, 1.5, n, compiled=False) - reference).max()
-        for n in counts
-    )
+    coarse, fine = (np.abs(last(system, method, start, 1.5, n, compiled=False) - reference).max() for n in counts)
     assert fine < 1e-13 or order - 1.0 < np.log2(coarse / fine) < order + 2.5, (coarse, fine)
 
 
@@ -194,9 +170,7 @@ def test_an_ensemble_gives_the_bits_of_each_of_its_bodies() -> None:
     many = body.state(rng.normal(size=(20, 3)), lm.SO3().random(rng, 20))
     run = lm.integrate(body, Taylor(order=6), many, h=0.2, steps=5, compiled=True)
     for i in (0, 7, 19):
-        one = lm.integrate(
-            body, Taylor(order=6), body.state(many.mu[i], many.g[i]), h=0.2, steps=5, compiled=False
-        )
+        one = lm.integrate(body, Taylor(order=6), body.state(many.mu[i], many.g[i]), h=0.2, steps=5, compiled=False)
         assert same_bits(one.mu[-1], run.mu[-1, i]) and same_bits(one.g[-1], run.g[-1, i])
 
 
@@ -205,11 +179,7 @@ def test_where_takes_the_side_on_which_the_step_starts() -> None:
     @record
     class Folded(lm.GroupEquation):
         def velocity(self, t: float, g: Any) -> Any:
-            return vec(
-                where(g[0, 1] > 0.1, sin(t), cos(g[1, 1])),
-                0.3 * max(t, g[0, 0]),
-                abs(g[0, 2]) + 1.0,
-            )
+            return vec(where(g[0, 1] > 0.1, sin(t), cos(g[1, 1])), 0.3 * max(t, g[0, 0]), abs(g[0, 2]) + 1.0)
 
     @record
     class Branched(lm.GroupEquation):
@@ -220,9 +190,7 @@ def test_where_takes_the_side_on_which_the_step_starts() -> None:
             return vec(x, 0.3, 0.1)
 
     system, start = Folded(lm.SO3()), Folded(lm.SO3()).state(np.eye(3))
-    plain, native = (
-        last(system, Taylor(order=6), start, 1.0, 10, compiled=c) for c in (False, True)
-    )
+    plain, native = (last(system, Taylor(order=6), start, 1.0, 10, compiled=c) for c in (False, True))
     assert same_bits(plain, native)
     system = Branched(lm.SO3())
     last(system, Taylor(order=6), start, 1.0, 10, compiled=False)
@@ -238,9 +206,7 @@ def test_where_takes_the_side_on_which_the_step_starts() -> None:
 @pytest.mark.parametrize("order", [3, 12])
 def test_casimir_and_spatial_momentum_to_rounding_over_ten_thousand_steps(order: int) -> None:
     body, start = asymmetric_body()
-    run = lm.integrate(
-        body, Taylor(order=order), start, h=0.2, steps=10_000, every=100, compiled=True
-    )
+    run = lm.integrate(body, Taylor(order=order), start, h=0.2, steps=10_000, every=100, compiled=True)
     size = np.linalg.norm(run.mu, axis=1)
     assert np.abs(size / size[0] - 1.0).max() < 1e-13
     spatial = np.einsum("nij,nj->ni", run.g, run.mu)
@@ -251,14 +217,7 @@ def test_casimir_and_spatial_momentum_to_rounding_over_ten_thousand_steps(order:
 def test_backwards_and_forwards() -> None:
     body, start = asymmetric_body()
     there = lm.integrate(body, Taylor(order=12), start, h=0.1, steps=20, compiled=False)
-    back = lm.integrate(
-        body,
-        Taylor(order=12),
-        body.state(there.mu[-1], there.g[-1]),
-        h=-0.1,
-        steps=20,
-        compiled=False,
-    )
+    back = lm.integrate(body, Taylor(order=12), body.state(there.mu[-1], there.g[-1]), h=-0.1, steps=20, compiled=False)
     np.testing.assert_allclose(back.mu[-1], start.mu, atol=1e-14)
 
 
@@ -273,15 +232,7 @@ def test_the_error_follows_the_tolerance(order: int) -> None:
     exact = body.exact(start, np.array([30.0]))
     steps = []
     for tolerance in (1e-5, 1e-7, 1e-9, 1e-11, 1e-13):
-        run = lm.integrate(
-            body,
-            Taylor(order=order),
-            start,
-            t_end=30.0,
-            rtol=tolerance,
-            atol=tolerance,
-            compiled=True,
-        )
+        run = lm.integrate(body, Taylor(order=order), start, t_end=30.0, rtol=tolerance, atol=tolerance, compiled=True)
         error = max(np.abs(run.mu[-1] - exact.mu[0]).max(), np.abs(run.g[-1] - exact.g[0]).max())
         assert error < 5.0 * tolerance + 2e-14
         assert error > 1e-4 * tolerance
@@ -295,9 +246,7 @@ def test_the_error_follows_the_tolerance(order: int) -> None:
 @pytest.mark.parametrize("name", ["driven", "sphere", "Kirchhoff"])
 def test_adaptive_steps_on_other_systems(name: str) -> None:
     system, start, retraction = moving(name)
-    run = lm.integrate(
-        system, Taylor(order=10, retraction=retraction), start, t_end=1.5, rtol=1e-11, atol=1e-11
-    )
+    run = lm.integrate(system, Taylor(order=10, retraction=retraction), start, t_end=1.5, rtol=1e-11, atol=1e-11)
     assert np.abs(ends(run) - last(system, lm.RKMK(order=8), start, 1.5, 150)).max() < 1e-10
 
 
@@ -306,9 +255,7 @@ def test_every_step_is_as_long_as_its_terms_allow() -> None:
     kepler = lm.Kepler()
     start = kepler.state([0.1, 0.0], [0.0, np.sqrt(19.0)])
     runs = [
-        lm.integrate(
-            kepler, Taylor(order), start, t_end=2.0 * np.pi, rtol=1e-9, atol=1e-9, compiled=False
-        )
+        lm.integrate(kepler, Taylor(order), start, t_end=2.0 * np.pi, rtol=1e-9, atol=1e-9, compiled=False)
         for order in (12, 24)
     ]
     for run in runs:
@@ -342,13 +289,8 @@ def test_steps_that_end_at_a_singularity() -> None:
 
 def test_a_body_that_turns_about_an_axis_of_symmetry_has_no_error_to_estimate() -> None:
     body = lm.RigidBody([1.0, 1.0, 2.0])
-    run = lm.integrate(
-        body, Taylor(), body.state([0.0, 0.0, 1.0], np.eye(3)), t_end=5.0, rtol=1e-10, atol=1e-10
-    )
-    assert (
-        np.abs(run.g[-1][:2, :2] - [[np.cos(2.5), -np.sin(2.5)], [np.sin(2.5), np.cos(2.5)]]).max()
-        < 1e-9
-    )
+    run = lm.integrate(body, Taylor(), body.state([0.0, 0.0, 1.0], np.eye(3)), t_end=5.0, rtol=1e-10, atol=1e-10)
+    assert np.abs(run.g[-1][:2, :2] - [[np.cos(2.5), -np.sin(2.5)], [np.sin(2.5), np.cos(2.5)]]).max() < 1e-9
 
 
 # ------------------------------------------------------------------ between the steps
@@ -360,15 +302,7 @@ def test_dense_output_has_the_order_of_the_method(order: int) -> None:
     errors = []
     for h in (0.5, 0.25):
         run = lm.integrate(
-            body,
-            Taylor(order=order),
-            start,
-            t_end=h,
-            h=h,
-            rtol=0.5,
-            atol=1e3,
-            dense=True,
-            compiled=False,
+            body, Taylor(order=order), start, t_end=h, h=h, rtol=0.5, atol=1e3, dense=True, compiled=False
         )
         assert run.steps == 1
         times = np.linspace(0.0, h, 9)[1:-1]

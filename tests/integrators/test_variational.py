@@ -31,9 +31,7 @@ from liemech.formulas.pytree import double_double, rounded
 from liemech.integrators.variational import first_size, leading_power
 from liemech.names import everything
 
-REFERENCE = json.loads(
-    (Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text()
-)
+REFERENCE = json.loads((Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text())
 pytestmark = pytest.mark.filterwarnings("ignore::liemech.errors.StepWarning")
 BOTH = pytest.mark.parametrize("method", [EXP, CAYLEY], ids=named)
 COUNTS = {EXP: (40, 80, 160), CAYLEY: (160, 320, 640)}
@@ -96,18 +94,11 @@ def test_velocities_belong_to_intervals(method: lm.CovariantVariational) -> None
     gaps = []
     for h in (0.1, 0.05):
         run = lm.integrate(body, method, start, h=h, steps=10)
-        between = (
-            method.retraction.tau_inv(body.group, np.swapaxes(run.g[:-1], 1, 2) @ run.g[1:]) / h
-        )
+        between = method.retraction.tau_inv(body.group, np.swapaxes(run.g[:-1], 1, 2) @ run.g[1:]) / h
         assert np.abs(run.xi[:-1] - between).max() < 4e-15
         assert np.abs(method.momentum(body, run.xi, h) - run.mu).max() < 1e-15
         J_xi = np.array(body.inertia) * run.xi[:-1]
-        gaps.append(
-            (
-                np.abs(J_xi - run.mu[:-1]).max(),
-                np.abs(J_xi - 0.5 * (run.mu[:-1] + run.mu[1:])).max(),
-            )
-        )
+        gaps.append((np.abs(J_xi - run.mu[:-1]).max(), np.abs(J_xi - 0.5 * (run.mu[:-1] + run.mu[1:])).max()))
     assert np.log2(np.divide(*gaps)) == pytest.approx([1.0, 2.0], abs=0.2)
 
 
@@ -124,8 +115,7 @@ def test_other_methods_have_no_velocities_of_intervals() -> None:
     body, start = asymmetric_body()
     run = lm.integrate(body, lm.RKMK(4), start, h=0.1, steps=2)
     with pytest.raises(
-        lm.errors.InvalidInput,
-        match=r"Trajectory.xi is for methods with a velocity .* RKMK\(order=4\) has none",
+        lm.errors.InvalidInput, match=r"Trajectory.xi is for methods with a velocity .* RKMK\(order=4\) has none"
     ):
         _ = run.xi
 
@@ -237,9 +227,7 @@ def test_energy_oscillates_without_drift(method: lm.CovariantVariational) -> Non
     assert error[5000:].max() <= 1.1 * error[:5000].max()
 
 
-def modified_energy(
-    body: lm.RigidBody, method: lm.CovariantVariational, mu: np.ndarray, h: float
-) -> np.ndarray:
+def modified_energy(body: lm.RigidBody, method: lm.CovariantVariational, mu: np.ndarray, h: float) -> np.ndarray:
     """H - (h^2/6) s_3: s_3 = w . K w/4 with K = J^-1, v = K mu, w = mu x v, and for Cayley + |v|^2
     (mu . v)/2.
     """
@@ -310,9 +298,7 @@ def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
             continue
         if np.linalg.norm(x) > 2 * math.pi - 1e-3:
             continue
-        derivative = np.stack(
-            [(legendre(x + e) - legendre(x - e)) / 2e-6 for e in 1e-6 * np.eye(3)], axis=1
-        )
+        derivative = np.stack([(legendre(x + e) - legendre(x - e)) / 2e-6 for e in 1e-6 * np.eye(3)], axis=1)
         assert np.linalg.det(h * derivative) > 0.0
 
 

@@ -38,15 +38,9 @@ def on_generators() -> Scene:
 
 
 ADJOINT = lm.CovariantVariational(lm.CayleyAdjoint())
-COMPOSED = [
-    lm.Composition(EXP, order=4),
-    lm.Composition(CAYLEY, order=4),
-    lm.Composition(EXP, order=6),
-]
+COMPOSED = [lm.Composition(EXP, order=4), lm.Composition(CAYLEY, order=4), lm.Composition(EXP, order=6)]
 SCENES = pytest.mark.parametrize("scene", [on_SE3, on_SO4, on_generators])
-CASES = [
-    (scene, method) for scene in (on_SE3, on_SO4, on_generators) for method in (EXP, CAYLEY)
-] + [(on_SE3, ADJOINT)]
+CASES = [(scene, method) for scene in (on_SE3, on_SO4, on_generators) for method in (EXP, CAYLEY)] + [(on_SE3, ADJOINT)]
 EACH = pytest.mark.parametrize(
     ("scene", "method"), CASES, ids=lambda x: x.name if isinstance(x, lm.Method) else x.__name__
 )
@@ -147,17 +141,10 @@ def test_order_two_of_hamilton_jacobi_is_the_same_step(retraction: lm.Retraction
     """
     for scene in (on_SE3, on_SO4, on_generators):
         system, start = scene()
-        places = lm.integrate(
-            system, lm.CovariantVariational(retraction), start, h=0.2, steps=40, every=10
-        )
+        places = lm.integrate(system, lm.CovariantVariational(retraction), start, h=0.2, steps=40, every=10)
         ours, theirs = (
-            lm.integrate(
-                system, method, system.state(places.mu, places.g), h=0.2, steps=1, compiled=False
-            )
-            for method in (
-                lm.LiePoissonHamiltonJacobi(2, retraction),
-                lm.CovariantVariational(retraction),
-            )
+            lm.integrate(system, method, system.state(places.mu, places.g), h=0.2, steps=1, compiled=False)
+            for method in (lm.LiePoissonHamiltonJacobi(2, retraction), lm.CovariantVariational(retraction))
         )
         size = np.abs(places.g).max()
         assert np.abs(ours.mu - theirs.mu).max() < 4e-15
@@ -182,9 +169,7 @@ def third(system: lm.LiePoissonSystem, retraction: lm.Retraction, p: np.ndarray)
 
 @pytest.mark.sample(1)
 @EACH
-def test_modified_energy_is_kept_to_fourth_order(
-    scene: object, method: lm.CovariantVariational
-) -> None:
+def test_modified_energy_is_kept_to_fourth_order(scene: object, method: lm.CovariantVariational) -> None:
     """H - (h^2/6) s_3, s_3 of the Hamilton-Jacobi equation: its oscillation falls by 16 per
     halving, that of H by 4.
     """
@@ -192,13 +177,7 @@ def test_modified_energy_is_kept_to_fourth_order(
     h, plain, modified = [0.1, 0.05, 0.025], [], []
     for step in h:
         run = lm.integrate(
-            system,
-            method,
-            start,
-            h=step,
-            steps=round(4 / step),
-            every=round(0.4 / step),
-            compiled=False,
+            system, method, start, h=step, steps=round(4 / step), every=round(0.4 / step), compiled=False
         )
         s3 = np.array([third(system, method.retraction, mu) for mu in run.mu])
         plain.append(np.ptp(run.energy))

@@ -10,14 +10,7 @@ import pytest
 
 import liemech as lm
 
-DROPPED = {
-    "Andrews": 9,
-    "slider-crank": 3,
-    "spatial slider-crank": 0,
-    "Bricard": 1,
-    "governor": 0,
-    "8 four-bars": 24,
-}
+DROPPED = {"Andrews": 9, "slider-crank": 3, "spatial slider-crank": 0, "Bricard": 1, "governor": 0, "8 four-bars": 24}
 
 
 def test_bricard_s_loop_of_six_hinges_moves_and_is_where_its_one_freedom_says() -> None:
@@ -33,10 +26,7 @@ def test_bricard_s_loop_of_six_hinges_moves_and_is_where_its_one_freedom_says() 
 def test_mechanisms_of_the_literature_are_where_they_must_be(name: str) -> None:
     mechanism = benchmark_mechanisms.ALL[name]()
     assert len(mechanism.linkage.dropped) == DROPPED[name]
-    for method, order, fewer in (
-        (lm.LieRATTLE(), 2, 1),
-        (lm.Composition(lm.LieRATTLE(), order=4), 4, 4),
-    ):
+    for method, order, fewer in ((lm.LieRATTLE(), 2, 1), (lm.Composition(lm.LieRATTLE(), order=4), 4, 4)):
         errors = [mechanism.error(method, mechanism.steps * n // fewer) for n in (1, 2)]
         size = np.abs(mechanism.wanted).max()
         assert errors[1] < (1e-4 if order == 2 else 1e-7) * size

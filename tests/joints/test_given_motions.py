@@ -146,9 +146,7 @@ def test_ground_that_turns():
     """
     table, radius, c = 4.0, 0.3, 0.5
     one = lm.joints.chain(1, axis=TURN)
-    turned = lm.joints.Linkage(
-        one.links, one.joints, motions={None: Turntable(table, radius)}, forces=[Damper(0, c)]
-    )
+    turned = lm.joints.Linkage(one.links, one.joints, motions={None: Turntable(table, radius)}, forces=[Damper(0, c)])
     moment, thin = one.links[0].inertia[0] + 0.25, one.links[0].inertia[2]
 
     def rate(t, x):
@@ -158,9 +156,7 @@ def test_ground_that_turns():
 
     start = turned.state(angles={0: 0.3}, rates={0: 1.0})
     run = ends(turned, lm.Composition(lm.LieRATTLE(), order=4), start, 40, 0.5)
-    assert [run.joint(0).angle[-1], run.joint(0).rate[-1]] == pytest.approx(
-        exact(rate, [0.3, 1.0], 0.5), abs=2e-6
-    )
+    assert [run.joint(0).angle[-1], run.joint(0).rate[-1]] == pytest.approx(exact(rate, [0.3, 1.0], 0.5), abs=2e-6)
     lost = run.joint(0).given_work[-1] + run.joint(0).work[-1]
     assert run.energy[-1] - run.energy[0] == pytest.approx(lost, abs=1e-5)
 
@@ -191,15 +187,11 @@ def test_welds_carry():
     top = lm.joints.RevoluteJoint(0, None, [0.0, 0.0, 1.0], [0.0] * 3, TURN, TURN, name="hinge")
     one = lm.joints.Linkage([whole], [top])
     runs = [
-        lm.integrate(
-            x, lm.LieRATTLE(), x.state(angles={"hinge": 1.0}), h=0.01, steps=5, compiled=False
-        )
+        lm.integrate(x, lm.LieRATTLE(), x.state(angles={"hinge": 1.0}), h=0.01, steps=5, compiled=False)
         for x in (two, one)
     ]
     a, b = (run.joint("hinge") for run in runs)
-    assert np.allclose(a.angle, b.angle, atol=1e-12) and np.allclose(
-        a.reaction, b.reaction, atol=1e-9
-    )
+    assert np.allclose(a.angle, b.angle, atol=1e-12) and np.allclose(a.reaction, b.reaction, atol=1e-9)
     assert runs[0].joint("weld").moment.any()
 
 
@@ -240,10 +232,7 @@ def test_starts_of_trees_hang_from_the_ground():
     rng = np.random.default_rng(3)
     for links, joints in (
         ((balls := lm.joints.chain(40)).links, balls.joints),
-        (
-            (hinges := lm.joints.chain(40, axis=TURN)).links,
-            hinges.joints,
-        ),
+        ((hinges := lm.joints.chain(40, axis=TURN)).links, hinges.joints),
     ):
         tree = lm.joints.Linkage(links, joints)
         free = joints[0].freedoms
@@ -262,9 +251,7 @@ def test_the_report_has_lines_for_joints_in_given_motions() -> None:
     shaken = lm.joints.Linkage(rods.links, rods.joints, motions=motions)
     start = shaken.state(angles={0: 3.0, 1: 0.4})
     run = lm.integrate(shaken, lm.LieRATTLE(), start, h=2e-3, steps=30, compiled=False)
-    assert set(run.drift()) == {
-        f"joint {k}: {what}" for k in range(2) for what in ("position", "rate")
-    }
+    assert set(run.drift()) == {f"joint {k}: {what}" for k in range(2) for what in ("position", "rate")}
     assert str(run.drift()).count("exact") == 4
     off = lm.joints.Linkage(rods.links, rods.joints)  # which does not know of the motion
     assert np.abs(np.array(off.conditions_at(run.mu[-1], run.g[-1])[0])).max() > 1e-3
@@ -278,8 +265,6 @@ def test_a_given_motion_brings_energy_to_rotors_too():
     start = linkage.state(angles={1: 0.4}, rates={2: 1.0})
     off = []
     for steps in (20, 40):
-        run = lm.integrate(
-            linkage, lm.LieRATTLE(), start, h=0.2 / steps, steps=steps, compiled=False
-        )
+        run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.2 / steps, steps=steps, compiled=False)
         off.append(run.energy[-1] - run.energy[0] - run.joint(0).given_work[-1])
     assert abs(off[1]) < 1e-3 and off[0] / off[1] == pytest.approx(4.0, abs=0.3)

@@ -6,19 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_links_in_memory import (
-    BLOCK,
-    LUMP,
-    ROD,
-    TOP,
-    TURN,
-    by_loops,
-    ladder,
-    needs_compiler,
-    ring,
-    star,
-    tree,
-)
+from test_links_in_memory import BLOCK, LUMP, ROD, TOP, TURN, by_loops, ladder, needs_compiler, ring, star, tree
 
 import liemech as lm
 from liemech.formulas.sites import padded
@@ -107,10 +95,7 @@ def test_accelerations_with_hubs_are_those_of_the_dense_matrix(monkeypatch: Any)
 @pytest.mark.slow
 def test_native_hubs_have_the_bits_of_plain_ones() -> None:
     linkage, start = wheel(8)
-    plain, native = (
-        by_loops(linkage, lm.LieRATTLE(), start, compiled, h=0.005, steps=3)
-        for compiled in (False, True)
-    )
+    plain, native = (by_loops(linkage, lm.LieRATTLE(), start, compiled, h=0.005, steps=3) for compiled in (False, True))
     assert np.array_equal(plain.g, native.g)
     assert np.array_equal(plain.mu, native.mu)
 
@@ -139,9 +124,7 @@ def test_a_mimic_of_the_joint_that_holds_a_hub() -> None:
     angles = {k + 1: 0.2 * k for k in range(n) if k != 1}
     start = linkage.state(angles={0: 0.1, **angles}, rates={0: 1.0, 1: 0.5})
     for steps in (5, 10):
-        run = lm.integrate(
-            linkage, lm.LieRATTLE(), start, h=0.1 / steps, steps=steps, compiled=False
-        )
+        run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.1 / steps, steps=steps, compiled=False)
         errors.append(abs(run.energy[-1] - run.energy[0]))
         turned = np.diff([run.joint(k).angle[[0, -1]] for k in (2, 0)])
         assert abs(turned[0, 0] - 2.0 * turned[1, 0]) < 1e-13

@@ -23,15 +23,9 @@ JOINTS = {
     "ball": (lm.joints.BallJoint(0, 1, A, B), 3),
     "fixed point": (lm.joints.BallJoint(1, None, A, [1.0, 2.0, 3.0]), 3),
     "revolute": (lm.joints.RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 1),
-    "revolute to the ground": (
-        lm.joints.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]),
-        1,
-    ),
+    "revolute to the ground": (lm.joints.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]), 1),
     "universal": (lm.joints.UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]), 2),
-    "prismatic": (
-        lm.joints.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])),
-        1,
-    ),
+    "prismatic": (lm.joints.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])), 1),
     "planar": (lm.joints.PlanarJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 3),
     "rod": (lm.joints.RigidRod(0, 1, A, B, 1.3), 5),
 }
@@ -42,10 +36,7 @@ def test_written_derivatives_are_derived_ones(name):
     joint, freedom = JOINTS[name]
     group, joints = lm.ProductGroup(lm.SE3(), lm.SE3()), Joints((joint,))
     g = group.random(7)
-    written, derived = (
-        np.array(joints.jacobian(group, g)),
-        np.array(Constraint.jacobian(joints, group, g)),
-    )
+    written, derived = (np.array(joints.jacobian(group, g)), np.array(Constraint.jacobian(joints, group, g)))
     assert np.allclose(written, derived, rtol=0.0, atol=1e-15 * np.abs(derived).max() * 16)
     assert len(written) == joint.conditions == 6 - freedom
 
@@ -55,19 +46,10 @@ def test_written_derivatives_are_derived_ones(name):
     [
         # the second body turns about the hinge, slides along its axis, or does both turns of a
         # Cardan joint
-        (
-            lm.joints.RevoluteJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [1, 0, 0]),
-            [1, 0, 0, 0, 1, 0],
-        ),
+        (lm.joints.RevoluteJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [1, 0, 0]), [1, 0, 0, 0, 1, 0]),
         (lm.joints.PrismaticJoint(0, 1, [0, 0, 0], [0, 0, -1], [0, 0, 1]), [0, 0, 0, 0, 0, 1]),
-        (
-            lm.joints.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]),
-            [0, 1, 0, -1, 0, 0],
-        ),
-        (
-            lm.joints.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]),
-            [1, 0, 0, 0, 1, 0],
-        ),
+        (lm.joints.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]), [0, 1, 0, -1, 0, 0]),
+        (lm.joints.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]), [1, 0, 0, 0, 1, 0]),
     ],
 )
 def test_what_a_joint_leaves_free(joint, velocity):
@@ -85,8 +67,7 @@ def test_what_a_joint_leaves_free(joint, velocity):
 
 
 @pytest.mark.parametrize(
-    "axis",
-    [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [-0.48, 0.64, -0.6], [0.0, 1.0, 0.0]],
+    "axis", [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [-0.48, 0.64, -0.6], [0.0, 1.0, 0.0]]
 )
 def test_directions_across_an_axis(axis):
     frame = np.array([*across(lm.Vec(*axis)), axis])
@@ -102,13 +83,9 @@ def test_a_slider_falls_along_its_axis():
         [lm.joints.Link(3.0, [0.1, 0.2, 0.2])], [lm.joints.PrismaticJoint(0, None, axis=rail)], 9.81
     )
     start = block.assembled([np.eye(4)])
-    run = lm.integrate(
-        block, lm.LieRATTLE(), start, h=0.1, steps=10, compiled=False, progress=False
-    )
+    run = lm.integrate(block, lm.LieRATTLE(), start, h=0.1, steps=10, compiled=False, progress=False)
     end = block.poses(run.g[-1])[0]
-    assert np.allclose(
-        end[:3, 3], 0.5 * 9.81 * np.sin(slope) * np.array(rail), rtol=0.0, atol=1e-13
-    )
+    assert np.allclose(end[:3, 3], 0.5 * 9.81 * np.sin(slope) * np.array(rail), rtol=0.0, atol=1e-13)
     assert np.allclose(end[:3, :3], np.eye(3), rtol=0.0, atol=1e-14)
 
 
@@ -117,9 +94,7 @@ def test_a_chain_of_three_hangs_still():
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, 2, 3] = [-0.2, -0.6, -1.0]
     start = hanging.assembled(poses)
-    run = lm.integrate(
-        hanging, lm.LieRATTLE(), start, h=0.1, steps=5, compiled=False, progress=False
-    )
+    run = lm.integrate(hanging, lm.LieRATTLE(), start, h=0.1, steps=5, compiled=False, progress=False)
     assert np.allclose(run.g[-1], np.array(start.g), rtol=0.0, atol=1e-15)
     pulls = np.array(hanging.multipliers(start.mu, start.g)).reshape(3, 3)
     weight = 0.5 * hanging.gravity
@@ -148,9 +123,7 @@ def test_what_is_no_joint_is_refused():
         lm.joints.Link("heavy", [0.1, 0.1, 0.1])
     with pytest.raises(lm.errors.InvalidInput, match="mass must be a positive number"):
         lm.joints.Link(0.0, [0.1, 0.1, 0.1])
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"poses has shape \(4, 4\); 2 bodies have \(2, 4, 4\)"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"poses has shape \(4, 4\); 2 bodies have \(2, 4, 4\)"):
         lm.joints.chain(2).assembled(np.eye(4))
 
 
@@ -178,9 +151,7 @@ def test_a_body_at_rest_in_a_field_may_have_a_momentum_of_rounding():
 def test_pulls_are_the_transpose_of_speeds_and_leave_a_body_without_joints_alone() -> None:
     rng, touches = np.random.default_rng(3), [(0, 2), (2,), (2, 4)]
     rows = [[lm.vec(*rng.normal(size=6)) for _ in row] for row in touches]
-    system: Any = SimpleNamespace(
-        **connections(touches, 5), places=[(6 * b, 6 * b + 6) for b in range(5)]
-    )
+    system: Any = SimpleNamespace(**connections(touches, 5), places=[(6 * b, 6 * b + 6) for b in range(5)])
     impulses, xi = lm.vec(*rng.normal(size=3)), lm.vec(*rng.normal(size=30))
     pull = np.array(pulled(system, rows, impulses))
     assert pull.shape == (30,)
@@ -192,18 +163,13 @@ def test_full_and_diagonal_inertias_of_links_stand_in_blocks() -> None:
     full = np.array([[2.0, 0.3, 0.1], [0.3, 1.5, 0.2], [0.1, 0.2, 1.0]])
     flat = np.array([0.9, 1.1, 1.2])
     links = Link(inertia=full, mass=0.7), Link(inertia=flat, mass=1.3), Link(inertia=full, mass=2.0)
-    wanted = block_diag(
-        full, 0.7 * np.eye(3), np.diag(flat), 1.3 * np.eye(3), full, 2.0 * np.eye(3)
-    )
+    wanted = block_diag(full, 0.7 * np.eye(3), np.diag(flat), 1.3 * np.eye(3), full, 2.0 * np.eye(3))
     assert np.array_equal(_inertia(links), wanted)
     assert np.array_equal(np.diag(_inertia(links[1:2])), wanted[6:12, 6:12])
 
 
 def test_bodies_are_apart_unless_an_inertia_joins_two_of_them() -> None:
-    group, inertia = (
-        lm.ProductGroup(lm.SE3(), lm.SE3()),
-        block_diag(np.eye(6) + 0.1, 2.0 * np.eye(6) + 0.1),
-    )
+    group, inertia = (lm.ProductGroup(lm.SE3(), lm.SE3()), block_diag(np.eye(6) + 0.1, 2.0 * np.eye(6) + 0.1))
     assert _separate(group, inertia) and _separate(group, np.diag(inertia))
     inertia[2, 8] = inertia[8, 2] = 0.1
     assert not _separate(group, inertia)

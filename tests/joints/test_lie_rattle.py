@@ -22,9 +22,7 @@ class PointFixed(lm.Constraint):
     at: lm.Vec
 
     def value(self, g):
-        return lm.vec(
-            *[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)]
-        )
+        return lm.vec(*[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)])
 
 
 @lm.record
@@ -45,25 +43,15 @@ class Height(lm.Potential):
         return self.weight * g[2]
 
 
-J, MASS, CENTRE, W = (
-    np.array([1.0, 1.5, 0.7]),
-    2.0,
-    np.array([0.3, 0.1, 0.4]),
-    np.array([0.3, 0.6, 1.1]),
-)
+J, MASS, CENTRE, W = (np.array([1.0, 1.5, 0.7]), 2.0, np.array([0.3, 0.1, 0.4]), np.array([0.3, 0.6, 1.1]))
 ABOUT_POINT = np.diag(J) + MASS * (CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE, CENTRE))
 
 
 @functools.cache
 def top() -> tuple[lm.ConstrainedBody, lm.State, lm.models.HeavyTop, lm.State]:
     """A body on SE(3) with a fixed point, the same as a heavy top on SO(3), and a start of both."""
-    free = lm.MechanicalSystem(
-        lm.models.KirchhoffBody([*J, MASS, MASS, MASS]), lm.models.UniformGravity(MASS * 9.81)
-    )
-    body, R = (
-        lm.ConstrainedBody(free, PointFixed(-CENTRE)),
-        np.array(lm.SO3().exp([0.4, -0.3, 0.5])),
-    )
+    free = lm.MechanicalSystem(lm.models.KirchhoffBody([*J, MASS, MASS, MASS]), lm.models.UniformGravity(MASS * 9.81))
+    body, R = (lm.ConstrainedBody(free, PointFixed(-CENTRE)), np.array(lm.SO3().exp([0.4, -0.3, 0.5])))
     g = np.eye(4)
     g[:3, :3], g[:3, 3] = R, R @ CENTRE
     start = body.state([*J * W, *MASS * np.cross(W, CENTRE)], g)
@@ -74,24 +62,18 @@ def top() -> tuple[lm.ConstrainedBody, lm.State, lm.models.HeavyTop, lm.State]:
 @functools.cache
 def pendulum() -> tuple[lm.ConstrainedBody, lm.State]:
     """The spherical pendulum in R^3."""
-    free = lm.MechanicalSystem(
-        lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height(1.0)
-    )
+    free = lm.MechanicalSystem(lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height(1.0))
     body = lm.ConstrainedBody(free, Sphere(1.0))
     return body, body.state([0.0, 1.2, 0.0], [0.6, 0.0, -0.8])
 
 
 def run(system, method, start, h, steps, **options):
-    return lm.integrate(
-        system, method, start, h=h, steps=steps, compiled=False, progress=False, **options
-    )
+    return lm.integrate(system, method, start, h=h, steps=steps, compiled=False, progress=False, **options)
 
 
 def off(body, states) -> float:
     """The largest miss of both constraints."""
-    return max(
-        np.abs(np.array(body.conditions_at(mu, g))).max() for mu, g in zip(states.mu, states.g)
-    )
+    return max(np.abs(np.array(body.conditions_at(mu, g))).max() for mu, g in zip(states.mu, states.g))
 
 
 def about_point(mu: np.ndarray) -> np.ndarray:
@@ -111,12 +93,7 @@ def test_on_a_body_with_a_fixed_point_it_is_Lie_Verlet_of_the_heavy_top(retracti
     bound = run(body, lm.LieRATTLE(retraction), start, 0.05, 15)
     turning = run(heavy, lm.LieVerlet(retraction), heavy_start, 0.05, 15)
     assert np.allclose(bound.g[:, :3, :3], turning.g, rtol=0.0, atol=15 * 20 * EPSILON)
-    assert np.allclose(
-        about_point(bound.mu),
-        turning.mu,
-        rtol=0.0,
-        atol=15 * 20 * EPSILON * np.abs(turning.mu).max(),
-    )
+    assert np.allclose(about_point(bound.mu), turning.mu, rtol=0.0, atol=15 * 20 * EPSILON * np.abs(turning.mu).max())
     assert off(body, bound) < 8 * EPSILON
 
 
@@ -145,25 +122,14 @@ def test_two_links_on_hinges_are_the_double_pendulum():
     m, l = ([float(file[f"{x}{i}"]) for i in (1, 2)] for x in "ml")
     gravity = float(file["g"])
     q, v = (np.array(file[name], dtype=float) for name in ("angles0", "angular_velocities0"))
-    exact = next(
-        np.array(sample["angles"], dtype=float)
-        for sample in file["samples"]
-        if float(sample["t"]) == 1.0
-    )
+    exact = next(np.array(sample["angles"], dtype=float) for sample in file["samples"] if float(sample["t"]) == 1.0)
     d2, d1 = 0.8 * l[1], 0.6 * l[0]
     m2 = m[1] * l[1] / d2
     m1 = l[0] * (m[0] + m[1] - m2) / d1
-    links = [
-        lm.joints.Link(m1, [m1 * d1 * (l[0] - d1)] * 3),
-        lm.joints.Link(m2, [m2 * d2 * (l[1] - d2)] * 3),
-    ]
+    links = [lm.joints.Link(m1, [m1 * d1 * (l[0] - d1)] * 3), lm.joints.Link(m2, [m2 * d2 * (l[1] - d2)] * 3)]
     hinges = [
-        lm.joints.RevoluteJoint(
-            0, None, [0.0, 0.0, d1], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]
-        ),
-        lm.joints.RevoluteJoint(
-            1, 0, [0.0, 0.0, d2], [0.0, 0.0, d1 - l[0]], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]
-        ),
+        lm.joints.RevoluteJoint(0, None, [0.0, 0.0, d1], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]),
+        lm.joints.RevoluteJoint(1, 0, [0.0, 0.0, d2], [0.0, 0.0, d1 - l[0]], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]),
     ]
     linkage = lm.joints.Linkage(links, hinges, gravity)
     poses, rates = [], []
@@ -179,9 +145,7 @@ def test_two_links_on_hinges_are_the_double_pendulum():
     start = linkage.assembled(poses, rates)
     errors = []
     for steps in 20, 40:
-        end = linkage.poses(
-            run(linkage, lm.LieRATTLE(), start, 1.0 / steps, steps, every=steps).g[-1]
-        )
+        end = linkage.poses(run(linkage, lm.LieRATTLE(), start, 1.0 / steps, steps, every=steps).g[-1])
         errors.append(np.abs(np.arctan2(-end[:, 0, 2], end[:, 2, 2]) - exact).max())
     assert errors[1] < 4e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
@@ -196,9 +160,7 @@ def test_order_two_and_the_way_back(retraction):
     body, start, heavy, heavy_start = top()
     exact = run(heavy, lm.RKMK(order=8), heavy_start, 0.05, 20).g[-1]
     errors = [
-        np.abs(
-            run(body, lm.LieRATTLE(retraction), start, 1 / n, n, every=n).g[-1][:3, :3] - exact
-        ).max()
+        np.abs(run(body, lm.LieRATTLE(retraction), start, 1 / n, n, every=n).g[-1][:3, :3] - exact).max()
         for n in (15, 30)
     ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
@@ -213,10 +175,7 @@ def test_composition_of_order_four():
     body, start = pendulum()
     fine = run(body, lm.Composition(lm.LieRATTLE(), order=6), start, 0.02, 50).g[-1]
     errors = [
-        np.abs(
-            run(body, lm.Composition(lm.LieRATTLE(), order=4), start, 1 / n, n).g[-1] - fine
-        ).max()
-        for n in (10, 20)
+        np.abs(run(body, lm.Composition(lm.LieRATTLE(), order=4), start, 1 / n, n).g[-1] - fine).max() for n in (10, 20)
     ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
 
@@ -238,11 +197,7 @@ def test_common_symmetries_keep_their_momenta():
     between = lm.joints.UniversalJoint(0, 1, [0.3, 0.1, -0.4], [0.0, 0.2, 0.5])
     hung = lm.joints.BallJoint(0, None, [0.0, 0.1, 0.5])
     rng = np.random.default_rng(4)
-    for joints, gravity, number in (
-        ((between,), 0.0, 6),
-        ((between,), 9.81, 3),
-        ((hung, between), 9.81, 1),
-    ):
+    for joints, gravity, number in (((between,), 0.0, 6), ((between,), 9.81, 3), ((hung, between), 9.81, 1)):
         linkage = lm.joints.Linkage(links, joints, gravity)
         poses = np.array([np.eye(4), np.eye(4)])
         poses[:, :3, 3] = [[0.0, -0.1, -0.5], [0.3, -0.2, -1.4]]
@@ -250,24 +205,17 @@ def test_common_symmetries_keep_their_momenta():
         bound = run(linkage, lm.LieRATTLE(), start, 0.01, 20)
         kept = linkage.constants(bound.states)["spatial momentum"]
         assert kept.shape == (21, number)
-        assert (
-            np.abs(kept - kept[0]).max()
-            < 1e-13 * np.abs(linkage.total_momentum(bound.mu, bound.g)).max() * 10
-        )
+        assert np.abs(kept - kept[0]).max() < 1e-13 * np.abs(linkage.total_momentum(bound.mu, bound.g)).max() * 10
         assert off(linkage, bound) < 1e-14
 
 
 def test_multipliers_are_forces():
     # A pendulum's rod pulls with m g cos(a) + m l w^2.
-    linkage = lm.joints.Linkage(
-        [lm.joints.Link(2.0, [0.1, 0.1, 0.1])], [lm.joints.RigidRod(0, None, length=1.5)], 9.81
-    )
+    linkage = lm.joints.Linkage([lm.joints.Link(2.0, [0.1, 0.1, 0.1])], [lm.joints.RigidRod(0, None, length=1.5)], 9.81)
     angle, rate = 0.7, 1.3
     pose = np.eye(4)
     pose[:3, 3] = 1.5 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
-    start = linkage.assembled(
-        [pose], [[0.0, 0.0, 0.0, 1.5 * rate * np.cos(angle), 0.0, 1.5 * rate * np.sin(angle)]]
-    )
+    start = linkage.assembled([pose], [[0.0, 0.0, 0.0, 1.5 * rate * np.cos(angle), 0.0, 1.5 * rate * np.sin(angle)]])
     tension = linkage.multipliers(start.mu, start.g)[0]
     assert tension == pytest.approx(2.0 * 9.81 * np.cos(angle) + 2.0 * 1.5 * rate**2, rel=1e-13)
     run_ = run(linkage, lm.LieRATTLE(), start, 0.01, 5)
@@ -279,39 +227,22 @@ def test_a_coupled_inertia_is_one_block():
     # A diagonal inertia written as a matrix, and one that couples rotation and translation: the
     # frame out of the centre of mass.
     body, start, *_ = top()
-    whole = lm.MechanicalSystem(
-        lm.models.KirchhoffBody(np.diag([*J, MASS, MASS, MASS])), body.body.potential
-    )
+    whole = lm.MechanicalSystem(lm.models.KirchhoffBody(np.diag([*J, MASS, MASS, MASS])), body.body.potential)
     same = lm.ConstrainedBody(whole, body.constraint)
     assert np.allclose(
-        run(same, lm.LieRATTLE(), start, 0.05, 5).mu,
-        run(body, lm.LieRATTLE(), start, 0.05, 5).mu,
-        rtol=0.0,
-        atol=1e-14,
+        run(same, lm.LieRATTLE(), start, 0.05, 5).mu, run(body, lm.LieRATTLE(), start, 0.05, 5).mu, rtol=0.0, atol=1e-14
     )
-    arm = np.array(
-        [[0.0, -CENTRE[2], CENTRE[1]], [CENTRE[2], 0.0, -CENTRE[0]], [-CENTRE[1], CENTRE[0], 0.0]]
-    )
+    arm = np.array([[0.0, -CENTRE[2], CENTRE[1]], [CENTRE[2], 0.0, -CENTRE[0]], [-CENTRE[1], CENTRE[0], 0.0]])
     # the frame in the fixed point
     moved = lm.models.KirchhoffBody.of_blocks(ABOUT_POINT, MASS, MASS * arm)
     about = lm.ConstrainedBody(
-        lm.MechanicalSystem(moved, lm.models.UniformGravity(MASS * 9.81, CENTRE)),
-        PointFixed([0.0, 0.0, 0.0]),
+        lm.MechanicalSystem(moved, lm.models.UniformGravity(MASS * 9.81, CENTRE)), PointFixed([0.0, 0.0, 0.0])
     )
     g = np.eye(4)
     g[:3, :3] = np.array(start.g)[:3, :3]
-    end = run(
-        about,
-        lm.LieRATTLE(),
-        about.state([*ABOUT_POINT @ W, *MASS * np.cross(W, CENTRE)], g),
-        0.05,
-        20,
-    )
+    end = run(about, lm.LieRATTLE(), about.state([*ABOUT_POINT @ W, *MASS * np.cross(W, CENTRE)], g), 0.05, 20)
     assert np.allclose(
-        end.g[-1][:3, :3],
-        run(body, lm.LieRATTLE(), start, 0.05, 20).g[-1][:3, :3],
-        rtol=0.0,
-        atol=1e-13,
+        end.g[-1][:3, :3], run(body, lm.LieRATTLE(), start, 0.05, 20).g[-1][:3, :3], rtol=0.0, atol=1e-13
     )
 
 
@@ -367,10 +298,7 @@ def parallelogram(angle: float, rate: float):
         lm.joints.RevoluteJoint(2, None, left, [1.0, 0.0, 0.0], turn, turn),
     ]
     linkage = lm.joints.Linkage([rod] * 3, joints, 9.81)
-    R, along = (
-        np.array(lm.SO3().exp([0.0, -angle, 0.0])),
-        np.array([np.cos(angle), 0.0, np.sin(angle)]),
-    )
+    R, along = (np.array(lm.SO3().exp([0.0, -angle, 0.0])), np.array([np.cos(angle), 0.0, np.sin(angle)]))
     across = rate * np.array([-np.sin(angle), 0.0, np.cos(angle)])
     poses, rates = np.tile(np.eye(4), (3, 1, 1)), np.zeros((3, 6))
     poses[0, :3, :3] = poses[2, :3, :3] = R
@@ -383,17 +311,13 @@ def parallelogram(angle: float, rate: float):
 
 def test_what_is_no_start_is_refused():
     body, _ = pendulum()
-    with pytest.raises(
-        lm.errors.InconsistentState, match=r"c\(g\) must be zero; condition 0 is 0\.17"
-    ):
+    with pytest.raises(lm.errors.InconsistentState, match=r"c\(g\) must be zero; condition 0 is 0\.17"):
         body.state([0.0, 1.2, 0.0], [0.7, 0.0, -np.sqrt(0.68)])
     with pytest.raises(lm.errors.InconsistentState, match=r"G\(g\) J\^-1 mu must be zero"):
         body.state([0.1, 1.2, 0.0], [0.6, 0.0, -0.8])
     with pytest.raises(lm.errors.InvalidInput, match="g is missing"):
         body.state([0.0, 1.2, 0.0])
-    with pytest.raises(
-        lm.errors.InvalidInput, match="give mu, the momentum, or xi, the velocity, not"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match="give mu, the momentum, or xi, the velocity, not"):
         body.state([0.0, 1.2, 0.0], [0.6, 0.0, -0.8], xi=[0.0, 1.2, 0.0])
     with pytest.raises(lm.errors.InvalidInput, match="its derivative is zero"):
         body.state([0.0, 1.2, 0.0], [0.0, 0.0, 0.0])
@@ -427,39 +351,26 @@ def test_units_do_not_matter(unit):
     found = []
     for size in 1.0, unit:
         swing = lm.joints.Linkage(
-            [lm.joints.Link(size**2, [0.1 * size**4] * 3)],
-            [lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5 * size])],
-            9.81,
+            [lm.joints.Link(size**2, [0.1 * size**4] * 3)], [lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5 * size])], 9.81
         )
         pose = np.eye(4)
         pose[:3, :3] = lm.SO3().exp([0.0, 0.7, 0.0])
         pose[:3, 3] = -0.5 * size * pose[:3, 2]
         end = run(swing, lm.LieRATTLE(), swing.assembled([pose]), 0.05 * size**0.5, 20)
         found.append(swing.poses(end.g)[:, 0, :3, :3])
-        assert (
-            max(
-                np.abs(np.array(swing.conditions_at(mu, g)[0])).max()
-                for mu, g in zip(end.mu, end.g)
-            )
-            < 1e-15 * size
-        )
+        assert max(np.abs(np.array(swing.conditions_at(mu, g)[0])).max() for mu, g in zip(end.mu, end.g)) < 1e-15 * size
     assert np.allclose(*found, rtol=0.0, atol=1e-13)
 
 
 def test_redundant_conditions_are_named():
     links = [lm.joints.Link(1.0, [0.1, 0.1, 0.1])]
     twice = lm.joints.Linkage(
-        links,
-        [
-            lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5]),
-            lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5]),
-        ],
+        links, [lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5]), lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5])]
     )
     pose = np.eye(4)
     pose[2, 3] = -0.5
     with pytest.raises(
-        lm.errors.InvalidInput,
-        match="the 6 conditions have rank 3 here; those of joint 0, joint 1 depend",
+        lm.errors.InvalidInput, match="the 6 conditions have rank 3 here; those of joint 0, joint 1 depend"
     ):
         twice.assembled([pose])
 
@@ -469,9 +380,7 @@ def test_the_nearest_consistent_start():
     near = body.consistent([1.0, 1.2, 0.3], [0.7, 0.2, -0.9])
     q = np.array([0.7, 0.2, -0.9]) / np.linalg.norm([0.7, 0.2, -0.9])
     assert np.allclose(near.g, q, rtol=0.0, atol=1e-14)
-    assert np.allclose(
-        near.mu, [1.0, 1.2, 0.3] - (np.array([1.0, 1.2, 0.3]) @ q) * q, rtol=0.0, atol=1e-14
-    )
+    assert np.allclose(near.mu, [1.0, 1.2, 0.3] - (np.array([1.0, 1.2, 0.3]) @ q) * q, rtol=0.0, atol=1e-14)
 
 
 def test_a_start_from_a_velocity():
@@ -507,9 +416,7 @@ def test_methods_and_systems_that_do_not_fit_say_so():
 def test_native_code_has_the_same_bits():
     body, start = pendulum()
     plain = run(body, lm.LieRATTLE(), start, 0.1, 100)
-    native = lm.integrate(
-        body, lm.LieRATTLE(), start, h=0.1, steps=100, compiled=True, progress=False
-    )
+    native = lm.integrate(body, lm.LieRATTLE(), start, h=0.1, steps=100, compiled=True, progress=False)
     assert native.compiled
     assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
 
@@ -518,16 +425,7 @@ def test_native_code_has_the_same_bits():
 @pytest.mark.compiled
 def test_a_million_steps_on_the_constraint():
     body, start, *_ = top()
-    long = lm.integrate(
-        body,
-        lm.LieRATTLE(),
-        start,
-        h=0.05,
-        steps=1_000_000,
-        every=1000,
-        compiled=True,
-        progress=False,
-    )
+    long = lm.integrate(body, lm.LieRATTLE(), start, h=0.05, steps=1_000_000, every=1000, compiled=True, progress=False)
     assert off(body, long) < 1e-14
     assert long.drift()["energy"].verdict == "bounded"
 
@@ -542,7 +440,5 @@ def test_two_hinged_links_compile_to_the_same_bits():
     poses[1, :3, 3] = -poses[0, :3, 2] - [0.0, 0.0, 0.5]
     start = linkage.assembled(poses)
     plain = run(linkage, lm.LieRATTLE(), start, 0.01, 30)
-    native = lm.integrate(
-        linkage, lm.LieRATTLE(), start, h=0.01, steps=30, compiled=True, progress=False
-    )
+    native = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=30, compiled=True, progress=False)
     assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)

@@ -69,9 +69,7 @@ def tree(few: bool = False) -> tuple[Linkage, Any]:
         DryFriction(2, 0.4, 0.5), Stops(2, -0.05, 0.05, 300.0), Spring(3, 1.5), Damper(3, 0.1, freedom=1),
     ]  # fmt: skip
     if few:  # loads along one coordinate of a joint: less for native code to do
-        forces = [
-            force for force in forces if force.joint in ("elbow", 2) or isinstance(force, Spring)
-        ]
+        forces = [force for force in forces if force.joint in ("elbow", 2) or isinstance(force, Spring)]
     linkage = Linkage([BLOCK, ROD, ROD, ROD, ROD], joints, forces=forces)
     poses = np.tile(np.eye(4), (5, 1, 1))
     poses[:, :3, 3] = [[0, 0, 0.7], [0, 0.2, -0.1], [0.3, 0, 0.1], [0, 0.2, -1.1], [0.2, 0.2, -2.8]]
@@ -128,9 +126,7 @@ def by_loops(linkage: Any, method: Any, start: Any, compiled: bool, **options: A
 
 def written_out(monkeypatch: Any, linkage: Any, method: Any, start: Any, **options: Any) -> Any:
     monkeypatch.setattr(Linkage, "small", 10**6)
-    run = lm.Plan(linkage, method, h=options["h"], compiled=False).run(
-        start, steps=options["steps"]
-    )
+    run = lm.Plan(linkage, method, h=options["h"], compiled=False).run(start, steps=options["steps"])
     monkeypatch.undo()
     assert not isinstance(run.carry, SiteCarry)
     return run
@@ -173,9 +169,7 @@ def test_native_loops_give_the_bits_of_plain_ones(made: Any) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize(
-    "made", [pytest.param(f, marks=pytest.mark.slow) for f in (star, ring, ladder)]
-)
+@pytest.mark.parametrize("made", [pytest.param(f, marks=pytest.mark.slow) for f in (star, ring, ladder)])
 def test_other_native_loops_give_the_bits_of_plain_ones(made: Any) -> None:
     linkage, start = made()
     runs = [by_loops(linkage, lm.LieRATTLE(), start, how, h=0.01, steps=5) for how in (False, True)]
@@ -248,9 +242,7 @@ def test_runs_of_links_stop_and_go_on_with_the_same_bits(tmp_path: Path) -> None
     assert np.array_equal(whole.g[-1], rest.g[-1])
     assert np.array_equal(whole.mu[-1], rest.mu[-1])
     other = linkage.state(angles={0: 0.2})
-    many = linkage.state(
-        *[np.stack([x, y]) for x, y in zip((start.mu, start.g), (other.mu, other.g))]
-    )
+    many = linkage.state(*[np.stack([x, y]) for x, y in zip((start.mu, start.g), (other.mu, other.g))])
     both = plan.run(many, steps=20)
     assert np.array_equal(both.g[:, 0], whole.g)
     stepper = plan.stepper(start)

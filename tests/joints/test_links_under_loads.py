@@ -7,18 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_links_in_memory import (
-    BOTTOM,
-    LUMP,
-    ROD,
-    TOP,
-    TURN,
-    by_loops,
-    needs_compiler,
-    star,
-    tree,
-    written_out,
-)
+from test_links_in_memory import BOTTOM, LUMP, ROD, TOP, TURN, by_loops, needs_compiler, star, tree, written_out
 
 import liemech as lm
 from liemech.formulas import dot, sin, sqrt, vec
@@ -81,10 +70,7 @@ class Cords(lm.Potential):
         return 0.5 * self.k * (x * x + y * y)
 
 
-ON_BODIES = {
-    "load": {1: Drag(3.0), 4: Thrust(1.0), 3: Drag(0.5)},
-    "potential": {2: Trough(20.0), 1: Trough(3.0)},
-}
+ON_BODIES = {"load": {1: Drag(3.0), 4: Thrust(1.0), 3: Drag(0.5)}, "potential": {2: Trough(20.0), 1: Trough(3.0)}}
 ON_ALL = {"load": Coupled(2.0), "potential": Cords(30.0)}
 
 
@@ -93,9 +79,7 @@ ON_ALL = {"load": Coupled(2.0), "potential": Cords(30.0)}
     [(tree, ON_BODIES), (star, ON_ALL), pytest.param(tree, ON_ALL, marks=pytest.mark.slow),
      pytest.param(star, ON_BODIES, marks=pytest.mark.slow)],
 )  # fmt: skip
-def test_loops_under_loads_make_the_steps_of_formulas_written_out(
-    made: Any, acting: Any, monkeypatch: Any
-) -> None:
+def test_loops_under_loads_make_the_steps_of_formulas_written_out(made: Any, acting: Any, monkeypatch: Any) -> None:
     linkage, start = tree(True) if made is tree else star()
     linkage = replace(linkage, **acting)
     one = by_loops(linkage, lm.LieRATTLE(), start, False, h=0.02, steps=2)
@@ -121,14 +105,10 @@ def swinging(n: int = 4, **acting: Any) -> tuple[Linkage, Any]:
 
 
 @needs_compiler
-@pytest.mark.parametrize(
-    "acting", [FIELDS, pytest.param(ON_ALL, marks=pytest.mark.slow)], ids=["bodies", "all"]
-)
+@pytest.mark.parametrize("acting", [FIELDS, pytest.param(ON_ALL, marks=pytest.mark.slow)], ids=["bodies", "all"])
 def test_native_loops_under_loads_give_the_bits_of_plain_ones(acting: Any) -> None:
     linkage, start = swinging(**acting)
-    one, two = (
-        by_loops(linkage, lm.LieRATTLE(), start, how, h=0.02, steps=3) for how in (False, True)
-    )
+    one, two = (by_loops(linkage, lm.LieRATTLE(), start, how, h=0.02, steps=3) for how in (False, True))
     assert np.array_equal(one.mu, two.mu) and np.array_equal(one.g, two.g)
 
 
@@ -160,9 +140,7 @@ def driven() -> tuple[Linkage, Any]:
     return linkage, linkage.state(angles={0: 0.9, 3: -0.4}, rates={1: 1.5})
 
 
-@pytest.mark.parametrize(
-    "breaks", [pytest.param((), marks=pytest.mark.slow), (0.0123, 0.1)], ids=["tables", "breaks"]
-)
+@pytest.mark.parametrize("breaks", [pytest.param((), marks=pytest.mark.slow), (0.0123, 0.1)], ids=["tables", "breaks"])
 def test_steps_of_loops_end_where_inputs_jump(breaks: Any, monkeypatch: Any) -> None:
     linkage, start = driven()
     plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.02, compiled=False, breaks=breaks)
@@ -230,9 +208,7 @@ def side(t: float, state: Any) -> float:
 ASKED = [0.0, 0.013, 0.02, 0.3234, 0.58, 0.6]
 
 
-@pytest.mark.parametrize(
-    "how", [pytest.param(False, marks=pytest.mark.slow), pytest.param(True, marks=needs_compiler)]
-)
+@pytest.mark.parametrize("how", [pytest.param(False, marks=pytest.mark.slow), pytest.param(True, marks=needs_compiler)])
 def test_samples_events_and_functions_of_runs_by_loops(how: bool, monkeypatch: Any) -> None:
     """As of the same linkage written out; the steps know nothing of what is asked."""
     linkage, start = swinging(**FIELDS)
@@ -254,9 +230,7 @@ def test_samples_events_and_functions_of_runs_by_loops(how: bool, monkeypatch: A
     half = first.run(start, steps=4)
     rest = first.resume(half, steps=steps - 4)
     assert np.array_equal(rest.g[-1], whole.g[-1]) and rest.events[0][0] == at
-    ended = plan.replace(events=(linkage.angle(0, np.arcsin(0.6), terminal=1),)).run(
-        start, steps=steps
-    )
+    ended = plan.replace(events=(linkage.angle(0, np.arcsin(0.6), terminal=1),)).run(start, steps=steps)
     assert ended.ended == 0 and ended.t[-1] == turned[0] and ended.steps == len(ended) - 1
     if how:
         return
@@ -345,9 +319,7 @@ def test_a_stiff_damper_is_not_called_a_dead_point() -> None:
 def test_neither_are_steps_that_are_too_long() -> None:
     rods = chain(3, axis=TURN)
     with pytest.raises(lm.errors.NoConvergence, match=r"at joint .* too long there") as told:
-        lm.integrate(
-            rods, lm.LieRATTLE(), rods.state(angles={0: 0.3}), h=3.0, steps=3, compiled=False
-        )
+        lm.integrate(rods, lm.LieRATTLE(), rods.state(angles={0: 0.3}), h=3.0, steps=3, compiled=False)
     assert "dead point" not in str(told.value)
     few = Linkage([ROD, Link(1e-4, [1e-6] * 3)], rods.joints[:2], forces=[Damper(1, 60.0)])
     begun = few.state(angles={0: 0.3}, rates={1: 3.0})

@@ -31,9 +31,7 @@ class PointFixed(lm.Constraint):
     at: lm.Vec
 
     def value(self, g):
-        return lm.vec(
-            *[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)]
-        )
+        return lm.vec(*[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)])
 
 
 @lm.record
@@ -50,9 +48,7 @@ MOMENTS, MASS, CENTRE = np.array([1.0, 1.5, 0.7]), 2.0, np.array([0.3, 0.1, 0.4]
 
 
 @functools.cache
-def top(
-    drag: float = 0.3, push: float = 1.0, speed: float = 1.0
-) -> tuple[lm.ConstrainedBody, lm.State]:
+def top(drag: float = 0.3, push: float = 1.0, speed: float = 1.0) -> tuple[lm.ConstrainedBody, lm.State]:
     free = lm.MechanicalSystem(
         lm.models.KirchhoffBody([*MOMENTS, MASS, MASS, MASS]),
         lm.models.UniformGravity(MASS * 9.81),
@@ -77,9 +73,7 @@ SCENES = {"top": (top, lm.LieRATTLE()), "sleigh": (sleigh, lm.LagrangeDAlembert(
 
 
 def run(system, method, start, h, steps, **options):
-    return lm.integrate(
-        system, method, start, h=h, steps=steps, compiled=False, progress=False, **options
-    )
+    return lm.integrate(system, method, start, h=h, steps=steps, compiled=False, progress=False, **options)
 
 
 @functools.cache
@@ -150,9 +144,7 @@ def test_multipliers_are_those_of_the_time() -> None:
     early, late = (np.array(system.multipliers(start.mu, start.g, t)) for t in (0.0, 0.7))
     assert np.abs(early - late).max() > 1e-3
     moved = run(system, lm.LieRATTLE(), start, 0.1, 3, t0=0.4)
-    assert np.array_equal(
-        moved.multipliers[-1], np.array(system.multipliers(moved.mu[-1], moved.g[-1], moved.t[-1]))
-    )
+    assert np.array_equal(moved.multipliers[-1], np.array(system.multipliers(moved.mu[-1], moved.g[-1], moved.t[-1])))
 
 
 @pytest.mark.slow
@@ -161,7 +153,6 @@ def test_loads_compile() -> None:
     for scene, method in SCENES.values():
         system, start = scene()
         plain, native = (
-            lm.integrate(system, method, start, h=0.1, steps=10, compiled=c, progress=False)
-            for c in (False, True)
+            lm.integrate(system, method, start, h=0.1, steps=10, compiled=c, progress=False) for c in (False, True)
         )
         assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)

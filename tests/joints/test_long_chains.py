@@ -33,22 +33,15 @@ def test_elimination_solves_what_dense_matrices_do(seed: int) -> None:
     """Random conditions on random bodies, with fill: (C D C^T) x = r, D positive block by block."""
     rng = np.random.default_rng(seed)
     blocks, count = 7, 11
-    touches = [
-        tuple(sorted(rng.choice(blocks, size=rng.integers(1, 4), replace=False).tolist()))
-        for _ in range(count)
-    ]
+    touches = [tuple(sorted(rng.choice(blocks, size=rng.integers(1, 4), replace=False).tolist())) for _ in range(count)]
     rows = [[lm.vec(*rng.normal(size=6)) for _ in row] for row in touches]
     D = [np.diag(rng.uniform(0.5, 2.0, 6)) for _ in range(blocks)]
-    system: Any = SimpleNamespace(
-        **connections(touches, blocks), places=[(6 * b, 6 * b + 6) for b in range(blocks)]
-    )
+    system: Any = SimpleNamespace(**connections(touches, blocks), places=[(6 * b, 6 * b + 6) for b in range(blocks)])
     G = np.zeros((count, 6 * blocks))
     for a, (row, ties) in enumerate(zip(rows, touches, strict=True)):
         for part, b in zip(row, ties, strict=True):
             G[a, 6 * b : 6 * b + 6] = part
-    whole: Any = sum(
-        G[:, 6 * b : 6 * b + 6] @ D[b] @ G[:, 6 * b : 6 * b + 6].T for b in range(blocks)
-    )
+    whole: Any = sum(G[:, 6 * b : 6 * b + 6] @ D[b] @ G[:, 6 * b : 6 * b + 6].T for b in range(blocks))
     through = led(system, rows)
     pushed = [[lm.vec(*(D[b] @ np.array(row))) for row in block] for b, block in enumerate(through)]
     r = rng.normal(size=count)
@@ -82,9 +75,7 @@ def test_sparse_matrices_give_the_same_starts(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(constrained_body, "DENSE", 0)
     assert chain._sparse
     found = chain.assembled(poses, velocities)
-    assert np.allclose(found.g, dense.g, rtol=0.0, atol=1e-13) and np.allclose(
-        found.mu, dense.mu, rtol=0.0, atol=1e-13
-    )
+    assert np.allclose(found.g, dense.g, rtol=0.0, atol=1e-13) and np.allclose(found.mu, dense.mu, rtol=0.0, atol=1e-13)
     chain.state(found.mu, found.g)
     with pytest.raises(InconsistentState, match=r"c\(g\) must be zero; condition 3"):
         chain.state(found.mu, np.array(found.g) + np.eye(64)[16 + 3] * 1e-3)
@@ -93,15 +84,12 @@ def test_sparse_matrices_give_the_same_starts(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("most", [0, 10**9])
-def test_conditions_that_depend_on_each_other_are_named(
-    most: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_conditions_that_depend_on_each_other_are_named(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     chain, poses = hanging(3)
     twice: Any = lm.joints.Linkage(chain.links, [*chain.joints, chain.joints[1]])
     monkeypatch.setattr(constrained_body, "DENSE", most)
     with pytest.raises(
-        InvalidInput,
-        match=r"the 12 conditions have rank 9 here; those of joint 1, joint 3 depend on each other",
+        InvalidInput, match=r"the 12 conditions have rank 9 here; those of joint 1, joint 3 depend on each other"
     ):
         twice.assembled(poses)
 
@@ -116,7 +104,4 @@ def test_a_long_chain_moves_and_holds_together() -> None:
     g = np.array(memory.state.g)
     assert np.abs(np.array(chain.constraint.value(memory.state.g))).max() < 1e-13  # of forty metres
     assert np.abs(g - np.array(start.g)).max() > 1e-6
-    assert (
-        abs(chain.energy(memory.state.mu, memory.state.g) / chain.energy(start.mu, start.g) - 1.0)
-        < 1e-6
-    )
+    assert abs(chain.energy(memory.state.mu, memory.state.g) / chain.energy(start.mu, start.g) - 1.0) < 1e-6

@@ -81,9 +81,7 @@ def test_hidden_constraint_is_the_derivative():
     chain, start = bent(5, 3)
     q, p = np.array(start.q), np.array(start.p) + 0.3
     G = np.asarray(chain.constraint_jacobian(q))
-    assert np.allclose(
-        chain.hidden_constraint(q, p), G @ np.asarray(chain.velocity(q, p)), atol=1e-14
-    )
+    assert np.allclose(chain.hidden_constraint(q, p), G @ np.asarray(chain.velocity(q, p)), atol=1e-14)
     whole = super(lm.models.ChainPendulum, chain)._terms(lm.vec(*q), lm.vec(*p))
     for mine, theirs in zip(chain._terms(lm.vec(*q), lm.vec(*p)), whole):
         assert np.allclose(np.array(mine), np.array(theirs), rtol=1e-13)

@@ -89,16 +89,12 @@ class Arm:
         return np.concatenate([v, np.diff(alpha, prepend=0.0)])
 
     def at(self, t: float, q: Any, v: Any) -> np.ndarray:
-        found = solve_ivp(
-            self.rate, (0.0, t), np.concatenate([q, v]), "DOP853", rtol=1e-13, atol=1e-13
-        )
+        found = solve_ivp(self.rate, (0.0, t), np.concatenate([q, v]), "DOP853", rtol=1e-13, atol=1e-13)
         return found.y[:, -1]
 
     def start(self, q: Any, v: Any) -> Any:
         names = [joint.name for joint in self.linkage.joints]
-        return self.linkage.state(
-            angles=dict(zip(names, q, strict=True)), rates=dict(zip(names, v, strict=True))
-        )
+        return self.linkage.state(angles=dict(zip(names, q, strict=True)), rates=dict(zip(names, v, strict=True)))
 
 
 @functools.cache
@@ -121,9 +117,7 @@ START = {2: ([0.4, -0.3], [1.0, 0.5]), 3: ([0.4, -0.3, 0.2], [1.0, 0.5, -0.7])}
 
 
 def run(system: Any, method: Any, start: Any, h: float, steps: int, **more: Any) -> Any:
-    return lm.integrate(
-        system, method, start, h=h, steps=steps, compiled=False, progress=False, **more
-    )
+    return lm.integrate(system, method, start, h=h, steps=steps, compiled=False, progress=False, **more)
 
 
 def coordinates(moved: Any) -> np.ndarray:
@@ -146,9 +140,7 @@ def test_the_reduced_equation_is_that_of_minimal_coordinates(links: int) -> None
 @pytest.mark.parametrize("links", [2, 3])
 def test_the_variational_motion_is_that_of_minimal_coordinates(links: int) -> None:
     it = arm(links)
-    moved = run(
-        it.linkage, lm.Composition(lm.LieRATTLE(), order=6), it.start(*START[links]), 0.15 / 80, 80
-    )
+    moved = run(it.linkage, lm.Composition(lm.LieRATTLE(), order=6), it.start(*START[links]), 0.15 / 80, 80)
     assert coordinates(moved) == pytest.approx(it.at(0.15, *START[links]), rel=0.0, abs=1e-10)
 
 
@@ -179,9 +171,7 @@ def test_energy_is_the_work_of_motors_and_dampers() -> None:
 
 
 def test_springs_alone_keep_the_energy() -> None:
-    it = Arm(
-        [1.0, 0.6], [1.0, 0.7], [Spring("hinge 0", 20.0, 0.3), Stops("hinge 1", -0.1, 0.1, 50.0)]
-    )
+    it = Arm([1.0, 0.6], [1.0, 0.7], [Spring("hinge 0", 20.0, 0.3), Stops("hinge 1", -0.1, 0.1, 50.0)])
     moved = run(it.linkage, lm.LieRATTLE(), it.start(*START[2]), 0.02, 40)
     assert moved.drift()["energy"].largest < 4e-3
     assert it.linkage.body.load is None
@@ -200,12 +190,7 @@ class Constant(JointForce):
 
 def test_angles_go_on_over_several_turns_in_long_steps() -> None:
     """A disk that is driven from rest: angle = torque t^2/(2 J), 14 rad between samples at the end."""
-    disk = Linkage(
-        [Link(1.0, [0.1, 0.1, 0.2])],
-        [RevoluteJoint(0, None, name="shaft")],
-        0.0,
-        [Constant("shaft", 0.8)],
-    )
+    disk = Linkage([Link(1.0, [0.1, 0.1, 0.2])], [RevoluteJoint(0, None, name="shaft")], 0.0, [Constant("shaft", 0.8)])
     moved = run(disk, lm.LieRATTLE(), disk.state(angles={}), 0.02, 500, every=50)
     assert np.allclose(moved.joint("shaft").angle, 2.0 * moved.t**2, rtol=1e-12, atol=1e-12)
     assert moved.joint("shaft").angle[-1] > 30.0 * 2.0 * np.pi
@@ -237,12 +222,7 @@ def test_members_of_an_ensemble_have_joints_too() -> None:
     both = it.linkage.state(np.stack([one.mu, other.mu]), np.stack([one.g, other.g]))
     moved, alone = (run(it.linkage, lm.LieRATTLE(), s, 0.02, 5) for s in (both, one))
     for name in ("angle", "rate", "torque", "power", "work", "reaction"):
-        assert np.allclose(
-            getattr(moved.joint(1), name)[:, 0],
-            getattr(alone.joint(1), name),
-            rtol=1e-13,
-            atol=1e-13,
-        )
+        assert np.allclose(getattr(moved.joint(1), name)[:, 0], getattr(alone.joint(1), name), rtol=1e-13, atol=1e-13)
 
 
 A, B = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
@@ -383,9 +363,7 @@ def test_a_dead_point_is_told_by_its_joints() -> None:
     poses[:, :3, 3] = [0.5 * d, d + [0.5, 0.0, 0.0], 0.5 * d + [1.0, 0.0, 0.0]]
     linkage = flat.independent(poses)
     start = linkage.state(angles={"left": angle}, rates={"left": 1.0}, near=poses)
-    with pytest.raises(
-        lm.errors.IntegrationFailure, match=r"joint '.*depend on each other"
-    ) as told:
+    with pytest.raises(lm.errors.IntegrationFailure, match=r"joint '.*depend on each other") as told:
         run(linkage, lm.LieRATTLE(), start, (np.pi / 2 - angle) / 12.5, 25)
     assert 10 <= len(told.value.trajectory.t) <= 14
 
@@ -424,9 +402,7 @@ def test_what_does_not_fit_a_joint_is_refused() -> None:
     with pytest.raises(lm.errors.InvalidInput, match="there is no joint 'gate'"):
         moved.joint("gate")
     body = lm.RigidBody([1.0, 1.5, 2.0])
-    free = lm.integrate(
-        body, lm.RKMK(order=4), body.state([0.1, 0.2, 0.3], np.eye(3)), h=0.1, steps=2
-    )
+    free = lm.integrate(body, lm.RKMK(order=4), body.state([0.1, 0.2, 0.3], np.eye(3)), h=0.1, steps=2)
     with pytest.raises(lm.errors.InvalidInput, match="has no joints"):
         free.joint("door")
 
@@ -446,9 +422,7 @@ def test_loads_on_bodies_and_forces_at_joints_together() -> None:
     windy = Linkage(it.linkage.links, it.linkage.joints, GRAVITY, it.forces, load=Wind(2.0))
     start = it.start(*START[2])
     exact = run(windy, lm.RKMK(order=6), start, 0.02, 5).g[-1]
-    errors = [
-        np.abs(run(windy, lm.LieRATTLE(), start, 0.1 / n, n).g[-1] - exact).max() for n in (4, 8)
-    ]
+    errors = [np.abs(run(windy, lm.LieRATTLE(), start, 0.1 / n, n).g[-1] - exact).max() for n in (4, 8)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
 
 
@@ -458,9 +432,7 @@ def test_forces_at_joints_compile() -> None:
     it = arm()
     start = it.start(*START[2])
     plain, native = (
-        lm.integrate(
-            it.linkage, lm.LieRATTLE(), start, h=0.02, steps=10, compiled=c, progress=False
-        )
+        lm.integrate(it.linkage, lm.LieRATTLE(), start, h=0.02, steps=10, compiled=c, progress=False)
         for c in (False, True)
     )
     assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
@@ -482,9 +454,7 @@ def test_tables_compile_where_elements_have_constant_entries() -> None:
     free = lm.models.KirchhoffBody([1.0, 1.5, 0.7, 2.0, 2.0, 2.0])
     body = lm.MechanicalSystem(free, lm.NoPotential(), load=Pushed(table))
     plain, native = (
-        lm.integrate(
-            body, lm.LieVerlet(), body.state(np.ones(6), np.eye(4)), h=0.1, steps=8, compiled=c
-        )
+        lm.integrate(body, lm.LieVerlet(), body.state(np.ones(6), np.eye(4)), h=0.1, steps=8, compiled=c)
         for c in (False, True)
     )
     assert native.compiled
@@ -497,9 +467,7 @@ def test_tables_compile_where_elements_have_constant_entries() -> None:
 def rubbing(count: int, speed: float) -> Linkage:
     """Hinges in a row under dry friction of 1 and 2 N m in turn."""
     rods = lm.joints.chain(count, axis=[0.0, 1.0, 0.0])
-    return Linkage(
-        rods.links, rods.joints, forces=[DryFriction(k, 1.0 + k % 2, speed) for k in range(count)]
-    )
+    return Linkage(rods.links, rods.joints, forces=[DryFriction(k, 1.0 + k % 2, speed) for k in range(count)])
 
 
 @pytest.mark.parametrize("speed", [1e-2, 1e-4, 1e-8])
@@ -576,8 +544,7 @@ def turret(armatures: Any, forces: Any = ()) -> Linkage:
     moments = [[0.1, 0.12, 0.02], [0.05, 0.06, 0.03], [0.04, 0.03, 0.05]]
     ends = [([0, 0, 0.5], [0, 0, 0]), ([0, 0, 0.4], [0, 0, -0.5]), ([0.1, 0, 0.3], [0, 0, -0.4])]
     joints = [
-        RevoluteJoint(k, k - 1 if k else None, *ends[k], axes[k], axes[k], armature=armatures[k])
-        for k in range(3)
+        RevoluteJoint(k, k - 1 if k else None, *ends[k], axes[k], axes[k], armature=armatures[k]) for k in range(3)
     ]
     links = [Link(1.0 - 0.2 * k, J) for k, J in enumerate(moments)]
     return Linkage(links, joints, forces=forces)
@@ -601,10 +568,7 @@ def test_armature_of_one_hinge_is_inertia_about_its_axis() -> None:
 
 def test_armature_has_its_orders_and_keeps_the_energy() -> None:
     loads = [Damper(1, 0.1), DryFriction(2, 0.1, 0.3), Spring(0, 2.0)]
-    for method, h, forces in (
-        (lm.LieRATTLE(), 0.01, loads),
-        (lm.Composition(lm.LieRATTLE(), order=4), 0.02, ()),
-    ):
+    for method, h, forces in ((lm.LieRATTLE(), 0.01, loads), (lm.Composition(lm.LieRATTLE(), order=4), 0.02, ())):
         arm = turret([0.1, 0.0, 0.4], forces)
         start = arm.state(angles={0: 0.5, 1: -0.7, 2: 1.0}, rates={0: 1.0, 1: 2.0, 2: -3.0})
         ends = []
@@ -639,9 +603,7 @@ def test_arm_with_armature_moves_as_in_mujoco() -> None:
     start = arm.state(angles={0: 0.5, 1: -0.7, 2: 1.0}, rates={0: 1.0, 1: 2.0, 2: -3.0})
     wanted = [-4.496765043454654, 6.618789454998185, -1.03467372398506]
     assert np.abs(accelerations(arm, start) - wanted).max() < 1e-12
-    run = lm.integrate(
-        arm, lm.Composition(lm.LieRATTLE(), order=4), start, h=1e-3, steps=500, every=500
-    )
+    run = lm.integrate(arm, lm.Composition(lm.LieRATTLE(), order=4), start, h=1e-3, steps=500, every=500)
     ends = [run.joint(k).angle[-1] for k in range(3)]
     there = [0.515340383662783, 0.5884677592061478, -0.649759561598089]
     assert np.abs(np.array(ends) - there).max() < 1e-12
@@ -673,16 +635,12 @@ def test_joints_that_follow_others_move_as_in_minimal_coordinates(
     arm = Linkage(arm.links, arm.joints, mimics=mimics)
     begun = arm.state(**start)
     assert np.abs(accelerations(arm, begun) - wanted).max() < 1e-12
-    run = lm.integrate(
-        arm, lm.Composition(lm.LieRATTLE(), order=4), begun, h=2e-3, steps=250, every=10
-    )
+    run = lm.integrate(arm, lm.Composition(lm.LieRATTLE(), order=4), begun, h=2e-3, steps=250, every=10)
     q = [run.joint(k).angle for k in range(3)]
     assert np.abs(np.array([q[k][-1] for k in range(len(there))]) - there).max() < 1e-11
     assert np.abs(q[2] - (0.3 - 0.7 * q[0])).max() < 1e-13
     assert np.ptp(run.energy) < 1e-9 * np.abs(run.energy).max()
-    once = lm.integrate(
-        arm, lm.Composition(lm.LieRATTLE(), order=4), begun, h=2e-3, steps=2, compiled=False
-    )
+    once = lm.integrate(arm, lm.Composition(lm.LieRATTLE(), order=4), begun, h=2e-3, steps=2, compiled=False)
     twice = lm.integrate(arm, lm.Composition(lm.LieRATTLE(), order=4), begun, h=2e-3, steps=2)
     assert np.array_equal(once.mu, twice.mu) and np.array_equal(once.g, twice.g)
 
@@ -753,9 +711,7 @@ def test_rotors_beside_a_joint_in_a_given_motion() -> None:
     start, ends = shaken.state(angles={0: 0.5}, rates={1: 2.0, 2: -3.0}), []
     for k in range(3):
         steps = 10 * 2**k
-        run = lm.integrate(
-            shaken, lm.LieRATTLE(), start, h=0.1 / steps, steps=steps, compiled=False
-        )
+        run = lm.integrate(shaken, lm.LieRATTLE(), start, h=0.1 / steps, steps=steps, compiled=False)
         ends.append([run.joint(j).angle[-1] for j in range(3)])
     change = np.abs(np.diff(ends, axis=0)).max(axis=1)
     assert abs(np.log2(change[0] / change[1]) - 2.0) < 0.05

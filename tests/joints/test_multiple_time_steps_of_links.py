@@ -50,9 +50,7 @@ def ended(made, method, h, steps, compiled=False):
 def test_one_fast_step_is_lie_rattle(potential):
     """Impulses at the end of a kick and those at the end of a step are the same ones, found in two parts."""
     made = stiff(potential)
-    one, other = (
-        ended(made, method, 0.02, 5) for method in (lm.MultipleTimeSteps((1,)), lm.LieRATTLE())
-    )
+    one, other = (ended(made, method, 0.02, 5) for method in (lm.MultipleTimeSteps((1,)), lm.LieRATTLE()))
     assert np.abs(one.mu - other.mu).max() < 1e-12 and np.abs(one.g - other.g).max() < 1e-13
 
 
@@ -61,9 +59,7 @@ def test_reversible_and_on_the_constraint():
     there = ended(made, lm.MultipleTimeSteps((3,)), 0.04, 4)
     missed, slip = made[0].conditions_at(there.mu[-1], there.g[-1])
     assert np.abs(missed).max() < 1e-14 and np.abs(slip).max() < 1e-14
-    back = lm.integrate(
-        made[0], lm.MultipleTimeSteps((3,)), there.last, h=-0.04, steps=4, compiled=False
-    )
+    back = lm.integrate(made[0], lm.MultipleTimeSteps((3,)), there.last, h=-0.04, steps=4, compiled=False)
     assert np.abs(back.mu[-1] - there.mu[0]).max() < 1e-12
 
 

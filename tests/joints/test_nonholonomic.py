@@ -28,10 +28,7 @@ class Rolling(lm.VelocityConstraint):
 
     def matrix(self, g):
         r = self.radius
-        return lm.mat(
-            lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0),
-            lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0),
-        )
+        return lm.mat(lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0), lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0))
 
 
 @lm.record
@@ -59,9 +56,7 @@ def suslov(w: np.ndarray, t: float) -> np.ndarray:
 
 def run(system, start, h, steps, method=None, **options):
     chosen = method or lm.LagrangeDAlembert()
-    return lm.integrate(
-        system, chosen, start, h=h, steps=steps, compiled=False, progress=False, **options
-    )
+    return lm.integrate(system, chosen, start, h=h, steps=steps, compiled=False, progress=False, **options)
 
 
 def order(errors) -> float:
@@ -118,26 +113,19 @@ def test_Chaplygin_sleigh():
     errors = []
     for n in 40, 80:
         end = run(sleigh, start, 4.0 / n, n).mu[-1]
-        errors.append(
-            np.abs([end[1] / mass - U * np.tanh(s), end[0] / inertia - W / np.cosh(s)]).max()
-        )
+        errors.append(np.abs([end[1] / mass - U * np.tanh(s), end[0] / inertia - W / np.cosh(s)]).max())
     assert order(errors) == pytest.approx(2.0, abs=0.05)
 
 
 def ball(moments) -> tuple[lm.NonholonomicBody, lm.State, np.ndarray]:
     """A ball of 0.3 m and 2 kg with these moments, rolling, and its angular velocity in space."""
     mass, r, w = 2.0, 0.3, np.array([1.0, 2.0, 0.7])
-    free = lm.LiePoissonSystem(
-        lm.ProductGroup(lm.SO3(), lm.VectorSpace(2)), lm.KineticEnergy([*moments, mass, mass])
-    )
+    free = lm.LiePoissonSystem(lm.ProductGroup(lm.SO3(), lm.VectorSpace(2)), lm.KineticEnergy([*moments, mass, mass]))
     R = np.array(lm.SO3().exp([0.3, 0.2, -0.5]))
     body = lm.NonholonomicBody(free, Rolling(r))
     return (
         body,
-        body.state(
-            [*np.array(moments) * (R.T @ w), mass * r * w[1], -mass * r * w[0]],
-            [*R.ravel(), 0.1, 0.2],
-        ),
+        body.state([*np.array(moments) * (R.T @ w), mass * r * w[1], -mass * r * w[0]], [*R.ravel(), 0.1, 0.2]),
         w,
     )
 
@@ -145,9 +133,7 @@ def ball(moments) -> tuple[lm.NonholonomicBody, lm.State, np.ndarray]:
 def test_an_even_ball_rolls_straight():
     body, start, w = ball([0.07, 0.07, 0.07])
     end = run(body, start, 0.1, 20).g[-1]
-    assert np.allclose(
-        end[9:], np.array([0.1, 0.2]) + 2.0 * 0.3 * np.array([w[1], -w[0]]), rtol=0.0, atol=1e-13
-    )
+    assert np.allclose(end[9:], np.array([0.1, 0.2]) + 2.0 * 0.3 * np.array([w[1], -w[0]]), rtol=0.0, atol=1e-13)
 
 
 @pytest.mark.slow
@@ -164,10 +150,7 @@ def test_an_uneven_ball_keeps_its_momentum_about_the_point_of_contact():
             [0.0, 0.0, 0.3], np.pad(found.mu[:, 3:], ((0, 0), (0, 1)))
         )
         changes.append(np.abs(about - about[0]).max())
-        misses = [
-            np.array(body.jacobian(g)) @ np.array(body.velocity(mu))
-            for mu, g in zip(found.mu, found.g)
-        ]
+        misses = [np.array(body.jacobian(g)) @ np.array(body.velocity(mu)) for mu, g in zip(found.mu, found.g)]
         assert np.abs(misses).max() < 8 * EPSILON
     assert order(errors) == pytest.approx(2.0, abs=0.05)
     assert max(changes) < 1e-14
@@ -191,9 +174,7 @@ def test_nonholonomic_particle():
 
 def test_what_does_not_roll_is_refused():
     body = lm.NonholonomicBody(lm.RigidBody(J), Row([0.0, 0.0, 1.0]))
-    with pytest.raises(
-        lm.errors.InconsistentState, match=r"G\(g\) J\^-1 mu must be zero; condition 0 is 1\.27"
-    ):
+    with pytest.raises(lm.errors.InconsistentState, match=r"G\(g\) J\^-1 mu must be zero; condition 0 is 1\.27"):
         body.state([1.0, 2.0, 3.0], np.eye(3))
     near = body.consistent([1.0, 2.0, 3.0], np.eye(3))
     assert abs(np.linalg.solve(J, np.array(near.mu))[2]) < 1e-15

@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.joints import (
-    BallJoint,
-    Damper,
-    Link,
-    Linkage,
-    PrismaticJoint,
-    RevoluteJoint,
-    Spring,
-)
+from liemech.joints import BallJoint, Damper, Link, Linkage, PrismaticJoint, RevoluteJoint, Spring
 
 KINDS = {"hinge": RevoluteJoint, "ball": BallJoint, "slide": PrismaticJoint}
 
@@ -79,9 +71,7 @@ def by_mujoco(mujoco: Any, links: list[dict[str, Any]], h: float, steps: int) ->
     [(0, 5, 1.0, 0.0, 1e-11), (3, 60, 1.0, 0.0, 1e-9), (4, 10, 1e-6, 0.0, 1e-11),
      (5, 10, 1e6, 0.0, 1e-11), (6, 8, 1.0, 3.0, 1e-7)],
 )  # fmt: skip
-def test_random_trees_move_as_in_mujoco(
-    seed: int, n: int, scale: float, spread: float, error: float
-) -> None:
+def test_random_trees_move_as_in_mujoco(seed: int, n: int, scale: float, spread: float, error: float) -> None:
     mujoco = pytest.importorskip("mujoco")
     links = random_tree(seed, n, scale, spread)
     joints, forces = [], []  # type: list[Any], list[Any]
@@ -92,8 +82,7 @@ def test_random_trees_move_as_in_mujoco(
         forces += [Spring(b, x["k"]), Damper(b, x["c"])]
     linkage = Linkage([Link(x["mass"], x["inertia"]) for x in links], joints, forces=forces)
     start = linkage.state(
-        angles={b: x["q"] for b, x in enumerate(links)},
-        rates={b: x["rate"] for b, x in enumerate(links)},
+        angles={b: x["q"] for b, x in enumerate(links)}, rates={b: x["rate"] for b, x in enumerate(links)}
     )
     method, wanted, errors = lm.Composition(lm.LieRATTLE(), order=4), None, []
     wanted = by_mujoco(mujoco, links, 1e-4, 1000)

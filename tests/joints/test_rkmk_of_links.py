@@ -40,9 +40,7 @@ def arm(kind):
 
 def end(made, order, steps, t_end=0.16):
     linkage, start = made
-    run = lm.integrate(
-        linkage, lm.RKMK(order=order), start, h=t_end / steps, steps=steps, compiled=False
-    )
+    run = lm.integrate(linkage, lm.RKMK(order=order), start, h=t_end / steps, steps=steps, compiled=False)
     return run.g[-1], run.mu[-1], run
 
 

@@ -58,8 +58,7 @@ def test_order_of_a_tree(order):
 def test_with_loads_on_bodies_and_friction():
     linkage, start = arm(Linkage)
     a, b = (
-        lm.integrate(linkage, method, start, h=0.005, steps=16)
-        for method in (lm.Taylor(order=6), lm.RKMK(order=8))
+        lm.integrate(linkage, method, start, h=0.005, steps=16) for method in (lm.Taylor(order=6), lm.RKMK(order=8))
     )
     assert np.abs(a.mu[-1] - b.mu[-1]).max() < 1e-11
 
@@ -97,9 +96,7 @@ def test_logarithm_of_series():
         # and of the second order: the derivative of dexp_inv along the way
         e = 1e-4
         ways = [group.algebra.dexp_inv(group.log(R @ group.exp(s * v)), v) for s in (e, -e)]
-        assert (
-            np.abs(np.array([x[1] for x in slope]) - (ways[0] - ways[1]) / (2.0 * e)).max() < 1e-7
-        )
+        assert np.abs(np.array([x[1] for x in slope]) - (ways[0] - ways[1]) / (2.0 * e)).max() < 1e-7
 
 
 def test_what_is_refused():

@@ -56,10 +56,7 @@ def accelerations(robot: Linkage, start: Any) -> dict[str, np.ndarray]:
             run = lm.integrate(robot, lm.LieRATTLE(), start, h=way, steps=1, compiled=False)
             ends.append([run.joint(j).rate[-1] for j in range(len(robot.joints))])
         found.append([(a - b) / (2.0 * h) for a, b in zip(*ends)])
-    return {
-        str(joint.name): np.array((4.0 * one - two) / 3.0)
-        for joint, one, two in zip(robot.joints, *found)
-    }
+    return {str(joint.name): np.array((4.0 * one - two) / 3.0) for joint, one, two in zip(robot.joints, *found)}
 
 
 def test_frames_of_the_puma_are_those_of_denavit_and_hartenberg() -> None:
@@ -96,9 +93,7 @@ def test_accelerations_of_every_kind_of_joint_are_those_of_pinocchio() -> None:
     crane = Linkage.from_urdf(CRANE.replace("ROOT", "planar"), gravity=9.81)
     assert len(crane.links) == 4  # boom and hook are one
     found = accelerations(crane, crane.state(angles=q, rates=v))
-    assert np.concatenate([np.ravel(x) for x in found.values()]) == pytest.approx(
-        PLANAR_ABA, rel=2e-6
-    )
+    assert np.concatenate([np.ravel(x) for x in found.values()]) == pytest.approx(PLANAR_ABA, rel=2e-6)
     q["wheels"], v["wheels"] = [0.0] * 6, [0.2, -0.1, 0.4, 0.3, -0.2, 0.5]
     for flies in (
         Linkage.from_urdf(CRANE.replace("ROOT", "floating"), gravity=9.81),
@@ -106,10 +101,7 @@ def test_accelerations_of_every_kind_of_joint_are_those_of_pinocchio() -> None:
     ):
         root = flies.joints[0]
         assert isinstance(root, FloatingJoint)
-        angles, rates = (
-            {root.name if name == "wheels" else name: x for name, x in some.items()}
-            for some in (q, v)
-        )
+        angles, rates = ({root.name if name == "wheels" else name: x for name, x in some.items()} for some in (q, v))
         found = accelerations(flies, flies.state(angles=angles, rates=rates))
         turning = [*found[str(root.name)][:3], *[found[n] for n in ("mast", "slew", "swivel")]]
         assert turning == pytest.approx(FLOATING_ABA, rel=2e-6)
@@ -138,10 +130,7 @@ def test_the_puma_moves_as_in_mujoco_to_the_order_of_the_method() -> None:
 def test_native_code_of_joints_with_few_conditions_is_the_plain_formula(root: str) -> None:
     crane = Linkage.from_urdf(CRANE.replace("ROOT", root))
     start = crane.state(angles={"slew": 0.4}, rates={"swivel": 1.1})
-    one, other = (
-        lm.integrate(crane, lm.LieRATTLE(), start, h=0.01, steps=3, compiled=way)
-        for way in (True, False)
-    )
+    one, other = (lm.integrate(crane, lm.LieRATTLE(), start, h=0.01, steps=3, compiled=way) for way in (True, False))
     assert np.array_equal(one.mu, other.mu) and np.array_equal(one.g, other.g)
 
 
@@ -221,18 +210,14 @@ def test_shapes_and_meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         '<link name="load">', '<link name="load">' + "".join(map(visual.format, names))
     )
     (tmp_path / "robots" / "urdf" / "crane.urdf").write_text(text)
-    crane = Linkage.from_urdf(
-        tmp_path / "robots" / "urdf" / "crane.urdf", packages={"elsewhere": tmp_path}
-    )
+    crane = Linkage.from_urdf(tmp_path / "robots" / "urdf" / "crane.urdf", packages={"elsewhere": tmp_path})
     files = [Path(str(shape.file)).resolve() for shape in crane.shapes]
     assert files == [tmp_path.resolve() / "robots" / "arm.stl"] * 4
     assert crane.shapes[0].size == lm.vec(0.1, 0.1, 0.2)
     with pytest.warns(FileWarning, match="package://elsewhere/robots/arm.stl.*packages="):
         Linkage.from_urdf(tmp_path / "robots" / "urdf" / "crane.urdf")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
-    assert Linkage.from_urdf(
-        text.replace("elsewhere/robots", "robots").replace("../", f"{tmp_path}/robots/")
-    )
+    assert Linkage.from_urdf(text.replace("elsewhere/robots", "robots").replace("../", f"{tmp_path}/robots/"))
 
 
 LINK = '<link name="a"/><link name="b">' + INERTIAL.format("0 0 0", "0 0 0", 1) + "</link>"
@@ -302,11 +287,7 @@ def test_what_is_odd_in_a_file_is_warned_of(tmp_path: Path) -> None:
     with pytest.warns(InertiaWarning, match="no body made of positive masses"):
         Linkage.from_urdf(GOOD.replace('izz="0.05"', 'izz="0.5"'))
     far = GOOD.replace("</joint>", '<origin xyz="0 0 0.3"/></joint>')
-    for one, other in (
-        ('ixx="0.03"', 'ixx="3e4"'),
-        ('iyy="0.04"', 'iyy="4e4"'),
-        ('izz="0.05"', 'izz="5e4"'),
-    ):
+    for one, other in (('ixx="0.03"', 'ixx="3e4"'), ('iyy="0.04"', 'iyy="4e4"'), ('izz="0.05"', 'izz="5e4"')):
         far = far.replace(one, other)
     with pytest.warns(InertiaWarning, match="radius of gyration"):
         Linkage.from_urdf(far)
@@ -315,10 +296,7 @@ def test_what_is_odd_in_a_file_is_warned_of(tmp_path: Path) -> None:
     with pytest.raises(InvalidType, match="path is a file, or its text"):
         Linkage.from_urdf(3)
     file = tmp_path / "r.urdf"
-    file.write_bytes(
-        b'<?xml version="1.0" encoding="utf-16"?>\n'.decode().encode("utf-16")
-        + GOOD.encode("utf-16")[2:]
-    )
+    file.write_bytes(b'<?xml version="1.0" encoding="utf-16"?>\n'.decode().encode("utf-16") + GOOD.encode("utf-16")[2:])
     assert Linkage.from_urdf(file).joints[0].name == "j"
 
 
@@ -338,25 +316,14 @@ class Follow(JointForce):
 @pytest.mark.compiled
 def test_an_arm_that_a_controller_holds_comes_to_rest_and_stays() -> None:
     """The rates become rounding, and the loads do not."""
-    gains = [
-        (2000.0, 150.0),
-        (3000.0, 200.0),
-        (1000.0, 50.0),
-        (5.0, 0.1),
-        (2.0, 0.03),
-        (0.1, 0.004),
-    ]
+    gains = [(2000.0, 150.0), (3000.0, 200.0), (1000.0, 50.0), (5.0, 0.1), (2.0, 0.03), (0.1, 0.004)]
     hold = [Follow(n, k, c, 1.1 * q) for (n, q), (k, c) in zip(ANGLES.items(), gains)]
     arm = Linkage.from_urdf(PUMA, forces=hold)
-    run = lm.integrate(
-        arm, lm.LieRATTLE(), arm.state(angles=ANGLES), h=1e-3, steps=6000, every=500, progress=False
-    )
+    run = lm.integrate(arm, lm.LieRATTLE(), arm.state(angles=ANGLES), h=1e-3, steps=6000, every=500, progress=False)
     for name, (k, _) in zip(ANGLES, gains):
         joint = run.joint(name)
         assert abs(joint.rate[-1]) < 1e-12
-        assert joint.torque[-1] == pytest.approx(
-            k * (1.1 * ANGLES[name] - joint.angle[-1]), abs=1e-9
-        )
+        assert joint.torque[-1] == pytest.approx(k * (1.1 * ANGLES[name] - joint.angle[-1]), abs=1e-9)
     assert abs(run.joint("shoulder").torque[-1]) > 10.0
 
 

@@ -68,13 +68,9 @@ def test_ensemble_member_is_the_body_alone_for_long(method: lm.Method) -> None:
     body, start = asymmetric_body()
     rng = np.random.default_rng(6)
     mu = rng.normal(size=(37, 3))
-    together = lm.integrate(
-        body, method, body.state(mu, start.g), h=0.3, steps=20_000, every=1000, workers=2
-    )
+    together = lm.integrate(body, method, body.state(mu, start.g), h=0.3, steps=20_000, every=1000, workers=2)
     for i in range(37):
-        alone = lm.integrate(
-            body, method, body.state(mu[i], start.g), h=0.3, steps=20_000, every=1000
-        )
+        alone = lm.integrate(body, method, body.state(mu[i], start.g), h=0.3, steps=20_000, every=1000)
         assert np.array_equal(together.mu[:, i], alone.mu)
         assert np.array_equal(together.g[:, i], alone.g)
 
@@ -83,8 +79,7 @@ def test_ensemble_member_is_the_body_alone_for_long(method: lm.Method) -> None:
 def test_plain_and_compiled_agree_for_long(method: lm.Method) -> None:
     body, start = asymmetric_body()
     plain, compiled = (
-        lm.integrate(body, method, start, h=0.3, steps=4000, every=200, compiled=c)
-        for c in (False, True)
+        lm.integrate(body, method, start, h=0.3, steps=4000, every=200, compiled=c) for c in (False, True)
     )
     assert np.array_equal(plain.mu, compiled.mu)
     assert np.array_equal(plain.g, compiled.g)

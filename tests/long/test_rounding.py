@@ -15,8 +15,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.compiled,
     pytest.mark.skipif(
-        not rounding.HAS_MORE_DIGITS,
-        reason="long double has no more digits than double on this machine",
+        not rounding.HAS_MORE_DIGITS, reason="long double has no more digits than double on this machine"
     ),
 ]
 SYMMETRIC = [case for case in CASES if case.method.symmetric]
@@ -89,8 +88,7 @@ def test_the_offset_that_rounding_adds_at_the_separatrix(method: lm.Method) -> N
 
 
 @pytest.mark.xfail(
-    strict=True,
-    reason="2.6e-8 with exp and 3.0e-8 with Cayley: the rest of a sum is not in the equation of a step",
+    strict=True, reason="2.6e-8 with exp and 3.0e-8 with Cayley: the rest of a sum is not in the equation of a step"
 )
 @pytest.mark.parametrize("method", [rounding.EXP, rounding.CAYLEY], ids=lambda method: method.name)
 def test_the_offset_wanted_at_the_separatrix(method: lm.Method) -> None:
@@ -102,9 +100,7 @@ def test_the_offset_at_the_separatrix_in_31_digits(method: lm.Method) -> None:
     """Rounding at 2^-105 changes the energy like an offset of 2^-52: one of 1e-12 is seen, one of
     1e-24 is not.
     """
-    assert rounding.offset(
-        method, 1e-12, steps=100_000, precision="double-double"
-    ) == pytest.approx(1e-12, rel=0.15)
+    assert rounding.offset(method, 1e-12, steps=100_000, precision="double-double") == pytest.approx(1e-12, rel=0.15)
     assert rounding.offset(method, 1e-24, steps=100_000, precision="double-double") < 1e-15
 
 

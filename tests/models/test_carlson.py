@@ -20,44 +20,29 @@ def arguments(rng: np.random.Generator) -> np.ndarray:
     separatrix.
     """
     angle = np.concatenate([[0.0, 1e-9, 0.5 * np.pi], rng.uniform(0.0, 0.5 * np.pi, 60)])
-    k1 = 10.0 ** (
-        rng.uniform(-1.0, 0.0, angle.size) * np.where(np.arange(angle.size) % 2, 1.0, 70.0)
-    )
+    k1 = 10.0 ** (rng.uniform(-1.0, 0.0, angle.size) * np.where(np.arange(angle.size) % 2, 1.0, 70.0))
     nu = 10.0 ** rng.uniform(-12.0, 0.0, angle.size)
     x = np.where(np.arange(angle.size) == 2, 0.0, np.cos(angle) ** 2)
-    return np.stack(
-        [x, x + (k1 * np.sin(angle)) ** 2, np.ones_like(x), 1.0 + nu * np.sin(angle) ** 2]
-    )
+    return np.stack([x, x + (k1 * np.sin(angle)) ** 2, np.ones_like(x), 1.0 + nu * np.sin(angle) ** 2])
 
 
 def test_against_40_digits(arguments: np.ndarray) -> None:
     """R_J for many arguments at once, after as many duplications as the hardest of them needs."""
     count = max(duplications(*column) for column in arguments.T)
     with mpmath.workdps(40):
-        first = np.array(
-            [float(mpmath.elliprf(*map(mpmath.mpf, column))) for column in arguments[:3].T]
-        )
-        third = np.array(
-            [float(mpmath.elliprj(*map(mpmath.mpf, column))) for column in arguments.T]
-        )
-    assert (
-        np.abs([elliprf(*column) for column in arguments[:3].T.tolist()] / first - 1.0).max()
-        < 6 * EPS
-    )
+        first = np.array([float(mpmath.elliprf(*map(mpmath.mpf, column))) for column in arguments[:3].T])
+        third = np.array([float(mpmath.elliprj(*map(mpmath.mpf, column))) for column in arguments.T])
+    assert np.abs([elliprf(*column) for column in arguments[:3].T.tolist()] / first - 1.0).max() < 6 * EPS
     assert np.abs(elliprj(*arguments, count) / third - 1.0).max() < 6 * EPS
 
 
 def test_numbers_and_arrays_give_the_same_bits(arguments: np.ndarray) -> None:
-    assert np.array_equal(
-        elliprj(*arguments, 7.0), [elliprj(*column, 7.0) for column in arguments.T.tolist()]
-    )
+    assert np.array_equal(elliprj(*arguments, 7.0), [elliprj(*column, 7.0) for column in arguments.T.tolist()])
 
 
 def test_arguments_that_are_closer_need_no_more_duplications(rng: np.random.Generator) -> None:
     """As many as at a quarter period, sn = 1, are enough anywhere."""
-    for k1, nu in zip(
-        10.0 ** rng.uniform(-70.0, 0.0, 40), 10.0 ** rng.uniform(-12.0, 0.0, 40), strict=True
-    ):
+    for k1, nu in zip(10.0 ** rng.uniform(-70.0, 0.0, 40), 10.0 ** rng.uniform(-12.0, 0.0, 40), strict=True):
         most = duplications(0.0, k1 * k1, 1.0, 1.0 + nu)
         for s2 in rng.uniform(size=20):
             assert duplications(1.0 - s2, 1.0 - s2 + k1 * k1 * s2, 1.0, 1.0 + nu * s2) <= most
@@ -69,9 +54,7 @@ def test_equal_arguments_and_homogeneity() -> None:
     assert elliprf(x, x, x) == pytest.approx(x**-0.5, rel=4 * EPS)
     assert elliprj(x, x, x, x, 0.0) == pytest.approx(x**-1.5, rel=4 * EPS)
     assert elliprf(9 * x, 9 * y, 9 * z) == pytest.approx(elliprf(x, y, z) / 3, rel=4 * EPS)
-    assert elliprj(9 * x, 9 * y, 9 * z, 9 * p, count) == pytest.approx(
-        elliprj(x, y, z, p, count) / 27, rel=4 * EPS
-    )
+    assert elliprj(9 * x, 9 * y, 9 * z, 9 * p, count) == pytest.approx(elliprj(x, y, z, p, count) / 27, rel=4 * EPS)
 
 
 def test_the_polynomial_of_the_arctangent(rng: np.random.Generator) -> None:

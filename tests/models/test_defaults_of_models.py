@@ -18,27 +18,12 @@ STANDARD_GRAVITY, E1, E2, E3 = 9.80665, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 
 ORIGIN = (0.0, 0.0, 0.0)
 ENDS = {"at_first": ORIGIN, "at_second": ORIGIN}
 MODELS: dict[type, dict[str, Any]] = {
-    lm.models.AndrewsMechanism: {
-        "degrees": 7,
-        "moment": 0.033,
-        "stiffness": 4530.0,
-        "rest": 0.07785,
-    },
+    lm.models.AndrewsMechanism: {"degrees": 7, "moment": 0.033, "stiffness": 4530.0, "rest": 0.07785},
     lm.models.AxialField: {"slope": 1.0},
     MagneticStructure: {"dim": 6, "rank": 6},
     GuidingCentreStructure: {"dim": 4, "rank": 4},
-    lm.SphericalPendulum: {
-        "degrees": 3,
-        "mass": 1.0,
-        "length": 1.0,
-        "gravity": STANDARD_GRAVITY,
-    },
-    lm.models.ChainPendulum: {
-        "masses": (1.0, 1.0),
-        "lengths": (1.0, 1.0),
-        "gravity": STANDARD_GRAVITY,
-        "dimension": 3,
-    },
+    lm.SphericalPendulum: {"degrees": 3, "mass": 1.0, "length": 1.0, "gravity": STANDARD_GRAVITY},
+    lm.models.ChainPendulum: {"masses": (1.0, 1.0), "lengths": (1.0, 1.0), "gravity": STANDARD_GRAVITY, "dimension": 3},
     lm.models.FourBarLinkage: {"loops": 1, "mass": 1.0, "length": 1.0, "gravity": 9.81},
     lm.models.FermiPastaUlam: {"particles": 32, "alpha": 0.25, "beta": 0.0},
     lm.models.OrthonormalFrame: {"mass": 1.0},
@@ -51,23 +36,14 @@ MODELS: dict[type, dict[str, Any]] = {
     lm.joints.RigidRod: {"conditions": 1, "length": 1.0} | ENDS,
     lm.Kepler: {"degrees": 2, "attraction": 1.0},
     Linkage: {"gravity": STANDARD_GRAVITY},
-    lm.models.LotkaVolterra: {
-        "coupling": ((0.0, 1.0), (-1.0, 0.0)),
-        "weights": (1.0, 1.0),
-        "rates": (1.0, 2.0),
-    },
+    lm.models.LotkaVolterra: {"coupling": ((0.0, 1.0), (-1.0, 0.0)), "weights": (1.0, 1.0), "rates": (1.0, 2.0)},
     MaxwellBlochStructure: {"dim": 3, "rank": 2},
     HalfSquare: {"weight": 1.0},
     lm.models.NBody: {"gravity": 1.0, "dimension": 3},
     lm.models.OrthogonalBody: {"degrees": 9, "inertia": (1.0, 1.5, 2.0)},
     lm.models.ParticleOnEllipsoid: {"axes": (1.0, 1.5, 2.0), "mass": 1.0},
     lm.models.Pendulum: {"degrees": 1, "mass": 1.0, "length": 1.0, "gravity": STANDARD_GRAVITY},
-    lm.models.DoublePendulum: {
-        "degrees": 2,
-        "masses": (1.0, 1.0),
-        "lengths": (1.0, 1.0),
-        "gravity": STANDARD_GRAVITY,
-    },
+    lm.models.DoublePendulum: {"degrees": 2, "masses": (1.0, 1.0), "lengths": (1.0, 1.0), "gravity": STANDARD_GRAVITY},
     lm.models.PlanetarySystem: {"gravity": 1.0},
     lm.joints.Blade: {"behind": 0.0},
     lm.joints.Rolling: {"radius": 1.0},
@@ -114,9 +90,7 @@ def test_the_outer_planets_are_on_their_orbits() -> None:
         k, r = system.gravity * (masses[0] + m), np.linalg.norm(x)
         assert 1.0 / (2.0 / r - w @ w / k) == pytest.approx(axis, rel=0.02)
         turning = np.cross(x, w)
-        assert np.linalg.norm(np.cross(w, turning) / k - x / r) == pytest.approx(
-            eccentricity, abs=0.02
-        )
+        assert np.linalg.norm(np.cross(w, turning) / k - x / r) == pytest.approx(eccentricity, abs=0.02)
         pole = np.array([0.0, -np.sin(np.radians(23.44)), np.cos(np.radians(23.44))])
         cosine = pole @ turning / np.linalg.norm(turning)
         assert np.degrees(np.arccos(cosine)) == pytest.approx(inclination, abs=0.05)
@@ -130,9 +104,7 @@ def test_three_bodies_on_an_eight_are_each_where_the_next_one_was() -> None:
     """After a third of the period: the first is where the second was, and so on."""
     system, start = lm.models.NBody.figure_eight()
     period = lm.models.n_body.EIGHT_PERIOD
-    run = lm.integrate(
-        system, lm.RKMK(order=8), start, h=period / 90, steps=30, every=30, compiled=False
-    )
+    run = lm.integrate(system, lm.RKMK(order=8), start, h=period / 90, steps=30, every=30, compiled=False)
     for now, then in ((run.q[-1], run.q[0]), (run.p[-1], run.p[0])):
         assert np.abs(now.reshape(3, 2) - np.roll(then.reshape(3, 2), -1, axis=0)).max() < 2e-8
     assert tuple(system.masses) == (1.0, 1.0, 1.0) and system.gravity == 1.0

@@ -60,10 +60,7 @@ def wanted(q: Any, p: Any, k: float, t: float) -> tuple[mp.matrix, mp.matrix]:
         s -= (r0 * G1 + rise * G2 + k * G3 - time) / (r0 + rise * G1 + (k - b * r0) * G2)
     G1, G2, G3 = G(s)
     r = r0 + rise * G1 + (k - b * r0) * G2
-    return (
-        (1 - k * G2 / r0) * x + (time - k * G3) * v,
-        (1 - k * G2 / r) * v - (k * G1 / (r * r0)) * x,
-    )
+    return ((1 - k * G2 / r0) * x + (time - k * G3) * v, (1 - k * G2 / r) * v - (k * G1 / (r * r0)) * x)
 
 
 @pytest.mark.parametrize("e", [*CIRCLES, *ELLIPSES, *PARABOLAS, *HYPERBOLAS])
@@ -76,8 +73,7 @@ def test_every_conic_is_exact_to_rounding(e: float, slant: float) -> None:
     speed = np.sqrt(k / r * (1.0 + e))
     system = lm.Kepler(k)
     start = system.state(
-        [r * np.cos(turned), r * np.sin(turned)],
-        [-speed * np.sin(turned + slant), speed * np.cos(turned + slant)],
+        [r * np.cos(turned), r * np.sin(turned)], [-speed * np.sin(turned + slant), speed * np.cos(turned + slant)]
     )
     unit = np.sqrt(r**3 / k)
     times = unit * np.array([0.0, 1e-7, -1e-3, 0.3, 1.0, -2.5, 7.0, -40.0, 900.0])

@@ -40,9 +40,7 @@ def whittaker(q: float, p: float, m: float, g: float, l: float, t: float) -> tup
             return whole + 2 * (mp.asin(sn) + n * mp.pi), 2 * w * k * dn * m * l * l
         if k2 == 1:
             u = mp.atanh(S) * mp.sign(v) + w * t
-            return whole + 2 * mp.sign(v) * mp.asin(mp.tanh(u)), 2 * w * mp.sign(v) / mp.cosh(
-                u
-            ) * m * l * l
+            return whole + 2 * mp.sign(v) * mp.asin(mp.tanh(u)), 2 * w * mp.sign(v) / mp.cosh(u) * m * l * l
         k = mp.sqrt(k2)
         u = mp.ellipf(mp.asin(S / k), k2)
         u = (2 * mp.ellipk(k2) - u if v < 0 else u) + w * t
@@ -96,19 +94,14 @@ def test_against_the_reference() -> None:
 
 def test_periods() -> None:
     pendulum = lm.models.Pendulum(1.0, 2.0, 3.0)
-    assert pendulum.period(pendulum.state(0.0, 1e-9)) == pytest.approx(
-        2.0 * math.pi * math.sqrt(2.0 / 3.0), rel=1e-15
-    )
+    assert pendulum.period(pendulum.state(0.0, 1e-9)) == pytest.approx(2.0 * math.pi * math.sqrt(2.0 / 3.0), rel=1e-15)
     for p in 0.5, 30.0, -30.0:
         start = pendulum.state(0.4, p)
         end = pendulum.exact(start, pendulum.period(start))
         turn = 2.0 * math.pi * np.sign(p) if abs(p) > 20.0 else 0.0
         assert abs(end.q[0] - 0.4 - turn) < 1e-14
         assert abs(end.p[0] - p) < 1e-14 * abs(p)
-    assert (
-        lm.models.Pendulum(gravity=1.0).period(lm.models.Pendulum(gravity=1.0).state(0.0, 2.0))
-        == math.inf
-    )
+    assert lm.models.Pendulum(gravity=1.0).period(lm.models.Pendulum(gravity=1.0).state(0.0, 2.0)) == math.inf
 
 
 def test_rest_and_no_gravity() -> None:
@@ -153,9 +146,9 @@ def test_the_period_without_gravity_is_that_of_a_turn() -> None:
     pendulum = lm.models.Pendulum(mass=1.3, length=0.7, gravity=0.0)
     start = pendulum.state(0.4, -0.9)
     end = pendulum.exact(start, pendulum.period(start))
-    assert float(end.q[0]) == pytest.approx(0.4 - 2.0 * math.pi, rel=1e-14) and float(
-        end.p[0]
-    ) == pytest.approx(-0.9, rel=1e-14)
+    assert float(end.q[0]) == pytest.approx(0.4 - 2.0 * math.pi, rel=1e-14) and float(end.p[0]) == pytest.approx(
+        -0.9, rel=1e-14
+    )
 
 
 def test_rods_of_a_pendulum_join_each_mass_to_the_one_before() -> None:

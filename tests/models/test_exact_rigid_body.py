@@ -161,9 +161,7 @@ def errors(J, mu, g, t, solution):
 def test_reference_solutions(body):
     data = json.loads((REFERENCE / f"rigid_body_{body}.json").read_text())
     J, mu, g = (np.array(data[key], float) for key in ("J", "pi0", "R0"))
-    t, mus, gs = (
-        np.array([sample[key] for sample in data["samples"]], float) for key in ("t", "pi", "R")
-    )
+    t, mus, gs = (np.array([sample[key] for sample in data["samples"]], float) for key in ("t", "pi", "R"))
     assert max(errors(J, mu, g, t, (mus, gs))) < 10 * EPS
 
 
@@ -209,9 +207,7 @@ def test_derivatives(name):
 # -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name]
-)
+@pytest.mark.parametrize("name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name])
 def test_flow_property(name):
     """From 0 to s, from there to s + t: the same as from 0 to s + t. (Next to the saddle, rounding
     at s would grow.)
@@ -219,9 +215,7 @@ def test_flow_property(name):
     J, mu = REGIMES[name]
     s, t = np.array([3.7, -9.1]) / (top_rate(J, mu) or 1.0)
     there = exact_rigid_body(J, mu, attitude(), s)
-    for a, b in zip(
-        exact_rigid_body(J, *there, t), exact_rigid_body(J, mu, attitude(), s + t), strict=True
-    ):
+    for a, b in zip(exact_rigid_body(J, *there, t), exact_rigid_body(J, mu, attitude(), s + t), strict=True):
         assert abs(a - b).max() < 300 * EPS * (abs(b).max() or 1.0)
 
 
@@ -245,9 +239,7 @@ def test_conserved_over_long_times(name):
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    "J, mu", [([2 / 3, 1, 2], [0.5, 0, 0.75**0.5]), ([3, 1, 2], [0.3, 1.5, -0.4])]
-)
+@pytest.mark.parametrize("J, mu", [([2 / 3, 1, 2], [0.5, 0, 0.75**0.5]), ([3, 1, 2], [0.3, 1.5, -0.4])])
 @pytest.mark.parametrize("periods", [1, 1000, 10**6, -(10**6)])
 def test_long_times(J, mu, periods):
     """After a period the momentum is back, the body has turned about g mu by an angle; both from
@@ -305,19 +297,13 @@ def test_continuous_across_the_separatrix():
 
 
 def test_period():
-    assert [
-        momentum_period(*REGIMES[name]) for name in ("sphere", "rest", "steady, middle axis")
-    ] == [0, 0, 0]
-    assert momentum_period([1, 1, 2], [0.5, 0.3, 0.9]) == pytest.approx(
-        2 * math.pi / 0.45, rel=4 * EPS
-    )
+    assert [momentum_period(*REGIMES[name]) for name in ("sphere", "rest", "steady, middle axis")] == [0, 0, 0]
+    assert momentum_period([1, 1, 2], [0.5, 0.3, 0.9]) == pytest.approx(2 * math.pi / 0.45, rel=4 * EPS)
     # A distance d from the middle axis: K = log(4/k') + O(k'^2), k' proportional to d, down to the
     # least d.
     for d in (1e-20, 1e-60):
         k1, lam = 2 * d / math.sqrt(3), math.sqrt(0.5 / 6)
-        assert momentum_period([1, 2, 3], [0, 1, d]) == pytest.approx(
-            4 * math.log(4 / k1) / lam, rel=10 * EPS
-        )
+        assert momentum_period([1, 2, 3], [0, 1, d]) == pytest.approx(4 * math.log(4 / k1) / lam, rel=10 * EPS)
 
 
 # --- data as they come
@@ -344,9 +330,7 @@ def test_vectorised_equals_scalar_bit_for_bit(name):
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    "inertia_unit, momentum_unit", [(-150, -110), (132, 60), (-900, 40), (3, 900)]
-)
+@pytest.mark.parametrize("inertia_unit, momentum_unit", [(-150, -110), (132, 60), (-900, 40), (3, 900)])
 def test_units_that_are_powers_of_two_change_no_bit(inertia_unit, momentum_unit):
     t = np.array([-7.0, 0.0, 0.3, 1e5])
     for name in MOVING:
@@ -362,9 +346,7 @@ def test_units_that_are_powers_of_two_change_no_bit(inertia_unit, momentum_unit)
         assert np.array_equal(there[1], here[1]), name
 
 
-@pytest.mark.parametrize(
-    "inertia_unit, momentum_unit", [(1e-46, 1e-34), (1e40, 1e36), (1e-300, 1e-300)]
-)
+@pytest.mark.parametrize("inertia_unit, momentum_unit", [(1e-46, 1e-34), (1e40, 1e36), (1e-300, 1e-300)])
 def test_molecules_and_planets(inertia_unit, momentum_unit):
     J, mu = np.array([1, 2, 3]) * inertia_unit, np.array([0.3, -0.4, 1.2]) * momentum_unit
     t = np.array([-3, 10.0]) * (inertia_unit / momentum_unit)
@@ -375,9 +357,7 @@ def test_molecules_and_planets(inertia_unit, momentum_unit):
     assert abs(gs - here[1]).max() < 50 * EPS
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name]
-)
+@pytest.mark.parametrize("name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name])
 def test_full_inertia_is_the_principal_one_seen_from_turned_axes(name):
     J, mu = REGIMES[name]
     U, g = attitude(7), attitude()
@@ -394,22 +374,16 @@ def test_full_inertia_is_the_principal_one_seen_from_turned_axes(name):
 def test_diagonal_matrix_equals_its_diagonal():
     J, mu = REGIMES["unsorted"]
     for a, b in zip(
-        exact_rigid_body(np.diag(J), mu, attitude(), 3.0),
-        exact_rigid_body(J, mu, attitude(), 3.0),
-        strict=True,
+        exact_rigid_body(np.diag(J), mu, attitude(), 3.0), exact_rigid_body(J, mu, attitude(), 3.0), strict=True
     ):
         assert np.array_equal(a, b)
 
 
 @pytest.mark.sample(5)
-@pytest.mark.parametrize(
-    "J", [*itertools.product([1e-300, 1, 1e300], repeat=3), (1, 1 + EPS, 1 - EPS / 2)]
-)
+@pytest.mark.parametrize("J", [*itertools.product([1e-300, 1, 1e300], repeat=3), (1, 1 + EPS, 1 - EPS / 2)])
 def test_finite_in_finite_out(J):
     t = np.array([0.0, 5e-324, 1e-9, -1.0, 1e9, -1e150, 1.7e308])
-    for mu in itertools.product(
-        [0.0, 5e-324, -1e-200, 1e-20, 1.0], [0.0, -1e-155, 1e300], [0.0, 1.0, -1e-9, 1e300]
-    ):
+    for mu in itertools.product([0.0, 5e-324, -1e-200, 1e-20, 1.0], [0.0, -1e-155, 1e300], [0.0, 1.0, -1e-9, 1e300]):
         mus, gs = exact_rigid_body(J, mu, np.eye(3), t)
         assert np.isfinite(mus).all()
         assert np.isfinite(gs).all()
@@ -475,9 +449,7 @@ def test_native_code_gives_the_bits_of_numpy(
 
 
 @pytest.mark.compiled
-def test_native_code_is_made_when_it_pays(
-    fresh: batch.Driver, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_native_code_is_made_when_it_pays(fresh: batch.Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[object] = []
     monkeypatch.setattr(kernel, "stored", lambda *_, **__: None)
     monkeypatch.setattr(kernel, "kernel", lambda *args, **__: made.append(args))

@@ -90,9 +90,7 @@ CASES: dict[str, tuple[lm.models.LagrangeTop, Any, Any]] = {
 
 
 @pytest.mark.parametrize(
-    ("number", "order"),
-    [(float, 20), pytest.param(mp.mpf, 30, marks=pytest.mark.slow)],
-    ids=["16", "32"],
+    ("number", "order"), [(float, 20), pytest.param(mp.mpf, 30, marks=pytest.mark.slow)], ids=["16", "32"]
 )
 @pytest.mark.parametrize("name", CASES)
 def test_against_power_series(name: str, number: Any, order: int) -> None:
@@ -150,21 +148,13 @@ def test_the_separatrix_itself() -> None:
 
 
 def test_against_the_reference() -> None:
-    top = lm.models.LagrangeTop(
-        float(REFERENCE["mgl"]), float(REFERENCE["J"][0]), float(REFERENCE["J"][2]), 1.0
-    )
-    start = top.state(
-        np.array(REFERENCE["pi0"], dtype=float), np.array(REFERENCE["R0"], dtype=float)
-    )
+    top = lm.models.LagrangeTop(float(REFERENCE["mgl"]), float(REFERENCE["J"][0]), float(REFERENCE["J"][2]), 1.0)
+    start = top.state(np.array(REFERENCE["pi0"], dtype=float), np.array(REFERENCE["R0"], dtype=float))
     for sample in REFERENCE["samples"]:
         t = float(sample["t"])
         found = top.exact(start, t)
-        assert np.abs(
-            np.array(found.mu) - np.array(sample["pi"], dtype=float)
-        ).max() < 8.0 * EPS * (1.0 + 4.0 * t)
-        assert np.abs(np.array(found.g) - np.array(sample["R"], dtype=float)).max() < 8.0 * EPS * (
-            1.0 + 4.0 * t
-        )
+        assert np.abs(np.array(found.mu) - np.array(sample["pi"], dtype=float)).max() < 8.0 * EPS * (1.0 + 4.0 * t)
+        assert np.abs(np.array(found.g) - np.array(sample["R"], dtype=float)).max() < 8.0 * EPS * (1.0 + 4.0 * t)
 
 
 def test_long_times_keep_what_is_constant() -> None:

@@ -66,11 +66,7 @@ def test_a_tridiagonal_matrix_is_todas_lattice(small: int, monkeypatch: pytest.M
     start = flow.lattice(q, p)
     run = lm.integrate(flow, lm.Isospectral(6), start, h=0.05, steps=20)
     other = solve_ivp(
-        lambda t, y: of_lattice(y),
-        (0.0, 1.0),
-        np.asarray(lattice.state_of(q, p).y),
-        rtol=1e-12,
-        atol=1e-14,
+        lambda t, y: of_lattice(y), (0.0, 1.0), np.asarray(lattice.state_of(q, p).y), rtol=1e-12, atol=1e-14
     ).y[:, -1]
     assert np.abs(flow.of_flaschka(run.mu[-1]) - other).max() < 1e-9
     long = lm.integrate(flow, lm.Isospectral(4), start, h=0.2, steps=300)
@@ -128,9 +124,7 @@ def test_density_matrices_beside_the_exponential(n: int) -> None:
     assert np.abs(run.g[-1] - u.conj().T).max() < 1e-13
     found = []
     for steps in (8, 16):
-        run = lm.integrate(
-            levels, lm.Isospectral(4), start, h=1.0 / steps, steps=steps, compiled=False
-        )
+        run = lm.integrate(levels, lm.Isospectral(4), start, h=1.0 / steps, steps=steps, compiled=False)
         found.append(np.abs(levels.density(run.mu[-1]) - exact).max())
         assert np.ptp(levels.populations(run.mu), axis=0).max() < 5e-15
     assert 3.6 < np.log2(found[0] / found[1]) < 4.6

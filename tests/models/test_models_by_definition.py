@@ -61,9 +61,7 @@ def test_a_linkage_weighs_what_its_links_weigh() -> None:
     later = np.array([g.ravel(), *((move @ g.reshape(3, 4, 4)).ravel() for move in elsewhere)])
     kept = linkage.constants({"mu": np.tile(mu.ravel(), (3, 1)), "g": later})
     assert kept["spatial momentum"].shape == (3, 3)  # about the vertical, and both ways across it
-    assert np.linalg.norm(kept["spatial momentum"][0]) == pytest.approx(
-        np.linalg.norm(total[[2, 3, 4]]), rel=1e-12
-    )
+    assert np.linalg.norm(kept["spatial momentum"][0]) == pytest.approx(np.linalg.norm(total[[2, 3, 4]]), rel=1e-12)
     hung = lm.joints.Linkage(links[:1], [lm.joints.BallJoint(0, None, lm.vec(0.0, 0.0, 0.5))])
     g = poses_of(TURNS[:1], -0.5 * TURNS[:1, :, 2])
     start = hung.assembled(g, [[0.3, 0.4, 0.5, 0.0, 0.0, 0.0]])
@@ -113,9 +111,7 @@ def test_a_thrown_body_falls() -> None:
     v = v0 - 9.0 * t[:, None] * [0.0, 0.0, 1.0]
     x = [0.3, 0.4, 0.5] + v0 * t[:, None] - 4.5 * t[:, None] ** 2 * [0.0, 0.0, 1.0]
     assert np.allclose(end.g[:, :3, 3], x, rtol=1e-13)
-    assert np.allclose(
-        np.einsum("nij,nj->ni", end.g[:, :3, :3], end.mu[:, 3:]), 1.7 * v, rtol=1e-13
-    )
+    assert np.allclose(np.einsum("nij,nj->ni", end.g[:, :3, :3], end.mu[:, 3:]), 1.7 * v, rtol=1e-13)
     assert (end.g[:, 3] == [0.0, 0.0, 0.0, 1.0]).all()
     free = lm.RigidBody([1.0, 1.6, 2.3])
     turned = free.exact(free.state([0.4, 0.5, 0.6], TURNS[0]), t)
@@ -194,10 +190,7 @@ def test_an_orbit_from_any_point_of_an_ellipse(axis: float) -> None:
     elsewhere = kepler.exact(kepler.state(first.q[0], first.p[0]), t - t[0])
     assert np.allclose(elsewhere.q, first.q, rtol=0.0, atol=1e-13 * axis)
     E = np.array(
-        [
-            brentq(lambda E, m=m: E - 0.6 * np.sin(E) - m, 0.0, 7.0, xtol=1e-15)
-            for m in 2.0 * np.pi * t / period
-        ]
+        [brentq(lambda E, m=m: E - 0.6 * np.sin(E) - m, 0.0, 7.0, xtol=1e-15) for m in 2.0 * np.pi * t / period]
     )
     wanted = axis * np.stack([np.cos(E) - 0.6, 0.8 * np.sin(E)], axis=-1)
     assert np.allclose(first.q, wanted, rtol=0.0, atol=1e-13 * axis)
@@ -241,9 +234,7 @@ def test_the_centre_of_gyration() -> None:
     turned = np.zeros((3, 3))
     for j, e in enumerate(np.eye(3)):
         ends = [numbers(field.at(lm.vec(*(x + s * e)))) for s in (1e-5, -1e-5)]
-        turned[:, j] = (
-            ends[0] / np.linalg.norm(ends[0]) - ends[1] / np.linalg.norm(ends[1])
-        ) / 2e-5
+        turned[:, j] = (ends[0] / np.linalg.norm(ends[0]) - ends[1] / np.linalg.norm(ends[1])) / 2e-5
     curl = [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
     star = B + y[3] * np.array(curl)
     pull = np.array(slopes[:3])
@@ -267,10 +258,7 @@ def test_planets_in_coordinates_of_jacobi() -> None:
     assert system.energy(start.y) == pytest.approx(energy, rel=1e-13)
     for part in (system.hamiltonian, *system.hamiltonian.parts):
         energy_of = part.energy
-        slopes = [
-            (energy_of(lm.vec(*(y + 1e-5 * e))) - energy_of(lm.vec(*(y - 1e-5 * e)))) / 2e-5
-            for e in np.eye(18)
-        ]
+        slopes = [(energy_of(lm.vec(*(y + 1e-5 * e))) - energy_of(lm.vec(*(y - 1e-5 * e)))) / 2e-5 for e in np.eye(18)]
         assert np.allclose(part.gradient(start.y), slopes, rtol=1e-6, atol=1e-8)
     assert np.abs(slopes[:3]).max() > 1e-3 and np.abs(slopes[3:9]).max() > 1e-3
     back = system.bodies(np.array([y, y]))
@@ -338,9 +326,7 @@ def test_how_a_ball_rolls() -> None:
     wanted = v - np.cross(TURNS[1] @ w, [0.0, 0.0, 0.7])
     assert np.allclose(rows @ np.r_[w, v], wanted, rtol=1e-14)
     w, v = RNG.normal(size=(2, 3))
-    assert np.allclose(
-        lm.joints.Suslov([0.0, 0.0, 2.0]).matrix(lm.Mat.of(TURNS[0].tolist())), [[0, 0, 2.0]]
-    )
+    assert np.allclose(lm.joints.Suslov([0.0, 0.0, 2.0]).matrix(lm.Mat.of(TURNS[0].tolist())), [[0, 0, 2.0]])
     blade = numbers(lm.joints.Blade(0.4).matrix(lm.Mat.of(np.eye(3).tolist())))
     assert np.allclose(blade, [[-0.4, 0.0, 1.0]])
 
@@ -360,9 +346,7 @@ def test_attitudes_as_quaternions() -> None:
     assert np.allclose(poses.rotated(found, v), R @ v, atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    "group", [lm.SO3(), lm.SE3(), lm.SE2(), "product", lm.UnitQuaternions()], ids=str
-)
+@pytest.mark.parametrize("group", [lm.SO3(), lm.SE3(), lm.SE2(), "product", lm.UnitQuaternions()], ids=str)
 def test_where_a_body_is_and_how_it_is_turned(group: Any) -> None:
     turns, x = TURNS, PLACES
     system: Any = None
@@ -385,9 +369,7 @@ def test_where_a_body_is_and_how_it_is_turned(group: Any) -> None:
     wanted = Rotation.from_matrix(turns).as_quat()
     assert np.allclose(np.abs((found * wanted).sum(axis=1)), 1.0, atol=1e-14)
     there = group if group != "product" else system.configurations
-    assert poses.is_pose(there) and poses.flies(system) == (
-        group not in (lm.SO3(), lm.UnitQuaternions())
-    )
+    assert poses.is_pose(there) and poses.flies(system) == (group not in (lm.SO3(), lm.UnitQuaternions()))
     if poses.flies(system):
         assert np.array_equal(poses.place(system, g), x)
 
@@ -411,9 +393,7 @@ def test_points_and_rods() -> None:
         found = poses.places(system, q, q)
         assert np.array_equal(found, q.reshape(2, -1, dimension))
     one = RNG.normal(size=(3, 1))
-    assert np.array_equal(
-        poses.places(lm.models.FermiPastaUlam(1), one, 2.0 * one)[:, 0], np.c_[one, 2.0 * one]
-    )
+    assert np.array_equal(poses.places(lm.models.FermiPastaUlam(1), one, 2.0 * one)[:, 0], np.c_[one, 2.0 * one])
     assert poses.places(lm.Kepler(), q[:, :2], q[:, :2]).shape == (2, 1, 2)
     angle = np.array([[0.4]])
     drawn = poses.places(lm.models.Pendulum(length=0.6), angle, angle)[0]

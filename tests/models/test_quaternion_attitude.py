@@ -38,9 +38,7 @@ METHODS = (
 
 BY_ELEMENTS = (
     lm.FirstKindHamiltonJacobi(order=2),
-    lm.FirstKindHamiltonJacobi(
-        order=2, retraction=lm.Cayley(), s0=lm.class_functions.CayleySquare()
-    ),
+    lm.FirstKindHamiltonJacobi(order=2, retraction=lm.Cayley(), s0=lm.class_functions.CayleySquare()),
 )
 """Methods that turn momenta by elements of the group: equal to rounding."""
 
@@ -72,13 +70,10 @@ def test_the_same_motion_to_rounding(method: lm.Method) -> None:
 
 def test_refused_by_name() -> None:
     with pytest.raises(
-        lm.errors.IncompatibleSystem,
-        match=r"Isospectral.*rotation matrices, not quaternions.*group=SO3",
+        lm.errors.IncompatibleSystem, match=r"Isospectral.*rotation matrices, not quaternions.*group=SO3"
     ):
         runs(lm.Isospectral(order=4))
-    with pytest.raises(
-        lm.errors.InvalidType, match=r"group must be SO3\(\) or UnitQuaternions\(\); got SE3"
-    ):
+    with pytest.raises(lm.errors.InvalidType, match=r"group must be SO3\(\) or UnitQuaternions\(\); got SE3"):
         lm.RigidBody(J, group=lm.SE3())  # type: ignore[arg-type]
 
 
@@ -106,9 +101,7 @@ def test_in_a_field() -> None:
 
 def test_the_exact_motion() -> None:
     times = np.linspace(0.0, 30.0, 7)
-    matrices, quaternions = (
-        body.exact(start, times) for body, start in zip(BODIES, STARTS, strict=True)
-    )
+    matrices, quaternions = (body.exact(start, times) for body, start in zip(BODIES, STARTS, strict=True))
     assert np.array_equal(matrices.mu, quaternions.mu)
     assert np.abs(Q.matrix(quaternions.g) - matrices.g).max() < 8 * 2.0**-52
     assert (quaternions.g[:, 3] >= 0.0).all()
@@ -125,8 +118,6 @@ def test_the_name_tells() -> None:
 def test_native_code_does_the_same() -> None:
     body, start = BODIES[1], STARTS[1]
     for method in (lm.RKMK(order=4), lm.ThreeRotations()):
-        plain, native = (
-            lm.integrate(body, method, start, h=0.1, steps=10, compiled=c) for c in (False, True)
-        )
+        plain, native = (lm.integrate(body, method, start, h=0.1, steps=10, compiled=c) for c in (False, True))
         assert np.array_equal(plain.mu, native.mu)
         assert np.array_equal(plain.g, native.g)

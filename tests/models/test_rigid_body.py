@@ -54,9 +54,7 @@ def test_every_method_converges_to_the_exact_motion(method: lm.Method) -> None:
     for file in ("rigid_body_seed", "rigid_body_unsorted"):
         data = json.loads((REFERENCE / f"{file}.json").read_text())
         body = quiet_body([float(x) for x in data["J"]])
-        start = body.state(
-            [float(x) for x in data["pi0"]], [[float(x) for x in row] for row in data["R0"]]
-        )
+        start = body.state([float(x) for x in data["pi0"]], [[float(x) for x in row] for row in data["R0"]])
         run = lm.integrate(body, method, start, h=1e-3, steps=1000, every=100)
         exact = body.exact(start, run.t)
         bound = 1e-11 if method is RKMK4 else 1e-5
@@ -116,9 +114,7 @@ def test_molecules_and_planets(method: lm.Method, unit: float) -> None:
     body, start = asymmetric_body()
     run = lm.integrate(body, method, start, h=0.2, steps=100)
     other = lm.RigidBody(unit * np.array(body.inertia))
-    scaled = lm.integrate(
-        other, method, other.state(unit * np.array(start.mu), start.g), h=0.2, steps=100
-    )
+    scaled = lm.integrate(other, method, other.state(unit * np.array(start.mu), start.g), h=0.2, steps=100)
     assert np.abs(scaled.mu / unit - run.mu).max() < 1e-13
     assert np.abs(scaled.g - run.g).max() < 1e-13
 

@@ -14,12 +14,9 @@ library: Any = lm
 RADIUS, MASS, J = 0.7, 1.3, np.array([0.3, 0.5, 0.7])
 GROUP = lm.ProductGroup(lm.SO3(), lm.VectorSpace(3))
 BALL = library.NonholonomicBody(
-    library.LiePoissonSystem(GROUP, library.KineticEnergy([*J, MASS, MASS, MASS])),
-    lm.joints.Rolling(RADIUS),
+    library.LiePoissonSystem(GROUP, library.KineticEnergy([*J, MASS, MASS, MASS])), lm.joints.Rolling(RADIUS)
 )
-START = BALL.consistent(
-    [0.1, 1.0, 0.3, 0.0, 0.0, 0.2], GROUP.join(lm.SO3().exp([0.4, -0.3, 0.5]), np.zeros(3))
-)
+START = BALL.consistent([0.1, 1.0, 0.3, 0.0, 0.0, 0.2], GROUP.join(lm.SO3().exp([0.4, -0.3, 0.5]), np.zeros(3)))
 
 
 def test_the_point_of_contact_is_at_rest() -> None:
@@ -33,9 +30,7 @@ def test_the_momentum_about_the_contact_is_kept() -> None:
     """d/dt of R J w + r e3 x m v vanishes: of the forces only those in the contact are there.
     Source: Chaplygin (1903).
     """
-    run = lm.integrate(
-        BALL, lm.RKMK(order=6), START, h=0.05, steps=10, compiled=False, progress=False
-    )
+    run = lm.integrate(BALL, lm.RKMK(order=6), START, h=0.05, steps=10, compiled=False, progress=False)
     R = run.g[:, :9].reshape(-1, 3, 3)
     turning = np.einsum("nij,nj->ni", R, run.mu[:, :3])
     about = turning + np.cross([0.0, 0.0, RADIUS], run.mu[:, 3:])

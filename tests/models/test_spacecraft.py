@@ -57,9 +57,7 @@ def by_hand(t: float, y: np.ndarray) -> np.ndarray:
     F = F - 3.0 * K / r**4 * R @ ((np.trace(J) - 5.0 * u @ J @ u) / 2.0 * u + J @ u)
     N = 3.0 * K / r**3 * np.cross(u, J @ u)
     z = x[2] / r
-    F = F - 1.5 * K * MASS * J2 * RADIUS**2 / r**4 * (
-        (1.0 - 5.0 * z * z) * x / r + np.array([0.0, 0.0, 2.0 * z])
-    )
+    F = F - 1.5 * K * MASS * J2 * RADIUS**2 / r**4 * ((1.0 - 5.0 * z * z) * x / r + np.array([0.0, 0.0, 2.0 * z]))
     wind = v - np.cross([0.0, 0.0, 7.292e-5], x)
     density = 2e-11 * np.exp(-(r - RADIUS - 4e5) / 6e4)
     D = -0.5 * density * 9.0 * np.linalg.norm(wind) * wind
@@ -129,9 +127,7 @@ def test_forces_and_torques_are_those_of_the_energy(name: str) -> None:
     here = Place(vec(*POSITION), R, MASS, Mat.of(J.tolist()))
     slow = ByEnergy(effector)
     force, torque = np.array(effector.force(here)), np.array(effector.torque(here))
-    assert np.allclose(
-        force, np.array(slow.force(here)), rtol=1e-13, atol=1e-14 * np.abs(force).max()
-    )
+    assert np.allclose(force, np.array(slow.force(here)), rtol=1e-13, atol=1e-14 * np.abs(force).max())
     assert np.allclose(torque, np.array(slow.torque(here)), rtol=1e-12, atol=1e-16)
 
 
@@ -150,9 +146,7 @@ def test_the_node_of_an_orbit_turns_as_published() -> None:
     98.603 degrees and 800 km.
     """
     a, i = 7.178e6, np.radians(98.603)
-    craft = M.Spacecraft(
-        [900.0, 800.0, 600.0], MASS, [M.PointGravity(K), M.Oblateness(K, J2, RADIUS)]
-    )
+    craft = M.Spacecraft([900.0, 800.0, 600.0], MASS, [M.PointGravity(K), M.Oblateness(K, J2, RADIUS)])
     v = np.sqrt(K / a) * np.array([0.0, np.cos(i), np.sin(i)])
     n = np.sqrt(K / a**3)
     turns, per = 14, 60
@@ -220,9 +214,7 @@ def test_the_field_of_a_dipole() -> None:
     assert equator[2] == pytest.approx(7.7e15 / 7e6**3, rel=1e-15)  # north, 22.4 microtesla
     turning = M.DipoleField(7.7e15, [0.6, 0.0, -0.8], 2 * np.pi / 86400.0)
     quarter = np.array(turning.at(21600.0, vec(7e6, 0.0, 0.0)))
-    assert np.allclose(
-        quarter, 7.7e15 / 7e6**3 * np.array([0.0, -0.6, 0.8]), rtol=1e-12, atol=1e-20
-    )
+    assert np.allclose(quarter, 7.7e15 / 7e6**3 * np.array([0.0, -0.6, 0.8]), rtol=1e-12, atol=1e-20)
 
 
 def test_sunlight_in_the_penumbra() -> None:
@@ -237,9 +229,7 @@ def test_sunlight_in_the_penumbra() -> None:
         c = np.arccos(-np.dot(x, s) / np.linalg.norm(s) / np.linalg.norm(x))
         inside = grid[:, None] ** 2 + grid**2 < 1.0
         hidden = inside & ((a * grid[:, None] - c) ** 2 + (a * grid) ** 2 < b * b)
-        assert sunlight(vec(*x), sun, radius) == pytest.approx(
-            1 - hidden.sum() / inside.sum(), abs=2e-3
-        )
+        assert sunlight(vec(*x), sun, radius) == pytest.approx(1 - hidden.sum() / inside.sum(), abs=2e-3)
         assert 0.0 < sunlight(vec(*x), sun, radius) < 1.0
 
 
@@ -273,9 +263,7 @@ def test_motors_and_friction_leave_the_spin_in_space_alone() -> None:
 def test_a_wheel_that_rubs_comes_to_rest_beside_its_body() -> None:
     """About one axis: I W' = -c W I/(1 - I/J), so W falls by e in I (1 - I/J)/c."""
     I, c = 2.0, 0.5
-    craft = M.Spacecraft(
-        [10.0, 10.0, 5.0], 1.0, (), M.ReactionWheels([[0, 0, 1.0]], [I], viscous=[c])
-    )
+    craft = M.Spacecraft([10.0, 10.0, 5.0], 1.0, (), M.ReactionWheels([[0, 0, 1.0]], [I], viscous=[c]))
     start = craft.state_of([0, 0, 0], [0, 0, 0], speeds=[7.0])
     run = lm.integrate(craft, lm.RKMK(order=4), start, h=0.05, steps=100, compiled=False)
     W = np.array(craft.velocity(run.mu))[:, 6]
@@ -286,11 +274,7 @@ def test_a_wheel_that_rubs_comes_to_rest_beside_its_body() -> None:
 
 def test_saturated_motors() -> None:
     wheels = M.ReactionWheels(
-        np.eye(3),
-        [0.1] * 3,
-        torques=[5.0, -0.3, -0.3],
-        torque_limits=[0.2, 0.4, 0.4],
-        speed_limits=[4.0, 4.0, 4.0],
+        np.eye(3), [0.1] * 3, torques=[5.0, -0.3, -0.3], torque_limits=[0.2, 0.4, 0.4], speed_limits=[4.0, 4.0, 4.0]
     )
     craft = M.Spacecraft([100.0, 100.0, 100.0], 1.0, (), wheels)
     start = craft.state_of([0, 0, 0], [0, 0, 0], speeds=[0.0, 3.9, -4.5])
@@ -339,9 +323,7 @@ def test_momenta_in_space_are_sums_of_what_acts_on_them() -> None:
 
     craft = M.Spacecraft([1.0, 1.5, 0.7], 1.0, [Weight([0.8, 0.0, 1.0])])
     other = lm.MechanicalSystem(craft.body, craft.potential)
-    start = craft.state_of(
-        [0.0] * 3, [0.0] * 3, Rotation.from_rotvec([0.4, -0.3, 0.5]), [0.3, 0.4, 1.5]
-    )
+    start = craft.state_of([0.0] * 3, [0.0] * 3, Rotation.from_rotvec([0.4, -0.3, 0.5]), [0.3, 0.4, 1.5])
     ends: dict[str, Any] = {}
     for system in craft, other:
         for n in (40, 80, 640):
@@ -368,10 +350,7 @@ def test_free_bodies_and_midpoints_on_products() -> None:
     mu = np.array([0.3, 0.6, 1.1, 0.5, 0.5, 0.7, 1.0, 2.0])
     start = both.state(mu, (Rotation.identity(), [0, 0, 0, 1.0], [0.0, 0.0]))
     run = lm.integrate(both, lm.ExactFreeBody(), start, h=0.7, steps=50, every=50)
-    first, second = (
-        lm.RigidBody(moments[:3]),
-        lm.RigidBody(moments[3:6], group=lm.UnitQuaternions()),
-    )
+    first, second = (lm.RigidBody(moments[:3]), lm.RigidBody(moments[3:6], group=lm.UnitQuaternions()))
     one = first.exact(first.state(mu[:3], np.eye(3)), 35.0)
     other = second.exact(second.state(mu[3:6], [0, 0, 0, 1.0]), 35.0)
     assert np.abs(run.mu[-1, :6] - np.r_[one.mu, other.mu]).max() < 1e-13
@@ -380,17 +359,12 @@ def test_free_bodies_and_midpoints_on_products() -> None:
     assert np.allclose(run.g[-1, 13:], [35.0, 35.0], rtol=1e-13)
     for method in lm.SphericalMidpoint(), lm.ImplicitMidpoint():
         run = lm.integrate(both, method, start, h=0.1, steps=40)
-        for body, at, there in (
-            (first, slice(0, 3), np.eye(3)),
-            (second, slice(3, 6), [0, 0, 0, 1.0]),
-        ):
+        for body, at, there in ((first, slice(0, 3), np.eye(3)), (second, slice(3, 6), [0, 0, 0, 1.0])):
             alone = lm.integrate(body, method, body.state(mu[at], there), h=0.1, steps=40)
             assert np.abs(run.mu[:, at] - alone.mu).max() < 1e-14
     pair = np.diag(moments) + 0.3 * (np.eye(8, k=4) + np.eye(8, k=-4))
     coupled = lm.LiePoissonSystem(group, KineticEnergy(pair))
-    exact = lm.integrate(
-        coupled, lm.RKMK(order=8), coupled.state(start.mu, start.g), h=0.05, steps=40
-    )
+    exact = lm.integrate(coupled, lm.RKMK(order=8), coupled.state(start.mu, start.g), h=0.05, steps=40)
     errors = []
     for h in (0.1, 0.05):
         run = lm.integrate(coupled, lm.SphericalMidpoint(), start, h=h, steps=round(2 / h))
@@ -410,9 +384,7 @@ def test_kicks_and_drifts_with_wheels() -> None:
     exact = lm.integrate(craft, lm.RKMK(order=8), start, h=0.5, steps=80)
     errors = []
     for h in (1.0, 0.5):
-        run = lm.integrate(
-            craft, lm.KickDrift(lm.SphericalMidpoint()), start, h=h, steps=round(40 / h)
-        )
+        run = lm.integrate(craft, lm.KickDrift(lm.SphericalMidpoint()), start, h=h, steps=round(40 / h))
         errors.append((run.rotation[-1].inv() * exact.rotation[-1]).magnitude())
         assert run.drift()["angular momentum"].largest < 1e-14
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)

@@ -42,9 +42,7 @@ def test_a_zonal_flow_decays_exactly_in_a_run() -> None:
 @pytest.mark.parametrize("rotation", [0.0, 0.6])
 def test_what_stays_and_what_falls(rotation: float) -> None:
     sphere = viscous(0.01, rotation)
-    run = lm.integrate(
-        sphere, lm.DissipativeSplitting(), sphere.from_harmonics(EDDIES), h=0.1, steps=40
-    )
+    run = lm.integrate(sphere, lm.DissipativeSplitting(), sphere.from_harmonics(EDDIES), h=0.1, steps=40)
     assert run.drift()["angular momentum"].verdict == "exact"
     enstrophy, turning = sphere.system.enstrophy(run.mu), sphere.system.angular_momentum(run.mu)
     assert (np.diff(enstrophy) < 0.0).all() and (np.diff(run.energy) < 0.0).all()
@@ -88,9 +86,7 @@ def test_order_beside_scipy() -> None:
     for method in (lm.Isospectral(2), lm.Isospectral(4), lm.RKMK(order=4)):
         errors = []
         for h in (0.05, 0.025):
-            run = lm.integrate(
-                sphere, lm.DissipativeSplitting(method), start, h=h, steps=round(1.6 / h)
-            )
+            run = lm.integrate(sphere, lm.DissipativeSplitting(method), start, h=h, steps=round(1.6 / h))
             errors.append(np.abs(sphere.system.matrix(run.mu[-1]).ravel() - exact).max())
         assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1, (method, errors)
 
@@ -135,9 +131,7 @@ def test_dissipation_of_ones_own_on_a_small_group() -> None:
     exact = np.exp(-0.3 * 2.0) * np.asarray(body.exact(body.state(mu=mu), t=[inner]).mu[-1])
     errors = []
     for h in (0.1, 0.05):
-        run = lm.integrate(
-            system, lm.DissipativeSplitting(), system.state(mu=mu), h=h, steps=round(2.0 / h)
-        )
+        run = lm.integrate(system, lm.DissipativeSplitting(), system.state(mu=mu), h=h, steps=round(2.0 / h))
         errors.append(np.abs(run.mu[-1] - exact).max())
     assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1 and errors[1] < 1e-3
 

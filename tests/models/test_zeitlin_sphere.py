@@ -11,15 +11,7 @@ from scipy.special import sph_harm_y
 import liemech as lm
 from liemech.formulas.large import Large
 
-GIVEN = {
-    (1, 0): 0.3,
-    (2, 1): 0.5,
-    (3, -2): -0.4,
-    (3, 3): 0.2,
-    (1, 1): 0.2,
-    (1, -1): -0.1,
-    (4, 2): 0.3,
-}
+GIVEN = {(1, 0): 0.3, (2, 1): 0.5, (3, -2): -0.4, (3, 3): 0.2, (1, 1): 0.2, (1, -1): -0.1, (4, 2): 0.3}
 
 
 def spins(n: int) -> tuple[np.ndarray, ...]:
@@ -44,9 +36,7 @@ def test_matrices_stand_for_functions(n: int) -> None:
     sphere = lm.models.ZeitlinSphere(n)
     unit = np.sqrt(4.0 * np.pi / 3.0)
     for lm_, s in zip(((1, 1), (1, -1), (1, 0)), spins(n), strict=True):
-        assert np.allclose(
-            sphere.matrix(sphere.from_harmonics({lm_: unit}).mu), sphere.hbar * s, atol=1e-14
-        )
+        assert np.allclose(sphere.matrix(sphere.from_harmonics({lm_: unit}).mu), sphere.hbar * s, atol=1e-14)
     mu = np.array(sphere.from_harmonics(GIVEN).mu)
     found = sphere.harmonics(mu)
     expected = np.zeros_like(found)
@@ -76,9 +66,7 @@ def test_poisson_equation_and_gradient() -> None:
     assert slope == pytest.approx(np.array(sphere.velocity(mu)) @ d, rel=1e-11)
 
 
-def wave(
-    sphere: lm.models.ZeitlinSphere, omega: float, turned: float = 0.0
-) -> dict[tuple[int, int], float]:
+def wave(sphere: lm.models.ZeitlinSphere, omega: float, turned: float = 0.0) -> dict[tuple[int, int], float]:
     """A Rossby-Haurwitz wave: solid rotation and harmonics of degree 3, turned to the east."""
     unit, a = np.sqrt(4.0 * np.pi / 3.0), turned
     return {(1, 0): 2.0 * omega * unit, (3, 2): 0.5 * np.cos(2 * a), (3, -2): 0.5 * np.sin(2 * a),
@@ -98,9 +86,7 @@ def test_a_rossby_haurwitz_wave_moves_exactly(rotation: float) -> None:
     exact = np.array(sphere.from_harmonics(wave(sphere, absolute, rate * t)).mu)
     for order, found in errors.items():
         for h in (0.1, 0.05):
-            run = lm.integrate(
-                sphere, lm.Isospectral(order), start, h=h, steps=round(t / h), compiled=False
-            )
+            run = lm.integrate(sphere, lm.Isospectral(order), start, h=h, steps=round(t / h), compiled=False)
             found.append(float(np.abs(run.mu[-1] - exact).max() / np.abs(exact).max()))
             kept = run.drift()
             assert all(kept[k].verdict == "exact" for k in ("enstrophy", "moment 3", "moment 4"))
@@ -115,12 +101,7 @@ def test_angular_momentum_is_kept_to_rounding() -> None:
     eddies = {(l, m): rng.normal() / l for l in range(2, 8) for m in range(-l, l + 1)}
     for order in (2, 4):
         run = lm.integrate(
-            sphere,
-            lm.Isospectral(order),
-            sphere.from_harmonics(eddies),
-            h=0.1,
-            steps=30,
-            compiled=False,
+            sphere, lm.Isospectral(order), sphere.from_harmonics(eddies), h=0.1, steps=30, compiled=False
         )
         assert np.abs(run.mu[-1] - run.mu[0]).max() > 0.01
         assert np.abs(sphere.angular_momentum(run.mu)).max() < 1e-13
@@ -129,10 +110,7 @@ def test_angular_momentum_is_kept_to_rounding() -> None:
 def test_native_flow_has_the_same_bits() -> None:
     sphere = lm.models.ZeitlinSphere(13, rotation=0.2)
     start = sphere.from_harmonics(GIVEN)
-    plain, native = (
-        lm.integrate(sphere, lm.Isospectral(2), start, h=0.05, steps=5, compiled=c)
-        for c in (False, True)
-    )
+    plain, native = (lm.integrate(sphere, lm.Isospectral(2), start, h=0.05, steps=5, compiled=c) for c in (False, True))
     assert native.compiled and np.array_equal(plain.mu, native.mu)
 
 
@@ -193,10 +171,7 @@ def test_harmonics_are_wigners_3j_symbols(n: int) -> None:
         assert np.abs(ours(sphere, l, m) - t).max() < 5e-15, (l, m)
         turned = sum(commutator(s, commutator(s, t)) for s in spins(n))
         assert np.abs(turned - l * (l + 1) * t).max() < 1e-13 * l * (l + 1)
-        assert (
-            abs(sphere.hamiltonian.solver(Large(t.astype(complex))).array * l * (l + 1) - t).max()
-            < 1e-14
-        )
+        assert abs(sphere.hamiltonian.solver(Large(t.astype(complex))).array * l * (l + 1) - t).max() < 1e-14
 
 
 def test_brackets_have_the_published_structure_constants() -> None:
@@ -273,9 +248,7 @@ BAD: list[tuple[str, Any, str]] = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("method", "given", "words"), BAD, ids=lambda x: x if isinstance(x, str) else ""
-)
+@pytest.mark.parametrize(("method", "given", "words"), BAD, ids=lambda x: x if isinstance(x, str) else "")
 def test_a_field_that_is_none_is_named(method: str, given: Any, words: str) -> None:
     with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=words):
         getattr(lm.models.ZeitlinSphere(13), method)(*given)

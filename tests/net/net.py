@@ -76,9 +76,7 @@ def of_run(run: lm.Trajectory, times: Any = None) -> dict[str, Any]:
     if isinstance(getattr(run, "tau", None), np.ndarray):
         found["tau"] = digest(run.tau)
     if run.stopped:
-        found["stopped"] = {
-            str(i): f"{type(x.error).__name__} after {x.steps}" for i, x in run.stopped.items()
-        }
+        found["stopped"] = {str(i): f"{type(x.error).__name__} after {x.steps}" for i, x in run.stopped.items()}
     for k, event in enumerate(run.events):
         bodies = [event] if run.bodies is None else event
         found[f"events[{k}].n"] = [len(t) for t, _ in bodies]
@@ -161,12 +159,7 @@ class Case:
             warnings.simplefilter("ignore")
             try:
                 return self._found(compiled)
-            except (
-                errors.InvalidInput,
-                errors.InvalidType,
-                errors.IncompatibleSystem,
-                errors.NotCompilable,
-            ) as error:
+            except (errors.InvalidInput, errors.InvalidType, errors.IncompatibleSystem, errors.NotCompilable) as error:
                 if getattr(error, "trajectory", None) is None:
                     return {REFUSED: type(error).__name__}
                 return self._failed(error)
@@ -188,15 +181,9 @@ class Case:
             asked = scenes.observer(scene, self.observer)[1]
             early, late = ({}, {})
             if "t_eval" in asked:
-                early, late = (
-                    {"t_eval": [x for x in times if (x <= scene.middle) == b]}
-                    for b in (True, False)
-                )
+                early, late = ({"t_eval": [x for x in times if (x <= scene.middle) == b]} for b in (True, False))
                 if scene.backwards:
-                    early, late = (
-                        {"t_eval": [x for x in times if (x >= scene.middle) == b]}
-                        for b in (True, False)
-                    )
+                    early, late = ({"t_eval": [x for x in times if (x >= scene.middle) == b]} for b in (True, False))
             begun = plan.run(start, **{**first, **early})
             gone = plan.resume(begun, **{**rest, **late})
             joined = begun.then(gone)
@@ -377,12 +364,8 @@ def main() -> None:
         "assumed": "IEEE 754 doubles without contraction; any SIMD width; cases that need libm or blas"
         " are compared where these give the same numbers",
     }
-    lines = ",\n".join(
-        f"{json.dumps(n)}: {json.dumps(x, sort_keys=True)}" for n, x in sorted(kept.items())
-    )
-    HASHES.write_text(
-        f'{{"made_with": {json.dumps(made_with, indent=1)},\n"cases": {{\n{lines}\n}}}}\n'
-    )
+    lines = ",\n".join(f"{json.dumps(n)}: {json.dumps(x, sort_keys=True)}" for n, x in sorted(kept.items()))
+    HASHES.write_text(f'{{"made_with": {json.dumps(made_with, indent=1)},\n"cases": {{\n{lines}\n}}}}\n')
     print(f"{len(kept)} cases")
 
 

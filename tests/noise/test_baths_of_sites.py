@@ -51,9 +51,7 @@ def test_same_bits_plain_native_in_threads_and_resumed() -> None:
     bath = lm.thermal_bath(ring(40), damping=0.3, temperature=0.5, seed=6)
     start, method = bath.state(mu=directions(40)), lm.WongZakai(increments="two-point")
     options: list[dict[str, Any]] = [{"compiled": False}, {"compiled": True}, {"workers": 2}]
-    runs = [
-        lm.integrate(bath, method, start, h=0.05, steps=20, every=10, **how).mu for how in options
-    ]
+    runs = [lm.integrate(bath, method, start, h=0.05, steps=20, every=10, **how).mu for how in options]
     assert np.array_equal(runs[0], runs[1]) and np.array_equal(runs[0], runs[2])
     plan = lm.Plan(bath, method, h=0.05)
     resumed = plan.resume(plan.run(start, steps=7), steps=13)
@@ -74,9 +72,7 @@ def test_damped_sites_lose_the_energy_of_the_formula() -> None:
 @pytest.mark.slow
 def test_coupled_pairs_are_as_parallel_as_boltzmann_says() -> None:
     """Of two spins -J mu_1 . mu_2 has the mean of Langevin's function: mu_1 . mu_2 = coth x - 1/x, x = J/T."""
-    pair = lm.LiePoissonSystem(
-        lm.SO3() ** 2, lm.Terms(Exchange(1.0).over(lm.neighbours.edges([(0, 1)])))
-    )
+    pair = lm.LiePoissonSystem(lm.SO3() ** 2, lm.Terms(Exchange(1.0).over(lm.neighbours.edges([(0, 1)]))))
     bath = lm.thermal_bath(pair, damping=1.0, temperature=0.5, seed=3)
     n = 1000
     start = bath.state(mu=np.broadcast_to(directions(2), (n, 2, 3)))
@@ -114,9 +110,7 @@ def test_saved_runs_go_on(tmp_path: object) -> None:
     run.save(f"{tmp_path}/run.npz")
     loaded = lm.Trajectory.load(f"{tmp_path}/run.npz")
     plans = [lm.Plan(one.system, lm.WongZakai(), h=0.1) for one in (run, loaded)]
-    ends = [
-        plan.resume(one, steps=3).mu[-1] for plan, one in zip(plans, (run, loaded), strict=True)
-    ]
+    ends = [plan.resume(one, steps=3).mu[-1] for plan, one in zip(plans, (run, loaded), strict=True)]
     assert np.array_equal(*ends)
 
 

@@ -56,8 +56,7 @@ def test_without_damping_the_bits_are_those_of_the_system() -> None:
     still = lm.DoubleBracket(body, 0.0)
     mu = [0.6, -0.2, 0.75]
     runs = [
-        lm.integrate(system, lm.RKMK(order=4), system.state(mu, np.eye(3)), h=0.1, steps=50)
-        for system in (body, still)
+        lm.integrate(system, lm.RKMK(order=4), system.state(mu, np.eye(3)), h=0.1, steps=50) for system in (body, still)
     ]
     assert np.array_equal(runs[0].mu, runs[1].mu) and np.array_equal(runs[0].g, runs[1].g)
 
@@ -67,9 +66,7 @@ def test_the_midpoint_rule_and_adaptive_steps_follow_it() -> None:
     start = system.state([0.6, -0.2, 0.75])
     fine = lm.integrate(system, lm.RKMK(order=8), start, h=0.01, steps=200).mu[-1]
     errors = [
-        np.abs(
-            lm.integrate(system, lm.ImplicitMidpoint(), start, h=2.0 / n, steps=n).mu[-1] - fine
-        ).max()
+        np.abs(lm.integrate(system, lm.ImplicitMidpoint(), start, h=2.0 / n, steps=n).mu[-1] - fine).max()
         for n in (20, 40)
     ]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)

@@ -120,9 +120,7 @@ def test_order_two_beside_scipy(of: object) -> None:
     exact = scipy.integrate.solve_ivp(rate, (0.0, 3.0), y0, method="DOP853", rtol=1e-12, atol=1e-13)
     errors = [
         np.abs(
-            lm.integrate(system, lm.DiscreteGradient(), start, h=3.0 / n, steps=n).states[
-                system.part
-            ][-1]
+            lm.integrate(system, lm.DiscreteGradient(), start, h=3.0 / n, steps=n).states[system.part][-1]
             - exact.y[:, -1]
         ).max()
         for n in (30, 60)
@@ -134,9 +132,7 @@ def test_its_end_is_a_rest_axis() -> None:
     system, start = relaxing()
     run = lm.integrate(system, lm.DiscreteGradient(), start, h=0.5, steps=2000, every=2000)
     mu = run.mu[-1] / np.linalg.norm(run.mu[-1])
-    assert (
-        np.abs(mu - [0.0, 0.0, 1.0]).max() < 1e-10
-    )  # most entropy at this energy: the largest moment
+    assert np.abs(mu - [0.0, 0.0, 1.0]).max() < 1e-10  # most entropy at this energy: the largest moment
 
 
 @pytest.mark.compiled
@@ -144,8 +140,7 @@ def test_its_end_is_a_rest_axis() -> None:
 def test_same_bits(of: object) -> None:
     system, start = of()
     runs = [
-        lm.integrate(system, lm.DiscreteGradient(), start, h=0.2, steps=30, compiled=native)
-        for native in (False, True)
+        lm.integrate(system, lm.DiscreteGradient(), start, h=0.2, steps=30, compiled=native) for native in (False, True)
     ]
     assert np.array_equal(runs[0].states[system.part], runs[1].states[system.part])
 

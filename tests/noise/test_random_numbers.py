@@ -20,9 +20,7 @@ KNOWN = [  # Random123 1.14, tests/kat_vectors, philox4x32 10
 
 
 @pytest.mark.parametrize(("counter", "key", "expected"), KNOWN)
-def test_known_answers(
-    counter: tuple[int, ...], key: tuple[int, ...], expected: tuple[int, ...]
-) -> None:
+def test_known_answers(counter: tuple[int, ...], key: tuple[int, ...], expected: tuple[int, ...]) -> None:
     assert words(counter, key) == expected
 
 
@@ -46,9 +44,7 @@ def test_native_code_draws_the_same_bits(seed: float) -> None:
     paths = [0.0, 1.0, 2.0**32, 2.0**40 + 3.0, 2.0**53 - 1.0]
     start = equation.state([[0.0, path] for path in paths])
     runs = [
-        lm.integrate(
-            equation, lm.RKMK(order=1), start, h=1.0, steps=50, t0=2.0**33, compiled=native
-        )
+        lm.integrate(equation, lm.RKMK(order=1), start, h=1.0, steps=50, t0=2.0**33, compiled=native)
         for native in (False, True)
     ]
     assert np.array_equal(runs[0].g, runs[1].g)

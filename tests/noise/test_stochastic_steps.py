@@ -56,9 +56,7 @@ def along(xi: list[Polynomial], f: Polynomial) -> Polynomial:
     parts = []
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        rate = plus(
-            times(COORDINATES[j], xi[k]), times({(0, 0, 0): -1.0}, times(COORDINATES[k], xi[j]))
-        )
+        rate = plus(times(COORDINATES[j], xi[k]), times({(0, 0, 0): -1.0}, times(COORDINATES[k], xi[j])))
         parts.append(times(rate, by(f, i)))
     return plus(*parts)
 
@@ -68,9 +66,7 @@ def exact_mean(fields: list[list[float]], f: Polynomial, start: list[float], t: 
     drift = [{key: 1.0 / m} for key, m in zip([(1, 0, 0), (0, 1, 0), (0, 0, 1)], MOMENTS)]
     total, factor = 0.0, 1.0
     for n in range(16):
-        total += factor * sum(
-            x * math.prod(m**k for m, k in zip(start, key)) for key, x in f.items()
-        )
+        total += factor * sum(x * math.prod(m**k for m, k in zip(start, key)) for key, x in f.items())
         noise = []
         for field in fields:
             xi = [{(0, 0, 0): x} for x in field]
@@ -118,9 +114,7 @@ def weak_error(method: Any, base: int, steps: int, t: float) -> float:
     else:
         weights /= len(paths)
     assert weights.sum() == pytest.approx(1.0)
-    return float(
-        (weights * (mu[:, 0] + mu[:, 1] * mu[:, 2])).sum() - exact_mean(fields, f, START, t)
-    )
+    return float((weights * (mu[:, 0] + mu[:, 1] * mu[:, 2])).sum() - exact_mean(fields, f, START, t))
 
 
 @pytest.mark.parametrize(
@@ -142,9 +136,7 @@ def test_the_mean_under_isotropic_noise_is_known() -> None:
     """Without energy the mean of mu is exp(-sigma^2 t) mu: sum_i ad_e_i^2 = -2."""
     system = noisy(*(0.5 * np.eye(3)).tolist(), body=lm.LiePoissonSystem(lm.SO3(), Still()))
     n = 40_000
-    run = lm.integrate(
-        system, lm.WongZakai(), system.state(np.tile(START, (n, 1))), h=0.1, steps=20, every=20
-    )
+    run = lm.integrate(system, lm.WongZakai(), system.state(np.tile(START, (n, 1))), h=0.1, steps=20, every=20)
     mean, spread = run.mu[-1].mean(axis=0), run.mu[-1].std(axis=0) / n**0.5
     assert (np.abs(mean - math.exp(-0.25 * 2.0) * np.array(START)) < 4.5 * spread).all()
 
@@ -176,9 +168,7 @@ class Bent(lm.Hamiltonian):
     [((Bent(0.4),), 1.0), (([0.5, 0.0, 0.0], [0.0, 0.5, 0.0]), 0.5)],
     ids=["one field", "two that do not commute"],
 )
-@pytest.mark.parametrize(
-    "method", [lm.RKMK(order=4), lm.ImplicitMidpoint()], ids=["RKMK", "midpoint"]
-)
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.ImplicitMidpoint()], ids=["RKMK", "midpoint"])
 def test_strong_order(fields: Any, order: float, method: Any) -> None:
     system, finest = noisy(*fields, seed=11), 256
     start = system.state(np.tile(START, (400, 1)))
@@ -211,20 +201,13 @@ def test_strong_order(fields: Any, order: float, method: Any) -> None:
     ],
     ids=lambda method: method.name,
 )
-def test_paths_keep_casimirs_and_spatial_momentum_with_the_same_bits_everywhere(
-    method: Any,
-) -> None:
+def test_paths_keep_casimirs_and_spatial_momentum_with_the_same_bits_everywhere(method: Any) -> None:
     system = noisy([0.2, 0.0, 0.1], Bent(0.1), [0.0, 0.1, 0.0], seed=3)
     mu = np.tile(START, (5, 1))
     start = system.state(mu, np.eye(3), path=[4, 0, 2, 9, 2**40])
-    runs = [
-        lm.integrate(system, method, start, h=0.1, steps=30, compiled=native)
-        for native in (False, True)
-    ]
+    runs = [lm.integrate(system, method, start, h=0.1, steps=30, compiled=native) for native in (False, True)]
     assert np.array_equal(runs[0].mu, runs[1].mu) and np.array_equal(runs[0].g, runs[1].g)
-    alone = lm.integrate(
-        system, method, system.state(START, np.eye(3), path=9), h=0.1, steps=30, compiled=False
-    )
+    alone = lm.integrate(system, method, system.state(START, np.eye(3), path=9), h=0.1, steps=30, compiled=False)
     assert np.array_equal(alone.mu, runs[0].mu[:, 3])
     assert np.abs(np.linalg.norm(runs[0].mu, axis=-1) - 1.0).max() < 1e-14
     moved = runs[0].spatial_momentum - runs[0].spatial_momentum[0]
@@ -248,18 +231,13 @@ def test_resumed_and_saved_runs_go_on_with_their_noise(tmp_path: Any) -> None:
 def test_workers_do_not_change_the_noise() -> None:
     system = noisy([0.2, 0.0, 0.1], seed=3)
     start = system.state(np.tile(START, (257, 1)))
-    runs = [
-        lm.integrate(system, lm.WongZakai(), start, h=0.1, steps=300, workers=k, compiled=True)
-        for k in (1, 2)
-    ]
+    runs = [lm.integrate(system, lm.WongZakai(), start, h=0.1, steps=300, workers=k, compiled=True) for k in (1, 2)]
     assert np.array_equal(runs[0].mu, runs[1].mu)
 
 
 def test_bodies_of_one_path_have_one_noise() -> None:
     system = noisy([0.2, 0.0, 0.1], seed=3)
-    run = lm.integrate(
-        system, lm.WongZakai(), system.state([START, START], path=7), h=0.1, steps=20
-    )
+    run = lm.integrate(system, lm.WongZakai(), system.state([START, START], path=7), h=0.1, steps=20)
     assert np.array_equal(run.mu[:, 0], run.mu[:, 1]) and (run.states["path"] == 7.0).all()
 
 
@@ -289,9 +267,7 @@ def boltzmann(energy: Any, temperature: float) -> tuple[float, np.ndarray]:
     z, w = np.polynomial.legendre.leggauss(60)
     phi = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)
     r = np.sqrt(1.0 - z**2)
-    mu = np.stack(
-        [r[:, None] * np.cos(phi), r[:, None] * np.sin(phi), np.broadcast_to(z[:, None], (60, 120))]
-    )
+    mu = np.stack([r[:, None] * np.cos(phi), r[:, None] * np.sin(phi), np.broadcast_to(z[:, None], (60, 120))])
     h = energy(mu)
     weight = w[:, None] * np.exp(-(h - h.min()) / temperature)
     weight /= weight.sum()

@@ -31,18 +31,9 @@ pytest.importorskip("matplotlib")
 BODY, START = lm.RigidBody([1.0, 1.5, 2.0]), ([0.5, 0.0, 0.75**0.5], np.eye(3))
 
 
-def follow(
-    system: Any, start: Any, method: Any = None, h: float = 0.1, steps: int = 12, **more: Any
-) -> Any:
+def follow(system: Any, start: Any, method: Any = None, h: float = 0.1, steps: int = 12, **more: Any) -> Any:
     return lm.integrate(
-        system,
-        method or lm.RKMK(order=4),
-        start,
-        h=h,
-        steps=steps,
-        compiled=False,
-        progress=False,
-        **more,
+        system, method or lm.RKMK(order=4), start, h=h, steps=steps, compiled=False, progress=False, **more
     )
 
 
@@ -89,10 +80,7 @@ SYSTEMS: dict[str, tuple[Any, Any]] = {
     "heavy top": heavy_top(),
     "Lagrange top": TOP,
     "top on se(3)*": (TOP[0].reduced, TOP[0].reduced.from_top(TOP[1])),
-    "top on se(3)*, momentum only": (
-        TOP[0].reduced,
-        TOP[0].reduced.state(TOP[0].reduced.from_top(TOP[1]).mu),
-    ),
+    "top on se(3)*, momentum only": (TOP[0].reduced, TOP[0].reduced.state(TOP[0].reduced.from_top(TOP[1]).mu)),
     "tops": (TOP[0], TOP[0].state([[0.1, 0.2, 1.0]] * 3, np.array(UNITS))),
     "Kirchhoff": (FLUID, FLUID_START),
     "Kirchhoff, momentum only": (FLUID, FLUID.state(FLUID_START.mu)),
@@ -108,10 +96,7 @@ SYSTEMS: dict[str, tuple[Any, Any]] = {
     "body in the plane": (PLANE, PLANE.state([0.6, -0.3, 0.5], np.eye(3))),
     "equation on rotations": (Driven(lm.SO3()), Driven(lm.SO3()).state(np.eye(3))),
     "equation on matrices": (Driven(lm.Heisenberg()), Driven(lm.Heisenberg()).state(np.eye(3))),
-    "equations on rotations": (
-        SteeredFromSpace(lm.SO3()),
-        SteeredFromSpace(lm.SO3()).state(np.array(UNITS)),
-    ),
+    "equations on rotations": (SteeredFromSpace(lm.SO3()), SteeredFromSpace(lm.SO3()).state(np.array(UNITS))),
     "point on a sphere": (
         Turning(lm.actions.SphereAction(3)),
         Turning(lm.actions.SphereAction(3)).state([0.6, 0.0, 0.8]),
@@ -123,10 +108,7 @@ SYSTEMS: dict[str, tuple[Any, Any]] = {
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_every_system_has_a_picture_that_draws_something_finite(name: str) -> None:
     ax = follow(*SYSTEMS[name]).plot()
-    points = np.vstack(
-        [np.asarray(line.get_xydata()) for line in ax.lines]
-        + [c.get_offsets() for c in ax.collections]
-    )
+    points = np.vstack([np.asarray(line.get_xydata()) for line in ax.lines] + [c.get_offsets() for c in ax.collections])
     assert np.isfinite(points).all(axis=1).any()
     ax.figure.draw_without_rendering()
     assert ax.title.get_text() == ""
@@ -147,10 +129,7 @@ def test_pictures_draw_on_given_axes_and_leave_settings_alone(run: Any) -> None:
     before = matplotlib.rcParams.copy()
     pendulum = follow(*SYSTEMS["pendulum"])
     for draw in (
-        *(
-            lambda ax, f=f: f(run, ax=ax)
-            for f in (plots.plot, plots.invariants, plots.drift, plots.components)
-        ),
+        *(lambda ax, f=f: f(run, ax=ax) for f in (plots.plot, plots.invariants, plots.drift, plots.components)),
         *(
             lambda ax, f=f: f(run, ax=ax)
             for f in (plots.euler_angles, plots.quaternion, plots.polhode, plots.herpolhode)
@@ -186,9 +165,7 @@ assert "matplotlib" in sys.modules and "matplotlib.pyplot" not in sys.modules
 
 def test_the_change_of_an_invariant_is_that_of_the_drift_report(run: Any) -> None:
     for name in ("energy", "Casimir 1", "spatial momentum"):
-        assert changes(run, name)[1:].max() == pytest.approx(
-            max(run.drift()[name].largest, 0.1 * EPSILON), rel=1e-12
-        )
+        assert changes(run, name)[1:].max() == pytest.approx(max(run.drift()[name].largest, 0.1 * EPSILON), rel=1e-12)
     assert noise(run)[0] == EPSILON
     assert noise(run)[-1] == pytest.approx(EPSILON * 9.0)  # a walk of 80 steps, and the start
 
@@ -196,10 +173,7 @@ def test_the_change_of_an_invariant_is_that_of_the_drift_report(run: Any) -> Non
 @pytest.mark.slow
 def test_bounded_errors_are_flat_and_drifts_have_slope_one() -> None:
     methods = {"RKMK4": lm.RKMK(order=4), "Algorithm 1": lm.CovariantVariational(lm.Cayley())}
-    runs = {
-        name: follow(BODY, BODY.state(START[0]), method, h=1.0, steps=500)
-        for name, method in methods.items()
-    }
+    runs = {name: follow(BODY, BODY.state(START[0]), method, h=1.0, steps=500) for name, method in methods.items()}
     ax = plots.drift(runs)
     slopes = {}
     for line in ax.lines[::2]:
@@ -211,9 +185,7 @@ def test_bounded_errors_are_flat_and_drifts_have_slope_one() -> None:
 
 
 def test_unknown_constants_are_refused(run: Any) -> None:
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"'mass' is no constant.*energy, Casimir 1, spatial momentum"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"'mass' is no constant.*energy, Casimir 1, spatial momentum"):
         plots.invariants(run, ["mass"])
     with pytest.raises(lm.errors.InvalidInput, match="no constants"):
         plots.invariants(follow(*SYSTEMS["equation on rotations"]))
@@ -254,12 +226,9 @@ def test_impossible_errors_are_refused() -> None:
 
 def test_euler_angles_and_quaternions_are_those_of_the_attitude(run: Any) -> None:
     lines = plots.euler_angles(run).lines
-    phi, theta, psi = (
-        np.radians(y[np.isfinite(y)]) for y in (np.asarray(line.get_ydata()) for line in lines)
-    )
+    phi, theta, psi = (np.radians(y[np.isfinite(y)]) for y in (np.asarray(line.get_ydata()) for line in lines))
     g = [
-        lm.SO3().exp([0, 0, a]) @ lm.SO3().exp([b, 0, 0]) @ lm.SO3().exp([0, 0, c])
-        for a, b, c in zip(phi, theta, psi)
+        lm.SO3().exp([0, 0, a]) @ lm.SO3().exp([b, 0, 0]) @ lm.SO3().exp([0, 0, c]) for a, b, c in zip(phi, theta, psi)
     ]
     # a square root of rounding at the start, where theta is zero
     assert np.abs(np.array(g) - run.g).max() < 1e-7
@@ -292,9 +261,7 @@ def test_units_do_not_matter() -> None:
     for body, unit in ((BODY, 1.0), (tiny, 2.0**-700)):
         mu = np.array([[0.5, 0.0, 0.8], [0.0, 2.0, 0.1]]) * unit
         clouds.append(plots.cloud(follow(body, body.state(mu=mu))).collections)
-    assert [c.get_offsets().tolist() for c in clouds[0]] == [
-        c.get_offsets().tolist() for c in clouds[1]
-    ]
+    assert [c.get_offsets().tolist() for c in clouds[0]] == [c.get_offsets().tolist() for c in clouds[1]]
 
 
 def test_complex_components_show_both_parts(recwarn: pytest.WarningsRecorder) -> None:
@@ -311,8 +278,7 @@ def test_a_body_that_only_turns_has_no_path(run: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "inertia",
-    [[1.0, 1.5, 2.0], [[1.0, 0.2, 0.1], [0.2, 1.4, -0.3], [0.1, -0.3, 1.9]], [1.0, 1.0, 1.0]],
+    "inertia", [[1.0, 1.5, 2.0], [[1.0, 0.2, 0.1], [0.2, 1.4, -0.3], [0.1, -0.3, 1.9]], [1.0, 1.0, 1.0]]
 )
 def test_the_polhode_is_drawn_inside_the_outline_of_the_ellipsoid(inertia: Any) -> None:
     body = lm.RigidBody(inertia)
@@ -337,10 +303,7 @@ def test_the_vertical_is_the_last_row_of_the_attitude(run: Any) -> None:
     assert np.abs(verticals(run) - run.g[:, 2]).max() < 1e-15
     top, start = TOP
     same = lm.RKMK(order=8)
-    there, reduced = (
-        follow(top, start, same, h=0.02),
-        follow(*SYSTEMS["top on se(3)*, momentum only"], same, h=0.02),
-    )
+    there, reduced = (follow(top, start, same, h=0.02), follow(*SYSTEMS["top on se(3)*, momentum only"], same, h=0.02))
     assert np.abs(verticals(there) - verticals(reduced)).max() < 1e-12  # one motion, told twice
     many = follow(*SYSTEMS["tops"])
     assert np.abs(verticals(many) - many.g[..., 2, :]).max() < 1e-15
@@ -358,9 +321,7 @@ def test_the_section_of_an_orbit_is_exact_to_fourth_order() -> None:
         run = follow(PLANET, there, lm.RKMK(order=8), h=h, steps=round(7 / h))
         q, p, member = plots.section(run, coordinate=1, direction=1)
         assert np.abs(q[:, 1]).max() < 1e-12 and (p[:, 1] > 0.0).all() and not member.any()
-        errors.append(
-            np.abs(np.asarray(PLANET.energy(q, p)) - PLANET.energy(there.q, there.p)).max()
-        )
+        errors.append(np.abs(np.asarray(PLANET.energy(q, p)) - PLANET.energy(there.q, there.p)).max())
     assert np.log2(errors[0] / errors[1]) > 3.5 and np.log2(errors[1] / errors[2]) > 3.5
 
 
@@ -389,9 +350,7 @@ def test_the_article_body_is_drawn_where_its_momenta_are() -> None:
     run = follow(body, start)
     dots = [line for line in run.plot().lines if line.get_linestyle() == "None"]
     seen = run.mu / math.hypot(*run.mu[0]) @ plots.view_frame(*plots.VIEW).T
-    assert sorted(map(tuple, np.vstack([d.get_xydata() for d in dots]))) == sorted(
-        map(tuple, seen[:, :2])
-    )
+    assert sorted(map(tuple, np.vstack([d.get_xydata() for d in dots]))) == sorted(map(tuple, seen[:, :2]))
 
 
 pytest.importorskip("matplotlib", reason="needs the extra plot")

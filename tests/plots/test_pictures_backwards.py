@@ -60,9 +60,9 @@ def test_an_ensemble_in_fictive_time_has_pictures_over_it() -> None:
     for k in range(2):
         one = planets.state(q=start.arrays["q"][k], p=start.arrays["p"][k])
         alone = lm.plots.section(follow(planets, method, one, h=0.05, steps=150), coordinate=1)
-        assert q[member == k] == pytest.approx(alone[0], abs=1e-9) and p[
-            member == k
-        ] == pytest.approx(alone[1], abs=1e-9)
+        assert q[member == k] == pytest.approx(alone[0], abs=1e-9) and p[member == k] == pytest.approx(
+            alone[1], abs=1e-9
+        )
 
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
@@ -70,14 +70,7 @@ STARTS = BODY.state(mu=[[0.5, 0.1, 0.8], [0.5, 0.4, 0.8]], g=np.stack([np.eye(3)
 STEPS = [0.1, 0.3]
 RUN = lm.integrate(BODY, lm.RKMK(order=2), STARTS, h=STEPS, steps=5, compiled=False)
 FIRST, SECOND = (
-    lm.integrate(
-        BODY,
-        lm.RKMK(order=2),
-        BODY.state(mu=STARTS.mu[i], g=STARTS.g[i]),
-        h=h,
-        steps=5,
-        compiled=False,
-    )
+    lm.integrate(BODY, lm.RKMK(order=2), BODY.state(mu=STARTS.mu[i], g=STARTS.g[i]), h=h, steps=5, compiled=False)
     for i, h in enumerate(STEPS)
 )
 

@@ -26,12 +26,7 @@ VIEWS = [plots.VIEW, (0, 0), (0, 90), (90, -90), (200, -30), (-135, 55), (123, 4
 
 def bodies():
     rng = np.random.default_rng(7)
-    yield from (
-        SEED,
-        np.array([1, 1.5, 2]),
-        np.array([2.0, 2 / 3, 1.0]),
-        np.array([0.01, 0.7, 0.7000001]),
-    )
+    yield from (SEED, np.array([1, 1.5, 2]), np.array([2.0, 2 / 3, 1.0]), np.array([0.01, 0.7, 0.7000001]))
     for _ in range(5):
         U = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         yield U @ np.diag(rng.uniform(0.1, 3.0, 3)) @ U.T
@@ -190,8 +185,7 @@ def test_only_the_ratios_of_the_moments_matter():
 
 
 @pytest.mark.parametrize(
-    "inertia",
-    [[1, 2], [1, 2, 0], [1, -1, 2], [1, 2, np.nan], np.zeros((3, 3)), np.triu(np.ones((3, 3)))],
+    "inertia", [[1, 2], [1, 2, 0], [1, -1, 2], [1, 2, np.nan], np.zeros((3, 3)), np.triu(np.ones((3, 3)))]
 )
 def test_impossible_inertia_is_refused(inertia):
     with pytest.raises(InvalidInput, match="inertia must"):
@@ -208,9 +202,7 @@ def lines(ax):
 
 
 def test_sphere_shows_dots_exact_curve_ends_and_axes(matplotlib):
-    ax = plots.momentum_sphere(
-        ORBIT[:3], ORBIT, SEED, end=ORBIT[2], label="mine", levels=4, title="T"
-    )
+    ax = plots.momentum_sphere(ORBIT[:3], ORBIT, SEED, end=ORBIT[2], label="mine", levels=4, title="T")
     assert ax.get_title() == "T"
     assert isinstance(ax, matplotlib.axes.Axes)
     assert [t.get_text() for t in ax.texts if t.get_text()] == [r"$\mu_1$", r"$\mu_2$", r"$\mu_3$"]
@@ -237,9 +229,7 @@ def test_everything_behind_is_below_everything_in_front(matplotlib):
 def test_pictures_do_not_depend_on_units(matplotlib):
     plain = lines(plots.momentum_sphere(ORBIT, ORBIT, SEED, end=ORBIT[-1]))
     for scale in (2.0**-1000, 2.0**1000):
-        ax = plots.momentum_sphere(
-            ORBIT * scale, ORBIT * scale, SEED * 2.0**-100, end=ORBIT[-1] * scale
-        )
+        ax = plots.momentum_sphere(ORBIT * scale, ORBIT * scale, SEED * 2.0**-100, end=ORBIT[-1] * scale)
         for a, b in zip(plain, lines(ax), strict=True):
             np.testing.assert_array_equal(a, b)
 
@@ -285,12 +275,9 @@ def test_draws_on_axes_that_are_given_and_leaves_settings_and_pyplot_alone(matpl
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
-def test_figure_one_has_a_sphere_a_caption_each_and_one_legend_with_no_text_cut_off(
-    matplotlib, count
-):
+def test_figure_one_has_a_sphere_a_caption_each_and_one_legend_with_no_text_cut_off(matplotlib, count):
     panels = [
-        plots.Panel(f"method {k}", ORBIT, "momentum error 4.4e-2\nenergy -1.7e-3", ORBIT[-1])
-        for k in range(count)
+        plots.Panel(f"method {k}", ORBIT, "momentum error 4.4e-2\nenergy -1.7e-3", ORBIT[-1]) for k in range(count)
     ]
     figure = plots.figure_one(panels, ORBIT, SEED)
     assert [ax.get_title() for ax in figure.axes] == [f"method {k}" for k in range(count)]

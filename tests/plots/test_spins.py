@@ -76,6 +76,4 @@ def test_constants_of_many_sites_are_drawn_as_the_report_has_them() -> None:
     for one in (run, alone):
         curve = plots.drift(one).get_lines()[0].get_ydata()[-1]
         values = np.asarray(run.energy)
-        assert curve == pytest.approx(
-            np.abs(values - values[0]).max() / one.drift()["energy"].scale
-        )
+        assert curve == pytest.approx(np.abs(values - values[0]).max() / one.drift()["energy"].scale)

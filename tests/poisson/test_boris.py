@@ -48,7 +48,5 @@ def test_it_keeps_volumes_and_is_no_poisson_map() -> None:
 
 
 def test_other_systems_are_refused() -> None:
-    with pytest.raises(
-        lm.errors.IncompatibleSystem, match="needs a system with a magnetic_field; LotkaVolterra"
-    ):
+    with pytest.raises(lm.errors.IncompatibleSystem, match="needs a system with a magnetic_field; LotkaVolterra"):
         lm.Boris().require(lm.models.LotkaVolterra())

@@ -10,9 +10,7 @@ import pytest
 import liemech as lm
 from liemech.formulas import cos, sin
 
-SPECIES = lm.models.LotkaVolterra(
-    [[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0]
-)
+SPECIES = lm.models.LotkaVolterra([[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0])
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 MOMENTA = lm.PoissonSystem(lm.coadjoint(lm.SO3()).poisson_structure, BODY.hamiltonian)
 
@@ -35,10 +33,7 @@ def test_linear_charts_of_any_rank(dim: int) -> None:
 
 @pytest.mark.parametrize(
     ("chart", "y"),
-    [
-        (lm.charts.Andoyer(), [0.3, -0.4, 0.5]),
-        (lm.charts.LogarithmicDarboux(SPECIES.structure), [1.0, 0.8, 1.2]),
-    ],
+    [(lm.charts.Andoyer(), [0.3, -0.4, 0.5]), (lm.charts.LogarithmicDarboux(SPECIES.structure), [1.0, 0.8, 1.2])],
     ids=["Andoyer", "logarithms"],
 )
 def test_closed_charts_are_canonical_and_lead_back(chart: Any, y: list[float]) -> None:
@@ -85,10 +80,7 @@ def test_the_construction_where_a_level_is_inside_another() -> None:
         lm.models.GuidingCentre(lm.models.TokamakField(), 0.1).structure,
         lm.coadjoint(lm.SE3()).poisson_structure,
     )
-    for structure, y in (
-        (guide, [1.05, 0.1, 0.1, 0.2]),
-        (motions, [0.3, 0.4, 0.5, 0.9, -0.2, 0.4]),
-    ):
+    for structure, y in ((guide, [1.05, 0.1, 0.1, 0.2]), (motions, [0.3, 0.4, 0.5, 0.9, -0.2, 0.4])):
         chart = lm.charts.DarbouxLieChart(structure, y)
         assert chart.degrees == 2
         assert chart.defect(np.array(y) * 1.05) < 1e-10
@@ -106,13 +98,7 @@ def test_a_body_in_andoyers_variables_and_back() -> None:
     errors = []
     for steps in (10, 20):
         run = lm.integrate(
-            there,
-            lm.HamiltonJacobi(order=4),
-            start,
-            h=2.0 / steps,
-            steps=steps,
-            compiled=False,
-            progress=False,
+            there, lm.HamiltonJacobi(order=4), start, h=2.0 / steps, steps=steps, compiled=False, progress=False
         )
         back = there.points(run.q, run.p)
         assert np.allclose(np.linalg.norm(back, axis=1), np.linalg.norm(mu), rtol=1e-14)
@@ -127,9 +113,7 @@ def test_a_chart_that_is_left_says_so() -> None:
         chart.point([0.3, 1.2, 1.0])
     there, start = chart.system(MOMENTA, MOMENTA.state([0.3, 0.2, 1.0]))
     with pytest.raises(lm.errors.OutsideChart, match="left the chart"):
-        lm.integrate(
-            there, lm.RKMK(order=1), start, h=3.0, steps=200, compiled=False, progress=False
-        )
+        lm.integrate(there, lm.RKMK(order=1), start, h=3.0, steps=200, compiled=False, progress=False)
     far = lm.charts.DarbouxLieChart(MOMENTA.structure, [0.3, 0.4, 0.5], steps=2)
     with pytest.raises(lm.errors.OutsideChart, match="stay nearer"):
         far.coordinates([0.3, 0.9, -0.5])
@@ -149,9 +133,7 @@ def test_species_in_logarithms_and_back() -> None:
     assert lm.poisson_defect(gauss, SPECIES, begin, 0.3) > 1e-7
     run = lm.integrate(there, gauss, start, h=0.05, steps=20, compiled=False, progress=False)
     back = there.points(run.q, run.p)
-    direct = lm.integrate(
-        SPECIES, lm.RKMK(order=8), begin, h=0.05, steps=20, compiled=False, progress=False
-    )
+    direct = lm.integrate(SPECIES, lm.RKMK(order=8), begin, h=0.05, steps=20, compiled=False, progress=False)
     assert np.allclose(back, direct.y, rtol=0.0, atol=3e-7)
     assert np.allclose(SPECIES.casimirs(back), SPECIES.casimirs(direct.y[0]), rtol=0.0, atol=1e-14)
 
@@ -197,10 +179,7 @@ class Sphere(lm.charts.LocalChart):
         turn = q[0] * p[1] - q[1] * p[0]
         theta = lm.formulas.acos(q[2])
         return lm.vec(
-            theta,
-            lm.formulas.atan2(q[1], q[0]),
-            -p[2] / lm.formulas.sqrt(s2),
-            turn if self.momenta else turn / s2,
+            theta, lm.formulas.atan2(q[1], q[0]), -p[2] / lm.formulas.sqrt(s2), turn if self.momenta else turn / s2
         )
 
 
@@ -215,9 +194,7 @@ def test_the_spherical_pendulum_in_local_coordinates(momenta: bool) -> None:
     y = chart.coordinates(x)
     assert np.allclose(chart.embedding(y), x, rtol=0.0, atol=1e-15)
     assert lm.check_poisson(system.structure, [y, [0.7, 0.3, -0.4, 0.9]])
-    run = lm.integrate(
-        system, lm.RKMK(order=8), system.state(y), h=0.05, steps=10, compiled=False, progress=False
-    )
+    run = lm.integrate(system, lm.RKMK(order=8), system.state(y), h=0.05, steps=10, compiled=False, progress=False)
     assert np.allclose(chart.embedding(run.y[-1]), [*AT_HALF[0], *AT_HALF[1]], rtol=0.0, atol=1e-8)
 
     def vertical(z: Any) -> Any:
@@ -238,11 +215,7 @@ def test_structures_of_the_sphere_in_closed_form() -> None:
     theta, _, _, turn = y
     B = np.array(lm.charts.in_coordinates(Particle(), Sphere(False)).structure.matrix(y))
     expected = np.zeros((4, 4))
-    expected[0, 2], expected[1, 3], expected[2, 3] = (
-        1.0,
-        1.0 / np.sin(theta) ** 2,
-        2.0 * turn / np.tan(theta),
-    )
+    expected[0, 2], expected[1, 3], expected[2, 3] = (1.0, 1.0 / np.sin(theta) ** 2, 2.0 * turn / np.tan(theta))
     assert np.allclose(B, expected - expected.T, rtol=0.0, atol=1e-14)
 
 

@@ -47,10 +47,7 @@ def test_flows_are_motions(name: str) -> None:
     found = []
     for part in system.parts:
         energy = part.energy
-        slopes = [
-            (energy(vec(*(y + e * x))) - energy(vec(*(y - e * x)))) / (2.0 * e)
-            for x in np.eye(len(y))
-        ]
+        slopes = [(energy(vec(*(y + e * x))) - energy(vec(*(y - e * x)))) / (2.0 * e) for x in np.eye(len(y))]
         assert np.allclose(part.gradient(vec(*y)), slopes, rtol=1e-6, atol=1e-7)
 
         def at(t: float, part: Any = part) -> np.ndarray:
@@ -65,8 +62,6 @@ def test_flows_are_motions(name: str) -> None:
     assert len(found) > 1
     whole = np.array(system.gradient(vec(*y)))
     assert np.allclose(sum(found), whole, rtol=1e-6, atol=1e-7)
-    assert np.allclose(
-        system.velocity(vec(*y)), np.array(system.structure.matrix(vec(*y))) @ whole, rtol=1e-12
-    )
+    assert np.allclose(system.velocity(vec(*y)), np.array(system.structure.matrix(vec(*y))) @ whole, rtol=1e-12)
     rank = np.linalg.matrix_rank(np.array(system.structure.matrix(vec(*y))), tol=1e-10)
     assert system.structure.rank in (rank, None)

@@ -194,14 +194,7 @@ class LightSpring(Light):
 
 @pytest.mark.parametrize(
     "energy",
-    [
-        Wall("spring", 2.0),
-        Wall("free", 2.0),
-        Wall("spring", 50.0),
-        Wall("free", 500.0),
-        Light(1e-15),
-        Light(1e15),
-    ],
+    [Wall("spring", 2.0), Wall("free", 2.0), Wall("spring", 50.0), Wall("free", 500.0), Light(1e-15), Light(1e15)],
     ids=repr,
 )
 def test_motions_are_not_recognised_by_a_look_at_one_place(energy: Any) -> None:
@@ -214,12 +207,6 @@ def test_springs_are_recognised_in_any_units(mass: float) -> None:
     assert not system.unknown_motion()
     h = 0.4 * np.sqrt(mass)
     run = lm.integrate(
-        system,
-        lm.Splitting(order=2),
-        system.state([1.0, 0.0]),
-        h=h,
-        steps=1,
-        compiled=False,
-        progress=False,
+        system, lm.Splitting(order=2), system.state([1.0, 0.0]), h=h, steps=1, compiled=False, progress=False
     )
     assert np.allclose(run.y[-1], [np.cos(0.4), -np.sqrt(mass) * np.sin(0.4)], rtol=1e-12)

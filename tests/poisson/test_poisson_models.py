@@ -48,12 +48,8 @@ def test_toda_in_flaschkas_variables_is_toda(periodic: bool) -> None:
 def test_henons_map_takes_volterra_to_toda() -> None:
     species, lattice = lm.models.LotkaVolterra.volterra_lattice(5), lm.models.TodaLattice(3)
     u = np.array([1.0, 0.7, 1.3, 0.9, 0.5])
-    assert np.allclose(
-        species.velocity(u), u * (np.array([*u[1:], 0.0]) - np.array([0.0, *u[:-1]])), rtol=1e-15
-    )
-    image = velocity_by_differences(
-        lambda x: np.array(lattice.of_volterra(x).y), u, np.array(species.velocity(u))
-    )
+    assert np.allclose(species.velocity(u), u * (np.array([*u[1:], 0.0]) - np.array([0.0, *u[:-1]])), rtol=1e-15)
+    image = velocity_by_differences(lambda x: np.array(lattice.of_volterra(x).y), u, np.array(species.velocity(u)))
     assert np.allclose(lattice.velocity(lattice.of_volterra(u).y), image, rtol=0.0, atol=1e-10)
     kept = species.casimirs(u)
     assert np.allclose(kept, np.log(u[0] * u[2] * u[4]) * kept[0] / np.log(u[0] * u[2] * u[4]))
@@ -69,11 +65,7 @@ def test_species_of_one_form_only() -> None:
         lm.models.LotkaVolterra(weights=[1.0, 2.0, 3.0])
     with pytest.raises(lm.errors.InvalidInput, match="skew-symmetric"):
         lm.models.LotkaVolterra([[0.0, 1.0], [1.0, 0.0]])
-    assert np.allclose(
-        lm.models.LotkaVolterra().velocity(lm.models.LotkaVolterra().equilibrium().y),
-        0.0,
-        atol=1e-16,
-    )
+    assert np.allclose(lm.models.LotkaVolterra().velocity(lm.models.LotkaVolterra().equilibrium().y), 0.0, atol=1e-16)
 
 
 def test_modes_of_a_chain() -> None:
@@ -99,9 +91,7 @@ def test_the_recurrence_of_fermi_pasta_and_ulam() -> None:
     """
     chain = lm.models.FermiPastaUlam()
     start = chain.mode(1, 1.0 / np.sqrt(2.0 / 33.0))  # displacements of one, as in the report
-    run = lm.integrate(
-        chain, lm.Splitting(order=4), start, h=0.25, steps=46_000, every=100, progress=False
-    )
+    run = lm.integrate(chain, lm.Splitting(order=4), start, h=0.25, steps=46_000, every=100, progress=False)
     first = chain.mode_energies(run.q, run.p)[:, 0]
     lowest = int(first.argmin())
     assert first[lowest] < 0.1 * first[0] and first[lowest:].max() > 0.95 * first[0]
@@ -113,16 +103,11 @@ def test_the_recurrence_of_fermi_pasta_and_ulam() -> None:
 
 def test_a_top_by_its_vertical_is_the_top_with_its_attitude() -> None:
     moments, weight, centre = [1.0, 1.5, 2.0], 2.0, [0.1, 0.0, 0.5]
-    body, top = (
-        lm.models.PoissonTop(moments, weight, centre),
-        lm.models.HeavyTop(moments, weight, centre),
-    )
+    body, top = (lm.models.PoissonTop(moments, weight, centre), lm.models.HeavyTop(moments, weight, centre))
     g = lm.SO3().exp([0.4, -0.3, 0.5])
     mu = [0.3, 0.2, 1.0]
     a = lm.integrate(top, lm.RKMK(order=8), top.state(mu, g), h=0.05, steps=20, compiled=False)
-    b = lm.integrate(
-        body, lm.Splitting(order=6), body.state([*mu, *g[2]]), h=0.05, steps=20, compiled=False
-    )
+    b = lm.integrate(body, lm.Splitting(order=6), body.state([*mu, *g[2]]), h=0.05, steps=20, compiled=False)
     assert np.allclose(b.y[-1], [*a.mu[-1], *a.g[-1][2]], rtol=0.0, atol=1e-7)
     assert body.energy(b.y[0]) == pytest.approx(top.energy(mu, g), rel=1e-14)
     with pytest.raises(lm.errors.InvalidInput):
@@ -135,20 +120,9 @@ def test_the_figure_eight_closes() -> None:
     is the known one.
     """
     system, start = lm.models.NBody.figure_eight()
-    assert system.energy(start.q, start.p) == pytest.approx(
-        -1.287141995631857704950953793, rel=1e-15
-    )
+    assert system.energy(start.q, start.p) == pytest.approx(-1.287141995631857704950953793, rel=1e-15)
     h = EIGHT_PERIOD / 240
-    run = lm.integrate(
-        system,
-        lm.Splitting(order=8),
-        start,
-        h=h,
-        steps=240,
-        every=80,
-        compiled=False,
-        progress=False,
-    )
+    run = lm.integrate(system, lm.Splitting(order=8), start, h=h, steps=240, every=80, compiled=False, progress=False)
     assert np.abs(run.q[-1] - run.q[0]).max() < 1e-12
     third, first = run.q[1].reshape(3, 2), run.q[0].reshape(3, 2)
     assert min(np.abs(third - np.roll(first, k, axis=0)).max() for k in (1, 2)) < 1e-11
@@ -166,9 +140,7 @@ def test_the_outer_solar_system() -> None:
     assert np.allclose(L, [1.59497628e-6, -2.36860842e-5, 5.59074845e-5], rtol=2e-9)
     assert np.abs(np.array(system.momentum(start.p))).max() < 1e-20
     _, heliocentric = lm.models.NBody.outer_solar_system(barycentric=False)
-    assert system.energy(heliocentric.q, heliocentric.p) == pytest.approx(
-        -3.2154531832081676e-8, rel=1e-14
-    )
+    assert system.energy(heliocentric.q, heliocentric.p) == pytest.approx(-3.2154531832081676e-8, rel=1e-14)
     # at the barycentre the sums of momenta are zero, and so is their scale
     assert lm.check_system(system, heliocentric)
 
@@ -178,15 +150,7 @@ def test_the_outer_solar_system() -> None:
 def test_long_runs_of_the_outer_solar_system() -> None:
     system, start = lm.models.NBody.outer_solar_system(barycentric=False)
     for h, error in ((200.0, 1.9e-3), (100.0, 7.4e-4)):
-        run = lm.integrate(
-            system,
-            lm.StormerVerlet(),
-            start,
-            h=h,
-            steps=round(2e5 / h),
-            compiled=True,
-            progress=False,
-        )
+        run = lm.integrate(system, lm.StormerVerlet(), start, h=h, steps=round(2e5 / h), compiled=True, progress=False)
         assert np.abs(run.energy / run.energy[0] - 1.0).max() == pytest.approx(error, rel=0.1)
 
 
@@ -194,9 +158,7 @@ def test_long_runs_of_the_outer_solar_system() -> None:
 
 
 @pytest.mark.parametrize(
-    "field",
-    [lm.models.AxialField(0.7), lm.models.TokamakField(), lm.models.UniformField([0.1, 0.2, 0.3])],
-    ids=repr,
+    "field", [lm.models.AxialField(0.7), lm.models.TokamakField(), lm.models.UniformField([0.1, 0.2, 0.3])], ids=repr
 )
 def test_integrals_of_fields(field: Any) -> None:
     """Against quadrature, also across the planes; where one of the coordinates is zero."""
@@ -222,9 +184,7 @@ def test_particles_move_by_lorentz_force() -> None:
     field = lm.models.TokamakField()
     particle = lm.models.ChargedParticle(field)
     y = np.array([1.05, 0.2, -0.1, 0.3, -0.2, 0.5])
-    assert np.allclose(
-        particle.velocity(y), [*y[3:], *np.cross(y[3:], field.at(y[:3]))], rtol=1e-14
-    )
+    assert np.allclose(particle.velocity(y), [*y[3:], *np.cross(y[3:], field.at(y[:3]))], rtol=1e-14)
     assert lm.check_system(particle, particle.state(y))
 
     @lm.record
@@ -246,32 +206,17 @@ def test_banana_and_passing_orbits() -> None:
     stays beside it.
     """
     particle = lm.models.ChargedParticle(lm.models.TokamakField())
-    for v, low, high in (
-        ([0.0, 4.816e-4, -2.059e-3], 1.0074, 1.0853),
-        ([0.0, 9.632e-4, -2.059e-3], 0.9299, 1.0544),
-    ):
+    for v, low, high in (([0.0, 4.816e-4, -2.059e-3], 1.0074, 1.0853), ([0.0, 9.632e-4, -2.059e-3], 0.9299, 1.0544)):
         start = particle.state([1.05, 0.0, 0.0, *v])
-        run = lm.integrate(
-            particle,
-            lm.Splitting(order=2),
-            start,
-            h=np.pi / 10,
-            steps=250_000,
-            every=5,
-            progress=False,
-        )
+        run = lm.integrate(particle, lm.Splitting(order=2), start, h=np.pi / 10, steps=250_000, every=5, progress=False)
         R = np.hypot(run.y[:, 0], run.y[:, 1])
         assert [R.min(), R.max()] == pytest.approx([low, high], abs=5e-4)
         assert run.drift()["energy"].verdict == "bounded"
         centre, begin = lm.models.GuidingCentre.of_particle(particle, start.y)
-        guide = lm.integrate(
-            centre, lm.RKMK(order=8), centre.state(begin), h=50.0, steps=1571, progress=False
-        )
+        guide = lm.integrate(centre, lm.RKMK(order=8), centre.state(begin), h=50.0, steps=1571, progress=False)
         rho = np.hypot(guide.y[:, 0], guide.y[:, 1])
         gyration = 2.2e-3 / 0.5  # |v|/|B|
-        assert [rho.min() - gyration, rho.max() + gyration] == pytest.approx(
-            [R.min(), R.max()], abs=4e-3
-        )
+        assert [rho.min() - gyration, rho.max() + gyration] == pytest.approx([R.min(), R.max()], abs=4e-3)
 
 
 # ---------------------------------------------------------------- Kepler's motion as a part
@@ -285,9 +230,7 @@ def test_steps_on_keplers_ellipses(eccentricity: float) -> None:
     for t in (1e-3, 0.7, 2.5, -1.3, 9.0):
         end = kepler.exact(start, t)
         dq, dv = kepler_step(lm.vec(*start.q, 0.0), lm.vec(*start.p, 0.0), 1.7, t)
-        error = np.abs(
-            [*(np.array(dq)[:2] + start.q - end.q), *(np.array(dv)[:2] + start.p - end.p)]
-        ).max()
+        error = np.abs([*(np.array(dq)[:2] + start.q - end.q), *(np.array(dv)[:2] + start.p - end.p)]).max()
         assert error < 2e-13 / (1.0 - eccentricity) ** 2
 
 
@@ -328,9 +271,7 @@ def conic(q: lm.Vec, v: lm.Vec, t: float) -> tuple[list[mp.mpf], list[mp.mpf]]:
     )  # fmt: skip
     r = r0 + e0 * G(1, s) + (1 - b * r0) * G(2, s)
     f, g, df, dg = -G(2, s) / r0, t - G(3, s), -G(1, s) / (r0 * r), -G(2, s) / r
-    return [f * a + g * c for a, c in zip(x, w, strict=True)], [
-        df * a + dg * c for a, c in zip(x, w, strict=True)
-    ]
+    return [f * a + g * c for a, c in zip(x, w, strict=True)], [df * a + dg * c for a, c in zip(x, w, strict=True)]
 
 
 def test_steps_on_hyperbolas_are_those_of_rk8() -> None:
@@ -350,22 +291,12 @@ def test_planets_in_jacobis_coordinates() -> None:
     bodies, begin = lm.models.NBody.outer_solar_system()
     assert system.energy(start.y) == pytest.approx(bodies.energy(begin.q, begin.p), rel=1e-13)
     q, p = system.bodies(start.y)
-    assert np.allclose(q, begin.q, rtol=0.0, atol=1e-13) and np.allclose(
-        p, begin.p, rtol=0.0, atol=1e-17
-    )
-    run = lm.integrate(
-        bodies, lm.Splitting(order=8), begin, h=50.0, steps=20, compiled=False, progress=False
-    )
+    assert np.allclose(q, begin.q, rtol=0.0, atol=1e-13) and np.allclose(p, begin.p, rtol=0.0, atol=1e-17)
+    run = lm.integrate(bodies, lm.Splitting(order=8), begin, h=50.0, steps=20, compiled=False, progress=False)
     errors = []
     for h in (200.0, 100.0):
         found = lm.integrate(
-            system,
-            lm.Splitting(order=2),
-            start,
-            h=h,
-            steps=round(1000 / h),
-            compiled=False,
-            progress=False,
+            system, lm.Splitting(order=2), start, h=h, steps=round(1000 / h), compiled=False, progress=False
         )
         errors.append(np.abs(system.bodies(found.y[-1])[0] - run.q[-1]).max())
     assert errors[1] < 1e-4 and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.3)
@@ -386,14 +317,5 @@ def test_wisdom_and_holman_over_ten_thousand_years() -> None:
     for tableau, h, error in ((STRANG.exchanged, 200.0, 2.1e-6), (ABA1064, 400.0, 2.4e-12)):
         steps = round(3652425 / h)
         method = lm.Splitting(tableau=tableau)
-        run = lm.integrate(
-            system,
-            method,
-            start,
-            h=h,
-            steps=steps,
-            every=steps // 400,
-            compiled=True,
-            progress=False,
-        )
+        run = lm.integrate(system, method, start, h=h, steps=steps, every=steps // 400, compiled=True, progress=False)
         assert np.abs(run.energy / run.energy[0] - 1.0).max() == pytest.approx(error, rel=0.5)

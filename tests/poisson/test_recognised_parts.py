@@ -12,13 +12,7 @@ import pytest
 import liemech as lm
 from liemech.formulas import copysign, cos, exp, sqrt, where
 from liemech.formulas.anything import degree, looked_at, made_of
-from liemech.systems.parts import (
-    Affine,
-    FunctionOfCoordinate,
-    StraightLineFlow,
-    recognised,
-    second_degree,
-)
+from liemech.systems.parts import Affine, FunctionOfCoordinate, StraightLineFlow, recognised, second_degree
 
 NARROW = 1e-9
 """The width of what no probe hits."""
@@ -57,12 +51,7 @@ class Potential(lm.Hamiltonian):
         if self.kind == "NumPy's sign":
             return spring + p * (1.0 + np.copysign(1.0, q - 1e9))
         if self.kind == "NumPy's":
-            return (
-                spring
-                + 0.1 * np.cos(q)
-                + np.log(np.sqrt(1.0 + np.square(q)))
-                + np.exp(-np.square(q))
-            )
+            return spring + 0.1 * np.cos(q) + np.log(np.sqrt(1.0 + np.square(q))) + np.exp(-np.square(q))
         return spring + self.smooth(q)
 
     def smooth(self, q: Any) -> Any:
@@ -74,24 +63,11 @@ def why(part: lm.Hamiltonian) -> str:
 
 
 @pytest.mark.parametrize(
-    "kind",
-    [
-        "where",
-        "if",
-        "max",
-        "abs",
-        "sign",
-        "floor",
-        "equal",
-        "loop",
-        "NumPy's maximum",
-        "NumPy's sign",
-    ],
+    "kind", ["where", "if", "max", "abs", "sign", "floor", "equal", "loop", "NumPy's maximum", "NumPy's sign"]
 )
 def test_what_a_formula_does_somewhere_else_is_not_missed(kind: str) -> None:
-    assert (
-        "is not known: its formula need not be the same at all points (it depends on a comparison"
-        in why(Potential(kind))
+    assert "is not known: its formula need not be the same at all points (it depends on a comparison" in why(
+        Potential(kind)
     )
 
 
@@ -124,13 +100,7 @@ def test_a_part_with_a_wall_says_what_it_is() -> None:
     for walls in (lm.parts.StraightLineFlow(Walls()), lm.parts.FunctionOfCoordinate(Walls(), 0)):
         ball = system(walls)
         run = lm.integrate(
-            ball,
-            lm.Splitting(order=2),
-            ball.state([0.0, 1.0]),
-            h=0.01,
-            steps=400,
-            compiled=False,
-            progress=False,
+            ball, lm.Splitting(order=2), ball.state([0.0, 1.0]), h=0.01, steps=400, compiled=False, progress=False
         )
         assert run.y[-1] == pytest.approx([-np.pi / 5.0, 1.0], abs=5e-3)
 
@@ -245,9 +215,7 @@ def test_products_of_momenta_are_of_higher_degree() -> None:
         (lambda x, y: 7.0, 0, set()),
     ],
 )
-def test_a_formula_tells_its_degree_and_of_what_it_is_made(
-    formula: Any, wanted: float, numbers: set[int]
-) -> None:
+def test_a_formula_tells_its_degree_and_of_what_it_is_made(formula: Any, wanted: float, numbers: set[int]) -> None:
     found, reason = looked_at(lambda z: formula(*z), [1, 1])
     assert (degree(found), made_of(found), reason) == (wanted, numbers, "")
 

@@ -14,9 +14,7 @@ from liemech.tableaus.splittings import BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENER
 
 SPECIES = lm.models.LotkaVolterra()
 START = SPECIES.state([1.5, 1.0])
-CHAIN = lm.models.LotkaVolterra(
-    [[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0]
-)
+CHAIN = lm.models.LotkaVolterra([[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0])
 TOP = lm.models.PoissonTop([1.0, 1.5, 2.0], 2.0, [0.1, 0.0, 0.5])
 TOP_START = TOP.state([0.3, 0.2, 1.0, 0.0, 0.6, 0.8])
 
@@ -46,16 +44,7 @@ IDS = [type(system).__name__ for system, _, _ in CASES]
 
 
 def end(system: Any, method: Any, start: Any, time: float, steps: int) -> np.ndarray:
-    run = lm.integrate(
-        system,
-        method,
-        start,
-        h=time / steps,
-        steps=steps,
-        every=steps,
-        compiled=False,
-        progress=False,
-    )
+    run = lm.integrate(system, method, start, h=time / steps, steps=steps, every=steps, compiled=False, progress=False)
     return np.asarray(run.last.y)
 
 
@@ -73,9 +62,7 @@ def test_splittings_are_poisson_maps_and_keep_casimirs(system: Any, start: Any, 
     for method in (lm.Splitting(order=1), lm.Splitting(order=2), lm.Splitting(order=4)):
         assert lm.poisson_defect(method, system, start, h) < 1e-12
     assert lm.poisson_defect(lm.RKMK(order=4), system, start, h) > 1e-8
-    run = lm.integrate(
-        system, lm.Splitting(order=2), start, h=h, steps=50, compiled=False, progress=False
-    )
+    run = lm.integrate(system, lm.Splitting(order=2), start, h=h, steps=50, compiled=False, progress=False)
     for kept in run.drift().kept:
         if kept.name.startswith("Casimir"):
             assert kept.verdict == "exact" and kept.largest < 1e-14
@@ -89,10 +76,7 @@ def test_orders_of_parts(system: Any, order: int) -> None:
     start = START if system is SPECIES else TOP_START
     exact = end(system, lm.RKMK(order=8), start, 1.0, 30)
     coarse = {1: 20, 2: 10, 3: 10, 4: 4, 6: 3, 8: 2}[order]
-    errors = [
-        np.abs(end(system, lm.Splitting(order=order), start, 1.0, n) - exact).max()
-        for n in (coarse, 2 * coarse)
-    ]
+    errors = [np.abs(end(system, lm.Splitting(order=order), start, 1.0, n) - exact).max() for n in (coarse, 2 * coarse)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.55 if order > 4 else 0.35)
 
 
@@ -102,14 +86,10 @@ def test_sequences_of_two_parts_are_the_tableaus_and_of_one_the_motion() -> None
         assert [c for part, c in sequence if part == 1] == list(tableau.kicks)
         assert [c for part, c in sequence if part == 0] == list(tableau.drifts)
         for parts in (1, 3, 5):
-            shares = [
-                sum(c for part, c in tableau.sequence(parts) if part == i) for i in range(parts)
-            ]
+            shares = [sum(c for part, c in tableau.sequence(parts) if part == i) for i in range(parts)]
             assert np.allclose(shares, 1.0, rtol=1e-14, atol=0.0)
             backwards = [c for _, c in tableau.sequence(parts)][::-1]
-            assert np.allclose(
-                backwards, [c for _, c in tableau.sequence(parts)], rtol=0.0, atol=1e-15
-            )
+            assert np.allclose(backwards, [c for _, c in tableau.sequence(parts)], rtol=0.0, atol=1e-15)
 
 
 def test_canonical_parts_are_the_separable_system() -> None:
@@ -133,12 +113,7 @@ def test_canonical_parts_are_the_separable_system() -> None:
     )
     assert same.quadratic
     q, p = [0.0, 0.1], [0.5, 0.05]
-    for method in (
-        lm.StormerVerlet(),
-        lm.StormerVerlet("drift"),
-        lm.Splitting(order=4),
-        lm.Splitting(order=8),
-    ):
+    for method in (lm.StormerVerlet(), lm.StormerVerlet("drift"), lm.Splitting(order=4), lm.Splitting(order=8)):
         a = lm.integrate(stars, method, stars.state(q, p), h=0.2, steps=20, compiled=False)
         b = lm.integrate(same, method, same.state([*q, *p]), h=0.2, steps=20, compiled=False)
         assert np.allclose(np.hstack([a.q, a.p]), b.y, rtol=1e-13, atol=1e-14)
@@ -177,10 +152,7 @@ def test_quadratic_parts_of_constant_structures_are_recognised() -> None:
     start = system.state([0.5, 0.2, -0.3, 0.4])
     assert lm.check_system(system, start)
     assert lm.poisson_defect(lm.Splitting(order=4), system, start, 0.3) < 1e-13
-    assert (
-        lm.check_method(lm.Splitting(order=4), system, start, compiled=False)["order"].verdict
-        == "holds"
-    )
+    assert lm.check_method(lm.Splitting(order=4), system, start, compiled=False)["order"].verdict == "holds"
 
 
 @lm.record
@@ -191,9 +163,7 @@ class Mixed(lm.Hamiltonian):
 
 def test_unknown_motions_are_refused_with_the_reason() -> None:
     system = lm.PoissonSystem(lm.structures.Canonical(1), Mixed())
-    with pytest.raises(
-        lm.errors.IncompatibleSystem, match=r"depends on more than one coordinate.*write `flow`"
-    ):
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"depends on more than one coordinate.*write `flow`"):
         lm.integrate(system, lm.Splitting(order=2), system.state([0.3, 0.2]), h=0.1, steps=1)
 
     @lm.record
@@ -218,9 +188,7 @@ def test_unknown_motions_are_refused_with_the_reason() -> None:
         def flow(self, structure: lm.PoissonStructure, y: lm.Vec, t: float) -> lm.Vec:
             return super().flow(structure, y, 0.5 * t)
 
-    with pytest.raises(
-        lm.errors.LawViolation, match=r"motions of parts[\s\S]*a factor 1/2 too many"
-    ):
+    with pytest.raises(lm.errors.LawViolation, match=r"motions of parts[\s\S]*a factor 1/2 too many"):
         lm.check_system(lm.PoissonSystem(lm.structures.Canonical(1), Slow()))
 
 
@@ -248,8 +216,7 @@ class Separate(lm.Hamiltonian):
 
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
-    "c",
-    [(1, 0, 0, 0, 0), (0, 0, 0, 1, 0), (1, 0, 0, 1, 0), (0, 1, 1, 0, 0), (0.3, -0.2, 0.5, 0.7, 0)],
+    "c", [(1, 0, 0, 0, 0), (0, 0, 0, 1, 0), (1, 0, 0, 1, 0), (0, 1, 1, 0, 0), (0.3, -0.2, 0.5, 0.7, 0)]
 )
 def test_symplectic_euler_is_poisson_for_affine_b(c: tuple[float, ...]) -> None:
     system = lm.PoissonSystem(Planar(lm.vec(*map(float, c))), Separate())
@@ -296,14 +263,10 @@ def test_symplectic_euler_of_lotka_and_volterra() -> None:
     new = end(SPECIES, lm.PoissonEuler(), START, h, 1)
     u1 = u / (1.0 - h * (v - 2.0))
     assert np.allclose(new, [u1, v + h * v * (1.0 - u1)], rtol=1e-15, atol=0.0)
-    back = lm.integrate(
-        SPECIES, lm.PoissonEuler("v"), SPECIES.state(new), h=-h, steps=1, compiled=False
-    )
+    back = lm.integrate(SPECIES, lm.PoissonEuler("v"), SPECIES.state(new), h=-h, steps=1, compiled=False)
     assert np.allclose(back.y[-1], [u, v], rtol=1e-15, atol=0.0)
     with pytest.raises(lm.errors.NoConvergence, match="too large"):
-        lm.integrate(
-            SPECIES, lm.PoissonEuler(), SPECIES.state([1.0, 4.0]), h=0.6, steps=1, compiled=False
-        )
+        lm.integrate(SPECIES, lm.PoissonEuler(), SPECIES.state([1.0, 4.0]), h=0.6, steps=1, compiled=False)
     logs = end(SPECIES, lm.Splitting(order=1), START, h, 1)  # the same in the logarithms of u and v
     u2 = u * np.exp(h * (v - 2.0))
     assert np.allclose(logs, [u2, v * np.exp(h * (1.0 - u2))], rtol=1e-15, atol=0.0)
@@ -314,9 +277,7 @@ def test_orbits_close_or_spiral() -> None:
     are positive for any h.
     """
     runs = {
-        method: lm.integrate(
-            SPECIES, method, START, h=0.05, steps=500, progress=False, compiled=False
-        ).energy
+        method: lm.integrate(SPECIES, method, START, h=0.05, steps=500, progress=False, compiled=False).energy
         for method in (lm.PoissonEuler(), lm.Splitting(order=1), lm.RKMK(order=1))
     }
     first, logs, explicit = runs.values()
@@ -343,12 +304,7 @@ def test_gauss_methods_are_poisson_maps_for_constant_structures_only() -> None:
     run = lm.integrate(constant, lm.RKMK(order=4), start, h=0.1, steps=50, compiled=False)
     assert run.drift()["Casimir 1"].verdict == "exact"
     run = lm.integrate(
-        CHAIN,
-        lm.RKMK(tableau=lm.tableaus.gauss(1)),
-        CHAIN.state([1.0, 0.8, 1.2]),
-        h=0.2,
-        steps=50,
-        compiled=False,
+        CHAIN, lm.RKMK(tableau=lm.tableaus.gauss(1)), CHAIN.state([1.0, 0.8, 1.2]), h=0.2, steps=50, compiled=False
     )
     assert run.drift()["Casimir 1"].largest > 1e-8
 
@@ -391,15 +347,7 @@ def test_defects_in_phase_space_and_refusals() -> None:
 @pytest.mark.slow
 def test_casimirs_over_a_million_steps() -> None:
     for system, start, h in CASES[1:3]:
-        run = lm.integrate(
-            system,
-            lm.Splitting(order=2),
-            start,
-            h=0.5 * h,
-            steps=10**6,
-            every=10**4,
-            progress=False,
-        )
+        run = lm.integrate(system, lm.Splitting(order=2), start, h=0.5 * h, steps=10**6, every=10**4, progress=False)
         for kept in run.drift().kept:
             if kept.name.startswith("Casimir"):
                 assert kept.largest < 1e-12
@@ -409,28 +357,18 @@ def test_casimirs_over_a_million_steps() -> None:
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("system", "start", "h"), [CASES[1], CASES[3]], ids=["species", "particle"]
-)
+@pytest.mark.parametrize(("system", "start", "h"), [CASES[1], CASES[3]], ids=["species", "particle"])
 def test_native_code_and_ensembles_have_the_same_bits(system: Any, start: Any, h: float) -> None:
     many = system.state(np.asarray(start.y) * np.linspace(1.0, 1.1, 5)[:, None])
-    native = lm.integrate(
-        system, lm.Splitting(order=4), many, h=h, steps=10, compiled=True, progress=False
-    )
-    plain = lm.integrate(
-        system, lm.Splitting(order=4), system.state(many.y[3]), h=h, steps=10, compiled=False
-    )
+    native = lm.integrate(system, lm.Splitting(order=4), many, h=h, steps=10, compiled=True, progress=False)
+    plain = lm.integrate(system, lm.Splitting(order=4), system.state(many.y[3]), h=h, steps=10, compiled=False)
     assert np.array_equal(native.y[:, 3], plain.y)
 
 
 @pytest.mark.parametrize(
     "method",
     [
-        *(
-            lm.LiePoissonHamiltonJacobi(),
-            lm.FirstKindHamiltonJacobi(order=2),
-            lm.CovariantVariational(),
-        ),
+        *(lm.LiePoissonHamiltonJacobi(), lm.FirstKindHamiltonJacobi(order=2), lm.CovariantVariational()),
         *(lm.ImplicitMidpoint(), lm.KickDrift()),
     ],
     ids=repr,

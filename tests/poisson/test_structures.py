@@ -176,11 +176,7 @@ class Wrong:
         """The factor 1/2 of s^2 forgotten."""
 
         def coordinate_flow(self, y: lm.Vec, index: int, s: float) -> lm.Vec:
-            return (
-                lm.vec(y[0] + s, y[1], y[2] - s * (y[0] + s))
-                if index == 1
-                else super().coordinate_flow(y, index, s)
-            )
+            return lm.vec(y[0] + s, y[1], y[2] - s * (y[0] + s)) if index == 1 else super().coordinate_flow(y, index, s)
 
     @lm.record
     class Sharp(lm.structures.Canonical):
@@ -212,9 +208,7 @@ class Wrong:
     ],
     ids=lambda x: x if isinstance(x, str) else type(x).__name__,
 )
-def test_every_slip_is_found_and_its_entries_are_named(
-    structure: Any, law: str, entries: str
-) -> None:
+def test_every_slip_is_found_and_its_entries_are_named(structure: Any, law: str, entries: str) -> None:
     report = lm.check_poisson(structure, raises=False)
     assert next(finding.law for finding in report.broken) == law
     other = unlike(structure, 30.0, 5)
@@ -226,9 +220,7 @@ def test_every_slip_is_found_and_its_entries_are_named(
 
 def test_a_place_where_the_rank_falls_is_named() -> None:
     with pytest.raises(lm.errors.LawViolation, match="B has rank 0 here, 2 elsewhere"):
-        lm.check_poisson(
-            lm.coadjoint(lm.SO3()).poisson_structure, [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]
-        )
+        lm.check_poisson(lm.coadjoint(lm.SO3()).poisson_structure, [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]])
 
 
 def test_brackets_are_formulas_that_nest() -> None:
@@ -237,11 +229,7 @@ def test_brackets_are_formulas_that_nest() -> None:
     y = [0.3, -0.7, 1.1, 0.4]
     assert B.bracket(lambda x: x[0], lambda x: x[2])(y) == 1.0
     sin = lm.formulas.sin
-    F, G, H = (
-        (lambda x: x[0] * sin(x[2])),
-        (lambda x: x[1] ** 2 * x[3] + x[0]),
-        (lambda x: x[2] * x[3] * x[0]),
-    )
+    F, G, H = ((lambda x: x[0] * sin(x[2])), (lambda x: x[1] ** 2 * x[3] + x[0]), (lambda x: x[2] * x[3] * x[0]))
     cyclic = [B.bracket(a, B.bracket(b, c))(y) for a, b, c in ((F, G, H), (G, H, F), (H, F, G))]
     assert abs(sum(cyclic)) <= 1e-14 * max(map(abs, cyclic)) > 0.0
     minus = lm.coadjoint(lm.SO3()).poisson_structure
@@ -261,8 +249,7 @@ class Bracketed(lm.Hamiltonian):
     def energy(self, y: lm.Vec) -> float:
         B = lm.structures.Canonical(1)
         outer = B.bracket(
-            lambda x: x[1],
-            B.bracket(lambda x: x[1] ** 2 + x[0] ** 3, lambda x: 9.0 * x[0] ** 2 * x[1] ** 2),
+            lambda x: x[1], B.bracket(lambda x: x[1] ** 2 + x[0] ** 3, lambda x: 9.0 * x[0] ** 2 * x[1] ** 2)
         )
         return self.strength * outer(y) + y[1] ** 2 + y[0] ** 2
 
@@ -272,10 +259,7 @@ class Bracketed(lm.Hamiltonian):
 def test_brackets_compile() -> None:
     system = lm.PoissonSystem(lm.structures.Canonical(1), Bracketed(1e-3))
     start = system.state([0.4, 0.3])
-    runs = [
-        lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=20, compiled=c)
-        for c in (True, False)
-    ]
+    runs = [lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=20, compiled=c) for c in (True, False)]
     assert np.array_equal(runs[0].y, runs[1].y)
     # {p, {p^2 + q^3, 9 q^2 p^2}} = d/dq of (2p . 18 q p^2 - 3 q^2 . 18 q^2 p), with {p, F} = -dF/dq
     q, p = 0.4, 0.3
@@ -338,9 +322,7 @@ def test_two_structures_of_maxwell_and_bloch_give_one_motion() -> None:
 
 
 def test_bad_structures_are_refused() -> None:
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"must be skew-symmetric; entries \(1, 2\) and \(2, 1\)"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"must be skew-symmetric; entries \(1, 2\) and \(2, 1\)"):
         lm.structures.ConstantStructure([[0.0, 1.0], [1.0, 0.0]])
     with pytest.raises(lm.errors.InvalidInput, match="square matrix"):
         lm.structures.LogCanonical([[0.0, 1.0]])

@@ -89,15 +89,7 @@ def test_the_lie_series_is_the_motion() -> None:
     y, errors = lm.vec(*Y), []
     derivatives = [F(y)] + [MIXED.lie_derivative(F, times=k)(y) for k in range(1, 6)]
     for t in (0.2, 0.1):
-        run = lm.integrate(
-            MIXED,
-            lm.RKMK(order=8),
-            MIXED.state(Y),
-            h=t / 8,
-            steps=8,
-            compiled=False,
-            progress=False,
-        )
+        run = lm.integrate(MIXED, lm.RKMK(order=8), MIXED.state(Y), h=t / 8, steps=8, compiled=False, progress=False)
         series = sum(d * t**k / math.factorial(k) for k, d in enumerate(derivatives))
         errors.append(abs(series - F(run.y[-1])))
     assert math.log2(errors[0] / errors[1]) == pytest.approx(6.0, abs=0.2)
@@ -125,9 +117,7 @@ def test_which_motions_are_recognised() -> None:
     assert kinds == ["AffineField", "Growth", "StraightField"]
     for part in MIXED.parts:
         there = np.array(part.flow(lm.vec(*Y), 0.7))
-        run = lm.integrate(
-            part, lm.RKMK(order=8), part.state(Y), h=0.07, steps=10, compiled=False, progress=False
-        )
+        run = lm.integrate(part, lm.RKMK(order=8), part.state(Y), h=0.07, steps=10, compiled=False, progress=False)
         assert np.abs(there - run.y[-1]).max() < 1e-11
     assert lm.check_system(MIXED)["flow"].verdict == "holds"
 
@@ -138,9 +128,7 @@ def test_order(system: lm.SplitField, order: int) -> None:
     start, method = system.state(Y), lm.Splitting(order=order, quadratic=False)
 
     def end(method: lm.Method, n: int) -> np.ndarray:
-        run = lm.integrate(
-            system, method, start, h=1.0 / n, steps=n, compiled=False, progress=False
-        )
+        run = lm.integrate(system, method, start, h=1.0 / n, steps=n, compiled=False, progress=False)
         return np.asarray(run.y[-1])
 
     exact = end(lm.RKMK(order=8), 100)
@@ -152,9 +140,7 @@ def test_a_composition_of_shears_keeps_volumes_and_goes_back() -> None:
     method = lm.Splitting(order=4)
     D = np.array(lm.jacobian(lambda y: stepped(ABC, method, y, 0.5), lm.vec(*Y)))
     assert np.linalg.det(D) == pytest.approx(1.0, rel=64 * EPS)
-    runge_kutta = np.array(
-        lm.jacobian(lambda y: stepped(ABC, lm.RKMK(order=4), y, 0.5), lm.vec(*Y))
-    )
+    runge_kutta = np.array(lm.jacobian(lambda y: stepped(ABC, lm.RKMK(order=4), y, 0.5), lm.vec(*Y)))
     assert abs(np.linalg.det(runge_kutta) - 1.0) > 1e-7
     back = stepped(ABC, method, stepped(ABC, method, Y, 0.5), -0.5)
     assert np.abs(np.array(back) - Y).max() < 64 * EPS
@@ -190,18 +176,8 @@ def test_kicks_and_drifts_as_fields_are_the_separable_system() -> None:
 
     fields, bob = lm.SplitField((Drift(), Kick())), Bob()
     for method in (lm.Splitting(order=4, quadratic=False), lm.StormerVerlet()):
-        a = lm.integrate(
-            fields,
-            method,
-            fields.state([1.0, 0.3]),
-            h=0.1,
-            steps=50,
-            compiled=False,
-            progress=False,
-        )
-        b = lm.integrate(
-            bob, method, bob.state([1.0], [0.3]), h=0.1, steps=50, compiled=False, progress=False
-        )
+        a = lm.integrate(fields, method, fields.state([1.0, 0.3]), h=0.1, steps=50, compiled=False, progress=False)
+        b = lm.integrate(bob, method, bob.state([1.0], [0.3]), h=0.1, steps=50, compiled=False, progress=False)
         assert np.abs(a.y - np.hstack([b.q, b.p])).max() < 1e-14
 
 
@@ -230,9 +206,7 @@ def test_native_code_and_ensembles_have_the_same_bits(system: lm.SplitField) -> 
     many = system.state(np.array(Y) + np.linspace(0.0, 0.5, 9)[:, None])
     for start in (system.state(Y), many):
         native, python = (
-            lm.integrate(
-                system, lm.Splitting(order=2), start, h=0.1, steps=20, compiled=c, progress=False
-            )
+            lm.integrate(system, lm.Splitting(order=2), start, h=0.1, steps=20, compiled=c, progress=False)
             for c in (True, False)
         )
         assert native.y.tobytes() == python.y.tobytes()
@@ -314,9 +288,7 @@ def test_formulas_that_are_none_are_refused_by_the_state() -> None:
         def flow(self, t: float) -> lm.Vec:  # type: ignore[override]
             return lm.vec(t, t, t)
 
-    with pytest.raises(
-        InvalidType, match=r"Timed.velocity takes .* write `def velocity\(self, y\)`"
-    ):
+    with pytest.raises(InvalidType, match=r"Timed.velocity takes .* write `def velocity\(self, y\)`"):
         Timed().state([1.0, 2.0])
     with pytest.raises(InvalidType, match=r"Bare.flow takes .* write `def flow\(self, y, t\)`"):
         lm.SplitField((Bare(), Shear(0, 1.0))).state(Y)
@@ -378,9 +350,7 @@ def test_which_fields_are_those_of_an_energy(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FIELDS)
-def test_they_are_if_and_only_if_their_motion_is_of_poisson_maps_that_respect_casimirs(
-    name: str,
-) -> None:
+def test_they_are_if_and_only_if_their_motion_is_of_poisson_maps_that_respect_casimirs(name: str) -> None:
     """The theorem: the same answer from the motion over a time, by a Runge-Kutta method of order
     eight with its derivative.
     """
@@ -423,9 +393,7 @@ def test_a_scaled_field_is_hamiltonian_if_sigma_is_a_function_of_the_energy() ->
         (lambda y: 1.0 + 1e-9 * y[0], False),
         (lambda y: y[0] * y[3] - y[1] * y[2], False),
     ):
-        report = lm.check_poisson_field(
-            lambda y, sigma=sigma: sigma(y) * kepler(y), B, raises=False
-        )
+        report = lm.check_poisson_field(lambda y, sigma=sigma: sigma(y) * kepler(y), B, raises=False)
         assert bool(report) is hamiltonian
 
 
@@ -438,7 +406,5 @@ def test_what_the_check_refuses() -> None:
         lm.check_poisson_field(ABC, lm.structures.Canonical(2))
     with pytest.raises(InvalidInput, match="shape"):
         lm.check_poisson_field(kepler, lm.structures.Canonical(2), [[1.0, 2.0]])
-    report = lm.check_poisson_field(
-        lambda y: lm.vec(y[0]), lm.structures.Canonical(2), raises=False
-    )
+    report = lm.check_poisson_field(lambda y: lm.vec(y[0]), lm.structures.Canonical(2), raises=False)
     assert not report

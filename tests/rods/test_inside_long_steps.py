@@ -36,16 +36,12 @@ def test_an_event_is_met_where_a_shorter_step_has_it():
     def low(t, total):
         return total.height + 1e-3
 
-    run = lm.integrate(
-        rod, METHOD, start, h=2e-3, steps=10, events=[low], record=["g", height], compiled=False
-    )
+    run = lm.integrate(rod, METHOD, start, h=2e-3, steps=10, events=[low], record=["g", height], compiled=False)
     ((times, met),) = run.events
     assert len(times) == 1 and times[0] % 2e-3 > 1e-5
     assert abs(met.g[0, :, 2, 3].sum() + 1e-3) < 1e-12
     low.terminal = True
-    ended = lm.integrate(
-        rod, METHOD, start, h=2e-3, steps=10, events=[low], record=["g", height], compiled=False
-    )
+    ended = lm.integrate(rod, METHOD, start, h=2e-3, steps=10, events=[low], record=["g", height], compiled=False)
     assert ended.t[-1] == times[0] and ended.height[-1] == pytest.approx(-1e-3, abs=1e-12)
 
 
@@ -53,7 +49,6 @@ def test_an_event_is_met_where_a_shorter_step_has_it():
 def test_native_is_plain():
     rod, start = swinging()
     one, other = (
-        lm.integrate(rod, METHOD, start, h=2e-3, steps=5, t_eval=[0.0, 3e-3, 7.3e-3], compiled=c)
-        for c in (True, False)
+        lm.integrate(rod, METHOD, start, h=2e-3, steps=5, t_eval=[0.0, 3e-3, 7.3e-3], compiled=c) for c in (True, False)
     )
     assert np.array_equal(one.g, other.g) and np.array_equal(one.mu, other.mu)

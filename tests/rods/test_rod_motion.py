@@ -52,10 +52,7 @@ def test_orders_in_time(method):
     rod, start = bent(**HANGING)
     end = lm.integrate(rod, lm.KickDrift(), start, h=0.5 / 2**16, steps=2**16, every=2**16).g[-1]
     steps = (40, 80, 160) if method.order == 2 else (20, 40, 80)
-    errors = [
-        np.abs(lm.integrate(rod, method, start, h=0.5 / n, steps=n, every=n).g[-1] - end).max()
-        for n in steps
-    ]
+    errors = [np.abs(lm.integrate(rod, method, start, h=0.5 / n, steps=n, every=n).g[-1] - end).max() for n in steps]
     assert slope([0.5 / n for n in steps], errors) == pytest.approx(method.order, abs=0.3)
 
 
@@ -87,10 +84,7 @@ def test_all_frames_together_make_the_step_of_the_method(case, monkeypatch):
 def test_native_steps_have_the_bits_of_plain_ones():
     rod, start = bent(3, **HANGING)
     for method in (IMPLICIT, lm.KickDrift()):
-        runs = [
-            lm.integrate(rod, method, start, h=0.01, steps=4, compiled=native)
-            for native in (False, True)
-        ]
+        runs = [lm.integrate(rod, method, start, h=0.01, steps=4, compiled=native) for native in (False, True)]
         assert [run.compiled for run in runs] == [False, True]
         assert np.array_equal(runs[0].g, runs[1].g) and np.array_equal(runs[0].mu, runs[1].mu)
 
@@ -144,12 +138,8 @@ class Spring(lm.Term):
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("graph", [lm.neighbours.ring(3), lm.neighbours.chain(3)], ids=repr)
 def test_terms_of_users_along_a_chain_are_solved_for_together(graph, monkeypatch):
-    bodies = lm.LiePoissonSystem(
-        lm.SE3() ** 3, lm.PerSite(lm.KineticEnergy([0.1, 0.2, 0.3, 1, 1, 1]))
-    )
-    system = lm.MechanicalSystem(
-        bodies, lm.Terms(Spring(lm.each(np.arange(1.0, len(graph.edges) + 1))).over(graph))
-    )
+    bodies = lm.LiePoissonSystem(lm.SE3() ** 3, lm.PerSite(lm.KineticEnergy([0.1, 0.2, 0.3, 1, 1, 1])))
+    system = lm.MechanicalSystem(bodies, lm.Terms(Spring(lm.each(np.arange(1.0, len(graph.edges) + 1))).over(graph)))
     start = system.state(mu=0.1 * np.ones((3, 6)), g=lm.SE3().random(2, 3))
     plan = lm.Plan(system, IMPLICIT, h=0.02, compiled=False)
     assert plan._sites.chain is not None
@@ -182,9 +172,7 @@ def test_a_run_goes_on_where_it_stood():
 @pytest.mark.parametrize("count", [3, 6])
 def test_elimination_along_a_chain_and_a_ring_is_that_of_the_whole_matrix(count, ring):
     n, rows, rng = 3, ChainRows.of(3), np.random.default_rng(count)
-    method = GalerkinOfChain(
-        (), (), None, None, ring, float(count), rows, Table([1.0, 0.0]), 1.0, 1
-    )
+    method = GalerkinOfChain((), (), None, None, ring, float(count), rows, Table([1.0, 0.0]), 1.0, 1)
     work, whole = Planes.of_rows(rows.end, count), np.zeros((count, n, count, n))
     for k in range(count):
         for place, other in ((rows.own, k), (rows.right, k + 1), (rows.left, k - 1)):

@@ -72,22 +72,16 @@ def test_an_end_moment_bends_elements_into_the_exact_circle(turns):
     rod = CosseratRod(SECTION, 1.0, 4, tip_moment=[0, M, 0])
     angle = 2.0 * np.pi * turns
     tip = rod.equilibrium(stages=2)[-1, [0, 2], 3]
-    np.testing.assert_allclose(
-        tip, [(1.0 - np.cos(angle)) / angle, np.sin(angle) / angle], atol=1e-13
-    )
+    np.testing.assert_allclose(tip, [(1.0 - np.cos(angle)) / angle, np.sin(angle) / angle], atol=1e-13)
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    ("load", "tip"), [(300.0, (22.33, 58.84, 40.08)), (600.0, (15.79, 47.23, 53.37))]
-)
+@pytest.mark.parametrize(("load", "tip"), [(300.0, (22.33, 58.84, 40.08)), (600.0, (15.79, 47.23, 53.37))])
 def test_the_bend_of_45_degrees_is_that_of_simo_and_vu_quoc(load, tip):
     """Bathe and Bolourchi, Int. J. Numer. Methods Eng. 14 (1979), 961; Simo and Vu-Quoc, Comput.
     Methods Appl. Mech. Eng. 58 (1986), 79, table 3, with eight elements.
     """
-    section = RodSection(
-        [1e7 / 12, 1e7 / 12, 1e7 / 12, 5e6, 5e6, 1e7], [1 / 12, 1 / 12, 1 / 6, 1, 1, 1]
-    )
+    section = RodSection([1e7 / 12, 1e7 / 12, 1e7 / 12, 5e6, 5e6, 1e7], [1 / 12, 1 / 12, 1 / 6, 1, 1, 1])
     length, bent = 25.0 * np.pi, [0.0, 0.01, 0.0, 0.0, 0.0, 1.0]  # along z, then towards x
     rod = CosseratRod(section, length, 8, rest=bent, tip_force=[0, load, 0])
     x = rod.equilibrium(stages=3)[-1, :3, 3]
@@ -105,9 +99,7 @@ def test_a_column_loses_its_stiffness_at_eulers_load():
             H = rod.stiffness(rod.equilibrium(stages=1)).toarray()
             return np.linalg.eigvalsh(0.5 * (H + H.T)[np.ix_(rod.free, rod.free)])[0]
 
-        errors.append(
-            abs(brentq(softest, 0.95 * euler, 1.05 * euler, xtol=1e-6 * euler) / euler - 1.0)
-        )
+        errors.append(abs(brentq(softest, 0.95 * euler, 1.05 * euler, xtol=1e-6 * euler) / euler - 1.0))
     assert errors[-1] < 3e-3
     np.testing.assert_allclose(slopes(errors), 2.0, atol=0.1)
 
@@ -168,16 +160,11 @@ def test_forces_and_derivatives_are_those_of_the_energy(tau):
     A = rng.normal(size=(6, 6))
     for K in ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], A @ A.T):
         one = RodStrain(0.7, K, rng.normal(size=6), tau)
-        sites = [
-            Site(g=lm.formulas.mat(*map(list, SE3.exp(0.7 * rng.normal(size=6))))) for _ in "ab"
-        ]
+        sites = [Site(g=lm.formulas.mat(*map(list, SE3.exp(0.7 * rng.normal(size=6))))) for _ in "ab"]
         forces = np.array(one.forces(SE3, *sites))
         derived = np.array([Term.force(one, SE3, k, *sites) for k in range(2)])
         np.testing.assert_allclose(forces, derived, rtol=1e-12, atol=1e-12 * abs(derived).max())
-        ours, theirs = (
-            np.array(one.stiffnesses(SE3, *sites)),
-            np.array(Term.stiffnesses(one, SE3, *sites)),
-        )
+        ours, theirs = (np.array(one.stiffnesses(SE3, *sites)), np.array(Term.stiffnesses(one, SE3, *sites)))
         np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-12 * abs(theirs).max())
 
 
@@ -188,9 +175,7 @@ def test_energy_and_forces_are_the_same_in_every_frame():
     moved = np.array(SE3.compose(SE3.random(rng), g))
     zero = np.zeros((7, 6))
     assert rod.energy(zero, moved) == pytest.approx(rod.energy(zero, g), rel=1e-13)
-    np.testing.assert_allclose(
-        rod.force(moved), rod.force(g), atol=1e-12 * np.abs(rod.force(g)).max()
-    )
+    np.testing.assert_allclose(rod.force(moved), rod.force(g), atol=1e-12 * np.abs(rod.force(g)).max())
 
 
 def test_sections_have_the_constants_of_the_tables():

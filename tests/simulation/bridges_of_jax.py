@@ -108,9 +108,7 @@ def test_loops_and_compiled_functions_are_traced_once(jax: Any) -> None:
 
     def cost(mu: Any, inertia: Any) -> Any:
         traced.append(mu)
-        steps = jax.lax.scan(
-            lambda x, _: (move({"mu": x}, inertia=inertia)["mu"], 0.0), mu, None, length=4
-        )
+        steps = jax.lax.scan(lambda x, _: (move({"mu": x}, inertia=inertia)["mu"], 0.0), mu, None, length=4)
         return (steps[0] ** 2).sum() + steps[0][0]
 
     compiled = jax.jit(jax.grad(cost))

@@ -17,9 +17,7 @@ from liemech.formulas import sin, vec
 from liemech.tableaus import pairs
 
 BODY, START = asymmetric_body()
-PAIRS = [
-    t for t in vars(pairs).values() if isinstance(t, lm.tableaus.ButcherTableau) and t.embedded
-]
+PAIRS = [t for t in vars(pairs).values() if isinstance(t, lm.tableaus.ButcherTableau) and t.embedded]
 EVERY_PAIR = pytest.mark.parametrize("tableau", PAIRS, ids=lambda t: t.name)
 DP5 = lm.RKMK(tableau=pairs.DORMAND_PRINCE5)
 
@@ -62,25 +60,19 @@ def test_the_estimate_has_its_order_and_is_one(tableau: lm.tableaus.ButcherTable
 
 
 @EVERY_PAIR
-def test_the_way_between_the_ends_of_a_step_has_its_order(
-    tableau: lm.tableaus.ButcherTableau,
-) -> None:
+def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.tableaus.ButcherTableau) -> None:
     method, rate = lm.RKMK(tableau=tableau), BODY.rate(0.0, START)
     sizes = [0.8, 0.4, 0.2] if method.dense_order > 5 else [0.2, 0.1, 0.05]
     worst = []
     for h in sizes:
         trial, at = method.trial(BODY, 0.0, START, rate, h, 1.0, 1.0, True), []
         for theta in (0.2, 0.5, 0.7):
-            omega = sum(
-                (theta ** (k + 1) * p for k, p in enumerate(trial.curve)), vec(0.0, 0.0, 0.0)
-            )
+            omega = sum((theta ** (k + 1) * p for k, p in enumerate(trial.curve)), vec(0.0, 0.0, 0.0))
             state = BODY.displaced(lm.Exponential(), START, omega)
             at.append(np.abs(np.array(state.g) - BODY.exact(START, [theta * h]).g[0]).max())
         worst.append(max(at))
         end = sum(trial.curve, vec(0.0, 0.0, 0.0))
-        assert np.allclose(
-            BODY.displaced(lm.Exponential(), START, end).mu, trial.state.mu, rtol=0, atol=1e-14
-        )
+        assert np.allclose(BODY.displaced(lm.Exponential(), START, end).mu, trial.state.mu, rtol=0, atol=1e-14)
     assert slope(sizes, worst) > method.dense_order + 0.8
 
 
@@ -96,13 +88,7 @@ def test_the_error_follows_the_tolerance(tableau: lm.tableaus.ButcherTableau) ->
     found = []
     for tolerance in (1e-4, 1e-8):
         run = lm.integrate(
-            BODY,
-            lm.RKMK(tableau=tableau),
-            START,
-            t_end=10.0,
-            rtol=tolerance,
-            atol=tolerance,
-            dense=False,
+            BODY, lm.RKMK(tableau=tableau), START, t_end=10.0, rtol=tolerance, atol=tolerance, dense=False
         )
         found.append(max(errors(run)))
         assert run.t[-1] == 10.0
@@ -113,9 +99,7 @@ def test_the_error_follows_the_tolerance(tableau: lm.tableaus.ButcherTableau) ->
 @pytest.mark.compiled
 def test_native_code_takes_the_same_steps() -> None:
     kept = dict(t_end=20.0, rtol=1e-7, atol=1e-9)
-    plain, native = (
-        lm.integrate(BODY, DP5, START, compiled=compiled, **kept) for compiled in (False, True)
-    )
+    plain, native = (lm.integrate(BODY, DP5, START, compiled=compiled, **kept) for compiled in (False, True))
     assert native.compiled
     assert not plain.compiled
     assert plain.dense is not None
@@ -178,12 +162,7 @@ def test_steps_shrink_where_the_motion_is_fast() -> None:
     steps = np.diff(run.t)
     assert steps[-1] < 0.05 * steps.max()
     fine = lm.integrate(
-        system,
-        lm.RKMK(tableau=pairs.DORMAND_PRINCE5),
-        start,
-        h=0.999 / 200_000,
-        steps=200_000,
-        every=200_000,
+        system, lm.RKMK(tableau=pairs.DORMAND_PRINCE5), start, h=0.999 / 200_000, steps=200_000, every=200_000
     )
     assert np.abs(fine.g[-1] - run.g[-1]).max() < 1e-7
 
@@ -200,10 +179,7 @@ def test_events_are_found_where_the_exact_motion_has_them() -> None:
     grid = np.linspace(0.0, 40.0, 4001)
     values = BODY.exact(START, grid).mu[:, 1]
     brackets = np.flatnonzero(values[:-1] * values[1:] < 0)
-    exact = [
-        brentq(lambda t: BODY.exact(START, [t]).mu[0, 1], grid[i], grid[i + 1], xtol=1e-13)
-        for i in brackets
-    ]
+    exact = [brentq(lambda t: BODY.exact(START, [t]).mu[0, 1], grid[i], grid[i + 1], xtol=1e-13) for i in brackets]
     assert len(exact) >= 3
     assert np.allclose(times, exact, rtol=0, atol=1e-8)
     assert np.abs(states.mu[:, 1]).max() < 1e-13
@@ -213,32 +189,18 @@ def test_events_that_end_the_run_and_those_of_one_direction() -> None:
     def crossing(t, state):
         return state.mu[1]
 
-    every = lm.integrate(
-        BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=crossing
-    ).events[0][0]
+    every = lm.integrate(BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=crossing).events[0][0]
     crossing.direction = 1
-    rising = lm.integrate(
-        BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=[crossing]
-    ).events[0][0]
+    rising = lm.integrate(BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=[crossing]).events[0][0]
     assert 0 < len(rising) < len(every)
     assert set(rising) < set(every)
     crossing.terminal = True
-    run = lm.integrate(
-        BODY,
-        DP5,
-        START,
-        t_end=30.0,
-        rtol=1e-9,
-        atol=1e-9,
-        events=[crossing, lambda t, state: t - 0.5],
-    )
+    run = lm.integrate(BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=[crossing, lambda t, state: t - 0.5])
     assert run.t[-1] == rising[0] == run.events[0][0][-1]
     assert run.events[1][0] == pytest.approx([0.5], abs=1e-14)
     assert abs(run.mu[-1, 1]) < 1e-13
     shortly_before = run.t[-1] - 1e-3
-    assert (
-        np.abs(run.at(shortly_before).mu - BODY.exact(START, [shortly_before]).mu[0]).max() < 1e-7
-    )
+    assert np.abs(run.at(shortly_before).mu - BODY.exact(START, [shortly_before]).mu[0]).max() < 1e-7
 
 
 @pytest.mark.parametrize("wanted", [1, 2, np.int64(3), True, False, None, 0, 50])
@@ -272,9 +234,7 @@ def marked(**attributes):
 
 def test_a_motion_without_a_future() -> None:
     system = Driven(lm.SO3(), 1.0)
-    with pytest.raises(
-        lm.errors.StepTooSmall, match=r"at t = 1.* the step fell to .*singularity"
-    ) as caught:
+    with pytest.raises(lm.errors.StepTooSmall, match=r"at t = 1.* the step fell to .*singularity") as caught:
         lm.integrate(system, DP5, system.state(np.eye(3)), t_end=2.0, rtol=1e-6)
     run = caught.value.trajectory
     assert 0.999 < run.t[-1] <= 1.0
@@ -297,19 +257,11 @@ VALUE, KIND, PAIR = lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.Inc
         (VALUE, "rtol must be positive; got 0", dict(t_end=1.0, rtol=0.0)),
         (VALUE, "atol must be finite", dict(t_end=1.0, atol=np.nan)),
         (VALUE, "t_end must be finite", dict(t_end=np.inf)),
-        (
-            VALUE,
-            "t_eval has t = 2, which is not between 0 and 1",
-            dict(t_end=1.0, t_eval=[0.0, 2.0]),
-        ),
+        (VALUE, "t_eval has t = 2, which is not between 0 and 1", dict(t_end=1.0, t_eval=[0.0, 2.0])),
         (VALUE, "t_eval must be sorted", dict(t_end=1.0, t_eval=[0.5, 0.2])),
         (VALUE, r"t_eval has shape \(1, 1\)", dict(t_end=1.0, t_eval=[[0.5]])),
         (KIND, "events are functions of t and state; got 3", dict(t_end=1.0, events=[3])),
-        (
-            VALUE,
-            "`terminal` of an event is True, False, or the number",
-            dict(t_end=1.0, events=marked(terminal=-1)),
-        ),
+        (VALUE, "`terminal` of an event is True, False, or the number", dict(t_end=1.0, events=marked(terminal=-1))),
         (VALUE, "`terminal` of an event .* got 2.5", dict(t_end=1.0, events=marked(terminal=2.5))),
         (VALUE, "`direction` of an event", dict(t_end=1.0, events=marked(direction="up"))),
         (VALUE, "compensated is for fixed steps", dict(t_end=1.0, compensated=True)),

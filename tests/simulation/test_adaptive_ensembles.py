@@ -127,9 +127,7 @@ def test_an_ensemble_goes_on_and_is_divided() -> None:
         spread = native().run(starts, t_end=2.0, t_eval=TIMES, executor=executor)
     assert np.array_equal(spread.mu, whole.mu)
     back = native().resume(first, t_end=0.0)
-    assert np.array_equal(
-        back.mu[-1, 3], PLAN.resume(alone(3, t_end=first.t[-1, 3]), t_end=0.0).mu[-1]
-    )
+    assert np.array_equal(back.mu[-1, 3], PLAN.resume(alone(3, t_end=first.t[-1, 3]), t_end=0.0).mu[-1])
 
 
 def test_functions_of_the_state() -> None:
@@ -358,10 +356,7 @@ def test_motions_between_steps_are_those_of_every_body_alone(own: bool, compiled
     systems = [lm.RigidBody([1.0, 1.5, 2.0 + 0.1 * i * own]) for i in range(5)]
     options = {"rtol": 1e-6, "compiled": compiled, "progress": False, "dense": True}
     plan = lm.Plan(systems if own else BODY, METHOD, **options)
-    start, times = (
-        BODY.state(mu=MU[:5], g=np.broadcast_to(np.eye(3), (5, 3, 3))),
-        np.linspace(0, 2, 9),
-    )
+    start, times = (BODY.state(mu=MU[:5], g=np.broadcast_to(np.eye(3), (5, 3, 3))), np.linspace(0, 2, 9))
     run = plan.run(start, t_end=2.0)
     seen = run.at(times)
     assert len(run) == 2 and seen.mu.shape == (9, 5, 3) and run.at(0.3).g.shape == (5, 3, 3)

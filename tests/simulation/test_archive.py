@@ -50,28 +50,14 @@ TOP = lm.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 
 OWN = lm.LiePoissonSystem(lm.SO3(), Mine([1.0, 2.0, 3.0], np.diag([1.0, 1e-300, -0.0])))
 SU2 = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 2.0, 3.0]))
 CASES = {
-    "body": (
-        lm.Plan(
-            BODY,
-            lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4),
-            0.05,
-            compiled=False,
-        ),
-        START,
-    ),
-    "top": (
-        lm.Plan(TOP, lm.LieVerlet(), 0.05, compiled=False),
-        TOP.state(mu=[0.1, 0.2, 5.0], g=np.eye(3)),
-    ),
+    "body": (lm.Plan(BODY, lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4), 0.05, compiled=False), START),
+    "top": (lm.Plan(TOP, lm.LieVerlet(), 0.05, compiled=False), TOP.state(mu=[0.1, 0.2, 5.0], g=np.eye(3))),
     "canonical": (
         lm.Plan(lm.Kepler(), lm.StormerVerlet(), 0.01, compiled=False),
         lm.Kepler().state(q=[0.4, 0.0], p=[0.0, 2.0]),
     ),
     "own": (lm.Plan(OWN, lm.RKMK(order=4), 0.05, compiled=False), OWN.state(mu=[0.1, 0.2, 5.0])),
-    "complex": (
-        lm.Plan(SU2, lm.RKMK(order=4), 0.05, compiled=False),
-        SU2.state(mu=[0.1, 0.2, 0.5], g=np.eye(2)),
-    ),
+    "complex": (lm.Plan(SU2, lm.RKMK(order=4), 0.05, compiled=False), SU2.state(mu=[0.1, 0.2, 0.5], g=np.eye(2))),
     "several": (
         lm.Plan([BODY, lm.RigidBody([1.0, 1.1, 1.2])], lm.RKMK(order=3), 0.1, compiled=False),
         BODY.state(mu=[[1.0, 2.0, 3.0], [0.0, 1.0, 0.5]]),
@@ -99,11 +85,7 @@ def test_a_saved_run_comes_back_and_goes_on(case: str, tmp_path: Path) -> None:
 
 def test_whatever_the_library_has_can_be_in_files() -> None:
     """Read in a process that knows nothing but the library."""
-    made = [
-        getattr(scene(), part)
-        for scene in SCENES.values()
-        for part in ("system", "method", "start")
-    ]
+    made = [getattr(scene(), part) for scene in SCENES.values() for part in ("system", "method", "start")]
     made += [read(EXAMPLES.get(name, name), lm.Method, name) for name in names(lm.Method)
              if name in EXAMPLES or not inspect.signature(everything()[name]).parameters]  # fmt: skip
     program = (
@@ -153,9 +135,7 @@ def test_every_damage_is_seen(tmp_path: Path) -> None:
     data = path.read_bytes()
     rng = np.random.default_rng(7)
     damaged = [data[:n] for n in {0, 1, 39, 40, *rng.integers(0, len(data), 60).tolist()}]
-    for at, bit in zip(
-        rng.integers(0, len(data), 500).tolist(), rng.integers(0, 8, 500).tolist(), strict=True
-    ):
+    for at, bit in zip(rng.integers(0, len(data), 500).tolist(), rng.integers(0, 8, 500).tolist(), strict=True):
         damaged.append(data[:at] + bytes([data[at] ^ (1 << bit)]) + data[at + 1 :])
     for bad in [*damaged, data + b"x", b"hello"]:
         path.write_bytes(bad)
@@ -208,9 +188,7 @@ def test_a_class_of_another_script_is_told(tmp_path: Path) -> None:
 def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
     (tmp_path / "run.npz").write_text("before")
     system = lm.LiePoissonSystem(lm.SO3(), Called(lambda mu: 0.5 * lm.dot(mu, mu)))
-    run = lm.integrate(
-        system, lm.RKMK(order=2), system.state(mu=[1.0, 2.0, 3.0]), h=0.1, steps=2, compiled=False
-    )
+    run = lm.integrate(system, lm.RKMK(order=2), system.state(mu=[1.0, 2.0, 3.0]), h=0.1, steps=2, compiled=False)
     with pytest.raises(lm.errors.InvalidInput, match="cannot be saved; records hold numbers"):
         run.save(tmp_path / "run.npz")
     assert (tmp_path / "run.npz").read_text() == "before"
@@ -230,9 +208,7 @@ class Reversed(float):
         return -float(self) * other
 
 
-@pytest.mark.parametrize(
-    "value", [Shape.FLAT, Kind.FLAT, Reversed(2.0), np.longdouble("0.1"), int], ids=repr
-)
+@pytest.mark.parametrize("value", [Shape.FLAT, Kind.FLAT, Reversed(2.0), np.longdouble("0.1"), int], ids=repr)
 def test_what_would_come_back_as_something_else_is_refused(value: Any, tmp_path: Path) -> None:
     """A formula may ask `is Shape.FLAT`, which no text that is read from a file is."""
     run = run_holding(value)
@@ -424,9 +400,7 @@ def test_a_killed_run_leaves_a_whole_file(tmp_path: Path) -> None:
     for _ in range(50):
         path.unlink(missing_ok=True)
         process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, str(path)],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            [sys.executable, "-c", PROGRAM, str(path)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         while not path.exists() and process.poll() is None:
             time.sleep(0.01)
@@ -455,9 +429,7 @@ class Stiff(lm.Hamiltonian):
         return self.scale * lm.dot(mu, mu) + mu[0] ** 4
 
 
-def test_a_run_says_that_its_formulas_have_changed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_says_that_its_formulas_have_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another power, another constant of the class; not other words of documentation."""
     system = lm.LiePoissonSystem(lm.SO3(), Stiff())
     start = system.state([1.0, 2.0, 3.0])

@@ -60,9 +60,7 @@ def test_numbers_gathered_are_the_leaves(value: Any) -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("method", "every"), [(RKMK4, 1), (RKMK4, 4), (lm.CovariantVariational(lm.Cayley()), 1)]
-)
+@pytest.mark.parametrize(("method", "every"), [(RKMK4, 1), (RKMK4, 4), (lm.CovariantVariational(lm.Cayley()), 1)])
 def test_a_short_run_is_the_run_in_pieces(method: lm.Method, every: int) -> None:
     """Whoever steps, all fields are the same; and so is what goes on from them."""
     one = body(0.0)
@@ -72,29 +70,10 @@ def test_a_short_run_is_the_run_in_pieces(method: lm.Method, every: int) -> None
     short = plan.run(start, steps=20, t0=0.3)
     pieces = StraightRun(plan, start, 0.3, 20, None, None).trajectory()
     assert "_rest" in vars(short)  # nothing of it was made yet
-    for name in (
-        "system",
-        "method",
-        "h",
-        "bodies",
-        "steps",
-        "compiled",
-        "rejected",
-        "dense",
-        "events",
-    ):
+    for name in ("system", "method", "h", "bodies", "steps", "compiled", "rejected", "dense", "events"):
         assert getattr(short, name) == getattr(pieces, name)
-    assert (
-        np.array_equal(short.t, pieces.t)
-        and np.array_equal(short.mu, pieces.mu)
-        and not short.stopped
-    )
-    for run in (
-        short,
-        pickle.loads(pickle.dumps(short)),
-        copy.copy(short),
-        dataclasses.replace(short, compiled=True),
-    ):
+    assert np.array_equal(short.t, pieces.t) and np.array_equal(short.mu, pieces.mu) and not short.stopped
+    for run in (short, pickle.loads(pickle.dumps(short)), copy.copy(short), dataclasses.replace(short, compiled=True)):
         on = plan.resume(run, steps=8)
         assert np.array_equal(on.mu, plan.resume(pieces, steps=8).mu)
         assert np.array_equal(plan.step(run.carry, 8).last, on.mu[-1])
@@ -104,18 +83,14 @@ def test_a_short_run_is_the_run_in_pieces(method: lm.Method, every: int) -> None
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", [RKMK4, lm.CovariantVariational(lm.Cayley())], ids=["RKMK4", "Algorithm 1"]
-)
+@pytest.mark.parametrize("method", [RKMK4, lm.CovariantVariational(lm.Cayley())], ids=["RKMK4", "Algorithm 1"])
 def test_bodies_of_one_layout_share_a_plan_and_nothing_else(method: lm.Method) -> None:
     plans = {x: lm.Plan(body(x), method, 0.1, compiled=False) for x in (0.0, 0.1, 0.2)}
     plain = {x: plan.run(body(x).state(mu=MOMENTA[0]), steps=9).mu for x, plan in plans.items()}
     first = lm.Plan(body(0.0), method, 0.1, compiled=True)
     for x in (0.0, 0.1, 0.2, 0.0, 0.1):
         for mu in (
-            lm.integrate(
-                body(x), method, body(0.0).state(mu=MOMENTA[0]), h=0.1, steps=9, compiled=True
-            ).mu,
+            lm.integrate(body(x), method, body(0.0).state(mu=MOMENTA[0]), h=0.1, steps=9, compiled=True).mu,
             first.replace(system=body(x)).run(body(x).state(mu=MOMENTA[0]), steps=9).mu,
         ):
             assert np.array_equal(mu, plain[x])
@@ -160,8 +135,7 @@ class Spring(lm.SeparableSystem):
         (lambda x: Spring(1.0 + x), {"q": [0.3], "p": [0.4]}),
         (
             lambda x: lm.PoissonSystem(
-                lm.coadjoint(lm.SO3()).poisson_structure,
-                lm.RigidBody([1.0, 1.5 + x, 2.0]).hamiltonian,
+                lm.coadjoint(lm.SO3()).poisson_structure, lm.RigidBody([1.0, 1.5 + x, 2.0]).hamiltonian
             ),
             {"y": MOMENTA[0]},
         ),
@@ -202,9 +176,7 @@ class Shear(lm.MatrixLieGroup):
 
 def test_what_is_no_field_is_not_shared() -> None:
     bodies = [
-        lm.MechanicalSystem(
-            lm.LiePoissonSystem(Shear(scale), lm.KineticEnergy([1.0, 1.0, 1.0])), lm.NoPotential()
-        )
+        lm.MechanicalSystem(lm.LiePoissonSystem(Shear(scale), lm.KineticEnergy([1.0, 1.0, 1.0])), lm.NoPotential())
         for scale in (1.0, 2.0)
     ]
     groups = [body.group for body in bodies]
@@ -229,9 +201,7 @@ def test_a_carry_of_another_body_is_refused() -> None:
 def test_what_formulas_read_is_seen_by_new_systems_too(monkeypatch: pytest.MonkeyPatch) -> None:
     def last(compiled: bool) -> Any:
         system = lm.LiePoissonSystem(lm.SO3(), Gained([1.0, 0.5, 0.4]))
-        return lm.integrate(
-            system, RKMK4, system.state(mu=MOMENTA[1]), h=0.1, steps=5, compiled=compiled
-        ).mu[-1]
+        return lm.integrate(system, RKMK4, system.state(mu=MOMENTA[1]), h=0.1, steps=5, compiled=compiled).mu[-1]
 
     before = last(True)
     assert np.array_equal(before, last(True)) and np.array_equal(before, last(False))
@@ -270,12 +240,9 @@ def test_threads_may_share_a_plan_and_a_run() -> None:
 
     def look(_: int) -> bool:
         again = all(
-            np.array_equal(plan.run(start, steps=50).mu, mu)
-            for start, mu in zip(singles * 5, wanted * 5, strict=True)
+            np.array_equal(plan.run(start, steps=50).mu, mu) for start, mu in zip(singles * 5, wanted * 5, strict=True)
         )
-        return again and all(
-            np.array_equal(run.mu, mu) for run, mu in zip(shared, wanted, strict=True)
-        )
+        return again and all(np.array_equal(run.mu, mu) for run, mu in zip(shared, wanted, strict=True))
 
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(look, range(8)))
@@ -286,9 +253,7 @@ def test_threads_may_share_a_plan_and_a_run() -> None:
 def test_a_short_run_of_systems_of_their_own_is_the_run_in_pieces(
     method: lm.Method, bodies: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tops = [
-        lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0 + 0.1 * i, [0.0, 0.0, 0.5]) for i in range(bodies)
-    ]
+    tops = [lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0 + 0.1 * i, [0.0, 0.0, 0.5]) for i in range(bodies)]
     plan = lm.Plan(tops, method, 0.05, every=2, compiled=True)
     rng = np.random.default_rng(4)
     start = tops[0].state(mu=rng.normal(size=(bodies, 3)), g=np.array([np.eye(3)] * bodies))

@@ -27,8 +27,7 @@ KEPLER = lm.Kepler()
 Q, P = [[0.6, 0.0], [0.5, 0.1], [0.7, 0.0]], [[0.0, 1.4], [0.0, 1.3], [0.1, 1.2]]
 ORBITS = KEPLER.state(q=Q, p=P)
 TIMED = [
-    lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.0 + 0.2 * i))
-    for i in range(3)
+    lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.0 + 0.2 * i)) for i in range(3)
 ]
 
 
@@ -149,9 +148,7 @@ def test_bodies_with_steps_of_their_own_meet_at_times() -> None:
     assert asked.t.shape == (3,) and np.array_equal(met.t[-1], np.full(4, 1.0))
     for i, h in enumerate((0.1, 0.05, 0.2, 0.025)):
         alone = lm.Plan(BODY, lm.RKMK(order=4), h=h, compiled=False)
-        assert np.array_equal(
-            asked.mu[:, i], alone.run(of(i), steps=15, t_eval=[0.0, 0.13, 0.3]).mu
-        )
+        assert np.array_equal(asked.mu[:, i], alone.run(of(i), steps=15, t_eval=[0.0, 0.13, 0.3]).mu)
         run = alone.run(of(i), t_end=1.0)
         assert np.array_equal(met.mu[: len(run), i], run.mu)
         assert np.array_equal(met.t[: len(run), i], run.t)
@@ -187,9 +184,7 @@ def test_tolerances_of_every_body() -> None:
     rtol = [1e-3, 1e-5, 1e-7, 1e-9]
     runs = lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=rtol, max_step=[0.1, 9.0, 9.0, 9.0])
     for i, tolerance in enumerate(rtol):
-        alone = lm.integrate(
-            BODY, DP5, of(i), t_end=2.0, rtol=tolerance, max_step=9.0 if i else 0.1
-        )
+        alone = lm.integrate(BODY, DP5, of(i), t_end=2.0, rtol=tolerance, max_step=9.0 if i else 0.1)
         assert np.array_equal(runs.mu[-1, i], alone.mu[-1])
     with pytest.raises(InvalidInput, match="rtol must be positive"):
         lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=[1e-3, 1e-3, 1e-3, -1.0])
@@ -200,9 +195,7 @@ def test_tolerances_of_every_body() -> None:
 @pytest.mark.sample(6)
 @pytest.mark.parametrize("systems", [KEPLER, [lm.Kepler(1.0 + 0.1 * i) for i in range(3)]], ids=str)
 @pytest.mark.parametrize("methods", [TIMED[1], TIMED], ids=["one", "of each"])
-@pytest.mark.parametrize(
-    "how", [dict(steps=12), dict(t_end=0.8), dict(t_end=0.8, t_eval=[0.1, 0.5])]
-)
+@pytest.mark.parametrize("how", [dict(steps=12), dict(t_end=0.8), dict(t_end=0.8, t_eval=[0.1, 0.5])])
 def test_every_body_has_a_fictive_clock_of_its_own(
     systems: Any, methods: Any, how: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -276,11 +269,7 @@ def test_a_body_that_stops_in_fictive_time_stands_after_its_last_step(how: dict[
         runs = plan.run(start, steps=45, t_end=3.0, **how)
     single = plan.replace(every=1).run(KEPLER.state(q=[0.3, 0.0], p=[0.0, 1.4]), steps=45)
     error = runs.stopped[1].error
-    assert runs.stopped[1].steps == 45 and error.clock == (
-        single.t[-1],
-        single.tau[-1],
-        single.z[-1],
-    )
+    assert runs.stopped[1].steps == 45 and error.clock == (single.t[-1], single.tau[-1], single.z[-1])
     for found in (runs.q[-1, 1], runs.carry.members[1].state.q, error.reached.q):
         assert np.array_equal(found, single.q[-1])
     assert runs.tau[-1, 1] == single.tau[-1] and runs.t[-1].max() == 3.0
@@ -383,8 +372,7 @@ def test_an_event_that_fails_is_raised_as_its_body_alone_raises_it() -> None:
 @pytest.mark.parametrize("nth", [2, slow(3)])
 @pytest.mark.parametrize("of", [(Events, "see"), slow((Events, "_natively"))])
 @pytest.mark.parametrize(
-    ("method", "stepping", "end"),
-    [(DP5, ADAPTIVE, {"t_end": 6.0}), (lm.StormerVerlet(), {"h": 0.02}, {"steps": 300})],
+    ("method", "stepping", "end"), [(DP5, ADAPTIVE, {"t_end": 6.0}), (lm.StormerVerlet(), {"h": 0.02}, {"steps": 300})]
 )
 def test_an_interrupt_between_events_loses_and_repeats_none(
     method: Any, stepping: Any, end: dict[str, Any], of: Any, nth: int,
@@ -416,10 +404,7 @@ def test_an_interrupt_between_events_loses_and_repeats_none(
             assert np.array_equal(times, whole.events[k][i][0][: len(times)])
             assert len(times) == 0 or times[-1] <= part.carry.members[i].t
     left = {"t_end": 6.0}
-    going, through = (
-        plan.replace(events=(rising,)),
-        lm.Plan(KEPLER, method, **stepping).run(starts, **left),
-    )
+    going, through = (plan.replace(events=(rising,)), lm.Plan(KEPLER, method, **stepping).run(starts, **left))
     ends = going.resume(part, **left).q[-1]
     for i, (times, _) in enumerate(part.events[1]):
         assert len(times) == 3 or np.array_equal(ends[i], through.q[-1, i])

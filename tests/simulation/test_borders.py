@@ -17,41 +17,23 @@ ALGORITHM_1 = lm.CovariantVariational(lm.Cayley())
 
 
 def test_short_steps_of_several_systems_are_their_own() -> None:
-    bodies = [
-        lm.RigidBody([1.0, 1.5, 2.0]),
-        lm.RigidBody([1.0, 1.2, 2.1]),
-        lm.RigidBody([1.0, 1.9, 2.3]),
-    ]
+    bodies = [lm.RigidBody([1.0, 1.5, 2.0]), lm.RigidBody([1.0, 1.2, 2.1]), lm.RigidBody([1.0, 1.9, 2.3])]
     starts = bodies[0].state(mu=np.tile([0.5, 0.1, 0.8], (3, 1)))
     for method in (lm.RKMK(order=4), ALGORITHM_1):
-        run = lm.integrate(
-            bodies, method, starts, h=0.05, steps=20, t_eval=[0.13, 0.5], compiled=False
-        )
+        run = lm.integrate(bodies, method, starts, h=0.05, steps=20, t_eval=[0.13, 0.5], compiled=False)
         for i, body in enumerate(bodies):
             one = lm.integrate(
-                body,
-                method,
-                body.state(mu=[0.5, 0.1, 0.8]),
-                h=0.05,
-                steps=20,
-                t_eval=[0.13, 0.5],
-                compiled=False,
+                body, method, body.state(mu=[0.5, 0.1, 0.8]), h=0.05, steps=20, t_eval=[0.13, 0.5], compiled=False
             )
             assert np.array_equal(run.mu[:, i], one.mu)
     xi = lm.integrate(bodies, ALGORITHM_1, starts, h=0.05, steps=3, compiled=False).xi
     assert np.array_equal(
-        xi[:, 2],
-        lm.integrate(
-            bodies[2], ALGORITHM_1, bodies[2].state(mu=[0.5, 0.1, 0.8]), h=0.05, steps=3
-        ).xi,
+        xi[:, 2], lm.integrate(bodies[2], ALGORITHM_1, bodies[2].state(mu=[0.5, 0.1, 0.8]), h=0.05, steps=3).xi
     )
 
 
 def test_casimirs_of_several_systems_are_their_own() -> None:
-    species = [
-        lm.models.LotkaVolterra.volterra_lattice(3),
-        lm.models.LotkaVolterra.volterra_lattice(3),
-    ]
+    species = [lm.models.LotkaVolterra.volterra_lattice(3), lm.models.LotkaVolterra.volterra_lattice(3)]
     starts = species[0].state([[1.0, 2.0, 3.0], [2.0, 1.0, 0.5]])
     run = lm.integrate(species, lm.Splitting(order=2), starts, h=0.01, steps=3, compiled=False)
     assert np.array_equal(run.casimirs[:, 1], species[1].casimirs(run.y[:, 1]))
@@ -70,10 +52,7 @@ def test_a_carry_belongs_to_its_plan() -> None:
     carry = plan.begin(START)
     for wrong, message in (
         (lambda: plan.replace(h=0.05).step(carry), "steps of h = 0.1, the plan has 0.05"),
-        (
-            lambda: plan.replace(system=lm.RigidBody([1.0, 1.2, 2.0])).step(carry),
-            "another system or method",
-        ),
+        (lambda: plan.replace(system=lm.RigidBody([1.0, 1.2, 2.0])).step(carry), "another system or method"),
         (lambda: plan.step(carry, -1), "steps must be at least 1"),
         (lambda: plan.step(carry, 1.0), "steps must be a whole number"),  # type: ignore[arg-type]
         (lambda: plan.step("a"), "what `begin` or `step` gave"),  # type: ignore[arg-type]
@@ -96,9 +75,7 @@ class Pulse(lm.Force):
 @pytest.mark.parametrize(("begin", "end"), [(0.0, 0.01), (9.99, 10.0), (5.0, 5.01)])
 def test_breaks_at_the_ends_count(begin: float, end: float) -> None:
     """A pulse that begins with the run, or ends with it, or where a run is resumed."""
-    system = lm.MechanicalSystem(
-        lm.RigidBody([1.0, 2.0, 3.0]), lm.NoPotential(), load=Pulse(begin, end)
-    )
+    system = lm.MechanicalSystem(lm.RigidBody([1.0, 2.0, 3.0]), lm.NoPotential(), load=Pulse(begin, end))
     start = system.state(mu=[1.0, 0.0, 0.0], g=np.eye(3))
     plan = lm.Plan(system, lm.RKMK(order=5), breaks=[begin, end], compiled=False)
     run = plan.run(start, t_end=10.0)
@@ -126,9 +103,7 @@ def test_joined_runs_keep_events_and_the_way_between() -> None:
     rest = plan.resume(first, t_end=80.0)
     joined = first.then(rest)
     assert len(joined.events[0][0]) == len(first.events[0][0]) + len(rest.events[0][0]) > 1
-    assert np.array_equal(
-        joined.at([3.0, 50.0]).mu, np.concatenate([first.at([3.0]).mu, rest.at([50.0]).mu])
-    )
+    assert np.array_equal(joined.at([3.0, 50.0]).mu, np.concatenate([first.at([3.0]).mu, rest.at([50.0]).mu]))
 
 
 def test_a_run_resumed_at_an_event_leaves_it() -> None:
@@ -141,23 +116,13 @@ def test_a_run_resumed_at_an_event_leaves_it() -> None:
     while run.t[-1] < 60.0:
         times.append(run.t[-1])
         run = plan.resume(run, t_end=60.0)
-    free = lm.integrate(
-        BODY, lm.RKMK(order=5), START, t_end=60.0, rtol=1e-7, events=equator, compiled=False
-    )
+    free = lm.integrate(BODY, lm.RKMK(order=5), START, t_end=60.0, rtol=1e-7, events=equator, compiled=False)
     assert len(times) == len(free.events[0][0]) > 2
     assert np.abs(times - free.events[0][0]).max() < 1e-5
 
 
 def test_the_last_time_may_be_rounded() -> None:
-    run = lm.integrate(
-        BODY,
-        ALGORITHM_1,
-        START,
-        h=1 / 49,
-        t_end=1.0,
-        t_eval=np.linspace(0.0, 1.0, 5),
-        compiled=False,
-    )
+    run = lm.integrate(BODY, ALGORITHM_1, START, h=1 / 49, t_end=1.0, t_eval=np.linspace(0.0, 1.0, 5), compiled=False)
     assert abs(run.t[-1] - 1.0) < 1e-15
     whole = lm.integrate(BODY, ALGORITHM_1, START, h=1 / 49, steps=49, compiled=False)
     assert np.array_equal(whole.at(1.0).mu, whole.mu[-1])
@@ -171,14 +136,10 @@ def test_failing_events_keep_the_samples_before_them() -> None:
         return 1.0
 
     with pytest.raises(RuntimeError, match="no more") as caught:
-        lm.integrate(
-            BODY, lm.RKMK(order=4), START, h=0.01, steps=2000, events=event, compiled=False
-        )
+        lm.integrate(BODY, lm.RKMK(order=4), START, h=0.01, steps=2000, events=event, compiled=False)
     run = caught.value.trajectory  # type: ignore[attr-defined]
     assert np.array_equal(run.t, np.arange(801) * 0.01)
-    assert np.array_equal(
-        run.mu, lm.integrate(BODY, lm.RKMK(order=4), START, h=0.01, steps=800, compiled=False).mu
-    )
+    assert np.array_equal(run.mu, lm.integrate(BODY, lm.RKMK(order=4), START, h=0.01, steps=800, compiled=False).mu)
 
 
 def test_tangent_maps_on_complex_groups() -> None:
@@ -216,30 +177,20 @@ def test_tangent_maps_on_complex_groups() -> None:
 def test_refused_by_name(message: str, given: dict[str, Any]) -> None:
     given = dict(system=BODY, method=lm.RKMK(order=4), start=BODY.state(mu=[0.5, 0.1, 0.8])) | given
     with pytest.raises(lm.errors.LiemechError, match=message):
-        lm.integrate(
-            given.pop("system"), given.pop("method"), given.pop("start"), compiled=False, **given
-        )
+        lm.integrate(given.pop("system"), given.pop("method"), given.pop("start"), compiled=False, **given)
 
 
 def test_what_a_plan_was_given_is_kept_as_it_was() -> None:
     names, bodies = ["mu"], [BODY, lm.RigidBody([1.0, 1.2, 2.0])]
-    plan = lm.Plan(
-        BODY, lm.RKMK(order=4), 0.1, record=names, events=iter([equator]), compiled=False
-    )
+    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, record=names, events=iter([equator]), compiled=False)
     several = lm.Plan(bodies, lm.RKMK(order=4), 0.1, compiled=False)
     names.append("g")
     bodies.reverse()
-    assert (
-        set(plan.run(START, steps=2).states)
-        == set(plan.replace(h=0.2).run(START, steps=2).states)
-        == {"mu"}
-    )
+    assert set(plan.run(START, steps=2).states) == set(plan.replace(h=0.2).run(START, steps=2).states) == {"mu"}
     assert plan.replace(h=0.2).events == (equator,)
     assert several.replace(h=0.2).system[1].inertia[1] == 1.2
     with pytest.raises(lm.errors.InvalidInput, match="the plan records"):
-        plan.replace(record=("mu", "g"), events=()).resume(
-            plan.replace(events=()).run(START, steps=2), steps=1
-        )
+        plan.replace(record=("mu", "g"), events=()).resume(plan.replace(events=()).run(START, steps=2), steps=1)
     one = lm.Plan(BODY, ALGORITHM_1, 0.1, compensated=False, compiled=False).run(START, steps=2)
     with pytest.raises(lm.errors.InvalidInput, match="another `compensated`"):
         lm.Plan(BODY, ALGORITHM_1, 0.1, compiled=False).resume(one, steps=1)

@@ -139,10 +139,7 @@ def test_what_the_systems_of_an_ensemble_must_be() -> None:
     given = dict(h=0.1, steps=2)
     for systems, message in (
         (MANY[:3], "3 systems for 19 bodies"),
-        (
-            [*MANY[:18], lm.RigidBody(np.diag([1.0, 1.5, 2.0]))],
-            "system 18, .* is of another kind than system 0",
-        ),
+        ([*MANY[:18], lm.RigidBody(np.diag([1.0, 1.5, 2.0]))], "system 18, .* is of another kind than system 0"),
         ([], "one for each body"),
         ([*MANY[:18], 3.0], "got 3.0"),
     ):

@@ -44,9 +44,7 @@ def test_torch_passes_its_own_gradient_check(torch: Any) -> None:
         found = move({"mu": mu, "g": g}, inertia=inertia)
         return found["mu"], found["g"]
 
-    given = [
-        torch.tensor(x, dtype=torch.float64, requires_grad=True) for x in (MU, [0.0] * 3, INERTIA)
-    ]
+    given = [torch.tensor(x, dtype=torch.float64, requires_grad=True) for x in (MU, [0.0] * 3, INERTIA)]
     assert torch.autograd.gradcheck(end, given)
     run = PLAN.run(PLAN.system.state(mu=MU, g=ATTITUDE), steps=12)
     for found, part in zip(end(*given), ("mu", "g"), strict=True):
@@ -85,9 +83,7 @@ def test_tables_with_other_values() -> None:
         values = np.arange(float(count))
         table = make(t, np.ones(count), "hold").with_values(values)
         assert table == make(t, values, "hold")
-    again = lm.PiecewisePolynomial.linear(
-        t, np.arange(4.0), "repeat"
-    )  # it jumps where it begins anew
+    again = lm.PiecewisePolynomial.linear(t, np.arange(4.0), "repeat")  # it jumps where it begins anew
     assert again.with_values(np.ones(4)) == lm.PiecewisePolynomial.linear(t, np.ones(4), "repeat")
     with pytest.raises(InvalidInput, match="has coefficients"):
         lm.PiecewisePolynomial.cubic(t, np.ones(4)).with_values(np.ones(4))

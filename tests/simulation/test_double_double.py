@@ -94,10 +94,7 @@ def test_coefficients_of_rotations_have_28_digits(theta: float) -> None:
             *((sinc - 2 * versine) / (2 * t**2), (versine - 3 * segment) / (2 * t**2)),
             *((1 - cot) / t**2, ((cot**2 - cot + t**2 / 4) / 2 - (1 - cot)) / t**4),
         )
-        got = (
-            *rotation_coefficients.all_coefficients(x),
-            *rotation_coefficients.bernoulli_coefficients(x),
-        )
+        got = (*rotation_coefficients.all_coefficients(x), *rotation_coefficients.bernoulli_coefficients(x))
         for a, b in zip(got, wanted, strict=True):
             assert abs(exactly(a) - b) < mp.mpf(10) ** -28 * abs(b)
         assert rotation_coefficients.exp_coefficients(x)[1] == got[1]
@@ -134,9 +131,7 @@ CASES = [
 
 
 @pytest.mark.sample(4)
-@pytest.mark.parametrize(
-    "method, scene", CASES, ids=lambda x: named(x) if isinstance(x, lm.Method) else x.__name__
-)
+@pytest.mark.parametrize("method, scene", CASES, ids=lambda x: named(x) if isinstance(x, lm.Method) else x.__name__)
 def test_the_way_back_ends_where_it_began_to_26_digits(method: Any, scene: Any) -> None:
     """Three steps of h and three of -h of a symmetric method; ordinary numbers show the same
     samples to rounding.
@@ -168,9 +163,7 @@ def test_native_code_has_the_same_bits_and_keeps_the_structure() -> None:
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.carry.numbers, native.carry.numbers)
     half = plan.replace(compiled=True).run(start, steps=50)
-    assert same_bits(
-        plan.replace(compiled=True).resume(half, steps=50).carry.numbers, native.carry.numbers
-    )
+    assert same_bits(plan.replace(compiled=True).resume(half, steps=50).carry.numbers, native.carry.numbers)
     run = plan.replace(compiled=True, every=20_000).run(start, steps=20_000)
     casimir, space, unit = defects(run, start)
     assert max(casimir, space, unit) < 1e-28
@@ -186,34 +179,22 @@ def defects(run: Any, start: Any) -> tuple[float, float, float]:
     mu0 = [Fraction(float(v)) for v in start.mu]
     g0 = [[Fraction(float(v)) for v in row] for row in np.asarray(start.g)]
     space, space0 = (
-        [sum(a * b for a, b in zip(row, m, strict=True)) for row in m_g]
-        for m_g, m in ((g, mu), (g0, mu0))
+        [sum(a * b for a, b in zip(row, m, strict=True)) for row in m_g] for m_g, m in ((g, mu), (g0, mu0))
     )
-    gram, gram0 = (
-        [[sum(m[i][k] * m[j][k] for k in range(3)) for j in range(3)] for i in range(3)]
-        for m in (g, g0)
-    )
+    gram, gram0 = ([[sum(m[i][k] * m[j][k] for k in range(3)) for j in range(3)] for i in range(3)] for m in (g, g0))
     return (
         abs(float(sum(a * a for a in mu) / sum(a * a for a in mu0) - 1)),
         max(abs(float(a - b)) for a, b in zip(space, space0, strict=True)),
-        max(
-            abs(float(a - b))
-            for r, s in zip(gram, gram0, strict=True)
-            for a, b in zip(r, s, strict=True)
-        ),
+        max(abs(float(a - b)) for r, s in zip(gram, gram0, strict=True) for a, b in zip(r, s, strict=True)),
     )
 
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", [EXP, CAYLEY, lm.LiePoissonHamiltonJacobi(4, lm.Cayley())], ids=named
-)
+@pytest.mark.parametrize("method", [EXP, CAYLEY, lm.LiePoissonHamiltonJacobi(4, lm.Cayley())], ids=named)
 def test_a_million_steps_lose_nothing_of_the_structure(method: lm.Method) -> None:
     body, start = asymmetric_body()
-    run = lm.integrate(
-        body, method, start, h=0.1, steps=10**6, every=10**6, precision="double-double"
-    )
+    run = lm.integrate(body, method, start, h=0.1, steps=10**6, every=10**6, precision="double-double")
     assert max(defects(run, start)) < 1e-27
 
 
@@ -257,38 +238,18 @@ def test_a_velocity_that_is_given_keeps_the_structure(system: Any, method: lm.Me
     g = np.array(system.group.identity())
     free = isinstance(system, lm.LiePoissonSystem)
     start = system.state(mu=[0.1, 0.2, 0.3], g=g) if free else system.state(g)
-    run = lm.integrate(
-        system, method, start, h=0.1, steps=5000, every=5000, precision="double-double"
-    )
+    run = lm.integrate(system, method, start, h=0.1, steps=5000, every=5000, precision="double-double")
     assert system.group.defect(np.asarray(run.last.g)) <= 3.0 * 2.0**-52
     if free:
-        assert np.linalg.norm(run.last.mu) == pytest.approx(
-            np.linalg.norm([0.1, 0.2, 0.3]), rel=2e-16
-        )
+        assert np.linalg.norm(run.last.mu) == pytest.approx(np.linalg.norm([0.1, 0.2, 0.3]), rel=2e-16)
 
 
 def test_what_has_16_digits_only_is_refused() -> None:
     body, start = asymmetric_body()
     with pytest.raises(InvalidType, match="power series"):
-        lm.integrate(
-            body,
-            lm.Taylor(order=6),
-            start,
-            h=0.1,
-            steps=2,
-            precision="double-double",
-            compiled=False,
-        )
+        lm.integrate(body, lm.Taylor(order=6), start, h=0.1, steps=2, precision="double-double", compiled=False)
     with pytest.raises(InvalidType, match="16 digits only; take Cayley"):
-        lm.integrate(
-            body,
-            lm.ExactFreeBody(),
-            start,
-            h=0.1,
-            steps=2,
-            precision="double-double",
-            compiled=False,
-        )
+        lm.integrate(body, lm.ExactFreeBody(), start, h=0.1, steps=2, precision="double-double", compiled=False)
 
 
 def test_choices_of_precision() -> None:
@@ -296,9 +257,7 @@ def test_choices_of_precision() -> None:
     with pytest.raises(InvalidInput, match="precision is 'double' or 'double-double'; got 'quad'"):
         lm.integrate(body, CAYLEY, start, h=0.1, steps=2, precision="quad")
     with pytest.raises(InvalidInput, match="need no compensated sums"):
-        lm.integrate(
-            body, CAYLEY, start, h=0.1, steps=2, precision="double-double", compensated=True
-        )
+        lm.integrate(body, CAYLEY, start, h=0.1, steps=2, precision="double-double", compensated=True)
     with pytest.raises(InvalidInput, match="fixed steps"):
         lm.integrate(body, lm.RKMK(order=5), start, t_end=1.0, precision="double-double")
     with pytest.raises(TypeError, match="two doubles cannot become a float"):
@@ -306,17 +265,7 @@ def test_choices_of_precision() -> None:
 
 
 @pytest.mark.parametrize(
-    "base, n",
-    [
-        (-0.3, 2.0),
-        (-0.3, 3.0),
-        (-1.7, -2.0),
-        (-1.1, 70),
-        (-1.1, 65),
-        (0.0, 2.0),
-        (0.0, 0.5),
-        (0.0, 0.0),
-    ],
+    "base, n", [(-0.3, 2.0), (-0.3, 3.0), (-1.7, -2.0), (-1.1, 70), (-1.1, 65), (0.0, 2.0), (0.0, 0.5), (0.0, 0.0)]
 )
 def test_powers_of_negative_numbers_and_of_zero(base: float, n: float) -> None:
     """What they are to ordinary numbers, x^2.0 = x x, and not nan by a logarithm."""
@@ -354,16 +303,12 @@ def test_an_inexact_derivative_leaves_no_digits_behind(order: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", [lm.RKMK(order=2), slow(lm.LiePoissonHamiltonJacobi(6, lm.Cayley()))], ids=named
-)
+@pytest.mark.parametrize("method", [lm.RKMK(order=2), slow(lm.LiePoissonHamiltonJacobi(6, lm.Cayley()))], ids=named)
 def test_native_code_of_the_exponential_and_of_inexact_derivatives(method: lm.Method) -> None:
     """Both words have the same bits as in plain Python."""
     body, start = asymmetric_body()
     plan = lm.Plan(body, method, 0.4, precision="double-double")
-    plain, native = (
-        plan.replace(compiled=c).run(body.state(start.mu), steps=3) for c in (False, True)
-    )
+    plain, native = (plan.replace(compiled=c).run(body.state(start.mu), steps=3) for c in (False, True))
     assert same_bits(plain.carry.numbers, native.carry.numbers)
 
 
@@ -371,15 +316,7 @@ def test_native_code_of_the_exponential_and_of_inexact_derivatives(method: lm.Me
 def test_generating_functions_by_power_series_are_refused_in_plain_words(method: lm.Method) -> None:
     system = lm.models.Pendulum()
     with pytest.raises(InvalidType, match="power series have numbers of one double"):
-        lm.integrate(
-            system,
-            method,
-            system.state(0.3, 0.1),
-            h=0.1,
-            steps=2,
-            precision="double-double",
-            compiled=False,
-        )
+        lm.integrate(system, method, system.state(0.3, 0.1), h=0.1, steps=2, precision="double-double", compiled=False)
 
 
 @lm.record
@@ -392,9 +329,7 @@ class Kinked(lm.GroupEquation):
 
 
 @pytest.mark.compiled
-@pytest.mark.xfail(
-    reason="the float becomes a number of two doubles in native code: 0.1 * 0.1 in 31 digits"
-)
+@pytest.mark.xfail(reason="the float becomes a number of two doubles in native code: 0.1 * 0.1 in 31 digits")
 def test_a_float_on_one_way_stays_a_float() -> None:
     equation = Kinked(lm.SO3())
     plan = lm.Plan(equation, lm.RKMK(order=4), 0.01, precision="double-double")

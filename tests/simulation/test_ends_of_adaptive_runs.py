@@ -17,13 +17,9 @@ from liemech.tableaus import BOGACKI_SHAMPINE3
 
 METHOD = lm.RKMK(tableau=BOGACKI_SHAMPINE3)
 KEPLER, BODY = lm.Kepler(), lm.RigidBody([1.0, 1.5, 2.0])
-FALLING = KEPLER.state(
-    q=[[0.6, 0.0], [0.5, 0.0], [0.7, 0.0]], p=[[0.0, 1.4], [0.0, 0.0], [0.0, 1.1]]
-)
+FALLING = KEPLER.state(q=[[0.6, 0.0], [0.5, 0.0], [0.7, 0.0]], p=[[0.0, 1.4], [0.0, 0.0], [0.0, 1.1]])
 TURNING = BODY.state(mu=[[0.3, 0.4, 2.0], [1.0, -0.5, 0.2], [2.0, 0.1, 0.4]])
-WORLDS = pytest.mark.parametrize(
-    "compiled", [pytest.param(True, marks=pytest.mark.compiled), False]
-)
+WORLDS = pytest.mark.parametrize("compiled", [pytest.param(True, marks=pytest.mark.compiled), False])
 
 
 def plan(system: Any = KEPLER, compiled: bool | None = True, **how: Any) -> lm.Plan:
@@ -53,9 +49,7 @@ def test_a_body_that_fell_into_the_centre_stays_stopped(compiled: bool) -> None:
 
 
 @pytest.mark.compiled
-def test_lanes_can_take_over_from_bodies_of_which_no_samples_are_kept(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_lanes_can_take_over_from_bodies_of_which_no_samples_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two bodies run in plain Python, then the others in lanes."""
     turning = plan(BODY)
     whole = turning.run(TURNING, t_end=1.0)
@@ -67,9 +61,7 @@ def test_lanes_can_take_over_from_bodies_of_which_no_samples_are_kept(
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("where", [(ToleranceRun, "moved"), (At, "see"), (runs.Run, "_commit")])
-def test_after_ctrl_c_every_sample_is_one_of_the_whole_run(
-    where: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_after_ctrl_c_every_sample_is_one_of_the_whole_run(where: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Wherever it comes; and from there the run goes on to the same end."""
     turning, times = plan(BODY), [0.0, 0.3, 0.6, 0.9, 1.0]
     whole = turning.run(TURNING, t_end=1.0, t_eval=times)
@@ -130,9 +122,7 @@ def test_steps_beyond_a_terminal_event_are_not_counted(compiled: bool) -> None:
     orbit = plan(compiled=compiled, events=[across])
     run = orbit.run(start, t_end=40.0)
     assert run.steps == len(run.t) - 1 and run.h == run.t[-1] / run.steps
-    with pytest.raises(
-        lm.errors.StepTooSmall
-    ) as caught:  # as many steps as it has made, and no more
+    with pytest.raises(lm.errors.StepTooSmall) as caught:  # as many steps as it has made, and no more
         orbit.replace(events=()).run(start, t_end=40.0, steps=run.steps)
     limited: Any = caught.value.trajectory
     assert limited.rejected == run.rejected > 0
@@ -152,15 +142,10 @@ class Unfinished(lm.Hamiltonian):
 
 
 @WORLDS
-def test_a_mistake_in_a_formula_is_raised_whatever_bodies_before_it_failed_of(
-    compiled: bool,
-) -> None:
+def test_a_mistake_in_a_formula_is_raised_whatever_bodies_before_it_failed_of(compiled: bool) -> None:
     """At the start as on the way."""
     system = lm.LiePoissonSystem(lm.SO3(), Unfinished())
-    for first, second in [
-        ((-0.5, 1.0, 1.0), (0.3, 1.0, 0.02)),
-        ((0.5, -1.0, 1.0), (0.3, 0.1, -1.0)),
-    ]:
+    for first, second in [((-0.5, 1.0, 1.0), (0.3, 1.0, 0.02)), ((0.5, -1.0, 1.0), (0.3, 0.1, -1.0))]:
         states = system.state(mu=[first, second])
         with pytest.raises(NotImplementedError, match="still to be written") as caught:
             plan(system, compiled).run(states, t_end=10.0)
@@ -171,9 +156,7 @@ def test_a_mistake_in_a_formula_is_raised_whatever_bodies_before_it_failed_of(
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("where", ["begin", "_march", "together"])
-def test_ctrl_c_around_the_steps_keeps_what_there_is(
-    where: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_around_the_steps_keeps_what_there_is(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """When lanes begin, in plain Python, and when all is put together."""
     turning, true = plan(BODY), getattr(ToleranceRun, where)
     whole = turning.run(TURNING, t_end=1.0)
@@ -267,16 +250,12 @@ def test_a_body_without_velocity_has_the_samples_that_were_asked_for(compiled: b
         run = plan(compiled=compiled).run(states, t_end=1.0, t_eval=times)
     assert run.t.tolist() == times and np.array_equal(run.q[:, 1], [[0.0, 0.0]] * 2)
     with pytest.raises(lm.errors.IntegrationFailure) as caught:
-        plan(compiled=compiled).run(
-            KEPLER.state(q=[0.0, 0.0], p=[0.0, 0.0]), t_end=1.0, t_eval=times
-        )
+        plan(compiled=compiled).run(KEPLER.state(q=[0.0, 0.0], p=[0.0, 0.0]), t_end=1.0, t_eval=times)
     assert len(caught.value.trajectory) == 0
 
 
 @pytest.mark.compiled
-def test_a_mark_of_a_run_that_was_interrupted_is_not_taken_up(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_mark_of_a_run_that_was_interrupted_is_not_taken_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python was asked for a step, and Ctrl-C came in it: a run of no length from there has not
     failed.
     """
@@ -305,9 +284,7 @@ def test_a_body_without_velocity_has_failed_also_where_it_has_nowhere_to_go(comp
 
 
 @WORLDS
-@pytest.mark.parametrize(
-    "given", [{"rtol": [1e-4, 1e-4, -1.0]}, {"atol": [0.0, 1.0, np.nan]}, {"h": [0.1, 0.1, 0.0]}]
-)
+@pytest.mark.parametrize("given", [{"rtol": [1e-4, 1e-4, -1.0]}, {"atol": [0.0, 1.0, np.nan]}, {"h": [0.1, 0.1, 0.0]}])
 def test_a_refusal_of_a_number_of_one_body_names_the_body(compiled: bool, given: Any) -> None:
     """And the number."""
     with pytest.raises(lm.errors.InvalidInput, match=next(iter(given))) as caught:

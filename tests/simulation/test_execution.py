@@ -122,12 +122,7 @@ lm.integrate(body, lm.RKMK(order=3), start, h=0.1, steps=1, compiled=True)
     env = os.environ | {"LIEMECH_CACHE_DIR": str(tmp_path)}
     found = [
         subprocess.run(
-            [sys.executable, "-c", program],
-            env=env,
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=120,
+            [sys.executable, "-c", program], env=env, capture_output=True, text=True, check=True, timeout=120
         ).stdout
         for _ in range(2)
     ]
@@ -163,16 +158,12 @@ def test_a_refusal_is_told_once_and_remembered(count: int | None, fresh: Any) ->
     assert "Stubborn.gradient (test_execution.py, line" in str(caught[0].message)
     assert len(asked) == len(set(asked))
     for _ in range(2):
-        with pytest.raises(
-            lm.errors.NotCompilable, match=r"Stubborn.gradient \(test_execution.py, line"
-        ):
+        with pytest.raises(lm.errors.NotCompilable, match=r"Stubborn.gradient \(test_execution.py, line"):
             lm.integrate(system, RKMK, start, h=0.1, steps=20, compiled=True)
 
 
 @pytest.mark.parametrize(("progress", "shown"), [(None, True), (False, False)])
-def test_a_long_compilation_shows_itself(
-    progress: bool | None, shown: bool, fresh: Any, capsys: Any
-) -> None:
+def test_a_long_compilation_shows_itself(progress: bool | None, shown: bool, fresh: Any, capsys: Any) -> None:
     body, start = asymmetric_body()
     fresh.setattr(progress_module, "NOTICE", 0.0)
     lm.integrate(body, RKMK, start, h=0.1, steps=2, compiled=True, progress=progress)

@@ -52,17 +52,13 @@ def compiled(folder: Path, name: str, more: str = "") -> None:
     """By the C compiler, which has nothing to say to it."""
     flags = f"-std=c99 -Wall -Wextra -pedantic -Werror -O2 {more}".split()
     files = [f"{name}_example.c", f"{name}.o", "-lm", "-o", name]
-    made = subprocess.run(
-        [str(CC), *flags, *files], cwd=folder, capture_output=True, text=True, timeout=60
-    )
+    made = subprocess.run([str(CC), *flags, *files], cwd=folder, capture_output=True, text=True, timeout=60)
     assert made.returncode == 0, made.stderr
 
 
 def printed(folder: Path, name: str, *words: str) -> np.ndarray:
     """What the program prints, as numbers."""
-    made = subprocess.run(
-        [folder / name, *words], capture_output=True, text=True, timeout=60, check=True
-    )
+    made = subprocess.run([folder / name, *words], capture_output=True, text=True, timeout=60, check=True)
     return np.array([[float(x) for x in line.split()] for line in made.stdout.splitlines()])
 
 

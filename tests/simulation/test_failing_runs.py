@@ -20,9 +20,7 @@ from liemech.errors import IntegrationFailure, InvalidInput, InvalidType, NotFin
 from liemech.formulas import dot, vec
 
 WORLDS = pytest.mark.parametrize(
-    "compiled",
-    [False, None, pytest.param(True, marks=pytest.mark.compiled)],
-    ids=["plain", "chosen", "compiled"],
+    "compiled", [False, None, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "chosen", "compiled"]
 )
 START = [0.5, 0.0, 0.75**0.5]
 AWAY = [5.0, 0.0, 0.0]  # stays where it is
@@ -69,12 +67,7 @@ def fragile(how: str) -> lm.LiePoissonSystem:
     return lm.LiePoissonSystem(lm.SO3(), kind([1.0, 1.5, 2.0], how))
 
 
-MISTAKES = {
-    "name": NameError,
-    "index": IndexError,
-    "shape": (TypeError, lm.errors.InvalidInput),
-    "type": TypeError,
-}
+MISTAKES = {"name": NameError, "index": IndexError, "shape": (TypeError, lm.errors.InvalidInput), "type": TypeError}
 FAILURES = {"raise": RuntimeError, "divide": ZeroDivisionError, "assert": AssertionError}
 
 
@@ -86,13 +79,8 @@ def test_a_mistake_is_raised_as_itself(how: str, compiled: bool | None, start: A
     """With the line of the formula, and the samples so far."""
     system = fragile(how)
     with pytest.raises(MISTAKES[how]) as caught:
-        lm.integrate(
-            system, lm.RKMK(order=4), system.state(start), h=0.1, steps=100, compiled=compiled
-        )
-    assert (
-        "gradient" in [f.name for f in traceback.extract_tb(caught.value.__traceback__)]
-        or how == "shape"
-    )
+        lm.integrate(system, lm.RKMK(order=4), system.state(start), h=0.1, steps=100, compiled=compiled)
+    assert "gradient" in [f.name for f in traceback.extract_tb(caught.value.__traceback__)] or how == "shape"
     run = caught.value.trajectory  # type: ignore[attr-defined]
     assert len(run) > 1
     assert (run.mu[..., 0] > 0.3).all()
@@ -104,9 +92,7 @@ def test_a_mistake_that_native_code_only_marks() -> None:
     system = fragile("type")
     for start in (START, [AWAY, START]):
         with pytest.raises(TypeError, match="this is no velocity") as caught:
-            lm.integrate(
-                system, lm.RKMK(order=4), system.state(start), h=0.1, steps=100, compiled=True
-            )
+            lm.integrate(system, lm.RKMK(order=4), system.state(start), h=0.1, steps=100, compiled=True)
         assert len(caught.value.trajectory) > 1  # type: ignore[attr-defined]
 
 
@@ -127,9 +113,7 @@ def test_a_mistake_in_an_adaptive_run(how: str) -> None:
 def test_a_failure_names_its_cause_and_keeps_the_samples(how: str, compiled: bool | None) -> None:
     system = fragile(how)
     with pytest.raises(lm.errors.IntegrationFailure, match="step 41 of 100") as caught:
-        lm.integrate(
-            system, lm.RKMK(order=4), system.state(START), h=0.1, steps=100, compiled=compiled
-        )
+        lm.integrate(system, lm.RKMK(order=4), system.state(START), h=0.1, steps=100, compiled=compiled)
     assert type(caught.value.__cause__) is FAILURES[how]
     assert caught.value.trajectory is not None
     assert len(caught.value.trajectory) == 41
@@ -152,9 +136,7 @@ def test_an_adaptive_failure_is_the_same_in_native_code() -> None:
     system, found = fragile("raise"), []
     for compiled in (False, True):
         with pytest.raises(lm.errors.StepTooSmall) as caught:
-            lm.integrate(
-                system, lm.RKMK(order=5), system.state(START), t_end=10.0, compiled=compiled
-            )
+            lm.integrate(system, lm.RKMK(order=5), system.state(START), t_end=10.0, compiled=compiled)
         found.append((str(caught.value), caught.value.trajectory.mu.tobytes()))  # type: ignore[union-attr]
     assert found[0] == found[1]
     assert "RuntimeError: the body is broken" in found[0][0]
@@ -202,12 +184,8 @@ def test_a_body_that_cannot_begin_harms_no_other(bad: int, compiled: bool | None
     body, _ = asymmetric_body()
     mu = np.zeros((3, 3))
     mu[bad, 0] = -1.0
-    with pytest.warns(
-        RuntimeWarning, match=f"1 of 3 bodies stopped early: body {bad} after 0 steps"
-    ):
-        run = lm.integrate(
-            body, Counting(), body.state(mu), h=1.0, steps=5, every=2, compiled=compiled
-        )
+    with pytest.warns(RuntimeWarning, match=f"1 of 3 bodies stopped early: body {bad} after 0 steps"):
+        run = lm.integrate(body, Counting(), body.state(mu), h=1.0, steps=5, every=2, compiled=compiled)
     assert list(run.stopped) == [bad]
     assert "ValueError: nothing to count [at the start, t = 0]" in str(run.stopped[bad].error)
     others = [i for i in range(3) if i != bad]
@@ -239,9 +217,7 @@ def test_a_force_that_raises_at_the_start(compiled: bool | None) -> None:
         with pytest.warns(RuntimeWarning, match="body 1 after 0 steps"):
             run = lm.integrate(top, method, starts, h=0.01, steps=5, compiled=compiled)
         assert "over the edge" in str(run.stopped[1].error)
-        alone = lm.integrate(
-            top, method, top.state(np.ones(3), good), h=0.01, steps=5, compiled=False
-        )
+        alone = lm.integrate(top, method, top.state(np.ones(3), good), h=0.01, steps=5, compiled=False)
         assert np.array_equal(run.mu[:, 0], alone.mu)
 
 
@@ -268,9 +244,7 @@ def test_an_exception_that_does_not_repeat_is_kept() -> None:
                 raise OSError("the sensor is off")
             return state
 
-    with pytest.raises(
-        lm.errors.IntegrationFailure, match=r"OSError: the sensor is off \[step 3 of 9"
-    ) as caught:
+    with pytest.raises(lm.errors.IntegrationFailure, match=r"OSError: the sensor is off \[step 3 of 9") as caught:
         lm.integrate(body, Flaky(), start, h=0.1, steps=9, compiled=False)
     assert isinstance(caught.value.__cause__, OSError)
     assert len(calls) == 3
@@ -322,26 +296,12 @@ def test_no_absolute_tolerance_and_a_zero_in_the_start(compiled: bool | None) ->
     """A component that stays zero has no error; the others are as with a tiny tolerance."""
     body = lm.RigidBody([1.0, 1.5, 2.0])
     run = lm.integrate(
-        body,
-        lm.RKMK(order=5),
-        body.state([0.0, 0.0, 1.0]),
-        t_end=5.0,
-        atol=0.0,
-        rtol=1e-6,
-        compiled=compiled,
+        body, lm.RKMK(order=5), body.state([0.0, 0.0, 1.0]), t_end=5.0, atol=0.0, rtol=1e-6, compiled=compiled
     )
     assert np.array_equal(run.mu, np.tile([0.0, 0.0, 1.0], (len(run), 1)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        run = lm.integrate(
-            body,
-            lm.RKMK(order=5),
-            body.state(START),
-            t_end=5.0,
-            atol=0.0,
-            rtol=1e-6,
-            compiled=compiled,
-        )
+        run = lm.integrate(body, lm.RKMK(order=5), body.state(START), t_end=5.0, atol=0.0, rtol=1e-6, compiled=compiled)
     assert np.abs(run.mu[-1] - body.exact(body.state(START), [5.0]).mu[0]).max() < 1e-4
 
 
@@ -442,9 +402,7 @@ AXIS = np.array([0.0, 0.6, 0.8])
 def test_an_array_for_a_vector_is_one() -> None:
     """A turn by sin(2 t)/2 about one axis, given as an array."""
     equation = Shaken(lm.SO3(), 2.0)
-    run = lm.integrate(
-        equation, lm.RKMK(order=4), equation.state(np.eye(3)), h=0.1, steps=2, compiled=False
-    )
+    run = lm.integrate(equation, lm.RKMK(order=4), equation.state(np.eye(3)), h=0.1, steps=2, compiled=False)
     wanted = lm.SO3().exp(0.5 * np.sin(0.4) * AXIS)
     assert np.abs(run.g[-1] - wanted).max() < 1e-7
 
@@ -454,10 +412,7 @@ class Edge(lm.Hamiltonian):
     """(mu_1 + 0.2)^1.5 exists where mu_1 > -0.2."""
 
     def energy(self, mu: lm.Vec) -> float:
-        return (
-            0.5 * (mu[0] * mu[0] + 2.0 * mu[1] * mu[1] + 3.0 * mu[2] * mu[2])
-            + 0.01 * (mu[0] + 0.2) ** 1.5
-        )
+        return 0.5 * (mu[0] * mu[0] + 2.0 * mu[1] * mu[1] + 3.0 * mu[2] * mu[2]) + 0.01 * (mu[0] + 0.2) ** 1.5
 
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])

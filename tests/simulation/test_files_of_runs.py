@@ -118,9 +118,7 @@ def test_a_file_takes_no_more_than_its_pool(tmp_path: Path) -> None:
 # ------------------------------------------------------------------ versions
 
 
-def test_files_say_who_wrote_them_and_loading_what_differs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_say_who_wrote_them_and_loading_what_differs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "run.npz"
     run = lm.integrate(BODY, lm.RKMK(order=4), BODY.state([1.0, 2.0, 3.0]), h=0.1, steps=2)
     run.save(path)
@@ -130,24 +128,18 @@ def test_files_say_who_wrote_them_and_loading_what_differs(
     assert {"python", "platform", "date"} <= written.keys() and written["date"].endswith("+00:00")
     here = archive.here()
     monkeypatch.setattr(archive, "here", lambda: here | {"liemech": "9.0", "python": "3.99.1"})
-    with pytest.warns(
-        lm.errors.FileWarning, match=rf"liemech {lm.__version__} \(here 9\.0\), Python"
-    ):
+    with pytest.warns(lm.errors.FileWarning, match=rf"liemech {lm.__version__} \(here 9\.0\), Python"):
         assert lm.Trajectory.load(path) == run
     monkeypatch.setattr(archive, "here", lambda: here | {"date": "later", "numpy": "99"})
     lm.Trajectory.load(path)  # warnings are errors in this suite
     arrays, about = files.read(path)
     about["format"], about["written"]["liemech"] = 5, "2.0"
     files.write(path, arrays, about)
-    with pytest.raises(
-        lm.errors.InvalidInput, match=r"load it with the version that wrote it: liemech 2\.0"
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"load it with the version that wrote it: liemech 2\.0"):
         lm.Trajectory.load(path)
 
 
-@pytest.mark.parametrize(
-    "name", ["body.npz", "body.h5", "systems.npz", "adaptive.npz", "fictive.npz"]
-)
+@pytest.mark.parametrize("name", ["body.npz", "body.h5", "systems.npz", "adaptive.npz", "fictive.npz"])
 def test_files_of_before_are_read(name: str) -> None:
     """They do not say who wrote them, and plans go on from their last state only."""
     with pytest.warns(lm.errors.FileWarning, match=r"no plan goes on from them but from run\.last"):

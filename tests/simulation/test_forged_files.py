@@ -131,9 +131,7 @@ class Watched:
 watched = Watched()
 
 
-def test_a_function_that_a_file_names_is_not_called(
-    written: dict[str, Any], tmp_path: Path
-) -> None:
+def test_a_function_that_a_file_names_is_not_called(written: dict[str, Any], tmp_path: Path) -> None:
     """A time scale that is a function of the state, and the function another program."""
     arrays, about, _ = written["fictive"]
     about, path = copy.deepcopy(about), tmp_path / "run.npz"
@@ -150,17 +148,12 @@ def test_a_function_that_a_file_names_is_not_called(
         }
         files.write(path, arrays, about)
         for trusted in (False, True):
-            with (
-                watched(),
-                pytest.raises(lm.errors.InvalidInput, match=r"run\.npz: there is no class"),
-            ):
+            with watched(), pytest.raises(lm.errors.InvalidInput, match=r"run\.npz: there is no class"):
                 lm.Trajectory.load(path, trusted=trusted)
     assert not ran.exists()
 
 
-def test_a_module_is_imported_if_the_user_trusts_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_module_is_imported_if_the_user_trusts_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "own_records.py").write_text(
         "import dataclasses\nimport liemech as lm\n\n"
         "@dataclasses.dataclass(frozen=True)\nclass Note:\n    text: str = 'noted'\n\n"
@@ -277,25 +270,17 @@ def forged(arrays: dict[str, Any], about: dict[str, Any], rng: random.Random) ->
             if not arrays:
                 arrays = {"t": np.zeros(3)}
         elif way == 9:
-            arrays[name] = rng.choice(
-                (x[:1], x[..., :1], x.ravel(), x[None], np.zeros((0, 4)), np.zeros(3))
-            )
+            arrays[name] = rng.choice((x[:1], x[..., :1], x.ravel(), x[None], np.zeros((0, 4)), np.zeros(3)))
         elif way == 10 and x.dtype.kind != "U":  # it may have been forged before
-            arrays[name] = rng.choice(
-                (x.astype(complex), x.astype("f4"), x > 0, x.astype("U3"), x * np.nan, x * 1e300)
-            )
+            arrays[name] = rng.choice((x.astype(complex), x.astype("f4"), x > 0, x.astype("U3"), x * np.nan, x * 1e300))
         else:
-            arrays[
-                rng.choice(("state.energy", "state.__class__", "dense", "carry.numbers", "state.t"))
-            ] = x
+            arrays[rng.choice(("state.energy", "state.__class__", "dense", "carry.numbers", "state.t"))] = x
     return arrays, about
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("cases", "seed"), [(100, 26), slow(3000, 27)])
-def test_forged_files_are_refused_or_read(
-    cases: int, seed: int, written: dict[str, Any], tmp_path: Path
-) -> None:
+def test_forged_files_are_refused_or_read(cases: int, seed: int, written: dict[str, Any], tmp_path: Path) -> None:
     """What is read can be shown and gone on with: with whatever error, but without one of memory."""
     rng, path = random.Random(seed), tmp_path / "run.npz"
     read = refused = 0
@@ -376,18 +361,12 @@ def checked(data: bytes) -> bytes:
 def npy(shape: tuple[int, ...], dtype: str, data: bytes) -> bytes:
     """An entry that says what it likes about itself."""
     memory = io.BytesIO()
-    np.lib.format.write_array_header_1_0(
-        memory, {"shape": shape, "fortran_order": False, "descr": dtype}
-    )
+    np.lib.format.write_array_header_1_0(memory, {"shape": shape, "fortran_order": False, "descr": dtype})
     return memory.getvalue() + data
 
 
-@pytest.mark.parametrize(
-    "way", ["claims", "packed", "twice", "overlapping", "objects", "many", "folders"]
-)
-def test_an_archive_that_grows_when_it_is_read(
-    way: str, written: dict[str, Any], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("way", ["claims", "packed", "twice", "overlapping", "objects", "many", "folders"])
+def test_an_archive_that_grows_when_it_is_read(way: str, written: dict[str, Any], tmp_path: Path) -> None:
     path, memory = tmp_path / "run.npz", io.BytesIO()
     kind = zipfile.ZIP_DEFLATED if way == "packed" else zipfile.ZIP_STORED
     with zipfile.ZipFile(memory, "w", kind) as archive:
@@ -423,12 +402,8 @@ def test_an_archive_that_grows_when_it_is_read(
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize(
-    "way", ["fill", "packed", "elsewhere", "link", "virtual", "about", "checksum", "group"]
-)
-def test_an_hdf5_file_that_grows_when_it_is_read(
-    way: str, written: dict[str, Any], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("way", ["fill", "packed", "elsewhere", "link", "virtual", "about", "checksum", "group"])
+def test_an_hdf5_file_that_grows_when_it_is_read(way: str, written: dict[str, Any], tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py")
     path = tmp_path / "run.h5"
     arrays, about, _ = written["steps"]
@@ -518,18 +493,12 @@ def test_a_text_of_a_scene_is_never_code(
     assert not Path("ran").exists()
 
 
-def test_a_scene_names_modules_if_the_user_trusts_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scene_names_modules_if_the_user_trusts_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("own_methods.py").write_text("import liemech as lm\nclass Mine(lm.RKMK):\n    pass\n")
-    Path("scene.toml").write_text(
-        SCENE.format(inertia="[1.0, 2.0, 2.5]", method="own_methods:Mine")
-    )
+    Path("scene.toml").write_text(SCENE.format(inertia="[1.0, 2.0, 2.5]", method="own_methods:Mine"))
     try:
-        with pytest.raises(
-            lm.errors.InvalidInput, match="--trusted imports the modules that it names"
-        ):
+        with pytest.raises(lm.errors.InvalidInput, match="--trusted imports the modules that it names"):
             scene_file(Path("scene.toml"))
         assert "own_methods" not in sys.modules
         assert type(scene_file(Path("scene.toml"), trusted=True).method).__name__ == "Mine"

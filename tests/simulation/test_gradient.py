@@ -53,9 +53,7 @@ def compared(plan: lm.Plan, start: Any, by: list[str], **length: Any) -> None:
     ],
     ids=lambda x: getattr(x, "name", ""),
 )
-def test_a_pullback_is_the_product_with_the_tangent_map(
-    method: Any, system: Any, start: Any, by: list[str]
-) -> None:
+def test_a_pullback_is_the_product_with_the_tangent_map(method: Any, system: Any, start: Any, by: list[str]) -> None:
     """With first guesses and forces in memory, which begin anew in every block; in plain Python."""
     compared(lm.Plan(system, method, 0.05, compiled=False), start, by, steps=13)
 
@@ -82,16 +80,12 @@ class Driven(lm.Force):
 
 
 def driven(table: Any, delay: float = 0.0) -> Any:
-    return lm.MechanicalSystem(
-        lm.RigidBody([1.0, 2.0, 3.0]), lm.NoPotential(), load=Driven(table, delay)
-    )
+    return lm.MechanicalSystem(lm.RigidBody([1.0, 2.0, 3.0]), lm.NoPotential(), load=Driven(table, delay))
 
 
 KNOTS = np.linspace(0.0, 1.1, 6)
 VALUES = 0.3 * np.cos(np.arange(18.0)).reshape(6, 3)
-AT_REST = driven(lm.PiecewisePolynomial.linear(KNOTS, VALUES)).state(
-    mu=[1.0, 0.5, 0.2], g=np.eye(3)
-)
+AT_REST = driven(lm.PiecewisePolynomial.linear(KNOTS, VALUES)).state(mu=[1.0, 0.5, 0.2], g=np.eye(3))
 
 
 @pytest.mark.sample(3)
@@ -104,9 +98,7 @@ def test_gradients_by_the_values_of_a_table(kind: str, outside: str) -> None:
         given = values[:-1] if kind == "constant" else values
         return driven(getattr(lm.PiecewisePolynomial, kind)(KNOTS, given, outside=outside))
 
-    plan = lm.Plan(
-        made(VALUES), lm.LieVerlet(), h=0.13 if outside == "hold" else 0.1, compiled=False
-    )
+    plan = lm.Plan(made(VALUES), lm.LieVerlet(), h=0.13 if outside == "hold" else 0.1, compiled=False)
     steps = 12 if outside != "refuse" else 11
     found = plan.gradient(loss, AT_REST, steps=steps, by="torque.values")["torque.values"]
     for place in ((0, 1), (2, 0), (4, 2)):
@@ -180,10 +172,7 @@ def test_running_costs_are_summed_over_samples() -> None:
 def test_where_motion_is_sensitive_the_gradient_warns() -> None:
     """A top on its head at rest: disturbances grow by e^(lambda t), lambda^2 = weight / inertia."""
     top = lm.models.HeavyTop(inertia=[1.0, 1.0, 1.0], weight=1.0, centre=[0.0, 0.0, 1.0])
-    plan, head = (
-        lm.Plan(top, lm.RKMK(order=4), h=0.5, compiled=False),
-        top.state(mu=[0, 0, 0], g=np.eye(3)),
-    )
+    plan, head = (lm.Plan(top, lm.RKMK(order=4), h=0.5, compiled=False), top.state(mu=[0, 0, 0], g=np.eye(3)))
     with pytest.warns(errors.GradientWarning, match="about 5 digits"):
         growth = plan.gradient(lambda s: s.mu[1], head, steps=48).growth
     assert abs(np.log(growth) - 24.0) < 0.1

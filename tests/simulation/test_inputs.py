@@ -52,9 +52,7 @@ def same(loop: Any, other: Any) -> None:
         assert np.array_equal(getattr(loop, name), np.array(x)), name
 
 
-@pytest.mark.parametrize(
-    "method", [lm.RKMK(order=4), lm.LieVerlet(), lm.KickDrift()], ids=lambda m: type(m).__name__
-)
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieVerlet(), lm.KickDrift()], ids=lambda m: type(m).__name__)
 @WORLDS
 def test_steps_are_those_of_the_system_with_these_values(method: Any, compiled: bool) -> None:
     """Methods that carry the state along, and such as carry more: a fresh stepper of the system with
@@ -97,9 +95,7 @@ def test_a_closed_loop_against_scipy() -> None:
     for _ in range(4):
         torque = -2.0 * y[:3] / moments - 0.5 * np.array([y[10], y[5], y[6]])
         loop.step(5, torque=torque)
-        y = solve_ivp(slope, (0, 0.05), y, "DOP853", args=(torque,), rtol=1e-12, atol=1e-13).y[
-            :, -1
-        ]
+        y = solve_ivp(slope, (0, 0.05), y, "DOP853", args=(torque,), rtol=1e-12, atol=1e-13).y[:, -1]
     assert np.abs(loop.mu - y[:3]).max() < 1e-8 and np.abs(loop.g.ravel() - y[3:]).max() < 1e-8
 
 
@@ -214,9 +210,7 @@ def test_where_the_numbers_are() -> None:
     wheels = lm.models.ReactionWheels(np.eye(3), [0.05] * 3, torques=[0.0] * 3)
     craft = lm.models.Spacecraft([10.0, 12.0, 8.0], 100.0, wheels=wheels)
     assert Input(craft, "wheels.torques", "").places is not None
-    hinge = lm.joints.RevoluteJoint(
-        0, None, [0.0, 0.0, 0.3], [0.0] * 3, [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], name="elbow"
-    )
+    hinge = lm.joints.RevoluteJoint(0, None, [0.0, 0.0, 0.3], [0.0] * 3, [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], name="elbow")
     forces = [lm.joints.Damper("elbow", 0.1), lm.joints.Motor("elbow", 0.0)]
     arm = lm.joints.Linkage([lm.joints.Link.rod(1.0, 0.6, 0.03)], [hinge], forces=forces)
     assert len(Input(arm, "forces.1.torque", "").places or ()) == 2  # as given, and at its joint
@@ -314,9 +308,7 @@ def test_a_turn_of_a_loop_leaves_nothing_to_collect() -> None:
 def test_there_are_no_inputs_in_fictive_time() -> None:
     kepler = lm.Kepler()
     clocked = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
-    loop = lm.Plan(kepler, clocked, h=0.05, compiled=False).stepper(
-        kepler.state(q=[0.4, 0.0], p=[0.0, 2.0])
-    )
+    loop = lm.Plan(kepler, clocked, h=0.05, compiled=False).stepper(kepler.state(q=[0.4, 0.0], p=[0.0, 2.0]))
     with pytest.raises(InvalidInput, match="steps in fictive time take no inputs"):
         loop.step(1, mu=2.0)
 

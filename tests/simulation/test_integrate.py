@@ -16,17 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import (
-    CAYLEY,
-    EXP,
-    METHODS,
-    RKMK4,
-    asymmetric_body,
-    named,
-    quiet_body,
-    same_bits,
-    seed_body,
-)
+from scenes import CAYLEY, EXP, METHODS, RKMK4, asymmetric_body, named, quiet_body, same_bits, seed_body
 
 import liemech as lm
 
@@ -72,9 +62,7 @@ def test_plain_and_compiled(method: lm.Method) -> None:
 @pytest.mark.parametrize("attitude", [True, False], ids=["mu, g", "mu"])
 @ALL
 @BOTH_WORLDS
-def test_a_member_of_an_ensemble_is_the_body_alone(
-    method: lm.Method, attitude: bool, compiled: bool
-) -> None:
+def test_a_member_of_an_ensemble_is_the_body_alone(method: lm.Method, attitude: bool, compiled: bool) -> None:
     """Bit for bit, and although Newton's method takes longer for some, and some need the C
     library's sine.
     """
@@ -96,15 +84,11 @@ def test_a_member_of_an_ensemble_is_the_body_alone(
 @pytest.mark.slow
 @ALL
 @BOTH_WORLDS
-def test_pieces_change_nothing(
-    method: lm.Method, compiled: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Chunks, samples, progress bars: the motion does not know of them."""
     body, start = asymmetric_body()
     starts = many(body)
-    run = lm.integrate(
-        body, CAYLEY if method is EXP else method, starts, h=0.1, steps=60, compiled=compiled
-    )
+    run = lm.integrate(body, CAYLEY if method is EXP else method, starts, h=0.1, steps=60, compiled=compiled)
     whole = lm.integrate(body, method, start, h=0.1, steps=60, compiled=compiled)
     # every piece counts as too long
     monkeypatch.setattr(sys.modules["liemech.simulation.equal"], "PATIENCE", 0.0)
@@ -127,18 +111,13 @@ def test_threads_change_nothing(workers: int) -> None:
     rng = np.random.default_rng(3)
     starts = body.state(rng.normal(size=(101, 3)), np.eye(3))
     one = lm.integrate(body, CAYLEY, starts, h=0.2, steps=30, compiled=True)
-    assert same_run(
-        one, lm.integrate(body, CAYLEY, starts, h=0.2, steps=30, compiled=True, workers=workers)
-    )
+    assert same_run(one, lm.integrate(body, CAYLEY, starts, h=0.2, steps=30, compiled=True, workers=workers))
 
 
 @pytest.mark.slow
 def test_the_progress_bar_changes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     body, start = asymmetric_body()
-    runs = [
-        lm.integrate(body, RKMK4, start, h=0.1, steps=1000, progress=p, compiled=False)
-        for p in (True, False)
-    ]
+    runs = [lm.integrate(body, RKMK4, start, h=0.1, steps=1000, progress=p, compiled=False) for p in (True, False)]
     assert same_run(*runs)
     assert "step" in capsys.readouterr().err
 
@@ -150,10 +129,7 @@ def test_momentum_alone_has_the_same_bits(method: lm.Method, compiled: bool) -> 
     body, start = asymmetric_body()
     full = lm.integrate(body, method, start, h=0.3, steps=40, compiled=compiled)
     for options in ({"record": ("mu",)}, {"record": "mu"}, {"record": ["mu"]}):
-        assert same_bits(
-            lm.integrate(body, method, start, h=0.3, steps=40, compiled=compiled, **options).mu,
-            full.mu,
-        )
+        assert same_bits(lm.integrate(body, method, start, h=0.3, steps=40, compiled=compiled, **options).mu, full.mu)
     bare = lm.integrate(body, method, body.state(start.mu), h=0.3, steps=40, compiled=compiled)
     assert same_bits(bare.mu, full.mu)
     assert bare.g is None
@@ -226,9 +202,7 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
         return top, top.state(turn * np.array([0.3, 0.1, 1.5]), g), {"mu": turn, "g": 1.0}
     if scene == "double pendulum":
         gravity = 9.8 * length / second**2
-        links = lm.models.DoublePendulum(
-            mass * np.array([1.0, 1.3]), length * np.array([1.0, 0.7]), gravity
-        )
+        links = lm.models.DoublePendulum(mass * np.array([1.0, 1.3]), length * np.array([1.0, 0.7]), gravity)
         start = links.state([0.5, -0.8], turn * np.array([0.3, 0.2]))
         return links, start, {"q": 1.0, "p": turn}
     if scene == "reduced top":
@@ -255,18 +229,12 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
         return pendulum, pendulum.state([0.7], [0.2 * turn]), {"q": 1.0, "p": turn}
     if scene == "spherical pendulum":
         on_sphere = lm.SphericalPendulum(1.3 * mass, length, 9.8 * length / second**2)
-        start = on_sphere.state(
-            length * np.array([0.6, 0.0, -0.8]), mass * speed * np.array([0.4, 0.5, 0.3])
-        )
+        start = on_sphere.state(length * np.array([0.6, 0.0, -0.8]), mass * speed * np.array([0.4, 0.5, 0.3]))
         return on_sphere, start, {"q": length, "p": mass * speed}
     if scene == "crank":
         crank = Crank(mass, length, mass / second**2)
         start = crank.consistent([0.5 * length, 0.4], turn * np.array([0.0, 1.3]))
-        return (
-            crank,
-            start,
-            {"q": np.array([length, 1.0]), "p": turn * np.array([1.0 / length, 1.0])},
-        )
+        return (crank, start, {"q": np.array([length, 1.0]), "p": turn * np.array([1.0 / length, 1.0])})
     units = np.repeat([turn, turn / length], 3)
     body = lm.models.KirchhoffBody(np.array([*moments, mass, 1.2 * mass, 1.7 * mass]))
     return body, body.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9]), {"mu": units}
@@ -377,15 +345,10 @@ def test_layout_and_type_of_the_input_change_nothing(method: lm.Method) -> None:
     mu, g = np.tile(start.mu, (4, 1)), np.tile(np.array(start.g), (4, 1, 1))
     wanted = lm.integrate(body, method, body.state(mu, g), h=0.1, steps=5)
     backwards = np.ascontiguousarray(g[..., ::-1])[..., ::-1]
-    for other in (
-        body.state(np.asfortranarray(mu), backwards),
-        body.state(mu.astype(">f8"), g.astype(">f8")),
-    ):
+    for other in (body.state(np.asfortranarray(mu), backwards), body.state(mu.astype(">f8"), g.astype(">f8"))):
         assert same_run(lm.integrate(body, method, other, h=0.1, steps=5), wanted)
     integers = lm.integrate(body, method, body.state([1, 2, 3]), h=0.1, steps=5)
-    assert same_run(
-        integers, lm.integrate(body, method, body.state([1.0, 2.0, 3.0]), h=0.1, steps=5)
-    )
+    assert same_run(integers, lm.integrate(body, method, body.state([1.0, 2.0, 3.0]), h=0.1, steps=5))
 
 
 # ---------------------------------------------------------------- times and samples
@@ -411,35 +374,22 @@ def test_a_method_sees_these_times(compiled: bool) -> None:
 class Clock(lm.Method):
     """Writes the time of the step in place of the momentum."""
 
-    def step(
-        self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float
-    ) -> lm.BodyState:
+    def step(self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float) -> lm.BodyState:
         return lm.BodyState(lm.vec(t, h, 0.0), state.g)
 
 
 @pytest.mark.parametrize(
     ("steps", "every", "numbers"),
-    [
-        (0, 1, [0]),
-        (0, 5, [0]),
-        (1, 5, [0, 1]),
-        (10, 3, [0, 3, 6, 9, 10]),
-        (10, 5, [0, 5, 10]),
-        (10, 11, [0, 10]),
-    ],
+    [(0, 1, [0]), (0, 5, [0]), (1, 5, [0, 1]), (10, 3, [0, 3, 6, 9, 10]), (10, 5, [0, 5, 10]), (10, 11, [0, 10])],
 )
-def test_samples_are_the_start_every_so_many_and_the_end(
-    steps: int, every: int, numbers: list[int]
-) -> None:
+def test_samples_are_the_start_every_so_many_and_the_end(steps: int, every: int, numbers: list[int]) -> None:
     body, start = asymmetric_body()
     run = lm.integrate(body, RKMK4, start, h=0.25, steps=steps, every=every)
     assert np.array_equal(run.t, 0.25 * np.array(numbers))
     assert np.array_equal(run.mu[0], start.mu)
     assert run.steps == steps
     if steps:
-        assert np.array_equal(
-            run.last.mu, lm.integrate(body, RKMK4, start, h=0.25, steps=steps).mu[-1]
-        )
+        assert np.array_equal(run.last.mu, lm.integrate(body, RKMK4, start, h=0.25, steps=steps).mu[-1])
 
 
 @ALL
@@ -457,9 +407,7 @@ def test_backwards(method: lm.Method) -> None:
 def test_a_body_at_rest_stays_at_rest(method: lm.Method, compiled: bool) -> None:
     body, start = asymmetric_body()
     for size in (0.0, 5e-324):
-        run = lm.integrate(
-            body, method, body.state([size, 0, 0], start.g), h=0.5, steps=20, compiled=compiled
-        )
+        run = lm.integrate(body, method, body.state([size, 0, 0], start.g), h=0.5, steps=20, compiled=compiled)
         assert np.array_equal(run.mu, np.tile([size, 0, 0], (21, 1)))
         assert np.array_equal(run.g, np.tile(np.array(start.g), (21, 1, 1)))
 
@@ -476,17 +424,13 @@ class Bounded(lm.Method):
     limit: float
     how: str
 
-    def step(
-        self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float
-    ) -> lm.BodyState:
+    def step(self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float) -> lm.BodyState:
         if state.mu[0] >= self.limit:
             if self.how == "raises":
                 raise lm.errors.OutsideChart(f"the counter is at {state.mu[0]:g}")
             if self.how == "value":
                 raise ValueError("a formula of mine")
-            return lm.BodyState(
-                state.mu / 0.0 if self.how == "divides" else state.mu * 1e300 * 1e300, state.g
-            )
+            return lm.BodyState(state.mu / 0.0 if self.how == "divides" else state.mu * 1e300 * 1e300, state.g)
         return lm.BodyState(state.mu + lm.vec(1.0, 0.0, 0.0), state.g)
 
 
@@ -507,9 +451,7 @@ def test_a_failing_step_leaves_what_was_reached(how: str, every: int, compiled: 
     kind, message = FAILURES[how]
     with pytest.raises(lm.errors.IntegrationFailure, match=message) as caught:
         rest = body.state([0, 0, 0], start.g)
-        lm.integrate(
-            body, Bounded(7.0, how), rest, h=0.5, steps=50, every=every, t0=1.0, compiled=compiled
-        )
+        lm.integrate(body, Bounded(7.0, how), rest, h=0.5, steps=50, every=every, t0=1.0, compiled=compiled)
     error = caught.value
     assert type(error) is kind
     assert isinstance(error, ArithmeticError)
@@ -545,16 +487,12 @@ def test_a_bad_member_harms_no_other(how: str, every: int, compiled: bool) -> No
     method = Bounded(50.0, how)
     first = np.zeros((15, 3))
     first[:, 0] = np.linspace(0.0, 14.0, 15)
-    good = lm.integrate(
-        body, method, body.state(first), h=0.5, steps=30, every=every, compiled=compiled
-    )
+    good = lm.integrate(body, method, body.state(first), h=0.5, steps=30, every=every, compiled=compiled)
     first[4, 0], first[9, 0] = 38.0, 50.0
     with pytest.warns(
         RuntimeWarning, match="2 of 15 bodies stopped early: body 4 after 12 steps, body 9 after 0"
     ) as seen:
-        run = lm.integrate(
-            body, method, body.state(first), h=0.5, steps=30, every=every, compiled=compiled
-        )
+        run = lm.integrate(body, method, body.state(first), h=0.5, steps=30, every=every, compiled=compiled)
     assert len(seen) == 1
     assert seen[0].filename == __file__
     assert FAILURES[how][1].replace("at 7", "at 50") in str(seen[0].message)
@@ -571,12 +509,7 @@ def test_an_ensemble_of_which_all_fail_holds_numbers(compiled: bool) -> None:
     body, _ = asymmetric_body()
     with pytest.warns(RuntimeWarning, match="15 of 15 bodies"):
         run = lm.integrate(
-            body,
-            Bounded(3.0, "overflows"),
-            body.state(np.zeros((15, 3))),
-            h=1.0,
-            steps=600,
-            compiled=compiled,
+            body, Bounded(3.0, "overflows"), body.state(np.zeros((15, 3))), h=1.0, steps=600, compiled=compiled
         )
     assert np.array_equal(run.mu[:, :, 0], np.minimum(np.arange(601), 3)[:, None] * np.ones(15))
 
@@ -585,17 +518,13 @@ def test_an_ensemble_of_which_all_fail_holds_numbers(compiled: bool) -> None:
 class Window(lm.Method):
     """Fails between the times 3 and 4, and would go on afterwards if asked."""
 
-    def step(
-        self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float
-    ) -> lm.BodyState:
+    def step(self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float) -> lm.BodyState:
         scale = 1e300 if 3.0 <= t < 4.0 and state.mu[1] > 0.0 else 1.0
         return lm.BodyState(state.mu * scale * scale + lm.vec(1.0, 0.0, 0.0), state.g)
 
 
 @BOTH_WORLDS
-def test_a_body_that_stopped_does_not_start_again(
-    compiled: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_body_that_stopped_does_not_start_again(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even where the next piece of the run begins at a time at which its step would succeed."""
     body, _ = asymmetric_body()
     monkeypatch.setattr(sys.modules["liemech.simulation.equal"], "PATIENCE", 0.0)
@@ -629,9 +558,7 @@ def test_no_result_holds_what_is_no_number(method: lm.Method, compiled: bool) ->
 
 @pytest.mark.sample(1)
 @BOTH_WORLDS
-def test_an_interrupted_run_ends_soon_and_keeps_its_samples(
-    compiled: bool, request: pytest.FixtureRequest
-) -> None:
+def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, request: pytest.FixtureRequest) -> None:
     # a shell lets what it runs in the background ignore Ctrl-C
     former = signal.signal(signal.SIGINT, signal.default_int_handler)
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, former))
@@ -642,19 +569,13 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(
     def press() -> None:
         time.sleep(0.6)
         pressed.append(time.perf_counter())
-        signal.raise_signal(signal.SIGINT) if os.name == "nt" else os.kill(
-            os.getpid(), signal.SIGINT
-        )
+        signal.raise_signal(signal.SIGINT) if os.name == "nt" else os.kill(os.getpid(), signal.SIGINT)
 
     thread = threading.Thread(target=press)
     thread.start()
-    with pytest.raises(
-        lm.errors.IntegrationInterrupted, match=r"interrupted after \d+ of"
-    ) as caught:
+    with pytest.raises(lm.errors.IntegrationInterrupted, match=r"interrupted after \d+ of") as caught:
         steps, every = (10**12, 10**5) if compiled else (10**6, 10)
-        lm.integrate(
-            body, CAYLEY, start, h=0.1, steps=steps, every=every, compiled=compiled, progress=False
-        )
+        lm.integrate(body, CAYLEY, start, h=0.1, steps=steps, every=every, compiled=compiled, progress=False)
     waited = time.perf_counter() - pressed[0]
     thread.join()
     assert waited < 1.0
@@ -663,9 +584,7 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(
     run = caught.value.trajectory
     assert len(run) > 1
     assert run.steps < 10**12
-    again = lm.integrate(
-        body, CAYLEY, start, h=0.1, steps=round(run.t[1] / 0.1), every=10**5, compiled=compiled
-    )
+    again = lm.integrate(body, CAYLEY, start, h=0.1, steps=round(run.t[1] / 0.1), every=10**5, compiled=compiled)
     assert same_bits(run.mu[1], again.mu[-1])
     assert np.isfinite(run.mu).all()
     assert run.stopped == {}
@@ -681,9 +600,7 @@ def test_an_interrupted_program_ends_as_one() -> None:
         "signal.SIGINT)).start()\nlm.integrate(body, lm.RKMK(), body.state([1, 2, 3]), h=0.1, "
         "steps=10**11, every=10**11, progress=False)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
-    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.returncode != 0
     assert "IntegrationInterrupted" in done.stderr
 

@@ -51,9 +51,7 @@ def test_a_killed_run_of_each_kind_goes_on(kind: str, tmp_path: Path, monkeypatc
     plan, start, how = made["plan"], made["start"], made["how"]
     for _ in range(4):
         path.unlink(missing_ok=True)
-        process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, kind, str(path)], stderr=subprocess.DEVNULL
-        )
+        process = subprocess.Popen([sys.executable, "-c", PROGRAM, kind, str(path)], stderr=subprocess.DEVNULL)
         while not path.exists() and process.poll() is None:
             time.sleep(0.01)
         time.sleep(float(rng.uniform(0.0, 0.4)))

@@ -12,9 +12,7 @@ from liemech import errors
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
-MANY = BODY.state(
-    mu=np.random.default_rng(2).normal(size=(3, 3)), g=np.broadcast_to(np.eye(3), (3, 3, 3))
-)
+MANY = BODY.state(mu=np.random.default_rng(2).normal(size=(3, 3)), g=np.broadcast_to(np.eye(3), (3, 3, 3)))
 PLAN = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, compiled=False)
 
 
@@ -42,39 +40,22 @@ def test_a_frame_of_pandas():
     pytest.importorskip("pandas")
     run = PLAN.run(START, steps=20)
     frame = run.to_pandas()
-    assert [*frame.columns[:5]] == [
-        "mu[0]",
-        "mu[1]",
-        "mu[2]",
-        "g[0,0]",
-        "g[0,1]",
-    ] and frame.index.name == "t"
+    assert [*frame.columns[:5]] == ["mu[0]", "mu[1]", "mu[2]", "g[0,0]", "g[0,1]"] and frame.index.name == "t"
     assert np.array_equal(frame["g[2,1]"], run.g[:, 2, 1])
     many = PLAN.run(MANY, steps=20)
     frame = many.to_pandas()
-    assert frame.index.names == ["t", "body"] and np.array_equal(
-        frame.xs(2, level="body")["mu[1]"], many.mu[:, 2, 1]
-    )
+    assert frame.index.names == ["t", "body"] and np.array_equal(frame.xs(2, level="body")["mu[1]"], many.mu[:, 2, 1])
 
 
 def test_fictive_times_go_along():
     pytest.importorskip("xarray")
     pytest.importorskip("pandas")
-    kepler, method = (
-        lm.Kepler(),
-        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc()),
-    )
-    one = lm.integrate(
-        kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, steps=5, compiled=False
-    )
-    assert np.array_equal(one.to_xarray().tau, one.tau) and np.array_equal(
-        one.to_pandas()["tau"], one.tau
-    )
+    kepler, method = (lm.Kepler(), lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc()))
+    one = lm.integrate(kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, steps=5, compiled=False)
+    assert np.array_equal(one.to_xarray().tau, one.tau) and np.array_equal(one.to_pandas()["tau"], one.tau)
     starts = kepler.state(q=[[0.5, 0.0], [0.6, 0.0]], p=[[0.0, 1.7]] * 2)
     two = lm.integrate(kepler, method, starts, h=0.01, steps=5, compiled=False)
-    assert two.to_xarray().t.dims == ("tau", "body") and np.array_equal(
-        two.to_pandas()["t"], two.t.ravel()
-    )
+    assert two.to_xarray().t.dims == ("tau", "body") and np.array_equal(two.to_pandas()["t"], two.t.ravel())
 
 
 def test_hdf5_files(tmp_path: Path):
@@ -84,11 +65,7 @@ def test_hdf5_files(tmp_path: Path):
         run.save(tmp_path / "run.h5")
         again = lm.Trajectory.load(tmp_path / "run.h5")
         assert again.system == BODY and again.stopped == {}
-        assert (
-            again.system == BODY
-            and np.array_equal(again.mu, run.mu)
-            and np.array_equal(again.t, run.t)
-        )
+        assert again.system == BODY and np.array_equal(again.mu, run.mu) and np.array_equal(again.t, run.t)
         assert np.array_equal(PLAN.resume(again, steps=5).mu, PLAN.resume(run, steps=5).mu)
         with h5py.File(tmp_path / "run.h5") as file:
             assert np.array_equal(file["state.mu"], run.mu)

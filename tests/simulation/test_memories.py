@@ -97,10 +97,7 @@ def test_a_run_its_parts_and_a_stepper(compiled: bool, tmp_path: Path) -> None:
 
 @WORLDS
 def test_an_ensemble_with_and_without_a_rest(compiled: bool) -> None:
-    exact = np.stack(
-        [by_hand(BODY.state(mu=mu), STEPS) for mu in MANY.mu],
-        axis=1,
-    )
+    exact = np.stack([by_hand(BODY.state(mu=mu), STEPS) for mu in MANY.mu], axis=1)
     plan = lm.Plan(BODY, Alternating(), h=H, compiled=compiled)
     assert np.array_equal(plan.run(MANY, steps=STEPS).mu, exact)
     run = plan.resume(plan.run(MANY, steps=7), steps=STEPS - 7)
@@ -188,11 +185,7 @@ CHANGES = {
     "a vector": (1.0, lm.vec(1.0, 2.0), r"\[1\] was a float and becomes a vector of 2"),
     "a text": ("a", "b", r"\[1\] was 'a' and becomes 'b'"),
     "a record": (lm.Cayley(), lm.Exponential(), "was a Cayley and becomes a Exponential"),
-    "a matrix": (
-        lm.mat([1.0, 2.0], [1.0, 2.0]),
-        lm.mat([1.0, 2.0]),
-        "matrix of 2 rows and becomes a matrix of 1 rows",
-    ),
+    "a matrix": (lm.mat([1.0, 2.0], [1.0, 2.0]), lm.mat([1.0, 2.0]), "matrix of 2 rows and becomes a matrix of 1 rows"),
     "a complex number": (1.0, 1.0 + 2.0j, r"\[1\] was a float and becomes \(1\+2j\)"),
 }
 
@@ -251,13 +244,9 @@ def test_tangents_and_times_and_events() -> None:
     for compiled in (False, True):
         plan = lm.Plan(BODY, Alternating(), h=H, compiled=compiled)
         tangent = plan.tangent(ONE, by=("start",), steps=20)
-        ended = lm.integrate(
-            BODY, Alternating(), ONE, h=H, steps=40, events=[crossing], compiled=compiled
-        )
+        ended = lm.integrate(BODY, Alternating(), ONE, h=H, steps=40, events=[crossing], compiled=compiled)
         assert 0 < ended.steps < 40
-        at_times = lm.integrate(
-            BODY, Alternating(), ONE, h=H, t_end=2.0, t_eval=[0.3, 1.0, 1.9], compiled=compiled
-        )
+        at_times = lm.integrate(BODY, Alternating(), ONE, h=H, t_end=2.0, t_eval=[0.3, 1.0, 1.9], compiled=compiled)
         runs.append((tangent.tangent["start"], ended.mu, at_times.mu))
     for plain, native in zip(*runs, strict=True):
         assert np.array_equal(plain, native)

@@ -22,9 +22,7 @@ METHODS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("control", "name"), [(control, name) for control in REFUSED for name in REFUSED[control]]
-)
+@pytest.mark.parametrize(("control", "name"), [(control, name) for control in REFUSED for name in REFUSED[control]])
 def test_what_is_not_for_a_control_is_refused_by_its_name(control: str, name: str) -> None:
     options = Options(h=None if control == TOLERANCE else 0.1, **{name: GIVEN[name]}).checked()
     with pytest.raises(InvalidInput, match=f"integrate: {name} is "):

@@ -102,9 +102,7 @@ def test_an_option_is_refused_where_its_cell_says_so(
             assert not said or name in said
 
 
-def test_combinations_of_the_second_table_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_combinations_of_the_second_table_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for row, (start, control, options) in zip(rows("combination"), TOGETHER, strict=True):
         assert answer(start, control, options), f"{row[0]} is not refused"

@@ -25,11 +25,7 @@ METHODS = {
     "explicit": (lm.RKMK(order=4), BODY, START),
     "compensated": (lm.CovariantVariational(lm.Cayley()), BODY, START),
     "first guesses from the past": (lm.CovariantVariational(lm.Exponential()), BODY, START),
-    "stages with pasts": (
-        lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4),
-        BODY,
-        START,
-    ),
+    "stages with pasts": (lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4), BODY, START),
     "kept force": (lm.StormerVerlet(), lm.Kepler(), lm.Kepler().state(q=[0.4, 0.0], p=[0.0, 2.0])),
     "field": (lm.LieVerlet(), TOP, TOP.state(mu=[0.1, 0.2, 5.0], g=np.eye(3))),
 }
@@ -52,9 +48,7 @@ def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(case: str, compile
     method, system, start = METHODS[case]
     plan = lm.Plan(system, method, 0.05, compiled=compiled)
     whole = plan.run(start, steps=60, t0=0.3)
-    assert same(
-        whole, lm.integrate(system, method, start, h=0.05, steps=60, t0=0.3, compiled=compiled)
-    )
+    assert same(whole, lm.integrate(system, method, start, h=0.05, steps=60, t0=0.3, compiled=compiled))
     part = plan.run(start, steps=17, t0=0.3)
     for n in (1, 0, 42):
         last, part = part, plan.resume(part, steps=n)
@@ -73,10 +67,7 @@ def test_single_steps_are_those_of_a_run(case: str, compiled: bool) -> None:
     for k in range(1, 6):
         carry = plan.step(carry)
         assert carry.t == run.t[k]
-        assert all(
-            np.array_equal(np.array(x), run.states[name][k])
-            for name, x in carry.state.parts.items()
-        )
+        assert all(np.array_equal(np.array(x), run.states[name][k]) for name, x in carry.state.parts.items())
     carry = plan.step(carry, 4)
     assert carry.t == run.t[9]
     # what was carried before is as it was
@@ -147,10 +138,7 @@ def test_only_runs_of_an_equal_plan_are_resumed() -> None:
     equal = lm.Plan(lm.RigidBody([1.0, 1.6, 2.3]), lm.RKMK(order=4), 0.1, compiled=False)
     assert same(equal.resume(run, steps=2), plan.resume(run, steps=2))
     refused = [
-        (
-            dict(system=lm.RigidBody([1.0, 1.6, 2.4])),
-            r"another system: inertia = Vec\(1.0, 1.6, 2.3\) instead",
-        ),
+        (dict(system=lm.RigidBody([1.0, 1.6, 2.4])), r"another system: inertia = Vec\(1.0, 1.6, 2.3\) instead"),
         (dict(method=lm.RKMK(order=3)), "another method: order = 4 instead of 3"),
         (dict(h=0.2), "h = 0.1 instead of 0.2"),
         (dict(h=None, method=lm.RKMK(order=5), rtol=1e-6), "another method"),
@@ -184,9 +172,7 @@ def test_formulas_count_as_they_are_when_a_run_begins(monkeypatch: pytest.Monkey
     monkeypatch.setitem(globals(), "FACTOR", 2.0)
     after = plan.run(start, steps=5)
     assert not np.array_equal(before.mu, after.mu)
-    assert same(
-        after, lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=5, compiled=False)
-    )
+    assert same(after, lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=5, compiled=False))
 
 
 FACTOR = 1.0
@@ -205,8 +191,7 @@ def test_threads_share_a_plan() -> None:
     alone = [plan.run(start, steps=4000) for start in starts]
     found: dict[int, lm.Trajectory] = {}
     threads = [
-        threading.Thread(target=lambda i=i: found.update({i: plan.run(starts[i], steps=4000)}))
-        for i in range(8)
+        threading.Thread(target=lambda i=i: found.update({i: plan.run(starts[i], steps=4000)})) for i in range(8)
     ]
     for thread in threads:
         thread.start()
@@ -222,10 +207,7 @@ def test_steps_of_one_length_end_at_t_end() -> None:
     method = lm.CovariantVariational(lm.Cayley())
     run = lm.integrate(BODY, method, START, h=0.1, t_end=2.0, compiled=False)
     assert same(run, lm.integrate(BODY, method, START, h=0.1, steps=20, compiled=False))
-    assert (
-        lm.integrate(BODY, method, START, h=-0.1, t_end=0.7, t0=1.0, compiled=False).t[-1]
-        == 1.0 - 3 * 0.1
-    )
+    assert lm.integrate(BODY, method, START, h=-0.1, t_end=0.7, t0=1.0, compiled=False).t[-1] == 1.0 - 3 * 0.1
     with pytest.raises(lm.errors.InvalidInput, match=r"20.5 steps .* h = 0.0976\d*, 21 of them"):
         lm.integrate(BODY, method, START, h=0.1, t_end=2.05)
     with pytest.raises(lm.errors.InvalidInput, match="not both"):
@@ -307,20 +289,9 @@ def test_a_symplectic_method_finds_events() -> None:
     start = BODY.state(mu=[0.4, 1.0, 0.1], g=np.eye(3))
     method, errors = lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4), []
     for n in (600, 1200):
-        run = lm.integrate(
-            BODY,
-            method,
-            start,
-            h=48.0 / n,
-            steps=n,
-            events=(crossing(), crossing(1.0)),
-            compiled=True,
-        )
+        run = lm.integrate(BODY, method, start, h=48.0 / n, steps=n, events=(crossing(), crossing(1.0)), compiled=True)
         times, states = run.events[0]
-        exact = [
-            brentq(lambda t: BODY.exact(start, [t]).mu[0, 1], t - 0.1, t + 0.1, xtol=1e-13)
-            for t in times
-        ]
+        exact = [brentq(lambda t: BODY.exact(start, [t]).mu[0, 1], t - 0.1, t + 0.1, xtol=1e-13) for t in times]
         assert len(times) == 4
         assert np.abs(states.mu[:, 1]).max() < 1e-13
         errors.append(np.abs(times - exact).max())
@@ -335,16 +306,7 @@ def test_a_terminal_event_ends_steps_of_one_length() -> None:
     start = BODY.state(mu=[0.4, 1.0, 0.1], g=np.eye(3))
     method = lm.RKMK(order=4)
     free = lm.integrate(BODY, method, start, h=0.1, steps=200, events=crossing(), compiled=False)
-    ended = lm.integrate(
-        BODY,
-        method,
-        start,
-        h=0.1,
-        steps=200,
-        every=10,
-        events=crossing(terminal=2),
-        compiled=False,
-    )
+    ended = lm.integrate(BODY, method, start, h=0.1, steps=200, every=10, events=crossing(terminal=2), compiled=False)
     assert ended.t[-1] == free.events[0][0][1] == ended.events[0][0][-1]
     assert np.array_equal(ended.t[:-1], free.t[: 10 * (len(ended) - 1) : 10])
     assert np.array_equal(ended.mu[-1], free.events[0][1].mu[1])
@@ -353,15 +315,7 @@ def test_a_terminal_event_ends_steps_of_one_length() -> None:
 def test_a_failing_run_with_events_keeps_its_samples() -> None:
     start = BODY.state(mu=[-3.0, 0.0, 0.0])
     with pytest.raises(lm.errors.IntegrationFailure, match="no further") as caught:
-        lm.integrate(
-            BODY,
-            Limited(),
-            start,
-            h=1.0,
-            steps=40,
-            events=lambda t, state: state.mu[0] - 0.5,
-            compiled=False,
-        )
+        lm.integrate(BODY, Limited(), start, h=1.0, steps=40, events=lambda t, state: state.mu[0] - 0.5, compiled=False)
     run = caught.value.trajectory
     assert run.mu[:, 0].tolist() == [*np.arange(-3.0, 11.0)]
     assert len(run.events[0][0]) == 1
@@ -388,14 +342,10 @@ def test_a_short_pulse_is_met() -> None:
     assert missed.mu[-1, 0] == 0.0
     run = lm.integrate(system, method, start, t_end=10.0, breaks=[5.01, 5.0], compiled=False)
     assert abs(run.mu[-1, 0] - 0.1) < 1e-13
-    longest = lm.integrate(
-        system, method, start, t0=4.98, t_end=5.04, max_step=0.004, compiled=False
-    )
+    longest = lm.integrate(system, method, start, t0=4.98, t_end=5.04, max_step=0.004, compiled=False)
     assert abs(longest.mu[-1, 0] - 0.1) < 0.03
     assert np.diff(longest.t).max() <= 0.004 * (1 + 1e-12)
-    there = lm.integrate(
-        system, method, run.last, t0=10.0, t_end=0.0, breaks=[5.0, 5.01], compiled=False
-    )
+    there = lm.integrate(system, method, run.last, t0=10.0, t_end=0.0, breaks=[5.0, 5.01], compiled=False)
     assert abs(there.mu[-1, 0]) < 1e-13
     with pytest.raises(lm.errors.InvalidInput, match="max_step must be positive"):
         lm.integrate(system, method, start, t_end=10.0, max_step=0.0)
@@ -424,9 +374,7 @@ def test_an_event_is_looked_at_in_every_run() -> None:
         return state.mu[0]
 
     def run() -> lm.Trajectory:
-        return lm.integrate(
-            BODY, lm.RKMK(order=4), STARTS, h=0.1, steps=2, events=crossing, compiled=False
-        )
+        return lm.integrate(BODY, lm.RKMK(order=4), STARTS, h=0.1, steps=2, events=crossing, compiled=False)
 
     run()
     crossing.terminal = "yes"  # type: ignore[attr-defined]

@@ -83,9 +83,7 @@ def test_beginnings_of_a_method_with_a_memory() -> None:
 @pytest.mark.parametrize("end", [2.0, -2.0])
 def test_times_between_adaptive_steps(end: float) -> None:
     times = end * np.array([0.0, 0.0, 0.1, 0.35, 0.35, 0.8, 1.0, 1.0])
-    plan, plain = [
-        lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, compiled=compiled) for compiled in (True, False)
-    ]
+    plan, plain = [lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, compiled=compiled) for compiled in (True, False)]
     expected = plain.run(START, t_end=end, t_eval=times)
     for _ in range(6):
         found = plan.run(START, t_end=end, t_eval=times)
@@ -93,9 +91,7 @@ def test_times_between_adaptive_steps(end: float) -> None:
         np.testing.assert_array_equal(found.mu, expected.mu)
         np.testing.assert_array_equal(found.g, expected.g)
     found.mu[:] = np.nan
-    np.testing.assert_array_equal(
-        plan.resume(found, t_end=1.5 * end).mu, plain.resume(expected, t_end=1.5 * end).mu
-    )
+    np.testing.assert_array_equal(plan.resume(found, t_end=1.5 * end).mu, plain.resume(expected, t_end=1.5 * end).mu)
 
 
 def test_starts_of_one_plan_in_fictive_time() -> None:
@@ -112,6 +108,4 @@ def test_starts_of_one_plan_in_fictive_time() -> None:
         kept = pickle.loads(pickle.dumps(found))
         np.testing.assert_array_equal(kept.q, found.q)
         np.testing.assert_array_equal(kept.at(1.7).q, found.at(1.7).q)
-        np.testing.assert_array_equal(
-            plan.resume(kept, t_end=4.0).q[-1], plain.resume(expected, t_end=4.0).q[-1]
-        )
+        np.testing.assert_array_equal(plan.resume(kept, t_end=4.0).q[-1], plain.resume(expected, t_end=4.0).q[-1])

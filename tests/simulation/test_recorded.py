@@ -36,14 +36,7 @@ class Distance(lm.Record):
         return lm.norm(state.mu - self.place)
 
 
-KEPT = (
-    "mu",
-    "energy",
-    "casimirs",
-    tilt,
-    ("turned", lambda t, state: t * state.mu),
-    ("far", Distance([1.0, 0.0, 0.0])),
-)
+KEPT = ("mu", "energy", "casimirs", tilt, ("turned", lambda t, state: t * state.mu), ("far", Distance([1.0, 0.0, 0.0])))
 
 
 def same(run, full):
@@ -73,10 +66,7 @@ def test_resumed_saved_joined_and_its_last_state(tmp_path: Path):
     first.save(tmp_path / "run.npz")
     first = lm.Trajectory.load(tmp_path / "run.npz")
     whole, joined = plan.run(START, steps=30), first.then(plan.resume(first, steps=20))
-    assert np.array_equal(joined.energy, whole.energy) and joined.observed == whole.observed == (
-        "energy",
-        "tilt",
-    )
+    assert np.array_equal(joined.energy, whole.energy) and joined.observed == whole.observed == ("energy", "tilt")
     assert np.array_equal(whole.last.mu, lm.integrate(BODY, start=START, steps=30, **STEPS).mu[-1])
     assert whole.drift()["energy"].largest < 1e-2
     with pytest.raises(errors.InvalidInput, match="recorded energy, tilt"):
@@ -96,14 +86,10 @@ def test_failures_keep_what_there_was(monkeypatch):
             raise ValueError("far")
         return t
 
-    with pytest.raises(
-        errors.IntegrationFailure, match=r"record='far': ValueError: far .*at t = 0.56"
-    ) as caught:
+    with pytest.raises(errors.IntegrationFailure, match=r"record='far': ValueError: far .*at t = 0.56") as caught:
         lm.integrate(BODY, start=START, steps=100, record=("energy", far), **STEPS | {"h": 0.02})
     kept = caught.value.trajectory
-    assert (
-        9 <= len(kept) <= 28 and np.array_equal(kept.far, kept.t) and len(kept.energy) == len(kept)
-    )
+    assert 9 <= len(kept) <= 28 and np.array_equal(kept.far, kept.t) and len(kept.energy) == len(kept)
 
 
 def test_a_body_that_stops_stays(monkeypatch):
@@ -118,10 +104,7 @@ def test_a_body_that_stops_stays(monkeypatch):
                 raise ValueError("wall")
             return lm.vec(0.1, 0.0, 0.0)
 
-    systems = [
-        lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Wall(x))
-        for x in (0.55, 0.35)
-    ]
+    systems = [lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Wall(x)) for x in (0.55, 0.35)]
     start = systems[0].state(mu=[[1.0, 0.0, 0.1]] * 2, g=[np.eye(3)] * 2)
     how = dict(method=lm.RKMK(order=2), start=start, h=0.1, steps=20, compiled=False)
     with pytest.warns(RuntimeWarning, match="2 of 2 bodies stopped early") as warned:
@@ -140,9 +123,7 @@ def test_a_body_that_stops_stays(monkeypatch):
 @pytest.mark.compiled
 def test_memory_is_that_of_what_is_kept():
     """The states of 2 10^5 samples would take 24 bytes each, their energies and times take 16."""
-    plan = lm.Plan(
-        BODY, lm.CovariantVariational(), h=0.1, record="energy", compiled=True, progress=False
-    )
+    plan = lm.Plan(BODY, lm.CovariantVariational(), h=0.1, record="energy", compiled=True, progress=False)
     start = BODY.state(mu=[0.5, 0.0, 0.75**0.5])
     plan.run(start, steps=1000)
     tracemalloc.start()
@@ -176,9 +157,7 @@ def test_the_run_of_a_body_that_stops_has_what_is_kept(scene, samples, monkeypat
     if samples is not None:
         monkeypatch.setattr(equal, "SAMPLES", samples)
     known, times = scenes_of_runs.observer(scene, "functions")
-    plan = lm.Plan(
-        scene.system, scene.method, compiled=False, progress=False, **scene.options | known
-    )
+    plan = lm.Plan(scene.system, scene.method, compiled=False, progress=False, **scene.options | known)
     with pytest.warns(RuntimeWarning, match="stopped early"):
         run = plan.run(scene.start(3), **scene.spans({})[0] | times)
     for i, stop in run.stopped.items():

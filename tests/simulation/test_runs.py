@@ -18,13 +18,7 @@ import scenes_of_runs as scenes
 from scenes_of_runs import COVARIANT, EQUAL, FICTIVE, TABLE_TOLERANCE, Scene
 
 import liemech as lm
-from liemech.errors import (
-    IntegrationFailure,
-    IntegrationInterrupted,
-    InvalidInput,
-    NotCompilable,
-    StepTooSmall,
-)
+from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, NotCompilable, StepTooSmall
 
 TOLERANCE = replace(scenes.TOLERANCE, first=1.1, rest=3.0)
 FICTIVE_STEPS = replace(FICTIVE, first=11, rest=13)
@@ -149,9 +143,7 @@ def body_of(run: lm.Trajectory, i: int) -> tuple[np.ndarray, dict[str, np.ndarra
 @over(*ALL, *BACK)
 @BODIES
 @watched(*WATCHED)
-def test_native_code_gives_the_bits_of_plain_python(
-    scene: Scene, bodies: int, observer: str
-) -> None:
+def test_native_code_gives_the_bits_of_plain_python(scene: Scene, bodies: int, observer: str) -> None:
     same_runs(whole(scene, bodies, observer), whole(scene, bodies, observer, compiled=True))
 
 
@@ -173,10 +165,7 @@ def as_alone(together: lm.Trajectory, i: int, single: lm.Trajectory) -> None:
     """Body i of an ensemble has the samples of a run of its own; then it stays where it is."""
     t, states = body_of(together, i)
     if together.rejected is not None and len(t) == 2 < len(single.t):
-        single_t, single_states = (
-            single.t[[0, -1]],
-            {n: x[[0, -1]] for n, x in single.states.items()},
-        )
+        single_t, single_states = (single.t[[0, -1]], {n: x[[0, -1]] for n, x in single.states.items()})
     else:
         single_t, single_states = single.t, single.states
     n = len(single_t)
@@ -199,9 +188,7 @@ OWN = [
 @pytest.mark.sample(16)
 @pytest.mark.parametrize(("scene", "name"), OWN)
 @watched("all", "functions", "events")
-def test_bodies_with_numbers_of_their_own_go_as_alone(
-    scene: Scene, name: str, observer: str
-) -> None:
+def test_bodies_with_numbers_of_their_own_go_as_alone(scene: Scene, name: str, observer: str) -> None:
     """To the end, and from there on; so do their energies."""
     options, span = scenes.own(scene)[name]
     plan = plan_of(scene, observer, **options)
@@ -340,10 +327,7 @@ def test_a_run_in_two_parts_is_the_whole_one(scene: Scene, bodies: int, observer
         joined = before.then(plan.resume(before, **rest, **late))
         kept = slice(None)
         if observer == "every":  # where the first part ends is a sample of the joined run
-            kept = np.isin(
-                np.asarray(joined.t).reshape(len(joined), -1)[:, 0],
-                one.t.reshape(len(one), -1)[:, 0],
-            )
+            kept = np.isin(np.asarray(joined.t).reshape(len(joined), -1)[:, 0], one.t.reshape(len(one), -1)[:, 0])
         assert same(np.asarray(joined.t)[kept], one.t) and joined.steps == one.steps
         for name, x in one.states.items():
             assert same(joined.states[name][kept], x), name
@@ -354,9 +338,7 @@ def test_a_run_in_two_parts_is_the_whole_one(scene: Scene, bodies: int, observer
 @over(*BY_TIME)
 @BODIES
 @watched("all", "t_eval", "events", "functions")
-def test_what_goes_on_from_a_file_goes_on_as_it_did(
-    scene: Scene, bodies: int, observer: str, tmp_path: Path
-) -> None:
+def test_what_goes_on_from_a_file_goes_on_as_it_did(scene: Scene, bodies: int, observer: str, tmp_path: Path) -> None:
     plan, (_, first, rest, times) = plan_of(scene, observer), scene.spans({})
     late = {"t_eval": [t for t in times if t > scene.middle]} if observer == "t_eval" else {}
     early = {"t_eval": [t for t in times if t <= scene.middle]} if observer == "t_eval" else {}
@@ -420,13 +402,9 @@ INTERRUPTED = lm.LiePoissonSystem(lm.SO3(), Interrupting())
 @BODIES
 @watched("all", "every", "functions", "events")
 @pytest.mark.parametrize("part", [0.2, 0.6])
-def test_a_run_that_was_interrupted_goes_on(
-    scene: Scene, bodies: int, observer: str, part: float
-) -> None:
+def test_a_run_that_was_interrupted_goes_on(scene: Scene, bodies: int, observer: str, part: float) -> None:
     """Its samples are the first of the whole run, and it ends where that does."""
-    finer = (
-        {"rtol": 1e-9} if scene.by_time else {}
-    )  # many steps are left, of which each hangs on all before
+    finer = {"rtol": 1e-9} if scene.by_time else {}  # many steps are left, of which each hangs on all before
     scene = replace(scene, system=INTERRUPTED, functions=("energy",), options=scene.options | finer)
     with not_yet(scene, bodies, observer, False):
         plan, span = plan_of(scene, observer), span_of(scene, observer)
@@ -527,9 +505,7 @@ TIMES = {
 @BODIES
 @WORLDS
 @pytest.mark.parametrize("times", TIMES.values(), ids=TIMES)
-def test_any_times_may_be_asked_for(
-    scene: Scene, bodies: int, compiled: bool, times: list[float]
-) -> None:
+def test_any_times_may_be_asked_for(scene: Scene, bodies: int, compiled: bool, times: list[float]) -> None:
     """None, the same again, the ends or not: the states are those at the time alone, and the steps
     those of any other run.
     """
@@ -572,9 +548,7 @@ def test_what_is_recorded_is_that_of_the_samples(scene: Scene, bodies: int, obse
             assert np.allclose(values, full.energy, rtol=1e-15, atol=1e-15)
         else:
             x = {
-                n: np.moveaxis(
-                    y.reshape(len(full), bodies, *y.shape[2 if bodies > 1 else 1 :]), 0, 0
-                )
+                n: np.moveaxis(y.reshape(len(full), bodies, *y.shape[2 if bodies > 1 else 1 :]), 0, 0)
                 for n, y in full.states.items()
             }
             if name == "tilt":
@@ -622,9 +596,7 @@ def test_events_are_zeros_on_the_motion(scene: Scene, bodies: int, observer: str
                     for m, s in enumerate(t.tolist())
                 ]
                 changes = int((np.diff(signs) != 0).sum())
-                assert (
-                    abs(changes - len(times)) <= 1 if observer == "ends" else changes == len(times)
-                )
+                assert abs(changes - len(times)) <= 1 if observer == "ends" else changes == len(times)
 
 
 @over(EQUAL, COVARIANT, FICTIVE, TOLERANCE)
@@ -669,9 +641,7 @@ def test_the_way_back_undoes_a_run(scene: Scene, bodies: int) -> None:
 @over(EQUAL, COVARIANT, TOLERANCE, FICTIVE, *BACK)
 @BODIES
 @watched("all", "t_eval", "events", "ends")
-def test_what_the_method_keeps_is_kept_in_every_sample(
-    scene: Scene, bodies: int, observer: str
-) -> None:
+def test_what_the_method_keeps_is_kept_in_every_sample(scene: Scene, bodies: int, observer: str) -> None:
     """|mu| and the group on bodies, the angular momentum on orbits; at events too."""
     run = whole(scene, bodies, observer)
     places = [run.states, *(state.arrays for _, state in found(run) if len(_))]
@@ -721,9 +691,7 @@ def test_a_run_that_fails_keeps_its_samples(scene: Scene, observer: str, compile
     told: Any = caught.value.trajectory
     assert told.steps > 0
     if scene.by_time:
-        short = plan_of(scene, observer.replace("t_eval", "all")).run(
-            scene.start(1), t_end=0.5 * float(told.t[-1])
-        )
+        short = plan_of(scene, observer.replace("t_eval", "all")).run(scene.start(1), t_end=0.5 * float(told.t[-1]))
         n = 1 if observer == "t_eval" else len(short.t) - 2
         assert len(told) > n
     else:
@@ -742,9 +710,7 @@ def test_a_run_that_fails_keeps_its_samples(scene: Scene, observer: str, compile
 @over(TOLERANCE, TABLE_TOLERANCE)
 @watched("all", "t_eval", "functions")
 @WORLDS
-def test_too_few_steps_leave_the_samples_before(
-    scene: Scene, observer: str, compiled: bool
-) -> None:
+def test_too_few_steps_leave_the_samples_before(scene: Scene, observer: str, compiled: bool) -> None:
     """`steps` is the largest number of them; the plan may have run before."""
     full, plan = whole(scene, 1, observer), plan_of(scene, observer, compiled)
     for _ in range(2):

@@ -81,9 +81,7 @@ def test_a_run_without_samples_stands_where_it_came_to(system, method, start, ho
     assert same(plan.resume(nothing, t_end=3.0), plan.resume(rest, t_end=3.0))
 
 
-@pytest.mark.parametrize(
-    "t_eval", [None, (0.0, 0.25, 0.5, 1.5), ()], ids=["steps", "times", "none"]
-)
+@pytest.mark.parametrize("t_eval", [None, (0.0, 0.25, 0.5, 1.5), ()], ids=["steps", "times", "none"])
 @pytest.mark.parametrize("how", ["fixed", "adaptive", "fictive"])
 def test_the_last_state_is_that_of_the_event_that_ended_the_run(how, t_eval, tmp_path: Path):
     def late(t, state):
@@ -102,9 +100,7 @@ def test_the_last_state_is_that_of_the_event_that_ended_the_run(how, t_eval, tmp
             {"h": 0.05, "t_end": 2.0},
         ),
     }[how]
-    run = lm.integrate(
-        system, method, start, events=[late], t_eval=t_eval, compiled=False, **options
-    )
+    run = lm.integrate(system, method, start, events=[late], t_eval=t_eval, compiled=False, **options)
     run.save(tmp_path / "run.npz")
     for one in (run, lm.Trajectory.load(tmp_path / "run.npz")):
         assert one.ended == 0
@@ -115,10 +111,7 @@ def test_the_last_state_is_that_of_the_event_that_ended_the_run(how, t_eval, tmp
 
 
 def test_a_sample_at_a_last_time_where_the_velocity_jumps():
-    plan, start = (
-        lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, breaks=[0.3, 1.0]),
-        BODY.state(START.mu),
-    )
+    plan, start = (lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, breaks=[0.3, 1.0]), BODY.state(START.mu))
     whole = plan.run(start, t_end=1.0)
     for record in None, ["mu", "energy"]:
         few = plan.replace(record=record).run(start, t_end=1.0, t_eval=[0.0, 0.5, 1.0, 1.0])
@@ -190,8 +183,7 @@ def test_the_count_of_an_adaptive_run_goes_on_and_begins_anew_after_its_end(tmp_
 
 @pytest.mark.sample(4)
 @pytest.mark.parametrize(
-    ("record", "events", "t_eval"),
-    [(None, Equator(), None), ("energy", (), True), (None, Equator(), True)],
+    ("record", "events", "t_eval"), [(None, Equator(), None), ("energy", (), True), (None, Equator(), True)]
 )
 @pytest.mark.parametrize("start", [START, MANY], ids=["one", "many"])
 def test_a_checkpoint_after_so_many_steps(record, events, t_eval, start, tmp_path: Path):
@@ -238,9 +230,7 @@ DISKS = {
 
 @pytest.mark.parametrize("bodies", [False, True])
 @pytest.mark.parametrize("kind", DISKS)
-def test_a_checkpoint_that_cannot_be_written(
-    kind: str, bodies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_checkpoint_that_cannot_be_written(kind: str, bodies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The run goes on, and what is on the disk is what was written last."""
     system, method, given, how = DISKS[kind]
     start = MANY if bodies else START
@@ -275,9 +265,7 @@ def test_a_checkpoint_that_cannot_be_written(
 @pytest.mark.compiled
 @pytest.mark.parametrize("bodies", [False, True])
 @pytest.mark.parametrize("kind", DISKS)
-def test_an_interrupt_while_native_code_is_made(
-    kind: str, bodies: bool, monkeypatch: pytest.MonkeyPatch
-):
+def test_an_interrupt_while_native_code_is_made(kind: str, bodies: bool, monkeypatch: pytest.MonkeyPatch):
     """Is one of the run, and it goes on from where it was to begin."""
     system, method, given, how = DISKS[kind]
     start = MANY if bodies else START
@@ -306,9 +294,7 @@ def test_an_interrupt_while_native_code_is_made(
 
 
 @pytest.mark.parametrize("verb", ["begin", "stepper", "tangent"])
-def test_ctrl_c_while_native_code_is_made_for_what_is_no_run(
-    verb: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_while_native_code_is_made_for_what_is_no_run(verb: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """It leaves the start, too."""
 
     def pressed(*call: Any, **options: Any) -> Any:
@@ -460,10 +446,7 @@ def test_an_interrupt_while_formulas_are_recorded(how, t_eval):
 def test_an_interrupt_between_the_parts_of_a_run(monkeypatch):
     """In Python that is nobody's formula: what was recorded is there."""
     monkeypatch.setattr(equal, "STEPS", 8)
-    for kind, how in (
-        (keep.Quantities, dict(record="energy")),
-        (keep.Every, dict(events=Equator())),
-    ):
+    for kind, how in ((keep.Quantities, dict(record="energy")), (keep.Every, dict(events=Equator()))):
         plan = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, compiled=False, **how)  # type: ignore[arg-type]
         whole, calls = plan.run(START, steps=50), []
         name = "flush" if kind is keep.Quantities else "see"
@@ -476,9 +459,7 @@ def test_an_interrupt_between_the_parts_of_a_run(monkeypatch):
             return true(self, *given)
 
         monkeypatch.setattr(kind, name, kept)
-        with pytest.raises(
-            errors.IntegrationInterrupted, match=r"after \d+ (of 50 )?steps"
-        ) as caught:
+        with pytest.raises(errors.IntegrationInterrupted, match=r"after \d+ (of 50 )?steps") as caught:
             plan.run(START, steps=50)
         run: Any = caught.value.trajectory
         assert 5 < len(run) < 51 and np.array_equal(run.t, whole.t[: len(run)])

@@ -63,40 +63,27 @@ def test_the_bits_of_a_run_in_one_piece():
             for name, values in whole.states.items():
                 assert np.array_equal(values, run.states[name])
     first = PLAN.run(STARTS, steps=7, executor=Losing())
-    assert np.array_equal(
-        PLAN.resume(first, steps=8).mu, PLAN.resume(PLAN.run(STARTS, steps=7), steps=8).mu
-    )
+    assert np.array_equal(PLAN.resume(first, steps=8).mu, PLAN.resume(PLAN.run(STARTS, steps=7), steps=8).mu)
     assert np.array_equal(first.carry.state.mu, first.mu[-1])
 
 
 def test_bodies_with_parameters_and_times_of_their_own():
     bodies = [lm.RigidBody([1.0, 1.5, 1.8 + 0.01 * i]) for i in range(37)]
     plan = PLAN.replace(system=bodies)
-    assert np.array_equal(
-        plan.run(STARTS, steps=10).mu, plan.run(STARTS, steps=10, executor=Losing()).mu
-    )
-    kepler, method = (
-        lm.Kepler(),
-        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc()),
-    )
+    assert np.array_equal(plan.run(STARTS, steps=10).mu, plan.run(STARTS, steps=10, executor=Losing()).mu)
+    kepler, method = (lm.Kepler(), lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc()))
     starts = kepler.state(q=[[0.5 + 0.01 * i, 0.0] for i in range(20)], p=[[0.0, 1.7]] * 20)
     how = dict(h=0.01, steps=5, compiled=False)
     whole, run = (
         lm.integrate(kepler, method, starts, **how),
         lm.integrate(kepler, method, starts, executor=Losing(), **how),
     )
-    assert (
-        np.array_equal(whole.t, run.t)
-        and np.array_equal(whole.q, run.q)
-        and np.array_equal(whole.z, run.z)
-    )
+    assert np.array_equal(whole.t, run.t) and np.array_equal(whole.q, run.q) and np.array_equal(whole.z, run.z)
 
 
 def test_lost_chunks_are_handed_out_again():
     whole = PLAN.run(STARTS, steps=6)
-    run = PLAN.run(
-        STARTS, steps=6, executor=Losing(ConnectionError, None, OSError, ConnectionError)
-    )
+    run = PLAN.run(STARTS, steps=6, executor=Losing(ConnectionError, None, OSError, ConnectionError))
     assert np.array_equal(run.mu, whole.mu)
     with pytest.warns(RuntimeWarning, match="lost chunk 0 of 3; it is computed here"):
         run = PLAN.run(STARTS, steps=6, executor=Losing(futures.BrokenExecutor))
@@ -123,17 +110,11 @@ def test_bodies_that_stop_and_mistakes():
         whole = plan.run(starts, steps=6)
     with pytest.warns(RuntimeWarning, match="bodies stopped early"):
         run = plan.run(starts, steps=6, executor=Losing())
-    assert (
-        whole.stopped.steps == run.stopped.steps
-        and len(run.stopped) > 0
-        and np.array_equal(whole.mu, run.mu)
-    )
+    assert whole.stopped.steps == run.stopped.steps and len(run.stopped) > 0 and np.array_equal(whole.mu, run.mu)
     body = max(run.stopped)
     assert str(run.stopped[body].error) == str(whole.stopped[body].error)
     with pytest.raises(AttributeError):
-        PLAN.replace(record=[("x", lambda t, state: state.nothing)]).run(
-            STARTS, steps=2, executor=Losing()
-        )
+        PLAN.replace(record=[("x", lambda t, state: state.nothing)]).run(STARTS, steps=2, executor=Losing())
 
 
 def test_what_cannot_be_spread_is_refused():
@@ -172,15 +153,11 @@ def test_processes_of_which_one_is_killed():
 
 @pytest.mark.slow
 def test_a_cluster_of_dask_of_which_a_worker_is_killed():
-    distributed = pytest.importorskip(
-        "distributed", reason='needs dask: pip install "liemech[cluster]"'
-    )
+    distributed = pytest.importorskip("distributed", reason='needs dask: pip install "liemech[cluster]"')
     starts = BODY.state(mu=RNG.normal(size=(48, 3)))
     whole = PLAN.run(starts, steps=150)
     with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster,
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
         executor = client.get_executor(pure=False)
@@ -292,8 +269,6 @@ def test_chunks_for_which_nobody_waits_end(compiled, monkeypatch, tmp_path):
 def test_an_interrupt_does_not_wait_for_processes(tmp_path):
     # Ctrl-C comes to this process; the chunks of the others would take minutes.
     (tmp_path / "alone.py").write_text(ALONE)
-    ran = subprocess.run(
-        [sys.executable, tmp_path / "alone.py"], capture_output=True, text=True, timeout=120
-    )
+    ran = subprocess.run([sys.executable, tmp_path / "alone.py"], capture_output=True, text=True, timeout=120)
     seconds, bodies = ran.stdout.split()
     assert float(seconds) < 1.0 and bodies == "128", ran.stderr

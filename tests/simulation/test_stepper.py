@@ -13,13 +13,7 @@ import pytest
 from scenes import Fenced
 
 import liemech as lm
-from liemech.errors import (
-    IncompatibleSystem,
-    IntegrationFailure,
-    IntegrationInterrupted,
-    InvalidInput,
-    InvalidType,
-)
+from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput, InvalidType
 from liemech.simulation import short
 from liemech.simulation.at_work.stepper import InPlace
 
@@ -118,9 +112,7 @@ def test_what_it_gives_is_its_own() -> None:
     with pytest.raises(AttributeError, match="its state has mu, g"):
         stepper.q  # noqa: B018
     for name, value in {"mu": START.mu, "h": 0.1, "t": 3.0}.items():
-        with pytest.raises(
-            AttributeError, match=rf"{name} of a Stepper cannot be set; .*stepper\("
-        ):
+        with pytest.raises(AttributeError, match=rf"{name} of a Stepper cannot be set; .*stepper\("):
             setattr(stepper, name, value)
 
 
@@ -183,9 +175,7 @@ def test_events_of_a_plan_are_none_of_an_ensemble_in_fictive_time() -> None:
 
 @WORLDS
 @pytest.mark.parametrize("at_a_time", [1, 200])
-def test_a_step_that_fails_says_why_and_those_before_it_count(
-    compiled: bool, at_a_time: int
-) -> None:
+def test_a_step_that_fails_says_why_and_those_before_it_count(compiled: bool, at_a_time: int) -> None:
     body = lm.RigidBody([1.0, 1.5, 2.0])
     start = body.state(mu=[0.3, 0.4, 0.75])
     plan = lm.Plan(body, Fenced(order=4), 0.1, compiled=compiled)
@@ -193,9 +183,7 @@ def test_a_step_that_fails_says_why_and_those_before_it_count(
         plan.run(start, steps=200)
     run, stepper = caught.value.trajectory, plan.stepper(start)
     for _ in range(2):  # nor does it go on when it is asked again
-        with pytest.raises(
-            IntegrationFailure, match=f"beyond the fence .step {run.steps + 1} of"
-        ) as caught:
+        with pytest.raises(IntegrationFailure, match=f"beyond the fence .step {run.steps + 1} of") as caught:
             while True:
                 stepper.step(at_a_time)
         stands(stepper, run, run.steps)

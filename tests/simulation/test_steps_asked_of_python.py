@@ -34,9 +34,7 @@ class Graded(lm.Hamiltonian):
 
 
 def plan(**given: Any) -> lm.Plan:
-    return lm.Plan(
-        lm.LiePoissonSystem(lm.SO3(), Graded()), METHOD, rtol=1e-4, progress=False, **given
-    )
+    return lm.Plan(lm.LiePoissonSystem(lm.SO3(), Graded()), METHOD, rtol=1e-4, progress=False, **given)
 
 
 def noted(monkeypatch: pytest.MonkeyPatch) -> list[int]:

@@ -21,29 +21,21 @@ G = np.broadcast_to(np.eye(3), (5, 3, 3))
 METHODS = [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())]  # without and with a memory
 
 
-def assert_single_runs(
-    runs: lm.Trajectory, method: lm.Method, systems: list[lm.RigidBody], **how: object
-) -> None:
+def assert_single_runs(runs: lm.Trajectory, method: lm.Method, systems: list[lm.RigidBody], **how: object) -> None:
     for i, (system, h) in enumerate(zip(systems, H, strict=True)):
-        alone = lm.integrate(
-            system, method, system.state(MU[i], np.eye(3)), h=h, steps=7, compiled=False, **how
-        )  # type: ignore[arg-type]
+        alone = lm.integrate(system, method, system.state(MU[i], np.eye(3)), h=h, steps=7, compiled=False, **how)  # type: ignore[arg-type]
         assert np.array_equal(runs.mu[:, i], alone.mu) and np.array_equal(runs.g[:, i], alone.g)
         assert np.array_equal(runs.t[:, i], alone.t)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_body_makes_its_own_steps(method: lm.Method) -> None:
-    runs = lm.integrate(
-        BODY, method, BODY.state(MU, G), h=H, steps=7, every=3, t0=1.0, compiled=False
-    )
+    runs = lm.integrate(BODY, method, BODY.state(MU, G), h=H, steps=7, every=3, t0=1.0, compiled=False)
     assert runs.t.shape == (4, 5) and np.array_equal(runs.h, H)
     assert_single_runs(runs, method, [BODY] * 5, every=3, t0=1.0)
     bodies = [lm.RigidBody([1.0, 1.5, 2.0 + 0.1 * i]) for i in range(5)]
     assert_single_runs(
-        lm.integrate(bodies, method, BODY.state(MU, G), h=np.array(H), steps=7, compiled=False),
-        method,
-        bodies,
+        lm.integrate(bodies, method, BODY.state(MU, G), h=np.array(H), steps=7, compiled=False), method, bodies
     )
 
 
@@ -65,29 +57,16 @@ def test_what_a_run_can_do_it_can_with_many_steps(tmp_path: Path) -> None:
         spread = plan.run(starts, steps=4, executor=executor)
     for begun in (first, lm.Trajectory.load(tmp_path / "runs.npz"), spread):
         joined = begun.then(plan.resume(begun, steps=3))
-        assert (
-            np.array_equal(joined.mu, whole.mu)
-            and np.array_equal(joined.t, whole.t)
-            and np.array_equal(joined.h, H)
-        )
-        assert np.array_equal(begun.carry.t, first.t[-1]) and np.array_equal(
-            begun.last.mu, first.mu[-1]
-        )
+        assert np.array_equal(joined.mu, whole.mu) and np.array_equal(joined.t, whole.t) and np.array_equal(joined.h, H)
+        assert np.array_equal(begun.carry.t, first.t[-1]) and np.array_equal(begun.last.mu, first.mu[-1])
     assert "to t = -0.7 ... 1.4, h = -0.1 ... 0.2" in repr(whole) and repr(whole.drift())
-    energies = lm.integrate(
-        BODY, METHODS[0], starts, h=H, steps=7, record=["energy", clock], compiled=False
-    )
+    energies = lm.integrate(BODY, METHODS[0], starts, h=H, steps=7, record=["energy", clock], compiled=False)
     assert np.array_equal(
-        energies.energy,
-        BODY.energy(lm.integrate(BODY, METHODS[0], starts, h=H, steps=7, compiled=False).mu),
+        energies.energy, BODY.energy(lm.integrate(BODY, METHODS[0], starts, h=H, steps=7, compiled=False).mu)
     )
     assert np.array_equal(energies.clock, whole.t)
     # the velocity of an interval carries the attitude along it: g_(i+1) = g_i cay(h xi_i)
-    moved = (
-        lm.Cayley()
-        .tau(lm.SO3(), (np.array(H)[:, None] * whole.xi[:-1]).reshape(-1, 3))
-        .reshape(7, 5, 3, 3)
-    )
+    moved = lm.Cayley().tau(lm.SO3(), (np.array(H)[:, None] * whole.xi[:-1]).reshape(-1, 3)).reshape(7, 5, 3, 3)
     assert np.abs(whole.g[:-1] @ moved - whole.g[1:]).max() < 1e-14
 
 
@@ -100,12 +79,7 @@ def test_trends_are_those_of_the_times_of_each_body() -> None:
     its own rate.
     """
     bodies = lm.integrate(
-        BODY,
-        lm.RKMK(order=2),
-        BODY.state(MU[:1].repeat(2, axis=0)),
-        h=[0.1, 0.2],
-        steps=60,
-        compiled=False,
+        BODY, lm.RKMK(order=2), BODY.state(MU[:1].repeat(2, axis=0)), h=[0.1, 0.2], steps=60, compiled=False
     )
     alone = lm.integrate(BODY, lm.RKMK(order=2), BODY.state(MU[0]), h=0.2, steps=60, compiled=False)
     assert bodies.drift()["energy"] == alone.drift()["energy"]
@@ -145,18 +119,13 @@ def test_adaptive_bodies_have_ends_and_times_of_their_own() -> None:
     for i, end in enumerate(ends):
         alone = plan.run(BODY.state(MU[i], G[i]), t_end=end, t_eval=times[:, i])
         assert np.array_equal(asked.mu[:, i], alone.mu) and np.array_equal(asked.g[:, i], alone.g)
-        assert np.array_equal(
-            bare.mu[-1, i], plan.run(BODY.state(MU[i], G[i]), t_end=end, t_eval=[end]).mu[-1]
-        )
+        assert np.array_equal(bare.mu[-1, i], plan.run(BODY.state(MU[i], G[i]), t_end=end, t_eval=[end]).mu[-1])
     shared = plan.run(starts, t_end=[1.0, 2.0, 1.5], t_eval=[0.0, 0.5, 1.0])
     assert shared.t.shape == (3,) and np.array_equal(shared.mu[-1, 0], bare.mu[-1, 0])
     for how, words in (
         ({"t_end": [1.0, 2.0]}, r"shape \(2,\); it is one time, or one for each of 3"),
         ({"t_end": 1.0, "t_eval": np.zeros((4, 2))}, r"\(4, 2\); it is \(n,\), or \(n, 3\)"),
-        (
-            {"t_end": [1.0, 0.4, 1.0], "t_eval": [0.0, 0.5]},
-            "t = 0.5, which is not between 0 and 0.4",
-        ),
+        ({"t_end": [1.0, 0.4, 1.0], "t_eval": [0.0, 0.5]}, "t = 0.5, which is not between 0 and 0.4"),
         ({"t_end": [1.0, np.inf, 1.0]}, "t_end must be finite"),
     ):
         with pytest.raises(InvalidInput, match=words):

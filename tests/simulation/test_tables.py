@@ -59,9 +59,7 @@ def test_the_report_of_a_run_as_a_table(tmp_path: Path) -> None:
 
 
 def test_names_with_every_sign_in_tables() -> None:
-    table = WrittenTable(
-        (HARD, "x"), (('with "quotes", commas\nand lines', 1.0), (HARD, float("nan")))
-    )
+    table = WrittenTable((HARD, "x"), (('with "quotes", commas\nand lines', 1.0), (HARD, float("nan"))))
     text, tabular = table.to_csv(), table.to_latex()
     assert text is not None and tabular is not None
     read = list(csv.reader(io.StringIO(text)))
@@ -126,10 +124,7 @@ def test_labels_of_pgf_pictures_survive_latex(tmp_path: Path) -> None:
     assert (tmp_path / "again.pgf").read_bytes() == text
     labels = re.findall(r"\\pgftext\[.*?\]\{(.*)\}%$", text.decode(), re.M)
     shown = [label.rpartition(r"\def%{\%}")[2].removesuffix("}") for label in labels]
-    assert (
-        f"{ESCAPED}: order 2.00" in shown
-        and "100 \\% of $h$ \\ensuremath{-} 5\\_\\ensuremath{\\mu}m" in shown
-    )
+    assert f"{ESCAPED}: order 2.00" in shown and "100 \\% of $h$ \\ensuremath{-} 5\\_\\ensuremath{\\mu}m" in shown
     assert "$\\tau^2$ in \\%: order 4.00" in shown and "Störmer\\_1: order 3.00" in shown
     assert len(shown) >= 8 and not any(bare_specials(x.replace("{}", "")) for x in shown)
     assert b"mathdefault" not in text and b"\\usepackage{pgf}" in text

@@ -40,9 +40,7 @@ def differences(plan: lm.Plan, start: Any, steps: int) -> np.ndarray:
         for k, weight in ((1, 2.0 / 3.0), (2, -1.0 / 12.0)):
             sides = []
             for x in (k * 1e-3 * unit, -k * 1e-3 * unit):
-                moved = plan.system.state(
-                    mu=np.array(start.mu) + x[:3], g=np.array(start.g) @ SO3.exp(x[3:])
-                )
+                moved = plan.system.state(mu=np.array(start.mu) + x[:3], g=np.array(start.g) @ SO3.exp(x[3:]))
                 sides.append(plan.run(moved, steps=steps))
             column += weight * off(*sides, middle) / 1e-3
         columns.append(column)
@@ -85,16 +83,11 @@ def test_derivatives_by_the_inertia(compiled: bool) -> None:
         change = np.zeros(6)
         for k, weight in ((1, 2.0 / 3.0), (2, -1.0 / 12.0)):
             sides = [
-                plan.replace(system=lm.RigidBody(moments + s * k * 1e-3 * unit)).run(
-                    START, steps=10
-                )
-                for s in (1, -1)
+                plan.replace(system=lm.RigidBody(moments + s * k * 1e-3 * unit)).run(START, steps=10) for s in (1, -1)
             ]
             change += weight * off(*sides, middle) / 1e-3
         assert np.abs(run.tangent["inertia"][-1][:, i] - change).max() < 1e-9
-    assert (
-        np.abs(run.tangent["start"] - plan.tangent(START, steps=10).tangent["start"]).max() < 1e-15
-    )
+    assert np.abs(run.tangent["start"] - plan.tangent(START, steps=10).tangent["start"]).max() < 1e-15
 
 
 @pytest.mark.sample(1)
@@ -103,13 +96,9 @@ def test_derivatives_by_a_number_inside_of_the_hamiltonian(compiled: bool) -> No
     gyrostat = lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], 0.7))
     plan = lm.Plan(gyrostat, lm.RKMK(order=4), 0.1, compiled=compiled)
     start = gyrostat.state(mu=[0.5, -0.3, 0.75])
-    found = plan.tangent(start, steps=5, by="hamiltonian.rotor").tangent["hamiltonian.rotor"][-1][
-        :, 0
-    ]
+    found = plan.tangent(start, steps=5, by="hamiltonian.rotor").tangent["hamiltonian.rotor"][-1][:, 0]
     ends = [
-        plan.replace(system=lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], r)))
-        .run(start, steps=5)
-        .mu[-1]
+        plan.replace(system=lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], r))).run(start, steps=5).mu[-1]
         for r in (0.7 + 1e-5, 0.7 - 1e-5)
     ]
     assert np.abs(found - (ends[0] - ends[1]) / 2e-5).max() < 1e-9
@@ -129,10 +118,7 @@ class Gyrostat(lm.Hamiltonian):
 @pytest.mark.parametrize("method", [lm.StormerVerlet(), lm.Splitting(order=6)], ids=repr)
 def test_symplectic_methods_keep_the_two_form(method: Any) -> None:
     """D^T J D = J to rounding, along a hundred steps; of an explicit Runge-Kutta method not."""
-    kepler, J = (
-        lm.Kepler(),
-        np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]]),
-    )
+    kepler, J = (lm.Kepler(), np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]]))
     start = kepler.state(q=[0.6, 0.0], p=[0.0, 1.4])
 
     def defect(method: Any) -> float:
@@ -165,9 +151,7 @@ def test_the_tangent_map_of_a_centre() -> None:
     method.
     """
     body = lm.RigidBody([1.0, 1.6, 2.3])
-    run = lm.Plan(body, lm.RKMK(order=8), 0.05, compiled=False).tangent(
-        body.state(mu=[1.0, 0.0, 0.0]), steps=20
-    )
+    run = lm.Plan(body, lm.RKMK(order=8), 0.05, compiled=False).tangent(body.state(mu=[1.0, 0.0, 0.0]), steps=20)
     # of (mu_2, mu_3) in mu' = mu x J^-1 mu near e_1
     rate = np.array([[0.0, 1.0 - 1.0 / 2.3], [1.0 / 1.6 - 1.0, 0.0]])
     w, v = np.linalg.eig(rate)
@@ -178,8 +162,7 @@ def test_the_tangent_map_of_a_centre() -> None:
 def test_what_has_no_tangent_map() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=False)
     with pytest.raises(
-        lm.errors.InvalidInput,
-        match=r"mass is no parameter of .*; there are inertia, group, and the start",
+        lm.errors.InvalidInput, match=r"mass is no parameter of .*; there are inertia, group, and the start"
     ):
         plan.tangent(START, steps=2, by="mass")
 
@@ -190,9 +173,7 @@ def test_poisson_integrators_keep_the_bracket_and_rattle_the_two_form() -> None:
     """
     species = lm.models.LotkaVolterra()
     for method in (lm.Splitting(order=4), lm.PoissonEuler()):
-        run = lm.Plan(species, method, 0.1, compiled=False).tangent(
-            species.state([1.5, 1.0]), steps=50
-        )
+        run = lm.Plan(species, method, 0.1, compiled=False).tangent(species.state([1.5, 1.0]), steps=50)
         first, last = (np.array(species.structure.matrix(lm.vec(*y))) for y in run.y[[0, -1]])
         D = run.tangent["start"][-1]
         assert np.abs(D @ first @ D.T - last).max() < 1e-13 * np.abs(D).max() ** 2
@@ -209,18 +190,14 @@ def test_poisson_integrators_keep_the_bracket_and_rattle_the_two_form() -> None:
 SE3 = lm.SE3()
 
 
-@pytest.mark.parametrize(
-    "compiled", [False, pytest.param(True, marks=[pytest.mark.compiled, pytest.mark.slow])]
-)
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=[pytest.mark.compiled, pytest.mark.slow])])
 def test_unit_quaternions_have_the_tangent_map_of_matrices(compiled: bool) -> None:
     quaternions = lm.UnitQuaternions()
     maps = []
     for group in (SO3, quaternions):
         body = lm.RigidBody([1.0, 1.6, 2.3], group=group)
         start = body.state([0.5, -0.3, 0.75], group.exp([0.1, 0.2, 0.3]))
-        run = lm.Plan(body, lm.RKMK(order=4), 0.1, compiled=compiled).tangent(
-            start, steps=8, by=["start", "inertia"]
-        )
+        run = lm.Plan(body, lm.RKMK(order=4), 0.1, compiled=compiled).tangent(start, steps=8, by=["start", "inertia"])
         maps.append(run.tangent)
     assert maps[1]["start"].shape == (9, 6, 6) and maps[1]["inertia"].shape == (9, 6, 3)
     for by in ("start", "inertia"):
@@ -273,11 +250,7 @@ def test_a_step_that_fails_ends_the_run_and_its_map(compiled):
     ):
         plan.tangent(start, steps=100)
     run = caught.value.trajectory
-    assert np.array_equal(run.mu, alone.value.trajectory.mu) and np.array_equal(
-        run.t, alone.value.trajectory.t
-    )
-    assert np.array_equal(
-        run.tangent["start"], plan.tangent(start, steps=33).tangent["start"][: len(run.t)]
-    )
+    assert np.array_equal(run.mu, alone.value.trajectory.mu) and np.array_equal(run.t, alone.value.trajectory.t)
+    assert np.array_equal(run.tangent["start"], plan.tangent(start, steps=33).tangent["start"][: len(run.t)])
     with pytest.raises(errors.IntegrationFailure, match="has no value"):
         plan.tangent(body.state([[0.1, 0.2, 0.3]] * 2, [np.eye(3)] * 2), steps=100)

@@ -47,9 +47,7 @@ def end(plan: lm.Plan, start: Any, **how: Any) -> np.ndarray:
 def test_parameters_of_a_method_and_its_step():
     plan = lm.Plan(KEPLER, Shares(), h=0.05, compiled=False)
     how: Any = dict(steps=6, t0=0.3)
-    found = plan.tangent(
-        PLANET, by=["start", "attraction", "method.first", "method.others", "h"], **how
-    ).tangent
+    found = plan.tangent(PLANET, by=["start", "attraction", "method.first", "method.others", "h"], **how).tangent
     alone = plan.tangent(PLANET, **how).tangent["start"]
     assert np.abs(found["start"] - alone).max() < 1e-14
     of = {
@@ -77,9 +75,7 @@ def test_an_implicit_step_by_its_length_is_the_velocity_in_the_end():
 
 def test_parameters_of_a_clock():
     def method(power: float) -> lm.Method:
-        return lm.ReversibleController(
-            lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(power)
-        )
+        return lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(power))
 
     plan = lm.Plan(KEPLER, method(1.5), h=0.05, compiled=False)
     found = plan.tangent(PLANET, steps=5, by=["method.sigma.power", "h"]).tangent
@@ -129,9 +125,7 @@ def test_what_is_no_parameter():
 
 @pytest.mark.parametrize("by", ["start", "h"])
 @pytest.mark.parametrize("kind", ["qP", "qQ", "pP"])
-def test_classical_hamilton_jacobi_methods_say_that_they_carry_no_derivative(
-    kind: str, by: str
-) -> None:
+def test_classical_hamilton_jacobi_methods_say_that_they_carry_no_derivative(kind: str, by: str) -> None:
     """Before, "'Dual' object is not subscriptable"."""
     system = lm.models.HenonHeiles()
     plan = lm.Plan(system, lm.SymmetricHamiltonJacobi(4, kind), h=0.1, compiled=False)

@@ -31,21 +31,14 @@ def slopes(function: Callable[[Any], Any], x: Any, h: float = 1e-2) -> np.ndarra
     """The derivative of a function of a vector, by differences of order 8."""
     weights = (1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)
     return np.array(
-        [
-            sum(w * (function(x + k * h * e) - function(x - k * h * e)) for k, w in weights) / h
-            for e in np.eye(len(x))
-        ]
+        [sum(w * (function(x + k * h * e) - function(x - k * h * e)) for k, w in weights) / h for e in np.eye(len(x))]
     ).T
 
 
 @pytest.mark.parametrize("compiled", [False, slow(True)], ids=["plain", "compiled"])
 @pytest.mark.parametrize(
     "method",
-    [
-        lm.Taylor(order=6),
-        slow(lm.Taylor(order=5, retraction=lm.Exponential())),
-        lm.Isospectral(order=4),
-    ],
+    [lm.Taylor(order=6), slow(lm.Taylor(order=5, retraction=lm.Exponential())), lm.Isospectral(order=4)],
     ids=lambda method: method.name,
 )
 def test_momenta_of_power_series_and_stages(method: Any, compiled: bool) -> None:
@@ -55,9 +48,7 @@ def test_momenta_of_power_series_and_stages(method: Any, compiled: bool) -> None
     assert np.array_equal(run.mu, plan.run(START, steps=2).mu)
     mu, moments = np.array(START.mu), np.array(BODY.inertia)
     by_start = slopes(lambda x: plan.run(BODY.state(x, START.g), steps=2).mu[-1], mu)
-    by_inertia = slopes(
-        lambda x: plan.replace(system=lm.RigidBody(x)).run(START, steps=2).mu[-1], moments
-    )
+    by_inertia = slopes(lambda x: plan.replace(system=lm.RigidBody(x)).run(START, steps=2).mu[-1], moments)
     assert np.abs(run.tangent["start"][-1][:3, :3] - by_start).max() < 1e-12
     assert np.abs(run.tangent["inertia"][-1][:3] - by_inertia).max() < 1e-12
 
@@ -112,9 +103,7 @@ def test_a_rest_whose_steps_have_no_error() -> None:
     """About the first axis: the linearised motion is cos and sin, or cosh and sinh."""
     start = BODY.state([1.0, 0.0, 0.0])
     rate = np.array([[0.0, 1.0 - 1.0 / 2.3], [1.0 / 1.6 - 1.0, 0.0]])
-    run = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6, max_step=0.05, compiled=False).tangent(
-        start, t_end=1.0
-    )
+    run = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6, max_step=0.05, compiled=False).tangent(start, t_end=1.0)
     w, v = np.linalg.eig(rate)
     exact = (v @ np.diag(np.exp(w)) @ np.linalg.inv(v)).real
     assert np.abs(run.tangent["start"][-1][1:, 1:] - exact).max() < 1e-8
@@ -138,19 +127,14 @@ def test_steps_that_jumps_divide() -> None:
     D = np.eye(3)
     for third in (2.0, 2.4):
         body = lm.RigidBody([1.0, 1.5, third])
-        half = lm.Plan(body, lm.RKMK(order=8), 0.05, compiled=False).tangent(
-            body.state(start.mu), steps=10
-        )
+        half = lm.Plan(body, lm.RKMK(order=8), 0.05, compiled=False).tangent(body.state(start.mu), steps=10)
         D, start = half.tangent["start"][-1] @ D, half.last
     assert np.abs(whole.tangent["start"][-1] - D).max() < 1e-7
 
 
 @pytest.mark.parametrize(
     ("system", "method"),
-    [
-        (KEPLER, CONTROLLED),
-        (lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet()),
-    ],
+    [(KEPLER, CONTROLLED), (lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet())],
     ids=["controlled", "transformed"],
 )
 def test_steps_in_fictive_time(system: Any, method: Any) -> None:
@@ -171,10 +155,7 @@ def test_steps_in_fictive_time(system: Any, method: Any) -> None:
     if system is KEPLER:
         by = plan.tangent(orbit(ORBIT), steps=6, by="attraction").tangent["attraction"][-1]
         found = slopes(
-            lambda x: end(
-                lm.Plan(lm.Kepler(x[0]), method, 0.02, compiled=False).run(orbit(ORBIT), steps=6)
-            ),
-            np.ones(1),
+            lambda x: end(lm.Plan(lm.Kepler(x[0]), method, 0.02, compiled=False).run(orbit(ORBIT), steps=6)), np.ones(1)
         )
         assert np.abs(by - found).max() < 1e-11
 
@@ -182,11 +163,7 @@ def test_steps_in_fictive_time(system: Any, method: Any) -> None:
 def test_a_controlled_body_with_an_attitude() -> None:
     top = lm.models.HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 1.0])
     method = lm.ReversibleController(lm.LieVerlet(), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
-    plan, mu, g = (
-        lm.Plan(top, method, h=0.05, compiled=False),
-        [1.0, 0.5, 0.2],
-        SO3.exp([0.3, 0.2, 0.1]),
-    )
+    plan, mu, g = (lm.Plan(top, method, h=0.05, compiled=False), [1.0, 0.5, 0.2], SO3.exp([0.3, 0.2, 0.1]))
     found = plan.tangent(top.state(mu=mu, g=g), steps=10).tangent["start"][-1]
 
     def end(x: Any) -> Any:
@@ -200,6 +177,4 @@ def test_what_has_none() -> None:
     with pytest.raises(InvalidInput, match="in fictive time give steps, and no t_end"):
         lm.Plan(KEPLER, CONTROLLED, 0.05, compiled=False).tangent(orbit(ORBIT), t_end=1.0)
     with pytest.raises(IncompatibleSystem, match="power series"):
-        lm.Plan(KEPLER, lm.HamiltonJacobi(order=4), 0.05, compiled=False).tangent(
-            orbit(ORBIT), steps=2
-        )
+        lm.Plan(KEPLER, lm.HamiltonJacobi(order=4), 0.05, compiled=False).tangent(orbit(ORBIT), steps=2)

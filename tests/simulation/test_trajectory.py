@@ -55,9 +55,7 @@ def test_quantities_are_what_they_say(single: lm.Trajectory) -> None:
     J = np.array(single.system.inertia)
     assert np.allclose(single.energy, 0.5 * (single.mu**2 / J).sum(axis=1), rtol=1e-15)
     assert np.allclose(single.casimirs[:, 0], (single.mu**2).sum(axis=1), rtol=1e-15)
-    assert np.allclose(
-        single.spatial_momentum, np.einsum("nij,nj->ni", single.g, single.mu), rtol=1e-14
-    )
+    assert np.allclose(single.spatial_momentum, np.einsum("nij,nj->ni", single.g, single.mu), rtol=1e-14)
 
 
 def test_quantities_are_computed_once_and_only_when_asked_for() -> None:
@@ -148,19 +146,13 @@ def test_slope_of_the_report_is_the_slope(long_runs: dict[lm.Method, lm.Trajecto
 
 
 @pytest.mark.parametrize("unit", [2.0**-133, 2.0**133, 2.0**-300])
-def test_the_report_does_not_depend_on_units(
-    unit: float, long_runs: dict[lm.Method, lm.Trajectory]
-) -> None:
+def test_the_report_does_not_depend_on_units(unit: float, long_runs: dict[lm.Method, lm.Trajectory]) -> None:
     body = quiet_body(unit * np.array([2 / 3, 1.0, 2.0]))
     start = body.state(unit * np.array([0.5, 0.0, 0.75**0.5]), np.eye(3))
     for method in (RKMK4, EXP):
         run = lm.integrate(body, method, start, h=0.5, steps=4000)
         for mine, theirs in zip(run.drift().kept, long_runs[method].drift().kept, strict=True):
-            assert (mine.verdict, mine.largest, mine.slope) == (
-                theirs.verdict,
-                theirs.largest,
-                theirs.slope,
-            )
+            assert (mine.verdict, mine.largest, mine.slope) == (theirs.verdict, theirs.largest, theirs.slope)
 
 
 def test_report_of_an_ensemble_names_the_worst() -> None:
@@ -224,9 +216,9 @@ def test_constants_that_are_zero_by_cancelling() -> None:
     assert kept.verdict == "exact"
     assert "the size of its terms" in str(kept)
     pendulum = lm.models.Pendulum()
-    energy = lm.integrate(
-        pendulum, lm.RKMK(order=4), pendulum.state(math.pi / 2, 0.0), h=0.01, steps=300
-    ).drift()["energy"]
+    energy = lm.integrate(pendulum, lm.RKMK(order=4), pendulum.state(math.pi / 2, 0.0), h=0.01, steps=300).drift()[
+        "energy"
+    ]
     assert 1.0 < energy.scale < 100.0
     assert energy.largest < 1e-6
     top = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
@@ -243,10 +235,7 @@ def test_changes_are_relative_or_absolute_and_say_so() -> None:
     rest = lm.integrate(body, CAYLEY, body.state([0.0, 0.0, 0.0]), h=0.5, steps=10).drift()
     assert "absolute" in str(rest["energy"])
     assert rest["energy"].largest == 0.0
-    with pytest.raises(
-        lm.errors.InvalidInput,
-        match=r"'typo' is no constant .* energy, Casimir 1, spatial momentum",
-    ):
+    with pytest.raises(lm.errors.InvalidInput, match=r"'typo' is no constant .* energy, Casimir 1, spatial momentum"):
         report["typo"]
 
 
@@ -261,24 +250,14 @@ def test_a_system_that_names_no_constants() -> None:
     assert str(report) == "no constants of the motion are known"
 
 
-COPIES = {
-    "pickle": lambda x: pickle.loads(pickle.dumps(x)),
-    "deep": copy.deepcopy,
-    "copy": copy.copy,
-}
+COPIES = {"pickle": lambda x: pickle.loads(pickle.dumps(x)), "deep": copy.deepcopy, "copy": copy.copy}
 
 
 @pytest.mark.parametrize("again", COPIES.values(), ids=COPIES)
 def test_copies_print_alike(again, single: lm.Trajectory, ensemble: lm.Trajectory) -> None:
     body, start = asymmetric_body()
     adaptive = lm.integrate(body, lm.RKMK(order=5), start, t_end=2.0)
-    methods = (
-        lm.RKMK(order=5),
-        lm.CommutatorFree(),
-        lm.Composition(CAYLEY),
-        lm.KickDrift(),
-        lm.Taylor(),
-    )
+    methods = (lm.RKMK(order=5), lm.CommutatorFree(), lm.Composition(CAYLEY), lm.KickDrift(), lm.Taylor())
     for one in (single, ensemble, adaptive, body, start, body.group, *methods):
         assert repr(again(one)) == repr(one)
     assert np.array_equal(again(adaptive).at(1.0).mu, adaptive.at(1.0).mu)
@@ -318,9 +297,7 @@ def test_times_of_two_axes_are_refused():
     adaptive = lm.integrate(BODY, lm.RKMK(order=5), START, t_end=1.0, compiled=False)
     kepler = lm.Kepler()
     method = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc())
-    fictive = lm.integrate(
-        kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, t_end=1.0, compiled=False
-    )
+    fictive = lm.integrate(kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, t_end=1.0, compiled=False)
     for run in (fixed, adaptive, fictive):
         with pytest.raises(errors.InvalidInput, match=r"\(m,\); got t of shape \(2, 2\)"):
             run.at(times)

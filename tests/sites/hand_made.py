@@ -91,9 +91,7 @@ def turned(n: int) -> np.ndarray:
     return np.asarray(lm.SO3().exp(np.random.default_rng(3).normal(size=(n, 3))))
 
 
-def run(
-    method: Any, system: Any, mu: np.ndarray, g: np.ndarray | None, h: float, steps: int, lanes: int
-) -> np.ndarray:
+def run(method: Any, system: Any, mu: np.ndarray, g: np.ndarray | None, h: float, steps: int, lanes: int) -> np.ndarray:
     """Samples after every step, (steps, width, sites); lanes 0: plain Python."""
     n = len(mu)
     states = [BodyState(small(m), None if g is None else small(g[i])) for i, m in enumerate(mu)]
@@ -116,10 +114,7 @@ def run(
         rest = *one, goals, place, clocks, out, *two
         calls = [
             SiteCalls(kernel.kernel(driver, *arguments, lanes=lanes), n)
-            for driver, arguments in (
-                (begin_sites, (*start, None)),
-                (advance_sites, (*step, *rest, None)),
-            )
+            for driver, arguments in ((begin_sites, (*start, None)), (advance_sites, (*step, *rest, None)))
         ]
         calls[0](*start, None)
         calls[1](*step, *rest, None)

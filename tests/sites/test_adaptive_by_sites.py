@@ -29,9 +29,7 @@ def exact(n: int, times: Any) -> np.ndarray:
     return np.array([found.sol(t).reshape(n, 3) for t in times])
 
 
-def adaptive(
-    n: int = N, order: int = 5, rtol: float = 1e-7, atol: float = 1e-10, **options: Any
-) -> Any:
+def adaptive(n: int = N, order: int = 5, rtol: float = 1e-7, atol: float = 1e-10, **options: Any) -> Any:
     return lm.Plan(spins(n), lm.RKMK(order=order), rtol=rtol, atol=atol, **options)
 
 
@@ -117,9 +115,7 @@ def test_units() -> None:
         system = lm.LiePoissonSystem(lm.SO3() ** 20, energy)
         plan = lm.Plan(system, lm.RKMK(order=5), rtol=1e-7, atol=0.0)
         found = plan.run(system.state(mu=unit * directions(20)), t_end=1.0)
-        one = lm.LiePoissonSystem(
-            lm.SO3() ** 20, lm.Terms(Exchanged(1.0).over(lm.neighbours.ring(20)))
-        )
+        one = lm.LiePoissonSystem(lm.SO3() ** 20, lm.Terms(Exchanged(1.0).over(lm.neighbours.ring(20))))
         same = lm.Plan(one, lm.RKMK(order=5), rtol=1e-7, atol=0.0)
         other = same.run(one.state(mu=directions(20)), t_end=1.0)
         assert np.array_equal(found.mu, unit * other.mu)
@@ -137,9 +133,7 @@ class Exchanged(lm.Term):
 @native
 def test_attitudes() -> None:
     system, start = chain()
-    found = lm.integrate(
-        system, lm.RKMK(order=5), start, t_end=1.0, t_eval=[0.0, 0.4, 1.0], rtol=1e-9
-    )
+    found = lm.integrate(system, lm.RKMK(order=5), start, t_end=1.0, t_eval=[0.0, 0.4, 1.0], rtol=1e-9)
     assert found.g.shape == (3, N, 3, 3)
     assert np.abs(found.g @ np.swapaxes(found.g, -1, -2) - np.eye(3)).max() < 1e-13
     assert np.ptp(found.energy) < 1e-7 * np.abs(found.energy[0])

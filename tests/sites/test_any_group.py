@@ -111,9 +111,7 @@ def test_in_a_field(group: Any, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    "group", [lm.SO3(), lm.UnitQuaternions(), lm.VectorSpace(3), lm.SE3()], ids=repr
-)
+@pytest.mark.parametrize("group", [lm.SO3(), lm.UnitQuaternions(), lm.VectorSpace(3), lm.SE3()], ids=repr)
 def test_kicks(group: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for order in (2, 6):
         whole, sites = both(monkeypatch, lambda: tied(group), lm.KickDrift(order=order))
@@ -121,9 +119,7 @@ def test_kicks(group: Any, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
-    [{"compensated": True}, {"compensated": False}, {"precision": "double-double"}],
-    ids=str,
+    "options", [{"compensated": True}, {"compensated": False}, {"precision": "double-double"}], ids=str
 )
 @pytest.mark.parametrize("several", [False, True])
 def test_precision(several: bool, options: Any, monkeypatch: pytest.MonkeyPatch) -> None:

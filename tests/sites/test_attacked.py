@@ -35,9 +35,7 @@ def test_sublattices_where_every_two_are_tied(compiled: bool) -> None:
     """Places that are filled by the last site of a colour are no partners."""
     if compiled and kernel.available() is not None:
         pytest.skip("needs llvmlite")
-    system = lm.LiePoissonSystem(
-        lm.SO3() ** N, lm.Terms(Exchange(1.0).over(lm.neighbours.all_pairs()))
-    )
+    system = lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Exchange(1.0).over(lm.neighbours.all_pairs())))
     s, wanted = moved(0.4, [], lambda m: m.sum(axis=0) - m)
     errors = []
     for steps in (4, 8):
@@ -51,9 +49,7 @@ def test_sublattices_where_every_two_are_tied(compiled: bool) -> None:
 
 def test_hamilton_jacobi_where_a_site_is_held() -> None:
     """The gradient of an energy is zero at sites that are held; its other parts are those of it."""
-    system = lm.LiePoissonSystem(
-        lm.SO3() ** N, lm.Terms(Exchange(1.0).over(lm.neighbours.ring(N)), held=[1])
-    )
+    system = lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Exchange(1.0).over(lm.neighbours.ring(N)), held=[1]))
     s, wanted = moved(0.4, [1], lambda m: np.roll(m, 1, 0) + np.roll(m, -1, 0))
     errors = []
     for steps in (4, 8):
@@ -158,9 +154,7 @@ def test_friction_between_sites(monkeypatch: pytest.MonkeyPatch) -> None:
             system, lm.KickDrift(), system.state(mu=p, g=q), h=0.5 / steps, steps=steps,
             compiled=False,
         )  # fmt: skip
-        errors.append(
-            max(np.abs(run.mu[-1] - wanted[0]).max(), np.abs(run.g[-1] - wanted[1]).max())
-        )
+        errors.append(max(np.abs(run.mu[-1] - wanted[0]).max(), np.abs(run.g[-1] - wanted[1]).max()))
         assert np.abs(run.mu[-1].sum(axis=0) - p.sum(axis=0)).max() < 1e-13
     assert errors[0] < 0.02 and 3.6 < errors[0] / errors[1] < 4.4
 
@@ -185,15 +179,10 @@ def test_masses_that_meet_are_both_named(compiled: bool) -> None:
     q, p = np.zeros((2, n, 3))
     q[:, 0], q[5, 0] = 10.0 * np.arange(n), 32.0
     p[3, 0], p[5, 0] = 4.0, -4.0
-    for graph in (
-        lm.neighbours.all_pairs(),
-        lm.neighbours.edges([[1, 2], [3, 5], [5, 7]], sites=n),
-    ):
+    for graph in (lm.neighbours.all_pairs(), lm.neighbours.edges([[1, 2], [3, 5], [5, 7]], sites=n)):
         system = masses_in_space(n, Attraction(2.0**-70).over(graph))
         start = system.state(mu=MASS * p, g=q)
-        with pytest.raises(
-            lm.errors.LiemechError, match=r"sites (3 and 5|5 and 3), step 4 of 9"
-        ) as told:
+        with pytest.raises(lm.errors.LiemechError, match=r"sites (3 and 5|5 and 3), step 4 of 9") as told:
             lm.integrate(system, lm.KickDrift(), start, h=2.0**-4, steps=9, compiled=compiled)
         assert told.value.trajectory.t.tolist() == [0.0, 2.0**-4, 2.0**-3, 3 * 2.0**-4]
 

@@ -88,9 +88,7 @@ def require_transposed(plan: Any, start: Any, steps: int) -> None:
 CHARGES = [1.0, -0.5, 2.0, 0.0, 0.3]
 
 
-def magnet(
-    J: Any, B: Any = (0.1, 0.2, 0.3), rate: float = 2.0, D: Any = None, charge: Any = tuple(CHARGES)
-) -> Any:
+def magnet(J: Any, B: Any = (0.1, 0.2, 0.3), rate: float = 2.0, D: Any = None, charge: Any = tuple(CHARGES)) -> Any:
     """Five spins in a field that swings, with one of them held; with D all kinds of terms."""
     twist = Twist([0.3, 0.1, -0.2] if D is None else D).over(edges([(1, 0), (1, 2)], sites=5))
     terms = lm.Terms(
@@ -116,9 +114,7 @@ def differences(function: Any, x: Any) -> np.ndarray:
         e[i] = 2.0**-7
         e = e.reshape(x.shape)
         weights = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
-        found.append(
-            sum(c * (function(x + k * e) - function(x - k * e)) for k, c in weights) / 2.0**-7
-        )
+        found.append(sum(c * (function(x + k * e) - function(x - k * e)) for k, c in weights) / 2.0**-7)
     return np.reshape(found, x.shape)
 
 
@@ -145,9 +141,7 @@ def test_few_states_are_kept(kept: int) -> None:
 
 
 @native
-@pytest.mark.parametrize(
-    "given", [FEW, pytest.param(ALL, marks=pytest.mark.slow)], ids=["few", "all"]
-)
+@pytest.mark.parametrize("given", [FEW, pytest.param(ALL, marks=pytest.mark.slow)], ids=["few", "all"])
 def test_parameters_of_terms(given: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """By those of edges, of all edges, of terms in time, beside a site that is held: as differences of
     runs, in plain Python and natively with the same bits, whatever is kept.
@@ -234,9 +228,7 @@ def test_methods_of_spins(method: Any) -> None:
     require_transposed(plan, system.state(mu=directions(2), g=g), 20)
 
 
-def bodies(
-    held: Any = (), stiffness: Any = (10.0, 20.0, 30.0), gravity: float = 9.81
-) -> tuple[Any, Any]:
+def bodies(held: Any = (), stiffness: Any = (10.0, 20.0, 30.0), gravity: float = 9.81) -> tuple[Any, Any]:
     """Four bodies in space on springs."""
     inertia = [0.1, 0.15, 0.2, 1.0, 1.0, 1.0]
     free = lm.LiePoissonSystem(lm.SE3() ** 4, lm.PerSite(lm.KineticEnergy(inertia)))
@@ -301,12 +293,9 @@ class Drive(lm.Term):
 ROUGH = lm.each([1.0, 2.0, 0.5, 0.7])
 LOADS = {
     "of each": lm.Terms(Drive(lm.each([0.1, 0.2, 0.3, 0.4])), held=[2]),
-    "pairs alike": lm.Terms(
-        Friction(0.2).over(lm.neighbours.ring(4)), Drive(0.1), rough=ROUGH, held=[1]
-    ),
+    "pairs alike": lm.Terms(Friction(0.2).over(lm.neighbours.ring(4)), Drive(0.1), rough=ROUGH, held=[1]),
     "ordered pairs": lm.Terms(
-        Friction(lm.each([0.1, 0.2, 0.3])).over(edges([(0, 1), (2, 1), (3, 0)], ordered=True)),
-        rough=ROUGH,
+        Friction(lm.each([0.1, 0.2, 0.3])).over(edges([(0, 1), (2, 1), (3, 0)], ordered=True)), rough=ROUGH
     ),
     "all pairs": lm.Terms(Friction(0.2).over(lm.neighbours.all_pairs()), rough=ROUGH),
 }
@@ -337,18 +326,14 @@ class Pulsed(lm.Term):
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, True])
-@pytest.mark.parametrize(
-    "method", [lm.RKMK(order=2), lm.SublatticeSplitting(), lm.CommutatorFree(order=2)], ids=repr
-)
+@pytest.mark.parametrize("method", [lm.RKMK(order=2), lm.SublatticeSplitting(), lm.CommutatorFree(order=2)], ids=repr)
 def test_steps_that_are_cut(method: Any, compiled: bool) -> None:
     """At jumps of a table, one of them at the end of a step, and at breaks."""
     table = lm.PiecewisePolynomial.constant([0.0, 0.1, 0.25, 0.27, 2.0], [1.0, -2.0, 0.5, 3.0])
     terms = [Exchange(1.0).over(lm.neighbours.ring(5)), Pulsed([0.3, 0.2, 0.1], table)]
     system = lm.DrivenLiePoissonSystem(lm.SO3() ** 5, lm.Terms(*terms, held=[0]))
     for breaks in ([], [0.05, 0.3]):
-        plan = lm.Plan(
-            system, method, h=0.1, breaks=breaks, progress=False, compiled=compiled and None
-        )
+        plan = lm.Plan(system, method, h=0.1, breaks=breaks, progress=False, compiled=compiled and None)
         require_transposed(plan, system.state(mu=directions(5)), 4)
 
 
@@ -371,9 +356,7 @@ def test_loads_natively(load: str) -> None:
 @native
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "method",
-    [lm.CommutatorFree(), lm.SphericalMidpoint(), lm.RKMK(tableau=lm.tableaus.gauss(2))],
-    ids=repr,
+    "method", [lm.CommutatorFree(), lm.SphericalMidpoint(), lm.RKMK(tableau=lm.tableaus.gauss(2))], ids=repr
 )
 def test_parameters_by_flows_and_equations(method: Any) -> None:
     """As differences of runs."""
@@ -462,12 +445,7 @@ def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = lm.Plan(spins(4), lm.RKMK(order=2), h=0.1, compiled=False)
     start = spins(4).state(mu=directions(4))
     found = plan.gradient(
-        lambda site: site.mu[2] ** 2,
-        start,
-        steps=4,
-        by=["start", "J"],
-        along=lambda t, site: t * site.mu[0],
-        every=2,
+        lambda site: site.mu[2] ** 2, start, steps=4, by=["start", "J"], along=lambda t, site: t * site.mu[0], every=2
     )
     run = plan.replace(every=2).run(start, steps=4)
     z = run.mu[-1, :, 2]
@@ -643,12 +621,8 @@ def test_what_has_no_way_back() -> None:
         back(plan, start, {1: w}, ("K",))
     system, first = chain(6)
     plan = lm.Plan(system, lm.KickDrift(), h=0.05, compiled=False)
-    with pytest.raises(
-        IncompatibleSystem, match=r"no derivative by .*inertia for many sites; RKMK"
-    ):
-        back(
-            plan, first, {1: np.ones(36)}, ("body.hamiltonian.parts.0.term.energy_of_one.inertia",)
-        )
+    with pytest.raises(IncompatibleSystem, match=r"no derivative by .*inertia for many sites; RKMK"):
+        back(plan, first, {1: np.ones(36)}, ("body.hamiltonian.parts.0.term.energy_of_one.inertia",))
 
 
 A = np.random.default_rng(0).normal(size=(3, 3))

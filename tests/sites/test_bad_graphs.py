@@ -98,9 +98,7 @@ WRONG: dict[str, Any] = {
     "ordered is True, False or None; got 1": lambda: near.edges([(0, 1)], ordered=1),  # type: ignore[arg-type]
     r"not the same with its sites exchanged.*\(0, 1\)": lambda: spins(Skew(1.0).over(near.ring(4))),
     "do not say which is the first": lambda: spins(Skew(1.0).over(near.all_pairs())),
-    "Uneven: its energy": lambda: spins(
-        lm.Terms(Uneven().over(near.ring(4)), q=EACH([1.0, 2.0, 3.0, 4.0]))
-    ),
+    "Uneven: its energy": lambda: spins(lm.Terms(Uneven().over(near.ring(4)), q=EACH([1.0, 2.0, 3.0, 4.0]))),
     r"the edge \(0, 0\) ties": lambda: near.ring(1),
     r"edges \(0, 1\) and \(1, 0\) are the same": lambda: near.ring(2),
     r"edges \(0, 2\) and \(2, 0\) are the same": lambda: near.square(2, 2),
@@ -143,9 +141,7 @@ WRONG: dict[str, Any] = {
         [0, 0, 0, 1, 0, 0, 0, 0, 0], np.zeros(9)
     ),
     r"base is the group of one site": lambda: (SPIN**2) ** 2,
-    "those of SE3.. have 6": lambda: lm.LiePoissonSystem(
-        lm.SE3() ** 3, lm.PerSite(lm.KineticEnergy([1.0, 2.0, 3.0]))
-    ),
+    "those of SE3.. have 6": lambda: lm.LiePoissonSystem(lm.SE3() ** 3, lm.PerSite(lm.KineticEnergy([1.0, 2.0, 3.0]))),
 }
 
 

@@ -81,12 +81,7 @@ KEEPS = ("total momentum",)
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("method", "law"),
-    [
-        (Pushed(), "total momentum"),
-        (Claiming(), "Poisson"),
-        (Leaking(), f"Casimir {N}"),
-        (Late(), "symmetric"),
-    ],
+    [(Pushed(), "total momentum"), (Claiming(), "Poisson"), (Leaking(), f"Casimir {N}"), (Late(), "symmetric")],
     ids=["momentum", "form", "Casimir", "symmetry"],
 )
 def test_faults_are_seen(method: Any, law: str) -> None:
@@ -140,9 +135,7 @@ def test_molecules_at_rest() -> None:
     drop = lm.MechanicalSystem(bodies, lm.Terms(water.over(lm.neighbours.all_pairs())))
     g = np.stack([np.eye(4)] * 2)
     g[1, :3, 3] = [0.0, 0.4, 3.1]
-    report = lm.check_method(
-        lm.KickDrift(order=4), drop, drop.state(mu=np.zeros((2, 6)), g=g), raises=False
-    )
+    report = lm.check_method(lm.KickDrift(order=4), drop, drop.state(mu=np.zeros((2, 6)), g=g), raises=False)
     assert not [f.law for f in report.findings if f.verdict == "broken"]
 
 
@@ -177,9 +170,7 @@ class Uneven(Spring):
 @pytest.mark.parametrize(("term", "law"), [(Spring, ""), (Pushing, "force"), (Uneven, "ends")])
 def test_faults_of_terms_are_seen(term: Any, law: str) -> None:
     """Of the forces on each end, and of those on both that runs of many sites ask for."""
-    free = lm.LiePoissonSystem(
-        lm.VectorSpace(3) ** N, lm.PerSite(lm.KineticEnergy([1.0, 2.0, 3.0]))
-    )
+    free = lm.LiePoissonSystem(lm.VectorSpace(3) ** N, lm.PerSite(lm.KineticEnergy([1.0, 2.0, 3.0])))
     chain = lm.MechanicalSystem(free, lm.Terms(term(1.0).over(lm.neighbours.chain(N))))
     mu, g = np.random.default_rng(7).normal(size=(2, N, 3))
     report = lm.check_system(chain, chain.state(mu=mu, g=g), raises=False)

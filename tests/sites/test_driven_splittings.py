@@ -68,9 +68,7 @@ def reference() -> np.ndarray:
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
-    "method",
-    [lm.SublatticeSplitting(), lm.SublatticeSplitting(order=4), lm.BondSplitting(order=4)],
-    ids=repr,
+    "method", [lm.SublatticeSplitting(), lm.SublatticeSplitting(order=4), lm.BondSplitting(order=4)], ids=repr
 )
 def test_order_and_way_back(method: Any) -> None:
     first, errors = driven().state(mu=start()), []

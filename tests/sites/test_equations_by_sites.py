@@ -50,9 +50,7 @@ METHODS: tuple[Any, ...] = (
     lm.LiePoissonHamiltonJacobi(order=2),
     pytest.param(lm.ImplicitMidpoint(), marks=pytest.mark.slow),
     pytest.param(lm.LiePoissonHamiltonJacobi(order=4), marks=pytest.mark.slow),
-    pytest.param(
-        lm.LiePoissonHamiltonJacobi(order=2, retraction=lm.Cayley()), marks=pytest.mark.slow
-    ),
+    pytest.param(lm.LiePoissonHamiltonJacobi(order=2, retraction=lm.Cayley()), marks=pytest.mark.slow),
 )
 
 
@@ -103,9 +101,7 @@ def test_the_structure_is_kept(method: Any, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("method", [lm.SphericalMidpoint(), lm.ImplicitMidpoint()], ids=repr)
 def test_the_total_spin_is_kept_and_by_the_plain_midpoint_the_energy(method: Any) -> None:
     system = spins(64, D=0.0)
-    found = lm.integrate(
-        system, method, system.state(mu=directions(64)), h=0.1, steps=300, every=100
-    )
+    found = lm.integrate(system, method, system.state(mu=directions(64)), h=0.1, steps=300, every=100)
     total = found.mu.sum(axis=1)
     assert np.abs(total - total[0]).max() < 1e-12
     assert np.ptp(found.energy) < 1e-12 if not method.symplectic else np.ptp(found.energy) > 1e-4
@@ -133,9 +129,7 @@ def test_any_number_of_sites(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     system = spins(n)
     start = system.state(mu=directions(n))
     plain, fast = [
-        lm.integrate(
-            system, lm.SphericalMidpoint(), start, h=0.1, steps=2, compiled=c, progress=False
-        ).mu
+        lm.integrate(system, lm.SphericalMidpoint(), start, h=0.1, steps=2, compiled=c, progress=False).mu
         for c in (False, True)
     ]
     assert np.array_equal(plain, fast)
@@ -150,9 +144,7 @@ def test_units(unit: float) -> None:
     ends = []
     for size in (1.0, unit):
         system = lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Exchange(1.0 / size).over(ring)))
-        found = lm.integrate(
-            system, lm.SphericalMidpoint(), system.state(mu=size * s), h=0.1, steps=10
-        )
+        found = lm.integrate(system, lm.SphericalMidpoint(), system.state(mu=size * s), h=0.1, steps=10)
         ends.append(found.mu[-1] / size)
     assert np.abs(ends[0] - ends[1]).max() < 1e-14
 

@@ -46,8 +46,7 @@ def zero() -> float:
 
 @native
 @pytest.mark.parametrize(
-    ("how", "span", "close"),
-    [({"rtol": 1e-9}, {"t_end": 9.0}, 1e-7), ({"h": 0.05, "every": 60}, {"steps": 180}, 1e-6)],
+    ("how", "span", "close"), [({"rtol": 1e-9}, {"t_end": 9.0}, 1e-7), ({"h": 0.05, "every": 60}, {"steps": 180}, 1e-6)]
 )
 def test_zeros(zero: float, how: Any, span: Any, close: float) -> None:
     """Inside of an adaptive step on its way, inside of a fixed one by a shorter one."""
@@ -92,12 +91,9 @@ def test_bits() -> None:
     def soon(t: float, total: Any) -> float:
         return 0.03 - t
 
-    plan = lm.Plan(
-        spins(17), lm.RKMK(order=5), rtol=1e-4, record=[SPIN, ("mu", [3, 16])], events=[soon]
-    )
+    plan = lm.Plan(spins(17), lm.RKMK(order=5), rtol=1e-4, record=[SPIN, ("mu", [3, 16])], events=[soon])
     plain, quick = (
-        plan.replace(compiled=c).run(first, t_end=0.06, t_eval=[0.0, 0.01, 0.05, 0.06])
-        for c in (False, True)
+        plan.replace(compiled=c).run(first, t_end=0.06, t_eval=[0.0, 0.01, 0.05, 0.06]) for c in (False, True)
     )
     assert plain.mu.shape == (4, 2, 3)
     assert np.array_equal(plain.mu, quick.mu)

@@ -50,13 +50,10 @@ def test_a_leapfrog_is_the_one_written_in_numpy(dimension: int) -> None:
 def test_workers_share_all_pairs(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     if lm.compiler.kernel.available() is not None:
         pytest.skip("needs llvmlite")
-    monkeypatch.setattr(
-        "liemech.compiler.site_calls.PAIRS", 64
-    )  # blocks of one, two or three eights
+    monkeypatch.setattr("liemech.compiler.site_calls.PAIRS", 64)  # blocks of one, two or three eights
     system, start = cloud(n)
     one, *more = [
-        lm.integrate(system, lm.StormerVerlet(), start, h=0.01, steps=3, compiled=True, workers=w)
-        for w in (1, 2, 3, 8)
+        lm.integrate(system, lm.StormerVerlet(), start, h=0.01, steps=3, compiled=True, workers=w) for w in (1, 2, 3, 8)
     ]
     assert all(np.array_equal(x.q, one.q) and np.array_equal(x.p, one.p) for x in more)
 
@@ -111,10 +108,7 @@ def test_nine_masses_move_as_scipy_says() -> None:
     y = np.concatenate([start.q, start.p])
     exact = solve_ivp(rate, (0.0, 1.0), y, method="DOP853", rtol=1e-13, atol=1e-14).y[:27, -1]
     errors = [
-        np.abs(
-            lm.integrate(system, lm.Splitting(order=4), start, h=1.0 / n, steps=n, every=n).q[-1]
-            - exact
-        ).max()
+        np.abs(lm.integrate(system, lm.Splitting(order=4), start, h=1.0 / n, steps=n, every=n).q[-1] - exact).max()
         for n in (60, 120)
     ]
     assert errors[1] < 1e-8 and errors[0] > 12.0 * errors[1]
@@ -204,9 +198,7 @@ def test_on_se3_it_is_the_same() -> None:
     poses[:, :3, :3], poses[:, :3, 3] = R, x
     m, J = np.array(system.masses), np.array(system.inertias)
     one = lm.KineticEnergy(lm.each(np.column_stack([J, m, m, m])))
-    terms = lm.Terms(
-        MutualGravity(0.9).over(lm.neighbours.all_pairs()), mass=lm.each(m), inertia=lm.each(J)
-    )
+    terms = lm.Terms(MutualGravity(0.9).over(lm.neighbours.all_pairs()), mass=lm.each(m), inertia=lm.each(J))
     same = lm.MechanicalSystem(lm.LiePoissonSystem(lm.SE3() ** 3, lm.PerSite(one)), terms)
     assert np.isclose(same.energy(np.zeros((3, 6)), poses), system.energy(np.zeros((3, 6)), g))
     a = np.asarray(same.force(poses)).reshape(3, 6)

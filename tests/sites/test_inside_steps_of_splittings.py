@@ -74,9 +74,7 @@ def test_the_second_zero_ends_the_run() -> None:
 
     ends.terminal = 2  # type: ignore[attr-defined]
     start = spins(N).state(mu=START)
-    run = lm.integrate(
-        spins(N), METHODS[0], start, h=0.1, steps=60, every=7, record=[SQUARES], events=[ends]
-    )
+    run = lm.integrate(spins(N), METHODS[0], start, h=0.1, steps=60, every=7, record=[SQUARES], events=[ends])
     assert run.ended == 0
     assert run.carry is None
     assert len(run.events[0][0]) == 2
@@ -87,12 +85,8 @@ def test_the_second_zero_ends_the_run() -> None:
 def test_what_functions_are_of() -> None:
     """By the name of their second argument: of one site, of totals, of the state of all."""
     start, way = spins(N).state(mu=START), {"h": 0.1, "steps": 3}
-    of_site = lm.integrate(
-        spins(N), lm.RKMK(), start, record=[("spin", lambda t, site: site.mu)], **way
-    )
-    of_all = lm.integrate(
-        spins(N), lm.RKMK(), start, record=[("spin", lambda t, state: state.mu[:3])], **way
-    )
+    of_site = lm.integrate(spins(N), lm.RKMK(), start, record=[("spin", lambda t, site: site.mu)], **way)
+    of_all = lm.integrate(spins(N), lm.RKMK(), start, record=[("spin", lambda t, state: state.mu[:3])], **way)
     assert of_site.spin.shape == of_all.spin.shape == (4, 3)
     assert np.abs(of_site.spin[0] - START.sum(axis=0)).max() < 1e-15
     assert np.array_equal(of_all.spin[0], START[0])

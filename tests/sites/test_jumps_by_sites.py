@@ -92,9 +92,7 @@ def check(method: Any, case: str) -> None:
         run = plan.run(start, steps=round(1.0 / h))
         errors.append(np.abs(run.mu[-1] - wanted).max())
     assert np.log2(errors[0] / errors[1]) > method.order - 0.5
-    plain = lm.integrate(
-        system, method, start, h=0.1, steps=10, breaks=breaks, compiled=False, every=10
-    )
+    plain = lm.integrate(system, method, start, h=0.1, steps=10, breaks=breaks, compiled=False, every=10)
     by_hand = lm.Plan(system, method, h=0.1, breaks=breaks, compiled=True)
     whole = by_hand.run(start, steps=10)
     assert np.array_equal(whole.mu[-1], plain.mu[-1])
@@ -144,11 +142,7 @@ def test_between_adaptive_steps() -> None:
     times = np.array([2.0, 0.31, 0.0, 1.7, 0.9, run.t[3]])
     found = run.at(times).mu
     for t, mu in zip(times, found):
-        assert (
-            np.abs(mu - exact((), lambda t: [0.0] * 3, t)).max() < 1e-6
-            if t
-            else (mu == spins()).all()
-        )
+        assert np.abs(mu - exact((), lambda t: [0.0] * 3, t)).max() < 1e-6 if t else (mu == spins()).all()
     assert np.array_equal(run.at(run.t[3]).mu, run.mu[3])
     with pytest.raises(lm.errors.InvalidInput, match="outside the run"):
         run.at(2.5)

@@ -89,10 +89,7 @@ def test_bits_of_sweeps(method: Any) -> None:
 
 @native
 def test_order_of_sweeps() -> None:
-    ends = [
-        run(lm.RKMK(tableau=lm.tableaus.gauss(2)), field(), spins(N), None, 0.4 / n, n, 8)[-1]
-        for n in (1, 2, 8)
-    ]
+    ends = [run(lm.RKMK(tableau=lm.tableaus.gauss(2)), field(), spins(N), None, 0.4 / n, n, 8)[-1] for n in (1, 2, 8)]
     ratio = np.abs(ends[0] - ends[2]).max() / np.abs(ends[1] - ends[2]).max()
     assert 13.0 < ratio < 20.0
 
@@ -250,9 +247,9 @@ def test_sites_ask_alike() -> None:
         each_site(4, formula)
 
 
-SCATTERED = np.array(
-    [(np.arange(77) + 1) % 77, np.arange(77) ^ 3, np.random.default_rng(4).permutation(77)]
-).clip(0, 76)
+SCATTERED = np.array([(np.arange(77) + 1) % 77, np.arange(77) ^ 3, np.random.default_rng(4).permutation(77)]).clip(
+    0, 76
+)
 """Neighbours that follow each other, that lie among sixteen, and that lie anywhere."""
 
 

@@ -58,10 +58,7 @@ def test_a_box_of_twice_the_cutoff_and_molecules_in_other_images() -> None:
     system, mu, g = liquid(6, 5.0)
     far = g.copy()
     far[:, :3, 3] += 18.624 * np.random.default_rng(3).integers(-5, 6, size=(216, 3))
-    runs = [
-        lm.integrate(system, lm.KickDrift(order=4), system.state(mu=mu, g=x), h=0.002, steps=20)
-        for x in (g, far)
-    ]
+    runs = [lm.integrate(system, lm.KickDrift(order=4), system.state(mu=mu, g=x), h=0.002, steps=20) for x in (g, far)]
     ours, theirs = (np.asarray(run.mu)[-1] for run in runs)
     assert np.abs(ours - theirs).max() < 1e-11 * np.abs(ours).max()
 

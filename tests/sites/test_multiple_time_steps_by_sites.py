@@ -96,9 +96,7 @@ def test_slow_steps_are_kicks_around_fast_ones() -> None:
 
 
 def _each_term(field: Any) -> Any:
-    return [
-        part.term.over(part.graph) if part.graph.arity == 2 else part.term for part in field.parts
-    ]
+    return [part.term.over(part.graph) if part.graph.arity == 2 else part.term for part in field.parts]
 
 
 @pytest.mark.slow

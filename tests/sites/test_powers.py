@@ -27,9 +27,7 @@ def test_a_power_is_the_product_of_its_copies(base: Any) -> None:
         "log": (g,), "dexp": (xi, mu), "dexp_inv": (xi, mu), "ad_star": (xi, mu), "casimirs": (mu,),
         "compose_exp": (g, xi), "defect": (g,),
     }.items():  # fmt: skip
-        assert np.array_equal(
-            getattr(power, name)(*arguments), getattr(product, name)(*arguments)
-        ), name
+        assert np.array_equal(getattr(power, name)(*arguments), getattr(product, name)(*arguments)), name
 
 
 @pytest.mark.parametrize("base", BASES, ids=repr)
@@ -37,9 +35,7 @@ def test_arrays_may_have_an_axis_of_sites(base: Any) -> None:
     power = base**4
     rng = np.random.default_rng(2)
     xi = rng.normal(size=(5, 4, base.dim))
-    assert np.array_equal(
-        power.log(power.exp(0.1 * xi)).reshape(5, -1), power.log(power.exp(0.1 * xi.reshape(5, -1)))
-    )
+    assert np.array_equal(power.log(power.exp(0.1 * xi)).reshape(5, -1), power.log(power.exp(0.1 * xi.reshape(5, -1))))
     g, mu = base.random(rng, (5, 4)), rng.normal(size=(5, 4, base.dim))
     assert np.array_equal(power.K(g, mu), base.K(g, mu))
     assert power.compose(g, g).shape == g.shape

@@ -64,12 +64,8 @@ def test_samples(run: Any) -> None:
 
 @native
 def test_bits_of_plain_python(run: Any) -> None:
-    plain = lm.integrate(
-        spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=False
-    )
-    other = lm.integrate(
-        spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=True
-    )
+    plain = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=False)
+    other = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=True)
     assert other.compiled
     assert not plain.compiled
     assert np.array_equal(plain.mu, other.mu)
@@ -99,9 +95,7 @@ def test_resume(plan: Any, run: Any, tmp_path: Path) -> None:
 
 def test_checkpoint(plan: Any, run: Any, tmp_path: Path) -> None:
     file = tmp_path / "kept.npz"
-    whole = plan.run(
-        plan.system.state(mu=directions()), steps=57, checkpoint=file, checkpoint_every="25 steps"
-    )
+    whole = plan.run(plan.system.state(mu=directions()), steps=57, checkpoint=file, checkpoint_every="25 steps")
     assert np.array_equal(whole.mu, run.mu)
     kept = lm.Trajectory.load(file)
     assert kept.steps == 50
@@ -137,10 +131,7 @@ def test_attitudes() -> None:
 
 def test_order_of_kicks_and_drifts() -> None:
     system, start = chain(20)
-    ends = [
-        lm.integrate(system, lm.KickDrift(), start, h=0.4 / n, steps=n, every=n).mu[-1]
-        for n in (4, 8, 64)
-    ]
+    ends = [lm.integrate(system, lm.KickDrift(), start, h=0.4 / n, steps=n, every=n).mu[-1] for n in (4, 8, 64)]
     ratio = np.abs(ends[0] - ends[2]).max() / np.abs(ends[1] - ends[2]).max()
     assert 3.5 < ratio < 4.5
 
@@ -157,12 +148,8 @@ def test_attitude_that_is_not_recorded() -> None:
 def test_a_site_that_fails(compiled: Any) -> None:
     mu = directions()
     mu[17] *= 1e200
-    with pytest.raises(
-        NotFinite, match="site 13, step 1 of 30, t = 0"
-    ) as caught:  # four edges away
-        lm.integrate(
-            spins(), lm.RKMK(order=4), spins().state(mu=mu), h=0.05, steps=30, compiled=compiled
-        )
+    with pytest.raises(NotFinite, match="site 13, step 1 of 30, t = 0") as caught:  # four edges away
+        lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=mu), h=0.05, steps=30, compiled=compiled)
     assert caught.value.trajectory.mu.shape == (1, N, 3)
 
 
@@ -241,9 +228,7 @@ def test_many_sites() -> None:
     """A hundred thousand spins: two samples, and no list of as many objects."""
     n = 100_000
     system = spins(n)
-    found = lm.integrate(
-        system, lm.RKMK(order=1), system.state(mu=directions(n)), h=0.05, steps=4, every=4
-    )
+    found = lm.integrate(system, lm.RKMK(order=1), system.state(mu=directions(n)), h=0.05, steps=4, every=4)
     assert found.mu.shape == (2, n, 3)
     assert np.abs(np.linalg.norm(found.mu[-1], axis=1) - 1.0).max() < 1e-14
 

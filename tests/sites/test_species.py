@@ -221,9 +221,7 @@ def test_lists_saving_and_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     system, start = drop(130, 60, lm.neighbours.within(1.5), {1: [3]})
     plan = lm.Plan(system, lm.KickDrift(), h=0.004, every=3)
     run = plan.run(start, steps=10)
-    assert run.energy[0] == pytest.approx(
-        system.energy(np.array(start.mu), np.array(start.g)), rel=1e-12
-    )
+    assert run.energy[0] == pytest.approx(system.energy(np.array(start.mu), np.array(start.g)), rel=1e-12)
     assert np.ptp(run.energy) < 1e-5 * abs(run.energy[0])
     first = plan.run(start, steps=4)
     first.save(tmp_path / "run.npz")
@@ -241,17 +239,12 @@ def test_species_of_one_group() -> None:
     """Two species of spins are one power, of which an edge tells the parts."""
     n, m = 3, 4
     pairs = [(i, j) for i in range(n) for j in range(m)]
-    two = lm.LiePoissonSystem(
-        lm.SO3() ** n * lm.SO3() ** m, Exchange(1.0).over(lm.neighbours.all_pairs(), of=(0, 1))
-    )
+    two = lm.LiePoissonSystem(lm.SO3() ** n * lm.SO3() ** m, Exchange(1.0).over(lm.neighbours.all_pairs(), of=(0, 1)))
     one = lm.LiePoissonSystem(
-        lm.SO3() ** (n + m),
-        Exchange(1.0).over(lm.neighbours.edges([(i, n + j) for i, j in pairs], sites=n + m)),
+        lm.SO3() ** (n + m), Exchange(1.0).over(lm.neighbours.edges([(i, n + j) for i, j in pairs], sites=n + m))
     )
     mu = np.random.default_rng(1).normal(size=(n + m, 3))
-    split = lm.integrate(
-        two, lm.RKMK(), two.state(mu=[mu[:n], mu[n:]]), h=0.1, steps=3, compiled=False
-    ).mu
+    split = lm.integrate(two, lm.RKMK(), two.state(mu=[mu[:n], mu[n:]]), h=0.1, steps=3, compiled=False).mu
     whole = lm.integrate(one, lm.RKMK(), one.state(mu=mu), h=0.1, steps=3, compiled=False).mu
     assert np.abs(np.concatenate(split, axis=1) - whole).max() < 1e-15
 
@@ -382,9 +375,7 @@ def test_a_site_that_fails_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_three_sites_of_two_species(monkeypatch: pytest.MonkeyPatch) -> None:
     ends = lm.neighbours.between([(0, 1, 0), (1, 2, 0), (2, 0, 1), (4, 3, 2)])
-    system = lm.LiePoissonSystem(
-        lm.SO3() ** SPINS * lm.SE3() ** BODIES, Volume().over(ends, of=(0, 0, 1))
-    )
+    system = lm.LiePoissonSystem(lm.SO3() ** SPINS * lm.SE3() ** BODIES, Volume().over(ends, of=(0, 0, 1)))
     start = system.state(mu=momenta())
     found = []
     for small in (48, 0):
@@ -393,7 +384,6 @@ def test_three_sites_of_two_species(monkeypatch: pytest.MonkeyPatch) -> None:
     assert same(*found)
     mu = momenta()
     by_hand = sum(
-        float(np.cross(mu[0][i], mu[0][j]) @ mu[1][k, :3])
-        for i, j, k in [(0, 1, 0), (1, 2, 0), (2, 0, 1), (4, 3, 2)]
+        float(np.cross(mu[0][i], mu[0][j]) @ mu[1][k, :3]) for i, j, k in [(0, 1, 0), (1, 2, 0), (2, 0, 1), (4, 3, 2)]
     )
     assert float(system.energy(start.mu)) == pytest.approx(by_hand, rel=1e-14)

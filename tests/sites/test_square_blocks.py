@@ -12,14 +12,7 @@ import pytest
 from liemech.compiler import kernel
 from liemech.compiler.planes import Planes, each, load
 from liemech.compiler.site_calls import SiteCalls
-from liemech.compiler.square_blocks import (
-    block_at,
-    lead_block,
-    lessen_block,
-    put_block,
-    save_block,
-    wide,
-)
+from liemech.compiler.square_blocks import block_at, lead_block, lessen_block, put_block, save_block, wide
 from liemech.formulas import mat, vec
 from liemech.formulas.pytree import Layout, layout_of
 

@@ -124,13 +124,7 @@ def test_colours_of_any_graph_and_of_several() -> None:
 
 @pytest.mark.parametrize(
     ("graph", "most"),
-    [
-        (near.ring(10), 2),
-        (near.ring(9), 3),
-        (near.cubic(4, 5, 3), 8),
-        (random_graph(), 24),
-        (triples(9), 5),
-    ],
+    [(near.ring(10), 2), (near.ring(9), 3), (near.cubic(4, 5, 3), 8), (random_graph(), 24), (triples(9), 5)],
     ids=repr,
 )
 def test_edges_of_one_colour_share_no_site(graph: Any, most: int) -> None:
@@ -169,9 +163,7 @@ def turned(s: np.ndarray, w: np.ndarray) -> np.ndarray:
 def test_a_step_is_that_of_numpy_written_by_hand() -> None:
     n, h = 20, 0.2
     system, s = spins(n, Exchange(1.3).over(near.ring(n)), Zeeman(FIELD)), directions(n)
-    run = lm.integrate(
-        system, lm.SublatticeSplitting(), system.state(mu=s), h=h, steps=5, progress=False
-    )
+    run = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=s), h=h, steps=5, progress=False)
     even, odd = np.arange(n) % 2 == 0, np.arange(n) % 2 == 1
     # Strang's splitting begins and ends with the last colour
     for _ in range(5):
@@ -196,12 +188,7 @@ def rate(s: np.ndarray) -> np.ndarray:
 def exact(rate: Any, s: np.ndarray, t_end: float) -> np.ndarray:
     """Where SciPy finds the spins."""
     found = solve_ivp(
-        lambda t, y: rate(y.reshape(s.shape)).ravel(),
-        (0.0, t_end),
-        s.ravel(),
-        method="DOP853",
-        rtol=1e-13,
-        atol=1e-13,
+        lambda t, y: rate(y.reshape(s.shape)).ravel(), (0.0, t_end), s.ravel(), method="DOP853", rtol=1e-13, atol=1e-13
     )
     end: np.ndarray = found.y[:, -1].reshape(s.shape)
     return end
@@ -209,9 +196,7 @@ def exact(rate: Any, s: np.ndarray, t_end: float) -> np.ndarray:
 
 def test_the_motion_is_that_of_scipy() -> None:
     s, system = directions(4), triangle()
-    run = lm.integrate(
-        system, lm.SublatticeSplitting(8), system.state(mu=s), h=0.05, steps=20, progress=False
-    )
+    run = lm.integrate(system, lm.SublatticeSplitting(8), system.state(mu=s), h=0.05, steps=20, progress=False)
     assert np.abs(run.mu[-1] - exact(rate, s, 1.0)).max() < 2e-12
 
 
@@ -241,9 +226,7 @@ def test_errors_fall_with_the_order(method: Any, order: int) -> None:
     counts = {2: (16, 32, 64), 4: (6, 12, 24), 6: (4, 6, 9), 8: (6, 7, 9)}[order]
     errors = []
     for n in counts:
-        run = lm.integrate(
-            system, method(order), system.state(mu=s), h=1.5 / n, steps=n, every=n, progress=False
-        )
+        run = lm.integrate(system, method(order), system.state(mu=s), h=1.5 / n, steps=n, every=n, progress=False)
         errors.append(np.abs(run.mu[-1] - end).max())
     assert errors[-1] > 3e-12
     assert abs(slope([1.5 / n for n in counts], errors) - order) < (0.15 if order < 6 else 0.6)
@@ -254,12 +237,7 @@ def test_the_energy_and_every_length_are_kept_to_rounding() -> None:
     system = spins(60, Exchange(1.0).over(lattice), Zeeman(FIELD))
     for order in (2, 8):
         run = lm.integrate(
-            system,
-            lm.SublatticeSplitting(order),
-            system.state(mu=directions(60)),
-            h=0.3,
-            steps=200,
-            progress=False,
+            system, lm.SublatticeSplitting(order), system.state(mu=directions(60)), h=0.3, steps=200, progress=False
         )
         size = np.abs(run.energy[0]) + 60.0
         assert np.abs(run.energy - run.energy[0]).max() < 1e-14 * size
@@ -287,13 +265,7 @@ def test_bonds_keep_the_sum_of_all_momenta() -> None:
     ring = near.ring(6)
     system = spins(6, Exchange(1.0).over(ring), Biquadratic(-0.4).over(ring))
     run = lm.integrate(
-        system,
-        lm.BondSplitting(),
-        system.state(mu=directions(6)),
-        h=0.2,
-        steps=40,
-        compiled=False,
-        progress=False,
+        system, lm.BondSplitting(), system.state(mu=directions(6)), h=0.2, steps=40, compiled=False, progress=False
     )
     total = run.mu.sum(axis=1)
     assert np.abs(total - total[0]).max() < 1e-14 * 6
@@ -304,9 +276,7 @@ def poisson(system: Any, method: Any, s: np.ndarray, h: float) -> float:
     """By how much Phi' B(mu) Phi'^T = B(Phi(mu)) is missed, B the cross products of every site."""
 
     def step(mu: np.ndarray) -> np.ndarray:
-        run = lm.integrate(
-            system, method, system.state(mu=mu), h=h, steps=1, compiled=False, compensated=False
-        )
+        run = lm.integrate(system, method, system.state(mu=mu), h=h, steps=1, compiled=False, compensated=False)
         found: np.ndarray = run.mu[-1]
         return found
 
@@ -335,10 +305,7 @@ def test_claims_are_observed() -> None:
     ring = near.ring(4)
     system = spins(4, Exchange(1.0).over(ring), Zeeman(FIELD))
     report = lm.check_method(
-        lm.SublatticeSplitting(),
-        system,
-        system.state(mu=directions(4)),
-        keeps=("Casimir", "energy"),
+        lm.SublatticeSplitting(), system, system.state(mu=directions(4)), keeps=("Casimir", "energy")
     )
     assert report["Poisson"].verdict == "not seen"
     chain = near.chain(3)
@@ -354,9 +321,7 @@ def test_a_turn_on_any_group_is_that_of_its_exponential() -> None:
     system = lm.LiePoissonSystem(group**2, lm.Terms(Exchange(0.8).over(near.chain(2))))
     rng = np.random.default_rng(5)
     mu, g = rng.normal(size=(2, 6)), group.random(rng, 2)
-    run = lm.integrate(
-        system, lm.SublatticeSplitting(), system.state(mu=mu, g=g), h=h, steps=1, compiled=False
-    )
+    run = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu, g=g), h=h, steps=1, compiled=False)
     for site, time in ((1, 0.5 * h), (0, h), (1, 0.5 * h)):
         step = group.exp(-0.8 * time * mu[1 - site])
         mu[site], g[site] = group.Ad_star(step, mu[site]), g[site] @ step
@@ -368,12 +333,8 @@ def test_bonds_of_unitary_groups() -> None:
     group = lm.SU(2)
     system = lm.LiePoissonSystem(group**3, lm.Terms(Exchange(0.8).over(near.ring(3))))
     mu = np.random.default_rng(5).normal(size=(3, 3))
-    there = lm.integrate(
-        system, lm.BondSplitting(), system.state(mu=mu), h=0.2, steps=6, compiled=False
-    )
-    back = lm.integrate(
-        system, lm.BondSplitting(), system.state(mu=there.mu[-1]), h=-0.2, steps=6, compiled=False
-    )
+    there = lm.integrate(system, lm.BondSplitting(), system.state(mu=mu), h=0.2, steps=6, compiled=False)
+    back = lm.integrate(system, lm.BondSplitting(), system.state(mu=there.mu[-1]), h=-0.2, steps=6, compiled=False)
     assert np.abs(back.mu[-1] - mu).max() < 1e-13
     assert np.abs(there.mu.sum(axis=1) - mu.sum(axis=0)).max() < 1e-13
     assert np.abs(there.mu[-1] - mu).max() > 0.1
@@ -393,18 +354,12 @@ def test_waves_have_the_frequencies_of_the_closed_form() -> None:
         k = 2.0 * np.pi * number / n
         m = size * np.exp(1j * k * np.arange(n))
         s = np.stack([m.real, m.imag, np.ones(n)], axis=1)
-        run = lm.integrate(
-            system, lm.SublatticeSplitting(), system.state(mu=s), h=h, steps=12, progress=False
-        )
+        run = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=s), h=h, steps=12, progress=False)
         wave = (run.mu[..., 0] + 1j * run.mu[..., 1]) * np.exp(-1j * k * np.arange(n))
         phi = 2.0 * J * h
         psi = 2.0 * np.arcsin(np.cos(k) * np.sin(0.5 * phi))
         for some in (wave[:, ::2].mean(axis=1), wave[:, 1::2].mean(axis=1)):
-            rest = (
-                some[2:]
-                - 2.0 * np.exp(1j * phi) * np.cos(psi) * some[1:-1]
-                + np.exp(2j * phi) * some[:-2]
-            )
+            rest = some[2:] - 2.0 * np.exp(1j * phi) * np.cos(psi) * some[1:-1] + np.exp(2j * phi) * some[:-2]
             assert np.abs(rest).max() < 1e-8 * size
 
 
@@ -416,9 +371,7 @@ def test_loops_have_the_bits_of_what_is_written_out(
     order: int, compensated: Any, attitudes: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ring = near.ring(4)
-    system = (
-        triangle() if order == 2 else spins(4, Exchange(lm.each([1.0, 0.5, -0.3, 0.8])).over(ring))
-    )
+    system = triangle() if order == 2 else spins(4, Exchange(lm.each([1.0, 0.5, -0.3, 0.8])).over(ring))
     method = lm.SublatticeSplitting(order)
     g = lm.SO3().random(np.random.default_rng(4), 4) if attitudes else None
     start = system.state(mu=directions(4), g=g)
@@ -429,9 +382,7 @@ def test_loops_have_the_bits_of_what_is_written_out(
             system, method, h=0.1, compensated=compensated, compiled=compiled, progress=False,
             **options,
         )  # fmt: skip
-        return (
-            plan.resume(plan.run(start, steps=1), steps=2) if options else plan.run(start, steps=3)
-        )
+        return plan.resume(plan.run(start, steps=1), steps=2) if options else plan.run(start, steps=3)
 
     found = run(10**6, False)
     others = [run(0, False)]
@@ -447,21 +398,13 @@ def test_samples_do_not_move_what_is_sampled() -> None:
     system = spins(20, Exchange(lm.each(np.linspace(0.5, 1.5, 19))).over(near.chain(20)))
     start = system.state(mu=directions(20))
     runs = [
-        lm.integrate(
-            system, lm.SublatticeSplitting(), start, h=0.1, steps=8, every=every, progress=False
-        )
+        lm.integrate(system, lm.SublatticeSplitting(), start, h=0.1, steps=8, every=every, progress=False)
         for every in (1, 4, 8)
     ]
     assert np.array_equal(runs[0].mu[::4], runs[1].mu)
     assert np.array_equal(runs[0].mu[-1], runs[2].mu[-1])
     energy = lm.integrate(
-        system,
-        lm.SublatticeSplitting(),
-        start,
-        h=0.1,
-        steps=8,
-        record=("energy",),
-        progress=False,
+        system, lm.SublatticeSplitting(), start, h=0.1, steps=8, record=("energy",), progress=False
     ).energy
     assert np.array_equal(energy, runs[0].energy)
 
@@ -488,12 +431,7 @@ def test_overflow_is_told() -> None:
     system = spins(30, Exchange(1e300).over(near.ring(30)))
     with pytest.raises(IntegrationFailure, match="overflow"):
         lm.integrate(
-            system,
-            lm.SublatticeSplitting(),
-            system.state(mu=1e10 * directions(30)),
-            h=0.1,
-            steps=10,
-            progress=False,
+            system, lm.SublatticeSplitting(), system.state(mu=1e10 * directions(30)), h=0.1, steps=10, progress=False
         )
 
 
@@ -525,11 +463,7 @@ def test_terms_without_a_known_motion_are_named() -> None:
     ring, body = near.ring(4), lm.PerSite(lm.KineticEnergy([1.0, 2.0, 3.0]))
     for method, terms, match in [
         (lm.SublatticeSplitting(), [Biquadratic(0.3).over(ring)], "Biquadratic.*not affine"),
-        (
-            lm.SublatticeSplitting(),
-            [Exchange(1.0).over(ring), body],
-            "PerSite.*changes as the site",
-        ),
+        (lm.SublatticeSplitting(), [Exchange(1.0).over(ring), body], "PerSite.*changes as the site"),
         (lm.BondSplitting(), [Exchange(1.0).over(ring), body], "PerSite.*changes as the site"),
         (lm.BondSplitting(), [Chiral(1.0).over(near.edges([(0, 1, 2)], sites=4))], "Chiral"),
         (
@@ -581,9 +515,7 @@ def test_bonds_by_sites_have_the_bits_of_what_is_written_out(
     ends = []
     for small, compiled in ((48, False), (0, False), (0, None)):
         monkeypatch.setattr(type(some), "small", small)
-        plan = lm.Plan(
-            some, lm.BondSplitting(order), h=0.1, every=2, compiled=compiled, progress=False
-        )
+        plan = lm.Plan(some, lm.BondSplitting(order), h=0.1, every=2, compiled=compiled, progress=False)
         run = plan.resume(plan.run(start, steps=3), steps=2)
         assert isinstance(run.carry, SiteCarry) == (small == 0)
         ends.append(run)
@@ -617,9 +549,7 @@ def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
     ],
     ids=["cubic", "odd ring", "open", "star", "1", "2", "3"],
 )
-def test_workers_share_the_sites_of_every_colour(
-    method: Any, lattice: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_share_the_sites_of_every_colour(method: Any, lattice: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     if lm.compiler.kernel.available() is not None:
         pytest.skip("needs llvmlite")
     monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 1)
@@ -627,8 +557,7 @@ def test_workers_share_the_sites_of_every_colour(
     system = spins(sites, Exchange(1.0).over(lattice), EasyAxis(0.5, AXIS))
     start = system.state(mu=directions(sites))
     one, *more = [
-        lm.integrate(system, method, start, h=0.1, steps=7, every=3, compiled=True, workers=w).mu
-        for w in (1, 2, 3)
+        lm.integrate(system, method, start, h=0.1, steps=7, every=3, compiled=True, workers=w).mu for w in (1, 2, 3)
     ]
     assert all(np.array_equal(x, one) for x in more)
 

@@ -22,10 +22,7 @@ def differences(plan: Any, first: Any, v: np.ndarray, steps: int) -> np.ndarray:
     found = 0.0
     for k, weight in ((1, 2.0 / 3.0), (2, -1.0 / 12.0)):
         e = k * 2.0**-10
-        ends = [
-            plan.run(type(first)(np.asarray(first.mu) + s * e * v), steps=steps).mu[-1]
-            for s in (1.0, -1.0)
-        ]
+        ends = [plan.run(type(first)(np.asarray(first.mu) + s * e * v), steps=steps).mu[-1] for s in (1.0, -1.0)]
         found = found + weight * (ends[0] - ends[1]) / 2.0**-10
     return found
 
@@ -33,9 +30,7 @@ def differences(plan: Any, first: Any, v: np.ndarray, steps: int) -> np.ndarray:
 @native
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
-    "method",
-    [lm.RKMK(order=4), lm.SphericalMidpoint(), lm.SublatticeSplitting(), lm.BondSplitting()],
-    ids=repr,
+    "method", [lm.RKMK(order=4), lm.SphericalMidpoint(), lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr
 )
 def test_products_of_many_sites(method: Any) -> None:
     """J v is the derivative of the run, and <w, J v> = <J^T w, v>."""

@@ -56,15 +56,9 @@ CASES: dict[str, Any] = {
     "held": (held, lm.Taylor(4)),
     "driven": (driven, lm.Taylor(4)),
     "ring": (lambda: (spins(6), spins(6).state(mu=directions(6))), lm.Taylor(5)),
-    "pairs, triples, a field": (
-        lambda: (triangle(), triangle().state(mu=directions(4))),
-        lm.Taylor(3),
-    ),
+    "pairs, triples, a field": (lambda: (triangle(), triangle().state(mu=directions(4))), lm.Taylor(3)),
     "attitudes": (lambda: chain(5), lm.Taylor(3, FIELD)),
-    "lists": (
-        lambda: atoms(lm.neighbours.within(2.4, box=[5.0] * 3)),
-        lm.Taylor(3, FIELD),
-    ),
+    "lists": (lambda: atoms(lm.neighbours.within(2.4, box=[5.0] * 3)), lm.Taylor(3, FIELD)),
     "gravity": (lambda: cloud(9), lm.Taylor(3)),
     "all pairs": (lambda: atoms(lm.neighbours.all_pairs()), lm.Taylor(3, FIELD)),
 }
@@ -118,13 +112,7 @@ def test_order_against_scipy() -> None:
     for order in (3, 6):
         errors = []
         for steps in (5, 10):
-            run = lm.integrate(
-                spins(n),
-                lm.Taylor(order),
-                spins(n).state(mu=directions(n)),
-                h=t / steps,
-                steps=steps,
-            )
+            run = lm.integrate(spins(n), lm.Taylor(order), spins(n).state(mu=directions(n)), h=t / steps, steps=steps)
             errors.append(np.abs(run.mu[-1] - right).max())
         assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.5)
         assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
@@ -133,11 +121,7 @@ def test_order_against_scipy() -> None:
 @native
 @pytest.mark.parametrize(
     ("order", "rtol"),
-    [
-        (6, 1e-6),
-        pytest.param(12, 1e-9, marks=pytest.mark.slow),
-        pytest.param(16, 1e-11, marks=pytest.mark.slow),
-    ],
+    [(6, 1e-6), pytest.param(12, 1e-9, marks=pytest.mark.slow), pytest.param(16, 1e-11, marks=pytest.mark.slow)],
 )
 def test_adaptive_steps_against_scipy(order: int, rtol: float) -> None:
     """The error goes with the tolerance; samples at times, and ways inside of steps; no step is rejected."""
@@ -156,16 +140,13 @@ def test_adaptive_bits(only_sites: None, monkeypatch: pytest.MonkeyPatch) -> Non
     given: dict[str, Any] = {"rtol": 1e-6, "atol": 1e-6}
     start, times = spins(5).state(mu=directions(5)), [0.02, 0.3]
     runs = [
-        lm.Plan(spins(5), lm.Taylor(5), compiled=c, **given).run(start, t_end=0.3, t_eval=times)
-        for c in (False, True)
+        lm.Plan(spins(5), lm.Taylor(5), compiled=c, **given).run(start, t_end=0.3, t_eval=times) for c in (False, True)
     ]
     same(*runs)
     assert runs[0].steps == runs[1].steps > 1
     n = 7000
     start = spins(n).state(mu=directions(n))
-    many = [
-        lm.Plan(spins(n), lm.Taylor(6), workers=w, **given).run(start, t_end=0.5) for w in (1, 3)
-    ]
+    many = [lm.Plan(spins(n), lm.Taylor(6), workers=w, **given).run(start, t_end=0.5) for w in (1, 3)]
     same(*many)
     back = lm.Plan(spins(n), lm.Taylor(6), **given).run(many[0].last, t0=0.5, t_end=0.0)
     assert np.abs(back.mu[-1] - directions(n)).max() < 1e-5

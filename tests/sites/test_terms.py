@@ -113,8 +113,7 @@ def test_runs_have_the_bits_of_plain_python() -> None:
     system = spins(lm.neighbours.chain(2))
     start = system.state(mu=RNG.normal(size=(2, 3)), g=lm.SO3().random(RNG, 2))
     run, plain = (
-        lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=20, compiled=compiled)
-        for compiled in (True, False)
+        lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=20, compiled=compiled) for compiled in (True, False)
     )
     assert run.mu.shape == (21, 2, 3) and run.g.shape == (21, 2, 3, 3)
     assert np.array_equal(run.mu, plain.mu) and np.array_equal(run.g, plain.g)
@@ -145,9 +144,7 @@ def test_runs_site_by_site_are_those_written_out() -> None:
         at, velocity = y.reshape(2, 17, 3)
         d = at - at[:, None]
         cubes = (d**2).sum(axis=2) ** 1.5 + np.eye(17)
-        return np.concatenate(
-            [velocity.ravel(), (0.1 * masses[:, None] * d / cubes[..., None]).sum(axis=1).ravel()]
-        )
+        return np.concatenate([velocity.ravel(), (0.1 * masses[:, None] * d / cubes[..., None]).sum(axis=1).ravel()])
 
     begun = np.concatenate([q.ravel(), v.ravel()])
     known = solve_ivp(rates, (0.0, 0.03), begun, rtol=1e-12, atol=1e-12, method="DOP853")
@@ -197,20 +194,11 @@ def test_lattices_are_those_of_numpy() -> None:
     assert {frozenset(map(int, e)) for e in lattice.edges} == wanted
     assert len(lattice.edges) == len(wanted)
     assert len(lm.neighbours.square(3, 5, periodic=False).edges) == 2 * 5 + 3 * 4
-    assert lm.neighbours.all_pairs(4).edges.tolist() == [
-        [0, 1],
-        [0, 2],
-        [0, 3],
-        [1, 2],
-        [1, 3],
-        [2, 3],
-    ]
+    assert lm.neighbours.all_pairs(4).edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
 
 
 def test_tables_name_every_edge_at_its_ends() -> None:
-    graph = lm.neighbours.edges(
-        RNG.permuted(np.array([(i, j) for i in range(9) for j in range(i)])[::3], axis=1)
-    )
+    graph = lm.neighbours.edges(RNG.permuted(np.array([(i, j) for i in range(9) for j in range(i)])[::3], axis=1))
     others, edges, counts = graph.incidence()
     seen = set()
     for i in range(graph.sites):
@@ -289,9 +277,7 @@ def gas(per_side: int, cutoff: float, box: float) -> tuple[Any, Any]:
     n = per_side**3
     axes = np.meshgrid(*[np.arange(per_side) * box / per_side] * 3)
     places = np.reshape(axes, (3, -1)).T + 0.05 * rng.normal(size=(n, 3))
-    bodies = lm.LiePoissonSystem(
-        lm.VectorSpace(3) ** n, lm.PerSite(lm.KineticEnergy([1.0, 1.0, 1.0]))
-    )
+    bodies = lm.LiePoissonSystem(lm.VectorSpace(3) ** n, lm.PerSite(lm.KineticEnergy([1.0, 1.0, 1.0])))
     near = lm.neighbours.within(cutoff, box=[box] * 3)
     system = lm.MechanicalSystem(bodies, lm.Terms(Repulsion(1.0).over(near)))
     return system, system.state(mu=0.5 * rng.normal(size=(n, 3)), g=places)
@@ -346,12 +332,8 @@ def test_a_cutoff_beyond_half_the_box_is_named() -> None:
 
 
 def test_masses_in_one_place_are_named() -> None:
-    bodies = lm.LiePoissonSystem(
-        lm.VectorSpace(3) ** 4, lm.PerSite(lm.KineticEnergy([1.0, 1.0, 1.0]))
-    )
-    system = lm.MechanicalSystem(
-        bodies, lm.Terms(lm.models.Gravity().over(lm.neighbours.all_pairs()), mass=1.0)
-    )
+    bodies = lm.LiePoissonSystem(lm.VectorSpace(3) ** 4, lm.PerSite(lm.KineticEnergy([1.0, 1.0, 1.0])))
+    system = lm.MechanicalSystem(bodies, lm.Terms(lm.models.Gravity().over(lm.neighbours.all_pairs()), mass=1.0))
     g = RNG.normal(size=(4, 3))
     g[3] = g[1]
     with pytest.raises(InvalidInput, match=r"sites 1 and 3 are in one place.*\(1, 3\)"):
@@ -419,9 +401,7 @@ def test_terms_may_know_the_time() -> None:
 
 def damped() -> Any:
     """A chain of masses on springs, with friction, the first of which is held."""
-    bodies = lm.LiePoissonSystem(
-        lm.VectorSpace(3) ** 2, lm.PerSite(lm.KineticEnergy([2.0, 2.0, 2.0]))
-    )
+    bodies = lm.LiePoissonSystem(lm.VectorSpace(3) ** 2, lm.PerSite(lm.KineticEnergy([2.0, 2.0, 2.0])))
     chain = lm.neighbours.chain(2)
     return lm.MechanicalSystem(
         bodies,
@@ -503,8 +483,7 @@ def test_members_of_an_ensemble_have_parameters_of_their_own_by_the_same_word() 
     several = [lm.LiePoissonSystem(lm.SO3(), Gyrostat(one)) for one in J]
     start = system.state(mu=mu)
     run, other = (
-        lm.integrate(each, lm.RKMK(order=4), start, h=0.1, steps=4, compiled=False)
-        for each in (system, several)
+        lm.integrate(each, lm.RKMK(order=4), start, h=0.1, steps=4, compiled=False) for each in (system, several)
     )
     assert np.array_equal(run.mu, other.mu) and np.array_equal(run.energy, other.energy)
     with pytest.raises(InvalidInput, match="5 systems for a start of one"):
@@ -514,12 +493,7 @@ def test_members_of_an_ensemble_have_parameters_of_their_own_by_the_same_word() 
 @pytest.mark.slow
 def test_laws_hold() -> None:
     driven = lm.Terms(Exchange(1.0).over(lm.neighbours.chain(2)), Pump([1.0, 0.0, 0.0]))
-    for system in (
-        rich()[0],
-        damped(),
-        lm.DrivenLiePoissonSystem(lm.SO3() ** 2, driven),
-        gas(1, 1.2, 2.5)[0],
-    ):
+    for system in (rich()[0], damped(), lm.DrivenLiePoissonSystem(lm.SO3() ** 2, driven), gas(1, 1.2, 2.5)[0]):
         lm.check_system(system)
     system = spins(lm.neighbours.chain(2))
     start = system.state(mu=RNG.normal(size=(2, 3)), g=lm.SO3().random(RNG, 2))

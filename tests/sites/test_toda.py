@@ -22,9 +22,7 @@ def lattice(n: int, periodic: bool, size: float = 1.0) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize(
-    "method",
-    [lm.Splitting(order=4), lm.RKMK(order=4), lm.Composition(lm.Splitting(order=2), order=4)],
-    ids=repr,
+    "method", [lm.Splitting(order=4), lm.RKMK(order=4), lm.Composition(lm.Splitting(order=2), order=4)], ids=repr
 )
 def test_as_written_out(method: Any, periodic: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     found = []

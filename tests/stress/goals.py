@@ -86,12 +86,7 @@ def below(values: dict[str, float], most: float, unit: str = "", scale: float = 
 def coefficients(size: Size) -> Found:
     """sinc, versine, segment and the coefficient of dexp^-1 for angles from 1e-100 to 2 pi - 1e-9."""
     t = test_rotation_coefficients
-    angles = [
-        x
-        for part in (t.ON_POLYNOMIAL, t.BEYOND)
-        for xs in part.values()
-        for x in xs[:: 10 if size.quick else 1]
-    ]
+    angles = [x for part in (t.ON_POLYNOMIAL, t.BEYOND) for xs in part.values() for x in xs[:: 10 if size.quick else 1]]
     return below({"": max(t.largest(t.NAMES, angles).values())}, 4.0, " eps")
 
 
@@ -100,14 +95,8 @@ def exact_pose(w: np.ndarray, v: np.ndarray, cayley: bool = False) -> tuple[np.n
     with mp.workdps(400):
         x = mp.fsum(mpf(float(c)) ** 2 for c in w)
         t, W, one = mp.sqrt(x), mp.matrix(hat(w).tolist()), mp.eye(3)
-        R = (
-            one + 4 / (4 + x) * (W + W * W / 2)
-            if cayley
-            else one + mp.sin(t) / t * W + (1 - mp.cos(t)) / x * W * W
-        )
-        p = (one + (1 - mp.cos(t)) / x * W + (t - mp.sin(t)) / (x * t) * W * W) * mp.matrix(
-            v.tolist()
-        )
+        R = one + 4 / (4 + x) * (W + W * W / 2) if cayley else one + mp.sin(t) / t * W + (1 - mp.cos(t)) / x * W * W
+        p = (one + (1 - mp.cos(t)) / x * W + (t - mp.sin(t)) / (x * t) * W * W) * mp.matrix(v.tolist())
         return np.array(R.tolist(), dtype=float), np.array(p.tolist(), dtype=float)[:, 0]
 
 
@@ -127,9 +116,7 @@ def exponentials(size: Size) -> Found:
         R, p = exact_pose(w, v)
         g = np.array(SE3.exp(np.concatenate([w, v])))
         turns.append(np.abs(np.array(G.exp(w)) - R).max())
-        moves.append(
-            max(np.abs(g[:3, :3] - R).max(), np.abs(g[:3, 3] - p).max() / np.linalg.norm(v))
-        )
+        moves.append(max(np.abs(g[:3, :3] - R).max(), np.abs(g[:3, 3] - p).max() / np.linalg.norm(v)))
     return below({"SO(3)": max(turns), "SE(3)": max(moves)}, 8 * EPS, " eps", EPS)
 
 
@@ -150,8 +137,7 @@ def cayleys(size: Size) -> Found:
     for w in spread(0.0, 3.0, size.some(200)):
         length = np.linalg.norm(w)
         back.append(
-            np.abs(np.array(G.cayley_inv(exact_pose(w, w, cayley=True)[0])) - w).max()
-            / (1.0 + length**2 / 4.0)
+            np.abs(np.array(G.cayley_inv(exact_pose(w, w, cayley=True)[0])) - w).max() / (1.0 + length**2 / 4.0)
         )
     return below({"map": max(forth), "inverse over its condition": max(back)}, 8 * EPS, " eps", EPS)
 
@@ -178,23 +164,17 @@ def modes(default: dict[str, float], long: dict[str, float], most: float) -> Fou
     """Default mode and long mode: both, and whether one of them keeps to the goal."""
     met = [max(values.values()) <= most for values in (default, long)]
     texts = [", ".join(f"{k} {v:.1e}" for k, v in values.items()) for values in (default, long)]
-    return Found(
-        f"default: {texts[0]}; long mode: {texts[1]}", met[1], "" if met[0] else " by the long mode"
-    )
+    return Found(f"default: {texts[0]}; long mode: {texts[1]}", met[1], "" if met[0] else " by the long mode")
 
 
 def orthogonality(size: Size) -> Found:
     """max |g^T g - 1|."""
     default = {
-        f"{name}{', all compensated' if sums else ''}": rounding.spatial_drift(
-            of(method), size.steps, sums
-        )[1]
+        f"{name}{', all compensated' if sums else ''}": rounding.spatial_drift(of(method), size.steps, sums)[1]
         for name, method in METHODS.items()
         for sums in (None, True)
     }
-    return modes(
-        default, {name: lost(method, size.steps)[2] for name, method in METHODS.items()}, 8 * EPS
-    )
+    return modes(default, {name: lost(method, size.steps)[2] for name, method in METHODS.items()}, 8 * EPS)
 
 
 def attitude(size: Size) -> Found:
@@ -204,23 +184,16 @@ def attitude(size: Size) -> Found:
         "compensated (default)": rounding.driven_attitude(steps=steps),
         "plain": rounding.driven_attitude(False, steps=steps),
     }
-    return Found(
-        ", ".join(f"{k} {v:.1e}" for k, v in found.items()), found["compensated (default)"] <= 3e-14
-    )
+    return Found(", ".join(f"{k} {v:.1e}" for k, v in found.items()), found["compensated (default)"] <= 3e-14)
 
 
 def casimirs(size: Size) -> Found:
     """The largest relative change in ten times as many steps."""
-    return below(
-        {case.name: rounding.casimir_drift(case, 10 * size.steps) for case in rounding.CASES[:6:2]},
-        2e-13,
-    )
+    return below({case.name: rounding.casimir_drift(case, 10 * size.steps) for case in rounding.CASES[:6:2]}, 2e-13)
 
 
 @functools.cache
-def walk(
-    method: lm.Method, steps: int, **sums: object
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def walk(method: lm.Method, steps: int, **sums: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Numbers of steps, and the changes of the mean energy and of the energy after them."""
     counts = np.unique(np.geomspace(min(1e3, steps / 100), steps, 13).round().astype(int))
     return counts, *rounding.energy_walk(method, counts, **sums)
@@ -262,17 +235,13 @@ def rattle(size: Size) -> Found:
     """The spherical pendulum."""
     system = lm.SphericalPendulum(gravity=1.0)
     start, steps = system.state([0.6, 0.0, -0.8], [0.0, 0.7, 0.0]), size.some(10**6)
-    run = lm.integrate(
-        system, lm.RATTLE(), start, h=0.01, steps=steps // 7 * 7, every=7, progress=False
-    )
+    run = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=steps // 7 * 7, every=7, progress=False)
     position, hidden = np.split(np.asarray(system.defects(run.q, run.p)), 2, axis=1)
     window, energy = rounding.WINDOW, run.energy.astype(rounding.Wide)
     # means in which the oscillation is not seen
     first, last = window @ energy[: len(window)], window @ energy[-len(window) :]
     drift = float(abs(last / first - 1.0))
-    wide = lm.integrate(
-        system, lm.RATTLE(), start, h=0.01, steps=size.some(10**5), every=7, progress=False, **LONG
-    )
+    wide = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=size.some(10**5), every=7, progress=False, **LONG)
     found = {"|g|": position.max() / EPS, "|G v|": hidden.max() / EPS}
     long = max(np.asarray(system.defects(wide.q, wide.p)).max() / EPS, 0.0)
     text = ", ".join(f"{name} {value:.1f} eps" for name, value in found.items())
@@ -282,25 +251,13 @@ def rattle(size: Size) -> Found:
 
 def reversed_runs(size: Size) -> Found:
     """Ten thousand steps forth and back."""
-    return below(
-        {
-            case.name: rounding.reversibility(case)
-            for case in rounding.CASES
-            if case.method.symmetric
-        },
-        1e-11,
-    )
+    return below({case.name: rounding.reversibility(case) for case in rounding.CASES if case.method.symmetric}, 1e-11)
 
 
 def separatrix(size: Size) -> Found:
     """The offset that explains the time between flips."""
-    default = {
-        name: rounding.offset(method, steps=size.some(10**6)) for name, method in METHODS.items()
-    }
-    long = {
-        name: rounding.offset(method, 1e-24, steps=size.some(10**5), **LONG)
-        for name, method in METHODS.items()
-    }
+    default = {name: rounding.offset(method, steps=size.some(10**6)) for name, method in METHODS.items()}
+    long = {name: rounding.offset(method, 1e-24, steps=size.some(10**5), **LONG) for name, method in METHODS.items()}
     return modes(default, long, 2e-8)
 
 
@@ -310,9 +267,7 @@ def separatrix(size: Size) -> Found:
 def guards(size: Size) -> Found:
     """There is no step without them."""
     return Found(
-        "no native code is made without them; "
-        "docs/proof/performance.md has steps beside C++ that has none",
-        None,
+        "no native code is made without them; docs/proof/performance.md has steps beside C++ that has none", None
     )
 
 
@@ -329,11 +284,7 @@ def orders(size: Size) -> Found:
     """
     texts, met = [], True
     body, start = asymmetric_body()
-    for method, counts in (
-        (EXP, (160, 320, 640, 1280)),
-        (CAYLEY, (160, 320, 640, 1280)),
-        (HJ4, (80, 160, 320, 640)),
-    ):
+    for method, counts in ((EXP, (160, 320, 640, 1280)), (CAYLEY, (160, 320, 640, 1280)), (HJ4, (80, 160, 320, 640))):
         t_end, energy = 8.0, []
         for n in counts:
             run = lm.integrate(body, method, start, h=t_end / n, steps=n, progress=False)
@@ -350,20 +301,11 @@ def times_of_steps(size: Size) -> Found:
     body, start = asymmetric_body()
     steps, h, worst = 10 * size.steps, 0.1, 0.0
     run = lm.integrate(
-        body,
-        CAYLEY,
-        body.state(start.mu),
-        h=h,
-        steps=steps,
-        every=steps // 100 + 7,
-        t0=0.3,
-        progress=False,
+        body, CAYLEY, body.state(start.mu), h=h, steps=steps, every=steps // 100 + 7, t0=0.3, progress=False
     )
     counts = [*range(0, steps, steps // 100 + 7), steps]
     for n, t in zip(counts, run.t.tolist(), strict=True):
-        worst = max(
-            worst, float(abs(Fraction(t) - (Fraction(0.3) + n * Fraction(h)))) / math.ulp(t)
-        )
+        worst = max(worst, float(abs(Fraction(t) - (Fraction(0.3) + n * Fraction(h)))) / math.ulp(t))
     return below({"": worst}, 1.0, " ulp")
 
 
@@ -376,22 +318,16 @@ def workers(size: Size) -> Found:
     mu, same = np.random.default_rng(6).normal(size=(37, 3)), True
     for method in (EXP, CAYLEY, lm.RKMK(order=4)):
         runs = [
-            lm.integrate(
-                body, method, body.state(mu, start.g), h=0.3, steps=500, workers=w, compiled=True
-            )
+            lm.integrate(body, method, body.state(mu, start.g), h=0.3, steps=500, workers=w, compiled=True)
             for w in (1, 2, 8)
         ]
         same &= all(same_bits(run.mu, runs[0].mu) and same_bits(run.g, runs[0].g) for run in runs)
         for i in range(0, 37, 9):
             for native in (True, False):
-                alone = lm.integrate(
-                    body, method, body.state(mu[i], start.g), h=0.3, steps=500, compiled=native
-                )
+                alone = lm.integrate(body, method, body.state(mu[i], start.g), h=0.3, steps=500, compiled=native)
                 same &= same_bits(alone.mu, np.ascontiguousarray(runs[0].mu[:, i]))
     return Found(
-        "3 methods, 1, 2 and 8 threads, alone, native and plain: "
-        f"{'same bits' if same else 'other bits'}",
-        same,
+        f"3 methods, 1, 2 and 8 threads, alone, native and plain: {'same bits' if same else 'other bits'}", same
     )
 
 
@@ -411,18 +347,14 @@ def powers_of_two(size: Size) -> Found:
             tried += 1
             try:
                 begin = heavy.state(mass / second * mu, start.g)
-                there = lm.integrate(
-                    heavy, method, begin, h=0.3 * second, steps=100, progress=False
-                )
+                there = lm.integrate(heavy, method, begin, h=0.3 * second, steps=100, progress=False)
             except lm.errors.InvalidInput:  # says that products leave the range of doubles
                 refused += 1
                 continue
             if not (same_bits(there.mu, mass / second * run.mu) and same_bits(there.g, run.g)):
                 other.append((method.name, a, b))
     text = f"{tried} pairs of units, 4 methods: {refused} refused by name, {len(other)} with other bits"
-    return Found(
-        " ".join([text, *(f"({name}, 2^{a} kg, 2^{b} s)" for name, a, b in other[:2])]), not other
-    )
+    return Found(" ".join([text, *(f"({name}, 2^{a} kg, 2^{b} s)" for name, a, b in other[:2])]), not other)
 
 
 # ---------------------------------------------------------------- bad input, failures, files
@@ -461,9 +393,7 @@ def fuzz(size: Size) -> Found:
     bad = fuzz_calls.failures(size.calls, 17)
     count = {kind: sum(b.startswith(kind) for b in bad) for kind in ("not finite", "bare", "slow")}
     return Found(
-        f"{size.calls} calls: "
-        + ", ".join(f"{n} {kind}" for kind, n in count.items())
-        + f", {len(bad)} in all",
+        f"{size.calls} calls: " + ", ".join(f"{n} {kind}" for kind, n in count.items()) + f", {len(bad)} in all",
         not bad,
     )
 
@@ -477,10 +407,7 @@ def damages(size: Size) -> Found:
         test_archive.CASES["body"][0].run(test_archive.START, steps=3).save(path)
         data = path.read_bytes()
         for at in range(0, len(data), 10 if size.quick else 1):
-            for bad in (
-                data[:at],
-                data[:at] + bytes([data[at] ^ int(rng.integers(1, 256))]) + data[at + 1 :],
-            ):
+            for bad in (data[:at], data[:at] + bytes([data[at] ^ int(rng.integers(1, 256))]) + data[at + 1 :]):
                 path.write_bytes(bad)
                 tried += 1
                 try:

@@ -54,13 +54,7 @@ def separatrix(size: Size) -> Iterator[Run]:
 
 def fast_and_thin(size: Size) -> Iterator[Run]:
     """Rods and discs turned by 1e-2 to 1e4 rad a step."""
-    for J in (
-        [1.0, 1.0, 1e-3],
-        [1.0, 1.0, 2e-6],
-        [1e-3, 1.0, 1.0],
-        [1.0, 1.0, 2.0],
-        [1.0, 1e-3 + 1.0, 2.0],
-    ):
+    for J in ([1.0, 1.0, 1e-3], [1.0, 1.0, 2e-6], [1e-3, 1.0, 1.0], [1.0, 1.0, 2.0], [1.0, 1e-3 + 1.0, 2.0]):
         for rate in (0.1, 1.0, 10.0, 1e2, 1e3, 1e5):
             yield from free(quiet_body(J), rate * np.array(J) * [0.5, -0.7, 0.6], steps=20)
 
@@ -102,9 +96,7 @@ def tops(size: Size) -> Iterator[Run]:
         top = lm.models.HeavyTop([1.0, 1.5, 0.7], float(weight), [0.6, 0.0, 0.8])
         start = top.state([0.1, 0.2, 2.0], np.eye(3))
         for method in (lm.LieVerlet(lm.Cayley()), lm.LieVerlet(), lm.KickDrift()):
-            yield functools.partial(
-                lm.integrate, top, method, start, h=0.01, steps=50, progress=False
-            )
+            yield functools.partial(lm.integrate, top, method, start, h=0.01, steps=50, progress=False)
 
 
 def springs(size: Size) -> Iterator[Run]:
@@ -115,9 +107,7 @@ def springs(size: Size) -> Iterator[Run]:
         system = Oscillator(float(w))
         start = system.state([1.0], [0.0])
         for method in (lm.StormerVerlet(), lm.Splitting(order=4)):
-            yield functools.partial(
-                lm.integrate, system, method, start, h=0.1, steps=300, progress=False
-            )
+            yield functools.partial(lm.integrate, system, method, start, h=0.1, steps=300, progress=False)
 
 
 def rods(size: Size) -> Iterator[Run]:
@@ -137,9 +127,7 @@ def rods(size: Size) -> Iterator[Run]:
         p = np.zeros(3) if up else np.array([0.0, 0.7, 0.0])
         start = system.consistent(length * q, length * p)
         for method in methods:
-            yield functools.partial(
-                lm.integrate, system, method, start, h=h, steps=200, progress=False
-            )
+            yield functools.partial(lm.integrate, system, method, start, h=h, steps=200, progress=False)
 
 
 def eccentric(size: Size) -> Iterator[Run]:
@@ -156,9 +144,7 @@ def eccentric(size: Size) -> Iterator[Run]:
     for e, h in cases:
         start = kepler.pericentre(e)
         for system, method in pairs:
-            yield functools.partial(
-                lm.integrate, system, method, start, h=h, steps=200, progress=False
-            )
+            yield functools.partial(lm.integrate, system, method, start, h=h, steps=200, progress=False)
 
 
 def powers(size: Size) -> Iterator[Run]:
@@ -170,9 +156,7 @@ def powers(size: Size) -> Iterator[Run]:
     cases += [(quiet_body([1.0, r**0.5, r]), np.array([0.3, 0.5, -0.4])) for r in (1e2, 1e4, 1e6)]
     for each, mu in cases:
         for method in (lm.Taylor(8), lm.Taylor(16)):
-            yield functools.partial(
-                lm.integrate, each, method, each.state(mu), h=0.1, steps=50, progress=False
-            )
+            yield functools.partial(lm.integrate, each, method, each.state(mu), h=0.1, steps=50, progress=False)
 
 
 SCENES = (

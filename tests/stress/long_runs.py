@@ -35,9 +35,7 @@ from liemech.tableaus import DOP853  # noqa: E402
 KEPT, PAGE = HERE / "long_runs.json", HERE.parents[1] / "docs" / "proof" / "reliability.md"
 FIGURE = PAGE.parents[1] / "figures" / "long_runs.png"
 FIRST, SAMPLES = 1000, 300
-Part = Callable[
-    [int], np.ndarray
-]  # goes on by so many steps: the energies of about 300 states on the way
+Part = Callable[[int], np.ndarray]  # goes on by so many steps: the energies of about 300 states on the way
 
 J, MU, H = np.array([1.0, 1.5, 2.0]), np.array([0.5, 0.0, math.sqrt(0.75)]), 0.1
 
@@ -69,15 +67,9 @@ def parts() -> Iterator[tuple[str, str, Callable[[], tuple[float, Part]]]]:
         "kicks and exact drifts 4": lm.KickDrift(order=4),
     }.items():
         yield "heavy top", name, lambda m=method: ours(top, m, spin, 0.05)
-    for name, method in {
-        "RATTLE": lm.RATTLE(),
-        "geodesics 4": lm.GeodesicSplitting(order=4),
-    }.items():
+    for name, method in {"RATTLE": lm.RATTLE(), "geodesics 4": lm.GeodesicSplitting(order=4)}.items():
         yield "spherical pendulum", name, lambda m=method: ours(sphere, m, swing, 0.05)
-    for name, method in {
-        "Stormer-Verlet": lm.StormerVerlet(),
-        "splitting 6": lm.Splitting(order=6),
-    }.items():
+    for name, method in {"Stormer-Verlet": lm.StormerVerlet(), "splitting 6": lm.Splitting(order=6)}.items():
         yield "Kepler, e = 0.3", name, lambda m=method: ours(kepler, m, ellipse, 0.05)
     yield "free body", "heyoka, 1e-16", lambda: heyoka(2.3e-16)
     yield "free body", "heyoka, 1e-9", lambda: heyoka(1e-9)
@@ -120,9 +112,7 @@ def heyoka(tolerance: float) -> tuple[float, Part]:
 
     hy: Any = importlib.import_module("heyoka")
     variables = hy.make_vars("p", "q", "r")
-    integrator = hy.taylor_adaptive(
-        list(zip(variables, rates(hy, hy.time, variables), strict=True)), MU, tol=tolerance
-    )
+    integrator = hy.taylor_adaptive(list(zip(variables, rates(hy, hy.time, variables), strict=True)), MU, tol=tolerance)
     turn = 0
 
     def go_on(steps: int) -> np.ndarray:
@@ -178,12 +168,8 @@ def exudyn() -> tuple[float, Part]:
         nonlocal state
         pieces = [n for n in np.diff(np.linspace(0, steps, 31).astype(int)).tolist() if n]
         found = []
-        for (
-            piece
-        ) in pieces:  # the attitude does not act on the momentum: each piece begins with none
-            problem = peers.Problem(
-                "", tuple(J.tolist()), tuple(state[:3]), (H * piece,), pace=100.0 / (H * piece)
-            )
+        for piece in pieces:  # the attitude does not act on the momentum: each piece begins with none
+            problem = peers.Problem("", tuple(J.tolist()), tuple(state[:3]), (H * piece,), pace=100.0 / (H * piece))
             mu, _ = contender.prepare(problem, float(piece))()[-1]
             state[:3] = mu.tolist()
             found.append(mu)
@@ -328,27 +314,19 @@ def named_beside(ax: Any) -> None:
     """Names right of the picture, in the order in which the curves end."""
     lines = sorted(ax.get_lines(), key=lambda line: -line.get_ydata()[-1])
     handles, names = lines, [line.get_label() for line in lines]
-    ax.legend(
-        handles, names, fontsize=8.5, frameon=False, loc="center left", bbox_to_anchor=(1, 0.5)
-    )
+    ax.legend(handles, names, fontsize=8.5, frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
 
 
 def write_page(kept: dict[str, Any]) -> None:
     """The table and the figure of docs/proof/reliability.md."""
-    page, begin, end = (
-        PAGE.read_text(encoding="utf-8"),
-        "<!-- long runs -->",
-        "<!-- end of long runs -->",
-    )
+    page, begin, end = (PAGE.read_text(encoding="utf-8"), "<!-- long runs -->", "<!-- end of long runs -->")
     first, last = page.index(begin) + len(begin), page.index(end)
     PAGE.write_text(f"{page[:first]}\n\n{table(kept)}\n\n{page[last:]}", encoding="utf-8")
     draw(kept)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=20.0, help="of the processor, for all")
     parser.add_argument("--steps", type=float, default=1e8)
     parser.add_argument("--only", default="", help="rows whose name contains this")
@@ -364,17 +342,13 @@ def main() -> None:
             print(f"{name}: {missing}")
             continue
         print(
-            f"{group}: {name}: {found['steps']:.0e} steps, "
-            f"{found['seconds']:.0f} s, {found['errors'][-1:]}",
-            flush=True,
+            f"{group}: {name}: {found['steps']:.0e} steps, {found['seconds']:.0f} s, {found['errors'][-1:]}", flush=True
         )
         if found["steps"] >= kept.get(f"{group}: {name}", {"steps": 0})["steps"]:
             kept[f"{group}: {name}"] = found
             order = [f"{g}: {n}" for g, n, _ in parts()]
             kept = {key: kept[key] for key in order if key in kept}
-            KEPT.write_text(
-                json.dumps(kept, indent=None).replace('}, "', '},\n"') + "\n", encoding="utf-8"
-            )
+            KEPT.write_text(json.dumps(kept, indent=None).replace('}, "', '},\n"') + "\n", encoding="utf-8")
     write_page(kept)
 
 

@@ -24,10 +24,7 @@ import time
 from pathlib import Path
 
 TESTS = Path(__file__).parent.parent
-sys.path[:0] = [
-    str(TESTS),
-    *(str(TESTS / folder) for folder in ("benchmarks", "calls", "groups", "simulation")),
-]
+sys.path[:0] = [str(TESTS), *(str(TESTS / folder) for folder in ("benchmarks", "calls", "groups", "simulation"))]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import goals  # noqa: E402
@@ -58,9 +55,7 @@ def verdicts(text: str) -> dict[str, bool]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="smaller sizes")
     parser.add_argument("--write", action="store_true", help="write the page and draw the figure")
     parser.add_argument("--steps", type=int, default=10**6, help="of a long run")
@@ -72,16 +67,10 @@ def main() -> int:
     if chosen.minutes:
         chosen.steps, chosen.calls = (10**6, 10**5) if chosen.minutes >= 30 else (300_000, 10**4)
     begun = time.perf_counter()
-    size = (
-        goals.Size(True, 20_000, 500)
-        if chosen.quick
-        else goals.Size(False, chosen.steps, chosen.calls)
-    )
+    size = goals.Size(True, 20_000, 500) if chosen.quick else goals.Size(False, chosen.steps, chosen.calls)
     wanted = goals.GOALS if chosen.only is None else chosen.only
     rows = [
-        goals.row(goal, size)
-        for goal in goals.GOALS
-        if not chosen.scenes and (goal in wanted or goal.name in wanted)
+        goals.row(goal, size) for goal in goals.GOALS if not chosen.scenes and (goal in wanted or goal.name in wanted)
     ]
     table = "\n".join((HEADS["goals"], *rows))
     now, page = verdicts(table), PAGE.read_text(encoding="utf-8")
@@ -105,22 +94,12 @@ def main() -> int:
             over_time.draw(FIGURE, size)
         if chosen.minutes:
             left = max(1.0, chosen.minutes - (time.perf_counter() - begun) / 60.0)
-            command = [
-                sys.executable,
-                str(Path(__file__).with_name("long_runs.py")),
-                "--minutes",
-                f"{left:g}",
-            ]
+            command = [sys.executable, str(Path(__file__).with_name("long_runs.py")), "--minutes", f"{left:g}"]
             subprocess.run(command, check=True)
     elif chosen.write:
         page = PAGE.read_text(encoding="utf-8")
         for line in rows:
-            page = re.sub(
-                rf"^\{line.split(' | ')[0]} \|.*$",
-                lambda _, new=line: new,
-                page,
-                flags=re.MULTILINE,
-            )
+            page = re.sub(rf"^\{line.split(' | ')[0]} \|.*$", lambda _, new=line: new, page, flags=re.MULTILINE)
         PAGE.write_text(page, encoding="utf-8")
     missed = [name for name, met in now.items() if not met]
     print(

@@ -21,12 +21,7 @@ from liemech.models.pendulums import DoublePendulum, Pendulum
 from liemech.systems.canonical import CanonicalState, HamiltonianSystem
 
 REFERENCE = Path(__file__).parent.parent / "reference"
-MODELS = (
-    Pendulum(1.2, 0.8, 3.0),
-    DoublePendulum([1.0, 0.5], [1.0, 0.8], 9.81),
-    HenonHeiles(0.7),
-    Kepler(2.0),
-)
+MODELS = (Pendulum(1.2, 0.8, 3.0), DoublePendulum([1.0, 0.5], [1.0, 0.8], 9.81), HenonHeiles(0.7), Kepler(2.0))
 EACH = pytest.mark.parametrize("model", MODELS, ids=lambda model: type(model).__name__)
 
 
@@ -76,14 +71,8 @@ def test_velocity_and_force_are_the_derivatives_of_the_energy(
         return (4 * half - one) / 3
 
     scale = 1.0 + np.abs(model.force(q, p)).max()
-    assert (
-        np.abs(model.velocity(q, p) - differences(lambda x: model.energy(q, x), p)).max()
-        <= 1e-8 * scale
-    )
-    assert (
-        np.abs(model.force(q, p) + differences(lambda x: model.energy(x, p), q)).max()
-        <= 1e-8 * scale
-    )
+    assert np.abs(model.velocity(q, p) - differences(lambda x: model.energy(q, x), p)).max() <= 1e-8 * scale
+    assert np.abs(model.force(q, p) + differences(lambda x: model.energy(x, p), q)).max() <= 1e-8 * scale
 
 
 @EACH
@@ -91,10 +80,7 @@ def test_derivatives_that_nobody_wrote_are_those_in_closed_form(
     model: HamiltonianSystem, rng: np.random.Generator
 ) -> None:
     q, p = map(Vec.of, rng.normal(size=(2, model.degrees)))
-    for written, derived in (
-        ("velocity", HamiltonianSystem.velocity),
-        ("force", HamiltonianSystem.force),
-    ):
+    for written, derived in (("velocity", HamiltonianSystem.velocity), ("force", HamiltonianSystem.force)):
         closed = np.array(getattr(model, written)(q, p))
         assert np.allclose(np.array(derived(model, q, p)), closed, rtol=1e-13, atol=1e-13)
 
@@ -147,9 +133,7 @@ def test_kepler_against_the_reference() -> None:
         exact = system.exact(start, t)
         tolerance = 1e-14 * (1.0 + t) / (1.0 - e) ** 2
         for values, name in ((exact.q, "q"), (exact.p, "p")):
-            errors = np.abs(values - np.array([sample[name] for sample in case["samples"]])).max(
-                axis=1
-            )
+            errors = np.abs(values - np.array([sample[name] for sample in case["samples"]])).max(axis=1)
             assert (errors <= tolerance).all()
         assert np.allclose(system.pericentre(e).p, start.p, rtol=1e-15, atol=0.0)
         assert abs(system.period(start) - case["period"]) <= 1e-12 * case["period"]
@@ -233,10 +217,7 @@ def test_compensated_sums_keep_more() -> None:
     start = system.pericentre(0.2)
     drift = [
         np.abs(
-            lm.integrate(
-                system, lm.RKMK(order=8), start, h=0.01, steps=20_000, every=50, compensated=c
-            ).energy
-            + 0.5
+            lm.integrate(system, lm.RKMK(order=8), start, h=0.01, steps=20_000, every=50, compensated=c).energy + 0.5
         ).max()
         for c in (False, True)
     ]
@@ -272,12 +253,7 @@ def test_ensembles_have_the_bits_of_single_runs(rng: np.random.Generator) -> Non
     many = lm.integrate(system, lm.RKMK(order=4), starts, h=0.01, steps=20, compiled=True)
     for i in 0, 8:
         alone = lm.integrate(
-            system,
-            lm.RKMK(order=4),
-            system.state(starts.q[i], starts.p[i]),
-            h=0.01,
-            steps=20,
-            compiled=False,
+            system, lm.RKMK(order=4), system.state(starts.q[i], starts.p[i]), h=0.01, steps=20, compiled=False
         )
         assert same_bits(many.q[:, i], alone.q)
         assert same_bits(many.p[:, i], alone.p)

@@ -92,9 +92,7 @@ def test_there_and_back(name: str) -> None:
     Q, P = change.new(T, OLD.q, OLD.p)
     q, p = change.old(T, Q, P)
     assert np.abs(np.array([*q, *p]) - [*OLD.q, *OLD.p]).max() < 8 * EPS
-    assert np.allclose(change.of_momenta(T, q, P), Q) and np.allclose(
-        change.of_positions(T, q, P), p
-    )
+    assert np.allclose(change.of_momenta(T, q, P), Q) and np.allclose(change.of_positions(T, q, P), p)
 
 
 @pytest.mark.parametrize("name", CHANGES)
@@ -180,9 +178,7 @@ def test_the_motion_in_new_variables_leads_where_the_old_one_does(name: str) -> 
     exact = np.array(KEPLER.exact(OLD, 0.3).q)
     method, errors = lm.RKMK(order=2), []
     for n in (6, 12):
-        run = lm.integrate(
-            system, method, start, h=0.3 / n, steps=n, t0=T, compiled=False, progress=False
-        )
+        run = lm.integrate(system, method, start, h=0.3 / n, steps=n, t0=T, compiled=False, progress=False)
         q, _ = change.old(T + 0.3, run.last.q, run.last.p)
         errors.append(np.abs(np.array(q) - exact).max())
     slopes = [math.log2(a / b) for a, b in itertools.pairwise(errors)]
@@ -196,9 +192,7 @@ def test_native_code_gives_the_same_bits() -> None:
     many = system.state(np.array(Q) * np.array([[1.0], [0.9], [1.1]]), np.array([P] * 3))
     for start in (system.state(Q, P), many):
         native, python = (
-            lm.integrate(
-                system, lm.RKMK(order=4), start, h=0.05, steps=10, t0=T, compiled=c, progress=False
-            )
+            lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=10, t0=T, compiled=c, progress=False)
             for c in (True, False)
         )
         assert native.q.tobytes() == python.q.tobytes()
@@ -210,16 +204,11 @@ def test_a_closed_form_serves_methods_that_expand_in_power_series() -> None:
     class Closed(Turning):
         def old(self, t: float, Q: lm.Vec, P: lm.Vec) -> tuple[lm.Vec, lm.Vec]:
             c, s = cos(self.rate * t), sin(self.rate * t)
-            return (
-                lm.vec(c * Q[0] - s * Q[1], c * Q[1] + s * Q[0]),
-                lm.vec(c * P[0] - s * P[1], c * P[1] + s * P[0]),
-            )
+            return (lm.vec(c * Q[0] - s * Q[1], c * Q[1] + s * Q[0]), lm.vec(c * P[0] - s * P[1], c * P[1] + s * P[0]))
 
     Q, P = Turning(0.7).new(0.0, OLD.q, OLD.p)
     system, method = Closed(0.7).system(KEPLER), lm.HamiltonJacobi(order=4)
-    run = lm.integrate(
-        system, method, system.state(Q, P), h=0.02, steps=5, compiled=False, progress=False
-    )
+    run = lm.integrate(system, method, system.state(Q, P), h=0.02, steps=5, compiled=False, progress=False)
     q, _ = Turning(0.7).old(0.1, run.last.q, run.last.p)
     assert np.abs(np.array(q) - np.array(KEPLER.exact(OLD, 0.1).q)).max() < 1e-6
     with pytest.raises(IncompatibleSystem, match="write `new` and `old` in closed form"):

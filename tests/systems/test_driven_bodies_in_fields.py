@@ -175,9 +175,7 @@ def test_what_a_symmetry_keeps_time_does_not_take() -> None:
     assert [*run.drift()] == ["vertical momentum"] and np.ptp(run.energy) > 0.05
     kept = run.spatial_momentum[:, 2]
     assert np.abs(kept - kept[0]).max() < 1e-14
-    back = lm.integrate(
-        system(load=False), lm.KickDrift(), run.last, h=-0.05, steps=80, t0=4.0, compiled=False
-    )
+    back = lm.integrate(system(load=False), lm.KickDrift(), run.last, h=-0.05, steps=80, t0=4.0, compiled=False)
     assert np.abs(back.mu[-1] - START.mu).max() < 1e-13  # symmetric in time, too
 
 
@@ -201,8 +199,7 @@ def test_the_tangent_map_by_what_changes_with_time() -> None:
     plan = lm.Plan(system(), lm.KickDrift(), h=0.1, compiled=False)
     found = plan.tangent(START, by=name, **given).tangent[name][-1, :3, 0]
     ends = [
-        plan.replace(system=system(rate=[RATE[0] + e, *RATE[1:]])).run(START, **given).mu[-1]
-        for e in (1e-5, -1e-5)
+        plan.replace(system=system(rate=[RATE[0] + e, *RATE[1:]])).run(START, **given).mu[-1] for e in (1e-5, -1e-5)
     ]
     assert np.abs((ends[0] - ends[1]) / 2e-5 - found).max() < 1e-7 * np.abs(found).max()
 

@@ -99,9 +99,7 @@ def test_forces_are_what_they_are_defined_to_be(group: lm.LieGroup, potential: P
 
         for eta, f in zip(np.eye(group.dim), force, strict=True):
             coarse, fine = ((along(eta, s) - along(eta, -s)) / (2 * s) for s in (2e-3, 1e-3))
-            assert -f == pytest.approx(
-                (4 * fine - coarse) / 3, abs=1e-10 * max(1.0, np.abs(force).max())
-            )
+            assert -f == pytest.approx((4 * fine - coarse) / 3, abs=1e-10 * max(1.0, np.abs(force).max()))
         derived = np.array(EnergyOnly(potential).force(group, g))
         assert np.abs(derived - force).max() <= 1e-15 * max(1.0, np.abs(force).max()) * 4
 
@@ -137,9 +135,7 @@ def test_a_force_of_ones_own_on_unit_quaternions() -> None:
 @pytest.mark.parametrize(
     ("scene", "numbers_at"), [(heavy_top, TOP), (lagrange_top, LAGRANGE)], ids=["heavy", "Lagrange"]
 )
-def test_order_two_against_the_reference(
-    method: lm.Method, scene: Any, numbers_at: dict[str, Any]
-) -> None:
+def test_order_two_against_the_reference(method: lm.Method, scene: Any, numbers_at: dict[str, Any]) -> None:
     """Momentum, vertical and attitude; also where the attitude itself is given."""
     top, start = scene()
     at = numbers_at["samples"][2]
@@ -148,12 +144,7 @@ def test_order_two_against_the_reference(
     for n in counts:
         run = lm.integrate(top, method, start, h=2.0 / n, steps=n)
         parts = [run.mu[-1] - numbers(at["pi"]), run.g[-1][2] - numbers(at["Gamma"])]
-        errors.append(
-            [
-                np.abs(p).max()
-                for p in (*parts, *([run.g[-1] - numbers(at["R"])] if "R" in at else []))
-            ]
-        )
+        errors.append([np.abs(p).max() for p in (*parts, *([run.g[-1] - numbers(at["R"])] if "R" in at else []))])
     for error in np.array(errors).T:
         assert slope([2.0 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
@@ -168,9 +159,7 @@ def test_order_two_of_momentum_and_configuration(method: LieVerlet, scene: Any) 
     counts, errors = (40, 80, 160), []
     for n in counts:
         run = lm.integrate(system, method, start, h=1 / n, steps=n, compiled=False)
-        errors.append(
-            [np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()]
-        )
+        errors.append([np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()])
     for error in np.array(errors).T:
         assert slope([1 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
@@ -184,10 +173,7 @@ def test_rkmk_has_its_order_on_the_cotangent_group() -> None:
         for n in counts:
             run = lm.integrate(top, lm.RKMK(order=order), start, h=2.0 / n, steps=n)
             errors.append(
-                max(
-                    np.abs(run.mu[-1] - numbers(at["pi"])).max(),
-                    np.abs(run.g[-1][2] - numbers(at["Gamma"])).max(),
-                )
+                max(np.abs(run.mu[-1] - numbers(at["pi"])).max(), np.abs(run.g[-1][2] - numbers(at["Gamma"])).max())
             )
         assert slope([1.0 / n for n in counts], errors) == pytest.approx(order, abs=0.2)
     run = lm.integrate(top, lm.RKMK(order=8), start, h=0.05, steps=200)
@@ -222,9 +208,7 @@ def test_falling_bodies_fall_on_parabolas() -> None:
 def test_vertical_momentum_and_energy_of_tops(method: lm.Method) -> None:
     for scene, numbers_at in ((heavy_top, TOP), (lagrange_top, LAGRANGE)):
         top, start = scene()
-        assert top.energy(start.mu, start.g) == pytest.approx(
-            float(numbers_at["energy"]), rel=1e-15
-        )
+        assert top.energy(start.mu, start.g) == pytest.approx(float(numbers_at["energy"]), rel=1e-15)
         run = lm.integrate(top, method, start, h=0.1, steps=5000)
         vertical = np.einsum("ni,ni->n", run.mu, run.g[:, 2, :])
         wanted = float(numbers_at["vertical_momentum_pi_dot_Gamma"])
@@ -241,9 +225,7 @@ def test_vertical_momentum_and_energy_of_tops(method: lm.Method) -> None:
 def test_the_spin_of_the_lagrange_top_is_kept() -> None:
     top, start = lagrange_top()
     for method in (VERLET, VERLET_CAYLEY):
-        assert (
-            lm.integrate(top, method, start, h=0.1, steps=2000).drift()["spin"].verdict == "exact"
-        )
+        assert lm.integrate(top, method, start, h=0.1, steps=2000).drift()["spin"].verdict == "exact"
 
 
 @pytest.mark.slow
@@ -281,12 +263,7 @@ def test_the_canonical_form_is_kept(method: lm.Method) -> None:
 
     def step(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         run = lm.integrate(
-            top,
-            method,
-            top.state(mu0 + x[3:], group.compose(g0, group.exp(x[:3]))),
-            h=h,
-            steps=1,
-            compiled=False,
+            top, method, top.state(mu0 + x[3:], group.compose(g0, group.exp(x[:3]))), h=h, steps=1, compiled=False
         )
         return run.mu[1], run.g[1]
 
@@ -340,9 +317,7 @@ def test_order_two_on_other_groups(group: lm.LieGroup) -> None:
     errors = []
     for n in (10, 20, 40):
         run = lm.integrate(system, VERLET, start, h=0.5 / n, steps=n, compiled=False)
-        errors.append(
-            [np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()]
-        )
+        errors.append([np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()])
     for error in np.array(errors).T:
         assert slope([10, 5, 2.5], error) == pytest.approx(2.0, abs=0.1)
 
@@ -372,12 +347,8 @@ def test_compositions_of_lie_verlet() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("method", "free"), [(VERLET, EXP), (VERLET_CAYLEY, CAYLEY)], ids=["exp", "Cayley"]
-)
-def test_without_a_field_it_is_algorithm_1(
-    method: lm.Method, free: lm.CovariantVariational
-) -> None:
+@pytest.mark.parametrize(("method", "free"), [(VERLET, EXP), (VERLET_CAYLEY, CAYLEY)], ids=["exp", "Cayley"])
+def test_without_a_field_it_is_algorithm_1(method: lm.Method, free: lm.CovariantVariational) -> None:
     rng = np.random.default_rng(5)
     for body, mu, g in (
         (lm.RigidBody([1.0, 1.6, 2.3]), [0.3, 0.8, -0.4], rotation(rng)),
@@ -388,12 +359,8 @@ def test_without_a_field_it_is_algorithm_1(
         ),
     ):
         field = MechanicalSystem(body, NoPotential())
-        a = lm.integrate(
-            field, method, field.state(mu, g), h=0.1, steps=200, compensated=False, compiled=False
-        )
-        b = lm.integrate(
-            body, free, body.state(mu, g), h=0.1, steps=200, compensated=False, compiled=False
-        )
+        a = lm.integrate(field, method, field.state(mu, g), h=0.1, steps=200, compensated=False, compiled=False)
+        b = lm.integrate(body, free, body.state(mu, g), h=0.1, steps=200, compensated=False, compiled=False)
         assert same_bits(a.mu, b.mu)
         assert same_bits(a.g, b.g)
         assert a.drift()["spatial momentum"].verdict == "exact"
@@ -426,9 +393,7 @@ def test_order_two_under_a_load(method: lm.Method) -> None:
     counts, errors = (40, 80, 160), []
     for n in counts:
         run = lm.integrate(system, method, start, h=1 / n, steps=n, t0=0.3)
-        errors.append(
-            [np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()]
-        )
+        errors.append([np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()])
     for error in np.array(errors).T:
         assert slope([1 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
@@ -459,9 +424,7 @@ def test_friction_takes_what_it_does_in_work() -> None:
 def test_loads_compile() -> None:
     system, start = loaded_top()
     for method in (VERLET, lm.RKMK(order=4)):
-        plain, native = (
-            lm.integrate(system, method, start, h=0.1, steps=40, compiled=c) for c in (False, True)
-        )
+        plain, native = (lm.integrate(system, method, start, h=0.1, steps=40, compiled=c) for c in (False, True))
         assert same_bits(plain.mu, native.mu)
         assert same_bits(plain.g, native.g)
 
@@ -469,15 +432,8 @@ def test_loads_compile() -> None:
 # ---------------------------------------------------------------- plain, compiled, many
 
 
-PAIRS = [
-    (method, scene) for method in (VERLET, VERLET_CAYLEY, KickDrift()) for scene in SCENES.values()
-]
-QUICK = (
-    (VERLET, lagrange_top),
-    (VERLET, falling_body),
-    (VERLET_CAYLEY, heavy_top),
-    (KickDrift(), orbiting_body),
-)
+PAIRS = [(method, scene) for method in (VERLET, VERLET_CAYLEY, KickDrift()) for scene in SCENES.values()]
+QUICK = ((VERLET, lagrange_top), (VERLET, falling_body), (VERLET_CAYLEY, heavy_top), (KickDrift(), orbiting_body))
 """Every method and every scene; all pairs are slow."""
 
 
@@ -490,9 +446,7 @@ QUICK = (
 )
 def test_plain_and_compiled_runs_are_equal(method: lm.Method, scene: Any) -> None:
     system, start = scene()
-    plain, native = (
-        lm.integrate(system, method, start, h=0.1, steps=40, compiled=c) for c in (False, True)
-    )
+    plain, native = (lm.integrate(system, method, start, h=0.1, steps=40, compiled=c) for c in (False, True))
     assert native.compiled
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
@@ -502,10 +456,7 @@ def test_plain_and_compiled_runs_are_equal(method: lm.Method, scene: Any) -> Non
 @pytest.mark.compiled
 def test_rkmk_on_the_cotangent_group_compiles() -> None:
     top, start = heavy_top()
-    plain, native = (
-        lm.integrate(top, lm.RKMK(order=4), start, h=0.1, steps=40, compiled=c)
-        for c in (False, True)
-    )
+    plain, native = (lm.integrate(top, lm.RKMK(order=4), start, h=0.1, steps=40, compiled=c) for c in (False, True))
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
 
@@ -514,17 +465,13 @@ def test_rkmk_on_the_cotangent_group_compiles() -> None:
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_ensembles_are_single_runs(compiled: bool) -> None:
     rng = np.random.default_rng(6)
-    magnet = MechanicalSystem(
-        lm.RigidBody([1.0, 1.5, 0.7]), Magnet(0.7, [0.0, 0.6, 0.8], [1.0, 0.0, 0.5])
-    )
+    magnet = MechanicalSystem(lm.RigidBody([1.0, 1.5, 0.7]), Magnet(0.7, [0.0, 0.6, 0.8], [1.0, 0.0, 0.5]))
     for system in (magnet,) if compiled else (heavy_top()[0], magnet):
         mu, g = rng.normal(size=(5, 3)), lm.SO3().random(rng, 5)
         many = lm.integrate(system, VERLET, system.state(mu, g), h=0.1, steps=20, compiled=compiled)
         assert many.drift()["energy"].verdict in ("bounded", "drifting")
         for i in range(5):
-            one = lm.integrate(
-                system, VERLET, system.state(mu[i], g[i]), h=0.1, steps=20, compiled=False
-            )
+            one = lm.integrate(system, VERLET, system.state(mu[i], g[i]), h=0.1, steps=20, compiled=False)
             assert same_bits(np.ascontiguousarray(many.mu[:, i]), one.mu)
             assert same_bits(np.ascontiguousarray(many.g[:, i]), one.g)
 
@@ -557,9 +504,7 @@ def test_methods_that_do_not_know_fields_refuse_them() -> None:
     top, start = heavy_top()
     with pytest.raises(lm.errors.IncompatibleSystem, match="lagrangian"):
         lm.integrate(top, EXP, start, h=0.1, steps=1)
-    with pytest.raises(
-        lm.errors.IncompatibleSystem, match=r"a body in a field.*CovariantVariational"
-    ):
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"a body in a field.*CovariantVariational"):
         lm.integrate(top.body, VERLET, top.body.state(start.mu, start.g), h=0.1, steps=1)
     with pytest.raises(lm.errors.IncompatibleSystem, match="cannot be used on"):
         lm.integrate(top, lm.RKMK(order=4, retraction=lm.Cayley()), start, h=0.1, steps=1)
@@ -578,9 +523,7 @@ def test_lie_verlet_asks_for_a_lagrangian_and_a_retraction() -> None:
     system = MechanicalSystem(lm.LiePoissonSystem(lm.SO3(), Free()), NoPotential())
     with pytest.raises(lm.errors.IncompatibleSystem, match="lagrangian"):
         lm.integrate(system, VERLET, system.state([0.1, 0.2, 0.3], np.eye(3)), h=0.1, steps=1)
-    linear = MechanicalSystem(
-        lm.LiePoissonSystem(lm.SL(3), lm.KineticEnergy(np.ones(8))), NoPotential()
-    )
+    linear = MechanicalSystem(lm.LiePoissonSystem(lm.SL(3), lm.KineticEnergy(np.ones(8))), NoPotential())
     with pytest.raises(lm.errors.IncompatibleSystem, match="Cayley"):
         lm.integrate(linear, VERLET_CAYLEY, linear.state(np.ones(8), np.eye(3)), h=0.1, steps=1)
 
@@ -608,16 +551,12 @@ def test_parts_that_cannot_be_meant() -> None:
     with pytest.raises(lm.errors.InvalidType, match="retraction must be"):
         LieVerlet("exp")
     with pytest.raises(NotImplementedError, match="must define `energy`"):
-        MechanicalSystem(lm.RigidBody([1.0, 1.5, 0.7]), Potential()).energy(
-            [0.1, 0.2, 0.3], np.eye(3)
-        )
+        MechanicalSystem(lm.RigidBody([1.0, 1.5, 0.7]), Potential()).energy([0.1, 0.2, 0.3], np.eye(3))
 
 
 def test_steps_that_are_too_large_say_so() -> None:
     top, start = heavy_top()
-    with pytest.raises(
-        lm.errors.IntegrationFailure, match=r"CovariantVariational.*too large"
-    ) as caught:
+    with pytest.raises(lm.errors.IntegrationFailure, match=r"CovariantVariational.*too large") as caught:
         lm.integrate(top, VERLET, start, h=20.0, steps=100)
     assert len(caught.value.trajectory) >= 1
 

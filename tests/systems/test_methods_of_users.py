@@ -16,9 +16,7 @@ from liemech.errors import InvalidInput, InvalidType
 
 
 def _hamiltonian(**methods: Any) -> Any:
-    cls = type(
-        "Mine", (lm.Hamiltonian,), {"energy": lambda self, mu: 0.5 * lm.dot(mu, mu), **methods}
-    )
+    cls = type("Mine", (lm.Hamiltonian,), {"energy": lambda self, mu: 0.5 * lm.dot(mu, mu), **methods})
     return lm.LiePoissonSystem(lm.SO3(), lm.record(cls)())
 
 
@@ -83,17 +81,10 @@ def test_arrays_and_lists_are_vectors_where_a_vector_belongs() -> None:
     ]
     found = []
     for gradient in written:
-        system = _hamiltonian(
-            gradient=gradient, energy=lambda self, mu: 0.5 * lm.dot(mu, lm.vec(1.0, 2.0, 1.0) * mu)
-        )
+        system = _hamiltonian(gradient=gradient, energy=lambda self, mu: 0.5 * lm.dot(mu, lm.vec(1.0, 2.0, 1.0) * mu))
         for compiled in (False, True):
             run = lm.integrate(
-                system,
-                lm.RKMK(order=4),
-                system.state(mu=[0.1, 0.2, 0.3]),
-                h=0.1,
-                steps=20,
-                compiled=compiled,
+                system, lm.RKMK(order=4), system.state(mu=[0.1, 0.2, 0.3]), h=0.1, steps=20, compiled=compiled
             )
             found.append(run.mu.tobytes())
     assert len(set(found)) == 1
@@ -124,11 +115,7 @@ def test_a_constraint_is_a_vector() -> None:
 
 
 @pytest.mark.parametrize(
-    ("g", "words"),
-    [
-        ([1.0, 0.0, 0.0, 0.0], r"UnitQuaternions\(\).matrix"),
-        ([0.0, 0.0, 1.0], r"SO3\(\).exp\(v\)"),
-    ],
+    ("g", "words"), [([1.0, 0.0, 0.0, 0.0], r"UnitQuaternions\(\).matrix"), ([0.0, 0.0, 1.0], r"SO3\(\).exp\(v\)")]
 )
 def test_rotations_given_in_another_way(g: list[float], words: str) -> None:
     body = lm.RigidBody([1.0, 1.5, 2.0])

@@ -64,10 +64,7 @@ class Fast(lm.Hamiltonian):
 @pytest.mark.parametrize(
     "inertia, words",
     [
-        (
-            J + np.array([[0, 1e-6, 0], [0, 0, 0], [0, 0, 0]]),
-            r"not symmetric: \[0, 1\] is 0.300001, \[1, 0\] is 0.3",
-        ),
+        (J + np.array([[0, 1e-6, 0], [0, 0, 0], [0, 0, 0]]), r"not symmetric: \[0, 1\] is 0.300001, \[1, 0\] is 0.3"),
         (np.diag([1.0, 0.0, 2.0]), "singular up to rounding"),
         (np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), "singular up to rounding"),
         (np.zeros((3, 3)), "singular up to rounding"),
@@ -87,9 +84,7 @@ def test_inertia_in_any_units_and_with_any_sign() -> None:
     units = np.repeat([1e-9, 1e6], 3)
     whole = np.block([[J, 0.1 * J], [0.1 * J.T, J]])
     energy = lm.KineticEnergy(units[:, None] * whole * units)
-    assert np.array(energy.momentum(energy.gradient(units * 0.3))) == pytest.approx(
-        units * 0.3, rel=1e-12
-    )
+    assert np.array(energy.momentum(energy.gradient(units * 0.3))) == pytest.approx(units * 0.3, rel=1e-12)
     lm.KineticEnergy([[0.0, 1.0], [1.0, 0.0]])
     lm.KineticEnergy([1.0, -2.0, 1.0])
     R = SO3.random(1)
@@ -137,9 +132,7 @@ def test_a_gradient_that_is_wrong_in_one_unit() -> None:
 def test_gradient_that_is_none() -> None:
     lm.LiePoissonSystem(SO3, Own([1.0, 2.0, 3.0]))
     for slip in (1e-4, -2.0):
-        with pytest.raises(
-            lm.errors.InvalidInput, match=r"Own\.gradient is not the gradient of its energy"
-        ):
+        with pytest.raises(lm.errors.InvalidInput, match=r"Own\.gradient is not the gradient of its energy"):
             lm.LiePoissonSystem(SO3, Own([1.0, 2.0, 3.0], slip))
 
 

@@ -53,9 +53,7 @@ def test_the_values_of_time_scales() -> None:
     )
     top, begun = heavy_top()
     xi, force = np.array(top.velocity(begun.mu)), np.array(top.force(begun.g))
-    assert EqualArc().value(top, begun) == pytest.approx(
-        1.0 / np.sqrt(xi @ xi + force @ force), rel=1e-14
-    )
+    assert EqualArc().value(top, begun) == pytest.approx(1.0 / np.sqrt(xi @ xi + force @ force), rel=1e-14)
 
 
 def moved(system: Any, start: Any, h: float) -> Any:
@@ -88,9 +86,7 @@ def test_how_time_scales_grow_along_the_motion(case: int) -> None:
     h = 1e-4
     ends = [scale.value(system, moved(system, start, s)) for s in (h, -h)]
     assert abs(ends[0] - ends[1]) > 1e-6
-    assert scale.growth(system, 0.0, start) == pytest.approx(
-        (ends[0] - ends[1]) / (2.0 * h), rel=1e-6
-    )
+    assert scale.growth(system, 0.0, start) == pytest.approx((ends[0] - ends[1]) / (2.0 * h), rel=1e-6)
 
 
 # ---------------------------------------------------------------- potentials and fields
@@ -134,9 +130,7 @@ def test_a_body_in_a_field_is_moved_by_element_and_kick(retraction: lm.Retractio
     top, start = heavy_top()
     g, mu, w, f = np.array(start.g), np.array(start.mu), [0.3, -0.2, 0.5], [0.1, 0.4, -0.2]
     h = np.array(lm.SO3().exp(w))
-    n = np.array(
-        lm.SO3().dexp(w, f, side="right")
-    )  # the same on vectors and covectors of rotations
+    n = np.array(lm.SO3().dexp(w, f, side="right"))  # the same on vectors and covectors of rotations
     for kick, moved_by in ((f, n), ([0.0] * 3, 0.0)):
         end = top.displaced(retraction, start, vec(*w, *kick))
         assert np.allclose(end.g, g @ h, rtol=0.0, atol=1e-15)
@@ -157,9 +151,7 @@ def test_tables_of_vectors_and_their_derivatives() -> None:
         lm.PiecewisePolynomial.of(spline),
         lm.PiecewisePolynomial.of(make_interp_spline(t, values, k=3)),
         lm.PiecewisePolynomial.of(
-            BPoly.from_derivatives(
-                t, [[*zip(r, d)] and [r, d] for r, d in zip(values, spline(t, 1))]
-            )
+            BPoly.from_derivatives(t, [[*zip(r, d)] and [r, d] for r, d in zip(values, spline(t, 1))])
         ),
     ]
     for table in made[:3]:
@@ -267,9 +259,7 @@ def test_energies_of_one_coordinate(index: int) -> None:
     assert isinstance(part, FunctionOfCoordinate) and part.index == index
 
 
-@pytest.mark.parametrize(
-    ("power", "field", "wanted"), [(2, 3, True), (3, 3, False), (2, 1, True), (4, 2, False)]
-)
+@pytest.mark.parametrize(("power", "field", "wanted"), [(2, 3, True), (3, 3, False), (2, 1, True), (4, 2, False)])
 def test_which_splittings_are_of_second_degree(power: int, field: int, wanted: bool) -> None:
     """{V, {V, {V, T}}} = 0 for T of second degree in the momenta, whatever V is; on rotations for
     no such pair.

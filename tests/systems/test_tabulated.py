@@ -81,10 +81,7 @@ def test_beyond_the_table_what_was_named():
     with pytest.raises(errors.InvalidInput, match="not held"):
         held.derivative()
     again = lm.PiecewisePolynomial.linear(*given, outside="repeat")
-    assert (
-        abs(again(3.25 + 20.0) - again(3.25)) < 1e-12
-        and abs(again(3.25 - 10.0) - again(3.25)) < 1e-12
-    )
+    assert abs(again(3.25 + 20.0) - again(3.25)) < 1e-12 and abs(again(3.25 - 10.0) - again(3.25)) < 1e-12
     strict = lm.PiecewisePolynomial.cubic(*given)
     for t in (0.99, 11.01, np.nan):
         with pytest.raises(ValueError, match=r'1\.0 to 11\.0, has no value; outside="hold"'):
@@ -109,9 +106,7 @@ def test_adaptive_steps_know_where_a_table_jumps(method):
     area = np.diff(KNOTS) @ VALUES[1:]
     system = driven(steps)
     for breaks in (steps.knots, ()):
-        run = lm.integrate(
-            system, method, system.state(np.zeros(2)), t_end=10.0, breaks=breaks, compiled=False
-        )
+        run = lm.integrate(system, method, system.state(np.zeros(2)), t_end=10.0, breaks=breaks, compiled=False)
         assert np.abs(run.g[-1] - area).max() < 1e-13 and run.rejected == 0
 
 
@@ -131,9 +126,7 @@ def test_jumps_within_rounding_of_the_ends_stop_no_adaptive_run(t0, t_end, ulps)
 
 
 def test_no_adaptive_step_goes_across_two_pulses():
-    f = lm.PiecewisePolynomial.constant(
-        [0.0, 5.0, 5.01, 7.0, 7.02, 10.0], [0.0, 10.0, 0.0, 5.0, 0.0]
-    )
+    f = lm.PiecewisePolynomial.constant([0.0, 5.0, 5.01, 7.0, 7.02, 10.0], [0.0, 10.0, 0.0, 5.0, 0.0])
     system = Number(lm.VectorSpace(1), f)
     run = lm.integrate(system, lm.RKMK(order=5), system.state([0.0]), t_end=10.0, compiled=False)
     assert abs(run.g[-1, 0] - 0.2) < 10.0 * 1e-13
@@ -174,9 +167,7 @@ def primitive(f: lm.PiecewisePolynomial, t: np.ndarray) -> np.ndarray:
     """The integral of a table of one period from its first knot, by SciPy."""
     from scipy.interpolate import PPoly
 
-    terms = np.moveaxis(
-        np.asarray(f.coefficients).reshape(len(f.knots) - 1, f.degree + 1, -1), 1, 0
-    )
+    terms = np.moveaxis(np.asarray(f.coefficients).reshape(len(f.knots) - 1, f.degree + 1, -1), 1, 0)
     curve = PPoly(terms[::-1], np.asarray(f.knots)).antiderivative()
     length = f.knots.array[-1] - f.knots.array[0]
     turns = np.floor((t - f.knots.array[0]) / length)
@@ -207,9 +198,7 @@ def test_held_values_are_integrated_exactly_whether_knots_are_ends_of_steps_or_n
         for sign in (1.0, -1.0):
             t0 = 0.0 if sign > 0.0 else h * steps
             begin = system.state(np.zeros(2))
-            run = lm.integrate(
-                system, method, begin, h=sign * h, steps=steps, t0=t0, compiled=False
-            )
+            run = lm.integrate(system, method, begin, h=sign * h, steps=steps, t0=t0, compiled=False)
             t = np.clip(run.t, 0.0, 4.0)
             wanted = primitive(f, t) - primitive(f, np.array([t0]))
             assert np.abs(run.g - wanted).max() < 1e-13
@@ -220,28 +209,14 @@ def test_a_table_that_is_repeated_jumps_where_it_begins_anew(kind):
     rng = np.random.default_rng(5)
     knots = np.array([0.0, 0.2, 0.7, 1.0]) + 0.3
     f = {
-        "constant": lambda: lm.PiecewisePolynomial.constant(
-            knots, rng.normal(size=(3, 2)), "repeat"
-        ),
+        "constant": lambda: lm.PiecewisePolynomial.constant(knots, rng.normal(size=(3, 2)), "repeat"),
         "linear": lambda: lm.PiecewisePolynomial.linear(knots, rng.normal(size=(4, 2)), "repeat"),
         "polynomial": lambda: lm.PiecewisePolynomial(knots, rng.normal(size=(3, 4, 2)), "repeat"),
     }[kind]()
     system = driven(f)
-    for t0, h, steps in (
-        (0.3, 0.1, 40),
-        (0.3, 1.0, 4),
-        (0.0, 0.07, 40),
-        (0.3, -0.1, 40),
-        (0.3, 2.5, 2),
-    ):
+    for t0, h, steps in ((0.3, 0.1, 40), (0.3, 1.0, 4), (0.0, 0.07, 40), (0.3, -0.1, 40), (0.3, 2.5, 2)):
         run = lm.integrate(
-            system,
-            lm.Taylor(order=6),
-            system.state(np.zeros(2)),
-            h=h,
-            steps=steps,
-            t0=t0,
-            compiled=False,
+            system, lm.Taylor(order=6), system.state(np.zeros(2)), h=h, steps=steps, t0=t0, compiled=False
         )
         wanted = primitive(f, run.t) - primitive(f, np.array([t0]))
         assert np.abs(run.g - wanted).max() < 1e-13 * max(1.0, np.abs(wanted).max())
@@ -309,9 +284,7 @@ def test_steps_in_fictive_time_warn_of_jumps_that_they_go_across():
     held = lm.PiecewisePolynomial(SWITCHED.knots, SWITCHED._terms(), "hold")
     with pytest.warns(lm.errors.OrderWarning, match=r"an input of .* jumps.*ReversibleController"):
         lm.SundmanTransformed(turned(held), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
-    smooth = lm.PiecewisePolynomial.linear(
-        [0.0, 1.0, 2.0], [[0.0] * 3, [1.0] * 3, [0.0] * 3], "hold"
-    )
+    smooth = lm.PiecewisePolynomial.linear([0.0, 1.0, 2.0], [[0.0] * 3, [1.0] * 3, [0.0] * 3], "hold")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         lm.SundmanTransformed(turned(smooth), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
@@ -333,9 +306,7 @@ def test_steps_of_one_length_end_at_breaks_that_a_user_names(method, at):
     system = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Switch(at))
     same = lm.PiecewisePolynomial.constant([0.0, at, 2.0], [[1.0, 0.3, 0.0], [-2.0, 0.3, 0.0]])
     runs = [
-        lm.integrate(
-            one, method, one.state(**START), h=0.05, steps=40, breaks=breaks, compiled=False
-        )
+        lm.integrate(one, method, one.state(**START), h=0.05, steps=40, breaks=breaks, compiled=False)
         for one, breaks in ((system, [at]), (turned(same), ()), (system, ()))
     ]
     assert np.abs(runs[0].mu - runs[1].mu).max() < 1e-13
@@ -387,10 +358,7 @@ def test_the_tangent_of_a_run_across_jumps_is_its_derivative():
     plan = lm.Plan(system, lm.LieVerlet(), h=0.1, compiled=False)
     made = plan.tangent(system.state(**START), steps=20, by=("start", "body.inertia"))
     step = 1e-5
-    ends = [
-        plan.run(system.state(mu=[1.0 + x, 0.5, 0.2], g=np.eye(3)), steps=20).mu[-1]
-        for x in (step, -step)
-    ]
+    ends = [plan.run(system.state(mu=[1.0 + x, 0.5, 0.2], g=np.eye(3)), steps=20).mu[-1] for x in (step, -step)]
     assert np.abs(made.tangent["start"][-1][:3, 0] - (ends[0] - ends[1]) / (2 * step)).max() < 1e-8
     with pytest.raises(errors.IncompatibleSystem, match="whatever h is"):
         plan.tangent(system.state(**START), steps=2, by="h")
@@ -423,9 +391,7 @@ def test_bodies_with_tables_of_their_own_have_the_bits_of_single_runs(method):
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "precision", ["double", pytest.param("double-double", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("precision", ["double", pytest.param("double-double", marks=pytest.mark.slow)])
 def test_steps_across_jumps_are_the_same_bits_in_native_code(precision):
     system = turned(SWITCHED)
     runs = [
@@ -444,9 +410,7 @@ def test_a_cubic_table_is_integrated_exactly_by_simpsons_rule():
     knots = np.linspace(0.0, 10.0, 21)
     curve = CubicSpline(knots, RNG.normal(size=(21, 2)))
     system = driven(lm.PiecewisePolynomial.of(curve))
-    run = lm.integrate(
-        system, lm.RKMK(order=4), system.state(np.zeros(2)), h=0.5, steps=20, compiled=False
-    )
+    run = lm.integrate(system, lm.RKMK(order=4), system.state(np.zeros(2)), h=0.5, steps=20, compiled=False)
     assert np.abs(run.g - [curve.integrate(0.0, t) for t in run.t]).max() < 1e-13
 
 
@@ -475,9 +439,7 @@ def test_a_table_is_one_number_wherever_values_are_laid_out():
     numbers = leaves(system, layout)
     assert len(numbers) == layout.width and gatherer(layout)(system) == numbers
     assert build(layout, iter(numbers)) == system
-    assert layout == layout_of(
-        driven(lm.PiecewisePolynomial.cubic(np.arange(500.0), RNG.normal(size=(500, 2))))
-    )
+    assert layout == layout_of(driven(lm.PiecewisePolynomial.cubic(np.arange(500.0), RNG.normal(size=(500, 2)))))
 
 
 @pytest.mark.slow
@@ -495,9 +457,7 @@ class Delayed(lm.GroupEquation):
 
 
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
-@pytest.mark.parametrize(
-    ("delay", "pace"), [(0.25, 1.0), (3.0, 1.0), (-1.5, 1.0), (-8.0, -1.0), (1.0, 2.0)]
-)
+@pytest.mark.parametrize(("delay", "pace"), [(0.25, 1.0), (3.0, 1.0), (-1.5, 1.0), (-8.0, -1.0), (1.0, 2.0)])
 @pytest.mark.parametrize("compiled", [False, None])
 def test_a_table_is_right_at_other_times_than_those_of_the_step(outside, delay, pace, compiled):
     # Simpson's rule is exact for cubics, the knots are ends of steps
@@ -507,9 +467,7 @@ def test_a_table_is_right_at_other_times_than_those_of_the_step(outside, delay, 
     waves = np.column_stack([np.sin(knots), np.cos(2.0 * np.pi * knots / 16.0)])
     curve = CubicSpline(knots, waves)
     system = Delayed(lm.VectorSpace(2), lm.PiecewisePolynomial.of(curve, outside), delay, pace)
-    run = lm.integrate(
-        system, lm.RKMK(order=4), system.state([0.0, 0.0]), h=0.25, steps=20, compiled=compiled
-    )
+    run = lm.integrate(system, lm.RKMK(order=4), system.state([0.0, 0.0]), h=0.25, steps=20, compiled=compiled)
     exact = [curve.integrate(-delay, pace * t - delay) / pace for t in run.t.tolist()]
     assert np.abs(run.g - exact).max() < 1e-13
 
@@ -566,16 +524,12 @@ def test_stages_beyond_a_step_see_a_fine_table_as_it_is():
     from liemech.tableaus.compositions import TRIPLE_JUMP4
 
     knots = np.linspace(-1.0, 6.0, 7 * 128 + 1)
-    torque = lm.PiecewisePolynomial.cubic(
-        knots, np.column_stack([np.cos(knots), 0.0 * knots, 0.0 * knots])
-    )
+    torque = lm.PiecewisePolynomial.cubic(knots, np.column_stack([np.cos(knots), 0.0 * knots, 0.0 * knots]))
     body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(torque))
     jumps = lm.Composition(lm.KickDrift(), tableau=TRIPLE_JUMP4)
     errors = []
     for h in 0.25, 0.125:
-        run = lm.integrate(
-            body, jumps, body.state([0.0, 0.0, 0.0], np.eye(3)), h=h, steps=round(5.0 / h)
-        )
+        run = lm.integrate(body, jumps, body.state([0.0, 0.0, 0.0], np.eye(3)), h=h, steps=round(5.0 / h))
         errors.append(np.abs(run.mu[:, 0] - np.sin(run.t)).max())
     assert errors[0] < 2e-4 and errors[0] / errors[1] > 12.0
 
@@ -585,9 +539,7 @@ def test_stages_beyond_a_step_do_not_look_behind_a_jump(outside):
     from liemech.tableaus.compositions import TRIPLE_JUMP4, YOSHIDA6
 
     knots = [-1.0, 0.33, 1.0, 1.4142, 5.0]
-    push = lm.PiecewisePolynomial.constant(
-        knots, np.outer([0.3, 2.0, -1.0, 0.5], [1.0, 0.2, -0.5]), outside
-    )
+    push = lm.PiecewisePolynomial.constant(knots, np.outer([0.3, 2.0, -1.0, 0.5], [1.0, 0.2, -0.5]), outside)
     body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(push))
     start = body.state([0.3, 0.5, -0.7], np.eye(3))
     exact = lm.integrate(body, lm.RKMK(order=8), start, h=0.02, steps=100).mu[-1]
@@ -619,9 +571,7 @@ def test_native_code_is_one_for_tables_of_all_lengths_and_has_the_bits_of_python
     systems = [driven(f) for f in (short, many, short, many, many)]
     together = lm.integrate(systems, lm.RKMK(order=4), starts, h=0.05, steps=100, compiled=True)
     for i, system in enumerate(systems):
-        alone = lm.integrate(
-            system, lm.RKMK(order=4), system.state(starts.g[i]), h=0.05, steps=100, compiled=False
-        )
+        alone = lm.integrate(system, lm.RKMK(order=4), system.state(starts.g[i]), h=0.05, steps=100, compiled=False)
         assert np.array_equal(together.g[:, i], alone.g)
 
 
@@ -644,17 +594,11 @@ def test_a_table_that_is_no_field_lies_in_the_code_and_is_looked_at_again(monkey
     start = system.state(np.zeros(2))
 
     def runs():
-        return [
-            lm.integrate(system, lm.RKMK(order=4), start, h=0.7, steps=40, compiled=c).g
-            for c in (False, True)
-        ]
+        return [lm.integrate(system, lm.RKMK(order=4), start, h=0.7, steps=40, compiled=c).g for c in (False, True)]
 
     plain, native = runs()
     assert np.array_equal(plain, native)
-    monkeypatch.setattr(
-        f"{__name__}.CONSTANT",
-        lm.PiecewisePolynomial.linear(KNOTS, -VALUES[:, 0], outside="repeat"),
-    )
+    monkeypatch.setattr(f"{__name__}.CONSTANT", lm.PiecewisePolynomial.linear(KNOTS, -VALUES[:, 0], outside="repeat"))
     changed, native = runs()
     assert np.array_equal(changed, native) and np.array_equal(changed, -plain)
 

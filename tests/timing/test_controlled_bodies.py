@@ -27,18 +27,12 @@ def distance(g: Any) -> float:
     return (g[9] * g[9] + g[10] * g[10] + g[11] * g[11]) ** 0.75
 
 
-def changes(
-    system: Any, method: lm.Method, sigma: Any, start: Any, h: float, t_end: float
-) -> tuple[Any, float, float]:
+def changes(system: Any, method: lm.Method, sigma: Any, start: Any, h: float, t_end: float) -> tuple[Any, float, float]:
     """A controlled run, and the largest changes of the energy, controlled and in as many equal
     steps.
     """
-    run = lm.integrate(
-        system, lm.ReversibleController(method, sigma), start, h=h, t_end=t_end, progress=False
-    )
-    equal = lm.integrate(
-        system, method, start, h=t_end / run.steps, steps=run.steps, progress=False
-    )
+    run = lm.integrate(system, lm.ReversibleController(method, sigma), start, h=h, t_end=t_end, progress=False)
+    equal = lm.integrate(system, method, start, h=t_end / run.steps, steps=run.steps, progress=False)
     return run, *(float(np.abs(r.energy - r.energy[0]).max()) for r in (run, equal))
 
 
@@ -73,28 +67,17 @@ def test_an_eccentric_satellite_that_spins_does_not_drift() -> None:
     map need not keep it there.
     """
     method = lm.ReversibleController(lm.KickDrift(order=2), distance)
-    run = lm.integrate(
-        SATELLITE,
-        method,
-        falling_in((0.1, 0.2, 20.0)),
-        h=0.05,
-        steps=300_000,
-        every=10,
-        progress=False,
-    )
+    run = lm.integrate(SATELLITE, method, falling_in((0.1, 0.2, 20.0)), h=0.05, steps=300_000, every=10, progress=False)
     error, tenth = np.abs(run.energy - run.energy[0]), len(run) // 10
     assert run.t[-1] > 500 * 2.0 * np.pi
     assert error[-tenth:].max() < 1.02 * error[:tenth].max() < 2e-3
-    tumbling = lm.integrate(
-        SATELLITE, method, falling_in(), h=0.05, steps=300_000, every=10, progress=False
-    )
+    tumbling = lm.integrate(SATELLITE, method, falling_in(), h=0.05, steps=300_000, every=10, progress=False)
     assert np.abs(tumbling.energy - tumbling.energy[0]).max() > 3.0 * error.max()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("method", "gain"),
-    [(lm.KickDrift(order=2), 1.7), pytest.param(lm.KickDrift(order=4), 3.0, marks=LONG)],
+    ("method", "gain"), [(lm.KickDrift(order=2), 1.7), pytest.param(lm.KickDrift(order=4), 3.0, marks=LONG)]
 )
 def test_a_top_near_the_vertical(method: lm.Method, gain: float) -> None:
     """It spins too slowly to sleep: it lingers upright, falls fast, and rises again; the steps
@@ -103,9 +86,7 @@ def test_a_top_near_the_vertical(method: lm.Method, gain: float) -> None:
     top = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.3, length=1.0)
     assert top.sleeping_momentum > 1.2
     start = top.state(mu=[0.0, 0.0, 1.2], g=lm.SO3().exp([1e-2, 0.0, 0.0]))
-    run, varied, equal = changes(
-        top, method, lambda mu: (0.05 + mu[0] ** 2 + mu[1] ** 2) ** -0.5, start, 0.05, 30.0
-    )
+    run, varied, equal = changes(top, method, lambda mu: (0.05 + mu[0] ** 2 + mu[1] ** 2) ** -0.5, start, 0.05, 30.0)
     assert equal > gain * varied and run.g[:, 2, 2].min() < -0.2
     assert run.drift()["vertical momentum"].verdict == run.drift()["spin"].verdict == "exact"
 
@@ -117,9 +98,7 @@ def test_a_free_body_by_an_implicit_method() -> None:
     """
     body = lm.RigidBody([1.0, 1.5, 2.0])
     start = body.state(mu=[1e-3, 1.0, 0.0], g=np.eye(3))
-    method = lm.ReversibleController(
-        lm.CovariantVariational(lm.Exponential()), lambda mu: 1.0 + mu[1] ** 2
-    )
+    method = lm.ReversibleController(lm.CovariantVariational(lm.Exponential()), lambda mu: 1.0 + mu[1] ** 2)
     run = lm.integrate(body, method, start, h=0.2, t_end=60.0, compiled=False)
     report = run.drift()
     assert report["Casimir 1"].verdict == report["spatial momentum"].verdict == "exact"

@@ -78,9 +78,7 @@ def test_the_period_in_fictive_time(choice: str) -> None:
 def test_table_of_the_symplectic_method(choice: str) -> None:
     h = fictive_period(SIGMAS[choice]) / 500
     for k, wanted in enumerate(SYMPLECTIC[choice]):
-        found = energy_error(
-            lm.TimeTransformed(KEPLER, SIGMAS[choice]), lm.AdaptiveVerlet(), h / 2**k, 5000 * 2**k
-        )
+        found = energy_error(lm.TimeTransformed(KEPLER, SIGMAS[choice]), lm.AdaptiveVerlet(), h / 2**k, 5000 * 2**k)
         assert found == two_digits(wanted)
 
 
@@ -88,10 +86,7 @@ def test_table_of_the_symplectic_method(choice: str) -> None:
 @pytest.mark.compiled
 @pytest.mark.parametrize("choice", REVERSIBLE)
 def test_table_of_the_reversible_controller(choice: str) -> None:
-    h, method = (
-        fictive_period(SIGMAS[choice]) / 500,
-        lm.ReversibleController(lm.StormerVerlet(), SIGMAS[choice]),
-    )
+    h, method = (fictive_period(SIGMAS[choice]) / 500, lm.ReversibleController(lm.StormerVerlet(), SIGMAS[choice]))
     for k, wanted in enumerate(REVERSIBLE[choice]):
         assert energy_error(KEPLER, method, h / 2**k, 5000 * 2**k) == two_digits(wanted)
 
@@ -99,9 +94,7 @@ def test_table_of_the_reversible_controller(choice: str) -> None:
 @pytest.mark.compiled
 def test_table_of_equal_steps() -> None:
     for steps, wanted in ((5000, 2.1e-1), (10000, 5.0e-2)):
-        assert energy_error(KEPLER, lm.StormerVerlet(), 10.0 * PERIOD / steps, steps) == two_digits(
-            wanted
-        )
+        assert energy_error(KEPLER, lm.StormerVerlet(), 10.0 * PERIOD / steps, steps) == two_digits(wanted)
 
 
 # ------------------------------------------------------------------ long runs, and narrower
@@ -117,9 +110,7 @@ def test_steps_for_each_revolution_do_not_grow_with_the_eccentricity(e: float) -
     """
     start = KEPLER.pericentre(e)
     method = lm.Splitting(tableau=SplittingTableau.of(KAHAN_LI8).exchanged)
-    run = lm.integrate(
-        lm.LogarithmicHamiltonian(KEPLER), method, start, h=PERIOD / 120, t_end=10.0 * PERIOD
-    )
+    run = lm.integrate(lm.LogarithmicHamiltonian(KEPLER), method, start, h=PERIOD / 120, t_end=10.0 * PERIOD)
     assert run.steps < 10 * 121
     assert run.drift()["Runge-Lenz vector"].verdict == "exact"
     assert np.abs(run.at(9.5 * PERIOD).q - KEPLER.exact(start, 9.5 * PERIOD).q).max() < 1e-10
@@ -133,10 +124,7 @@ def test_narrow_ellipses_by_distance_powers(e: float) -> None:
     far = KEPLER.exact(start, 9.5 * PERIOD)
     for method, system in (
         (lm.ReversibleController(lm.Splitting(order=6), lm.time_scales.DistancePower(1.5)), KEPLER),
-        (
-            lm.Composition(lm.AdaptiveVerlet(), order=6),
-            lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)),
-        ),
+        (lm.Composition(lm.AdaptiveVerlet(), order=6), lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5))),
     ):
         run = lm.integrate(system, method, start, h=PERIOD / 200, t_end=9.5 * PERIOD)
         assert run.steps < 10 * 500 and np.abs(run.q[-1] - far.q).max() < 1e-3

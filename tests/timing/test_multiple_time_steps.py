@@ -70,12 +70,7 @@ def begin(system: Any) -> Any:
         (SOFT, lm.MultipleTimeSteps(ratios=(4,)), 2),
         (SOFT, lm.MultipleTimeSteps(ratios=(4,), mollified=True), 2),
         (Three(7.0), lm.MultipleTimeSteps(ratios=(3, 2)), 2),
-        pytest.param(
-            SOFT,
-            lm.Composition(lm.MultipleTimeSteps(ratios=(4,)), order=4),
-            4,
-            marks=pytest.mark.slow,
-        ),
+        pytest.param(SOFT, lm.Composition(lm.MultipleTimeSteps(ratios=(4,)), order=4), 4, marks=pytest.mark.slow),
     ],
     ids=repr,
 )
@@ -90,9 +85,7 @@ def test_order(system: Any, method: lm.Method, order: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "method",
-    [lm.MultipleTimeSteps(ratios=(3,)), lm.MultipleTimeSteps(ratios=(3,), mollified=True)],
-    ids=repr,
+    "method", [lm.MultipleTimeSteps(ratios=(3,)), lm.MultipleTimeSteps(ratios=(3,), mollified=True)], ids=repr
 )
 def test_symmetric_and_symplectic(method: lm.Method) -> None:
     start = SOFT.state(q=[0.3, 0.7], p=[0.4, -0.2])
@@ -115,9 +108,7 @@ def test_symmetric_and_symplectic(method: lm.Method) -> None:
 
 def test_one_step_of_each_rate_is_stormer_verlet() -> None:
     start = begin(SOFT)
-    run = lm.integrate(
-        SOFT, lm.MultipleTimeSteps(ratios=(1,)), start, h=0.05, steps=50, compensated=False
-    )
+    run = lm.integrate(SOFT, lm.MultipleTimeSteps(ratios=(1,)), start, h=0.05, steps=50, compensated=False)
     verlet = lm.integrate(SOFT, lm.StormerVerlet(), start, h=0.05, steps=50, compensated=False)
     assert np.abs(run.q - verlet.q).max() < 1e-14
 
@@ -160,17 +151,11 @@ def test_fast_steps_that_are_unstable_are_warned_of() -> None:
 @pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
-    "method",
-    [lm.MultipleTimeSteps(ratios=(40,)), lm.MultipleTimeSteps(ratios=(4,), mollified=True)],
-    ids=repr,
+    "method", [lm.MultipleTimeSteps(ratios=(40,)), lm.MultipleTimeSteps(ratios=(4,), mollified=True)], ids=repr
 )
 def test_native_code_gives_the_same_bits(method: lm.Method) -> None:
-    plain, native = (
-        lm.integrate(SOFT, method, begin(SOFT), h=0.05, steps=20, compiled=c) for c in (False, True)
-    )
-    assert (
-        native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.p, native.p)
-    )
+    plain, native = (lm.integrate(SOFT, method, begin(SOFT), h=0.05, steps=20, compiled=c) for c in (False, True))
+    assert native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.p, native.p)
 
 
 @pytest.mark.slow
@@ -180,9 +165,7 @@ def test_with_steps_that_follow_a_time_scale() -> None:
             lm.MultipleTimeSteps(ratios=(4,), mollified=mollified), lambda q: 1.0 + q[1] ** 2
         )
         start, errors = begin(SOFT), []
-        exact = lm.integrate(SOFT, lm.RKMK(order=8), start, h=0.0125, steps=80, compiled=False).q[
-            -1
-        ]
+        exact = lm.integrate(SOFT, lm.RKMK(order=8), start, h=0.0125, steps=80, compiled=False).q[-1]
         for h in (0.04, 0.02, 0.01):
             run = lm.integrate(SOFT, method, start, h=h, t_end=1.0, compiled=False)
             errors.append(float(np.abs(run.q[-1] - exact).max()))
@@ -198,9 +181,7 @@ def test_what_is_refused() -> None:
     with pytest.raises(InvalidType):
         lm.MultipleTimeSteps(mollified=1)  # type: ignore[arg-type]
     with pytest.raises(IncompatibleSystem, match="MultirateSystem"):
-        lm.integrate(
-            lm.Kepler(), lm.MultipleTimeSteps(), lm.Kepler().pericentre(0.1), h=0.1, steps=1
-        )
+        lm.integrate(lm.Kepler(), lm.MultipleTimeSteps(), lm.Kepler().pericentre(0.1), h=0.1, steps=1)
     with pytest.raises(IncompatibleSystem, match="for 3 parts"):
         lm.integrate(SOFT, lm.MultipleTimeSteps(ratios=(2, 2)), begin(SOFT), h=0.1, steps=1)
 
@@ -276,14 +257,7 @@ def test_fields_at_several_rates(name: str) -> None:
 
     def end(method: lm.Method, n: int, start: Any = start, t: float = 1.0) -> Any:
         return lm.integrate(
-            system,
-            method,
-            start,
-            h=t / n,
-            steps=n,
-            compiled=False,
-            compensated=False,
-            progress=False,
+            system, method, start, h=t / n, steps=n, compiled=False, compensated=False, progress=False
         ).last
 
     exact = np.array(end(lm.RKMK(order=8), 100).y)
@@ -298,16 +272,7 @@ def test_one_step_of_each_field_is_strangs_splitting() -> None:
     system = lm.SplitField((Fast(8.0), Slowest()))
     start = system.state([0.5, -0.3, 0.8])
     runs = [
-        lm.integrate(
-            system,
-            method,
-            start,
-            h=0.1,
-            steps=20,
-            compiled=False,
-            compensated=False,
-            progress=False,
-        )
+        lm.integrate(system, method, start, h=0.1, steps=20, compiled=False, compensated=False, progress=False)
         for method in (lm.MultipleTimeSteps(ratios=(1,)), lm.Splitting(order=2))
     ]
     assert np.abs(runs[0].y - runs[1].y).max() < 1e-14
@@ -318,9 +283,7 @@ def test_native_code_of_fields_gives_the_same_bits() -> None:
     system, method = FIELDS["a method for the slow part"]
     for start in ([0.5, -0.3, 0.8], np.array([[0.5, -0.3, 0.8], [0.1, 0.2, 0.3], [1.0, 0.0, 0.1]])):
         plain, native = (
-            lm.integrate(
-                system, method, system.state(start), h=0.05, steps=10, compiled=c, progress=False
-            )
+            lm.integrate(system, method, system.state(start), h=0.05, steps=10, compiled=c, progress=False)
             for c in (False, True)
         )
         assert native.y.tobytes() == plain.y.tobytes()

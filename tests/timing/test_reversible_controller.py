@@ -14,13 +14,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import (
-    IncompatibleSystem,
-    InvalidInput,
-    InvalidTimeScale,
-    InvalidType,
-    StepTooSmall,
-)
+from liemech.errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType, StepTooSmall
 from liemech.formulas import cos
 from liemech.systems.clocked import Clocked
 
@@ -33,9 +27,7 @@ FALLING = TOP.state(mu=[0.3, 0.0, 1.5], g=np.eye(3))
 
 
 def verlet(sigma: Any = None) -> lm.ReversibleController:
-    return lm.ReversibleController(
-        lm.StormerVerlet(), lm.time_scales.DistancePower(1.5) if sigma is None else sigma
-    )
+    return lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5) if sigma is None else sigma)
 
 
 def slopes(error: Callable[[float], float], h: float, count: int = 3) -> list[float]:
@@ -63,18 +55,12 @@ class Constant(lm.TimeScale):
         (verlet(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))), 2, 0.08),
         (lm.ReversibleController(lm.Splitting(order=4), lm.time_scales.EqualArc()), 4, 0.16),
         (
-            lm.ReversibleController(
-                lm.Composition(lm.StormerVerlet(), order=4), lm.time_scales.DistancePower(2.0)
-            ),
+            lm.ReversibleController(lm.Composition(lm.StormerVerlet(), order=4), lm.time_scales.DistancePower(2.0)),
             4,
             0.16,
         ),
         (lm.Composition(verlet(), order=4), 4, 0.16),
-        (
-            lm.ReversibleController(lm.Splitting(order=6), lm.time_scales.DistancePower(1.5)),
-            6,
-            0.32,
-        ),
+        (lm.ReversibleController(lm.Splitting(order=6), lm.time_scales.DistancePower(1.5)), 6, 0.32),
         (lm.Composition(verlet(), order=6), 6, 0.32),
     ],
     ids=lambda x: getattr(x, "name", None),
@@ -98,12 +84,7 @@ def test_order_at_a_physical_time(method: lm.Method, order: int, h: float) -> No
         (lm.LieVerlet(), 2, lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))),
         (lm.KickDrift(order=4), 4, lambda g: 1.0 + 0.5 * g[2, 2]),
         pytest.param(lm.LieVerlet(), 2, lm.time_scales.EqualArc(), marks=pytest.mark.slow),
-        pytest.param(
-            lm.KickDrift(order=4),
-            4,
-            lambda mu: 1.0 / (0.1 + lm.dot(mu, mu)),
-            marks=pytest.mark.slow,
-        ),
+        pytest.param(lm.KickDrift(order=4), 4, lambda mu: 1.0 / (0.1 + lm.dot(mu, mu)), marks=pytest.mark.slow),
         pytest.param(lm.KickDrift(order=4), 4, lm.time_scales.EqualArc(), marks=pytest.mark.slow),
     ],
 )
@@ -123,18 +104,12 @@ def test_order_on_a_group(base: lm.Method, order: int, sigma: Any) -> None:
 def test_a_constant_sigma_is_no_transformation() -> None:
     run = lm.integrate(KEPLER, verlet(Constant(0.25)), ORBIT, h=0.5, steps=60)
     plain = lm.integrate(KEPLER, lm.StormerVerlet(), ORBIT, h=0.125, steps=60)
-    assert (
-        np.array_equal(run.q, plain.q)
-        and np.array_equal(run.p, plain.p)
-        and np.array_equal(run.t, plain.t)
-    )
+    assert np.array_equal(run.q, plain.q) and np.array_equal(run.p, plain.p) and np.array_equal(run.t, plain.t)
     assert np.array_equal(run.tau, 0.5 * np.arange(61)) and (run.z == 4.0).all()
 
 
 @pytest.mark.parametrize(
-    "method",
-    [verlet(), verlet(lm.time_scales.EqualArc()), lm.Composition(verlet(), order=4)],
-    ids=repr,
+    "method", [verlet(), verlet(lm.time_scales.EqualArc()), lm.Composition(verlet(), order=4)], ids=repr
 )
 def test_symmetric(method: lm.Method) -> None:
     """Steps with h, as many with -h from where they lead, with z and time: back at the start."""
@@ -150,9 +125,7 @@ def test_symmetric(method: lm.Method) -> None:
         memory = method.step(whole, 0.0, memory, -0.1)
     back = method.observe(memory)
     assert abs(there.q - start.q)[0] > 0.1
-    for a, b in zip(
-        (*back.q, *back.p, back.time, back.z), (*start.q, *start.p, start.time, start.z)
-    ):
+    for a, b in zip((*back.q, *back.p, back.time, back.z), (*start.q, *start.p, start.time, start.z)):
         assert abs(a - b) < 2e-13 * max(1.0, abs(b))
 
 
@@ -187,9 +160,7 @@ def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
 
 
 def test_energy_does_not_drift_and_z_follows_sigma() -> None:
-    run = lm.integrate(
-        KEPLER, verlet(), KEPLER.pericentre(0.9), h=8.4 / 500, steps=20_000, every=20
-    )
+    run = lm.integrate(KEPLER, verlet(), KEPLER.pericentre(0.9), h=8.4 / 500, steps=20_000, every=20)
     report = run.drift()["energy"]
     assert report.verdict == "bounded" and abs(report.slope) * report.duration < 1e-6
     assert np.abs(run.z * run.scale - 1.0).max() < 1e-3
@@ -230,25 +201,15 @@ def test_steps_by_the_printed_formula_collapse() -> None:
     ("system", "method", "start"),
     [
         (KEPLER, verlet(), ORBIT),
-        (
-            TOP,
-            lm.ReversibleController(lm.KickDrift(order=2), lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))),
-            FALLING,
-        ),
+        (TOP, lm.ReversibleController(lm.KickDrift(order=2), lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))), FALLING),
         pytest.param(
-            TOP,
-            lm.ReversibleController(lm.LieVerlet(), lm.time_scales.EqualArc()),
-            FALLING,
-            marks=pytest.mark.slow,
+            TOP, lm.ReversibleController(lm.LieVerlet(), lm.time_scales.EqualArc()), FALLING, marks=pytest.mark.slow
         ),
     ],
     ids=["orbit", "top", "turning top"],
 )
 def test_native_code_gives_the_same_bits(system: Any, method: lm.Method, start: Any) -> None:
-    plain, native = (
-        lm.integrate(system, method, start, h=0.1, t_end=4.0, every=3, compiled=c)
-        for c in (False, True)
-    )
+    plain, native = (lm.integrate(system, method, start, h=0.1, t_end=4.0, every=3, compiled=c) for c in (False, True))
     assert native.compiled and not plain.compiled
     for name, values in plain.states.items():
         assert np.array_equal(values, native.states[name])
@@ -261,14 +222,7 @@ def test_a_member_of_an_ensemble_moves_as_it_does_alone() -> None:
     many = lm.integrate(KEPLER, verlet(), starts, h=0.05, steps=60, compiled=False)
     assert many.t.shape == (61, 3) and many.q.shape == (61, 3, 2) and many.z.shape == (61, 3)
     for i in range(3):
-        one = lm.integrate(
-            KEPLER,
-            verlet(),
-            KEPLER.state(starts.q[i], starts.p[i]),
-            h=0.05,
-            steps=60,
-            compiled=False,
-        )
+        one = lm.integrate(KEPLER, verlet(), KEPLER.state(starts.q[i], starts.p[i]), h=0.05, steps=60, compiled=False)
         assert np.array_equal(one.q, many.q[:, i]) and np.array_equal(one.t, many.t[:, i])
     assert many.drift()["energy"].verdict == "bounded"
     assert "3 bodies" in repr(many)
@@ -314,13 +268,7 @@ def test_sigma_and_z_must_be_positive() -> None:
     # the time of what there is does not go back
     assert len(run) > 1 and (np.diff(run.t) > 0.0).all()
     with pytest.raises(InvalidTimeScale, match="at t = "):  # a sigma that jumps below zero
-        lm.integrate(
-            KEPLER,
-            verlet(lambda q: lm.formulas.where(q[0] > 0.0, 1.0, -1.0)),
-            ORBIT,
-            h=0.1,
-            t_end=9.0,
-        )
+        lm.integrate(KEPLER, verlet(lambda q: lm.formulas.where(q[0] > 0.0, 1.0, -1.0)), ORBIT, h=0.1, t_end=9.0)
 
 
 def test_which_options_a_run_takes() -> None:
@@ -364,11 +312,7 @@ class Pumped(lm.DrivenHamiltonian):
 SWING, PUMPED = Swing(), lm.DrivenLiePoissonSystem(lm.SO3(), Pumped())
 DRIVEN = [
     (SWING, SWING.state([1.0, 0.2], [0.3, 0.8]), lm.SymmetricHamiltonJacobi(order=4), sigma)
-    for sigma in (
-        lm.time_scales.EqualArc(),
-        lm.time_scales.DistancePower(1.0),
-        lambda q, p: 1.0 / (1.0 + lm.dot(p, p)),
-    )
+    for sigma in (lm.time_scales.EqualArc(), lm.time_scales.DistancePower(1.0), lambda q, p: 1.0 / (1.0 + lm.dot(p, p)))
 ] + [
     (PUMPED, PUMPED.state([0.4, 0.9, 1.1]), lm.LiePoissonHamiltonJacobi(order=4), sigma)
     for sigma in (lm.time_scales.EqualArc(), lambda mu: 1.0 / (1.0 + mu[0] * mu[0]))
@@ -384,9 +328,7 @@ def test_on_driven_systems(system: Any, start: Any, method: lm.Method, sigma: An
     t0, t_end = 0.7, 1.9
 
     def exact(t: float, here: Any = start, now: float = t0) -> Any:
-        run = lm.integrate(
-            system, lm.RKMK(order=8), here, h=(t - now) / 40, steps=40, t0=now, compiled=False
-        )
+        run = lm.integrate(system, lm.RKMK(order=8), here, h=(t - now) / 40, steps=40, t0=now, compiled=False)
         return run.last
 
     wanted = np.concatenate([np.array(x) for x in exact(t_end).parts.values() if x is not None])
@@ -408,18 +350,14 @@ def test_on_driven_systems(system: Any, start: Any, method: lm.Method, sigma: An
     here = system.state(*[x[k] for x in found.states.values()])
     sizes = [bound.value_at(system, t + s, exact(t + s, here, t)) for s in (-e, e)]
     assert bound.value_at(system, t, here) == pytest.approx(found.scale[k], rel=1e-14)
-    assert (sizes[1] - sizes[0]) / (2.0 * e) == pytest.approx(
-        bound.growth(system, t, here), rel=1e-5
-    )
+    assert (sizes[1] - sizes[0]) / (2.0 * e) == pytest.approx(bound.growth(system, t, here), rel=1e-5)
 
 
 @pytest.mark.compiled
 def test_driven_systems_native_and_plain() -> None:
     for system, start, method, sigma in (DRIVEN[0], DRIVEN[3]):
         both = [
-            lm.integrate(
-                system, lm.ReversibleController(method, sigma), start, h=0.1, steps=5, compiled=c
-            )
+            lm.integrate(system, lm.ReversibleController(method, sigma), start, h=0.1, steps=5, compiled=c)
             for c in (False, True)
         ]
         for name, values in both[0].states.items():
@@ -431,9 +369,7 @@ def test_gauss_methods_on_vector_spaces_and_not_on_groups() -> None:
     """(3.8) for any symmetric Phi: those of Gauss are symmetric on R^n, of one stage everywhere."""
     gauss = lm.tableaus.gauss
     for stages in (1, 2):
-        method = lm.ReversibleController(
-            lm.RKMK(tableau=gauss(stages)), lm.time_scales.DistancePower(1.5)
-        )
+        method = lm.ReversibleController(lm.RKMK(tableau=gauss(stages)), lm.time_scales.DistancePower(1.5))
         whole = Clocked(KEPLER, method.sigma)
         start = whole.extended(ORBIT, 0.0)
         state = start
@@ -446,9 +382,7 @@ def test_gauss_methods_on_vector_spaces_and_not_on_groups() -> None:
         exact = KEPLER.exact(ORBIT, 2.0).q
         errors = []
         for h in (0.2, 0.1):
-            run = lm.integrate(
-                KEPLER, method, ORBIT, h=h, t_end=2.0, compiled=False, progress=False
-            )
+            run = lm.integrate(KEPLER, method, ORBIT, h=h, t_end=2.0, compiled=False, progress=False)
             errors.append(np.abs(run.q[-1] - exact).max())
         assert math.log2(errors[0] / errors[1]) == pytest.approx(2 * stages, abs=0.3)
     sigma = lm.time_scales.EqualArc()
@@ -477,10 +411,7 @@ def test_sigma_is_asked_for_when_the_motion_starts(transformed: bool) -> None:
         system: Any = Ramp(begins)
         start, method = system.state([0.0], [0.0]), lm.SymmetricHamiltonJacobi(order=4)
         if transformed:
-            system, method = (
-                lm.SundmanTransformed(system, lm.time_scales.EqualArc()),
-                lm.RKMK(order=4),
-            )
+            system, method = (lm.SundmanTransformed(system, lm.time_scales.EqualArc()), lm.RKMK(order=4))
         else:
             method = lm.ReversibleController(method, lm.time_scales.EqualArc())
         return lm.integrate(system, method, start, h=0.01, steps=20, t0=t0)

@@ -52,9 +52,7 @@ def test_steps_go_on_bit_for_bit(system: lm.System, method: lm.Method, every: in
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(("system", "method"), PAIRS)
-def test_a_run_to_a_time_goes_on_as_if_it_had_not_stopped(
-    system: lm.System, method: lm.Method
-) -> None:
+def test_a_run_to_a_time_goes_on_as_if_it_had_not_stopped(system: lm.System, method: lm.Method) -> None:
     """The shorter step to the first t_end leads to a sample; the motion goes on from the last whole
     step.
     """
@@ -73,9 +71,7 @@ def test_a_run_to_a_time_goes_on_as_if_it_had_not_stopped(
 
 def test_a_time_at_the_end_of_a_step_is_one_sample() -> None:
     """With sigma = 1 physical time is the fictive one."""
-    prepared = plan(
-        method=lm.ReversibleController(lm.StormerVerlet(), lambda q: 1.0 + 0.0 * q[0])
-    ).replace(h=0.25)
+    prepared = plan(method=lm.ReversibleController(lm.StormerVerlet(), lambda q: 1.0 + 0.0 * q[0])).replace(h=0.25)
     first = prepared.run(ORBIT, t_end=1.0)
     for rest in (prepared.resume(first, t_end=2.0), prepared.resume(first, steps=4)):
         assert np.array_equal(first.then(rest).t, np.arange(9) / 4.0)
@@ -92,10 +88,7 @@ def test_times_that_are_asked_for_after_a_stop() -> None:
 def test_ensembles_go_on_in_files_and_on_workers(tmp_path: Path) -> None:
     speeds = np.linspace(0.9, 1.3, 5)
     starts = KEPLER.state(q=[[1.0, 0.0]] * 5, p=np.column_stack([0.0 * speeds, speeds]))
-    for prepared in (
-        plan(),
-        plan(lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet()),
-    ):
+    for prepared in (plan(), plan(lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet())):
         whole, first = prepared.run(starts, steps=12), prepared.run(starts, steps=5)
         first.save(tmp_path / "runs.npz")
         kept = lm.Trajectory.load(tmp_path / "runs.npz")
@@ -114,13 +107,9 @@ def test_a_run_in_a_file(system: lm.System, method: lm.Method, tmp_path: Path) -
     kept: lm.Trajectory = lm.Trajectory.load(tmp_path / "run.npz")
     assert type(kept) is type(first) and repr(kept) == repr(first)
     assert_same(kept, first)
-    assert np.array_equal(kept.scale, first.scale) and np.array_equal(
-        kept.at([0.3, 1.9]).q, first.at([0.3, 1.9]).q
-    )
+    assert np.array_equal(kept.scale, first.scale) and np.array_equal(kept.at([0.3, 1.9]).q, first.at([0.3, 1.9]).q)
     assert np.array_equal(kept.carry.state.q, first.carry.state.q) and kept.carry.t == 2.0
-    assert_same(
-        kept.then(prepared.resume(kept, t_end=3.0)), prepared.run(ORBIT, t_end=3.0), but=2.0
-    )
+    assert_same(kept.then(prepared.resume(kept, t_end=3.0)), prepared.run(ORBIT, t_end=3.0), but=2.0)
 
 
 @pytest.mark.sample(1)
@@ -184,18 +173,14 @@ def test_terminal_events_and_directions_and_events_that_fail(tmp_path: Path) -> 
     rising.direction, rising.terminal = +1, True  # type: ignore[attr-defined]
     prepared = plan(events=[crossing, rising], every=4)
     run = prepared.run(ORBIT, t_end=20.0)
-    assert run.t[-1] == run.events[1][0][0] == run.events[0][0][1] and run.t[-1] == pytest.approx(
-        2.0 * np.pi, abs=0.02
-    )
+    assert run.t[-1] == run.events[1][0][0] == run.events[0][0][1] and run.t[-1] == pytest.approx(2.0 * np.pi, abs=0.02)
     assert np.array_equal(run.q[:-1], plan(every=4).run(ORBIT, t_end=20.0).q[: len(run) - 1])
     assert np.array_equal(run.q[-1], run.events[1][1].q[0]) and run.tau[-2] < run.tau[-1]
     with pytest.raises(InvalidInput, match="carries nothing on"):
         prepared.resume(run, t_end=30.0)
     run.save(tmp_path / "run.npz")
     assert np.array_equal(lm.Trajectory.load(tmp_path / "run.npz").events[1][0], run.events[1][0])
-    back = lm.Plan(KEPLER, CONTROLLED, h=-0.05, events=crossing, compiled=False).run(
-        ORBIT, t_end=-4.0
-    )
+    back = lm.Plan(KEPLER, CONTROLLED, h=-0.05, events=crossing, compiled=False).run(ORBIT, t_end=-4.0)
     assert back.events[0][0] == pytest.approx([-np.pi], abs=0.02)
 
     def late(t: float, state: lm.CanonicalState) -> float:
@@ -242,21 +227,9 @@ def test_what_a_run_does_not_go_on_with() -> None:
     first = plan().run(ORBIT, t_end=2.0)
     for other, words in (
         (plan().replace(h=0.1), "h = 0.05 instead of 0.1"),
-        (
-            plan(
-                method=lm.ReversibleController(
-                    lm.StormerVerlet(), lm.time_scales.DistancePower(1.0)
-                )
-            ),
-            "power",
-        ),
+        (plan(method=lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.0))), "power"),
         (plan(lm.Kepler(2.0)), "another system"),
-        (
-            plan(
-                lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet()
-            ),
-            "another system",
-        ),
+        (plan(lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet()), "another system"),
     ):
         with pytest.raises(InvalidInput, match=words):
             other.resume(first, t_end=3.0)
@@ -272,9 +245,7 @@ def test_what_cannot_be_saved_is_refused_before_the_first_step(tmp_path: Path) -
     with pytest.raises(InvalidInput, match="cannot be saved"):
         no_record.run(ORBIT, t_end=0.2, checkpoint=tmp_path / "run.npz")
     with pytest.raises(InvalidInput, match="cannot be saved"):
-        no_record.resume(
-            no_record.run(ORBIT, t_end=0.2), t_end=0.3, checkpoint=tmp_path / "run.npz"
-        )
+        no_record.resume(no_record.run(ORBIT, t_end=0.2), t_end=0.3, checkpoint=tmp_path / "run.npz")
 
 
 ORBITS = KEPLER.state(q=[[0.5, 0.0], [0.7, 0.0]], p=[[0.0, 1.2]] * 2)

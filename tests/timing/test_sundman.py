@@ -64,10 +64,7 @@ def test_order_at_a_physical_time(scene: str, order: int) -> None:
     """Beside the equation itself, by fixed steps."""
     system, sigma, start, parts = SCENES[scene]
     exact = end(
-        lm.integrate(
-            system, lm.RKMK(order=8), start, h=1.3 / 64, steps=64, compiled=False, progress=False
-        ),
-        parts,
+        lm.integrate(system, lm.RKMK(order=8), start, h=1.3 / 64, steps=64, compiled=False, progress=False), parts
     )
     errors = []
     for n in (8, 16):
@@ -99,16 +96,7 @@ def test_a_constant_sigma_is_no_transformation() -> None:
             compensated=False,
             progress=False,
         )
-        other = lm.integrate(
-            system,
-            method,
-            start,
-            h=0.05,
-            steps=20,
-            compiled=False,
-            compensated=False,
-            progress=False,
-        )
+        other = lm.integrate(system, method, start, h=0.05, steps=20, compiled=False, compensated=False, progress=False)
         if method.order == 4 and not method.symmetric:
             assert (one.y == other.y).all() and np.allclose(one.t, other.t, rtol=1e-15)
         assert np.abs(one.y - other.y).max() < 1e-14
@@ -160,10 +148,7 @@ def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
 @pytest.mark.parametrize("scene", ["field", "top"])
 def test_native_code_gives_the_same_bits(scene: str) -> None:
     system, sigma, start, parts = SCENES[scene]
-    many = {
-        name: np.stack([np.asarray(x), np.asarray(x), np.asarray(x)])
-        for name, x in start.parts.items()
-    }
+    many = {name: np.stack([np.asarray(x), np.asarray(x), np.asarray(x)]) for name, x in start.parts.items()}
     first = next(iter(many))
     many[first] = many[first] * np.array([1.0, 0.9, 1.1])[:, None]
     for begin in (start, system.state(**many)):
@@ -184,12 +169,7 @@ def test_native_code_gives_the_same_bits(scene: str) -> None:
 
 
 def test_runs_go_on_and_are_kept_in_files(tmp_path: Path) -> None:
-    plan = lm.Plan(
-        lm.SundmanTransformed(KEPLER, lm.time_scales.EqualArc()),
-        lm.RKMK(order=4),
-        h=0.1,
-        progress=False,
-    )
+    plan = lm.Plan(lm.SundmanTransformed(KEPLER, lm.time_scales.EqualArc()), lm.RKMK(order=4), h=0.1, progress=False)
     whole = plan.run(ORBIT, steps=30)
     first = plan.run(ORBIT, steps=12)
     both = first.then(plan.resume(first, steps=18))
@@ -205,14 +185,8 @@ def test_tangents() -> None:
     found = plan.tangent(Spiral().state([1.2, 0.5]), steps=10).tangent["start"][-1]
     e = 1e-6
     for j in range(2):
-        runs = [
-            plan.run(Spiral().state(np.array([1.2, 0.5]) + s * e * np.eye(2)[j]), steps=10)
-            for s in (1.0, -1.0)
-        ]
-        column = [
-            *(runs[0].y[-1] - runs[1].y[-1]) / (2 * e),
-            (runs[0].t[-1] - runs[1].t[-1]) / (2 * e),
-        ]
+        runs = [plan.run(Spiral().state(np.array([1.2, 0.5]) + s * e * np.eye(2)[j]), steps=10) for s in (1.0, -1.0)]
+        column = [*(runs[0].y[-1] - runs[1].y[-1]) / (2 * e), (runs[0].t[-1] - runs[1].t[-1]) / (2 * e)]
         assert found[:, j] == pytest.approx(column, rel=1e-8)
 
 
@@ -224,21 +198,13 @@ def test_what_is_refused() -> None:
         lm.SundmanTransformed(3.0, speed)  # type: ignore[arg-type]
     with pytest.raises(IncompatibleSystem, match="RKMK accepts every system"):
         lm.integrate(
-            lm.SundmanTransformed(KEPLER, lm.time_scales.DistancePower(1.5)),
-            lm.StormerVerlet(),
-            ORBIT,
-            h=0.1,
-            steps=1,
+            lm.SundmanTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.StormerVerlet(), ORBIT, h=0.1, steps=1
         )
     start = Spiral().state([1.2, 0.5])
     with pytest.raises(InvalidTimeScale, match="positive"):
-        lm.integrate(
-            lm.SundmanTransformed(Spiral(), lambda y: -1.0), lm.RKMK(order=4), start, h=0.1, steps=1
-        )
+        lm.integrate(lm.SundmanTransformed(Spiral(), lambda y: -1.0), lm.RKMK(order=4), start, h=0.1, steps=1)
     with pytest.raises(InvalidInput, match="must be parts of the state"):
-        lm.integrate(
-            lm.SundmanTransformed(Spiral(), lambda q: 1.0), lm.RKMK(order=4), start, h=0.1, steps=1
-        )
+        lm.integrate(lm.SundmanTransformed(Spiral(), lambda q: 1.0), lm.RKMK(order=4), start, h=0.1, steps=1)
     with pytest.raises(IncompatibleSystem, match="SundmanTransformed"):
         lm.TimeTransformed(Spiral(), speed)  # type: ignore[arg-type]
 
@@ -261,20 +227,12 @@ def test_the_controller_is_for_any_symmetric_method_on_any_system() -> None:
     def sigma(y: lm.Vec) -> float:
         return 1.0 / sqrt(1.0 + y[0] * y[0])
 
-    exact = lm.integrate(
-        waves, lm.RKMK(order=8), start, h=1.5 / 100, steps=100, compiled=False, progress=False
-    ).y[-1]
+    exact = lm.integrate(waves, lm.RKMK(order=8), start, h=1.5 / 100, steps=100, compiled=False, progress=False).y[-1]
     for base in (lm.Splitting(order=2), lm.Splitting(order=4, quadratic=False)):
         errors = []
         for h in (0.2, 0.1):
             run = lm.integrate(
-                waves,
-                lm.ReversibleController(base, sigma),
-                start,
-                h=h,
-                t_end=1.5,
-                compiled=False,
-                progress=False,
+                waves, lm.ReversibleController(base, sigma), start, h=h, t_end=1.5, compiled=False, progress=False
             )
             errors.append(np.abs(run.y[-1] - exact).max())
         assert math.log2(errors[0] / errors[1]) == pytest.approx(base.order, abs=0.35)

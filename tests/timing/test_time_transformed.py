@@ -69,25 +69,11 @@ def sway(q: lm.Vec) -> float:
     ("system", "method", "order", "h"),
     [
         (transformed(), lm.AdaptiveVerlet(), 2, 0.08),
-        pytest.param(
-            transformed(lm.time_scales.EqualChange()),
-            lm.AdaptiveVerlet(),
-            2,
-            0.08,
-            marks=pytest.mark.slow,
-        ),
+        pytest.param(transformed(lm.time_scales.EqualChange()), lm.AdaptiveVerlet(), 2, 0.08, marks=pytest.mark.slow),
         (transformed(lm.time_scales.EqualPath()), lm.AdaptiveVerlet(), 2, 0.04),
         (transformed(), lm.Composition(lm.AdaptiveVerlet(), order=4), 4, 0.16),
-        pytest.param(
-            transformed(),
-            lm.Composition(lm.AdaptiveVerlet(), order=6),
-            6,
-            0.16,
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            transformed(lm.time_scales.EqualArc()), GAUSS4, 4, 0.32, marks=pytest.mark.slow
-        ),
+        pytest.param(transformed(), lm.Composition(lm.AdaptiveVerlet(), order=6), 6, 0.16, marks=pytest.mark.slow),
+        pytest.param(transformed(lm.time_scales.EqualArc()), GAUSS4, 4, 0.32, marks=pytest.mark.slow),
         (LOGARITHMIC, lm.StormerVerlet(), 2, 0.08),
         (LOGARITHMIC, lm.Splitting(order=4, quadratic=False), 4, 0.16),
         (LOGARITHMIC, lm.Splitting(order=6, quadratic=False), 6, 0.16),
@@ -106,9 +92,7 @@ def test_order_at_a_physical_time(system: Any, method: lm.Method, order: int, h:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "sigma", [lm.time_scales.EqualArc(), lambda q, p: 1.0 / (1.0 + lm.dot(p, p))]
-)
+@pytest.mark.parametrize("sigma", [lm.time_scales.EqualArc(), lambda q, p: 1.0 / (1.0 + lm.dot(p, p))])
 def test_order_of_hamilton_jacobi_methods(sigma: Any) -> None:
     """Implicit, for a sigma of positions and momenta."""
     exact = KEPLER.exact(ORBIT, 3.0)
@@ -126,14 +110,7 @@ def test_order_for_a_general_kinetic_energy_of_second_degree() -> None:
     end = lm.integrate(system, lm.RKMK(order=8), start, h=0.02, steps=100, compiled=False).q[-1]
 
     def error(h: float) -> float:
-        run = lm.integrate(
-            lm.TimeTransformed(system, sway),
-            lm.AdaptiveVerlet(),
-            start,
-            h=h,
-            t_end=t,
-            compiled=False,
-        )
+        run = lm.integrate(lm.TimeTransformed(system, sway), lm.AdaptiveVerlet(), start, h=h, t_end=t, compiled=False)
         return float(np.abs(run.q[-1] - end).max())
 
     assert min(slopes(error, 0.2)) > 1.9
@@ -163,9 +140,7 @@ def tangent(system: Any, method: lm.Method, start: Any, h: float) -> np.ndarray:
         (transformed(lm.time_scales.EqualChange()), lm.AdaptiveVerlet()),
         pytest.param(transformed(lm.time_scales.EqualArc()), GAUSS4, marks=pytest.mark.slow),
         pytest.param(
-            transformed(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))),
-            lm.HamiltonJacobi(order=2),
-            marks=pytest.mark.slow,
+            transformed(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))), lm.HamiltonJacobi(order=2), marks=pytest.mark.slow
         ),
         (LOGARITHMIC, lm.StormerVerlet()),
         (LOGARITHMIC, lm.Splitting(order=4, quadratic=False)),
@@ -205,9 +180,7 @@ def test_the_reversible_controller_is_not_symplectic() -> None:
     assert np.abs(M.T @ J @ M - J).max() > 1e-3
 
 
-@pytest.mark.parametrize(
-    "method", [lm.AdaptiveVerlet(), lm.Composition(lm.AdaptiveVerlet(), order=4)], ids=repr
-)
+@pytest.mark.parametrize("method", [lm.AdaptiveVerlet(), lm.Composition(lm.AdaptiveVerlet(), order=4)], ids=repr)
 def test_symmetric(method: lm.Method) -> None:
     whole = transformed().bound(ORBIT)
     start = whole.extended(ORBIT, 0.0)
@@ -225,9 +198,7 @@ def test_symmetric(method: lm.Method) -> None:
 
 
 def test_a_constant_sigma_is_no_transformation() -> None:
-    run = lm.integrate(
-        transformed(Constant(0.25)), lm.AdaptiveVerlet(), ORBIT, h=0.5, steps=60, compensated=False
-    )
+    run = lm.integrate(transformed(Constant(0.25)), lm.AdaptiveVerlet(), ORBIT, h=0.5, steps=60, compensated=False)
     plain = lm.integrate(KEPLER, lm.StormerVerlet(), ORBIT, h=0.125, steps=60, compensated=False)
     assert np.abs(run.q - plain.q).max() < 1e-13 and np.array_equal(run.t, plain.t)
 
@@ -241,11 +212,7 @@ def test_the_logarithmic_hamiltonian_is_its_formula() -> None:
     assert max(abs(by_q + whole.force(point.q, point.p))) < 1e-14
     derived = lm.SeparableSystem.relative_force(KEPLER, lm.vec(0.5, 0.3))
     assert max(abs(KEPLER.relative_force(lm.vec(0.5, 0.3)) - derived)) < 1e-15
-    for sigma in (
-        lm.time_scales.DistancePower(1.5),
-        lm.time_scales.EqualArc(),
-        lm.time_scales.EqualChange(),
-    ):
+    for sigma in (lm.time_scales.DistancePower(1.5), lm.time_scales.EqualArc(), lm.time_scales.EqualChange()):
         system = transformed(sigma).bound(ORBIT)
         p = point.p + lm.vec(0.0, 0.0, 0.1)
         for closed, derived in (
@@ -271,31 +238,18 @@ def test_orbits_of_the_logarithmic_hamiltonian_are_exact(method: lm.Method) -> N
     """
     run = lm.integrate(LOGARITHMIC, method, KEPLER.pericentre(0.9), h=0.3, steps=300)
     report = run.drift()
-    assert [
-        report[name].verdict for name in ("energy", "angular momentum", "Runge-Lenz vector")
-    ] == ["exact"] * 3
+    assert [report[name].verdict for name in ("energy", "angular momentum", "Runge-Lenz vector")] == ["exact"] * 3
     other = lm.integrate(LOGARITHMIC, lm.StormerVerlet(), KEPLER.pericentre(0.9), h=0.3, steps=300)
     assert other.drift()["Runge-Lenz vector"].largest > 1e-3
 
 
 def test_an_ensemble_has_an_energy_for_each_member() -> None:
-    starts = KEPLER.state(
-        np.outer([1.0, 1.05, 1.1], [0.4, 0.0]), np.repeat([[0.0, 2.0]], 3, axis=0)
-    )
+    starts = KEPLER.state(np.outer([1.0, 1.05, 1.1], [0.4, 0.0]), np.repeat([[0.0, 2.0]], 3, axis=0))
     for system in (transformed(), LOGARITHMIC):
-        method = (
-            lm.AdaptiveVerlet() if isinstance(system, lm.TimeTransformed) else lm.StormerVerlet()
-        )
+        method = lm.AdaptiveVerlet() if isinstance(system, lm.TimeTransformed) else lm.StormerVerlet()
         many = lm.integrate(system, method, starts, h=0.05, steps=40, compiled=False)
         for i in range(3):
-            one = lm.integrate(
-                system,
-                method,
-                KEPLER.state(starts.q[i], starts.p[i]),
-                h=0.05,
-                steps=40,
-                compiled=False,
-            )
+            one = lm.integrate(system, method, KEPLER.state(starts.q[i], starts.p[i]), h=0.05, steps=40, compiled=False)
             assert np.array_equal(one.q, many.q[:, i]) and np.array_equal(one.t, many.t[:, i])
 
 
@@ -310,12 +264,8 @@ def test_an_ensemble_has_an_energy_for_each_member() -> None:
     ids=repr,
 )
 def test_native_code_gives_the_same_bits(system: Any, method: lm.Method) -> None:
-    plain, native = (
-        lm.integrate(system, method, ORBIT, h=0.1, t_end=4.0, compiled=c) for c in (False, True)
-    )
-    assert (
-        native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.t, native.t)
-    )
+    plain, native = (lm.integrate(system, method, ORBIT, h=0.1, t_end=4.0, compiled=c) for c in (False, True))
+    assert native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.t, native.t)
 
 
 # ------------------------------------------------------------------ refusals
@@ -334,9 +284,7 @@ def test_what_is_refused() -> None:
     with pytest.raises(IncompatibleSystem, match="TimeTransformed"):
         lm.integrate(KEPLER, lm.AdaptiveVerlet(), ORBIT, h=0.1, steps=3)
     with pytest.raises(IncompatibleSystem, match="sigma of q alone"):
-        lm.integrate(
-            transformed(lm.time_scales.EqualArc()), lm.AdaptiveVerlet(), ORBIT, h=0.1, steps=3
-        )
+        lm.integrate(transformed(lm.time_scales.EqualArc()), lm.AdaptiveVerlet(), ORBIT, h=0.1, steps=3)
     with pytest.raises(IncompatibleSystem, match="second degree"):
         lm.integrate(LOGARITHMIC, lm.Splitting(order=4), ORBIT, h=0.1, steps=3)
     with pytest.raises(IncompatibleSystem, match="one of them will do"):
@@ -347,32 +295,18 @@ def test_what_is_refused() -> None:
     galaxy = lm.models.HenonHeiles()
     with pytest.raises(InvalidTimeScale, match="Subtract a constant"):
         lm.integrate(
-            lm.LogarithmicHamiltonian(galaxy),
-            lm.StormerVerlet(),
-            galaxy.state([0.0, 0.1], [0.5, 0.0]),
-            h=0.1,
-            steps=3,
+            lm.LogarithmicHamiltonian(galaxy), lm.StormerVerlet(), galaxy.state([0.0, 0.1], [0.5, 0.0]), h=0.1, steps=3
         )
 
 
 def test_steps_that_are_too_large() -> None:
     with pytest.raises((NoConvergence, InvalidTimeScale), match=r"too large|positive"):
-        lm.integrate(
-            transformed(lm.time_scales.DistancePower(2.0)),
-            lm.AdaptiveVerlet(),
-            ORBIT,
-            h=6.0,
-            steps=30,
-        )
+        lm.integrate(transformed(lm.time_scales.DistancePower(2.0)), lm.AdaptiveVerlet(), ORBIT, h=6.0, steps=30)
     pendulum = lm.models.Pendulum()
     swing = pendulum.state(1.0, 0.0)
     with pytest.raises(InvalidTimeScale):  # at rest at the start, where equal paths have no steps
         lm.integrate(
-            lm.TimeTransformed(pendulum, lm.time_scales.EqualPath(-10.0)),
-            lm.AdaptiveVerlet(),
-            swing,
-            h=0.1,
-            steps=3,
+            lm.TimeTransformed(pendulum, lm.time_scales.EqualPath(-10.0)), lm.AdaptiveVerlet(), swing, h=0.1, steps=3
         )
 
 

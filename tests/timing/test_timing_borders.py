@@ -23,10 +23,7 @@ class Rolling(lm.VelocityConstraint):
 
     def matrix(self, g: Any) -> Any:
         r = self.radius
-        return lm.mat(
-            lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0),
-            lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0),
-        )
+        return lm.mat(lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0), lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0))
 
 
 def off(system: Any, method: Any, sigma: Any, start: Any, h: float) -> float:
@@ -34,9 +31,7 @@ def off(system: Any, method: Any, sigma: Any, start: Any, h: float) -> float:
     motion.
     """
     controlled = lm.ReversibleController(method, sigma)
-    run = lm.integrate(
-        system, controlled, start, h=h, steps=round(1.0 / h), compiled=False, progress=False
-    )
+    run = lm.integrate(system, controlled, start, h=h, steps=round(1.0 / h), compiled=False, progress=False)
     return float(np.abs(run.z * run.scale - 1.0).max())
 
 
@@ -68,9 +63,7 @@ class Sphere(lm.Constraint):
 
 def hanging() -> Any:
     """A particle on a thread, as a body in R^3."""
-    free = lm.MechanicalSystem(
-        lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height()
-    )
+    free = lm.MechanicalSystem(lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height())
     body = lm.ConstrainedBody(free, Sphere())
     return body, body.consistent([0.4, 1.5, 0.3], [0.6, 0.0, -0.8]), lm.LieRATTLE()
 
@@ -80,11 +73,7 @@ def rolling() -> Any:
     group = lm.ProductGroup(lm.SO3(), lm.VectorSpace(2))
     free = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.3, 1.6, 2.0, 2.0]))
     ball = lm.NonholonomicBody(free, Rolling(0.5))
-    return (
-        ball,
-        ball.consistent([0.4, 1.5, 0.3, 0.0, 0.0], group.identity()),
-        lm.LagrangeDAlembert(),
-    )
+    return (ball, ball.consistent([0.4, 1.5, 0.3, 0.0, 0.0], group.identity()), lm.LagrangeDAlembert())
 
 
 @pytest.mark.sample(1)
@@ -142,29 +131,15 @@ BODY = lm.RigidBody([1.0, 1.5, 2.0])
             "EqualArc.* has no value at the start",
         ),
         (SPRING, lambda q: q, SPRING.state(1.0, 0.0), InvalidType, "must be one number"),
-        (
-            SPRING,
-            lambda q: 1.0 / q[0],
-            SPRING.state([[1.0], [0.0]], [[0.0], [0.0]]),
-            InvalidTimeScale,
-            "of body 1",
-        ),
+        (SPRING, lambda q: 1.0 / q[0], SPRING.state([[1.0], [0.0]], [[0.0], [0.0]]), InvalidTimeScale, "of body 1"),
     ],
     ids=["turning point", "too little energy", "body at rest", "vector", "ensemble"],
 )
-def test_scales_without_a_value_are_refused_by_name(
-    system: Any, sigma: Any, start: Any, error: Any, why: str
-) -> None:
+def test_scales_without_a_value_are_refused_by_name(system: Any, sigma: Any, start: Any, error: Any, why: str) -> None:
     method = lm.CovariantVariational(lm.Exponential()) if system is BODY else lm.StormerVerlet()
     with pytest.raises(error, match=why):
         lm.integrate(
-            system,
-            lm.ReversibleController(method, sigma),
-            start,
-            h=0.1,
-            steps=2,
-            compiled=False,
-            progress=False,
+            system, lm.ReversibleController(method, sigma), start, h=0.1, steps=2, compiled=False, progress=False
         )
 
 
@@ -172,10 +147,7 @@ def test_distances_of_constrained_systems() -> None:
     """On the unit sphere |q| = 1: equal steps."""
     varied, equal = (
         lm.integrate(PENDULUM, method, SWINGING, h=0.05, steps=10, compiled=False, progress=False)
-        for method in (
-            lm.ReversibleController(lm.RATTLE(), lm.time_scales.DistancePower(1.5)),
-            lm.RATTLE(),
-        )
+        for method in (lm.ReversibleController(lm.RATTLE(), lm.time_scales.DistancePower(1.5)), lm.RATTLE())
     )
     assert np.abs(varied.q - equal.q).max() < 1e-12
 

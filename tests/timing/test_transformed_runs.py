@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import (
-    IncompatibleSystem,
-    IntegrationFailure,
-    IntegrationInterrupted,
-    InvalidInput,
-    StepTooSmall,
-)
+from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall
 
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)
@@ -29,12 +23,7 @@ def test_a_run_to_a_time_is_a_run_of_steps_and_a_shorter_one() -> None:
     whole = run(t_end=7.3)
     steps = run(steps=whole.steps - 1)
     assert whole.t[-1] == 7.3 and steps.t[-1] < 7.3 < run(steps=whole.steps).t[-1]
-    for a, b in (
-        (whole.q, steps.q),
-        (whole.t, steps.t),
-        (whole.tau, steps.tau),
-        (whole.z, steps.z),
-    ):
+    for a, b in ((whole.q, steps.q), (whole.t, steps.t), (whole.tau, steps.tau), (whole.z, steps.z)):
         assert np.array_equal(a[:-1], b)
     assert 0.0 < whole.tau[-1] - whole.tau[-2] < 0.05
     few = run(t_end=7.3, every=7)
@@ -67,9 +56,7 @@ def test_times_asked_for() -> None:
 def test_backwards_and_from_another_time() -> None:
     there = lm.integrate(KEPLER, METHOD, ORBIT, h=0.01, t0=2.0, t_end=5.0)
     assert there.t[0] == 2.0 and there.t[-1] == 5.0
-    back = lm.integrate(
-        KEPLER, METHOD, there.last, h=-0.01, t0=5.0, t_end=2.0, t_eval=[5.0, 3.0, 2.0]
-    )
+    back = lm.integrate(KEPLER, METHOD, there.last, h=-0.01, t0=5.0, t_end=2.0, t_eval=[5.0, 3.0, 2.0])
     assert np.array_equal(back.t, [5.0, 3.0, 2.0]) and (np.diff(back.tau) < 0.0).all()
     # z begins anew, so the steps differ, but not the motion
     assert np.abs(back.q[-1] - np.array(ORBIT.q)).max() < 1e-6
@@ -81,22 +68,15 @@ def test_backwards_and_from_another_time() -> None:
 def test_native_code_finds_the_same_states_between_the_steps() -> None:
     t = np.linspace(0.0, 7.3, 12)
     plain, native = (
-        lm.integrate(KEPLER, METHOD, ORBIT, h=0.05, t_end=7.3, t_eval=t, compiled=c)
-        for c in (False, True)
+        lm.integrate(KEPLER, METHOD, ORBIT, h=0.05, t_end=7.3, t_eval=t, compiled=c) for c in (False, True)
     )
-    assert (
-        native.compiled
-        and np.array_equal(plain.q, native.q)
-        and np.array_equal(plain.tau, native.tau)
-    )
+    assert native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.tau, native.tau)
 
 
 def test_what_is_recorded_and_summed_up_is_chosen() -> None:
     body = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0).body
     start = body.state(mu=[0.3, 0.0, 1.5], g=np.eye(3))
-    method = lm.ReversibleController(
-        lm.CovariantVariational(lm.Cayley()), lambda mu: 1.0 + mu[0] ** 2
-    )
+    method = lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lambda mu: 1.0 + mu[0] ** 2)
     with_g = lm.integrate(body, method, start, h=0.1, t_end=2.0, compiled=False)
     without = lm.integrate(body, method, start, h=0.1, t_end=2.0, record=("mu",), compiled=False)
     assert without.g is None and np.array_equal(without.mu, with_g.mu) and without.at(1.0).g is None
@@ -132,9 +112,7 @@ def test_what_a_run_in_fictive_time_has_not() -> None:
         lm.check_method(METHOD, KEPLER, ORBIT, h=0.1)
     assert lm.check_method(METHOD, KEPLER, ORBIT)
     top = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
-    inside = lm.KickDrift(
-        lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.time_scales.EqualArc())
-    )
+    inside = lm.KickDrift(lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.time_scales.EqualArc()))
     with pytest.raises(IncompatibleSystem, match="take one"):
         lm.integrate(top, inside, top.state(mu=[0.3, 0.0, 1.5], g=np.eye(3)), h=0.1, steps=1)
 

@@ -23,9 +23,7 @@ class Tab(Page):
 
     @classmethod
     def of(cls, browser: Chromium, address: str | Path) -> Tab:
-        return cls(
-            browser, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address
-        )
+        return cls(browser, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address)
 
     def __enter__(self) -> Tab:
         return self
@@ -41,9 +39,7 @@ class Tab(Page):
 
     def drawn(self) -> np.ndarray:
         """What is to be seen when the page has been painted again."""
-        self.evaluate(
-            "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        )
+        self.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
         return self.pixels()
 
     def seek(self, t: float) -> np.ndarray:
@@ -59,19 +55,14 @@ class Tab(Page):
                 continue
             what, about = event["method"], event["params"]
             if what == "Runtime.consoleAPICalled" and about["type"] in ("error", "assert"):
-                found.append(
-                    f"console: {[a.get('value', a.get('description')) for a in about['args']]}"
-                )
+                found.append(f"console: {[a.get('value', a.get('description')) for a in about['args']]}")
             elif what == "Runtime.exceptionThrown":
                 found.append(f"exception: {about['exceptionDetails']}")
             elif what == "Log.entryAdded" and about["entry"]["level"] == "error":
                 found.append(f"log: {about['entry']['text']}")
             elif what == "Network.requestWillBeSent":
                 address = urlsplit(about["request"]["url"])
-                if (
-                    address.scheme in ("http", "https", "ws", "wss")
-                    and address.hostname not in HERE
-                ):
+                if address.scheme in ("http", "https", "ws", "wss") and address.hostname not in HERE:
                     found.append(f"request: {about['request']['url'][:200]}")
         return found
 
@@ -90,9 +81,7 @@ class Tab(Page):
         """Pull from one place to another with the left button."""
         self._mouse("mousePressed", *start)
         for share in np.linspace(0.0, 1.0, 6)[1:]:
-            self._mouse(
-                "mouseMoved", *(a + share * (b - a) for a, b in zip(start, end, strict=True))
-            )
+            self._mouse("mouseMoved", *(a + share * (b - a) for a, b in zip(start, end, strict=True)))
         self._mouse("mouseReleased", *end)
 
     def press(self, key: str) -> None:
@@ -103,9 +92,7 @@ class Tab(Page):
 
     def _mouse(self, kind: str, x: float, y: float) -> None:
         held = {"buttons": 1} if kind != "mouseReleased" else {}
-        self.call(
-            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1, **held
-        )
+        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1, **held)
 
     # ------------------------------------------------------------ what the page knows
 
@@ -122,10 +109,7 @@ class Tab(Page):
         """Is there a node at this path?  Looks without making one."""
         steps = path.split("/")
         return bool(
-            self.evaluate(
-                f"{steps!r}.reduce((n, s) => n && n.children[s], "
-                "player.viewer.scene_tree) !== undefined"
-            )
+            self.evaluate(f"{steps!r}.reduce((n, s) => n && n.children[s], player.viewer.scene_tree) !== undefined")
         )
 
 

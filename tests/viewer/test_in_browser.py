@@ -50,8 +50,7 @@ def test_it_draws_from_disk_and_asks_nobody(tab: Tab) -> None:
     assert not is_blank(tab.seek(20.0))
     assert tab.complaints() == []
     entries = tab.evaluate(
-        "performance.getEntriesByType('resource').map(e => "
-        "e.name).filter(n => !n.startsWith('data:'))"
+        "performance.getEntriesByType('resource').map(e => e.name).filter(n => !n.startsWith('data:'))"
     )
     assert entries == []
 
@@ -72,14 +71,14 @@ def test_what_is_seen_is_the_trajectory(tab: Tab) -> None:
     q, w = body[:, None, :3], body[:, None, 3:]
     seen = np.eye(3) + 2.0 * (w * np.cross(q, np.eye(3)) + np.cross(q, np.cross(q, np.eye(3))))
     assert np.abs(seen - turned).max() < 1e-5
-    arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).multiplyScalar(object.scale.x).toArray()"
+    arrow = (
+        "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).multiplyScalar(object.scale.x).toArray()"
+    )
     mu = tab.read("panel 2/run 1/mu", t, arrow)
     assert np.abs(mu - run().mu[some] / np.linalg.norm(run().mu[0])).max() < 1e-5
     space = tab.read("panel 1/run 1/spatial momentum", t, arrow)
     # it sticks out of the box
-    assert (
-        np.abs(space - 1.15 * run().spatial_momentum[0] / np.linalg.norm(run().mu[0])).max() < 1e-5
-    )
+    assert np.abs(space - 1.15 * run().spatial_momentum[0] / np.linalg.norm(run().mu[0])).max() < 1e-5
     # it stands still: no track
     assert not tab.evaluate("player.tracks.some(t => t.path.endsWith('spatial momentum'))")
 
@@ -100,9 +99,7 @@ def test_the_trail_ends_at_the_arrow(tab: Tab) -> None:
 
 def test_between_two_samples_it_turns_evenly(tab: Tab) -> None:
     q = tab.read(
-        "panel 1/run 1/body",
-        run().t[100] + 0.1 * np.array([0.0, 0.25, 0.5, 1.0]),
-        "object.quaternion.toArray()",
+        "panel 1/run 1/body", run().t[100] + 0.1 * np.array([0.0, 0.25, 0.5, 1.0]), "object.quaternion.toArray()"
     )
     angle = 2.0 * np.arccos(np.clip(np.abs(q @ q[0]), 0.0, 1.0))
     assert angle[1:3] == pytest.approx(angle[3] * np.array([0.25, 0.5]), rel=1e-3)
@@ -138,14 +135,8 @@ def test_dragging_turns_every_panel(tab: Tab) -> None:
     assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))
     assert np.linalg.norm(after - before) > 0.1
     half = picture.shape[1] // 2
-    assert (
-        unlike(picture[:, :half], turned[:, :half]) > 1e-3
-        and unlike(picture[:, half:], turned[:, half:]) > 1e-3
-    )
-    tab.evaluate(
-        f"player.viewer.camera.position.fromArray({before.tolist()}); "
-        "player.viewer.controls.update()"
-    )
+    assert unlike(picture[:, :half], turned[:, :half]) > 1e-3 and unlike(picture[:, half:], turned[:, half:]) > 1e-3
+    tab.evaluate(f"player.viewer.camera.position.fromArray({before.tolist()}); player.viewer.controls.update()")
 
 
 @pytest.mark.slow
@@ -169,13 +160,9 @@ def test_speed_is_what_the_page_says(tab: Tab) -> None:
         }})"""
         return float(tab.evaluate(program))
 
-    assert advance(1.0) == pytest.approx(
-        run().t[-1] / 10.0, rel=1e-6
-    )  # the scene lasts ten seconds
+    assert advance(1.0) == pytest.approx(run().t[-1] / 10.0, rel=1e-6)  # the scene lasts ten seconds
     assert advance(5.0) == pytest.approx(5.0 * run().t[-1] / 10.0, rel=1e-6)
-    tab.evaluate(
-        "document.getElementById('speed').value = '1'; document.getElementById('speed').onchange()"
-    )
+    tab.evaluate("document.getElementById('speed').value = '1'; document.getElementById('speed').onchange()")
 
 
 @pytest.mark.slow
@@ -217,19 +204,13 @@ def test_everything_fits_at_every_size(tab: Tab) -> None:
 @pytest.mark.slow
 def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
     momentum = {"mu": run().mu}
-    page = Scene(
-        Motion(BODY, run().t, momentum), show=Momentum(trail=False, levels=0, sphere=False)
-    ).save(tmp_path / "less.html")
+    page = Scene(Motion(BODY, run().t, momentum), show=Momentum(trail=False, levels=0, sphere=False)).save(
+        tmp_path / "less.html"
+    )
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
         assert tab.has("panel 1/run 1/mu")
-        others = (
-            "run 1/body",
-            "run 1/mu trail",
-            "shared/levels",
-            "shared/separatrix 1",
-            "shared/sphere 1.000",
-        )
+        others = ("run 1/body", "run 1/mu trail", "shared/levels", "shared/separatrix 1", "shared/sphere 1.000")
         for absent in ("panel 2", *(f"panel 1/{name}" for name in others)):
             assert not tab.has(absent), absent
         assert tab.evaluate("player.tracks.length") == 1
@@ -238,14 +219,9 @@ def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(
-    browser: Chromium, tmp_path: Path
-) -> None:
+def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(browser: Chromium, tmp_path: Path) -> None:
     around = tmp_path / "notebook.html"
-    around.write_text(
-        f"<!DOCTYPE html><body style='margin:0'>{Scene(run())._repr_html_()}</body>",
-        encoding="utf-8",
-    )
+    around.write_text(f"<!DOCTYPE html><body style='margin:0'>{Scene(run())._repr_html_()}</body>", encoding="utf-8")
     with Tab.of(browser, around) as tab:
         until = time.monotonic() + 20.0
         while is_blank(picture := tab.pixels()) and time.monotonic() < until:
@@ -260,16 +236,12 @@ def test_without_webgl_the_page_says_so(browser: Chromium, tmp_path: Path) -> No
     with Chromium((640, 480), flags=("--disable-3d-apis",)) as other, Tab.of(other, page) as tab:
         tab.wait(READY)
         assert "WebGL" in tab.evaluate("document.getElementById('message').innerText")
-        assert (
-            tab.evaluate("getComputedStyle(document.getElementById('message')).display") == "block"
-        )
+        assert tab.evaluate("getComputedStyle(document.getElementById('message')).display") == "block"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [1, 2])
-def test_few_samples_and_texts_that_look_like_code(
-    browser: Chromium, tmp_path: Path, samples: int
-) -> None:
+def test_few_samples_and_texts_that_look_like_code(browser: Chromium, tmp_path: Path, samples: int) -> None:
     title = '</script><b>"it\'s" <!--scene--> \\u003c'
     few = Motion(BODY, run().t[:samples], {"mu": run().mu[:samples], "g": run().g[:samples]})
     page = Scene(few, title=title, name="<i>one</i>").save(tmp_path / "few.html")
@@ -300,37 +272,24 @@ def test_times_that_repeat_and_steps_that_are_not_joined(browser: Chromium, tmp_
 def test_an_ensemble_is_a_cloud_on_one_sphere(browser: Chromium, tmp_path: Path) -> None:
     momenta = np.random.default_rng(3).normal(size=(40, 3))
     momenta /= np.linalg.norm(momenta, axis=1)[:, None]
-    many = lm.integrate(
-        BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=20, compiled=False
-    )
+    many = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=20, compiled=False)
     page = Scene(many).save(tmp_path / "cloud.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
-        points = tab.read(
-            "panel 1/run 1/mu",
-            many.t[[0, 10, 20]],
-            "Array.from(inner.userData.cloud)",
-        )
+        points = tab.read("panel 1/run 1/mu", many.t[[0, 10, 20]], "Array.from(inner.userData.cloud)")
         by_energy = np.argsort(BODY.energy(momenta))
-        assert (
-            np.abs(points.reshape(3, 40, 3) / 1.003 - many.mu[[0, 10, 20]][:, by_energy]).max()
-            < 2e-4
-        )
+        assert np.abs(points.reshape(3, 40, 3) / 1.003 - many.mu[[0, 10, 20]][:, by_energy]).max() < 2e-4
         assert not is_blank(tab.drawn()) and tab.complaints() == []
 
 
 @pytest.mark.slow
 def test_a_mesh_of_ones_own(browser: Chromium, tmp_path: Path) -> None:
     file = tmp_path / "corner.obj"
-    file.write_text(
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8"
-    )
+    file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8")
     page = Scene(run(), show=Body(mesh=file, triad=False)).save(tmp_path / "mesh.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
         tab.seek(3.0)
-        corners = tab.read(
-            "panel 1/run 1/body/mesh", [3.0], "inner.geometry.attributes.position.count"
-        )
+        corners = tab.read("panel 1/run 1/body/mesh", [3.0], "inner.geometry.attributes.position.count")
         assert corners == 12  # of four triangles
         assert not is_blank(tab.drawn()) and tab.complaints() == []

@@ -44,9 +44,7 @@ def test_joints_of_two_bodies_are_in_one_place() -> None:
     assert np.abs(ends[:, 0] - support).max() < 1e-14
     arms = nodes["arms"].moving  # from the centres of mass
     assert arms["cloud"] + arms["vectors"] == pytest.approx(ends[:, 1:], abs=1e-14)
-    inside = np.concatenate(
-        [node.moving["position"] for node in nodes.values() if "position" in node.moving]
-    )
+    inside = np.concatenate([node.moving["position"] for node in nodes.values() if "position" in node.moving])
     assert np.linalg.norm(inside, axis=1).max() < 1.0
     assert len(nodes["trail"].moving["reveal"]) == 4
 
@@ -58,9 +56,7 @@ def test_the_box_of_a_link_has_its_size() -> None:
     assert principal_box(lm.joints.Link(mass, J))[1] == pytest.approx(edges, rel=1e-14)
     axes, found = principal_box(lm.joints.Link(mass, R @ np.diag(J) @ R.T))
     assert np.sort(found) == pytest.approx(edges, rel=1e-12)
-    assert np.linalg.det(axes) == pytest.approx(1.0) and axes * found**2 @ axes.T == pytest.approx(
-        R * edges**2 @ R.T
-    )
+    assert np.linalg.det(axes) == pytest.approx(1.0) and axes * found**2 @ axes.T == pytest.approx(R * edges**2 @ R.T)
     assert principal_box(lm.joints.Link.rod(1.3, 0.8, 0.05))[1][2] == pytest.approx(0.8, rel=1e-14)
 
 
@@ -71,9 +67,7 @@ def test_a_linkage_with_shapes_shows_these(tmp_path: Path) -> None:
     at[:3, 3], turned[:3, :3] = [0.1, 0.2, 0.3], lm.SO3().exp([0.0, 0.0, 0.5])
     shapes = [
         library.joints.LinkShape("box", 0, at, [0.2, 0.4, 0.6], "#102030"),
-        library.joints.LinkShape(
-            "mesh", 1, turned, [0.1, 0.1, 0.2], file=str(tmp_path / "part.stl")
-        ),
+        library.joints.LinkShape("mesh", 1, turned, [0.1, 0.1, 0.2], file=str(tmp_path / "part.stl")),
         library.joints.LinkShape("cylinder", None, at, [0.3, 0.3, 0.5]),
         library.joints.LinkShape("ball", 2, np.eye(4), [0.3, 0.3, 0.3]),
     ]
@@ -112,9 +106,7 @@ def test_bodies_under_conditions_have_pictures(name: str) -> None:
     run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=4, compiled=False)
     (panel,) = Scene(run).panels()
     own = {"sleigh": "body/blade", "rolling-ball": "body/ellipsoid"}[name]
-    assert {f"panel 1/run 1/{own}", "panel 1/run 1/path", "panel 1/shared/ground"} <= set(
-        panel.nodes
-    )
+    assert {f"panel 1/run 1/{own}", "panel 1/run 1/path", "panel 1/shared/ground"} <= set(panel.nodes)
 
 
 def test_the_path_of_a_linkage_is_that_of_its_bodies() -> None:
@@ -135,9 +127,7 @@ def test_what_is_no_linkage_is_refused() -> None:
         Scene(free, show="links")
     with pytest.raises(InvalidInput, match="trail = 5 is not there; the linkage has 3 bodies"):
         Scene(rods(), show=Links(trail=5))
-    assert not any(
-        "trail" in path for path in Scene(rods(), show=Links(trail=None)).panels()[0].nodes
-    )
+    assert not any("trail" in path for path in Scene(rods(), show=Links(trail=None)).panels()[0].nodes)
 
 
 def test_a_joint_in_a_given_motion_is_where_its_first_body_is() -> None:

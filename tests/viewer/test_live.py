@@ -51,15 +51,9 @@ def test_it_listens_to_this_machine_alone() -> None:
         ports = [urlsplit(view.url).port for view in (one, two)]
         assert ports[0] != ports[1]
         if os.path.exists("/proc/net/tcp"):
-            tables = [
-                file for name in ("tcp", "tcp6") if (file := Path(f"/proc/net/{name}")).exists()
-            ]
+            tables = [file for name in ("tcp", "tcp6") if (file := Path(f"/proc/net/{name}")).exists()]
             table = [row.split() for file in tables for row in file.read_text().splitlines()[1:]]
-            ours = [
-                row[1]
-                for row in table
-                if row[3] == "0A" and int(row[1].rpartition(":")[2], 16) in ports
-            ]
+            ours = [row[1] for row in table if row[3] == "0A" and int(row[1].rpartition(":")[2], 16) in ports]
             assert ours and all(address.startswith("0100007F:") for address in ours)  # 127.0.0.1
         assert "200" in answer(one.url, {})
         # a name that somebody gave to 127.0.0.1
@@ -102,8 +96,7 @@ def test_nothing_is_left_behind() -> None:
     """
     programs = [[sys.executable, "-c", textwrap.dedent(program) + end] for end in ENDS]
     for running in [
-        subprocess.Popen(p, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        for p in programs
+        subprocess.Popen(p, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) for p in programs
     ]:
         url, _, children = running.communicate(timeout=60)[0].strip().partition(" ")
         assert not children  # one process, one thread more: whatever ends it ends all
@@ -117,10 +110,7 @@ def test_nothing_is_left_behind() -> None:
 def test_a_page_shows_the_last_state(browser: Chromium) -> None:
     arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).toArray()"
     state, h = START, 0.1
-    with (
-        live(BODY, START, ("body", "momentum"), open=False) as view,
-        Tab.of(browser, view.url) as tab,
-    ):
+    with live(BODY, START, ("body", "momentum"), open=False) as view, Tab.of(browser, view.url) as tab:
         tab.wait("window.ready")
         assert view.wait(10.0)
         for n in range(30):

@@ -27,16 +27,8 @@ from liemech.viewer.vectors import AXES, LEVEL, SEPARATRIX
 
 VISIONS = {
     "usual": np.eye(3),
-    "deuteranopia": [
-        [0.367322, 0.860646, -0.227968],
-        [0.280085, 0.672501, 0.047413],
-        [-0.011820, 0.042940, 0.968881],
-    ],
-    "protanopia": [
-        [0.152286, 1.052583, -0.204868],
-        [0.114503, 0.786281, 0.099216],
-        [-0.003882, -0.048116, 1.051998],
-    ],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
 }
 """How each kind of colour vision sees linear red, green and blue.
 
@@ -144,9 +136,7 @@ FILLED = """(() => { const found = player.panels.map(panel => {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["kirchhoff", "falling-body", "pendulum", "sleigh", "figure-eight"]
-)
+@pytest.mark.parametrize("name", ["kirchhoff", "falling-body", "pendulum", "sleigh", "figure-eight"])
 def test_scenes_fill_their_stage(browser: Chromium, tmp_path: Path, name: str) -> None:
     scene = SCENES[name]()
     run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=scene.steps)
@@ -198,9 +188,7 @@ def test_a_mesh_without_normals_is_lit(browser: Chromium, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_the_first_view_comes_back_and_the_motion_begins_anew(
-    browser: Chromium, tmp_path: Path
-) -> None:
+def test_the_first_view_comes_back_and_the_motion_begins_anew(browser: Chromium, tmp_path: Path) -> None:
     scene = SCENES["kepler"]()
     run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=200)
     page = Scene(run, seconds=1.0).save(tmp_path / "planet.html")

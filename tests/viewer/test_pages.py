@@ -76,9 +76,7 @@ scene.html(), scene.html(compressed=True)
 heavy = {"meshcat", "zmq", "tornado", "IPython", "matplotlib", "scipy", "llvmlite", "PIL", "umsgpack"}
 assert not {name.partition(".")[0] for name in sys.modules} & heavy, {n.partition(".")[0] for n in sys.modules} & heavy
 """
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
-    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
 
 
@@ -87,12 +85,7 @@ def test_sizes_whatever_the_number_of_samples() -> None:
     def scene(samples: int) -> Scene:
         t = np.linspace(0.0, 60.0, samples)
         turns = np.zeros((samples, 3, 3))
-        turns[:, 0, 0], turns[:, 1, 1], turns[:, 0, 1], turns[:, 1, 0] = (
-            np.cos(t),
-            np.cos(t),
-            -np.sin(t),
-            np.sin(t),
-        )
+        turns[:, 0, 0], turns[:, 1, 1], turns[:, 0, 1], turns[:, 1, 0] = (np.cos(t), np.cos(t), -np.sin(t), np.sin(t))
         turns[:, 2, 2] = 1.0
         return Scene(Motion(BODY, t, {"mu": turns[:, 0], "g": turns}))
 
@@ -177,12 +170,7 @@ def test_channels_that_stand_still_are_sent_once() -> None:
 def test_tracks_are_the_samples() -> None:
     scene = described(Scene(RUN, show="momentum"))
     direction = next(track for track in scene["tracks"] if track["channel"] == "direction")
-    assert (
-        np.abs(
-            direction["values"].reshape(-1, 3) - RUN.mu / np.linalg.norm(RUN.mu, axis=1)[:, None]
-        ).max()
-        < 1e-7
-    )
+    assert np.abs(direction["values"].reshape(-1, 3) - RUN.mu / np.linalg.norm(RUN.mu, axis=1)[:, None]).max() < 1e-7
     assert (scene["clocks"][direction["clock"]] == RUN.t).all()
 
 
@@ -200,27 +188,16 @@ def test_several_runs_share_the_sphere_and_stand_side_by_side() -> None:
     other = lm.integrate(BODY, lm.RKMK(order=2), START, h=0.1, steps=30, compiled=False)
     scene = Scene(RUN, name="four").add(other, name="two")
     panels = scene.panels()
-    assert [panel.title for panel in panels] == [
-        "in space: four",
-        "in space: two",
-        "momentum, seen from the body",
-    ]
+    assert [panel.title for panel in panels] == ["in space: four", "in space: two", "momentum, seen from the body"]
     names = [path.partition("/")[2] for path in panels[-1].nodes]
-    assert {"run 1/mu", "run 2/mu"} <= set(names) and sum(
-        name.startswith("shared/sphere") for name in names
-    ) == 1
+    assert {"run 1/mu", "run 2/mu"} <= set(names) and sum(name.startswith("shared/sphere") for name in names) == 1
     assert scene.duration == RUN.t[-1]
-    assert described(scene)["legend"][:2] == [
-        {"name": "four", "color": "#0072B2"},
-        {"name": "two", "color": "#D55E00"},
-    ]
+    assert described(scene)["legend"][:2] == [{"name": "four", "color": "#0072B2"}, {"name": "two", "color": "#D55E00"}]
 
 
 def test_different_bodies_have_spheres_of_their_own() -> None:
     other = lm.RigidBody([1.0, 1.5, 2.0])  # with other curves of constant energy
-    run = lm.integrate(
-        other, lm.RKMK(order=4), other.state(mu=[0.3, 1.0, 0.2]), h=0.1, steps=3, compiled=False
-    )
+    run = lm.integrate(other, lm.RKMK(order=4), other.state(mu=[0.3, 1.0, 0.2]), h=0.1, steps=3, compiled=False)
     panels = Scene(RUN, show="momentum", name="a").add(run, name="b").panels()
     assert [panel.title[-3:] for panel in panels] == [": a", ": b"]
 
@@ -293,28 +270,12 @@ def test_every_system_has_a_picture(name: str) -> None:
             TOP.reduced.from_top(top),
             {"run 1/body/top", "run 1/nose", "run 1/vertical trail"},
         ),
-        "FallingBody": (
-            falling,
-            falling.state([0.5, 1, 0.2, 3, 0, 12], np.eye(4)),
-            {"run 1/body/box", "run 1/path"},
-        ),
-        "OrbitingBody": (
-            orbiting,
-            orbiting.circular_orbit(5.0),
-            {"run 1/body/box", "run 1/path", "shared/centre"},
-        ),
+        "FallingBody": (falling, falling.state([0.5, 1, 0.2, 3, 0, 12], np.eye(4)), {"run 1/body/box", "run 1/path"}),
+        "OrbitingBody": (orbiting, orbiting.circular_orbit(5.0), {"run 1/body/box", "run 1/path", "shared/centre"}),
         "Kepler": (kepler, kepler.pericentre(0.5), {"run 1/points", "shared/sun"}),
         "Pendulum": (pendulum, pendulum.state([1.0], [0.0]), {"run 1/rods", "shared/pivot 1"}),
-        "DoublePendulum": (
-            double,
-            double.state([1.0, 2.0], [0.0, 0.0]),
-            {"run 1/rods", "run 1/trail 1.1"},
-        ),
-        "Quaternions": (
-            free,
-            free.state([0.3, 1.0, 0.2], [0.0, 0.0, 0.0, 1.0]),
-            {"run 1/body", "run 1/mu"},
-        ),
+        "DoublePendulum": (double, double.state([1.0, 2.0], [0.0, 0.0]), {"run 1/rods", "run 1/trail 1.1"}),
+        "Quaternions": (free, free.state([0.3, 1.0, 0.2], [0.0, 0.0, 0.0, 1.0]), {"run 1/body", "run 1/mu"}),
     }
     system, start, wanted = systems[name]
     scene = lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=40, compiled=False).view()
@@ -327,14 +288,7 @@ def test_every_system_has_a_picture(name: str) -> None:
 
 def test_points_of_ones_own() -> None:
     system = lm.models.HenonHeiles()
-    run = lm.integrate(
-        system,
-        lm.RKMK(order=4),
-        system.state([0.1, 0.2], [0.3, 0.1]),
-        h=0.1,
-        steps=20,
-        compiled=False,
-    )
+    run = lm.integrate(system, lm.RKMK(order=4), system.state([0.1, 0.2], [0.3, 0.1]), h=0.1, steps=20, compiled=False)
     scene = Scene(run, show=Points(places=lambda q, p: np.stack([q, p], axis=1)))
     (panel,) = scene.panels()
     assert panel.nodes["panel 1/run 1/points"].moving["cloud"].shape == (21, 2, 3)
@@ -351,9 +305,9 @@ def test_animate_computes_what_is_shown_and_nothing_else() -> None:
     both = animate(BODY, lm.RKMK(order=4), START, h=0.1, steps=20)
     assert set(both.runs[0].states) == {"mu", "g"}
     adaptive = animate(BODY, lm.RKMK(order=5), START, "momentum", t_end=7.0, frames=50)
-    assert np.allclose(adaptive.runs[0].t, np.linspace(0.0, 7.0, 50), rtol=1e-15) and set(
-        adaptive.runs[0].states
-    ) == {"mu"}
+    assert np.allclose(adaptive.runs[0].t, np.linspace(0.0, 7.0, 50), rtol=1e-15) and set(adaptive.runs[0].states) == {
+        "mu"
+    }
     exact = BODY.exact(START, adaptive.runs[0].t)
     assert np.abs(adaptive.runs[0].mu - exact.mu).max() < 1e-4
 
@@ -373,10 +327,7 @@ def test_bad_input_is_named() -> None:
         (lambda: Motion(BODY, [0.0, 2.0, 1.0, 3.0], {"mu": mu}), "t must rise"),
         (lambda: Motion(BODY, [0.0, np.inf, 1.0, 3.0], {"mu": mu}), "Motion: t"),
         (lambda: Scene(Motion(BODY, t, {"mu": mu}), show="body"), "Body needs g"),
-        (
-            lambda: Scene(RUN, show="momentums"),
-            "'momentums' is not known; there are body, momentum",
-        ),
+        (lambda: Scene(RUN, show="momentums"), "'momentums' is not known; there are body, momentum"),
         (lambda: Scene(spin), "there is no moving picture of"),
         (lambda: Motion(BODY, t, {"g": np.full((4, 3, 3), 1j)}), "g must be real numbers"),
         (lambda: Scene(RUN, show=()), "show is empty"),
@@ -388,9 +339,7 @@ def test_bad_input_is_named() -> None:
         (lambda: Scene(RUN, frames="many"), "frames"),
         (lambda: Scene(RUN, view="front"), "view"),
         (
-            lambda: animate(
-                BODY, lm.RKMK(order=4), BODY.state(mu=[0.3, 1.0, 0.2]), "body", h=0.1, steps=3
-            ),
+            lambda: animate(BODY, lm.RKMK(order=4), BODY.state(mu=[0.3, 1.0, 0.2]), "body", h=0.1, steps=3),
             "Body needs g",
         ),
         (lambda: Scene().html(), "this scene is empty"),
@@ -412,22 +361,13 @@ def test_bad_input_is_named() -> None:
 def test_numbers_of_every_kind() -> None:
     whole = {"mu": np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]])}
     for kind in (np.int64, np.float32, np.float64):
-        scene = described(
-            Scene(Motion(BODY, np.arange(3, dtype=kind), {"mu": whole["mu"].astype(kind)}))
-        )
+        scene = described(Scene(Motion(BODY, np.arange(3, dtype=kind), {"mu": whole["mu"].astype(kind)})))
         direction = next(track for track in scene["tracks"] if track["channel"] == "direction")
         assert (direction["values"] == np.eye(3).ravel()).all()
 
 
 def test_one_of_an_ensemble() -> None:
-    many = lm.integrate(
-        BODY,
-        lm.RKMK(order=4),
-        BODY.state(mu=np.eye(3), g=np.eye(3)),
-        h=0.1,
-        steps=10,
-        compiled=False,
-    )
+    many = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=np.eye(3), g=np.eye(3)), h=0.1, steps=10, compiled=False)
     bodies = Scene(many, show="body").panels()[0].nodes["panel 1/run 1/bodies"]
     assert bodies.moving["turns"].shape == (11, 3, 4)
     turned = Rotation.from_quat(bodies.moving["turns"][-1, 1]).as_matrix()
@@ -497,9 +437,7 @@ def test_every_energy_has_its_curves_on_the_sphere() -> None:
     ends, times = np.unique(np.round(curves.reshape(-1, 3), 9) + 0.0, axis=0, return_counts=True)
     # closed: every end of a segment is the end of one other
     assert len(ends) > 300 and (times == 2).all()
-    run = lm.integrate(
-        gyrostat, lm.RKMK(order=4), gyrostat.state([0.3, 1.0, 0.2]), h=0.1, steps=5, compiled=False
-    )
+    run = lm.integrate(gyrostat, lm.RKMK(order=4), gyrostat.state([0.3, 1.0, 0.2]), h=0.1, steps=5, compiled=False)
     assert "shared/levels" in paths(Scene(run))
     # all directions have the same energy
     assert not len(contours(lm.RigidBody([2.0, 2.0, 2.0]).energy, 1.0, 5))
@@ -507,13 +445,9 @@ def test_every_energy_has_its_curves_on_the_sphere() -> None:
 
 def test_momenta_of_different_length_have_no_common_sphere() -> None:
     momenta = np.diag([1.0, 2.0, 3.0])
-    many = lm.integrate(
-        BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=3, compiled=False
-    )
+    many = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=3, compiled=False)
     assert paths(Scene(many)) == {"run 1/mu", *(f"shared/axis {k}" for k in (1, 2, 3))}
-    alike = lm.integrate(
-        BODY, lm.RKMK(order=4), BODY.state(mu=np.eye(3)), h=0.1, steps=3, compiled=False
-    )
+    alike = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=np.eye(3)), h=0.1, steps=3, compiled=False)
     assert {"shared/sphere 1.000", "shared/levels"} <= paths(Scene(alike))
 
 
@@ -528,9 +462,7 @@ def test_samples_far_apart_are_not_joined() -> None:
     run = Motion(BODY, t, {"mu": momentum, "g": attitudes})
     first = Scene(run, show="body").shown[0].motion
     assert (first["g"] == attitudes[:900]).all() and first.joined
-    assert described(Scene(run, show="body"))["notes"] == [
-        "shown: the first 900 of 30,000 samples, to t = 89.9"
-    ]
+    assert described(Scene(run, show="body"))["notes"] == ["shown: the first 900 of 30,000 samples, to t = 89.9"]
     few = Scene(Motion(BODY, t[::10], {"mu": momentum[::10], "g": attitudes[::10]}), show="body")
     assert described(few)["joined"] == [False]  # two radians
     assert "up to 115 degrees apart" in described(few)["notes"][0]

@@ -113,9 +113,7 @@ def test_the_page_colours_the_poles(browser: Chromium, tmp_path: Path) -> None:
         assert seen == pytest.approx(np.array([red, white, blue]), abs=2e-3)
         # the first point of the sphere is its north pole, which is up
         place = "inner.localToWorld(new MeshCat.THREE.Vector3(0, 1, 0)).toArray()"
-        assert tab.read("panel 1/run 1/field", [0.0], place)[0] == pytest.approx(
-            [0, 1, 0], abs=1e-6
-        )
+        assert tab.read("panel 1/run 1/field", [0.0], place)[0] == pytest.approx([0, 1, 0], abs=1e-6)
         assert tab.complaints() == []
 
 

@@ -85,10 +85,7 @@ def test_arrows_on_a_page_are_the_spins(browser: Chromium, tmp_path: Path) -> No
         assert np.abs(m[:, :, 2, :3] / size - mu[some] / 2.0).max() < 2e-4
         color = seen(tab, T[some], COLOURS, 3, "panel 1/run 1/spins")
         up = mu[some][..., 2] / np.linalg.norm(mu[some], axis=-1)
-        blue, ink, orange = (
-            np.array([int(c[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
-            for c in lm.plots.DIRECTIONS
-        )
+        blue, ink, orange = (np.array([int(c[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0 for c in lm.plots.DIRECTIONS)
         wanted = ink + np.abs(up)[..., None] * (np.where(up[..., None] < 0.0, blue, orange) - ink)
         assert np.abs(color - wanted).max() < 1e-3
         # half-way between two samples the angle is half-way, and the length is kept
@@ -123,9 +120,7 @@ def test_bodies_on_a_page_stand_and_turn_as_the_poses(browser: Chromium, tmp_pat
 
 
 @pytest.mark.slow
-def test_atoms_on_a_page_are_those_of_the_molecules_in_their_box(
-    browser: Chromium, tmp_path: Path
-) -> None:
+def test_atoms_on_a_page_are_those_of_the_molecules_in_their_box(browser: Chromium, tmp_path: Path) -> None:
     water, (poses, _) = SPC(), molecules(9)
     near = lm.neighbours.within(9.0, box=[18.6] * 3)
     free = lm.LiePoissonSystem(lm.SE3() ** 9, lm.PerSite(water.kinetic_energy))
@@ -153,9 +148,7 @@ def test_large_lattices_are_thinned_and_the_page_says_so(monkeypatch: pytest.Mon
     mu = turning(3600)
     scene = Scene(Motion(spins(lattice), T, {"mu": mu}))
     content = described(scene)
-    assert content["notes"] == [
-        "shown: 400 of 3,600 sites, one in 3 along each axis, 20 of 41 samples"
-    ]
+    assert content["notes"] == ["shown: 400 of 3,600 sites, one in 3 along each axis, 20 of 41 samples"]
     (track,) = [track for track in content["tracks"] if track["channel"] == "vectors"]
     moving = track["values"].reshape(20, 400, 3) * track["unit"]
     i, j = np.meshgrid(np.arange(0, 60, 3), np.arange(0, 60, 3), indexing="ij")
@@ -174,9 +167,7 @@ def test_pages_of_a_hundred_thousand_sites_stay_small() -> None:
     mu[:] = turning(lattice.sites, np.zeros(1))
     mu *= np.cos(t)[:, None, None].astype(np.float32)  # it moves
     run = Motion.__new__(Motion)  # without the copies that checking makes
-    vars(run).update(
-        system=spins(lattice), t=t, states={"mu": mu}, bodies=None, sites=None, note=""
-    )
+    vars(run).update(system=spins(lattice), t=t, states={"mu": mu}, bodies=None, sites=None, note="")
     assert len(Scene(run).html()) < 20e6
 
 
@@ -204,13 +195,10 @@ def test_rings_are_circles_with_neighbours_at_a_distance_of_one() -> None:
 def test_runs_of_every_kind_of_site_have_a_picture() -> None:
     lattice = lm.neighbours.ring(4)
     of_spins = spins(lattice)
-    run = lm.integrate(
-        of_spins, lm.RKMK(order=4), of_spins.state(mu=turning(4)[0]), h=0.1, steps=4, compiled=False
-    )
+    run = lm.integrate(of_spins, lm.RKMK(order=4), of_spins.state(mu=turning(4)[0]), h=0.1, steps=4, compiled=False)
     assert [type(c) for c in run.view().shown[0].contents] == [Spins]
     masses = lm.LiePoissonSystem(
-        lm.VectorSpace(2) ** 3,
-        lm.PerSite(lm.KineticEnergy(lm.each([[1.0] * 2, [8.0] * 2, [27.0] * 2]))),
+        lm.VectorSpace(2) ** 3, lm.PerSite(lm.KineticEnergy(lm.each([[1.0] * 2, [8.0] * 2, [27.0] * 2])))
     )
     field = lm.Terms(Gravity().over(lm.neighbours.all_pairs()), mass=lm.each([1.0, 8.0, 27.0]))
     pulled = lm.MechanicalSystem(masses, field)

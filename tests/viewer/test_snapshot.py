@@ -29,9 +29,7 @@ def run() -> lm.Trajectory:
 @pytest.mark.slow
 def test_a_snapshot_is_the_moment_that_was_asked_for(browser: Chromium, tmp_path: Path) -> None:
     scene = Scene(run(), show="body")
-    picture = np.asarray(
-        Image.open(scene.snapshot(tmp_path / "two.png", 2.0, size=(320, 200))).convert("RGBA")
-    )
+    picture = np.asarray(Image.open(scene.snapshot(tmp_path / "two.png", 2.0, size=(320, 200))).convert("RGBA"))
     assert picture.shape[:2] == (200, 320)
     assert (picture[..., 3] == 255).all() and (picture[0, 0] == 255).all()
     with Tab.of(browser, scene.save(tmp_path / "body.html")) as tab:
@@ -44,9 +42,7 @@ def test_a_snapshot_is_the_moment_that_was_asked_for(browser: Chromium, tmp_path
 
 @pytest.mark.slow
 def test_a_gif_moves(browser: Chromium, tmp_path: Path) -> None:
-    file = Scene(run(), show="momentum").write_film(
-        tmp_path / "body.gif", size=(240, 160), fps=5, seconds=1.0
-    )
+    file = Scene(run(), show="momentum").write_film(tmp_path / "body.gif", size=(240, 160), fps=5, seconds=1.0)
     with Image.open(file) as movie:
         assert (movie.size, movie.n_frames) == ((240, 160), 6)
         frames = []
@@ -77,9 +73,7 @@ def test_what_cannot_be_drawn_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_film_has_its_pictures(browser: Chromium, tmp_path: Path, ending: str) -> None:
     films = pytest.importorskip("imageio.v2", reason="needs the extra film")
     pytest.importorskip("imageio_ffmpeg", reason="needs the extra film")
-    file = Scene(run(), show="momentum").write_film(
-        tmp_path / f"body.{ending}", size=(240, 160), fps=5, seconds=1.0
-    )
+    file = Scene(run(), show="momentum").write_film(tmp_path / f"body.{ending}", size=(240, 160), fps=5, seconds=1.0)
     frames = [np.asarray(frame).astype(int) for frame in films.get_reader(file)]
     assert len(frames) == 6 and frames[0].shape == (160, 240, 3)
     assert all(np.abs(a - b).max() > 30 for a, b in pairwise(frames))

@@ -40,9 +40,7 @@ class Exported:
     processor: str
 
 
-def export(
-    plan: Any, path: str | os.PathLike[str], start: Any, inputs: Any, target: str | None
-) -> Exported:
+def export(plan: Any, path: str | os.PathLike[str], start: Any, inputs: Any, target: str | None) -> Exported:
     """Write the files; `Plan.export` says what they are."""
     path = Path(path)
     name = path.name
@@ -89,8 +87,7 @@ def laid_out(plan: Any, start: Any) -> tuple[Shape, Any]:
         shapes = [x for (_, side), x in plan._steps.shapes.items() if side == 0]
         if len(shapes) != 1:
             raise InvalidInput(
-                "Plan.export: give start=, a state that says what the state in C has, such as "
-                "system.state(...)"
+                "Plan.export: give start=, a state that says what the state in C has, such as system.state(...)"
             )
         return shapes[0], None
     if not isinstance(start, State) or start.bodies is not None:
@@ -169,10 +166,7 @@ class Header:
             lines += [
                 "/* What may change between steps: fields of the system. */",
                 "typedef struct {",
-                *[
-                    f"  double {short}{dimensions(one)};  /* {one.name} */"
-                    for short, one in self.inputs.items()
-                ],
+                *[f"  double {short}{dimensions(one)};  /* {one.name} */" for short, one in self.inputs.items()],
                 f"}} {name}_inputs;",
                 "",
             ]
@@ -250,10 +244,7 @@ class Header:
         lines += [
             "  memset(run, 0, sizeof *run);",
             f"  memcpy(run->constants, {name}_constants, sizeof {name}_constants);",
-            *[
-                f"  run->constants[{i}] = (double)((uintptr_t){name}_table_{i} / 8);"
-                for i in tables
-            ],
+            *[f"  run->constants[{i}] = (double)((uintptr_t){name}_table_{i} / 8);" for i in tables],
             "  memcpy(run->clock, clock, sizeof clock);",
             "  memcpy(run->goal, goal, sizeof goal);",
             f"  run->clock[{TIME}] = run->goal[5] = t0;",
@@ -270,9 +261,7 @@ class Header:
             lines.append(f"  return {name}_restart(run);")
         before: list[str] = []
         if self.inputs:
-            before += [
-                f"static inline void {name}_take({name} *run, const {name}_inputs *inputs) {{"
-            ]
+            before += [f"static inline void {name}_take({name} *run, const {name}_inputs *inputs) {{"]
             for short, one in self.inputs.items():
                 source = f"&inputs->{short}"
                 before += [
@@ -303,9 +292,7 @@ class Header:
         again = self.shape.order is None
         take = f"  if (inputs) {name}_take(run, inputs);"
         if again:
-            take = (
-                f"  if (inputs) {{ {name}_take(run, inputs); if (!{name}_restart(run)) return 0; }}"
-            )
+            take = f"  if (inputs) {{ {name}_take(run, inputs); if (!{name}_restart(run)) return 0; }}"
         return [
             "/* Go on by so many steps; how many were made: fewer if one fails, before which the run stands.",
             *(["   inputs: NULL leaves them as they are. */"] if given else ["   */"]),
@@ -352,17 +339,11 @@ class Header:
         lines.append("  memcpy(&start, numbers, sizeof start);")
         for short, one in self.inputs.items():
             place = self.first + (one.places or (0,))[0]
-            lines.append(
-                f"  memcpy(&inputs.{short}, {name}_constants + {place}, sizeof inputs.{short});"
-            )
+            lines.append(f"  memcpy(&inputs.{short}, {name}_constants + {place}, sizeof inputs.{short});")
         lines += [
             f"  if (!{name}_begin(&run, &start, {given}0.0)) return 1;",
             "  for (row = 0; row <= rows; row++) {",
-            *(
-                ["    /* NULL: inputs as they are; or &inputs, with a new command in it */"]
-                if given
-                else []
-            ),
+            *(["    /* NULL: inputs as they are; or &inputs, with a new command in it */"] if given else []),
             f"    if (row && {name}_step(&run, {'NULL, ' if given else ''}every) != every) return 2;",
             f'    printf("%.17g", {name}_time(&run));',
             f'    for (i = 0; i < {width}; i++) printf(" %.17g", shown[i]);',

@@ -71,9 +71,7 @@ class Orders:
         for one in self.methods:
             order = "-" if one.order is None else f"{one.order:.2f}"
             steps, seconds = round(self.duration / one.h[-1]), 1e3 * one.seconds[-1]
-            lines.append(
-                f"{one.name:<40} {order:>6} {steps:>7} {one.errors[-1]:>9.1e} {seconds:>9.3f}"
-            )
+            lines.append(f"{one.name:<40} {order:>6} {steps:>7} {one.errors[-1]:>9.1e} {seconds:>9.3f}")
         return "\n".join(lines)
 
     @property
@@ -84,9 +82,7 @@ class Orders:
         rows = []
         for one in self.methods:
             slopes = np.diff(np.log(one.errors)) / np.diff(np.log(one.h))
-            for k, (h, error, seconds) in enumerate(
-                zip(one.h, one.errors, one.seconds, strict=True)
-            ):
+            for k, (h, error, seconds) in enumerate(zip(one.h, one.errors, one.seconds, strict=True)):
                 slope = float(slopes[k - 1]) if k else float("nan")
                 rows.append((one.name, float(h), float(error), slope, float(seconds)))
         return WrittenTable(("method", "h", "error", "order", "seconds"), tuple(rows))
@@ -137,16 +133,12 @@ def measure_order(
     named = _named(methods)
     counts = sorted(int(n) for n in steps)
     if len(counts) < 2 or counts[0] < 1:
-        raise InvalidInput(
-            f"measure_order: steps are two numbers at least, from 1 on; got {counts}"
-        )
+        raise InvalidInput(f"measure_order: steps are two numbers at least, from 1 on; got {counts}")
     if not 0.0 < float(t_end) < np.inf:
         raise InvalidInput(f"measure_order: t_end must be positive and finite; got {t_end!r}")
     if start.bodies is not None:
         raise InvalidInput("measure_order takes one body, not an ensemble")
-    wanted = (
-        _reference(system, start, float(t_end), counts[-1], compiled) if exact is None else exact
-    )
+    wanted = _reference(system, start, float(t_end), counts[-1], compiled) if exact is None else exact
     found = []
     for name, method in named.items():
         errors, seconds = [], []
@@ -216,7 +208,5 @@ def falling(steps: Array, errors: Array) -> NDArray[np.intp]:
     there = np.flatnonzero(np.isfinite(errors) & (errors > 0.0))
     there = there[np.argsort(-steps[there], kind="stable")]
     slopes = np.diff(np.log(errors[there])) / np.diff(np.log(steps[there]))
-    flat = np.flatnonzero(
-        ~(slopes >= 0.5 * np.maximum.accumulate(np.maximum(slopes, 0.0))) | ~(slopes > 0.0)
-    )
+    flat = np.flatnonzero(~(slopes >= 0.5 * np.maximum.accumulate(np.maximum(slopes, 0.0))) | ~(slopes > 0.0))
     return there[: int(flat[0]) + 1 if len(flat) else len(there)]

@@ -51,21 +51,15 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
     it is computed here.
     """
     if not callable(getattr(executor, "submit", None)):
-        raise InvalidType(
-            "integrate: executor is one of concurrent.futures, "
-            f"or has its `submit`; got {executor!r}"
-        )
+        raise InvalidType(f"integrate: executor is one of concurrent.futures, or has its `submit`; got {executor!r}")
     if not isinstance(start, State) or start.bodies is None:
         raise InvalidInput(
-            "integrate: executor is for ensembles, whose bodies it spreads; "
-            "executor.submit(plan.run, ...) for one"
+            "integrate: executor is for ensembles, whose bodies it spreads; executor.submit(plan.run, ...) for one"
         )
     plan._started(start)
     arguments.ends(how["t_end"], start.bodies)
     arguments.columns(how["t_eval"], start.bodies)
-    chunks = _chunks(
-        start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None)
-    )
+    chunks = _chunks(start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None))
     work = Work(plan, start, chunks, how, executor)
     try:
         with Bar(plan.options.progress, start.bodies, "body") as bar:
@@ -85,9 +79,7 @@ class Work:
     was handed out.  running : the chunks that workers have, by their futures.
     """
 
-    def __init__(
-        self, plan: Any, start: Any, chunks: list[Any], how: dict[str, Any], executor: Any
-    ) -> None:
+    def __init__(self, plan: Any, start: Any, chunks: list[Any], how: dict[str, Any], executor: Any) -> None:
         self.plan, self.chunks, self.executor = plan, chunks, executor
         self.jobs = [
             (_part_of(plan, first, end), _members(start, first, end), _times_of(how, first, end))
@@ -109,10 +101,7 @@ class Work:
                 return
         except futures.BrokenExecutor:
             pass
-        warn(
-            f"integrate: the executor lost chunk {i} of {len(self.jobs)}; it is computed here",
-            RuntimeWarning,
-        )
+        warn(f"integrate: the executor lost chunk {i} of {len(self.jobs)}; it is computed here", RuntimeWarning)
         self.found[i] = _run(*self.jobs[i])
 
     def run(self, bar: Bar) -> None:
@@ -161,8 +150,7 @@ class Work:
             if isinstance(result, Exception):
                 first, end = self.chunks[i]
                 result.add_note(
-                    f"[integrate: in the chunk of bodies {first} to "
-                    f"{end - 1}, which are counted from 0 there]"
+                    f"[integrate: in the chunk of bodies {first} to {end - 1}, which are counted from 0 there]"
                 )
                 raise result
         return _joined(self.plan, self.chunks, [self.found[i] for i in range(len(self.jobs))])
@@ -236,9 +224,7 @@ def _times_of(how: dict[str, Any], first: int, end: int) -> dict[str, Any]:
 
 
 def _members(start: Any, first: int, end: int) -> Any:
-    return type(start)(
-        *(None if x is None else np.array(x[first:end]) for x in start.parts.values())
-    )
+    return type(start)(*(None if x is None else np.array(x[first:end]) for x in start.parts.values()))
 
 
 def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
@@ -250,8 +236,7 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
     if steps:
         some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
         warn(
-            f"integrate: {len(steps)} of {bodies} bodies stopped early: {some}. "
-            f"{stopped[min(steps)].error}",
+            f"integrate: {len(steps)} of {bodies} bodies stopped early: {some}. {stopped[min(steps)].error}",
             RuntimeWarning,
         )
     own: dict[str, Any] = {}

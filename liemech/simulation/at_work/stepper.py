@@ -107,8 +107,7 @@ class Stepper:
             h, now, t = self._plan._steps.h, self.t, arguments.real(t, "t")
             if not isinstance(h, float) or not min(now, now + h) <= t <= max(now, now + h):
                 raise InvalidInput(
-                    f"Stepper.at: t = {t!r} is not in the step to come, from {now!r} by {h!r}; "
-                    "step there first"
+                    f"Stepper.at: t = {t!r} is not in the step to come, from {now!r} by {h!r}; step there first"
                 )
             if t == now:
                 return self.state
@@ -216,9 +215,7 @@ class Stepper:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if not name.startswith("_"):
-            raise AttributeError(
-                f"{name} of a Stepper cannot be set; begin anew: plan.stepper(start, t0)"
-            )
+            raise AttributeError(f"{name} of a Stepper cannot be set; begin anew: plan.stepper(start, t0)")
         object.__setattr__(self, name, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -255,8 +252,7 @@ class Stepper:
         if self._fictive or (isinstance(self._carry, SiteCarry) and not links):
             kind = "steps in fictive time" if self._fictive else "systems of many sites"
             raise InvalidInput(
-                f"Stepper.step: {kind} take no inputs; go on with plan.replace(system=...)"
-                ".stepper(loop.state, loop.t)"
+                f"Stepper.step: {kind} take no inputs; go on with plan.replace(system=...).stepper(loop.state, loop.t)"
             )
         system = each_of(self._plan.system)[0]
         full = full_name(system, name, "Stepper.step")
@@ -429,10 +425,7 @@ class InPlace:
     system : as it was last made.
     """
 
-    __slots__ = (
-        *("again", "begun", "block", "blocks", "buffers", "memory", "most", "parts", "place"),
-        "system",
-    )
+    __slots__ = (*("again", "begun", "block", "blocks", "buffers", "memory", "most", "parts", "place"), "system")
 
     def __init__(self, place: Place, begun: Carry) -> None:
         self.place, self.begun = place, begun

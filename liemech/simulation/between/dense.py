@@ -77,9 +77,7 @@ def within_run(times: np.ndarray, t: np.ndarray) -> np.ndarray:
     margin = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
     inside = (times >= low - margin) & (times <= high + margin)
     if not inside.all():
-        raise InvalidInput(
-            f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}"
-        )
+        raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
     found: np.ndarray = np.clip(times, low, high)
     return found
 
@@ -115,9 +113,7 @@ class Between:
         """The input of `moved`, (m, ...), from the rows where steps begin and end and times inside of them."""
         raise NotImplementedError
 
-    def moved(
-        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
-    ) -> np.ndarray:
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         """The numbers of the states at these times, (m, width).
 
         body : of each of them, where parameters are of each body.
@@ -188,9 +184,7 @@ class DenseOutput(Between):
         given[:, -1] = (times - begun) / (after[:, 0] - begun)
         return given
 
-    def moved(
-        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
-    ) -> np.ndarray:
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         dim = kernel.examples([self.system])[0].group.dim
         row = way_layout(self.example, dim, (given.shape[1] - 1 - self.width) // dim)
         arguments = self.retraction, self.system, row
@@ -253,18 +247,11 @@ class ShortSteps(Between):
         points, begun = before[:, 1 : 1 + self.width], before[:, 0]
         return np.concatenate([points, begun[:, None], (times - begun)[:, None]], axis=1)
 
-    def moved(
-        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
-    ) -> np.ndarray:
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         (method,) = kernel.examples([self.method])
         if method.noisy:
-            raise IncompatibleSystem(
-                f"{method!r} knows no state at t = {times[0]:g}, inside of a step: {AT_ENDS}"
-            )
-        what = (
-            repr(method),
-            lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}",
-        )
+            raise IncompatibleSystem(f"{method!r} knows no state at t = {times[0]:g}, inside of a step: {AT_ENDS}")
+        what = (repr(method), lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}")
         arguments = self.method, self.system, layout_of(self.example)
         return evaluated(short_step, arguments, given, self.width, self.wanted, what, body)
 
@@ -288,10 +275,7 @@ def evaluated(
     found, done = np.empty((many, width + 1)), 0
 
     def plainly(k: int) -> None:
-        own = [
-            x.values[body[k]] if isinstance(x, kernel.Several) and body is not None else x
-            for x in arguments
-        ]
+        own = [x.values[body[k]] if isinstance(x, kernel.Several) and body is not None else x for x in arguments]
         _one(driver, own, given[k], found[k], what, k)
 
     while done < many and not execution.ready(done / many):
@@ -310,9 +294,7 @@ def evaluated(
     return found[:many, :-1].copy()
 
 
-def natively(
-    execution: Execution, constants: bytes, given: np.ndarray, width: int, own: Any = ()
-) -> np.ndarray:
+def natively(execution: Execution, constants: bytes, given: np.ndarray, width: int, own: Any = ()) -> np.ndarray:
     """Run the native code of a driver on every row of numbers: what it makes of it, and behind it a
     one, or a zero for a formula that failed, (m, width + 1).
 
@@ -361,12 +343,7 @@ def execution_of(
 
 
 def _one(
-    driver: Any,
-    arguments: Any,
-    given: np.ndarray,
-    out: np.ndarray,
-    what: tuple[str, Callable[[int], str]],
-    k: int,
+    driver: Any, arguments: Any, given: np.ndarray, out: np.ndarray, what: tuple[str, Callable[[int], str]], k: int
 ) -> None:
     failures: list[Exception | None] = []
     try:

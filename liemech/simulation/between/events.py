@@ -87,9 +87,7 @@ class Watch:
 
     def forget(self, t: float, sign: float, ended: bool) -> None:
         """Forget the zeros that were met after this time, to which the run was interrupted."""
-        self.found = [
-            [(at, x) for at, x in found if (at - t) * sign <= 0.0] for found in self.found
-        ]
+        self.found = [[(at, x) for at, x in found if (at - t) * sign <= 0.0] for found in self.found]
         self.ended = self.ended if ended else None
 
     @property
@@ -126,18 +124,13 @@ class Events:
             t, state = float(run.here[0, i]), run.view.small(run.here[1:, i])
             before, ended = met.get(i, NO_EVENTS), cut.get(i)
             values = [self._value(i, event, t, state) for event in events]
-            if ended is not None and ended < len(
-                events
-            ):  # a zero that ended that run is none of this
+            if ended is not None and ended < len(events):  # a zero that ended that run is none of this
                 known = [name for name, _ in before] or [name_of(event) for event in events]
                 if known[ended] == name_of(events[ended]):
                     values[ended] = 0.0
             self.each[i] = Watch(events, values, before)
         layout, _ = run.view.seen(run.here[1:, :1].T)
-        self.kernels = [
-            execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True)
-            for event in events
-        ]
+        self.kernels = [execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True) for event in events]
 
     def _value(self, body: int, event: Event, t: float, state: Any) -> Any:
         """The value of an event.  What it raises tells where."""
@@ -150,13 +143,9 @@ class Events:
                     self.blind.setdefault(id(event), (name_of(event), body, t))
                 return number
             except TypeError:
-                raise InvalidType(
-                    f"integrate: an event gives a number; {event!r} gave {value!r}"
-                ) from None
+                raise InvalidType(f"integrate: an event gives a number; {event!r} gave {value!r}") from None
         except Exception as error:
-            error.add_note(
-                f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]"
-            )
+            error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
             if self.run.bodies:
                 error.add_note(f"[integrate: body {body}]")
             raise
@@ -173,9 +162,7 @@ class Events:
             return {}
         steps = np.arange(len(piece))
         hits: dict[int, Zero] = {}
-        left = [
-            (int(k), int(k)) for k in steps[piece.begins]
-        ]  # steps for plain Python, and their body
+        left = [(int(k), int(k)) for k in steps[piece.begins]]  # steps for plain Python, and their body
         if self.floats and all([execution.ready(0.0) for execution, _ in self.kernels]):  # noqa: C419
             found = self._natively(piece)
             if found is not None:
@@ -230,9 +217,7 @@ class Events:
         found = [natively(*kernel, given, 1) for kernel in self.kernels]
         return np.array([np.where(one[:, 1] == 1.0, one[:, 0], np.nan) for one in found])
 
-    def _zeros(
-        self, piece: Any, old: np.ndarray, new: np.ndarray, good: np.ndarray
-    ) -> list[Zero] | None:
+    def _zeros(self, piece: Any, old: np.ndarray, new: np.ndarray, good: np.ndarray) -> list[Zero] | None:
         """The zeros in some steps, in the order in which motions meet them; None if an event or a
         motion failed, which plain Python says again.
 
@@ -282,10 +267,7 @@ class Events:
 
                         def value(_: Any, times: np.ndarray, event: Any = event) -> np.ndarray:
                             return np.array(
-                                [
-                                    self._value(body, event, t, run.view.small(inside(t)))
-                                    for t in times.tolist()
-                                ]
+                                [self._value(body, event, t, run.view.small(inside(t))) for t in times.tolist()]
                             )
 
                         given = [np.array([x]) for x in (a, b, old, new)]

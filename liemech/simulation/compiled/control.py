@@ -12,17 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.driver import (
-    Rejected,
-    accepted,
-    any_body,
-    attempt,
-    itself,
-    part_of_driver,
-    reason,
-    unchanged,
-    write,
-)
+from ...compiler.driver import Rejected, accepted, any_body, attempt, itself, part_of_driver, reason, unchanged, write
 from ...errors import StepTooSmall, is_mistake
 from ...formulas import Record, record, where
 from ...formulas.pytree import fitted, layout_of, rounded
@@ -122,9 +112,7 @@ class Control(Record):
     a method carries along: they may lie in memory.
     """
 
-    def begun(
-        self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any
-    ) -> Any:
+    def begun(self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any) -> Any:
         """Clock and carry before the first step: as they are."""
         return clock, carry
 
@@ -145,9 +133,7 @@ class Control(Record):
         for _ in range(turns):
             if not any_body(going(clock, goal)):
                 break
-            clock, carry, good = self.turn(
-                method, system, layout, row, clock, carry, goal, made, out, failures
-            )
+            clock, carry, good = self.turn(method, system, layout, row, clock, carry, goal, made, out, failures)
             if any_body(good):
                 made = made + 1
         return clock, carry
@@ -163,25 +149,17 @@ class Tolerance(Control):
     curves: bool
     rows: bool
 
-    def begun(
-        self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any
-    ) -> Any:
+    def begun(self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any) -> Any:
         """Clock and carry before the first step: with the velocity, and a step to try."""
         state, xi = carry
         h, before, stuck, fresh = clock.h, clock.error, clock.stuck, clock.fresh > 0.0
         if any_body(fresh):
-            first = attempt(
-                started, method, system, clock.t, state, h, goal.t_end, goal.rtol, goal.atol
-            )
+            first = attempt(started, method, system, clock.t, state, h, goal.t_end, goal.rtol, goal.atol)
             good = fresh and accepted(first, itself)
             if failures is not None:
                 noted(failures, first)
             if any_body(good):
-                xi, h, before = (
-                    where(good, first[0], xi),
-                    where(good, first[1], h),
-                    where(good, 1.0, before),
-                )
+                xi, h, before = (where(good, first[0], xi), where(good, first[1], h), where(good, 1.0, before))
             failed = fresh and not good
             stuck = where(failed, ASKED if failures is None else STUCK, stuck)
             fresh = failed and failures is None
@@ -296,9 +274,7 @@ class Fictive(Control):
             stood = good and not past and still >= STILL
             good = good and not past and not stood
             if failures is not None and stood:
-                failures.append(
-                    StepTooSmall(f"{STILL:g} steps went by and physical time stands still")
-                )
+                failures.append(StepTooSmall(f"{STILL:g} steps went by and physical time stands still"))
             failed = failed or stood
             shown, tau, begun = trial[1], (n + 1.0) * h, carry
             still = where(good, where(time == t, still + 1.0, 0.0), still)
@@ -401,9 +377,7 @@ def judged(method: Any, trial: Any, t: float, step: float) -> tuple[float, float
     return where(t + made == t, UNUSABLE, LEAST), made
 
 
-def following(
-    method: Any, step: float, error: float, before: float, power: float
-) -> tuple[float, float]:
+def following(method: Any, step: float, error: float, before: float, power: float) -> tuple[float, float]:
     """The step after one with this error over the tolerance, and r = err^(1/(10 q)), which controls
     it; `before` is that of the last step.  A method that shortens its steps may try any.
 

@@ -62,20 +62,9 @@ class Execution:
     """
 
     def __init__(
-        self,
-        wanted: bool | None,
-        progress: bool | None,
-        *call: Any,
-        lanes: int = 1,
-        silent: bool = False,
+        self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1, silent: bool = False
     ) -> None:
-        self.asked, self.progress, self.call, self.lanes, self.silent = (
-            wanted,
-            progress,
-            call,
-            lanes,
-            silent,
-        )
+        self.asked, self.progress, self.call, self.lanes, self.silent = (wanted, progress, call, lanes, silent)
         self.given: Sequence[Any] = kernel.examples(call[1:])
         self.native: kernel.Kernel | None = None
         self.guard: Any = None  # of this call, where it has parts of its own
@@ -95,9 +84,7 @@ class Execution:
         if self.native is not None and self._unchanged(self.native.reads):
             return
         self.wanted = self.asked
-        self.native = (
-            kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
-        )
+        self.native = kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
         if self.native is None:
             self.history = History() if self.wanted is False else _history(self.call, self.lanes)
             if self.wanted:
@@ -171,9 +158,7 @@ class Execution:
                 self.history.refused = True
                 if not self.silent and str(error) not in _told:
                     _told.add(str(error))
-                    warn(
-                        f"{error}. Running in plain Python instead, much slower", NotCompiledWarning
-                    )
+                    warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning)
 
     def run(
         self,

@@ -68,9 +68,7 @@ class Lanes:
 
     def of_body(self, i: int) -> Any:
         """The arguments of a driver for one body."""
-        return *(x.values[i] if isinstance(x, Several) else x for x in self.arguments[:2]), *(
-            self.arguments[2:]
-        )
+        return *(x.values[i] if isinstance(x, Several) else x for x in self.arguments[:2]), *(self.arguments[2:])
 
     @functools.cached_property
     def _parts(self) -> list[tuple[int, int]]:
@@ -155,9 +153,7 @@ class Lanes:
                 self.plainly(body, columns[:, k], out[-1:, :, k], 1, raised)
 
 
-def share_out(
-    call: Any, first: int, end: int, side: int, size: int, work: tuple[int, int], workers: int
-) -> int:
+def share_out(call: Any, first: int, end: int, side: int, size: int, work: tuple[int, int], workers: int) -> int:
     """Call native code, which does not hold the interpreter's lock, for columns from the first to the end,
     in blocks of whole lanes, `side` columns each.  Each thread takes the next block as soon as it has
     done one.  Returns how many blocks there are in turn.

@@ -16,9 +16,7 @@ from ...formulas import Record
 from ...formulas.pytree import Layout, build, gatherer, layout_of, leaves
 from ...formulas.tables import Table
 
-named: Callable[[Any], tuple[str, ...]] = functools.cache(
-    lambda kind: tuple(inspect.signature(kind).parameters)
-)
+named: Callable[[Any], tuple[str, ...]] = functools.cache(lambda kind: tuple(inspect.signature(kind).parameters))
 """The names of what a class of records is made with."""
 
 
@@ -33,14 +31,8 @@ def parameter(system: Any, name: str, caller: str = "Plan.tangent") -> Any:
             system = system[int(part)]
         else:
             known = ", ".join(named(type(system))) if isinstance(system, Record) else "none"
-            more = (
-                ", and the start; of the method method.name, and the step h"
-                if caller == "Plan.tangent"
-                else ""
-            )
-            raise InvalidInput(
-                f"{caller}: {part} is no parameter of {system!r}; there are {known}{more}"
-            )
+            more = ", and the start; of the method method.name, and the step h" if caller == "Plan.tangent" else ""
+            raise InvalidInput(f"{caller}: {part} is no parameter of {system!r}; there are {known}{more}")
     return system
 
 
@@ -85,8 +77,7 @@ def full_name(system: Any, name: str, caller: str) -> str:
     if found:
         raise InvalidInput(f"{caller}: {name} may be {' or '.join(found)}; give the longer name")
     raise InvalidInput(
-        f"{caller}: {name} is no parameter of {type(system).__name__} that has numbers; there are "
-        f"{', '.join(known)}"
+        f"{caller}: {name} is no parameter of {type(system).__name__} that has numbers; there are {', '.join(known)}"
     )
 
 
@@ -112,8 +103,7 @@ class Input:
         if self.shape is None:
             if layout_of(value) != self.layout:
                 raise InvalidInput(
-                    f"{self.caller}: {self.name} is a {self.layout!r:.200}; got {value!r}, which is "
-                    "laid out otherwise"
+                    f"{self.caller}: {self.name} is a {self.layout!r:.200}; got {value!r}, which is laid out otherwise"
                 )
             found: list[float] = self.gather(value)
             return found
@@ -126,13 +116,9 @@ class Input:
         except (TypeError, ValueError) as error:
             if isinstance(error, InvalidInput):
                 raise
-            raise InvalidInput(
-                f"{self.caller}: {self.name} is {in_words(self.shape)}; got {value!r}"
-            ) from None
+            raise InvalidInput(f"{self.caller}: {self.name} is {in_words(self.shape)}; got {value!r}") from None
         if array.shape != self.shape:
-            raise InvalidInput(
-                f"{self.caller}: {self.name} is {in_words(self.shape)}; got shape {array.shape}"
-            )
+            raise InvalidInput(f"{self.caller}: {self.name} is {in_words(self.shape)}; got shape {array.shape}")
         return numbers
 
     def columns(self, value: Any, bodies: int) -> np.ndarray:
@@ -237,9 +223,7 @@ def tried(value: Any, scale: float, shift: float) -> Any:
         array = np.asarray(value)
         return Table(array * (1.0 + abs(scale)))
     if isinstance(value, Record):
-        return type(value)(
-            **{n: tried(getattr(value, n), scale, shift) for n in named(type(value))}
-        )
+        return type(value)(**{n: tried(getattr(value, n), scale, shift) for n in named(type(value))})
     if type(value) in (tuple, list):
         return type(value)([tried(x, scale, shift) for x in value])
     return value

@@ -12,16 +12,7 @@ import numpy as np
 from ...compiler import kernel
 from ...errors import IncompatibleSystem
 from ...formulas.frozen import frozen
-from ...formulas.pytree import (
-    Layout,
-    build,
-    carried_layout,
-    compensated,
-    double_double,
-    fitted,
-    layout_of,
-    leaves,
-)
+from ...formulas.pytree import Layout, build, carried_layout, compensated, double_double, fitted, layout_of, leaves
 from ...integrators.ending_at_jumps import ending_at_jumps
 from ...integrators.method import Method
 from ...systems.system import State, System
@@ -63,9 +54,7 @@ class Steps:
     of_origins: MutableMapping[Any, Steps] = dataclasses.field(
         default_factory=WeakKeyDictionary, init=False, repr=False
     )
-    of_layouts: dict[Layout, Steps] = dataclasses.field(
-        default_factory=dict, init=False, repr=False
-    )
+    of_layouts: dict[Layout, Steps] = dataclasses.field(default_factory=dict, init=False, repr=False)
     # what drivers get instead of a method, by its identity
     ways: dict[int, Any] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
@@ -137,12 +126,7 @@ class Steps:
         method = self.method
         if self.compensated is None and method.adds and (method.symmetric or method.symplectic):
             motion = system.essential_part(start).parts
-            return type(start)(
-                *(
-                    compensated(x) if motion[name] is not None else x
-                    for name, x in start.parts.items()
-                )
-            )
+            return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
         return compensated(start) if self.compensated else start
 
 
@@ -156,9 +140,7 @@ class Shape:
     begins with these alone.
     """
 
-    def __init__(
-        self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, side: int
-    ) -> None:
+    def __init__(self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, side: int) -> None:
         self.given, self.started, self.example = given, started, example
         self.layout, self.shown = carried_layout(first), layout_of(example)
         native = steps.compiled is not False and side and kernel.available() is None
@@ -171,9 +153,7 @@ class Shape:
         if given == self.shown and all(
             getattr(type(steps.method_of(0)), f) is getattr(Method, f) for f in ("start", "observe")
         ):
-            numbered = fitted(
-                build(given, iter([1.0 + i for i in range(given.width)])), self.layout
-            )
+            numbered = fitted(build(given, iter([1.0 + i for i in range(given.width)])), self.layout)
             self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
 
     def whole(self, bodies: int) -> int:
@@ -213,9 +193,7 @@ class Shape:
         if self._beginning is None:
             wanted = steps.compiled if self.side > 1 or steps.compiled is False else None
             call = begin, *self.beginner(lanes.arguments), *[COLUMNS] * 4, None
-            self._beginning = Execution(
-                wanted, steps.progress, *call, lanes=self.side, silent=self.side == 1
-            )
+            self._beginning = Execution(wanted, steps.progress, *call, lanes=self.side, silent=self.side == 1)
         return self._beginning
 
     def beginner(self, arguments: Any) -> tuple[Any, ...]:

@@ -58,8 +58,7 @@ class OfBodies:
         if not given or not all(isinstance(x, kind) for x in given):
             wrong = next((x for x in given if not isinstance(x, kind)), given)
             raise InvalidInput(
-                f"integrate: several {cls.called} are a list such as [{example}, ...], one for "
-                f"each body; got {wrong!r}"
+                f"integrate: several {cls.called} are a list such as [{example}, ...], one for each body; got {wrong!r}"
             )
         layout = layout_of(given[0])
         for i, other in enumerate(given):
@@ -92,22 +91,14 @@ class Systems(OfBodies):
 
         @functools.wraps(getattr(self.members[0], name))
         def of_all(*arrays: np.ndarray) -> np.ndarray:
-            return np.stack(
-                [getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.members)],
-                axis=1,
-            )
+            return np.stack([getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.members)], axis=1)
 
         return of_all
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The constants of every body, (n, bodies, ...)."""
-        found = [
-            s.constants({name: x[:, i] for name, x in states.items()})
-            for i, s in enumerate(self.members)
-        ]
-        return {
-            name: np.stack([constants[name] for constants in found], axis=1) for name in found[0]
-        }
+        found = [s.constants({name: x[:, i] for name, x in states.items()}) for i, s in enumerate(self.members)]
+        return {name: np.stack([constants[name] for constants in found], axis=1) for name in found[0]}
 
 
 def systems_of(given: Any) -> Systems | None:
@@ -130,9 +121,7 @@ def _of_members(system: Any) -> Any:
         return system
     counts = sorted({len(x) for x in varied})
     if len(counts) > 1:
-        raise InvalidInput(
-            f"integrate: {system!r} has parameters for {counts[0]} members and for {counts[1]}"
-        )
+        raise InvalidInput(f"integrate: {system!r} has parameters for {counts[0]} members and for {counts[1]}")
     return [exchanged(system, Each, [x.of(i) for x in varied]) for i in range(counts[0])]
 
 

@@ -13,18 +13,7 @@ from ...formulas import Vec
 from ...formulas.pytree import build, carried_layout, fitted, layout_of, leaves, with_slopes
 from ...integrators.ending_at_jumps import EndingAtJumps
 from ...integrators.method import Method
-from ..compiled.control import (
-    ASKED,
-    LAST_TIME,
-    LIMIT,
-    MARK,
-    ORIGIN,
-    STEP,
-    STRAIGHT,
-    TAKEN,
-    TIME,
-    begun,
-)
+from ..compiled.control import ASKED, LAST_TIME, LIMIT, MARK, ORIGIN, STEP, STRAIGHT, TAKEN, TIME, begun
 from ..compiled.driver import advance, begin
 from ..compiled.execution import COLUMNS, Execution
 from ..compiled.lanes import Lanes
@@ -73,9 +62,7 @@ class Blocks:
             self.order = np.array(order, dtype=int) - 1
         else:
             call = begin, *things, *self.beginner, *[COLUMNS] * 4, None
-            self.beginning = Execution(
-                way.compiled, way.progress, *call, lanes=self.side, silent=True
-            )
+            self.beginning = Execution(way.compiled, way.progress, *call, lanes=self.side, silent=True)
 
     def begin(self, t0: float, work: int, else_shorter: bool) -> None:
         """For another run, whose step 0 is at t0; formulas count as they are now.  work : steps of all
@@ -129,9 +116,7 @@ class Blocks:
             column += self.side
         if column < whole:
             if self.order is not None:
-                numbers[:, column:] = np.where(
-                    self.order[:, None] < 0, 0.0, starts[self.order, column:]
-                )
+                numbers[:, column:] = np.where(self.order[:, None] < 0, 0.0, starts[self.order, column:])
             else:
                 buffers = *own, starts, clocks, numbers, out[0]
                 self.beginning.run(lanes.constants, (), buffers, whole, column, whole)
@@ -170,19 +155,13 @@ class Blocks:
             driver(*things, *self.beginner, start.copy(), clock, numbers, row, raised)
             if not raised:
                 driver = advance
-                driver(
-                    *things, *self.lanes.arguments[2:], 1, steps, goal, numbers, clock, row, raised
-                )
+                driver(*things, *self.lanes.arguments[2:], 1, steps, goal, numbers, clock, row, raised)
         if raised:
             error = raised[-1]
             if is_mistake(error):
                 raise error
             t = clock[TIME]
-            raise failure(
-                error,
-                f"Plan.gradient: {things[0]!r}",
-                f"in the derivative of the step at t = {t:g}",
-            )
+            raise failure(error, f"Plan.gradient: {things[0]!r}", f"in the derivative of the step at t = {t:g}")
         out[0] = row
 
 

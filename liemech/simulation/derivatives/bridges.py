@@ -157,9 +157,7 @@ def _mapping(start: Any, caller: str) -> dict[str, Any]:
     """The parts of a start by name."""
     parts = start.parts if isinstance(start, State) else start
     if not isinstance(parts, Mapping):
-        raise InvalidType(
-            f'{caller}: the start is a state or its parts by name, {{"mu": mu, "g": g}}; got {start!r}'
-        )
+        raise InvalidType(f'{caller}: the start is a state or its parts by name, {{"mu": mu, "g": g}}; got {start!r}')
     return {name: part for name, part in parts.items() if part is not None}
 
 
@@ -179,9 +177,7 @@ class _Move:
         if not isinstance(plan, Plan) or "system" in plan.of_each:
             raise InvalidType(f"lm.to_jax, lm.to_torch take a Plan of one system; got {plan!r}")
         if plan.adaptive and every is not None:
-            raise InvalidInput(
-                "lm.to_jax, lm.to_torch: samples are of fixed steps; leave out every"
-            )
+            raise InvalidInput("lm.to_jax, lm.to_torch: samples are of fixed steps; leave out every")
         self.plan, self.t0, self.every = plan, t0, every
         self.steps = None if plan.adaptive else plan._count(steps, t_end, t0)
         self.times = {"t_end": t_end} if self.steps is None else {"steps": self.steps}
@@ -205,14 +201,9 @@ class _Move:
             for name in parts
         }
 
-    def back(
-        self, parts: Arrays, parameters: Arrays, cotangent: Arrays, *shapes: Any
-    ) -> tuple[Arrays, Arrays]:
+    def back(self, parts: Arrays, parameters: Arrays, cotangent: Arrays, *shapes: Any) -> tuple[Arrays, Arrays]:
         """The products of a cotangent with the derivatives of `value`."""
-        axes = [
-            np.shape(c)[: np.ndim(c) - len(self.lead) - len(shapes[0][name])]
-            for name, c in cotangent.items()
-        ]
+        axes = [np.shape(c)[: np.ndim(c) - len(self.lead) - len(shapes[0][name])] for name, c in cotangent.items()]
         many, parts, systems = self._given(parts, parameters, shapes, axes)
         start = self.plan._one.state(**parts)
         by = ["start", *parameters]
@@ -232,9 +223,7 @@ class _Move:
             basis = real_numbers(directions(points)).reshape(len(rows), -1, points[0].size)
             own = rows[:, at : at + basis.shape[1]]
             at += basis.shape[1]
-            by_parts[name] = (np.linalg.pinv(basis) @ own[..., None]).reshape(
-                *many, *shapes[0][name]
-            )
+            by_parts[name] = (np.linalg.pinv(basis) @ own[..., None]).reshape(*many, *shapes[0][name])
         return by_parts, {n: np.reshape(x, (*many, *shapes[1][n])) for n, x in found.items()}
 
     def _given(self, parts: Arrays, parameters: Arrays, shapes: Any, axes: Any = ()) -> Any:
@@ -249,9 +238,7 @@ class _Move:
             raise InvalidInput("lm.to_jax: of a system of many sites one start is run at a time")
 
         def laid(x: np.ndarray, shape: Any) -> np.ndarray:
-            return (
-                np.broadcast_to(x, (*many, *shape)).reshape(-1, *shape) if many else np.asarray(x)
-            )
+            return np.broadcast_to(x, (*many, *shape)).reshape(-1, *shape) if many else np.asarray(x)
 
         parts = {name: laid(x, own[name]) for name, x in parts.items()}
         values = {name: laid(x, of_parameters[name]) for name, x in parameters.items()}

@@ -127,9 +127,7 @@ class Directions:
         self.own = isinstance(way.system, OfBodies)
         self.own_methods = own_methods = isinstance(way.method, OfBodies)
         several = [way.of(i) for i in range(bodies or 1)] if self.own else [way.one]
-        methods = (
-            [way.method_of(i) for i in range(bodies or 1)] if own_methods else [way.method_of(0)]
-        )
+        methods = [way.method_of(i) for i in range(bodies or 1)] if own_methods else [way.method_of(0)]
         if "h" in names:
             if isinstance(way.h, tuple):
                 raise InvalidInput("Plan.gradient: by h is for one h of all bodies")
@@ -173,11 +171,7 @@ class Directions:
         self.systems = Varied(dressed, slopes, moved, side)
         self.raw = methods
         self.of_things = [[table.of(thing) for thing in several] for table in self.tables]
-        wrapped = (
-            methods
-            if way.clock != "t"
-            else [ending_at_jumps(method, one, way.breaks) for method in methods]
-        )
+        wrapped = methods if way.clock != "t" else [ending_at_jumps(method, one, way.breaks) for method in methods]
         slopes = self._slopes(methods, by_method, lambda method: method)
         more = layout_of(wrapped[0]).width - slopes.shape[2]
         self.methods = Varied(wrapped, np.pad(slopes, ((0, 0), (0, 0), (0, more))), (), side)
@@ -210,9 +204,7 @@ class Forward:
     edges : (blocks + 1,) the numbers of the steps.  numbers : (blocks + 1, bodies, width) the states there.
     """
 
-    def __init__(
-        self, plan: Any, run: Trajectory, edges: np.ndarray, t0: float, frames: Any
-    ) -> None:
+    def __init__(self, plan: Any, run: Trajectory, edges: np.ndarray, t0: float, frames: Any) -> None:
         self.plan, self.run, self.edges, self.t0 = plan, run, edges, t0
         self.bodies = run.bodies or 1
         states = {n: x if run.bodies else x[:, None] for n, x in run.states.items()}
@@ -278,9 +270,7 @@ class ForwardAdaptive(Forward):
         edges = np.minimum(np.arange(-(-steps // length) + 1) * length, steps)
         self.begun = plan.begun
         self.lengths = run.t[1:] - self.begun
-        some = dataclasses.replace(
-            run, t=run.t[edges], states={name: x[edges] for name, x in run.states.items()}
-        )
+        some = dataclasses.replace(run, t=run.t[edges], states={name: x[edges] for name, x in run.states.items()})
         super().__init__(plan, some, edges, 0.0, frames)
 
     def times(self, body: int) -> tuple[np.ndarray, ...]:
@@ -299,16 +289,12 @@ def block_length(steps: int, many: int, intervals: int, width: int, every: int) 
     length = max(1, -(-steps // blocks))
     if intervals:
         length = min(length, max(8, math.isqrt(int(steps * OVERHEAD / (intervals * width)))))
-    return (
-        every // -(-every // length) if every % -(-every // length) == 0 else divisor(every, length)
-    )
+    return every // -(-every // length) if every % -(-every // length) == 0 else divisor(every, length)
 
 
 def divisor(number: int, limit: int) -> int:
     """The largest divisor of a number up to a limit."""
-    found = [
-        d for k in range(1, math.isqrt(number) + 1) if number % k == 0 for d in (k, number // k)
-    ]
+    found = [d for k in range(1, math.isqrt(number) + 1) if number % k == 0 for d in (k, number // k)]
     return max(d for d in found if d <= limit)
 
 
@@ -331,9 +317,7 @@ class Met:
         """Those of one body, as its steps see them from inside."""
         begin, h, end, last = forward.times(body)
         ends = [np.stack([t, t + s]) for t, s in ((begin, h), (end, last))]
-        inside = (
-            1.0 if forward.plan._steps.clock == "t" else -4.0
-        )  # beyond the ends, as in any of them
+        inside = 1.0 if forward.plan._steps.clock == "t" else -4.0  # beyond the ends, as in any of them
         slack = [inside * NEAR * np.abs(x).max(axis=0) for x in ends]
         low = np.minimum(ends[0].min(axis=0) + slack[0], begin + 0.5 * h)
         high = np.maximum(ends[1].max(axis=0) - slack[1], end + 0.5 * last)
@@ -377,9 +361,7 @@ class Prepared:
 
     def __init__(self, plan: Any, bodies: int | None, one: Any, names: Any, t0: float) -> None:
         self.system, self.frames = plan.system, frames_of(plan._steps.one, one)
-        self.count = sum(
-            len(of(np.asarray(one.parts[n])[None])[0]) for n, of in self.frames.items()
-        )
+        self.count = sum(len(of(np.asarray(one.parts[n])[None])[0]) for n, of in self.frames.items())
         self.given = plan, bodies, names, t0, self.count, layout_of(one).width
         self.directions = Directions(*self.given)
         self.blocks: Blocks | None = None
@@ -401,15 +383,11 @@ class Prepared:
 
     def _blocks(self, way: Steps, forward: Forward) -> Blocks:
         directions = self.directions
-        given = dataclasses.replace(
-            way, system=directions.systems.example, method=directions.raw[0], shapes={}
-        )
+        given = dataclasses.replace(way, system=directions.systems.example, method=directions.raw[0], shapes={})
         return Blocks(given, directions.systems, directions.methods, forward.example)
 
 
-def prepared(
-    plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool
-) -> Prepared:
+def prepared(plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool) -> Prepared:
     """The `Prepared` of this plan, from before or made now.  lasting : do its steps not depend on a run?"""
     key = names, bodies, layout_of(one), t0 if "h" in names else None
     known: Prepared | None = plan._backwards.get(key) if lasting else None
@@ -442,8 +420,7 @@ class Backward:
         self.growth = np.broadcast_to(np.eye(count), (bodies, count, count))
         self.found = np.zeros((bodies, directions.count))
         self.of_tables = [
-            np.zeros((bodies if directions.own else 1, int(t.table.intervals), t.width))
-            for t in directions.tables
+            np.zeros((bodies if directions.own else 1, int(t.table.intervals), t.width)) for t in directions.tables
         ]
 
         self.met = [Met(forward, tables) for tables in directions.of_things]
@@ -602,9 +579,7 @@ def backwards(
     """
     if plan.recorder is not None or plan.events:
         other = "records no functions of the state" if plan.recorder else "looks for no events"
-        raise InvalidInput(
-            f"Plan.{what} is of states at the ends of steps; make a plan that {other}"
-        )
+        raise InvalidInput(f"Plan.{what} is of states at the ends of steps; make a plan that {other}")
     t0, names = arguments.real(t0, "t0"), arguments.parameters(by, f"Plan.{what}")
     if every is not None:
         every = arguments.count(every, "every", 1)
@@ -616,8 +591,7 @@ def backwards(
     start = plan._started(start)
     if plan.fictive:
         raise IncompatibleSystem(
-            f"Plan.{what}: steps in fictive time depend on how the run began; plan.tangent "
-            "differentiates them"
+            f"Plan.{what}: steps in fictive time depend on how the run began; plan.tangent differentiates them"
         )
     if layout_of(member(start, 0)).in_memory:
         raise IncompatibleSystem(
@@ -637,9 +611,7 @@ def backwards(
         return adaptive_gradient_of(plan._of_body(0), start, steps, t_end, t0, names, *asked)
 
 
-def _by_sites(
-    plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: Any, asked: Any
-) -> Gradient:
+def _by_sites(plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: Any, asked: Any) -> Gradient:
     """The gradient of a run of many sites, which is gone through backwards."""
     given = plan, what, start, steps, t_end, t0, names
     value, found, run, growth = gradient_by_sites(*given, *asked)
@@ -667,9 +639,7 @@ def gradient_of(
     each = many * -(-(count + directions.count) // side)
     length = block_length(max(1, steps), each, intervals, width, every or max(1, steps))
     forward: Forward = (
-        forwards(plan, start, steps, t0, length, frames)
-        if run is None
-        else ForwardAdaptive(plan, run, length, frames)
+        forwards(plan, start, steps, t0, length, frames) if run is None else ForwardAdaptive(plan, run, length, frames)
     )
     last = forward.basis(slice(-1, None))
     compiled = plan.options.compiled
@@ -744,14 +714,10 @@ def adaptive_gradient_of(
 ) -> Gradient:
     """The gradient of a run of one body by an error estimate, the lengths of its steps held fixed."""
     if "h" in names:
-        raise InvalidInput(
-            "Plan.gradient: h is for fixed steps; the lengths of adaptive ones are held fixed"
-        )
+        raise InvalidInput("Plan.gradient: h is for fixed steps; the lengths of adaptive ones are held fixed")
     run = plan._in_pieces(start, t0, steps, t_end, None, None)
     every, loss, along, cotangent = asked
-    return gradient_of(
-        in_steps(plan, run.t), start, len(run.t) - 1, 0.0, names, every, loss, along, cotangent, run
-    )
+    return gradient_of(in_steps(plan, run.t), start, len(run.t) - 1, 0.0, names, every, loss, along, cotangent, run)
 
 
 def of_each_body(

@@ -32,8 +32,7 @@ class Loss:
         self.functions: Sequence[Any] = given if self.each else [given]
         if self.each and len(given) != (bodies or 0):
             raise InvalidInput(
-                f"Plan.gradient: {name} has {len(given)} functions for "
-                f"{bodies or 'a start of one'} bodies"
+                f"Plan.gradient: {name} has {len(given)} functions for {bodies or 'a start of one'} bodies"
             )
         for function in self.functions:
             if not callable(function):
@@ -79,8 +78,7 @@ class Loss:
         self._checked(example, t.item(0))
         found = np.empty((n, bodies, count, 2))
         alike = self.each and all(
-            isinstance(f, Record) and layout_of(f) == layout_of(self.functions[0])
-            for f in self.functions
+            isinstance(f, Record) and layout_of(f) == layout_of(self.functions[0]) for f in self.functions
         )
         driver = sloping_in_time if self.timed else sloping
         what = f"Plan.gradient: {self.name}", lambda k: "at a sample"
@@ -107,8 +105,7 @@ class Loss:
         value = function(t, example) if self.timed else function(example)
         if not isinstance(value, (int, float)):
             raise InvalidType(
-                f"Plan.gradient: {self.name} gives a number, made of the state by functions of "
-                f"liemech; got {value!r}"
+                f"Plan.gradient: {self.name} gives a number, made of the state by functions of liemech; got {value!r}"
             )
 
 

@@ -17,14 +17,7 @@ from ...formulas import Vec, derivative, record
 from ...formulas.derivatives import BELOW
 from ...formulas.dual import Dual
 from ...formulas.frozen import frozen
-from ...formulas.pytree import (
-    Layout,
-    build,
-    fields_of,
-    layout_of,
-    leaves,
-    with_slopes,
-)
+from ...formulas.pytree import Layout, build, fields_of, layout_of, leaves, with_slopes
 from ...formulas.tables import Table, entry
 from ...formulas.vectors import small
 from ...integrators.ending_at_jumps import cuts, sees_powers
@@ -54,23 +47,17 @@ LEVEL = BELOW
 # ------------------------------------------------------------------ what is asked for
 
 
-def tangent_of(
-    plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, **products: Any
-) -> TangentTrajectory:
+def tangent_of(plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, **products: Any) -> TangentTrajectory:
     """The run of `Plan.tangent`: what is asked for is checked, and made body by body."""
     if plan.recorder is not None:
-        raise InvalidInput(
-            "Plan.tangent is of the state; make a plan that records no functions of it"
-        )
+        raise InvalidInput("Plan.tangent is of the state; make a plan that records no functions of it")
     if plan.events:
         raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
     t0 = arguments.real(t0, "t0")
     names = arguments.parameters(by, "Plan.tangent")
     asked = [name for name, x in products.items() if x is not None]
     if len(asked) > 1 or (asked and names != ("start",)):
-        raise InvalidInput(
-            f'Plan.tangent: give one of along and against, and by="start"; got by={by!r}'
-        )
+        raise InvalidInput(f'Plan.tangent: give one of along and against, and by="start"; got by={by!r}')
     given = (asked[0], products[asked[0]]) if asked else None
     if plan._sites is not None and plan._sites.takes(start):
         by_sites = plan._sites.started(plan, start)
@@ -83,30 +70,22 @@ def tangent_of(
             run = _of_one(plan, start, steps, t_end, t0, names)
         else:
             ends = arguments.ends(t_end, start.bodies)
-            runs = [
-                _of_one(plan._of_body(i), member(start, i), steps, ends[i], t0, names)
-                for i in range(start.bodies)
-            ]
+            runs = [_of_one(plan._of_body(i), member(start, i), steps, ends[i], t0, names) for i in range(start.bodies)]
             run = of_bodies(plan.method, runs)
     return run if given is None else multiplied(run, *given)
 
 
-def _of_one(
-    plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]
-) -> TangentTrajectory:
+def _of_one(plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]) -> TangentTrajectory:
     """The run of one body with its tangent map."""
     if plan.adaptive:
         if "h" in names:
-            raise InvalidInput(
-                "Plan.tangent: h is for fixed steps; the lengths of adaptive ones are held fixed"
-            )
+            raise InvalidInput("Plan.tangent: h is for fixed steps; the lengths of adaptive ones are held fixed")
         run = plan._in_pieces(start, t0, steps, t_end, None, None)
         return adaptive_tangent_run(plan, run, start, names)
     if plan.fictive:
         if t_end is not None or steps is None:
             raise InvalidInput(
-                "Plan.tangent: in fictive time give steps, and no t_end, which is met by a step"
-                " of another length"
+                "Plan.tangent: in fictive time give steps, and no t_end, which is met by a step of another length"
             )
         steps = arguments.count(steps, "steps", 0)
         return fictive_tangent_run(plan, start, steps, t0, names)
@@ -200,14 +179,8 @@ class Directions:
                 slopes += [slope(to, step, layout, name) for to, step in ways(name)]
             columns[name] = slice(begun, len(slopes))
         systems, methods = (
-            [
-                dual_of(others.get(k, thing), x[some]) if x[some].any() else None
-                for k, x in enumerate(slopes)
-            ]
-            for thing, some, others in (
-                (whole, slice(first, last), moved),
-                (way, slice(0, first), {}),
-            )
+            [dual_of(others.get(k, thing), x[some]) if x[some].any() else None for k, x in enumerate(slopes)]
+            for thing, some, others in ((whole, slice(first, last), moved), (way, slice(0, first), {}))
         )
         moves = np.array([x[last:] for x in slopes])
         return cls(frames, moves, way, systems, methods, columns, whole, tables)
@@ -277,9 +250,7 @@ def expands(method: Any) -> bool:
 
 def frames_of(system: Any, start: Any) -> dict[str, Any]:
     """For each part of a state the directions in which it can move."""
-    return {
-        name: frame(system, name, part) for name, part in start.parts.items() if part is not None
-    }
+    return {name: frame(system, name, part) for name, part in start.parts.items() if part is not None}
 
 
 def start_moves(frames: dict[str, Any], start: Any) -> list[np.ndarray]:
@@ -298,9 +269,7 @@ def start_moves(frames: dict[str, Any], start: Any) -> list[np.ndarray]:
 # ------------------------------------------------------------------ runs
 
 
-def tangent_run(
-    plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...]
-) -> TangentTrajectory:
+def tangent_run(plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...]) -> TangentTrajectory:
     """`steps` fixed steps from a start, with their derivative by the named parameters."""
     way: Steps = plan._steps
     method = way.method
@@ -358,9 +327,7 @@ def fictive_tangent_run(
 
     dressed = with_step(plan.method, plan.h, 0.0) if "h" in names else None
     found = Directions.of(plan.one, plan.method, start, names, dressed, begins)
-    made, tau, values, tangent = carried_along(
-        given_plan.in_fictive_time(origin), now, steps, 0.0, found
-    )
+    made, tau, values, tangent = carried_along(given_plan.in_fictive_time(origin), now, steps, 0.0, found)
     t, states, _ = whole.apart(unpacked(layout_of(now), values))
     size = tangent.shape[1]
     # z is not shown
@@ -382,9 +349,7 @@ def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
         for x in (k * step, -k * step):
             made = function(x)
             if layout_of(made) != layout:
-                raise InvalidInput(
-                    f"Plan.tangent: with another {name} the run is one of another kind"
-                )
+                raise InvalidInput(f"Plan.tangent: with another {name} the run is one of another kind")
             sides.append(np.array(leaves(made, layout)))
         there, back = sides
         # what is equal on both sides does not depend on the parameter: infinite ends of tables
@@ -442,29 +407,14 @@ def in_steps(plan: Any, t: np.ndarray) -> Any:
     return like(plan, _steps=steps, begun=begun)
 
 
-def adaptive_tangent_run(
-    plan: Any, run: Trajectory, start: State, names: tuple[str, ...]
-) -> TangentTrajectory:
+def adaptive_tangent_run(plan: Any, run: Trajectory, start: State, names: tuple[str, ...]) -> TangentTrajectory:
     """A run with adaptive steps that has kept them all, with the derivative of its steps as they
     are, their lengths held fixed.
     """
     way, begun = plan._steps, plan._steps.begun(run.t)
     tables = Table([*begun, 0.0]), Table([*(run.t[1:] - begun), 0.0])
-    found = Directions.of(
-        way.system, way.method, start, names, lambda method: StepsOfARun(method, *tables)
-    )
-    steps = Steps(
-        way.system,
-        found.method,
-        1.0,
-        1,
-        False,
-        "double",
-        way.compiled,
-        way.progress,
-        1,
-        clock="step",
-    )
+    found = Directions.of(way.system, way.method, start, names, lambda method: StepsOfARun(method, *tables))
+    steps = Steps(way.system, found.method, 1.0, 1, False, "double", way.compiled, way.progress, 1, clock="step")
     made, n, _, tangent = carried_along(like(plan, _steps=steps), start, len(begun), 0.0, found)
     states = {name: x[: len(n)] for name, x in run.states.items()}
     return of_tangent(
@@ -519,9 +469,7 @@ def frame(system: Any, name: str, part: Any) -> Any:
             )
 
         return directions
-    algebra = np.array(
-        [derivative(group.exp, Vec(*[0.0] * group.dim), list(unit)) for unit in np.eye(group.dim)]
-    )
+    algebra = np.array([derivative(group.exp, Vec(*[0.0] * group.dim), list(unit)) for unit in np.eye(group.dim)])
     return lambda points: points[:, None] @ algebra
 
 
@@ -588,9 +536,7 @@ class _Run(StraightRun):
         layout, way = layout_of(start), plan._steps
         numbers = leaves(start, layout)
         self.duals = [
-            build(
-                layout, iter([Dual(x, float(d), LEVEL) for x, d in zip(numbers, move, strict=True)])
-            )
+            build(layout, iter([Dual(x, float(d), LEVEL) for x, d in zip(numbers, move, strict=True)]))
             for move in found.moves
         ]
         if any(found.systems):

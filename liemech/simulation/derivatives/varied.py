@@ -27,9 +27,7 @@ class Varied:
     example : one of them, in numbers that carry a derivative where one changes.
     """
 
-    def __init__(
-        self, things: Sequence[Any], slopes: np.ndarray, moved: Any = (), side: int = 1
-    ) -> None:
+    def __init__(self, things: Sequence[Any], slopes: np.ndarray, moved: Any = (), side: int = 1) -> None:
         self.layout = layout_of(things[0])
         self.things = things
         self.values = np.array([leaves(thing, self.layout) for thing in things], dtype=float)
@@ -51,9 +49,7 @@ class Varied:
         numbers: list[Any] = values.tolist()
         for j in self.moves.tolist():
             numbers[j] = Dual(numbers[j], Vec(*slopes[j].tolist()), LEVEL)
-        parts = [
-            self._part(numbers[j]) for j in self.tables
-        ]  # are alive as long as they are built in
+        parts = [self._part(numbers[j]) for j in self.tables]  # are alive as long as they are built in
         made = build(self.layout, iter(numbers))
         del parts
         return made

@@ -120,9 +120,7 @@ class VariedInput:
                 columns[rows[name][0], mine] = numbers
 
 
-def table_of(
-    system: Any, name: str, caller: str, known: Any = ()
-) -> tuple[VariedInput, bool] | None:
+def table_of(system: Any, name: str, caller: str, known: Any = ()) -> tuple[VariedInput, bool] | None:
     """The table that a name means, "torque.values" or "torque.coefficients", and whether values are asked
     for; None for other parameters.  known : tables that were found before.  caller : who asks.
     Raises InvalidInput where a table has coefficients alone.

@@ -14,9 +14,7 @@ from ..between.dense import Between, evaluated, report, unpacked
 from ..compiled.control import landed
 
 
-def arrive(
-    method: Any, system: Any, reached: Any, h: float, given: Any, out: Any, failures: Any
-) -> None:
+def arrive(method: Any, system: Any, reached: Any, h: float, given: Any, out: Any, failures: Any) -> None:
     """The driver: from a sample, steps until a given time is passed, and instead of the last one a
     shorter one to it.
 
@@ -95,9 +93,7 @@ class FictiveMotion(Between):
             given[first, :-3], given[first, -1] = self.begun[:-1], self.begun[-1]
         return given
 
-    def moved(
-        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
-    ) -> np.ndarray:
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         """Behind the numbers of the states, the fictive times."""
         own = self.method, self.system, self.example, self.h, given[:, :-2], self.wanted, body
         found = arrivals(*own)

@@ -11,31 +11,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...compiler.driver import read
-from ...errors import (
-    IntegrationFailure,
-    InvalidInput,
-    InvalidTimeScale,
-    StepTooSmall,
-    StepWarning,
-    warn,
-)
+from ...errors import IntegrationFailure, InvalidInput, InvalidTimeScale, StepTooSmall, StepWarning, warn
 from ...formulas.pytree import build, leaves
 from ...systems.system import state_of
 from .. import arguments
 from ..between.dense import unpacked
 from ..carry import Carry
-from ..compiled.control import (
-    ANEW,
-    GOAL,
-    LAST_TIME,
-    LIMIT,
-    MARK,
-    STUCK,
-    TAKEN,
-    TIME,
-    Fictive,
-    sample,
-)
+from ..compiled.control import ANEW, GOAL, LAST_TIME, LIMIT, MARK, STUCK, TAKEN, TIME, Fictive, sample
 from ..compiled.prepared import shown_step
 from ..compiled.systems import OfBodies, Systems
 from ..equal import NEAR, EqualRun, StraightRun
@@ -123,8 +105,7 @@ class OfClocked(EqualRun):
         t = made.t if self.h[0] > 0.0 else made.t[::-1]
         if (t[1:] < t[:-1]).any():
             error = InvalidTimeScale(
-                "integrate: physical time went back; "
-                f"{self.wholes[0].sigma!r} is not positive all the way"
+                f"integrate: physical time went back; {self.wholes[0].sigma!r} is not positive all the way"
             )
             error.trajectory = made
             raise error
@@ -152,9 +133,7 @@ class FictiveRun(OfClocked):
         self.zero, self.sign = np.zeros(self.count), np.copysign(1.0, h)
         self.aims = np.zeros((GOAL.width, self.count))
         self.aims[LIMIT] = self.first + limit
-        self.t_end = np.array(
-            [s * np.inf if end is None else end for s, end in zip(self.sign, ends, strict=True)]
-        )
+        self.t_end = np.array([s * np.inf if end is None else end for s, end in zip(self.sign, ends, strict=True)])
         for i in np.flatnonzero(~self.over).tolist():
             t, end = self.t0.item(i), self.t_end.item(i)
             asked = ends[i] is not None and before is not None
@@ -162,8 +141,7 @@ class FictiveRun(OfClocked):
                 end = self.t_end[i] = t  # it stands there, but for rounding
             if (end - t) * h[i] < 0.0:
                 raise InvalidInput(
-                    f"integrate: t_end = {end:g} is not where steps of h = {h[i]:g} lead from "
-                    f"{t:g}; turn the sign of h"
+                    f"integrate: t_end = {end:g} is not where steps of h = {h[i]:g} lead from {t:g}; turn the sign of h"
                 )
         self.aims[LAST_TIME] = self.t_end
         if before is None:
@@ -270,9 +248,7 @@ class FictiveRun(OfClocked):
         shape = None if self.bodies else self.shape
         inner = Carry.made(shape, 0.0, numbers, clock, last, None if one else self.count)
         if not one:
-            vars(inner)["state"] = state_of(
-                type(self.lanes.example), unpacked(self.lanes.state, last.T)
-            )
+            vars(inner)["state"] = state_of(type(self.lanes.example), unpacked(self.lanes.state, last.T))
         elif shape is None:
             vars(inner)["state"] = build(self.lanes.state, iter(last.tolist()))
         origin = self.origin[some] if one else self.origin
@@ -335,9 +311,7 @@ class StraightFictiveRun(OfClocked, StraightRun):
     def standing(self, some: Any) -> Any:
         inner = super().standing(some)
         vars(inner).pop("state", None)
-        origin = (
-            self.origin if some == slice(None) or not self.bodies else origin_of(self.origin, some)
-        )
+        origin = self.origin if some == slice(None) or not self.bodies else origin_of(self.origin, some)
         if inner.shape is None:
             vars(inner)["state"] = build(self.lanes.state, iter(inner.last.tolist()))
         return FictiveCarry(origin, inner)

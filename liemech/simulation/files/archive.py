@@ -49,10 +49,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     """
     kind = type(run).__name__
     if kind not in KINDS:
-        raise InvalidInput(
-            f"Trajectory.save: a {kind} has more than "
-            "samples; save the arrays you need, numpy.savez"
-        )
+        raise InvalidInput(f"Trajectory.save: a {kind} has more than samples; save the arrays you need, numpy.savez")
     pool, fictive = Pool(), kind == "TransformedTrajectory"
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
     about: dict[str, Any] = {"format": FORMAT, "written": here(), "h": encoded(run.h, pool)}
@@ -60,9 +57,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     about |= {"method": _of_each(run.method, pool), "system": _of_each(run.system, pool)}
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
     about |= {"breaks": list(run.breaks), "ended": run.ended, "parts": list(run.states)}
-    about["stopped"] = {
-        str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()
-    }
+    about["stopped"] = {str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()}
     if fictive:
         arrays |= {"tau": run.tau} if run.z is None else {"tau": run.tau, "z": run.z}
         origins = run.origin if isinstance(run.origin, tuple) else (run.origin,)
@@ -154,9 +149,7 @@ def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
     }
 
 
-def _carry_of(
-    kept: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
-) -> Any:
+def _carry_of(kept: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder) -> Any:
     """The carry that `_carried` wrote.  origin : of a run in fictive time."""
     if "sites" in kept:
         parts = {part: arrays[f"carry.state.{part}"] for part in kept["sites"]}
@@ -175,10 +168,7 @@ def _carry_of(
     for array, height in (numbers, len(numbers)), (clock, CLOCK.width), (last, len(last)):
         _require_shape(decode.where, array, (height, *lead))
     t0 = np.array(kept["t0"]) if isinstance(kept["t0"], list) else kept["t0"]
-    ended = {
-        int(i): None if text is None else IntegrationFailure(text)
-        for i, text in kept["ended"].items()
-    }
+    ended = {int(i): None if text is None else IntegrationFailure(text) for i, text in kept["ended"].items()}
     each = {i: Met([(event, n) for event, n in counts]) for i, counts in kept["met"]}
     cut = dict(kept["cut"])
     own = {} if origin is not None else each
@@ -193,9 +183,7 @@ def _carry_of(
     return FictiveCarry(origin, carry, here, each)
 
 
-def load(
-    path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: bool = False
-) -> dict[str, Any]:
+def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: bool = False) -> dict[str, Any]:
     """Read a run: the fields of a Trajectory.
 
     modules : names of modules to import for the classes of the user; those that are imported
@@ -239,9 +227,7 @@ def load(
         if isinstance(error, InvalidInput) and str(error).startswith(f"{path}: "):
             raise
         told = f"{error}".partition("\n")[0] or type(error).__name__
-        raise InvalidInput(
-            f"{path}: is damaged or was not written by Trajectory.save: {told}"
-        ) from error
+        raise InvalidInput(f"{path}: is damaged or was not written by Trajectory.save: {told}") from error
 
 
 def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> dict[str, Any]:
@@ -259,9 +245,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     elif origin is None and "dense" in about:
         told = about["dense"], about.get("dense.sites")
         dense = _dense_of(arrays["dense"], *told, system, method, decode)
-    events = tuple(
-        [_event_of(i, arrays, about, bodies, decode) for i in range(len(about["events"]))]
-    )
+    events = tuple([_event_of(i, arrays, about, bodies, decode) for i in range(len(about["events"]))])
     ended = about.get("ended")
     if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
         raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
@@ -282,8 +266,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "steps": about["steps"],
         "compiled": about["compiled"],
         "stopped": Stopped(
-            {i: steps for i, (steps, _) in reasons.items()},
-            lambda i: IntegrationFailure(reasons[i][1]),
+            {i: steps for i, (steps, _) in reasons.items()}, lambda i: IntegrationFailure(reasons[i][1])
         ),
         "rejected": about["rejected"],
         "dense": dense,
@@ -309,9 +292,7 @@ def _states_of(
     arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder
 ) -> dict[str, np.ndarray]:
     """The samples, by the names of the parts of the state."""
-    states = {
-        name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")
-    }
+    states = {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")}
     # not every kind of file keeps the order of its arrays
     parts = about.get("parts", list(states))
     if not isinstance(parts, list) or sorted(map(str, parts)) != sorted(states):
@@ -319,8 +300,7 @@ def _states_of(
     for name, x in states.items():
         if len(x) != len(arrays["t"]) or (bodies is not None and x.shape[1:2] != (bodies,)):
             raise InvalidInput(
-                f"{decode.where}: the samples of {name} have shape {x.shape}, the times "
-                f"{arrays['t'].shape}"
+                f"{decode.where}: the samples of {name} have shape {x.shape}, the times {arrays['t'].shape}"
             )
     return {name: states[name] for name in parts}
 
@@ -335,9 +315,7 @@ def _origin_of(about: dict[str, Any], method: Any, decode: Decoder) -> Any:
     return origins[0] if about["together"] else origins
 
 
-def _fictive_motion_of(
-    arrays: dict[str, Any], h: Any, method: Any, origin: Origin, decode: Decoder
-) -> FictiveMotion:
+def _fictive_motion_of(arrays: dict[str, Any], h: Any, method: Any, origin: Origin, decode: Decoder) -> FictiveMotion:
     """The motion between the samples of a run in fictive time."""
     example = origin.whole.extended(origin.start, 0.0)
     t, points, begun = arrays["dense.t"], arrays["dense.points"], arrays.get("dense.begun")
@@ -380,9 +358,7 @@ def _dense_of(
     return DenseOutputs(tuple([of(i, own) for i, own in enumerate(np.split(rows, ends[:-1]))]))
 
 
-def _event_of(
-    i: int, arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder
-) -> Any:
+def _event_of(i: int, arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder) -> Any:
     """Times and states at which event i was met, or those of each body."""
     names, counts = about["events"][i]
     cls = decode(about["states"])
@@ -404,6 +380,4 @@ def _listed(told: Any) -> Any:
 def _require_shape(where: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
     """Refuse an array of another shape or type, which native code would read beyond its end."""
     if array.shape != shape or array.dtype != np.dtype(float):
-        raise InvalidInput(
-            f"{where}: wanted is an array of {shape} floats; got {array.shape} of {array.dtype}"
-        )
+        raise InvalidInput(f"{where}: wanted is an array of {shape} floats; got {array.shape} of {array.dtype}")

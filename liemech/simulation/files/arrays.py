@@ -83,15 +83,12 @@ def _require_file(path: Path, found: os.stat_result) -> None:
 
 
 def _damaged(path: Path) -> InvalidInput:
-    return InvalidInput(
-        f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content"
-    )
+    return InvalidInput(f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content")
 
 
 def _larger(path: Path, name: str, claimed: int, there: int) -> InvalidInput:
     return InvalidInput(
-        f"{path}: is damaged or was forged: its entry {name!r} claims {claimed} bytes where "
-        f"there are {there}"
+        f"{path}: is damaged or was forged: its entry {name!r} claims {claimed} bytes where there are {there}"
     )
 
 
@@ -127,8 +124,7 @@ def _of_npz(path: Path, file: BinaryIO) -> tuple[dict[str, np.ndarray], str]:
             claimed += entry.file_size
             if entry.compress_type != zipfile.ZIP_STORED or entry.compress_size != entry.file_size:
                 raise InvalidInput(
-                    f"{path}: is damaged or was forged: its entry {name!r} is packed, which runs "
-                    "are not"
+                    f"{path}: is damaged or was forged: its entry {name!r} is packed, which runs are not"
                 )
             if claimed > length:
                 raise _larger(path, name, claimed, length)
@@ -149,10 +145,7 @@ def _array(path: Path, name: str, data: bytes) -> np.ndarray:
     """The array of an .npy file."""
     memory = io.BytesIO(data)
     version = np.lib.format.read_magic(memory)
-    header = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }[version]
+    header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
     shape, by_columns, dtype = header(memory)
     if dtype.kind not in KINDS:
         raise InvalidInput(f"{path}: is damaged or was forged: {name!r} is an array of {dtype}")
@@ -234,13 +227,10 @@ def _dataset(path: Path, file: Any, name: str, h5py: Any) -> Any:
     if name == ABOUT:
         return dataset
     if dataset.dtype.kind not in KINDS:
-        raise InvalidInput(
-            f"{path}: is damaged or was forged: {name!r} is an array of {dataset.dtype}"
-        )
+        raise InvalidInput(f"{path}: is damaged or was forged: {name!r} is an array of {dataset.dtype}")
     if dataset.chunks is not None or dataset.external or dataset.is_virtual:
         raise InvalidInput(
-            f"{path}: is damaged or was forged: {name!r} is packed or lies elsewhere, which runs "
-            "are not"
+            f"{path}: is damaged or was forged: {name!r} is packed or lies elsewhere, which runs are not"
         )
     if dataset.id.get_storage_size() != dataset.nbytes:
         raise _larger(path, name, dataset.nbytes, dataset.id.get_storage_size())
@@ -251,10 +241,7 @@ def _checksum(arrays: dict[str, np.ndarray]) -> str:
     """One of names, types, shapes and bytes."""
     whole = hashlib.sha256()
     for name, array in sorted(arrays.items()):
-        whole.update(
-            repr((name, array.dtype.str, array.shape)).encode()
-            + np.ascontiguousarray(array).tobytes()
-        )
+        whole.update(repr((name, array.dtype.str, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
     return whole.hexdigest()
 
 

@@ -113,11 +113,7 @@ def encoded(value: Any, pool: Pool | None = None) -> Any:
     if isinstance(value, Complex):
         return {"complex": [value.re, value.im], "as": "Complex"}
     # a long double has no number in JSON
-    if (
-        isinstance(value, (np.ndarray, np.generic))
-        and value.dtype.kind in NUMBERS
-        and value.dtype.char not in "gG"
-    ):
+    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in NUMBERS and value.dtype.char not in "gG":
         if pool is not None and value.size > INLINE and value.dtype.isnative:
             at = {"at": pool.put(value, np.asarray(value))}
             return {"array": at, "dtype": value.dtype.str, "shape": list(value.shape)}
@@ -136,8 +132,7 @@ def encoded(value: Any, pool: Pool | None = None) -> Any:
         formulas = fingerprint(cls)
         return told if formulas is None else told | {"formulas": formulas}
     raise InvalidInput(
-        f"Trajectory.save: {value!r} cannot be saved; records hold "
-        "numbers, vectors, matrices, texts and records"
+        f"Trajectory.save: {value!r} cannot be saved; records hold numbers, vectors, matrices, texts and records"
     )
 
 
@@ -216,8 +211,7 @@ class Decoder:
                 importlib.import_module(module)
             except Exception as error:  # whatever the module does when it is loaded
                 raise InvalidInput(
-                    f"{self.where}: module {module!r} cannot be imported: "
-                    f"{type(error).__name__}: {error}"
+                    f"{self.where}: module {module!r} cannot be imported: {type(error).__name__}: {error}"
                 ) from error
             found = known(module, name)
         if found is None and (self.trusted or module in self.modules):
@@ -239,9 +233,7 @@ class Decoder:
                 "another one; define it there too, or save runs of a class of a module"
             )
         if ours:
-            return (
-                f"there is no class {name} in {module}; the file is of another version of liemech"
-            )
+            return f"there is no class {name} in {module}; the file is of another version of liemech"
         if self.trusted or module in self.modules or module in sys.modules:
             return (
                 f"there is no class {name} of records in {module}; files name subclasses of "
@@ -265,8 +257,7 @@ class Decoder:
         fields = {name: self(x) for name, x in told.items()}
         if {f.name for f in dataclasses.fields(cls)} != set(fields):
             raise InvalidInput(
-                f"{self.where}: {cls.__qualname__} does not have the "
-                f"fields of the file, {', '.join(fields)}"
+                f"{self.where}: {cls.__qualname__} does not have the fields of the file, {', '.join(fields)}"
             )
         if changed(cls, more.get("formulas")):
             warn(
@@ -288,10 +279,7 @@ class Decoder:
 
     def _table(self, given: Any, _: dict[str, Any]) -> Table:
         if isinstance(given, dict) and given.keys() == {"at", "count"}:
-            numbers, key = (
-                self._pooled("float64", given["at"], given["count"]),
-                ("table", *given.values()),
-            )
+            numbers, key = (self._pooled("float64", given["at"], given["count"]), ("table", *given.values()))
             if key not in self.taken:  # tables of the same numbers are one
                 self.taken[key] = Table(numbers)
             return self.taken[key]

@@ -59,9 +59,7 @@ def _words(name: str, member: Any) -> Iterator[str]:
 
 def _code(code: types.CodeType) -> str:
     """Instructions, names and constants of a function, without its documentation."""
-    constants = (
-        code.co_consts[1:] if isinstance((*code.co_consts, None)[0], str) else code.co_consts
-    )
+    constants = code.co_consts[1:] if isinstance((*code.co_consts, None)[0], str) else code.co_consts
     return f"{code.co_code.hex()} {code.co_names} {[_constant(x) for x in constants]}"
 
 

@@ -17,10 +17,7 @@ def to_xarray(run: Any) -> Any:
         raise MissingExtra("Trajectory.to_xarray needs xarray", "data") from None
     time, coordinates = _time(run)
     lead = (time,) if run.bodies is None else (time, "body")
-    found = {
-        name: ((*lead, *(f"{name}_{i}" for i in range(x.ndim - len(lead)))), x)
-        for name, x in run.states.items()
-    }
+    found = {name: ((*lead, *(f"{name}_{i}" for i in range(x.ndim - len(lead)))), x) for name, x in run.states.items()}
     about = {"system": repr(run.system), "method": repr(run.method), "h": run.h, "steps": run.steps}
     return xarray.Dataset(found, coordinates, about)
 
@@ -43,9 +40,7 @@ def to_pandas(run: Any) -> Any:
     times = coordinates[time][1]
     if run.bodies is None:
         return pandas.DataFrame(columns, pandas.Index(times, name=time))
-    return pandas.DataFrame(
-        columns, pandas.MultiIndex.from_product([times, range(run.bodies)], names=[time, "body"])
-    )
+    return pandas.DataFrame(columns, pandas.MultiIndex.from_product([times, range(run.bodies)], names=[time, "body"]))
 
 
 def _time(run: Any) -> tuple[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]:
@@ -57,8 +52,5 @@ def _time(run: Any) -> tuple[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
         return "t", {"t": (("t",), run.t)} | ({} if tau is None else {"tau": (("t",), tau)})
     own = {} if tau is None else {"tau": (("sample", "body"), tau)}
     if tau is None or np.ndim(tau) == 2:  # bodies with steps of their own
-        return "sample", {
-            "sample": (("sample",), np.arange(len(run.t))),
-            "t": (("sample", "body"), run.t),
-        } | own
+        return "sample", {"sample": (("sample",), np.arange(len(run.t))), "t": (("sample", "body"), run.t)} | own
     return "tau", {"tau": (("tau",), np.asarray(tau)), "t": (("tau", "body"), run.t)}

@@ -75,16 +75,11 @@ class Kept:
         """Whether changes are relative, and to what, or absolute."""
         if not self.scale:
             return "absolute"
-        cancelling = (
-            "" if self.scale == self.size else f", the size of its terms; it is {self.size:.1e}"
-        )
+        cancelling = "" if self.scale == self.size else f", the size of its terms; it is {self.size:.1e}"
         return f"relative to {self.scale:.6g}{cancelling}"
 
     def __str__(self) -> str:
-        trends = {
-            "drifting": f"; {self.slope:+.1e} per unit time",
-            "changed": "; too few samples for a trend",
-        }
+        trends = {"drifting": f"; {self.slope:+.1e} per unit time", "changed": "; too few samples for a trend"}
         trend = trends.get(self.verdict, "")
         change = f"largest change {self.largest:.1e} ({self.measure}){trend}"
         return f"{self.name:<{COLUMN}}{self.verdict:<10}{change}"
@@ -101,9 +96,7 @@ class Drift:
     kept: tuple[Kept, ...]
 
     @classmethod
-    def of(
-        cls, system: System, t: np.ndarray, states: dict[str, np.ndarray], bodies: int | None = None
-    ) -> Drift:
+    def of(cls, system: System, t: np.ndarray, states: dict[str, np.ndarray], bodies: int | None = None) -> Drift:
         """Measure what the system names as constant, of a body energy, Casimirs and spatial
         momentum, along samples of a motion.
 
@@ -118,27 +111,16 @@ class Drift:
         def flat(values: np.ndarray) -> np.ndarray:
             return values.reshape(*values.shape[:axes], -1)
 
-        return cls(
-            tuple(
-                _kept(name, t, flat(values), flat(terms[name])) for name, values in series.items()
-            )
-        )
+        return cls(tuple(_kept(name, t, flat(values), flat(terms[name])) for name, values in series.items()))
 
     @classmethod
-    def recorded(
-        cls, series: dict[str, np.ndarray], t: np.ndarray, bodies: int | None = None
-    ) -> Drift:
+    def recorded(cls, series: dict[str, np.ndarray], t: np.ndarray, bodies: int | None = None) -> Drift:
         """Drift of quantities whose values were recorded, (n, ...), without the state."""
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
         axes = 1 + (bodies is not None)
         flat = {name: values.reshape(*values.shape[:axes], -1) for name, values in series.items()}
-        return cls(
-            tuple(
-                _kept(name, t, values, np.abs(values)[_some(len(t))])
-                for name, values in flat.items()
-            )
-        )
+        return cls(tuple(_kept(name, t, values, np.abs(values)[_some(len(t))]) for name, values in flat.items()))
 
     def __getitem__(self, name: str) -> Kept:
         for kept in self.kept:
@@ -159,9 +141,7 @@ class Drift:
 
     def __str__(self) -> str:
         wide = max([COLUMN, *(len(kept.name) + 2 for kept in self.kept)])
-        lines = [
-            kept.name.ljust(wide) + str(kept)[max(COLUMN, len(kept.name)) :] for kept in self.kept
-        ]
+        lines = [kept.name.ljust(wide) + str(kept)[max(COLUMN, len(kept.name)) :] for kept in self.kept]
         return "\n".join(lines) or "no constants of the motion are known"
 
     @property
@@ -170,9 +150,7 @@ class Drift:
         absolute change), slope in unit time.
         """
         rows = [(k.name, k.verdict, k.largest, k.scale, k.slope) for k in self.kept]
-        return WrittenTable(
-            ("constant", "verdict", "largest change", "relative to", "slope"), tuple(rows)
-        )
+        return WrittenTable(("constant", "verdict", "largest change", "relative to", "slope"), tuple(rows))
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str | None:
         """The report as comma-separated values: the text, or written to a file."""
@@ -194,9 +172,7 @@ def constants_and_terms(
     terms, about, instead of their sum.
     """
     bit, some = 2.0**-20, _some(n)
-    varied: list[tuple[str, Any]] = [
-        (part, i) for part in system.coordinates for i in range(states[part].shape[-1])
-    ]
+    varied: list[tuple[str, Any]] = [(part, i) for part in system.coordinates for i in range(states[part].shape[-1])]
     together = len(varied) > SEPARATE
     if together:
         rng, parts = np.random.default_rng(1), system.coordinates

@@ -60,13 +60,7 @@ class Bar:
                 from tqdm.auto import tqdm
 
                 shape = None if self.unit else "{l_bar}{bar}| [{elapsed}<{remaining}]"
-                self.bar = tqdm(
-                    desc=WANTED.name,
-                    total=self.total,
-                    unit=self.unit,
-                    unit_scale=True,
-                    bar_format=shape,
-                )
+                self.bar = tqdm(desc=WANTED.name, total=self.total, unit=self.unit, unit_scale=True, bar_format=shape)
                 self.bar.update(self.done)
         elif self.bar is not None:
             self.bar.update(steps)

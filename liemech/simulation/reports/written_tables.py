@@ -97,9 +97,7 @@ class WrittenTable:
         """A tabular for LaTeX that needs no package, numbers in three digits.  Returns the text, or
         writes it to a file.
         """
-        sides = [
-            "l" if any(isinstance(x, str) for x in column) else "r" for column in zip(*self.rows)
-        ]
+        sides = ["l" if any(isinstance(x, str) for x in column) else "r" for column in zip(*self.rows)]
         lines = [" & ".join([*map(latex, self.headings)])]
         lines += [" & ".join([_cell(x) for x in row]) for row in self.rows]
         body = "\n".join(f"  {line} \\\\" for line in lines[1:])

@@ -132,9 +132,7 @@ class SitesDense(BetweenEnds):
 
     def _parts(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """The parts of states, of their numbers, (m, width, sites)."""
-        found: dict[str, np.ndarray] = self.system.as_users_see(
-            unpacked(self.shape.state, np.moveaxis(rows, 1, -1))
-        )
+        found: dict[str, np.ndarray] = self.system.as_users_see(unpacked(self.shape.state, np.moveaxis(rows, 1, -1)))
         return found
 
     def inside(self, k: int, times: np.ndarray) -> dict[str, np.ndarray]:

@@ -58,10 +58,7 @@ def chained_method(plan: Any) -> GalerkinOfChain | None:
     first = np.zeros(n)
     for part in bonds:
         first[part.graph.edges[:, 0]] = 1.0
-    edges = [
-        RoleAtSite.of_incidence(with_fields(part, merged=False), 0, part.graph.incidence(0))
-        for part in bonds
-    ]
+    edges = [RoleAtSite.of_incidence(with_fields(part, merged=False), 0, part.graph.incidence(0)) for part in bonds]
     alone = [role for role in site.potential.roles if role.alone]
     return GalerkinOfChain(
         tuple(edges),
@@ -110,9 +107,7 @@ class ChainRun(SiteRun):
         self.squares = made.array[2 * width + method.rows.told]
         return made
 
-    def looked(
-        self, at: float, begun: float, end: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The states of all sites at a time in the last step, by a shorter step of all of them; the totals
         of what is recorded, and the events.
         """

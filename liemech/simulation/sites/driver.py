@@ -96,15 +96,7 @@ class OverSites(Record):
         return Nothing()
 
     def trial(
-        self,
-        system: Any,
-        t: float,
-        place: Place,
-        first: Vec,
-        h: float,
-        rtol: float,
-        atol: float,
-        dense: bool,
+        self, system: Any, t: float, place: Place, first: Vec, h: float, rtol: float, atol: float, dense: bool
     ) -> Trial:
         """A step on probation of all sites, to the other copy of the memory.  Its error is the root
         mean square of those of the sites.
@@ -115,23 +107,14 @@ class OverSites(Record):
         error, share = read(self.told, 0, PAIR)
         return Trial(Place(there), first, error, (), share)
 
-    def first_velocity(
-        self, system: Any, t: float, place: Place, rtol: float, atol: float
-    ) -> tuple[Vec, float, float]:
+    def first_velocity(self, system: Any, t: float, place: Place, rtol: float, atol: float) -> tuple[Vec, float, float]:
         """The velocities at the start, put beside the states, and their sizes."""
         given = t, rtol, atol, self.sites, place.copy, self.memory, self.told
         each(self.sites, one_velocity, self.method, system, *given)
         return vec(0.0), *read(self.told, 0, PAIR)
 
     def change_of_velocity(
-        self,
-        system: Any,
-        t: float,
-        place: Place,
-        first: Vec,
-        h: float,
-        rtol: float,
-        atol: float,
+        self, system: Any, t: float, place: Place, first: Vec, h: float, rtol: float, atol: float
     ) -> float:
         """The size of the change of the velocities in an Euler step."""
         given = t, h, rtol, atol, self.sites, place.copy, self.memory, self.told
@@ -202,9 +185,7 @@ def one_anew(method: Any, system: Any, h: float, sites: Any, here: int, memory: 
     save(sites, here, fitted(method.start(at_this_site(system), shown, h), memory), memory)
 
 
-def one_step(
-    method: Any, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Any
-) -> None:
+def one_step(method: Any, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Any) -> None:
     """A step of one site."""
     new, shown = stepped(method, at_this_site(system), t, load(sites, here, memory), h, memory)
     require_finite(shown)
@@ -274,9 +255,7 @@ class Embedded(Record):
         """The state."""
         return memory.state
 
-    def inside(
-        self, system: Any, begun: float, at: float, end: float, before: Standing, after: Standing
-    ) -> Any:
+    def inside(self, system: Any, begun: float, at: float, end: float, before: Standing, after: Standing) -> Any:
         """The state inside of a step, on its way."""
         part = (at - begun) / (end - begun)
         return on_the_way(self.method.retraction, system, before.state, after.curve, part)
@@ -295,9 +274,7 @@ class Whole(Record):
     def __repr__(self) -> str:
         return repr(self.method)
 
-    def inside(
-        self, system: Any, begun: float, at: float, end: float, before: Any, after: Any
-    ) -> Any:
+    def inside(self, system: Any, begun: float, at: float, end: float, before: Any, after: Any) -> Any:
         """The state inside of a step."""
         method, h = self.method, at - begun
         memory = method.start(system, sample(method, before), h)
@@ -340,9 +317,7 @@ def one_change(
     write(told, 0, (method.method.change_of_velocity(one, *given), 0.0), PAIR)
 
 
-def one_remake(
-    method: Embedded, system: Any, t: float, h: float, sites: Any, here: int, memory: Layout
-) -> None:
+def one_remake(method: Embedded, system: Any, t: float, h: float, sites: Any, here: int, memory: Layout) -> None:
     """The step of one site as on probation, without its error, which is that of all."""
     old, one = load(sites, here, memory), at_this_site(system)
     if h == 0.0:
@@ -502,9 +477,7 @@ def finite(value: Any) -> tuple[()]:
     return ()
 
 
-def watched(
-    sighted: Any, sites: Any, method: Any, system: Any, t: float, *given: Any
-) -> tuple[float, ...]:
+def watched(sighted: Any, sites: Any, method: Any, system: Any, t: float, *given: Any) -> tuple[float, ...]:
     """The values of the events after a step."""
     each(sites, one_look, method, system, t, *given)
     return sighted.seen(t, given[-1])
@@ -554,9 +527,7 @@ def look_inside(
         failures.append(reason(trial))
 
 
-def watched_inside(
-    at: float, way: Any, system: Any, sighted: Any, values: Any, sites: Any, *given: Any
-) -> None:
+def watched_inside(at: float, way: Any, system: Any, sighted: Any, values: Any, sites: Any, *given: Any) -> None:
     """The state inside of a step of all sites, and the values of events."""
     if way.ending is None:
         each(sites, one_inside, way, system, *given)
@@ -597,9 +568,7 @@ def one_sample(
     one_shown(system, t, sample(method, load(sites, here, memory)), shown, seen, totals, k)
 
 
-def one_shown(
-    system: Any, t: float, state: Any, shown: Any, seen: Any, totals: Any, k: int
-) -> None:
+def one_shown(system: Any, t: float, state: Any, shown: Any, seen: Any, totals: Any, k: int) -> None:
     """The kept part of the state of one site."""
     if shown.quantities:
         looked_at(system, t, state, shown, totals, k)
@@ -607,9 +576,7 @@ def one_shown(
         save(seen, k, state, shown.state)
 
 
-def totals_of_samples(
-    system: Any, shown: Any, first: int, samples: int, seen: Any, totals: Any, times: Any
-) -> None:
+def totals_of_samples(system: Any, shown: Any, first: int, samples: int, seen: Any, totals: Any, times: Any) -> None:
     """The driver: totals of quantities of samples that are there."""
     for k in range(first, first + samples):
         each(seen, one_total, system, read(times, k, NUMBER), shown, seen, totals, k)
@@ -638,9 +605,7 @@ def begin_sites(
     """The driver before the first step: from starts, given in one layout and to be used in another,
     what the method carries along for every site; `done` is then 1.
     """
-    trial = attempt(
-        each, sites, one_start, method, system, given, started, memory, h, starts, sites
-    )
+    trial = attempt(each, sites, one_start, method, system, given, started, memory, h, starts, sites)
     if accepted(trial, itself):
         write(done, 0, 1.0, NUMBER)
     elif failures is not None:
@@ -648,14 +613,7 @@ def begin_sites(
 
 
 def one_start(
-    method: Any,
-    system: Any,
-    given: Any,
-    started: Any,
-    memory: Any,
-    h: float,
-    starts: Any,
-    sites: Any,
+    method: Any, system: Any, given: Any, started: Any, memory: Any, h: float, starts: Any, sites: Any
 ) -> None:
     """The start of one site."""
     carry = first_memory(method, system, given, started, h, starts)

@@ -19,9 +19,7 @@ class Sightings:
         self.watch = Watch(events, [], before)
         # a zero that ended the run before is none of this
         self.known, ended = [name for name, _ in before], getattr(begun, "event", None)
-        self.over = (
-            ended if ended is not None and self.known == [name_of(e) for e in events] else None
-        )
+        self.over = ended if ended is not None and self.known == [name_of(e) for e in events] else None
 
     def meet(self, begun: float, end: float) -> float:
         """Find the zeros in a step that goes from one time to another; where the run is to end, or the

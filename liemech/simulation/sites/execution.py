@@ -23,9 +23,7 @@ class SiteExecution(Execution):
     most : sites that run side by side, at most.
     """
 
-    def __init__(
-        self, wanted: bool | None, progress: bool | None, *call: Any, most: int = EIGHT
-    ) -> None:
+    def __init__(self, wanted: bool | None, progress: bool | None, *call: Any, most: int = EIGHT) -> None:
         native = wanted is not False and kernel.available() is None
         lanes = min(most, kernel.width()) if native else 1
         super().__init__(wanted, progress, *call, lanes=lanes)

@@ -93,9 +93,7 @@ def linked_method(plan: Any) -> Any:
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
     rows = [(share, node) for share, node in shares]
     table = Table(np.ravel(rows))
-    return RattleOfLinks(
-        retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending
-    )
+    return RattleOfLinks(retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending)
 
 
 def written_out(method: Any, what: str) -> None:
@@ -117,14 +115,7 @@ def rkmk_of(method: RKMK, site: Links) -> RkmkOfLinks:
     nothing = RattleOfLinks(method.retraction, Table(np.zeros(2)), 1.0, 1, site.most)
     made: Any = RkmkOfLinks
     found: RkmkOfLinks = made(
-        method,
-        Table(np.ravel(rows)),
-        Table(np.array(tableau.c)),
-        count,
-        float(count),
-        nothing,
-        FREE,
-        repr(method),
+        method, Table(np.ravel(rows)), Table(np.array(tableau.c)), count, float(count), nothing, FREE, repr(method)
     )
     return found
 
@@ -212,10 +203,7 @@ class EventsOfLinks:
 
     def __init__(self, run: LinksRun, start: Any) -> None:
         self.run, self.fresh = run, not isinstance(start, SiteCarry)
-        self.start, self.over = (
-            SimpleNamespace(met={0: getattr(start, "met", None)}),
-            np.array([False]),
-        )
+        self.start, self.over = (SimpleNamespace(met={0: getattr(start, "met", None)}), np.array([False]))
         self.asked_for = run.plan._steps.compiled
         arrays = run.states(run.shape.shown_rows(run._memory)[None])
         self.view = AsItIs(small_state(one_of(arrays), {name: x[0] for name, x in arrays.items()}))
@@ -241,9 +229,7 @@ class EventsOfLinks:
     def inside(self, piece: Piece, steps: np.ndarray, times: np.ndarray) -> np.ndarray:
         """States inside of steps."""
         run = self.run
-        rows = [
-            run.inside(piece.seen[k], piece.t.item(k), t) for k, t in zip(steps, times.tolist())
-        ]
+        rows = [run.inside(piece.seen[k], piece.t.item(k), t) for k, t in zip(steps, times.tolist())]
         return flat(run.states(np.array(rows)), len(rows))
 
 
@@ -279,10 +265,7 @@ class LinksRun(SiteRun):
         anew : the method begins with it at this state.
         """
         form = plan._one.linked
-        if (
-            form.links.kinds != self.site.kinds
-            or form.fixed.shape != self.plan._one.linked.fixed.shape
-        ):
+        if form.links.kinds != self.site.kinds or form.fixed.shape != self.plan._one.linked.fixed.shape:
             raise InvalidInput(
                 "Stepper.step: an input of another kind, such as a table in the place of a number, "
                 "makes another linkage; go on with plan.replace(system=...).stepper(loop.state, loop.t)"
@@ -479,8 +462,7 @@ class LinksRun(SiteRun):
         method = repr(self.plan.method)
         if joint < 0.0:
             return NoConvergence(
-                f"{method}: no velocity found that fits the loads at the end of a step; try "
-                f"h = {0.25 * self.h:g}"
+                f"{method}: no velocity found that fits the loads at the end of a step; try h = {0.25 * self.h:g}"
             )
         label = system.label(int(joint))
         if reached < 0.0:
@@ -497,8 +479,7 @@ class LinksRun(SiteRun):
             given = system, state.mu, state.g
             why = thrown_back(*given, force, self.h) or near_a_dead_point(*given[::2]) or why
         return NoConvergence(
-            f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at "
-            f"{label}. {why}"
+            f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at {label}. {why}"
         )
 
     @property

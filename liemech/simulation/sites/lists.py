@@ -37,9 +37,7 @@ def with_lists(system: Any, site: Any) -> Any:
     roles = inside(site, RoleAtSite)
     if not any(_worth(system, role) for role in roles):
         return site
-    return exchanged(
-        site, RoleAtSite, [_listed(role, None) if _worth(system, role) else role for role in roles]
-    )
+    return exchanged(site, RoleAtSite, [_listed(role, None) if _worth(system, role) else role for role in roles])
 
 
 def _worth(system: Any, role: RoleAtSite) -> bool:

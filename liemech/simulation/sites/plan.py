@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.planes import Planes
-from ...errors import (
-    IncompatibleSystem,
-    IntegrationFailure,
-    InvalidInput,
-    NotCompilable,
-    warn,
-)
+from ...errors import IncompatibleSystem, IntegrationFailure, InvalidInput, NotCompilable, warn
 from ...formulas.pytree import layout_of
 from ...groups.species import SpeciesGroup
 from ...integrators.ending_at_jumps import AT_ENDS, uncut
@@ -78,9 +72,7 @@ class SitesOfPlan:
             return None
         return cls(plan, with_lists(plan._one, site))
 
-    def prepared(
-        self, first: State, starts: Planes, curves: bool, level: float | None = None
-    ) -> Any:
+    def prepared(self, first: State, starts: Planes, curves: bool, level: float | None = None) -> Any:
         """Layouts and native code for starts whose first site is like this one.  curves : is the way of
         adaptive steps needed?  level : of the derivative that its numbers carry along.
         """
@@ -143,9 +135,7 @@ class SitesOfPlan:
         """Recorded functions of the state of all sites together, by name; those of linkages are found at the end."""
         recorder = self.plan.recorder if not isinstance(self.site, Links) else None
         quantities = {} if recorder is None else recorder.quantities
-        return {
-            name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities
-        }
+        return {name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities}
 
     @functools.cached_property
     def of_sites(self) -> str | None:
@@ -322,9 +312,7 @@ class SitesOfPlan:
         """One member of an ensemble."""
         return type(start)(*(None if x is None else x[i] for x in start.parts.values()))
 
-    def _members(
-        self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any
-    ) -> Trajectory | None:
+    def _members(self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any) -> Trajectory | None:
         """The runs of the members of an ensemble, one after the other.  One that fails stays where it
         came to.
         """

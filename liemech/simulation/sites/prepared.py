@@ -12,16 +12,7 @@ from ...compiler import kernel
 from ...compiler.planes import Planes, load
 from ...errors import InvalidInput
 from ...formulas import Record, record
-from ...formulas.pytree import (
-    build,
-    carried_layout,
-    layout_of,
-    leaves,
-    names_of,
-    rounded,
-    with_fields,
-    with_slopes,
-)
+from ...formulas.pytree import build, carried_layout, layout_of, leaves, names_of, rounded, with_fields, with_slopes
 from ...formulas.sites import EIGHT, one_site
 from ...integrators.ending_at_jumps import uncut
 from ...integrators.rattle_of_links import Links
@@ -65,9 +56,7 @@ class Prepared:
     way: Any
     method: Any
 
-    def __init__(
-        self, plan: Any, site: Any, first: State, starts: Planes, curves: bool, level: float | None
-    ) -> None:
+    def __init__(self, plan: Any, site: Any, first: State, starts: Planes, curves: bool, level: float | None) -> None:
         steps = plan._steps
         self.plan, self.site, self.control, self.place = plan, site, Equal(True), PLACE
         self.paces: dict[int, int] = {}
@@ -93,9 +82,7 @@ class Prepared:
         events = () if isinstance(site, Links) else plan.events  # they look at samples
         for event in events:
             require_totals(event, self._named())
-        self.sighted = Sighted(
-            self.shown, events, carried_layout((0.0,) * len(events)), self._named()
-        )
+        self.sighted = Sighted(self.shown, events, carried_layout((0.0,) * len(events)), self._named())
         none, planes = kernel.Columns(np.empty(0)), Planes.of_rows(1, 1)
         self.most = min(EIGHT, starts.count) if isinstance(site, Links) else EIGHT
         self.beginning = SiteExecution(
@@ -256,9 +243,7 @@ def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
     parts = tuple(inspect.signature(getattr(site, wanted)).parameters)
     missing = [name for name in parts if name != "t" and getattr(example, name, None) is None]
     if missing:
-        raise InvalidInput(
-            f"integrate: record={wanted!r} needs {', '.join(missing)}; start from a state with it"
-        )
+        raise InvalidInput(f"integrate: record={wanted!r} needs {', '.join(missing)}; start from a state with it")
     return Share(wanted, parts)
 
 

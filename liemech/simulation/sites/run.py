@@ -11,12 +11,7 @@ import numpy as np
 
 from ...compiler import kernel
 from ...compiler.planes import Planes
-from ...errors import (
-    InvalidInput,
-    NoConvergence,
-    NotFinite,
-    is_mistake,
-)
+from ...errors import InvalidInput, NoConvergence, NotFinite, is_mistake
 from ...formulas.pytree import inside, layout_of
 from ...formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
 from ...systems.site_state import StateOfSites
@@ -217,9 +212,7 @@ class SiteRun(Course):
     def _take_up(self, start: SiteCarry) -> None:
         """Go on with what a run has carried along."""
         if self.adaptive is (start.clock is None):
-            raise InvalidInput(
-                "Plan.resume: the run was made with other steps; start a new one from run.last"
-            )
+            raise InvalidInput("Plan.resume: the run was made with other steps; start a new one from run.last")
         width = self.shape.memory.width
         numbers = self.shape.taken_up(start.numbers)
         self.sites.array[:width] = rows_of(numbers)
@@ -430,15 +423,10 @@ class SiteRun(Course):
         """Room for twice as many samples, if there are more than was known."""
         room = len(self.totals)
         if len(self.times) > room:
-            self.totals, self.own = (
-                np.concatenate([x, np.zeros_like(x)]) for x in (self.totals, self.own)
-            )
+            self.totals, self.own = (np.concatenate([x, np.zeros_like(x)]) for x in (self.totals, self.own))
             if self.chosen is None:
                 self.room = 2 * room
-                old, self.seen = (
-                    self.seen,
-                    Planes.of_rows(max(1, self.room * self.wide), self.count),
-                )
+                old, self.seen = (self.seen, Planes.of_rows(max(1, self.room * self.wide), self.count))
                 self.seen.array[: len(old.array)] = old.array
 
     def _keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
@@ -470,9 +458,7 @@ class SiteRun(Course):
                 del self.of_all[name][first + k :]
                 self.of_all[name].append(value)
 
-    def looked(
-        self, at: float, begun: float, end: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The states of all sites at a time in the last step, (width, sites), the totals of what is
         recorded, and the events.
         """
@@ -486,9 +472,7 @@ class SiteRun(Course):
         if failures is not None:
             more: Any = begun, at, end, self.sites, self._copy, shape.memory, shape.inner.shown
             again = shape.way, self.site, *more, seen, totals
-            error = self._why(
-                failures, notes, lambda i: one_site(self.count, i, one_inside, *again)
-            )
+            error = self._why(failures, notes, lambda i: one_site(self.count, i, one_inside, *again))
             raise self._ended(error, f"inside of a step, t = {at:g}")
         return seen.array[:, : self.count], totals[: self.totals.shape[1]], values
 
@@ -522,22 +506,14 @@ class SiteRun(Course):
         if self.shape.ending is not None:
             given = given[0], during(self.site, t, self.h, self.shape.ending.beyond), *given[2:]
         if not self.adaptive:
-            error = self._why(
-                failures, self.notes, lambda i: one_site(self.count, i, one_step, *given)
-            )
+            error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_step, *given))
             raise self._ended(self._overflowed(self._origin(error, t)), at)
         if clock[MARK] == STUCK and clock[ANEW] == 0.0:
             error = failures[-1] if failures else None
-            raise (
-                self._ended(error, f"step {steps + 1}, t = {t:g}")
-                if is_mistake(error)
-                else self._too_small(error)
-            )
+            raise (self._ended(error, f"step {steps + 1}, t = {t:g}") if is_mistake(error) else self._too_small(error))
         h = 0.0 if clock[ANEW] else to_try(t, clock.item(STEP), goal.item(0), goal.item(3))[0]
         again: Any = *given[:3], h, self.sites, here, memory
-        error = self._why(
-            failures, self.notes, lambda i: one_site(self.count, i, one_remake, *again)
-        )
+        error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_remake, *again))
         if h == 0.0 or is_mistake(error):
             where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
             raise self._ended(error, where)
@@ -625,9 +601,7 @@ class SiteRun(Course):
         estimate = self.told.item(0)
         site = getattr(error, "site", None)
         what = repr(self.plan.method) if site is None else f"{self.plan.method!r}: site {site}"
-        made = too_small(
-            what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate
-        )
+        made = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate)
         return self._with_run(made, site)
 
     def _ended(self, error: Any, at: str) -> Any:
@@ -637,11 +611,7 @@ class SiteRun(Course):
         named = getattr(getattr(one, "configurations", one.group), "named", str)
         beside = getattr(error, "beside", None)
         if site is not None:
-            which = (
-                f"site {named(site)}"
-                if beside is None
-                else f"sites {named(site)} and {named(beside)}"
-            )
+            which = f"site {named(site)}" if beside is None else f"sites {named(site)} and {named(beside)}"
             at = f"{which}, {at}"
         return self._with_run(told(error, self.plan.method, at, lambda: self.made), site)
 

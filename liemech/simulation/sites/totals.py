@@ -51,10 +51,7 @@ def energy(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> np.ndar
     some = max(1, ROWS // (width * padded(count)))
     for begin in range(0, len(t), some):
         samples = min(some, len(t) - begin)
-        rows = np.concatenate(
-            [_flat(x[begin : begin + samples]) for x in states.values()],
-            axis=1,
-        )
+        rows = np.concatenate([_flat(x[begin : begin + samples]) for x in states.values()], axis=1)
         planes = np.empty((samples * width, padded(count)))
         planes[:, :count] = rows.reshape(samples * width, count)
         planes[:, count:] = planes[:, count - 1 : count]
@@ -68,9 +65,7 @@ def totals_in(totals: np.ndarray, site: Any, shown: Any, seen: Planes, t: np.nda
     the other.
     """
     planes, shared = Planes.of_rows(1, 1), kernel.Shared(np.empty(0))
-    execution = SiteExecution(
-        None, None, totals_of_samples, site, shown, 0, 1, planes, shared, shared
-    )
+    execution = SiteExecution(None, None, totals_of_samples, site, shown, 0, 1, planes, shared, shared)
     arguments = site, shown, 0, len(t), seen
     times = np.ascontiguousarray(t, dtype=float)
     if execution.ready_for(len(t) * seen.count):

@@ -56,17 +56,7 @@ class Turns(Record):
     def __repr__(self) -> str:
         return self.name
 
-    def make(
-        self,
-        k: int,
-        t: float,
-        time: float,
-        sites: Any,
-        here: int,
-        there: Any,
-        row: int,
-        layout: Any,
-    ) -> None:
+    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
         """Turn number k, at a time and for another, from one copy of the sites to a row of others."""
         raise undefined(self, "make")
 
@@ -97,17 +87,7 @@ class TurnsOfColours(Turns):
 
     __repr__ = Turns.__repr__
 
-    def make(
-        self,
-        k: int,
-        t: float,
-        time: float,
-        sites: Any,
-        here: int,
-        there: Any,
-        row: int,
-        layout: Any,
-    ) -> None:
+    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
         """Turn number k: of the sites of a colour."""
         begin, end, part = self.number(k, 0), self.number(k, 1), self.number(k, 2)
         some(
@@ -140,17 +120,7 @@ class TurnsOfBonds(Turns):
 
     __repr__ = Turns.__repr__
 
-    def make(
-        self,
-        k: int,
-        t: float,
-        time: float,
-        sites: Any,
-        here: int,
-        there: Any,
-        row: int,
-        layout: Any,
-    ) -> None:
+    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
         """Turn number k: of all sites, along one term."""
         which, colour = self.number(k, 0), self.number(k, 1)
         for i in range(len(self.form)):
@@ -371,11 +341,7 @@ class TurnsRun(SiteRun):
             return
         free = self._uncut(turns)
         if not self.plan.events:  # nothing happens until the next time
-            due = (
-                self.times[self.made]
-                if self.made < len(self.times)
-                else np.copysign(np.inf, self.h)
-            )
+            due = self.times[self.made] if self.made < len(self.times) else np.copysign(np.inf, self.h)
             far = min(int(min((due - t) / self.h, turns + 1.0)) - 1, free)
             if far > 0:
                 self._turned(far, 1, 1)

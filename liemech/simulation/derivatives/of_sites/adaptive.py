@@ -30,9 +30,7 @@ class EndsKept(SiteRun):
             self.ends.append(t)
 
 
-def steps_of(
-    sites: Any, start: Any, steps: Any, t_end: Any, t0: float
-) -> tuple[Any, np.ndarray, Any]:
+def steps_of(sites: Any, start: Any, steps: Any, t_end: Any, t0: float) -> tuple[Any, np.ndarray, Any]:
     """The plan of fixed steps that makes those of a run by an error estimate, the ends of the steps, (n + 1,),
     and the run.
     """

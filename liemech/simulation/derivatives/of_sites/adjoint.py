@@ -33,12 +33,7 @@ from ...sites.lists import Lists
 from ...sites.states import first_of, site_rows
 from ..reversal import go_back
 from ..tangent import StepsOfARun
-from .backward import (
-    PART,
-    WayBack,
-    backward_parts,
-    forward_parts,
-)
+from .backward import PART, WayBack, backward_parts, forward_parts
 from .parameters import OfPart, Parameter, zeros
 
 ROOM = 2**23
@@ -74,9 +69,7 @@ class BackwardRun:
     names : of parameters of terms by which is differentiated, too.
     """
 
-    def __init__(
-        self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = ()) -> None:
         plan, why = sites.plan, why_not(sites, start)
         if why:
             raise IncompatibleSystem(
@@ -87,9 +80,7 @@ class BackwardRun:
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
         way = plan._steps.way_of(0)
-        self.grid: Any = (
-            None  # when steps begin, and how long they are, where they are of many lengths
-        )
+        self.grid: Any = None  # when steps begin, and how long they are, where they are of many lengths
         if isinstance(way, StepsOfARun):
             self.grid = way.begun.array[:-1], way.lengths.array[:-1]
         self.names, self.first = tuple(start.arrays), first_of(start)
@@ -147,12 +138,8 @@ class BackwardRun:
         self.of_step = np.array(rows, dtype=float)
         first, last = self.of_step[0], self.of_step[-1]
         joins = motions[int(first[0])].joins and len(rows) > 1
-        self.joined = (
-            joins and self.cut is None and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
-        )
-        blank = type(self.first)(
-            *[zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts]
-        )
+        self.joined = joins and self.cut is None and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
+        blank = type(self.first)(*[zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts])
         momentum, element = [
             carried_layout(Asked(0.0, place, zeros(self.dims[name])) if name else ())
             for name, place in self._places_asked
@@ -200,22 +187,16 @@ class BackwardRun:
             self.block = 1
         blocks = range(0, steps, self.block) if self.cut is not None else ()
         most_parts = max(
-            [
-                self.block,
-                *[len(self._pieces(np.arange(n, min(steps, n + self.block)))[0]) for n in blocks],
-            ]
+            [self.block, *[len(self._pieces(np.arange(n, min(steps, n + self.block)))[0]) for n in blocks]]
         )
-        asked = max(
-            x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions
-        )
+        asked = max(x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions)
         self.some = max(1, ROOM // (8 * max(1, asked) * places)) if kept else most_parts * parts
         some = min(self.some, most_parts * parts) if kept else 0
         most = [max(getattr(x, name) for x in way.motions) for name in ("momenta", "elements")]
         widths = way.state.width, way.felt.width, way.momentum.width, way.element.width
         counts = most_parts * parts + 1, 1, some * most[0], some * most[1]
         self.states, self.felt, self.momenta, self.elements = [
-            Planes.of_rows(max(way.along.width, width * count), self.count)
-            for width, count in zip(widths, counts)
+            Planes.of_rows(max(way.along.width, width * count), self.count) for width, count in zip(widths, counts)
         ]
 
     def _executions(self) -> tuple[SiteExecution, SiteExecution]:
@@ -229,18 +210,12 @@ class BackwardRun:
 
     def _parts(self, wanted: list[Parameter]) -> list[OfPart]:
         found, steps, way = [], self.plan._steps, self.way
-        asked = [
-            (x.energy, k)
-            for x in wanted
-            for k in (range(len(x.energy.parts)) if x.which is None else [x.which])
-        ]
+        asked = [(x.energy, k) for x in wanted for k in (range(len(x.energy.parts)) if x.which is None else [x.which])]
         for energy, which in {(id(e), k): (e, k) for e, k in asked}.values():
             some = [x for x in wanted if x.energy is energy and x.which in (None, which)]
             in_momenta = isinstance(energy, MomentumTerms)
             name = "momenta" if in_momenta else "elements"
-            if not isinstance(energy, (MomentumTerms, PlaceTerms)) or not any(
-                getattr(x, name) for x in way.motions
-            ):
+            if not isinstance(energy, (MomentumTerms, PlaceTerms)) or not any(getattr(x, name) for x in way.motions):
                 raise IncompatibleSystem(
                     f"Plan.gradient: steps of {self.plan.method!r} have no derivative by "
                     f"{some[0].name} for many sites; RKMK has one by the energies of momenta too"
@@ -367,17 +342,9 @@ class BackwardRun:
         parts = self._of_block(block)
         self._made(rows, parts)
         first = block * self.block
-        steps = iter(
-            [
-                n
-                for n in range(min(self.last, first + self.block) - 1, first - 1, -1)
-                if n in self.given
-            ]
-        )
+        steps = iter([n for n in range(min(self.last, first + self.block) - 1, first - 1, -1) if n in self.given])
         for end in range(len(parts), 0, -self.some):
-            self._through(
-                parts[max(0, end - self.some) : end].copy(), max(0, end - self.some), steps
-            )
+            self._through(parts[max(0, end - self.some) : end].copy(), max(0, end - self.some), steps)
 
     def _through(self, parts: np.ndarray, first: int, steps: Any) -> None:
         """Back through some parts.  first : number of the first of them in the block.  steps : at which

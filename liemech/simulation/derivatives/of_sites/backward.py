@@ -56,9 +56,7 @@ def seen(way: WayBack, part: Part, value: Any) -> Any:
     return during(value, part.whole, part.length, way.beyond) if way.cut else value
 
 
-def forward_parts(
-    way: WayBack, count: int, parts: Any, states: Any, done: Any, failures: Any
-) -> None:
+def forward_parts(way: WayBack, count: int, parts: Any, states: Any, done: Any, failures: Any) -> None:
     """The driver: the states after each of so many parts of steps, one behind the other; `done` is then
     how many there are.
 

@@ -13,15 +13,7 @@ from ....errors import IncompatibleSystem, InvalidInput
 from ....formulas import vec
 from ....formulas.frozen import frozen
 from ....formulas.of_each import Each, each
-from ....formulas.pytree import (
-    Layout,
-    carried_layout,
-    exchanged,
-    inside,
-    layout_of,
-    names_of,
-    with_fields,
-)
+from ....formulas.pytree import Layout, carried_layout, exchanged, inside, layout_of, names_of, with_fields
 from ....formulas.sites import SiteArray, SiteTable
 from ....systems.among import is_near
 from ....systems.bound_terms import BoundTerm
@@ -68,9 +60,7 @@ class Slot:
             values = self.value.values if ends is None else self.value.values[ends]
             values = values.reshape(count, -1)
         else:
-            values = np.broadcast_to(
-                np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value)))
-            )
+            values = np.broadcast_to(np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value))))
         return Varied(SiteArray.of(values if self.shape else values[:, 0]), self.shape)
 
     def by_parameter(self, rows: np.ndarray) -> np.ndarray:
@@ -78,9 +68,7 @@ class Slot:
         if self.by is None:
             return rows
         flat = rows.reshape(len(rows), -1)
-        found = np.einsum(
-            "nij,nj->ni", np.broadcast_to(self.by, (len(rows), *self.by.shape[1:])), flat
-        )
+        found = np.einsum("nij,nj->ni", np.broadcast_to(self.by, (len(rows), *self.by.shape[1:])), flat)
         return found.reshape(len(rows), *self.parameter.shape)
 
 
@@ -158,8 +146,7 @@ class Parameter:
             _same(getattr(near, field), self.value)
             or {*others} & {*given}
             or not all(
-                isinstance(getattr(owner, x), Each)
-                or shape_of(layout_of(getattr(owner, x))) is not None
+                isinstance(getattr(owner, x), Each) or shape_of(layout_of(getattr(owner, x))) is not None
                 for x in others
             )
         ):
@@ -181,9 +168,7 @@ class Parameter:
 
     def _symmetric(self, values: np.ndarray) -> bool:
         """Are all matrices symmetric?"""
-        return self.shape[0] == self.shape[1] and np.array_equal(
-            values, np.swapaxes(values, -1, -2)
-        )
+        return self.shape[0] == self.shape[1] and np.array_equal(values, np.swapaxes(values, -1, -2))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -216,23 +201,14 @@ class OfPart:
         term = exchanged(term, Each, [EachOfSites.of_each(x) for x in others])
         own: list[list[Any]] = []
         for there in edges.T:
-            own.append(
-                [
-                    EachOfSites.of_each(each(x.values[there])) if isinstance(x, Each) else x
-                    for x in energy.own
-                ]
-            )
+            own.append([EachOfSites.of_each(each(x.values[there])) if isinstance(x, Each) else x for x in energy.own])
             for one in [slot for x in wanted if x.which is None for slot in x.slots]:
                 held.append((one, there, one.at_edges(self.count, there)))
                 own[-1][one.path[0]] = held[-1][2]
         ends = SiteTable.of(places[edges.T])
         site = site_class(energy.names)()
-        self.edges = EdgesAsked(
-            term, group.base, site, tuple(map(tuple, own)), ends, isinstance(energy, MomentumTerms)
-        )
-        order = [
-            next(k for k, y in enumerate(held) if y[2] is x) for x in inside(self.edges, Varied)
-        ]
+        self.edges = EdgesAsked(term, group.base, site, tuple(map(tuple, own)), ends, isinstance(energy, MomentumTerms))
+        order = [next(k for k, y in enumerate(held) if y[2] is x) for x in inside(self.edges, Varied)]
         self.held = [held[k][:2] for k in order]  # as formulas find them
         self.sites = group.copies
         self.asked = asked

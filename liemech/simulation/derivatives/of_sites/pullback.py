@@ -37,9 +37,7 @@ def gradient_by_sites(
     where there is an `every`.  Raises InvalidInput for other shapes.
     """
     if start.bodies is not None:
-        raise IncompatibleSystem(
-            f"Plan.{what}: many sites go member by member: give one start at a time"
-        )
+        raise IncompatibleSystem(f"Plan.{what}: many sites go member by member: give one start at a time")
     state, ends = plan._sites.started(plan, start), None
     asked = {"steps": steps, "t_end": t_end, "t0": t0}
     adaptive = plan if plan.adaptive else None

@@ -143,9 +143,7 @@ def against_by_sites(sites: Any, start: Any, steps: int, t0: float, some: np.nda
     affordable(8 * columns.size * (steps // plan.options.every + 2), steps, plan.options.every)
     run = sites.kind(plan, sites.site, start, t0, steps, None, None, None)
     made = run.trajectory()
-    rows = [
-        np.stack([back.back({n: w})[0] for w in columns.T], axis=-1) for n in run.numbers.tolist()
-    ]
+    rows = [np.stack([back.back({n: w})[0] for w in columns.T], axis=-1) for n in run.numbers.tolist()]
     tangent = np.stack(rows)
     found = {"against": tangent[..., 0] if some.ndim == 1 else tangent}
     return of_tangent(
