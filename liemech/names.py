@@ -1,8 +1,9 @@
-"""The public names.  Each namespace lists its own in the stub beside it, a line
-`from .integrators.rkmk import RKMK as RKMK` for each, which type checkers read too; a name is
+"""The public names.  Each namespace lists its own in the stub beside it, by imports such as
+`from .integrators.rkmk import RKMK as RKMK`, which type checkers and editors read too; a name is
 imported when it is first asked for.
 """
 
+import ast
 import re
 import sys
 from collections.abc import Callable, Iterable
@@ -12,8 +13,6 @@ from importlib.machinery import PathFinder
 from inspect import getdoc, isclass
 from os.path import splitext
 from typing import Any
-
-LINE = re.compile(r"^from (\.[\w.]*) import (\w+) as \w+$", re.MULTILINE)
 
 FORMER = {
     "FixedPoint": "lm.joints.BallJoint(body, None, at, point)",
@@ -32,8 +31,9 @@ def listed(namespace: str) -> dict[str, str]:
     """
     spec = sys.modules[namespace].__spec__
     stub = splitext(spec.origin)[0] + ".pyi"  # type: ignore[union-attr, arg-type]
-    text = spec.loader.get_data(stub).decode()  # type: ignore[union-attr]
-    return {name: module for module, name in LINE.findall(text)}
+    tree = ast.parse(spec.loader.get_data(stub))  # type: ignore[union-attr]
+    imports = (statement for statement in tree.body if isinstance(statement, ast.ImportFrom))
+    return {name.name: "." * one.level + (one.module or "") for one in imports for name in one.names}
 
 
 def public() -> dict[str, str]:
