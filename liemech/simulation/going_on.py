@@ -11,6 +11,7 @@ from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Record
 from ..formulas.pytree import exact, fields_of
+from ..systems.stochastic import Stochastic
 from .carry import Carry, SiteCarry
 from .compiled.systems import OfBodies, Systems, each_of
 from .origin import FictiveCarry, Origin
@@ -90,12 +91,17 @@ def require_steps(plan: Any, carry: Any, what: str) -> None:
     inner = inner_of(carry)
     adaptive = inner.clock is not None if isinstance(inner, SiteCarry) else inner.t0 is None
     if isinstance(carry, FictiveCarry) != plan.fictive or adaptive != plan.adaptive:
-        raise InvalidInput(f"Plan.{what}: the run was made with other steps; start a new one from run.last")
+        raise InvalidInput(f"Plan.{what}: the run was made with other steps; {new_run(plan)}")
     if not adaptive and not alike(inner.h, plan._steps.h):
         raise InvalidInput(
-            f"Plan.{what}: the run was made with h = {inner.h!r} instead of {plan._steps.h!r}; "
-            "start a new one from run.last"
+            f"Plan.{what}: the run was made with h = {inner.h!r} instead of {plan._steps.h!r}; {new_run(plan)}"
         )
+
+
+def new_run(plan: Any) -> str:
+    """The advice to start a new run; one under noise needs another seed, for noise is counted by steps of its run."""
+    noisy = any(isinstance(system, Stochastic) for system in each_of(plan.system))
+    return "start a new one from run.last" + ", with another seed: with this one its noise repeats" * noisy
 
 
 def inner_of(carry: Any) -> Any:
