@@ -9,6 +9,7 @@ import functools
 import graphlib
 import inspect
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -408,3 +409,11 @@ def test_trajectories_are_made_in_one_place() -> None:
         if isinstance(node, ast.Call) and str(getattr(node.func, "attr", getattr(node.func, "id", ""))) in makers
     ]
     complain(others, "Trajectories that are not made by simulation/result.py:")
+
+
+def test_the_page_for_contributors_names_what_is_there() -> None:
+    page = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    named = re.findall(r"`((?:\w+/)+[\w.]*)`", page)
+    assert len(named) > 40
+    roots = PACKAGE.parent, PACKAGE
+    complain([path for path in named if not any((root / path).exists() for root in roots)], "Named, and not there:")
