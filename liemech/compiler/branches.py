@@ -15,7 +15,7 @@ from .ir_numbers import Num
 from .joins import ACTIVE, LEFT, NO_LANE, Joins, Open, replace
 from .scopes import Env, has
 
-RARE = 1000000  # how much rarer than the other a rare branch is
+RARE = 1000  # how much rarer than the other a rare branch is
 
 
 class Branches(Joins):
