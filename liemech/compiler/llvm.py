@@ -275,7 +275,7 @@ def _functions() -> dict[str, int]:
     """The functions of the C library that plain Python uses too, under names that LLVM does not
     know, so that it changes nothing about them; and those of Python's that are asked.
     """
-    library = _c_library()
+    library = c_library()
     of_c = {
         f"liemech_{f.__name__}": ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value or 0
         for f in (*LIBM, pow)
@@ -295,7 +295,8 @@ def _pauses(library: Any) -> list[int]:
     return [ctypes.cast(f, ctypes.c_void_p).value or 0 for f in functions]
 
 
-def _c_library() -> ctypes.CDLL:
+def c_library() -> ctypes.CDLL:
+    """The C library whose functions plain Python uses too."""
     if os.name == "nt":
         return ctypes.CDLL("ucrtbase")
     process = ctypes.CDLL(None)

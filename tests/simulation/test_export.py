@@ -196,6 +196,8 @@ def test_what_is_refused(tmp_path: Path) -> None:
         (lambda: lm.Plan(lm.Kepler(), spins, h=0.1).export(path), 0, IncompatibleSystem, "fixed steps"),
         (lambda: plan.export(path), 0, InvalidInput, "give start="),
         (lambda: plan.export(tmp_path / "a-b", START), 0, InvalidInput, "'a-b' is no name in C"),
+        *[(lambda name=name: plan.export(tmp_path / name, START), 0, InvalidInput, f"{name}_run")
+          for name in ("for", "int", "double", "main", "printf", "class", "sin", "int64_t")],
         (lambda: plan.export(path, START, inputs=["inertia"]), 0, InvalidInput, "follow from body.inertia"),
         (lambda: plan.export(path, START, inputs=["torq"]), 0, InvalidInput, "torq is no parameter"),
     ):  # fmt: skip

@@ -48,7 +48,10 @@ def export(plan: Any, path: str | os.PathLike[str], start: Any, inputs: Any, tar
         raise InvalidInput(f"Plan.export: {name!r} is no name in C")
     if why := kernel.available():
         raise NotCompilable(f"Plan.export: {why}")
-    from ...compiler.object_files import object_file
+    from ...compiler.object_files import is_taken, object_file
+
+    if is_taken(name):
+        raise InvalidInput(f"Plan.export: {name!r} has a meaning in C or C++ already; take a name such as '{name}_run'")
 
     shape, start = laid_out(plan, start)
     if shape.layout.in_memory:
