@@ -9,7 +9,23 @@ from collections.abc import Callable
 from typing import Any
 
 from .errors import NoConvergence
-from .formulas import Mat, Record, Vec, constant, cross, dot, jacobian, mat, record, solve, solve3, sqrt, sum, vec, where
+from .formulas import (
+    Mat,
+    Record,
+    Vec,
+    constant,
+    cross,
+    dot,
+    jacobian,
+    mat,
+    record,
+    solve,
+    solve3,
+    sqrt,
+    sum,
+    vec,
+    where,
+)
 from .formulas.double_double import is_long
 from .formulas.dual import value_of
 from .formulas.pytree import double_double, layout_of, moving_as, rounded
