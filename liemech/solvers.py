@@ -9,25 +9,9 @@ from collections.abc import Callable
 from typing import Any
 
 from .errors import NoConvergence
-from .formulas import (
-    Mat,
-    Record,
-    Vec,
-    constant,
-    cross,
-    dot,
-    jacobian,
-    mat,
-    record,
-    solve,
-    solve3,
-    sqrt,
-    sum,
-    vec,
-    where,
-)
+from .formulas import Mat, Record, Vec, cross, dot, jacobian, mat, record, solve, solve3, sqrt, sum, vec, where
 from .formulas.double_double import is_long
-from .formulas.dual import value_of
+from .formulas.dual import constant, value_of
 from .formulas.pytree import double_double, layout_of, moving_as, rounded
 from .formulas.sites import repeated, total
 from .formulas.sizes import EPSILON
