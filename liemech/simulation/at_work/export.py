@@ -101,6 +101,8 @@ def laid_out(plan: Any, start: Any) -> tuple[Shape, Any]:
 
 def inputs_of(plan: Any, names: Any) -> dict[str, Input]:
     """The inputs by their names in C."""
+    from ...compiler.object_files import WORDS
+
     if isinstance(names, str) or not all(isinstance(x, str) for x in names):
         raise InvalidType(f"Plan.export: inputs are names such as ['torque']; got {names!r}")
     found: dict[str, Input] = {}
@@ -116,6 +118,8 @@ def inputs_of(plan: Any, names: Any) -> dict[str, Input]:
         if "table" in one.layout.kinds:
             raise InvalidInput(f"Plan.export: {full} is a table, which is a constant of C code")
         short = re.sub(r"\W", "_", name)
+        if short in WORDS.split():
+            raise InvalidInput(f"Plan.export: the input {short} has a meaning in C or C++ already; rename the field")
         if short in found:
             raise InvalidInput(f"Plan.export: two inputs are called {short}")
         found[short] = one
