@@ -11,7 +11,7 @@ from typing import Any
 from .errors import NoConvergence
 from .formulas import Mat, Record, Vec, cross, dot, jacobian, mat, record, solve, solve3, sqrt, sum, vec, where
 from .formulas.double_double import is_long
-from .formulas.dual import value_of
+from .formulas.dual import constant, value_of
 from .formulas.pytree import double_double, layout_of, moving_as, rounded
 from .formulas.sites import repeated, total
 from .formulas.sizes import EPSILON
@@ -142,7 +142,7 @@ def slope_beside(kick: float, idle: float, foreseen: float, rate: float, tangent
     """
     bend, off = kick - idle, abs(foreseen - kick)
     noise = NOISE * (abs(kick) + abs(idle))
-    right = (off <= FORESEEN * abs(bend) + noise) | (abs(bend) <= noise) | (rate == 0.0)
+    right = (off <= FORESEEN * abs(bend) + noise) | (abs(bend) <= noise) | (constant(rate) == 0.0)
     secant = bend / where(right, 1.0, rate)
     rho = max(-1.0, min(1.0, (foreseen - idle) / where(right, 1.0, bend)))
     return where(right, tangent, secant + rho * (tangent - secant))

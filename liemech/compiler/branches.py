@@ -15,7 +15,7 @@ from .ir_numbers import Num
 from .joins import ACTIVE, LEFT, NO_LANE, Joins, Open, replace
 from .scopes import Env, has
 
-RARE = 1000000  # how much rarer than the other a rare branch is
+RARE = 1000  # how much rarer than the other a rare branch is
 
 
 class Branches(Joins):
@@ -40,8 +40,8 @@ class Branches(Joins):
 
     @staticmethod
     def _weigh(fork: ir.Instruction, yes_calls: bool, no_calls: bool) -> None:
-        """A branch that calls the C library is the rare one: its spills and reloads belong on its
-        own way.
+        """A branch that calls the C library, or has a loop that asks for signals, is the rare one: its
+        spills and reloads belong on its own way.
         """
         if yes_calls is not no_calls:
             fork.set_weights([1, RARE] if yes_calls else [RARE, 1])

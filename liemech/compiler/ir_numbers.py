@@ -46,7 +46,7 @@ class Emitter:
         self.width = width if lanes % width == 0 else lanes
         self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
         self.packs = True  # do numbers of one body lie side by side in one register?
-        self.calls = 0  # of the C library so far: a branch that has some is the rare one
+        self.calls = 0  # of the C library and for signals so far: a branch that has some is the rare one
         self.of_numpy = False  # have NumPy's numbers come in?
         self.python_only: list[str] = []  # why they must not
         self.rows: dict[int, Emitter] = {}  # of numbers side by side, by how many they are

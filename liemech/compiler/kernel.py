@@ -96,13 +96,19 @@ def examples(args: Sequence[Any]) -> list[Any]:
 
 
 def available() -> str | None:
-    """None if native code can be made here, else the reason why not."""
+    """None if native code can be made here, else the reason why not.  Raises InvalidInput for a wrong
+    $LIEMECH_CPU.
+    """
     if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return "compilation is switched off in the environment (LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1)"
     try:
-        from . import llvm  # noqa: F401
+        from . import llvm
+
+        llvm.processor()
     except ImportError:
         return "llvmlite is not installed"
+    except RuntimeError as error:
+        return f"LLVM does not know this processor: {error}"
     return None
 
 

@@ -11,6 +11,7 @@ import ctypes
 import functools
 import itertools
 import os
+import re
 import threading
 import weakref
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from typing import Any
 import llvmlite
 import llvmlite.binding as llvm
 
-from ..errors import NotCompilable
+from ..errors import InvalidInput, NotCompilable
 from ..formulas.functions import LIBM
 from . import callbacks, interrupts
 
@@ -44,10 +45,67 @@ if hasattr(os, "register_at_fork"):
 
 @functools.cache
 def machine() -> tuple[str, ...]:
-    """LLVM's version and the processor, for which object code is made."""
+    """LLVM's version, the platform and the processor for which object code is made."""
+    name, instructions, _ = processor()
+    return VERSION, triple(), name, instructions
+
+
+@functools.cache
+def processor() -> tuple[str, str, int]:
+    """The processor that code is made for: this one, or $LIEMECH_CPU; what LLVM is told of its
+    instructions, and how many doubles a vector register of it holds.
+
+    Raises InvalidInput for a name that LLVM does not know, and for a processor with instructions for
+    numbers that this one lacks.  Others that this one lacks, of the operating system, are not used.
+    """
+    asked = os.environ.get("LIEMECH_CPU") or "native"
     with _lock:
-        features = ",".join(f"{k}={v}" for k, v in sorted(llvm.get_host_cpu_features().items()))
-        return VERSION, triple(), llvm.get_host_cpu_name(), features
+        here = llvm.get_host_cpu_features()
+        if asked == "native":
+            return llvm.get_host_cpu_name(), here.flatten(), _width([name for name, has in here.items() if has])
+        if not triple().startswith("x86_64"):
+            raise InvalidInput(f"$LIEMECH_CPU={asked}: on {triple()} code is made for this processor only; unset it")
+        known = _instructions(asked, ["sse2", *here]) if re.fullmatch(r"[\w.-]+", asked) else []
+    if not known:
+        raise InvalidInput(
+            f"$LIEMECH_CPU={asked}: LLVM {'.'.join(map(str, llvm.llvm_version_info))} knows no such processor of "
+            "64 bits; name one, such as x86-64, x86-64-v3, znver2, skylake-avx512, or native"
+        )
+    lacking = [name for name in known if not here.get(name, True)]
+    of_numbers = [name for name in lacking if name.startswith(OF_NUMBERS) and name != "sse4a"]
+    if of_numbers:
+        raise InvalidInput(
+            f"$LIEMECH_CPU={asked}: this processor, {llvm.get_host_cpu_name()}, lacks its instructions "
+            f"{', '.join(sorted(of_numbers))}; name an older one, or native"
+        )
+    return asked, ",".join(["+64bit", *[f"-{name}" for name in sorted(lacking)]]), _width(known)
+
+
+OF_NUMBERS = "sse", "ssse", "avx", "fma", "bmi", "lzcnt", "popcnt", "movbe", "f16c", "xop"
+"""How LLVM's names of those instructions begin with which code for numbers is made."""
+
+
+def _width(instructions: Sequence[str]) -> int:
+    """How many doubles a vector register holds where there are these instructions."""
+    return 8 if "avx512f" in instructions else 4 if "avx2" in instructions else 2
+
+
+def _instructions(processor: str, names: Sequence[str]) -> list[str]:
+    """Those of the instructions that a processor of 64 bits has; none if LLVM does not know it.  LLVM
+    copies a function into one for another processor only if that has all instructions of the first.
+    """
+    _prepare()
+    pairs = "".join(
+        f"define internal void @inner{i}() #{i + 1} {{\n  fence seq_cst\n  ret void\n}}\n"
+        f"define void @outer{i}() #0 {{\n  call void @inner{i}()\n  ret void\n}}\n"
+        f'attributes #{i + 1} = {{ "target-features"="+{name}" }}\n'
+        for i, name in enumerate(names)
+    )
+    module = llvm.parse_assembly(pairs + f'attributes #0 = {{ "target-cpu"="{processor}" "target-features"="+64bit" }}')
+    simplest = llvm.Target.from_triple(triple()).create_target_machine(cpu="x86-64")
+    _pass(module, simplest, 2)
+    left = str(module)
+    return [name for i, name in enumerate(names) if f"@inner{i}(" not in left]
 
 
 @functools.cache
@@ -58,12 +116,9 @@ def triple() -> str:
         return name
 
 
-@functools.cache
 def width() -> int:
-    """How many doubles a vector register of this processor holds."""
-    with _lock:
-        features = llvm.get_host_cpu_features()
-    return 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
+    """How many doubles a vector register holds."""
+    return processor()[2]
 
 
 def object_code(text: str) -> bytes:
@@ -195,8 +250,9 @@ def _target() -> Any:
 def _target_machine() -> Any:
     _prepare()
     addresses = {"codemodel": "small", "reloc": "pic"} if NEAR else {}
+    name, instructions, _ = processor()
     return llvm.Target.from_triple(triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True, **addresses
+        cpu=name, features=instructions, opt=3, jit=True, **addresses
     )
 
 
@@ -219,7 +275,7 @@ def _functions() -> dict[str, int]:
     """The functions of the C library that plain Python uses too, under names that LLVM does not
     know, so that it changes nothing about them; and those of Python's that are asked.
     """
-    library = _c_library()
+    library = c_library()
     of_c = {
         f"liemech_{f.__name__}": ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value or 0
         for f in (*LIBM, pow)
@@ -239,7 +295,8 @@ def _pauses(library: Any) -> list[int]:
     return [ctypes.cast(f, ctypes.c_void_p).value or 0 for f in functions]
 
 
-def _c_library() -> ctypes.CDLL:
+def c_library() -> ctypes.CDLL:
+    """The C library whose functions plain Python uses too."""
     if os.name == "nt":
         return ctypes.CDLL("ucrtbase")
     process = ctypes.CDLL(None)

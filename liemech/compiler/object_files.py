@@ -23,6 +23,23 @@ _NEVER = f"\ndefine internal {KEEPING} i1 @look() {{\n  ret i1 false\n}}\n"
 _DECLARED = re.compile(r'^declare double @"(liemech_\w+)"\(([^)]*)\).*$', re.MULTILINE)
 
 
+WORDS = (
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
+    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while alignas alignof "
+    "and and_eq asm bitand bitor bool catch class co_await co_return co_yield compl concept const_cast consteval constexpr "
+    "constinit decltype delete dynamic_cast explicit export false friend mutable namespace new noexcept not not_eq nullptr "
+    "operator or or_eq private protected public reinterpret_cast requires static_assert static_cast template this "
+    "thread_local throw true try typeid typename typeof typeof_unqual using virtual xor xor_eq "
+    "main linux unix FILE NULL EOF NAN INFINITY"
+)
+"""The keywords of C and C++, `main`, and what their headers define that is no function."""
+
+
+def is_taken(name: str) -> bool:
+    """Is that a word of C or C++, or of their libraries?"""
+    return name in WORDS.split() or name.endswith("_t") or hasattr(llvm.c_library(), name)
+
+
 def object_file(kernels: dict[str, str], target: str | None) -> tuple[bytes, str, str, Bound | None]:
     """Machine code of kernels, by the names that C calls them by, the platform and processor that it
     is for, and a bound on the steps of the first one, None if there is none.

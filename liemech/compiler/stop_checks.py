@@ -89,6 +89,7 @@ class Look:
         b.cbranch(now, asked, on).set_weights([1, every])
         b.position_at_end(asked)
         b.cbranch(b.call(look(b.module), [], cconv=KEEPING), stopped, on)
+        e.calls += 1
         b.position_at_end(stopped)
         e.store(True, loops.state.failed)
         loops.state.escapes[-1].append(Open(stopped, {}))

@@ -24,7 +24,7 @@ from .numbers import INTEGER_POWER, ONLY_THERE, CarriesMore, InMemory, Operand, 
 from .products import Products, cauchy, plus
 from .pytree import build, fields_of, fill, layout_of, leaves
 from .taken_back import noted
-from .vectors import vec
+from .vectors import Vec, vec
 
 
 class Series(Operand):
@@ -240,7 +240,13 @@ class Series(Operand):
 
     @staticmethod
     def grown(unknown: Any, rate: Any, h: Any) -> None:
-        """Let an unknown solve y' = h rate; of one that carries a derivative both its parts."""
+        """Let an unknown solve y' = h rate; of one that carries a derivative both its parts, and of its
+        slopes along several directions each.
+        """
+        if isinstance(unknown, Vec):
+            for i, series in enumerate(unknown):
+                Series.grown(series, rate[i] if isinstance(rate, Vec) else rate, h)
+            return
         if not isinstance(unknown, Pair):
             unknown.grow(rate, h)
             return
@@ -252,6 +258,8 @@ class Series(Operand):
     @staticmethod
     def coefficient(x: Any, k: int) -> Any:
         """c_k of a series, or of a number that carries a derivative and is made of series."""
+        if isinstance(x, Vec):
+            return vec(*[Series.coefficient(part, k) for part in x])
         if not isinstance(x, Pair):
             return x[k]
         kind, *more = x.form
@@ -285,6 +293,8 @@ class Series(Operand):
 
 def _unset(pair: Any, products: Products) -> Any:
     """An unknown that begins with zero, of the kind of a number."""
+    if isinstance(pair, Vec):
+        return vec(*[_unset(part, products) for part in pair])
     if not isinstance(pair, Pair):
         return Series(None).among(products)
     kind, *more = pair.form

@@ -93,9 +93,9 @@ class LieRATTLE(Remembering):
 
     def beginning(self, system: Any, state: BodyState, h: float) -> tuple[Vec, Vec, Vec]:
         """Displacement and impulses of the constraint one after another: a past in which every step
-        had the velocity and the multipliers of the start.
+        had the velocity and the multipliers of the start, without the load, whose time is not known.
         """
-        impulses = (0.5 * h) * system.multipliers(state.mu, state.g)
+        impulses = (0.5 * h) * system.multipliers_under(system.force(state.g), state.mu, state.g)
         return repeated(vec(*(h * system.velocity(state.mu)), *impulses))
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:

@@ -181,8 +181,12 @@ class BoundBody(System):
         mu : (dim,), g : an element.  t : in s, for loads that change with it.
         Source: Hairer, Lubich, Wanner, VII.1.2; the slides, (1.9), on a group.
         """
+        return self.multipliers_under(self.body.applied(t, self.velocity(mu), g), mu, g, t)
+
+    def multipliers_under(self, force: Vec, mu: Vec, g: Element, t: float = 0.0) -> Vec:
+        """The multipliers under this force in place of f + F, (m,).  force, mu : (dim,), g : an element."""
         rows, xi = self.rows_at(t, g), self.velocity(mu)
-        pull = self.configurations.ad_star(xi, mu) + self.body.applied(t, xi, g)
+        pull = self.configurations.ad_star(xi, mu) + force
         curved = derivative(lambda s: vec(*self._slips(t + s, self.configurations.compose_exp(g, s * xi), xi)), 0.0)
         needed = [a + b for a, b in zip(curved, speeds(self, rows, self.velocity(pull)))]
         through = led(self, rows)

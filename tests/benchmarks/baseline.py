@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 SOURCE = Path(__file__).with_name("baseline.cpp")
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
+PROCESSOR = os.environ.get("LIEMECH_CPU") or "native"
+FLAGS = ("-std=c++17", "-O3", f"-march={PROCESSOR}", "-fno-math-errno", "-shared", "-fPIC")
 CONTRACTIONS = ("off", "fast")
 
 

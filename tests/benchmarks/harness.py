@@ -107,6 +107,7 @@ def machine() -> dict[str, object]:
     names = [line.split(":")[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
     return {
         "cpu": names[0] if names else platform.processor(),
+        "code for": os.environ.get("LIEMECH_CPU") or "native",
         "cores": os.cpu_count(),
         "system": platform.platform(),
         "python": platform.python_version(),
@@ -132,4 +133,5 @@ def options(doc: str | None, out: str) -> tuple[Path, tuple[int, float]]:
 
 def write(path: Path | str, results: Mapping[str, object]) -> None:
     Path(path).write_text(json.dumps({"machine": machine(), **results}, indent=1) + "\n")
-    print(f"\nwritten: {path}")
+    about = machine()
+    print(f"\n{about['cpu']}, code for {about['code for']}\nwritten: {path}")

@@ -13,7 +13,7 @@ pytest.importorskip("llvmlite")
 import worlds
 from test_inlining import ROWS, TEXT, no_kernels
 
-from liemech.compiler import inlining, instructions, kernel, llvm
+from liemech.compiler import branches, inlining, instructions, kernel, llvm
 
 pytestmark = pytest.mark.compiled
 
@@ -73,9 +73,11 @@ def formula(x, y, n):
     compiled = llvm.object_code
     monkeypatch.setattr(llvm, "object_code", lambda t: (texts.append(t), compiled(t))[1])
     module = worlds.module_from(text, tmp_path, "copied_thirty")
-    worlds.same_in_all_worlds(module.formula, [(0.3, 0.4), (0.1, -0.2)], lanes=[1, 4])
+    worlds.same_in_all_worlds(module.formula, [(0.3, 0.4), (0.1, -0.2)], lanes=[1, kernel.width()])
     assert copied == ["turn", "turn"]
-    for made in texts:
+    kernels = [made for made in texts if '"liemech"' in made]  # beside what a process makes once
+    assert len(kernels) == 2
+    for made in kernels:
         assert made.count("fmul") == 2 * 6
         assert llvm.size(made) > 30 * 10
         assert llvm.optimised(made).count("fmul") >= 30 * 6
@@ -95,3 +97,20 @@ def test_lanes_of_a_long_kernel_are_translated_once(monkeypatch: pytest.MonkeyPa
         worlds.same_in_all_worlds(module.formula, rows, lanes=[kernel.lanes()])
         assert widths[-len(wanted) :] == wanted
         widths.clear()
+
+
+def test_a_branch_with_a_loop_without_a_known_end_is_rare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As one that calls the C library: what is alive around it stays in registers."""
+    text = """
+def formula(x, y, n):
+    if x > y:
+        while x > 1.0:
+            x = x * 0.75
+    return x + y
+"""
+    texts: list[str] = []
+    compiled = llvm.object_code
+    monkeypatch.setattr(llvm, "object_code", lambda t: (texts.append(t), compiled(t))[1])
+    module = worlds.module_from(text, tmp_path, "rarely_looping")
+    worlds.same_in_all_worlds(module.formula, [(9.0, 0.4), (0.1, 0.2)], lanes=[1])
+    assert any(f"i32 1, i32 {branches.RARE}" in made for made in texts)

@@ -186,9 +186,18 @@ class AskingPython(lm.Force):
         return lm.vec(math.hypot(xi[0], xi[1]), math.erf(xi[2]), 0.0)
 
 
+@lm.record
+class NamedAsInC(lm.Force):
+    double: float = 0.1
+
+    def covector(self, t: float, xi: Any, g: Any) -> Any:
+        return lm.vec(self.double, 0.0, 0.0)
+
+
 def test_what_is_refused(tmp_path: Path) -> None:
     path, plan = tmp_path / "body", lm.Plan(satellite(), lm.RKMK(order=4), h=0.01)
     asking = lm.MechanicalSystem(BODY, lm.NoPotential(), load=AskingPython())
+    named = lm.MechanicalSystem(BODY, lm.NoPotential(), load=NamedAsInC())
     spins = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
     for refused, given, error, words in (
         (lambda: lm.Plan(asking, lm.RKMK(), h=0.01).export(path, START), 0, NotCompilable, "math.erf"),
@@ -196,6 +205,9 @@ def test_what_is_refused(tmp_path: Path) -> None:
         (lambda: lm.Plan(lm.Kepler(), spins, h=0.1).export(path), 0, IncompatibleSystem, "fixed steps"),
         (lambda: plan.export(path), 0, InvalidInput, "give start="),
         (lambda: plan.export(tmp_path / "a-b", START), 0, InvalidInput, "'a-b' is no name in C"),
+        *[(lambda name=name: plan.export(tmp_path / name, START), 0, InvalidInput, f"{name}_run")
+          for name in ("for", "int", "double", "main", "printf", "class", "sin", "int64_t")],
+        (lambda: lm.Plan(named, lm.LieVerlet(), h=0.01).export(path, START, inputs=["double"]), 0, InvalidInput, "rename"),
         (lambda: plan.export(path, START, inputs=["inertia"]), 0, InvalidInput, "follow from body.inertia"),
         (lambda: plan.export(path, START, inputs=["torq"]), 0, InvalidInput, "torq is no parameter"),
     ):  # fmt: skip

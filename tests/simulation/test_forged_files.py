@@ -289,7 +289,7 @@ def test_forged_files_are_refused_or_read(cases: int, seed: int, written: dict[s
         more: Any = {"steps": 20, "t_end": 3.2} if plan.adaptive else {"steps": 2}
         files.write(path, *forged(arrays, about, rng))
         with watched():
-            begun = time.perf_counter()
+            begun = time.process_time()
             try:
                 run = lm.Trajectory.load(path)
             except lm.errors.InvalidInput as error:
@@ -305,7 +305,7 @@ def test_forged_files_are_refused_or_read(cases: int, seed: int, written: dict[s
                 ):
                     with contextlib.suppress(Exception):
                         use(run)
-            assert time.perf_counter() - begun < 5.0
+            assert time.process_time() - begun < 5.0
     assert read > cases // 20 and refused > cases // 20
 
 

@@ -4,6 +4,7 @@ differences of runs with other parameters.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,33 @@ def test_a_pullback_is_the_product_with_the_tangent_map(method: Any, system: Any
 
 
 @pytest.mark.compiled
+@pytest.mark.parametrize("step", [{"h": 0.1}, {"rtol": 1e-7, "atol": 1e-9}], ids=["fixed", "adaptive"])
+@pytest.mark.parametrize("retraction", [lm.Cayley(), lm.Exponential()], ids=repr)
+def test_power_series_carry_several_directions(retraction: lm.Retraction, step: dict[str, float]) -> None:
+    """Beside a method that makes none."""
+    length = {"steps": 4} if "h" in step else {"t_end": 0.4}
+    plan = lm.Plan(BODY, lm.Taylor(8, retraction), compiled=False, **step)
+    found = plan.gradient(loss, START, by=["start", "inertia"], **length)
+    right = lm.Plan(BODY, lm.RKMK(order=8), 0.1, compiled=False).gradient(loss, START, steps=4, by=["start", "inertia"])
+    for name in ("start", "inertia"):
+        assert off(found[name], right[name]) < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("method", "system", "start"),
+    [
+        (lm.HamiltonJacobi(), lm.Kepler(), lm.Kepler().state(q=[1.0, 0.0], p=[0.0, 1.1])),
+        (lm.FirstKindHamiltonJacobi(), BODY, START),
+    ],
+    ids=lambda x: getattr(x, "name", ""),
+)
+def test_power_series_of_numbers_alone_are_refused(method: Any, system: Any, start: Any) -> None:
+    plan = lm.Plan(system, method, h=0.05, compiled=False)
+    for asked in (plan.tangent, partial(plan.gradient, lambda s: 1.0)):
+        with pytest.raises(errors.IncompatibleSystem, match="power series"):
+            asked(start, steps=2)
+
+
 def test_native_blocks_agree_with_the_tangent_map() -> None:
     """In lanes, with a last block that is shorter, and backwards in time."""
     for h, steps in ((0.05, 2003), (-0.05, 1), (-0.05, 64)):

@@ -568,7 +568,7 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, requ
 
     def press() -> None:
         time.sleep(0.6)
-        pressed.append(time.perf_counter())
+        pressed.append(time.process_time())
         signal.raise_signal(signal.SIGINT) if os.name == "nt" else os.kill(os.getpid(), signal.SIGINT)
 
     thread = threading.Thread(target=press)
@@ -576,9 +576,9 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, requ
     with pytest.raises(lm.errors.IntegrationInterrupted, match=r"interrupted after \d+ of") as caught:
         steps, every = (10**12, 10**5) if compiled else (10**6, 10)
         lm.integrate(body, CAYLEY, start, h=0.1, steps=steps, every=every, compiled=compiled, progress=False)
-    waited = time.perf_counter() - pressed[0]
+    spent = time.process_time() - pressed[0]  # of the processor, whatever else the machine does
     thread.join()
-    assert waited < 1.0
+    assert spent < 1.0
     assert isinstance(caught.value, KeyboardInterrupt)
     assert not isinstance(caught.value, Exception)  # `except Exception` must not swallow it
     run = caught.value.trajectory

@@ -227,17 +227,11 @@ if __name__ == "__main__":
     starts = body.state(mu=np.random.default_rng(0).normal(size=(128, 3)))
     with futures.ProcessPoolExecutor(2) as pool:
         plan.run(starts, steps=2000, executor=pool)
-        pressed = []
-
-        def press():
-            pressed.append(time.perf_counter())
-            os.kill(os.getpid(), signal.SIGINT)
-
-        threading.Timer(1.0, press).start()
+        threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
         try:
-            plan.run(starts, steps=10**9, executor=pool)
+            plan.run(starts, steps=10**10, executor=pool)
         except errors.IntegrationInterrupted as stop:
-            print(time.perf_counter() - pressed[0], stop.trajectory.bodies)
+            print(stop.trajectory.bodies)
         for process in pool._processes.values():
             process.kill()
 """
@@ -267,8 +261,7 @@ def test_chunks_for_which_nobody_waits_end(compiled, monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_an_interrupt_does_not_wait_for_processes(tmp_path):
-    # Ctrl-C comes to this process; the chunks of the others would take minutes.
+    # Ctrl-C comes to this process; the chunks of the others would take an hour.
     (tmp_path / "alone.py").write_text(ALONE)
     ran = subprocess.run([sys.executable, tmp_path / "alone.py"], capture_output=True, text=True, timeout=120)
-    seconds, bodies = ran.stdout.split()
-    assert float(seconds) < 1.0 and bodies == "128", ran.stderr
+    assert ran.stdout.split() == ["128"], ran.stderr

@@ -187,7 +187,7 @@ def test_rows_of_scratch_memory() -> None:
     shown = Sighted(Shown(True, memory, (), layout_of(())), (), layout_of(()), ())
     given = memory, PLACE, shown, None, 1, planes, planes
     arguments = lm.RKMK(), system, Equal(), *given, *[shared] * 3
-    made = kernel.kernel(advance_sites, *arguments, *[none] * 4, *[shared] * 3, None, lanes=8)
+    made = kernel.kernel(advance_sites, *arguments, *[none] * 4, *[shared] * 3, None, lanes=kernel.width())
     assert needs(made) == (15, False)  # twice what is published, and three velocities
     assert SiteCalls(made, 100).scratch.shape == (15, padded(100))
 

@@ -46,7 +46,7 @@ def test_a_large_power_costs_nothing() -> None:
     group = lm.SE3() ** 10**7
     assert group.dim == 6 * 10**7 and group.element_shape == (16 * 10**7,)
     assert repr(group) == "SE3() ** 10000000" and hash(group) == hash(lm.SE3() ** 10**7)
-    assert time.process_time() - begun < 0.1
+    assert time.process_time() - begun < 1.0
 
 
 def test_what_is_no_power_is_named() -> None:

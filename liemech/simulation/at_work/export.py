@@ -48,7 +48,10 @@ def export(plan: Any, path: str | os.PathLike[str], start: Any, inputs: Any, tar
         raise InvalidInput(f"Plan.export: {name!r} is no name in C")
     if why := kernel.available():
         raise NotCompilable(f"Plan.export: {why}")
-    from ...compiler.object_files import object_file
+    from ...compiler.object_files import is_taken, object_file
+
+    if is_taken(name):
+        raise InvalidInput(f"Plan.export: {name!r} has a meaning in C or C++ already; take a name such as '{name}_run'")
 
     shape, start = laid_out(plan, start)
     if shape.layout.in_memory:
@@ -98,6 +101,8 @@ def laid_out(plan: Any, start: Any) -> tuple[Shape, Any]:
 
 def inputs_of(plan: Any, names: Any) -> dict[str, Input]:
     """The inputs by their names in C."""
+    from ...compiler.object_files import WORDS
+
     if isinstance(names, str) or not all(isinstance(x, str) for x in names):
         raise InvalidType(f"Plan.export: inputs are names such as ['torque']; got {names!r}")
     found: dict[str, Input] = {}
@@ -113,6 +118,8 @@ def inputs_of(plan: Any, names: Any) -> dict[str, Input]:
         if "table" in one.layout.kinds:
             raise InvalidInput(f"Plan.export: {full} is a table, which is a constant of C code")
         short = re.sub(r"\W", "_", name)
+        if short in WORDS.split():
+            raise InvalidInput(f"Plan.export: the input {short} has a meaning in C or C++ already; rename the field")
         if short in found:
             raise InvalidInput(f"Plan.export: two inputs are called {short}")
         found[short] = one

@@ -41,7 +41,7 @@ from ..trajectory import Trajectory
 from .blocks import Blocks
 from .losses import Loss
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
-from .tangent import frames_of, in_steps, parameter_moves, real_numbers, slope, with_step
+from .tangent import derived, frames_of, in_steps, parameter_moves, real_numbers, slope, with_step
 from .varied import Varied
 from .varied_input import table_of
 
@@ -631,7 +631,8 @@ def gradient_of(
     """
     many = start.bodies or 1
     one = member(start, 0)
-    known = prepared(plan, start.bodies, one, names, t0, run is None)
+    with derived(plan, "gradient"):
+        known = prepared(plan, start.bodies, one, names, t0, run is None)
     directions, frames = known.directions, known.frames
     count, side = known.count, directions.side
     intervals = sum(int(table.table.intervals) for table in directions.tables)
@@ -676,7 +677,8 @@ def gradient_of(
 
             at_end = at_end + by_sample(slice(-1, None), last)[0]
     back = Backward(forward, known, at_end, by_sample)
-    back.go()
+    with derived(plan, "gradient"):
+        back.go()
     if along is not None and value is not None:
         value = math.fsum(sums)
     growth = float(np.linalg.norm(back.growth, 2, axis=(1, 2)).max())

@@ -4,7 +4,9 @@ same steps.
 
 from __future__ import annotations
 
+import contextlib
 import functools
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -295,18 +297,25 @@ def carried_along(
     """The run whose numbers carry the derivatives, as far as all directions came: its times, the
     numbers of the states, (n, width), and their components, (n, components, directions).
     """
-    try:
+    with derived(plan, "tangent"):
         run = _Run(plan, start, found, steps, t0)
         made = run.trajectory()
+    n, values, slopes = run.halves()
+    return made, made.t[:n], values, found.components(start, values, slopes)
+
+
+@contextlib.contextmanager
+def derived(plan: Any, what: str) -> Iterator[None]:
+    """Name the method of a plan where its numbers cannot carry a derivative."""
+    try:
+        yield
     except (TypeError, AttributeError) as error:
         if sees_powers(plan.method) or "series" in str(error) or "Dual" in str(error):
             raise IncompatibleSystem(
-                f"Plan.tangent: {plan.method!r} computes with power series or keeps numbers that "
+                f"Plan.{what}: {plan.method!r} computes with power series or keeps numbers that "
                 "cannot carry a derivative; differences of runs tell it"
             ) from None
         raise
-    n, values, slopes = run.halves()
-    return made, made.t[:n], values, found.components(start, values, slopes)
 
 
 def fictive_tangent_run(
