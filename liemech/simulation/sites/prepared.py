@@ -132,12 +132,11 @@ class Prepared:
         values = np.zeros(1) if values is None else values
         failures, notes = [], 0  # type: list[Any], int
         given: Any = self.way, site, *self.looker[2:], begun, at, end, sites, seen
-        if looking.ready_for(LONG * sites.count):
-            calls = looking.on_sites(sites.count, workers)
-            calls(*given, kernel.Shared(totals), kernel.Shared(values), place, done, None)
-            notes = calls.notes
-        else:
-            with looking.plain():
+        with looking.on_sites(LONG * sites.count, sites.count, workers) as calls:
+            if calls is not None:
+                calls(*given, kernel.Shared(totals), kernel.Shared(values), place, done, None)
+                notes = calls.notes
+            else:
                 columns = totals, values, place.ravel(), done.reshape(-1)
                 driver: Any = look_inside
                 driver(*given, *columns, failures)
