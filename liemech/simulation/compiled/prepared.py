@@ -176,7 +176,7 @@ class Shape:
         return other
 
     def lanes_of(self, steps: Steps, control: Any, extra: Any, side: int) -> Lanes:
-        """The code that makes steps."""
+        """The code that makes steps, for one run."""
         key = control, side
         found = self.lanes.get(key)
         if found is None:
@@ -184,12 +184,10 @@ class Shape:
                 steps.way, steps.system, control, self.layout, self.example, extra,
                 steps.compiled, steps.progress, side,
             )  # fmt: skip
-        else:
-            found.stepping.refresh()
-        return found
+        return found.of_a_run()
 
     def beginning(self, steps: Steps, lanes: Lanes) -> Execution:
-        """The cached Execution of the driver `begin`."""
+        """The Execution of the driver `begin`, which all runs have in common."""
         if self._beginning is None:
             wanted = steps.compiled if self.side > 1 or steps.compiled is False else None
             call = begin, *self.beginner(lanes.arguments), *[COLUMNS] * 4, None

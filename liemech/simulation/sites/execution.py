@@ -22,7 +22,8 @@ class SiteExecution(Execution):
     """How runs execute one driver: in native code as soon as there is much to do, because plain
     Python would take long to come to the end of a single step.
 
-    most : sites that run side by side, at most.
+    most : sites that run side by side, at most.  idle : what nobody uses at present, by the number of sites and
+    of workers.
     """
 
     def __init__(self, wanted: bool | None, progress: bool | None, *call: Any, most: int = EIGHT) -> None:

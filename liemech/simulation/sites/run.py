@@ -56,7 +56,7 @@ from .driver import (
     one_step,
 )
 from .events import Sightings
-from .execution import LONG
+from .execution import LONG, SiteExecution
 from .lists import STEP as SHORT
 from .lists import Lists
 from .states import as_users_see, by_site, first_of, site_rows, state_of_rows
@@ -140,6 +140,7 @@ class SiteRun(Course):
         self.made = 0  # samples
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
+        self.executions: dict[SiteExecution, SiteExecution] = {}
         if fresh:
             self._begin()
         else:
@@ -199,7 +200,7 @@ class SiteRun(Course):
         arguments = *beginner, shape.memory, self.h, self.starts, self.sites, done
         notes = 0
         work = self.count * min(LONG, max(1, self.steps))
-        with shape.beginning.on_sites(work, self.count, self.workers) as calls:
+        with self.executing(shape.beginning).on_sites(work, self.count, self.workers) as calls:
             if calls is not None:
                 calls(*arguments, None)
                 notes = calls.notes
@@ -225,6 +226,12 @@ class SiteRun(Course):
                 clock[[TAKEN, REJECTED, MARK]] = 0.0
                 if clock[STEP] * (self.t_end - self.begun) < 0.0:
                     clock[STEP] = -clock[STEP]
+
+    def executing(self, execution: SiteExecution) -> SiteExecution:
+        """Who runs a driver for this run, of whoever does so for all runs: formulas count as they were then."""
+        if execution not in self.executions:
+            self.executions[execution] = execution.of_a_run()
+        return self.executions[execution]
 
     # ---------------------------------------------------------------- steps
 
@@ -325,7 +332,7 @@ class SiteRun(Course):
 
     def _call(self, turns: int) -> None:
         """Some more steps, up to where something is to be looked at."""
-        shape, stepping, made = self.shape, self.shape.stepping, self.made
+        shape, stepping, made = self.shape, self.executing(self.shape.stepping), self.made
         seen = self.seen
         totals = np.zeros((len(self.times) - made + 1, self.totals.shape[1]))
         times = np.append(self.times[made : made + self.room], np.nan)
@@ -468,7 +475,7 @@ class SiteRun(Course):
             rows = shape.shown_rows(self._memory)
             return rows, self.look[: self.totals.shape[1]], self.values[1]
         values = np.zeros_like(self.values[0])
-        given = self.site, begun, at, end, self.sites, self._copy, self.workers
+        given = self.executing(shape.looking), self.site, begun, at, end, self.sites, self._copy, self.workers
         seen, failures, notes = shape.look(*given, totals, values)
         if failures is not None:
             more: Any = begun, at, end, self.sites, self._copy, shape.memory, shape.inner.shown

@@ -459,7 +459,7 @@ class TurnsRun(SiteRun):
 
     def _make(self, arguments: Any, clock: np.ndarray) -> None:
         """Run the driver."""
-        execution = self.shape.turning.execution
+        execution = self.executing(self.shape.turning.execution)
         left = self.first + self.steps - self.taken
         with execution.on_sites(self.count * max(1, left), arguments[-1].count, self.workers) as calls:
             if calls is not None:

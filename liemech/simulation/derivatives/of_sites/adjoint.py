@@ -100,9 +100,7 @@ class BackwardRun:
         key = "backward", layout_of(self.way)
         if key not in sites.known:
             sites.known[key] = self._executions()
-        self.forward, self.backward = sites.known[key]
-        for execution in sites.known[key]:
-            execution.refresh()
+        self.forward, self.backward = [execution.of_a_run() for execution in sites.known[key]]
 
     # ---------------------------------------------------------------- what it is made of
 
