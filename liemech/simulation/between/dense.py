@@ -203,13 +203,13 @@ class DenseOutputs:
     bodies: tuple[DenseOutput, ...]
 
     def __call__(self, times: Any) -> Any:
-        """The states of all bodies at one time, or at many, (m,)."""
-        found = []
-        for i, one in enumerate(self.bodies):
-            try:
-                found.append(one(times))
-            except InvalidInput as error:
-                raise InvalidInput(f"body {i}: {error}") from None
+        """The states of all bodies at one time, or at many, (m,); a body whose run has ended before stays where
+        it ended, as in the samples.
+        """
+        ends = np.array([one.rows[[0, -1], 0] for one in self.bodies])
+        last = ends[np.argmax(np.abs(ends[:, 1] - ends[:, 0]))]
+        asked = within_run(np.asarray(one_or_many(times), dtype=float), last)
+        found = [one(np.clip(asked, min(span), max(span))) for one, span in zip(self.bodies, ends.tolist())]
         axis, first = np.ndim(times), found[0]
         parts = {n: np.stack([x.arrays[n] for x in found], axis=axis) for n in first.arrays}
         return state_of(type(first), parts)
