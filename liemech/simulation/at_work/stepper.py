@@ -287,7 +287,7 @@ class Stepper:
             return
         carry, old = self._standing, self._plan._steps.shapes
         state = carry.state
-        key = next((key for key, shape in old.items() if shape is carry.shape), None)
+        key = next((key for key, shape in [*old.items()] if shape is carry.shape), None)
         shape = plan._steps.shapes.get(key)
         if shape is None or (anew and shape.order is None):
             begun = plan.begin(state, carry.t0)  # no method begins by the time

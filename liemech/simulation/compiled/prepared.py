@@ -169,10 +169,11 @@ class Shape:
 
     def of_system(self, system: System) -> Shape:
         """This shape for another system of the same layout."""
+        place = self.place  # before the lanes, which are there as soon as it is
         beginning = None if self._beginning is None else self._beginning.of(system)
         lanes = {key: one.of_system(system) for key, one in [*self.lanes.items()]}
         other: Shape = like(self, _beginning=beginning, lanes=lanes)
-        other.place = None if self.place is None else self.place.of_system(other)
+        other.place = None if place is None else place.of_system(other)
         return other
 
     def lanes_of(self, steps: Steps, control: Any, extra: Any, side: int) -> Lanes:
