@@ -359,7 +359,7 @@ assert "matplotlib" in sys.modules and "matplotlib.pyplot" not in sys.modules
 
 @pytest.mark.parametrize("name", ["mu", "exact"])
 def test_a_run_is_no_momentum(name):
-    body = lm.RigidBody(SEED)
+    body = lm.RigidBody([1.0, 1.5, 2.0])
     run = lm.Plan(body, lm.RKMK(order=4), h=0.1).run(body.state(mu=ORBIT[0]), steps=3)
     with pytest.raises(InvalidType, match=rf"{name} must be vectors.*run\.mu"):
         plots.momentum_sphere(**{"mu": ORBIT, name: run})

@@ -12,6 +12,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import blas
+from liemech.systems.potential import Force
 
 THREADS = 4
 EYE = np.eye(3)
@@ -100,12 +101,29 @@ def product(of):
     return lambda k: plan.tangent(starts[k], steps=10, **{of: w}).tangent[of][-1]
 
 
+@lm.record
+class Flat(lm.Potential):
+    def energy(self, g):
+        return 0.0 * g[0, 0]
+
+
+@lm.record
+class Push(Force):
+    """A torque that changes with time: gradients of runs from different t0 differ."""
+
+    k: float
+
+    def covector(self, t, xi, g):
+        return self.k * lm.vec(1.0, t, 0.0)
+
+
 def gradient():
-    plan = lm.Plan(BODY, lm.RKMK(order=4), h=0.01, compiled=True, progress=False)
+    system = lm.MechanicalSystem(BODY, Flat(), load=Push(0.3))
+    plan = lm.Plan(system, lm.RKMK(order=4), h=0.01, compiled=True, progress=False)
 
     def run(k):
-        found = plan.gradient(lambda s: s.mu[0] * s.g[0, 1], STARTS[k], steps=400, t0=1.0 * k, by=("start", "inertia"))
-        return [found.value, found["start"], found["inertia"]]
+        found = plan.gradient(lambda s: s.mu[0] * s.g[0, 1], STARTS[k], steps=400, t0=1.0 * k, by=("start", "k"))
+        return [found.value, found["start"], found["k"]]
 
     return run
 
