@@ -80,10 +80,9 @@ class Execution:
         other: Execution = like(self, call=call, given=call[1:], guard=(None, None))
         return other
 
-    def of_a_run(self) -> Execution:
+    def of_a_run(self) -> Any:
         """A copy for one run, with native code that says what the formulas say now, for as long as it lasts."""
-        own: Execution = like(self, native=self.refresh())
-        return own
+        return like(self, native=self.refresh())
 
     def refresh(self) -> kernel.Kernel | None:
         """For another run: native code that says what the formulas say now, if there is some."""
