@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, NotFinite
 from ..formulas import jacobian, vec
 from ..formulas.vectors import small
 from ..systems.canonical import HamiltonianSystem, PhaseSpace
@@ -142,6 +142,17 @@ class Charts:
         return end, np.stack(columns, axis=1)
 
 
+def along(rows: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of the directions in which conditions with these derivatives stay as they are.  Raises
+    NotFinite where these are infinite or nan, as after steps that have left all bounds.
+    """
+    if not np.isfinite(rows).all():
+        raise NotFinite("check_method: the conditions have no finite derivatives where a step leads; give a smaller h")
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    _, _, basis = np.linalg.svd(rows / np.where(sizes > 0.0, sizes, 1.0))
+    return np.asarray(basis[len(rows) :].T)
+
+
 class ConstrainedCharts(Charts):
     """Orthonormal coordinates of tangent spaces of M, in units of the size of positions and
     momenta.
@@ -169,8 +180,7 @@ class ConstrainedCharts(Charts):
             return vec(*system.constraint(q), *system.hidden_constraint(q, p))
 
         rows = np.array(jacobian(both, vec(*at.q, *at.p))) * self.sizes
-        _, _, basis = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True))
-        return np.asarray(basis[len(rows) :].T)
+        return along(rows)
 
     def displaced(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """The consistent state near the start with these coordinates."""
@@ -220,8 +230,7 @@ class BoundCharts(ConstrainedCharts):
 
         rows = np.array(jacobian(both, vec(*[0.0 for _ in range(2 * n)])), dtype=float)
         rows = rows * self.sizes
-        _, _, basis = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True))
-        return np.asarray(basis[len(rows) :].T)
+        return along(rows)
 
     def displaced(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """The consistent state near the start with these coordinates."""

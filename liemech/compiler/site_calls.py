@@ -20,7 +20,8 @@ from .kernel import Kernel
 
 
 class SiteCalls:
-    """Runs a kernel for the sites of one system, and keeps its scratch memory from call to call.
+    """Runs a kernel for the sites of one system, one call at a time: its scratch memory is used again by every
+    call, none of which reads there what another has written.
 
     count : of sites.  workers : threads that share the sites, of whole groups of sixteen.
     notes : of the last call, the first of those side by side among which one has failed; -1 if none

@@ -21,10 +21,11 @@ class UnscentedFilter(Filter):
     linear it is Kalman's filter to rounding.
 
     spread : s.  1 (the default) leaves no weight to the estimate, small values approach the extended
-        filter.
+        filter.  Where the logarithm of errors twice as large is another one, as beyond half a turn, s is halved
+        until it is not: beliefs of an attitude may be as wide as they like.
 
-    Source: Julier and Uhlmann, Proc. IEEE 92 (2004); Brossard, Barrau, Bonnabel, A code for unscented
-    Kalman filtering on manifolds, ICRA (2020).
+    Source: Julier and Uhlmann, Proc. IEEE 92 (2004); Julier, The scaled unscented transformation, ACC (2002);
+    Brossard, Barrau, Bonnabel, A code for unscented Kalman filtering on manifolds, ICRA (2020).
     """
 
     spread: float = 1.0
@@ -39,9 +40,10 @@ class UnscentedFilter(Filter):
         group, side, process = self.group, self.side, self.process
         size = process.deviations(h)
         there, count = process.led(g, u, h), group.dim + len(size)
-        length = self.spread * sqrt(float(count))
+        columns = root(covariance).T
+        length = in_chart(group, columns, self.spread * sqrt(float(count)))
         moves: list[Any] = []
-        for column in root(covariance).T:
+        for column in columns:
             for sign in (length, -length):
                 moves = [*moves, process.led(moved(group, side, g, sign * column), u, h)]
         for j in range(len(size)):
@@ -49,10 +51,9 @@ class UnscentedFilter(Filter):
                 noise = vec(*[sign * size[j] if i == j else 0.0 for i in range(len(size))])
                 moves = [*moves, process.move(g, u, noise, h)]
         errors = [error(group, side, there, x) for x in moves]
-        weight = 0.5 / (float(count) * self.spread * self.spread)
+        weight = 0.5 / (length * length)
         mean = weight * total(errors)
-        rest = 1.0 - 2.0 * float(count) * weight
-        P = symmetric(weight * gram([e - mean for e in errors]) + rest * outer(mean, mean))
+        P = spread_about(mean, errors, weight)
         if self.reset:
             P = transported(group, side, mean, P)
         return moved(group, side, there, mean), P
@@ -90,21 +91,61 @@ class UnscentedCorrection(Correction):
     def _moments(self, g: Any, covariance: Any, z: Any) -> tuple[Any, Any, Any]:
         """The mean of the residual, its covariance, and minus that of error and residual."""
         group, side, sensor = self.group, self.side, self.sensor
-        n, here = float(group.dim), sensor.residual(g, z)
-        length, weight = self.spread * sqrt(n), 0.5 / (n * self.spread * self.spread)
+        here, columns = sensor.residual(g, z), root(covariance).T
+        length = self.spread * sqrt(float(group.dim))
+        if sensor.elements is not None:
+            length = in_chart(group, columns, length)
+        weight = 0.5 / (length * length)
         away: list[Any] = []
         C = None
-        for column in root(covariance).T:
+        for column in columns:
             e = length * column
-            plus = sensor.residual(moved(group, side, g, e), z)
-            minus = sensor.residual(moved(group, side, g, -e), z)
-            away = [*away, plus - here, minus - here]
+            plus = self._away(g, moved(group, side, g, e), here, z)
+            minus = self._away(g, moved(group, side, g, -e), here, z)
+            away = [*away, plus, minus]
             part = weight * outer(e, minus - plus)
             C = part if C is None else C + part
         mean = weight * total(away)
-        rest = 1.0 - 2.0 * n * weight
-        S = weight * gram([d - mean for d in away]) + rest * outer(mean, mean)
-        return here + mean, symmetric(S + sensor.covariance(g)), C
+        return here + mean, symmetric(spread_about(mean, away, weight) + sensor.covariance(g)), C
+
+    def _away(self, g: Any, x: Any, here: Any, z: Any) -> Any:
+        """By how much the residual at x differs from that at g.  Of elements it is told by the value at x alone:
+        residuals on both sides of half a turn lie a whole turn apart.
+        """
+        sensor = self.sensor
+        return sensor.residual(x, z) - here if sensor.elements is None else -sensor.residual(g, sensor.value(x))
+
+
+HALVINGS = 40
+"""Times that a spread is halved, at most."""
+
+
+def in_chart(group: Any, columns: Mat, length: Any) -> Any:
+    """A length, halved until the logarithm gives back twice the errors that are so many columns long."""
+    for _ in range(HALVINGS):
+        outside = False
+        for column in columns:
+            e = (2.0 * length) * column
+            away, largest = group.log(group.exp(e)) - e, 1.0
+            for x in e:
+                largest = max(largest, abs(x))
+            for x, d in zip(e, away):
+                # another branch differs by as much as the error, rounding by far less
+                outside = outside or abs(d) > 0.01 * abs(x) + 1e-9 * largest
+        if not outside:
+            break
+        length = 0.5 * length
+    return length
+
+
+def spread_about(mean: Vec, vectors: list[Vec], weight: Any) -> Mat:
+    """The covariance of vectors of this weight each with this mean, and of zero with the weight that is missing
+    to 1, scaled so that it is never negative: weight sum v v^T - s^2 mean mean^T with s^2 = 1/(2 n weight),
+    the square of the spread; Julier (2002).
+    """
+    rest = float(len(vectors)) * weight
+    more = 2.0 - rest - 1.0 / rest
+    return symmetric(weight * gram([v - mean for v in vectors]) + more * outer(mean, mean))
 
 
 def total(vectors: list[Vec]) -> Vec:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
+import os
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -46,7 +48,6 @@ def _routine(name: str) -> Any:
 def _threads() -> Any:
     """OpenBLAS's functions that tell and set its number of threads; None of other libraries."""
     import glob
-    import os
 
     import scipy
 
@@ -60,19 +61,47 @@ def _threads() -> Any:
     return None
 
 
+class _Alone:
+    """How many callers, in all threads, want BLAS on one thread at present, and on how many the first found it."""
+
+    inside, before = 0, 1
+    lock = threading.Lock()
+
+
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """While this lasts, SciPy's BLAS works on one thread, which fixes the order of its sums."""
+    """While this lasts, SciPy's BLAS works on one thread, which fixes the order of its sums.  The number of its
+    threads is that of the process: the first caller changes it, and the last one changes it back.
+    """
     functions = _threads()
-    before = functions[0]() if functions is not None else 1
-    if before == 1:
+    if functions is None:
         yield
         return
-    functions[1](1)
+    count, set_count = functions
+    with _Alone.lock:
+        if not _Alone.inside:
+            _Alone.before = count()
+        _Alone.inside += 1
+        if count() != 1:
+            set_count(1)
     try:
         yield
     finally:
-        functions[1](before)
+        with _Alone.lock:
+            _Alone.inside -= 1
+            if not _Alone.inside and _Alone.before != 1:
+                set_count(_Alone.before)
+
+
+def _after_fork() -> None:
+    """The threads that were at work are not in the child."""
+    if _Alone.inside and _Alone.before != 1 and _threads() is not None:
+        _threads()[1](_Alone.before)
+    _Alone.inside, _Alone.lock = 0, threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 def on_one_thread(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, InvalidType
+from ..formulas.arrays import real_array
+from ..simulation.trajectory import Trajectory
 from .projection import split_at_horizon, view_frame
 from .style import INK, MOST_DOTS, new_figure, require_matplotlib, thinned
 
@@ -62,8 +64,10 @@ def bare(ax: Axes, title: str | None) -> None:
 
 
 def vectors(values: ArrayLike, name: str) -> Array:
-    """Vectors in space, (n, 3), finite; InvalidInput names what is wrong."""
-    points = np.atleast_2d(np.asarray(values, dtype=float))
+    """Vectors in space, (n, 3), finite; InvalidInput and InvalidType name what is wrong."""
+    if isinstance(values, Trajectory):
+        raise InvalidType(f"{name} must be vectors, (n, 3); got a run: give its momenta, run.mu")
+    points = np.atleast_2d(real_array(values, name))
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise InvalidInput(f"{name} must have shape (n, 3); got {np.shape(values)}")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))

@@ -37,7 +37,7 @@ from .compiled.control import (
     sample,
 )
 from .compiled.driver import begin
-from .compiled.execution import LOOK
+from .compiled.execution import LOOK, like
 from .compiled.lanes import Lanes, share_out
 from .compiled.prepared import Shape, shown_step, times
 from .course import told
@@ -204,10 +204,8 @@ class EqualRun(Run):
                 number[:] = starts[place] if place >= 0 else 0.0
             return
         execution = shape.beginning(self.way, lanes)
-        if self.bodies:
-            execution.refresh()
-        else:
-            execution.used(self.asked_for)
+        native = execution.refresh() if self.bodies else execution.used(self.asked_for)
+        execution = like(execution, native=native)
         stepping, stays = lanes.stepping, not (self.aims[LIMIT] > self.first).any()
         if not stays and stepping.native is not None and self.bodies:
             execution.compile()

@@ -154,7 +154,7 @@ def integrate(
         plan = Plan(system, method, **options._asdict())
         if key is not None:
             if len(_plans) >= KEPT:
-                _plans.pop(next(iter(_plans)), None)
+                _plans.pop(next(iter([*_plans])), None)
             _plans[key] = plan
     kept: dict[str, Any] = (
         {} if checkpoint is None else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}

@@ -282,7 +282,7 @@ class Run(Course):
             self.queue = np.flatnonzero(self.open)
             if self.quantities:
                 self.quantities.flush()
-        native = stepping.ready(0.0 if stepping.native is not None else self.part())
+        native = stepping.ready(0.0 if stepping.native is not None else self.part()) is not None
         size = self.room * workers if native else 1
         bodies, columns = self.running or (self.queue[:0], None)
         if columns is None or len(bodies) > size or native is not self.native:

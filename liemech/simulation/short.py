@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.cache_lines import in_lines
-from ..compiler.kernel import address
+from ..compiler.kernel import Kernel, address
 from ..formulas.pytree import build, gatherer, restricted
 from ..systems.system import State
 from . import arguments
@@ -94,14 +94,11 @@ class Place(Places):
         lanes = shape.lanes[STRAIGHT, shape.side]
         return self.of_lanes(lanes, shape=shape, beginning=shape._beginning)
 
-    def native(self, steps: int) -> bool:
-        """Is there native code for so many steps at once, in milliseconds, that says what the formulas
-        say now?
+    def native(self, steps: int) -> Kernel | None:
+        """The native code for so many steps at once, in milliseconds, that says what the formulas say now;
+        None if there is none.
         """
-        if steps * self.carried * self.carried > LONGEST:
-            return False
-        self.stepping.refresh()
-        return self.stepping.native is not None
+        return None if steps * self.carried * self.carried > LONGEST else self.stepping.refresh()
 
     def begin(self, start: Any, t0: float, h: float, memory: Any) -> bool:
         """Write what one body carries along, its clock and goal, and the first sample; False if the
@@ -113,13 +110,13 @@ class Place(Places):
             numbers.append(0.0)
             self.begun(memory, 0, *self.picked(numbers)[:-1], *clock, *numbers[:-1])
             return True
-        beginning.used(self.asked)
-        if not beginning.ready(0.0):
+        native = beginning.used(self.asked) or beginning.ready(0.0)
+        if native is None:
             return False
         rest = numbers if self.shape.given == self.shape.shown else (0.0,) * self.sampled
         self.begun(memory, 0, *(0.0,) * self.carried, *clock, *rest)
         parts = memory[self.clock : self.goal], memory[: self.clock], memory[self.kept :]
-        beginning.run(self.constants, (), (np.array(numbers), *parts))
+        native.run(self.constants, (), (np.array(numbers), *parts))
         return memory.item(self.clock + MARK) == 0.0
 
     def go_on(self, carry: Carry, memory: Any) -> None:
@@ -140,9 +137,9 @@ class Place(Places):
         *parts, place = self.where(memory)
         return *parts, (place + 8 * out, turns * self.sampled)
 
-    def advance(self, buffers: Any, turns: int, every: int) -> None:
-        """Make `turns` samples, each after `every` steps."""
-        self.stepping.on_memory(self.block(buffers, turns, every), buffers)
+    def advance(self, native: Kernel, buffers: Any, turns: int, every: int) -> None:
+        """Make `turns` samples, each after `every` steps, by this code."""
+        native.on_memory(self.block(buffers, turns, every), buffers)
 
     def block(self, buffers: Any, turns: int, every: int) -> bytes:
         """The arguments of native code; number 4 of the words is `every`, the constants are at
@@ -171,7 +168,8 @@ def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> 
     samples = steps // every
     if steps <= 0 or steps % every:
         return None
-    if samples * place.sampled > LARGEST or not place.native(steps):
+    native = place.native(steps) if samples * place.sampled <= LARGEST else None
+    if native is None:
         return None
     memory, step = np.empty(place.kept + (samples + 1) * place.sampled), 0
     if isinstance(start, Carry):
@@ -182,7 +180,7 @@ def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> 
     reached = step + steps
     if step % every:
         return None
-    place.advance(place.prepared(memory, samples, place.kept + place.sampled), samples, every)
+    place.advance(native, place.prepared(memory, samples, place.kept + place.sampled), samples, every)
     if memory.item(place.taken) != reached:
         return None
     found = _Found(place, memory, t0, way.h, every, step, reached)
@@ -198,11 +196,12 @@ def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
     if carry.bodies is not None or not way.owns(shape):
         return None
     place = place_of(way, shape)
-    if not place.native(steps):
+    native = place.native(steps)
+    if native is None:
         return None
     memory = np.empty(place.kept + place.sampled)
     place.go_on(carry, memory)
-    place.advance(place.prepared(memory, 1, place.kept), 1, steps)
+    place.advance(native, place.prepared(memory, 1, place.kept), 1, steps)
     reached = carry.step + steps
     if memory.item(place.taken) != reached:
         return None
@@ -268,7 +267,8 @@ def short_steps_of_many(way: Steps, shape: Shape, start: State, steps: int, t0: 
     columns, samples = shape.columns(count), steps // way.every
     if steps <= 0 or steps % way.every:
         return None
-    if samples * place.sampled * columns > LARGEST or not place.native(steps * count):
+    native = place.native(steps * count) if samples * place.sampled * columns <= LARGEST else None
+    if native is None:
         return None
     table = in_lines(place.lanes.height, columns)
     out = in_lines(samples + 1, place.sampled, columns)
@@ -284,13 +284,13 @@ def short_steps_of_many(way: Steps, shape: Shape, start: State, steps: int, t0: 
         numbers[:] = 0.0
         numbers[place.copied] = starts[place.source]
     else:
-        place.beginning.used(place.asked)
-        if not place.beginning.ready(0.0):
+        beginning = place.beginning.used(place.asked) or place.beginning.ready(0.0)
+        if beginning is None:
             return None
         begun = *own, starts, clocks, numbers, out[0]
-        place.beginning.run(place.constants, (), begun, columns, 0, whole)
+        beginning.run(place.constants, (), begun, columns, 0, whole)
     rows = *own, goals, numbers, clocks, out[1:]
-    place.stepping.run(place.constants, (samples, way.every), rows, columns, 0, whole)
+    native.run(place.constants, (samples, way.every), rows, columns, 0, whole)
     if (table[place.taken, :whole] != steps).any():
         return None
     found = _FoundOfBodies(place, table, t0, way.h, way.every, 0, steps)
@@ -322,10 +322,9 @@ class Rows(Places):
         """These places for another system of the same layout, with memory of their own."""
         return super().of_lanes(lanes, free=[], **own)
 
-    def native(self) -> bool:
-        """Is there native code that says what the formulas say now?"""
-        self.stepping.refresh()
-        return self.stepping.native is not None
+    def native(self) -> Kernel | None:
+        """The native code that says what the formulas say now; None if there is none."""
+        return self.stepping.refresh()
 
     def room(self) -> Any:
         """Memory, and the call that fills it."""
@@ -336,7 +335,9 @@ class Rows(Places):
         at = [begin for begin, _ in buffers]
         return memory, self.call(1, 0, 1, self.turns, 1, *at, self.constants), buffers
 
-    def run(self, way: Any, start: Any, t0: float, t_end: float, limit: int) -> _Rows | None:
+    def run(
+        self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int
+    ) -> _Rows | None:  # fmt: skip
         """Run from a start to t_end in one native call; None if that did not come to its end."""
         try:
             room = self.free.pop()
@@ -348,7 +349,7 @@ class Rows(Places):
         clock = t0, way.first(t0, t_end), *FRESH
         first = t0, *numbers, *self.no_way
         self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal, *first)
-        self.stepping.on_memory(block, buffers)
+        native.on_memory(block, buffers)
         now = CLOCKS.unpack_from(memory, 8 * self.clock)
         end = self.kept + self.row * (1 + int(now[TAKEN]))
         found = _Rows(self, way, now, t_end, memory[:end].copy()) if now[TIME] == t_end else None
@@ -425,12 +426,13 @@ class Times(Rows):
         made.stepping = self.stepping.of(lanes.arguments[1])
         return made
 
-    def native(self) -> bool:
-        """Is there native code that says what the formulas say now?  It is made if asked for often."""
-        self.stepping.used(self.lanes.stepping.native is not None)
-        return self.stepping.native is not None
+    def native(self) -> Kernel | None:
+        """The native code that says what the formulas say now; it is made if asked for often."""
+        return self.stepping.used(self.lanes.stepping.native is not None)
 
-    def at(self, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray) -> _AtTimes | None:
+    def at(
+        self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray
+    ) -> _AtTimes | None:
         """Run from a start to t_end in one native call; None if that did not come to its end."""
         count, width = len(times), self.lanes.state.width
         memory: Any = np.empty(self.samples + count * width)
@@ -447,7 +449,7 @@ class Times(Rows):
             (place + 8 * self.kept, SAMPLES.width),
         )
         at = [begin for begin, _ in buffers]
-        self.stepping.on_memory(self.call(1, 0, 1, limit, count, *at, self.constants), buffers)
+        native.on_memory(self.call(1, 0, 1, limit, count, *at, self.constants), buffers)
         now = CLOCKS.unpack_from(memory, 8 * self.clock)
         if now[TIME] != t_end or memory.item(self.kept) != count:
             return None
@@ -494,9 +496,10 @@ def short(
         if lanes is None:
             return None
         places = way.shapes[key] = (Rows if times is None else Times)(lanes)
-    if not places.native():
+    native = places.native()
+    if native is None:
         return None
-    given = way, start, t0, t_end, limit
+    given = native, way, start, t0, t_end, limit
     found = places.run(*given) if times is None else places.at(*given, times)
     if found is None:
         return None

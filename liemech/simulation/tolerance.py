@@ -195,8 +195,8 @@ class ToleranceRun(Run):
         key = layout_of(example), curves, bool(self.bodies)
         lanes = way.shapes.get(key)
         if lanes is not None:
-            lanes.stepping.refresh()
-            return lanes
+            own: Lanes = lanes.of_a_run()
+            return own
         system, method = self.of(0)
         xi: Any = Vec(*[0.0] * system.group.dim)
         for i in range(self.count):
@@ -212,7 +212,7 @@ class ToleranceRun(Run):
             kernel.width() if self.bodies and self.asked_for is not False and kernel.available() is None else 1,
         )  # fmt: skip
         way.shapes[key] = lanes
-        return lanes
+        return lanes.of_a_run()
 
     def observe(self) -> list[Any]:
         kept = DenseOfBodies if self.bodies else Dense

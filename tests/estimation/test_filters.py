@@ -507,6 +507,42 @@ def test_it_is_as_uncertain_as_it_says_in_1000_runs_of_100_turns(kind, side):
         assert found.inside > 0.92 and abs(found.mean / 3.0 - 1.0) < 0.01, str(found)
 
 
+WIDE = [(lm.SO3(), 3, 0), (lm.SE2(), 1, 2), (lm.SE3(), 3, 3)]
+"""Groups, and how many components of an error are angles and how many are shifts."""
+
+
+@pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])
+def test_a_wide_belief_stays_as_wide_at_rest(group, angles, shifts, side, kind):
+    """F = 1, and next to no noise: nothing was measured."""
+    filter = kind(es.Turning(group, [1e-9] * group.dim), side)
+    for width in (0.3, 0.8, 1.0, 1.5, 2.0, np.pi, 10.0, 1000.0):
+        deviations = [width] * angles + [0.1] * shifts
+        belief = filter.belief(group.random(RNG), deviations)
+        found = filter.predict(belief, np.zeros(group.dim), 1e-3)
+        np.testing.assert_allclose(found.covariance, np.diag(np.square(deviations)), rtol=1e-7, atol=1e-9 * width**2)
+        np.testing.assert_allclose(found.g, belief.g, rtol=0.0, atol=1e-10 * width)
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("width", [0.3, 1.0, np.pi])
+@pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])
+def test_truths_drawn_from_a_wide_belief_are_found(group, angles, shifts, width, side):
+    """A tracker, of which the squared error is chi-square after five updates."""
+    runs, n, rng = 1000, group.dim, np.random.default_rng(5)
+    deviations = np.array([width] * angles + [0.1] * shifts)
+    filter, tracker = es.UnscentedFilter(es.Turning(group, [1e-9] * n), side), es.Place(group, [0.01] * n, side)
+    truth, one = group.exp(deviations * rng.normal(size=(runs, n))), np.eye(group.element_shape[0])
+    belief = filter.belief(np.tile(one, (runs, 1, 1)), np.tile(np.diag(deviations**2), (runs, 1, 1)))
+    for _ in range(5):
+        belief = filter.predict(belief, np.zeros((runs, n)), 0.1)
+        belief = filter.update(belief, tracker, errors_moved(group, side, truth, 0.01 * rng.normal(size=(runs, n))))
+    # the mean of so many chi-squares, and their deviation
+    assert abs(belief.nees(truth).mean() - n) < 4.0 * np.sqrt(2.0 * n / runs)
+    assert np.mean(belief.nees(truth) < chi2.ppf(0.95, n)) > 0.95 - 4.0 * np.sqrt(0.05 * 0.95 / runs)
+
+
 def test_bounds_are_those_of_chi_square():
     found = es.consistency(np.full((4, 50), 6.0), 6, 0.9)
     assert np.allclose(found.bounds, chi2.ppf([0.05, 0.95], 300) / 50, rtol=1e-12)

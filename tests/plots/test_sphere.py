@@ -6,8 +6,9 @@ import sys
 import numpy as np
 import pytest
 
+import liemech as lm
 from liemech import plots
-from liemech.errors import InvalidInput, LiemechError, MissingExtra
+from liemech.errors import InvalidInput, InvalidType, LiemechError, MissingExtra
 
 EPS = np.finfo(float).eps
 SEED = np.array([2 / 3, 1.0, 2.0])
@@ -354,3 +355,11 @@ plots.figure_one([("a", [[1, 0, 0]])])
 assert "matplotlib" in sys.modules and "matplotlib.pyplot" not in sys.modules
 """
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("name", ["mu", "exact"])
+def test_a_run_is_no_momentum(name):
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    run = lm.Plan(body, lm.RKMK(order=4), h=0.1).run(body.state(mu=ORBIT[0]), steps=3)
+    with pytest.raises(InvalidType, match=rf"{name} must be vectors.*run\.mu"):
+        plots.momentum_sphere(**{"mu": ORBIT, name: run})

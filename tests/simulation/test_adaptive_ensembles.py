@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, StepTooSmall
@@ -391,7 +392,25 @@ def test_motions_between_steps_end_where_every_body_ends() -> None:
     for i, motion in enumerate(run.dense.bodies):
         assert motion.t[-1] == run.t[-1, i]
         assert np.array_equal(motion(motion.t[-1]).mu, run.mu[-1, i])
-    ends = native(dense=True).run(start, t_end=np.linspace(1.0, 2.0, 8))
-    assert ends.at(1.0).mu.shape == (8, 3)
-    with pytest.raises(lm.errors.InvalidInput, match=r"body 0: t = 1.5 is outside the run"):
-        ends.at(1.5)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_bodies_that_have_ended_stay_where_they_are_between_the_steps_of_others(sign: float) -> None:
+    """Euler's equations by DOP853."""
+    t_end, times = sign * np.array([1.0, 2.0, 3.0]), sign * np.array([0.5, 1.5, 2.5])
+    plan = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-11, dense=True, progress=False)
+    run, (a, b, c) = plan.run(BODY.state(mu=MU[:3]), t_end=t_end), 1.0 / np.array(BODY.inertia)
+
+    def euler(_: float, m: Any) -> Any:
+        return [(c - b) * m[1] * m[2], (a - c) * m[2] * m[0], (b - a) * m[0] * m[1]]
+
+    found = run.at(times).mu
+    for i in range(3):
+        for k, t in enumerate(times):
+            until = sign * min(abs(t), abs(t_end[i]))
+            exact = solve_ivp(euler, (0.0, until), MU[i], method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+            np.testing.assert_allclose(found[k, i], exact, rtol=0.0, atol=1e-8)
+    assert np.array_equal(run.at(times[1]).mu, found[1])
+    for outside in (sign * 3.1, -sign * 0.1, np.nan):
+        with pytest.raises(lm.errors.InvalidInput, match="outside the run"):
+            run.at(outside)

@@ -126,6 +126,15 @@ def test_what_cannot_be_spread_is_refused():
         PLAN.run(STARTS, steps=2, executor=Losing(), checkpoint="run.npz")
 
 
+@pytest.mark.parametrize(
+    "name, given", [("events", [lambda t, state: state.mu[0]]), ("record", ["mu", ("x", lambda t, s: t)])]
+)
+def test_what_other_processes_cannot_get_is_named(name, given):
+    said = f"executor: {name} cannot be sent .* top of a module"
+    with futures.ProcessPoolExecutor(1) as pool, pytest.raises(errors.InvalidInput, match=said):
+        PLAN.replace(**{name: given}).run(STARTS, steps=2, executor=pool)
+
+
 def killed_on_the_way(pids, delay):
     """Kill a process after a while."""
 

@@ -87,7 +87,7 @@ def laid_out(plan: Any, start: Any) -> tuple[Shape, Any]:
     if plan.events or plan.recorder is not None:
         raise IncompatibleSystem("Plan.export: C code has no events and records the state")
     if start is None:
-        shapes = [x for (_, side), x in plan._steps.shapes.items() if side == 0]
+        shapes = [x for (_, side), x in [*plan._steps.shapes.items()] if side == 0]
         if len(shapes) != 1:
             raise InvalidInput(
                 "Plan.export: give start=, a state that says what the state in C has, such as system.state(...)"

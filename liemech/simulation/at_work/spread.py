@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import pickle
 import secrets
 import tempfile
 from concurrent import futures
@@ -115,11 +116,24 @@ class Work:
                 try:
                     self.found[i] = future.result()
                 except (Exception, futures.CancelledError) as error:
+                    if "pickle" in str(error).lower():
+                        self._require_sendable()
                     if self.tries[i] >= TRIES and not isinstance(error, futures.BrokenExecutor):
                         raise
                     self.hand_out(i)
                 if i in self.found:
                     bar.advance(self.chunks[i][1] - self.chunks[i][0])
+
+    def _require_sendable(self) -> None:
+        """Raise InvalidInput for the argument that cannot be sent to another process."""
+        for name, value in self.plan._given.items():
+            try:
+                pickle.dumps(value)
+            except Exception as error:
+                raise InvalidInput(
+                    f"integrate: executor: {name} cannot be sent to other processes ({error}). Define its functions "
+                    "and classes at the top of a module, with def, or give an executor of threads"
+                ) from None
 
     def leave(self) -> None:
         """Take what is done, and tell workers that nobody waits for the rest."""

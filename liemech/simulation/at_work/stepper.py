@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...compiler.kernel import Several
+from ...compiler.kernel import Kernel, Several
 from ...errors import IntegrationInterrupted, InvalidInput
 from ...formulas.pytree import build, gatherer, layout_of
 from ...systems.system import State
@@ -287,7 +287,7 @@ class Stepper:
             return
         carry, old = self._standing, self._plan._steps.shapes
         state = carry.state
-        key = next((key for key, shape in old.items() if shape is carry.shape), None)
+        key = next((key for key, shape in [*old.items()] if shape is carry.shape), None)
         shape = plan._steps.shapes.get(key)
         if shape is None or (anew and shape.order is None):
             begun = plan.begin(state, carry.t0)  # no method begins by the time
@@ -314,8 +314,9 @@ class Stepper:
             return
         if inner.bodies is None:
             place = place_of(steps, inner.shape)  # type: ignore[arg-type]
-            if place.native(1):
-                self._here = InPlace(place, inner)
+            native = place.native(1)
+            if native is not None:
+                self._here = InPlace(place, native, inner)
         elif not (self._fictive or inner.ended) and type(inner.h) is float:
             lanes = inner.shape.lanes_of(steps, STRAIGHT, (), inner.shape.side)  # type: ignore[union-attr]
             if lanes.stepping.native is not None:
@@ -420,15 +421,20 @@ class InPlace:
 
     memory : as of a short run; the last numbers are the sample.  parts : views of the sample.
     most : so many steps come back in milliseconds.
+    native, beginning : the code that steps, and who begins, as formulas are read by this stepper.
     block : the arguments of native code.  again : those of the code that begins, and its buffers, if
     the method carries more than the state.  blocks : both, and where the numbers of the system begin.
     system : as it was last made.
     """
 
-    __slots__ = (*("again", "begun", "block", "blocks", "buffers", "memory", "most", "parts", "place"), "system")
+    __slots__ = (
+        *("again", "begun", "block", "blocks", "buffers", "memory", "most", "parts", "place"),
+        *("beginning", "native", "system"),
+    )
 
-    def __init__(self, place: Place, begun: Carry) -> None:
-        self.place, self.begun = place, begun
+    def __init__(self, place: Place, native: Kernel, begun: Carry) -> None:
+        self.place, self.native, self.begun = place, native, begun
+        self.beginning = None if place.beginning is None else place.beginning.of_a_run()
         self.memory = np.empty(place.kept + place.sampled)
         place.go_on(begun, self.memory)
         self.most = short.LONGEST // place.carried**2
@@ -458,10 +464,10 @@ class InPlace:
 
     def advance(self, steps: int) -> int:
         """Go on by so many steps, as far as they can be made; how many were?"""
-        taken, place, at = self.memory.item, self.place, self.place.taken
+        taken, at = self.memory.item, self.place.taken
         before = taken(at)
         _STEPS(self.block, _AT_STEPS, steps)
-        place.stepping.on_memory(self.block, self.buffers)
+        self.native.on_memory(self.block, self.buffers)
         return int(taken(at) - before)
 
     def at(self, length: float) -> State | None:
@@ -474,7 +480,7 @@ class InPlace:
         buffers = place.prepared(memory, 1, place.kept)
         goal, states, clock, rows = [begin for begin, _ in buffers]
         struct.pack_into("5q", block, _AT_STEPS, 1, goal, states, clock, rows)
-        place.stepping.on_memory(block, buffers)
+        self.native.on_memory(block, buffers)
         if memory.item(place.taken) != 1.0:
             return None
         found: State = build(place.shape.shown, iter(memory[place.kept :].tolist()))
@@ -500,12 +506,12 @@ class InPlace:
     def _begin_again(self) -> bool:
         """Let the method begin with the state here, as far as it carries more along."""
         place, memory = self.place, self.memory
-        beginning: Any = place.beginning
+        beginning: Any = self.beginning
         if beginning.native is None:
             beginning.compile()  # commands come often
         if beginning.native is None or place.shape.given != place.shape.shown:
             return False
-        beginning.on_memory(*self.again)
+        beginning.native.on_memory(*self.again)
         mark = place.clock + MARK
         good = memory.item(mark) == 0.0
         memory[mark] = 0.0
@@ -540,7 +546,7 @@ class BodiesInPlace:
     def __init__(self, steps: Steps, lanes: Any, begun: Carry, workers: int) -> None:
         shape: Any = begun.shape
         self.begun, self.lanes, self.workers, self.count = begun, lanes, workers, begun.bodies or 1
-        self.steps = steps
+        self.beginning: Any = None if shape.order is not None else shape.beginning(steps, lanes).of_a_run()
         columns, self.whole = shape.columns(self.count), shape.whole(self.count)
         self.table, self.now = np.zeros((lanes.height, columns)), 0
         self.rows = np.zeros((2, 1, shape.shown.width, columns))
@@ -621,7 +627,7 @@ class BodiesInPlace:
         shape: Any = self.begun.shape
         if shape.order is not None:
             return True
-        beginning = shape.beginning(self.steps, self.lanes)
+        beginning = self.beginning
         if beginning.native is None:
             beginning.compile()  # commands come often
         if beginning.native is None or shape.given != shape.shown:

@@ -19,7 +19,7 @@ from ...formulas.pytree import NUMBER, build, layout_of, leaves, rounded
 from ...integrators.ending_at_jumps import AT_ENDS
 from ...systems.system import state_of
 from ..compiled.driver import on_the_way
-from ..compiled.execution import COLUMNS, Execution, numbers_of
+from ..compiled.execution import COLUMNS, Execution, like, numbers_of
 
 
 def along(retraction: Any, system: Any, row: Any, given: Any, out: Any, failures: Any) -> None:
@@ -203,13 +203,13 @@ class DenseOutputs:
     bodies: tuple[DenseOutput, ...]
 
     def __call__(self, times: Any) -> Any:
-        """The states of all bodies at one time, or at many, (m,)."""
-        found = []
-        for i, one in enumerate(self.bodies):
-            try:
-                found.append(one(times))
-            except InvalidInput as error:
-                raise InvalidInput(f"body {i}: {error}") from None
+        """The states of all bodies at one time, or at many, (m,); a body whose run has ended before stays where
+        it ended, as in the samples.
+        """
+        ends = np.array([one.rows[[0, -1], 0] for one in self.bodies])
+        last = ends[np.argmax(np.abs(ends[:, 1] - ends[:, 0]))]
+        asked = within_run(np.asarray(one_or_many(times), dtype=float), last)
+        found = [one(np.clip(asked, min(span), max(span))) for one, span in zip(self.bodies, ends.tolist())]
         axis, first = np.ndim(times), found[0]
         parts = {n: np.stack([x.arrays[n] for x in found], axis=axis) for n in first.arrays}
         return state_of(type(first), parts)
@@ -324,22 +324,21 @@ FEW = 64
 def execution_of(
     driver: Any, arguments: tuple[Any, ...], wanted: bool | None, silent: bool = False
 ) -> tuple[Execution, bytes]:
-    """The cached Execution of a driver for these arguments, and their numbers, packed."""
+    """The Execution of a driver for these arguments, for one use, and their numbers, packed."""
     native = wanted is not False and kernel.available() is None
     key = driver, native, silent, *map(id, arguments)
     known = _executions.get(key)
     if known is not None:
-        known[0].used(wanted)
-        return known
+        return like(known[0], native=known[0].used(wanted)), known[1]
     lanes = kernel.lanes() if native else 1
     call = driver, *arguments, COLUMNS, COLUMNS, None
     asked = None if native else False
     made = Execution(asked, None, *call, lanes=lanes, silent=silent), numbers_of(*arguments)
-    made[0].used(wanted)
+    own = like(made[0], native=made[0].used(wanted)), made[1]
     if len(_executions) >= FEW:
         _executions.clear()
     _executions[key] = made  # which has the arguments, so that their identities remain theirs
-    return made
+    return own
 
 
 def _one(

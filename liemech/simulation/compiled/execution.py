@@ -52,13 +52,15 @@ COLUMNS, SHARED = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
 
 
 class Execution:
-    """How one run executes one driver: nobody else calls native code of a run.
+    """How one run executes one driver.  What runs of a plan have in common, in whatever thread, is a pattern,
+    which only says what native code there is: a run takes a copy, `of_a_run`, that nobody else changes.
 
     wanted : True for native code, at once or NotCompilable; False for plain Python; None to choose
     by the time plain Python takes.
     call : the driver and arguments like those to come; arrays and integers may be any.
     native : the kernel; None for plain Python.  silent : is a refusal not told, because little
-    depends on it?
+    depends on it?  guard : the reads of a kernel, and what compares them with the objects of this call,
+    where it has parts of its own.
     """
 
     def __init__(
@@ -67,7 +69,7 @@ class Execution:
         self.asked, self.progress, self.call, self.lanes, self.silent = (wanted, progress, call, lanes, silent)
         self.given: Sequence[Any] = kernel.examples(call[1:])
         self.native: kernel.Kernel | None = None
-        self.guard: Any = None  # of this call, where it has parts of its own
+        self.guard: Any = None, None
         self.refresh()
 
     def of(self, system: Any) -> Execution:
@@ -75,42 +77,51 @@ class Execution:
         every driver of steps.
         """
         call = *self.call[:2], system, *self.call[3:]
-        other: Execution = like(self, call=call, given=call[1:], guard=None)
+        other: Execution = like(self, call=call, given=call[1:], guard=(None, None))
         return other
 
-    def refresh(self) -> None:
+    def of_a_run(self) -> Any:
+        """A copy for one run, with native code that says what the formulas say now, for as long as it lasts."""
+        return like(self, native=self.refresh())
+
+    def refresh(self) -> kernel.Kernel | None:
         """For another run: native code that says what the formulas say now, if there is some."""
         self.seconds = 0.0
-        if self.native is not None and self._unchanged(self.native.reads):
-            return
-        self.wanted = self.asked
-        self.native = kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
-        if self.native is None:
-            self.history = History() if self.wanted is False else _history(self.call, self.lanes)
-            if self.wanted:
-                self.compile()
-            elif self.history.refused:
-                self.wanted = False
+        native = self.native
+        if native is None or not self._unchanged(native.reads):
+            self.wanted = self.asked
+            native = kernel.known(*self.call, lanes=self.lanes) if self.asked is not False else None
+            if native is None:
+                self.history = History() if self.asked is False else _history(self.call, self.lanes)
+                if self.asked:
+                    native = self._compiled()
+                elif self.history.refused:
+                    self.wanted = False
+            self.native = native
+        return native
 
-    def used(self, demanded: bool | None) -> None:
+    def used(self, demanded: bool | None) -> kernel.Kernel | None:
         """For another use of a driver that runs before or after the steps: those who demand native
         code have it here from the third use after the first one on.
         """
-        self.refresh()
-        if self.native is None:
+        native = self.refresh()
+        if native is None:
             self.history.uses += 1
-            if demanded and self.history.uses > OFTEN:
-                self.compile()
+            if demanded and self.history.uses > OFTEN and self.wanted is not False:
+                native = self.native = self._compiled()
+        return native
 
     def _unchanged(self, reads: Any) -> bool:
         """Is all that was read what it was?  Calls that differ in their objects share native code,
         and each has a guard.
         """
-        guard = self.guard or reads.guard
+        of, own = self.guard
+        guard = own if of is reads and own is not None else reads.guard
         verdict = guard.verdict(self.given)
         if verdict is None:
-            self.guard = reads.guard_of(self.given)
-            verdict = self.guard is not None
+            own = reads.guard_of(self.given)
+            self.guard = reads, own
+            verdict = own is not None
         return bool(verdict)
 
     @contextmanager
@@ -125,31 +136,35 @@ class Execution:
                 self.seconds += used
                 self.history.seconds += used
 
-    def ready(self, done: float) -> bool:
-        """Is there native code to go on with?  When plain Python, `done` with this part of the run,
-        has taken long enough, it is looked for on disk, and later made.
+    def ready(self, done: float) -> kernel.Kernel | None:
+        """The native code to go on with, if there is some.  When plain Python, `done` with this part of the
+        run, has taken long enough, it is looked for on disk, and later made.
         """
-        if self.native is None and self.wanted is None:
+        native = self.native
+        if native is None and self.wanted is None:
             spent, left = self.history.seconds, self.seconds * (1.0 - done) / done if done else 0.0
             if spent >= LOOK and not self.history.looked and kernel.available() is None:
                 self.history.looked = True
-                self.native = kernel.stored(*self.call, lanes=self.lanes)
-            if self.native is None and spent >= WAIT and spent + left >= 2.0 * WAIT:
-                self.compile()
-        return self.native is not None
+                native = kernel.stored(*self.call, lanes=self.lanes)
+            if native is None and spent >= WAIT and spent + left >= 2.0 * WAIT:
+                native = self._compiled()
+            self.native = native
+        return native
 
     def compile(self) -> None:
         """Make native code, if it is not there.  Raises NotCompilable if it was demanded; else
         warns that plain Python goes on.
         """
-        if self.native is not None or self.wanted is False:
-            return
+        if self.native is None and self.wanted is not False:
+            self.native = self._compiled()
+
+    def _compiled(self) -> kernel.Kernel | None:
         why_not = kernel.available()
         try:
             if why_not is not None:
                 raise NotCompilable(f"integrate: compiled=True, but {why_not}")
             with notice(self.progress, f"liemech: compiling {self.given[0]!r} ..."):
-                self.native = kernel.kernel(*self.call, lanes=self.lanes)
+                return kernel.kernel(*self.call, lanes=self.lanes)
         except NotCompilable as error:
             if self.wanted:
                 raise
@@ -159,6 +174,7 @@ class Execution:
                 if not self.silent and str(error) not in _told:
                     _told.add(str(error))
                     warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning)
+            return None
 
     def run(
         self,
@@ -174,10 +190,6 @@ class Execution:
         numbers : of all values in turn.
         """
         self.native.run(numbers, integers, arrays, columns, begin, end)  # type: ignore[union-attr]
-
-    def on_memory(self, block: bytes, buffers: Sequence[tuple[int, int]]) -> None:
-        """Run native code on one block that holds the addresses of these buffers."""
-        self.native.on_memory(block, buffers)  # type: ignore[union-attr]
 
 
 def numbers_of(*values: Any) -> bytes:

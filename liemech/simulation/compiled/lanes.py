@@ -66,6 +66,11 @@ class Lanes:
         )
         return made
 
+    def of_a_run(self) -> Lanes:
+        """These lanes for one run, with an Execution of its own."""
+        own: Lanes = like(self, stepping=self.stepping.of_a_run())
+        return own
+
     def of_body(self, i: int) -> Any:
         """The arguments of a driver for one body."""
         return *(x.values[i] if isinstance(x, Several) else x for x in self.arguments[:2]), *(self.arguments[2:])

@@ -169,14 +169,15 @@ class Shape:
 
     def of_system(self, system: System) -> Shape:
         """This shape for another system of the same layout."""
+        place = self.place  # before the lanes, which are there as soon as it is
         beginning = None if self._beginning is None else self._beginning.of(system)
         lanes = {key: one.of_system(system) for key, one in [*self.lanes.items()]}
         other: Shape = like(self, _beginning=beginning, lanes=lanes)
-        other.place = None if self.place is None else self.place.of_system(other)
+        other.place = None if place is None else place.of_system(other)
         return other
 
     def lanes_of(self, steps: Steps, control: Any, extra: Any, side: int) -> Lanes:
-        """The code that makes steps."""
+        """The code that makes steps, for one run."""
         key = control, side
         found = self.lanes.get(key)
         if found is None:
@@ -184,12 +185,10 @@ class Shape:
                 steps.way, steps.system, control, self.layout, self.example, extra,
                 steps.compiled, steps.progress, side,
             )  # fmt: skip
-        else:
-            found.stepping.refresh()
-        return found
+        return found.of_a_run()
 
     def beginning(self, steps: Steps, lanes: Lanes) -> Execution:
-        """The cached Execution of the driver `begin`."""
+        """The Execution of the driver `begin`, which all runs have in common."""
         if self._beginning is None:
             wanted = steps.compiled if self.side > 1 or steps.compiled is False else None
             call = begin, *self.beginner(lanes.arguments), *[COLUMNS] * 4, None

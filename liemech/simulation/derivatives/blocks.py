@@ -15,11 +15,10 @@ from ...integrators.ending_at_jumps import EndingAtJumps
 from ...integrators.method import Method
 from ..compiled.control import ASKED, LAST_TIME, LIMIT, MARK, ORIGIN, STEP, STRAIGHT, TAKEN, TIME, begun
 from ..compiled.driver import advance, begin
-from ..compiled.execution import COLUMNS, Execution
+from ..compiled.execution import COLUMNS, Execution, like
 from ..compiled.lanes import Lanes
 from ..compiled.prepared import Steps
 from .tangent import LEVEL, StepsOfARun, WithStep, dual_of
-from .varied import Varied
 
 PLAIN = 2**9
 """Steps of all blocks together that plain Python may make: they take it half a second."""
@@ -31,12 +30,14 @@ WORTH = 2**13
 class Blocks:
     """The code that takes states with derivatives through blocks of steps.
 
-    way : of the steps.  systems, methods : in numbers that carry derivatives, along `side` directions each.
-    start : a state of one body.
+    way : of the steps.  directions : with systems and methods in numbers that carry derivatives, along `side`
+    directions each.  start : a state of one body.
     """
 
-    def __init__(self, way: Steps, systems: Varied, methods: Varied, start: Any) -> None:
+    def __init__(self, way: Steps, directions: Any, start: Any) -> None:
+        systems, methods = directions.systems, directions.methods
         self.way, self.systems, self.methods, self.t0 = way, systems, methods, 0.0
+        self.directions = directions
         still = Vec(*[0.0] * systems.side)
         dual = dual_of(start, still=still)
         # without what rounding took, which changes a derivative by as little
@@ -64,21 +65,21 @@ class Blocks:
             call = begin, *things, *self.beginner, *[COLUMNS] * 4, None
             self.beginning = Execution(way.compiled, way.progress, *call, lanes=self.side, silent=True)
 
-    def begin(self, t0: float, work: int, else_shorter: bool) -> None:
-        """For another run, whose step 0 is at t0; formulas count as they are now.  work : steps of all
+    def of_a_run(self, t0: float, work: int, else_shorter: bool) -> Blocks:
+        """A copy for one run, whose step 0 is at t0; formulas count as they are now.  work : steps of all
         blocks and directions.  else_shorter : is there a shorter code?  Raises NotCompilable where that is
         to be taken.
         """
-        self.t0 = t0
-        stepping = self.lanes.stepping
+        own: Blocks = like(self, t0=t0, lanes=self.lanes.of_a_run())
+        stepping = own.lanes.stepping
         stepping.silent = else_shorter
-        stepping.refresh()
         if work > PLAIN:
             stepping.compile()
         if else_shorter and stepping.wanted is False and stepping.asked is not False:
             raise NotCompilable("Plan.gradient: too long with several directions in a number")
         if self.order is None:
-            self.beginning.used(self.way.compiled)
+            own.beginning = like(self.beginning, native=self.beginning.used(self.way.compiled))
+        return own
 
     def run(
         self, starts: np.ndarray, body: np.ndarray, first: np.ndarray, last: np.ndarray,

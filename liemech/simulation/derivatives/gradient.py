@@ -368,23 +368,24 @@ class Prepared:
 
     def blocks_of(self, way: Steps, forward: Forward, work: int) -> Blocks:
         """The code for the blocks of a run.  work : steps of all blocks and directions."""
-        several = self.directions.side > 1
+        blocks = self.blocks or self._blocks(self.directions, way, forward)
+        several = blocks.directions.side > 1
         try:
-            self.blocks = self.blocks or self._blocks(way, forward)
-            self.blocks.begin(forward.t0, work, several)
+            own = blocks.of_a_run(forward.t0, work, several)
         except NotCompilable:
             if not several:
                 raise
             # direction by direction the code is shorter
             self.directions = Directions(*self.given, 1)
-            self.blocks = self._blocks(way, forward)
-            self.blocks.begin(forward.t0, work, False)
-        return self.blocks
+            blocks = self._blocks(self.directions, way, forward)
+            own = blocks.of_a_run(forward.t0, work, False)
+        self.blocks = blocks
+        return own
 
-    def _blocks(self, way: Steps, forward: Forward) -> Blocks:
-        directions = self.directions
+    @staticmethod
+    def _blocks(directions: Directions, way: Steps, forward: Forward) -> Blocks:
         given = dataclasses.replace(way, system=directions.systems.example, method=directions.raw[0], shapes={})
-        return Blocks(given, directions.systems, directions.methods, forward.example)
+        return Blocks(given, directions, forward.example)
 
 
 def prepared(plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool) -> Prepared:
@@ -412,7 +413,7 @@ class Backward:
         self.bodies, self.count = bodies, count
         work = int(forward.edges[-1]) * bodies * count
         self.blocks = known.blocks_of(way, forward, work)
-        directions = self.directions = known.directions
+        directions = self.directions = self.blocks.directions
         self.side = directions.side
         self.groups = -(-(count + directions.count) // self.side)
         self.lanes_of_block = bodies * self.groups

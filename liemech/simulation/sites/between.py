@@ -139,10 +139,10 @@ class SitesDense(BetweenEnds):
         """On the way of the step, as for `t_eval`."""
         memory, shape = self.memory[k : k + 2], self.shape
         sites = Planes(rows_of(memory.reshape(-1, self.sites)), self.sites)
-        found = []
+        looking, found = shape.looking.of_a_run(), []
         for t in times.tolist():
             begun, end = self.t[k : k + 2].tolist()
-            seen, failures, _ = shape.look(shape.site, begun, t, end, sites, 1)
+            seen, failures, _ = shape.look(looking, shape.site, begun, t, end, sites, 1)
             if failures is not None:
                 error = failures[-1] if failures else NotFinite("a state is not finite")
                 raise failure(error, "dense output", f"between two steps, t = {t:g}")

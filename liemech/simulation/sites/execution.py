@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from ...compiler import kernel
 from ...compiler.site_calls import SiteCalls
 from ...formulas.sites import EIGHT
-from ..compiled.execution import Execution
+from ..compiled.execution import Execution, like
 
 WORTH = 100
 """Steps of single sites that are worth native code: one takes plain Python some milliseconds."""
@@ -20,28 +22,47 @@ class SiteExecution(Execution):
     """How runs execute one driver: in native code as soon as there is much to do, because plain
     Python would take long to come to the end of a single step.
 
-    most : sites that run side by side, at most.
+    most : sites that run side by side, at most.  idle : what nobody uses at present, by the number of sites and
+    of workers.
     """
 
     def __init__(self, wanted: bool | None, progress: bool | None, *call: Any, most: int = EIGHT) -> None:
         native = wanted is not False and kernel.available() is None
         lanes = min(most, kernel.width()) if native else 1
         super().__init__(wanted, progress, *call, lanes=lanes)
-        self.calls: dict[tuple[int, int], SiteCalls] = {}
+        self.idle: dict[tuple[int, int], list[SiteCalls]] = {}
 
-    def ready_for(self, work: int) -> bool:
-        """Is there native code, for so many steps of single sites?  Raises NotCompilable."""
-        if self.native is None and self.asked is not False and kernel.available() is None:
-            self.native = kernel.stored(*self.call, lanes=self.lanes)
-            if self.native is None and work >= WORTH:
-                self.wanted = True  # or the reason why not
-                self.compile()
-        return self.native is not None
+    def _code_for(self, work: int) -> kernel.Kernel | None:
+        """The native code for so many steps of single sites; None for plain Python.  Raises NotCompilable."""
+        native = self.native
+        if native is None and self.asked is not False and kernel.available() is None:
+            native = kernel.stored(*self.call, lanes=self.lanes)
+            if native is None and work >= WORTH:
+                demanded = like(self, wanted=True)
+                demanded.compile()  # or the reason why not
+                native = demanded.native
+            self.native = native
+        return native
 
-    def on_sites(self, count: int, workers: int = 1) -> SiteCalls:
-        """The native code for so many sites."""
-        native: Any = self.native
-        known = self.calls.get((count, workers))
-        if known is None or known.kernel is not native:
-            known = self.calls[count, workers] = SiteCalls(native, count, workers)
-        return known
+    @contextmanager
+    def on_sites(self, work: int, count: int, workers: int = 1) -> Iterator[SiteCalls | None]:
+        """The native code for so many sites, lent to one user at a time, as its scratch memory is; None for
+        plain Python.  Raises NotCompilable.
+
+        work : steps of single sites.
+        """
+        native = self._code_for(work)
+        if native is None:
+            yield None
+            return
+        idle = self.idle.setdefault((count, workers), [])
+        try:
+            calls = idle.pop()  # one thread gets it, as `pop` is not interrupted
+        except IndexError:
+            calls = SiteCalls(native, count, workers)
+        if calls.kernel is not native:
+            calls = SiteCalls(native, count, workers)
+        try:
+            yield calls
+        finally:
+            idle.append(calls)

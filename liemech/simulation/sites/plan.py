@@ -81,8 +81,6 @@ class SitesOfPlan:
         key = layout_of(first), curves
         if key not in self.known:
             self.known[key] = Prepared(self.plan, self.site, first, starts, curves, level)
-        else:
-            self.known[key].refresh()
         return self.known[key]
 
     def started(self, plan: Any, start: Any) -> Any:

@@ -90,12 +90,6 @@ class Prepared:
             planes, none, None, most=self.most,
         )  # fmt: skip
 
-    def refresh(self) -> None:
-        """For another run: native code that says what the formulas say now."""
-        for one in (*vars(self).values(), getattr(self.turning, "execution", None)):
-            if isinstance(one, SiteExecution):
-                one.refresh()
-
     @functools.cached_property
     def stepping(self) -> SiteExecution:
         """Who runs the driver of steps."""
@@ -117,27 +111,26 @@ class Prepared:
         )  # fmt: skip
 
     def look(
-        self, site: Any, begun: float, at: float, end: float, sites: Planes, here: int, workers: int = 1,
+        self, looking: SiteExecution, site: Any, begun: float, at: float, end: float, sites: Planes, here: int, workers: int = 1,
         totals: Any = None, values: Any = None,
     ) -> tuple[Planes, list[Any] | None, int]:  # fmt: skip
         """The states of all sites inside of the last step, and if they are not found the failures, else None,
         and the first of the sites among which one failed.
 
-        here : which copy of the memory has the end of the step.  totals, values : to be filled.
+        looking : who looks, for this run.  here : which copy of the memory has the end of the step.  totals, values : to be filled.
         """
-        looking, seen = self.looking, Planes.of_rows(self.state.width, sites.count)
+        seen = Planes.of_rows(self.state.width, sites.count)
         done, place = np.zeros((1, 1)), np.zeros((2, 1))
         place.view(np.int64)[0, 0] = here
         totals = np.zeros(max(1, self.shown.totals.width)) if totals is None else totals
         values = np.zeros(1) if values is None else values
         failures, notes = [], 0  # type: list[Any], int
         given: Any = self.way, site, *self.looker[2:], begun, at, end, sites, seen
-        if looking.ready_for(LONG * sites.count):
-            calls = looking.on_sites(sites.count, workers)
-            calls(*given, kernel.Shared(totals), kernel.Shared(values), place, done, None)
-            notes = calls.notes
-        else:
-            with looking.plain():
+        with looking.on_sites(LONG * sites.count, sites.count, workers) as calls:
+            if calls is not None:
+                calls(*given, kernel.Shared(totals), kernel.Shared(values), place, done, None)
+                notes = calls.notes
+            else:
                 columns = totals, values, place.ravel(), done.reshape(-1)
                 driver: Any = look_inside
                 driver(*given, *columns, failures)

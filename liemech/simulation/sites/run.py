@@ -56,7 +56,7 @@ from .driver import (
     one_step,
 )
 from .events import Sightings
-from .execution import LONG
+from .execution import LONG, SiteExecution
 from .lists import STEP as SHORT
 from .lists import Lists
 from .states import as_users_see, by_site, first_of, site_rows, state_of_rows
@@ -94,6 +94,7 @@ class SiteRun(Course):
     ended: int | None = None  # by which event
     level: float | None = None  # of the derivative that numbers carry along
     dense = False  # is the way of all adaptive steps kept?
+    overflowed: int | None = None  # the first site with numbers that are not finite, of a step that failed
 
     def __init__(
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
@@ -139,6 +140,7 @@ class SiteRun(Course):
         self.made = 0  # samples
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
+        self.executions: dict[SiteExecution, SiteExecution] = {}
         if fresh:
             self._begin()
         else:
@@ -197,12 +199,13 @@ class SiteRun(Course):
         beginner = shape.method, self.site, shape.given, shape.started
         arguments = *beginner, shape.memory, self.h, self.starts, self.sites, done
         notes = 0
-        if shape.beginning.ready_for(self.count * min(LONG, max(1, self.steps))):
-            calls = shape.beginning.on_sites(self.count, self.workers)
-            calls(*arguments, None)
-            notes = calls.notes
-        else:
-            begin_sites(*arguments, failures)
+        work = self.count * min(LONG, max(1, self.steps))
+        with self.executing(shape.beginning).on_sites(work, self.count, self.workers) as calls:
+            if calls is not None:
+                calls(*arguments, None)
+                notes = calls.notes
+            else:
+                begin_sites(*arguments, failures)
         if not done[0]:
             given = *beginner, shape.memory, self.h, self.starts, self.sites
             error = self._why(failures, notes, lambda i: one_site(self.count, i, one_start, *given))
@@ -223,6 +226,12 @@ class SiteRun(Course):
                 clock[[TAKEN, REJECTED, MARK]] = 0.0
                 if clock[STEP] * (self.t_end - self.begun) < 0.0:
                     clock[STEP] = -clock[STEP]
+
+    def executing(self, execution: SiteExecution) -> SiteExecution:
+        """Who runs a driver for this run, of whoever does so for all runs: formulas count as they were then."""
+        if execution not in self.executions:
+            self.executions[execution] = execution.of_a_run()
+        return self.executions[execution]
 
     # ---------------------------------------------------------------- steps
 
@@ -323,7 +332,7 @@ class SiteRun(Course):
 
     def _call(self, turns: int) -> None:
         """Some more steps, up to where something is to be looked at."""
-        shape, stepping, made = self.shape, self.shape.stepping, self.made
+        shape, stepping, made = self.shape, self.executing(self.shape.stepping), self.made
         seen = self.seen
         totals = np.zeros((len(self.times) - made + 1, self.totals.shape[1]))
         times = np.append(self.times[made : made + self.room], np.nan)
@@ -342,16 +351,15 @@ class SiteRun(Course):
             self.failures = []
         self.notes, self.march[0] = 0, 0.0
         try:
-            if stepping.ready_for(self.count * max(1, left)):
-                self.compiled = self.compiled or left > 0
-                calls = stepping.on_sites(self.count, self.workers)
-                try:
+            with stepping.on_sites(self.count * max(1, left), self.count, self.workers) as calls:
+                if calls is not None:
+                    self.compiled = self.compiled or left > 0
                     one, two = (map(kernel.Shared, x) for x in (shared, told))
                     calls(*arguments, *one, *arrays, *two, None)
-                finally:
                     self.notes = calls.notes
-            else:
-                with stepping.plain():
+                    if not self.adaptive and self.clocks[MARK, 0] != 0.0:
+                        self.overflowed = calls.overflowed()
+                else:
                     columns = [x.reshape(-1) for x in (*shared, *arrays, *told)]
                     driver: Any = advance_sites
                     driver(*arguments, *columns, self.failures)
@@ -467,7 +475,7 @@ class SiteRun(Course):
             rows = shape.shown_rows(self._memory)
             return rows, self.look[: self.totals.shape[1]], self.values[1]
         values = np.zeros_like(self.values[0])
-        given = self.site, begun, at, end, self.sites, self._copy, self.workers
+        given = self.executing(shape.looking), self.site, begun, at, end, self.sites, self._copy, self.workers
         seen, failures, notes = shape.look(*given, totals, values)
         if failures is not None:
             more: Any = begun, at, end, self.sites, self._copy, shape.memory, shape.inner.shown
@@ -570,10 +578,8 @@ class SiteRun(Course):
 
     def _overflowed(self, error: Any) -> Any:
         """The error, with the first site whose numbers overflowed, where all sites failed together."""
-        calls = self.shape.stepping.on_sites(self.count, self.workers) if self.compiled else None
-        site = None if calls is None else calls.overflowed()
-        if site is not None and isinstance(error, NoConvergence) and not hasattr(error, "site"):
-            error.site = site  # type: ignore[attr-defined]
+        if self.overflowed is not None and isinstance(error, NoConvergence) and not hasattr(error, "site"):
+            error.site = self.overflowed  # type: ignore[attr-defined]
         return error
 
     def _origin(self, error: Any, t: float) -> Any:

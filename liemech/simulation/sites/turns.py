@@ -459,15 +459,15 @@ class TurnsRun(SiteRun):
 
     def _make(self, arguments: Any, clock: np.ndarray) -> None:
         """Run the driver."""
-        execution = self.shape.turning.execution
+        execution = self.executing(self.shape.turning.execution)
         left = self.first + self.steps - self.taken
-        if execution.ready_for(self.count * max(1, left)):
-            self.compiled = True
-            calls = execution.on_sites(arguments[-1].count, self.workers)
-            calls(*arguments, kernel.Shared(clock))
-        else:
-            driver: Any = advance_turns
-            driver(*arguments, clock)
+        with execution.on_sites(self.count * max(1, left), arguments[-1].count, self.workers) as calls:
+            if calls is not None:
+                self.compiled = True
+                calls(*arguments, kernel.Shared(clock))
+            else:
+                driver: Any = advance_turns
+                driver(*arguments, clock)
 
     def _turned(self, turns: int, samples: int, shown: int) -> np.ndarray:
         """The states of all sites after so many steps each, (samples, width, places); if they are not

@@ -100,9 +100,7 @@ class BackwardRun:
         key = "backward", layout_of(self.way)
         if key not in sites.known:
             sites.known[key] = self._executions()
-        self.forward, self.backward = sites.known[key]
-        for execution in sites.known[key]:
-            execution.refresh()
+        self.forward, self.backward = [execution.of_a_run() for execution in sites.known[key]]
 
     # ---------------------------------------------------------------- what it is made of
 
@@ -325,11 +323,11 @@ class BackwardRun:
             site = self.lists.at(unpacked(self.way.state, rows.T)["g"])
             self.way = with_fields(self.way, system=site, free=self._released(site))
         done, failures = np.zeros(1), []  # type: Any, list[Any]
-        if self.forward.ready_for(self.count * count):
-            calls = self.forward.on_sites(self.count, self.plan.options.workers)
-            calls(self.way, count, kernel.Shared(parts), self.states, done, None)
-        else:
-            forward_parts(self.way, count, parts.ravel(), self.states, done, failures)
+        with self.forward.on_sites(self.count * count, self.count, self.plan.options.workers) as calls:
+            if calls is not None:
+                calls(self.way, count, kernel.Shared(parts), self.states, done, None)
+            else:
+                forward_parts(self.way, count, parts.ravel(), self.states, done, failures)
         if done[0] != count:
             raise IntegrationFailure(
                 f"Plan.tangent: the step at t = {parts[int(done[0]), 1]:g} could not be made again"
@@ -363,11 +361,11 @@ class BackwardRun:
         for column, many in zip((4, 5), asked):
             parts[:, column] = np.cumsum(many) - many
         arguments = states, self.felt, given, self.momenta, self.elements
-        if self.backward.ready_for(self.count * count):
-            calls = self.backward.on_sites(self.count, self.plan.options.workers)
-            calls(way, count, kernel.Shared(parts), *arguments)
-        else:
-            backward_parts(way, count, parts.ravel(), *arguments)
+        with self.backward.on_sites(self.count * count, self.count, self.plan.options.workers) as calls:
+            if calls is not None:
+                calls(way, count, kernel.Shared(parts), *arguments)
+            else:
+                backward_parts(way, count, parts.ravel(), *arguments)
         for part in self.parts:
             in_momenta = part.edges.in_momenta
             used = self.momenta if in_momenta else self.elements

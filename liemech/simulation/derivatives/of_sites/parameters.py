@@ -224,10 +224,9 @@ class OfPart:
     def add(self, count: int, used: Planes) -> None:
         """Those of what was asked so often."""
         given = self.edges, self.asked, self.total, count, used, self.sums
-        if self.execution.ready_for(self.count * count):
-            self.execution.on_sites(self.count)(*given)
-        else:
-            edges_back(*given)
+        with self.execution.on_sites(self.count * count, self.count) as calls:
+            driver: Any = edges_back if calls is None else calls
+            driver(*given)
 
     @property
     def found(self) -> dict[str, np.ndarray]:
