@@ -107,6 +107,11 @@ def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:
         "potential": (Potential, PotentialsOfBodies, "an `energy(g)`"),
         "load": (Force, ForcesOfBodies, "a `covector(t, xi, g)`"),
     }[name]
+    if isinstance(given, many):
+        for body in given.bodies:
+            number(body)
+        if len(given.bodies) != len(given.each):
+            raise InvalidInput(f"Linkage: {name} names {len(given.bodies)} bodies for {len(given.each)} of it")
     if given is None or isinstance(given, kind):
         return given
     if not isinstance(given, Mapping):

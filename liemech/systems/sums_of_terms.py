@@ -58,6 +58,23 @@ class OfTerms(Record):
     species: Species | None = None
     pinned: tuple[int, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for sites that are not there, and for terms and parameters of other sites."""
+        super().__post_init__()
+        name, group, species = type(self).__name__, self.group, self.species
+        for what, numbers in (("held", self.held), ("pinned", self.pinned)):
+            for i in numbers:
+                if not (type(i) is int and 0 <= i < group.copies):
+                    raise InvalidInput(f"{name}: {what} names site {i!r}; they are 0 to {group.copies - 1}")
+        for own, value in zip(self.names, self.own, strict=True):
+            if isinstance(value, Each) and len(value) != group.copies:
+                raise InvalidInput(f"{name}: {own} has {len(value)} values for {group.copies} sites")
+        for part in self.parts:
+            part.require_on(group)
+        own_species = Species.of(group, species.names) if species and isinstance(group, SpeciesGroup) else None
+        if species != own_species or (species is None) == isinstance(group, SpeciesGroup):
+            raise InvalidInput(f"{name}: {species!r} are not the species of {group!r}")
+
     def __repr__(self) -> str:
         own = [f"{name}={value!r}" for name, value in zip(self.names, self.own)]
         rest = [("held", self.held), ("pinned", self.pinned)]

@@ -33,7 +33,7 @@ from ..sites.between import SitesDense
 from ..sites.states import kind_of
 from ..stopped import Stopped
 from .arrays import read, write
-from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
+from .encoding import LARGEST, LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
 
 FORMAT = 4
 READ = 2, 3, 4
@@ -211,7 +211,8 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
                 FileWarning,
             )
         pool = {name: arrays.pop(name) for name in [*arrays] if name.startswith(POOL)}
-        decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool)
+        numbers = sum([x.size for x in [*arrays.values(), *pool.values()]])
+        decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool, max(LARGEST, numbers))
         found = _run_of(arrays, about, decode) | {"written": about.get("written")}
         if differs:
             warn(
