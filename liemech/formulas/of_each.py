@@ -28,7 +28,7 @@ class Each(Record, OfEach):
     def __post_init__(self) -> None:
         """Raises InvalidInput unless the table is as long as values of this shape: native code does not look."""
         super().__post_init__()
-        whole = all([type(n) is int and n > 0 for n in self.shape])
+        whole = all(type(n) is int and n > 0 for n in self.shape)
         if not (isinstance(self.numbers, Table) and len(self.shape) < 3 and whole and len(self.numbers)):
             raise InvalidInput(f"each: values of shape {self.shape} are none; make it by `each`")
         if len(self.numbers) % math.prod(self.shape):

@@ -57,7 +57,9 @@ class BoundTerm(Record):
         if isinstance(graph, Among) and isinstance(group, SpeciesGroup):
             graph = Among.on_species(name, graph.graph, graph.of, group)
         if graph != self.graph or graph.sites != group.copies:
-            raise InvalidInput(f"{name}: {self.graph!r} is on {self.graph.sites} sites, and {group!r} has {group.copies}")
+            raise InvalidInput(
+                f"{name}: {self.graph!r} is on {self.graph.sites} sites, and {group!r} has {group.copies}"
+            )
 
     def __repr__(self) -> str:
         if not isinstance(self.graph, Among):

@@ -563,7 +563,7 @@ class Within(AllPairs):
             )
         if self.box is None:
             return
-        if not len(self.box) or not all([0.0 < length < np.inf for length in self.box]):
+        if not len(self.box) or not all(0.0 < length < np.inf for length in self.box):
             raise InvalidInput(f"{name}: box is the lengths of a box, positive; got {self.box!r}")
         if far > 0.5 * min(self.box):
             raise InvalidInput(

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
-from ...formulas.pytree import layout_of
+from ...formulas.pytree import inside, layout_of
 from ...integrators.ending_at_jumps import ending_at_jumps
 from ...integrators.method import Method
+from ...models.link import LinkShape
 from ...systems.canonical import CanonicalState
 from ...systems.lie_poisson import BodyState
 from ...systems.poisson import PoissonState
@@ -26,7 +27,7 @@ from ..between.dense import DenseOutput, DenseOutputs
 from ..between.events import Met
 from ..carry import Carry, SiteCarry
 from ..compiled.control import CLOCK
-from ..compiled.systems import Methods, OfBodies, Systems, of_body
+from ..compiled.systems import Methods, OfBodies, Systems, each_of, of_body
 from ..fictive_time.arrival import FictiveMotion
 from ..origin import FictiveCarry, Origin
 from ..sites.between import SitesDense
@@ -214,6 +215,13 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
         numbers = sum([x.size for x in [*arrays.values(), *pool.values()]])
         decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool, max(LARGEST, numbers))
         found = _run_of(arrays, about, decode) | {"written": about.get("written")}
+        outside = [] if trusted else meshes_outside(found["system"], path)
+        if outside:
+            warn(
+                f"{path}: its bodies are shown by files outside of its folder, {', '.join(outside)}: a picture "
+                "of it holds what they hold; if you know them, load it with trusted=True",
+                FileWarning,
+            )
         if differs:
             warn(
                 f"{path}: was written elsewhere: {differs}; the samples are as they were, what is "
@@ -229,6 +237,14 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
             raise
         told = f"{error}".partition("\n")[0] or type(error).__name__
         raise InvalidInput(f"{path}: is damaged or was not written by Trajectory.save: {told}") from error
+
+
+def meshes_outside(system: Any, path: Path) -> list[str]:
+    """The mesh files that show the bodies of systems and do not lie in the folder of a saved run."""
+    folder = path.resolve().parent
+    shapes = [shape for one in each_of(system) for shape in inside(one, LinkShape)]
+    names = sorted({shape.file for shape in shapes if shape.file is not None})
+    return [name for name in names if not Path(name).resolve().is_relative_to(folder)]
 
 
 def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> dict[str, Any]:

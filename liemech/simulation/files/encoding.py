@@ -25,11 +25,14 @@ from ...formulas.complex_numbers import Complex
 from ...formulas.fields import FrozenDict
 from ...formulas.frozen import frozen
 from ...formulas.large import Large
+from ...formulas.of_each import Each
 from ...formulas.pytree import build, gatherer, layout_of
 from ...formulas.records import known, refilled
+from ...formulas.sites import SiteArray, SiteTable
 from ...formulas.tables import Table
 from ...formulas.vectors import Mat, Vec
 from ...groups.matrix_group import MatrixLieGroup
+from ...systems.tabulated import PiecewisePolynomial
 from .fingerprints import changed, fingerprint
 
 LIBRARY = __name__.partition(".")[0]
@@ -39,6 +42,8 @@ NUMBERS = "biufc"
 """Kinds of NumPy's types that are numbers."""
 INLINE = 16
 """Longer arrays and tables are not written into the text."""
+OF_TABLES = PiecewisePolynomial, SiteTable, SiteArray, Each
+"""Classes of the library whose tables come from files: they compare them with their numbers."""
 LARGEST = 10**6
 """Sizes that a file may ask for that holds fewer numbers: those of its systems would fill the memory."""
 
@@ -274,6 +279,8 @@ class Decoder:
         if issubclass(cls, Record):
             if cls.__module__.partition(".")[0] == LIBRARY:
                 require_sizes(self.where, cls, fields, self.largest)
+                if not issubclass(cls, OF_TABLES) and any(isinstance(x, Table) for x in fields.values()):
+                    raise InvalidInput(f"{self.where}: {cls.__qualname__} is made for a run, and no part of files")
             return refilled(cls, fields)
         made = object.__new__(cls)
         for name, x in fields.items():
