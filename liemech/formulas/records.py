@@ -122,34 +122,43 @@ def require_as_made(record: Any) -> None:
     in the new one: native code takes loops and places in memory from them.  Other numbers keep their bits.
     """
     cls = type(record)
-    if not _makes_itself(cls):
+    taken = _taken(cls)
+    if taken is None:
         return
-    fields: dict[str, Any] = {f.name: getattr(record, f.name) for f in dataclasses.fields(cls)}
-    made = cls(**{f.name: fields[f.name] for f in dataclasses.fields(cls) if f.init})
-    for name, value in fields.items():
-        other = getattr(made, name)
-        if not _alike(value, other):
+    made = cls(**{name: getattr(record, name) for name in taken})
+    for name in names_of(cls):
+        value, other = getattr(record, name), getattr(made, name)
+        if value is not other and not _alike(value, other):
             raise InvalidInput(f"{cls.__qualname__}: {name} is {value!r}, and by the other fields {other!r}")
 
 
 @functools.cache
-def _makes_itself(cls: Any) -> bool:
-    """Has a class of records checks or fields of its own making, and an `__init__` that takes its fields?"""
-    taken = {f.name for f in dataclasses.fields(cls) if f.init}
-    if cls.__post_init__ is Record.__post_init__ and len(taken) == len(dataclasses.fields(cls)):
-        return False
+def _taken(cls: Any) -> tuple[str, ...] | None:
+    """The fields that the `__init__` of a class of records takes; None if it makes no fields and no checks of
+    its own, or takes other things.
+    """
+    taken = tuple([f.name for f in dataclasses.fields(cls) if f.init])
+    if cls.__post_init__ is Record.__post_init__ and len(taken) == len(names_of(cls)):
+        return None
     parameters = inspect.signature(cls.__init__).parameters.values()
-    return {x.name for x in parameters if x.kind not in (x.VAR_POSITIONAL, x.VAR_KEYWORD)} == {"self", *taken}
+    named = {x.name for x in parameters if x.kind not in (x.VAR_POSITIONAL, x.VAR_KEYWORD)}
+    return taken if named == {"self", *taken} else None
+
+
+@functools.cache
+def names_of(cls: Any) -> tuple[str, ...]:
+    """The names of the fields of a class of records."""
+    return tuple([f.name for f in dataclasses.fields(cls)])
 
 
 def _alike(one: Any, other: Any) -> bool:
     """Are two values equal but for real numbers?  Of tables their own classes know the sizes."""
     if type(one) is not type(other):
         return False
-    if isinstance(one, (float, complex, Table)):
+    if type(one) is float or isinstance(one, (complex, Table)):
         return True
     if isinstance(one, Record):
-        return all(_alike(getattr(one, f.name), getattr(other, f.name)) for f in dataclasses.fields(cast("Any", one)))
+        return all(_alike(getattr(one, name), getattr(other, name)) for name in names_of(type(one)))
     if isinstance(one, np.ndarray):
         return one.shape == other.shape and (one.dtype.kind in "fc" or np.array_equal(one, other))
     if isinstance(one, Large):
@@ -157,8 +166,12 @@ def _alike(one: Any, other: Any) -> bool:
     if isinstance(one, FrozenDict):
         return one.keys() == other.keys() and all(_alike(x, other[key]) for key, x in one.items())
     if isinstance(one, (Vec, Mat, tuple)):
-        return len(one) == len(other) and all(map(_alike, one, other))
+        alike = len(one) == len(other)
+        return alike and ({*map(type, one), *map(type, other)} == _FLOAT or all(map(_alike, one, other)))
     return bool(one == other)
+
+
+_FLOAT = {float}
 
 
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
