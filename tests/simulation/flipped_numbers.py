@@ -197,6 +197,7 @@ def used(run: Any, plan: lm.Plan, more: dict[str, Any]) -> Iterator[Callable[[],
     yield lambda: run.at(run.t[:2])
     yield lambda: run.energy
     yield lambda: run.drift()
+    yield lambda: lm.viewer.Scene(run)
     yield lambda: plan.replace(system=run.system, method=run.method).resume(run, **further)
     yield lambda: plan.replace(system=run.system, method=run.method).run(run.last, **further)
     yield lambda: plan.resume(run, **further)
@@ -238,7 +239,7 @@ def in_a_child(work: Callable[[], None], size: int = 0) -> tuple[str, str]:
 
 def faults(ways: Iterable[str]) -> set[str]:
     """Those ways to end that no number may lead to."""
-    return {way for way in ways if way == "memory" or way.startswith("signal")}
+    return {way for way in ways if way in ("memory", "BufferOverrun") or way.startswith("signal")}
 
 
 def out_of_memory(error: BaseException | None) -> bool:
@@ -252,21 +253,16 @@ def out_of_memory(error: BaseException | None) -> bool:
 
 def trial(path: Path, plan: lm.Plan, more: dict[str, Any]) -> None:
     """Read a file and go on with it."""
-    run = read_run(path)
-    for use in used(run, plan, more):
+    if path.suffix == ".pickle":
+        theirs, run = pickle.loads(path.read_bytes())
+    else:
+        theirs, run = plan, lm.Trajectory.load(path)
+    for use in (*used(run, plan, more), *(used(run, theirs, more) if theirs is not plan else ())):
         try:
             use()
-        except lm.errors.LiemechError as error:
-            if out_of_memory(error):
-                raise
         except Exception as error:
-            if out_of_memory(error):
+            if out_of_memory(error) or isinstance(error, lm.errors.BufferOverrun):
                 raise
-
-
-def read_run(path: Path) -> Any:
-    """The run of a saved file or of a pickle."""
-    return pickle.loads(path.read_bytes()) if path.suffix == ".pickle" else lm.Trajectory.load(path)
 
 
 def fuzz(kinds: list[str], cases: int, seed: int, folder: Path) -> Counter[str]:
@@ -279,7 +275,7 @@ def fuzz(kinds: list[str], cases: int, seed: int, folder: Path) -> Counter[str]:
         path = folder / f"{name}.npz"
         run.save(path)
         trial(path, plan, more)  # native code is there, and the process as large as it must be
-        data = pickle.dumps(run)
+        data = pickle.dumps((plan, run))
         (folder / "run.pickle").write_bytes(data)
         trial(folder / "run.pickle", plan, more)
         written[name] = plan, more, files.read(path), data

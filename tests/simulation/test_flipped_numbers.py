@@ -19,6 +19,7 @@ from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech.command_line.scene_file import scene_file
+from liemech.compiler import guard_words
 from liemech.errors import FileWarning, InvalidInput
 from liemech.formulas.sites import SiteArray, SiteTable
 from liemech.joints import BallJoint, Damper, Linkage, LinkShape, Spring, chain
@@ -230,8 +231,13 @@ def test_what_is_made_for_a_run_is_no_part_of_files(tmp_path: Path) -> None:
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="every trial is a process of its own, by os.fork")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("kinds", "cases", "seed"), [(("chain", "pairs"), 150, 1), slow(None, 10_000, 2)])
-def test_no_number_of_a_file_ends_the_process(kinds: Any, cases: int, seed: int, tmp_path: Path) -> None:
-    """Nor takes memory that it does not need: runs and pickles, read and gone on with natively."""
+def test_no_number_of_a_file_ends_the_process(
+    kinds: Any, cases: int, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor writes outside of its buffers, nor takes memory that it does not need: runs and pickles, read and gone
+    on with natively.
+    """
+    monkeypatch.setattr(guard_words, "ON", True)
     ended = fuzz([*(kinds or scenes())], cases, seed, tmp_path)
     assert not faults(ended), ended
     assert sum(ended.values()) == cases and ended["done"] > 0
@@ -240,8 +246,11 @@ def test_no_number_of_a_file_ends_the_process(kinds: Any, cases: int, seed: int,
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="every trial is a process of its own, by os.fork")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("cases", "seed"), [(100, 3), slow(2_000, 4)])
-def test_no_number_of_a_text_ends_the_process(cases: int, seed: int, tmp_path: Path) -> None:
+def test_no_number_of_a_text_ends_the_process(
+    cases: int, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Robots and scenes, read and moved."""
+    monkeypatch.setattr(guard_words, "ON", True)
     ended = fuzz_texts(cases, seed, tmp_path)
     assert not faults(ended), ended
     assert sum(ended.values()) == cases and ended["done"] > 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import importlib
+import math
 import os
 import platform
 import sys
@@ -16,6 +17,8 @@ import numpy as np
 
 from ...errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
 from ...formulas.pytree import inside, layout_of
+from ...groups.power import PowerGroup
+from ...groups.species import SpeciesGroup
 from ...integrators.ending_at_jumps import ending_at_jumps
 from ...integrators.method import Method
 from ...models.link import LinkShape
@@ -254,7 +257,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         raise InvalidInput(f"{decode.where}: {bodies!r} is no number of bodies")
     system = _laws_of(about["system"], System, Systems, bodies, decode)
     method = _laws_of(about["method"], Method, Methods, bodies, decode)
-    states = _states_of(arrays, about, bodies, decode)
+    states = _states_of(arrays, about, bodies, system, decode)
     origin = _origin_of(about, method, decode) if about.keys() & {"origin", "origins"} else None
     dense: Any = None
     if origin is not None and "dense.t" in arrays:
@@ -306,7 +309,7 @@ def _laws_of(told: Any, kind: type, of_each: Any, bodies: int | None, decode: De
 
 
 def _states_of(
-    arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder
+    arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, system: Any, decode: Decoder
 ) -> dict[str, np.ndarray]:
     """The samples, by the names of the parts of the state."""
     states = {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")}
@@ -318,6 +321,14 @@ def _states_of(
         if len(x) != len(arrays["t"]) or (bodies is not None and x.shape[1:2] != (bodies,)):
             raise InvalidInput(
                 f"{decode.where}: the samples of {name} have shape {x.shape}, the times {arrays['t'].shape}"
+            )
+    first = of_body(system, 0)
+    group = getattr(first, "configurations", getattr(first, "group", None))
+    if "mu" in states and "mu" not in about.get("observed", ()) and isinstance(group, (PowerGroup, SpeciesGroup)):
+        shape = states["mu"].shape[1 if bodies is None else 2 :]
+        if math.prod(shape) != group.dim:
+            raise InvalidInput(
+                f"{decode.where}: its momenta have shape {shape}, and those of {group!r} {group.dim} numbers"
             )
     return {name: states[name] for name in parts}
 
