@@ -168,7 +168,7 @@ def _alike(one: Any, other: Any) -> bool:
     if isinstance(one, (Vec, Mat, tuple)):
         alike = len(one) == len(other)
         return alike and ({*map(type, one), *map(type, other)} == _FLOAT or all(map(_alike, one, other)))
-    return bool(one == other)
+    return not isinstance(one, (int, np.integer, str, bytes, frozenset, type)) or bool(one == other)
 
 
 _FLOAT = {float}

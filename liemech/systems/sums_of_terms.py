@@ -416,9 +416,17 @@ class DrivenTerms(DrivenHamiltonian):
 # ------------------------------------------------------------------ what is wrong with terms
 
 
+def _terms_on(name: str, group: LieGroup, energy: Any) -> Any:
+    """An energy as `Terms`, if it can be.  Raises InvalidInput for terms that were made for other sites."""
+    for one in inside(energy, OfTerms):
+        if one.group.copies != getattr(group, "copies", None):
+            raise InvalidInput(f"{name}: {one!r} is of {one.group.copies} sites, and the group is {group!r}")
+    return as_terms(energy)
+
+
 def hamiltonian_of(name: str, group: LieGroup, energy: Any) -> Any:
     """The Hamiltonian that terms are on a group; anything else as it is."""
-    energy = as_terms(energy)
+    energy = _terms_on(name, group, energy)
     if not isinstance(energy, Terms):
         return energy
     made = _made(MomentumTerms, name, group, energy)
@@ -434,13 +442,13 @@ def hamiltonian_of(name: str, group: LieGroup, energy: Any) -> Any:
 
 def driven_of(name: str, group: LieGroup, energy: Any) -> Any:
     """The driven Hamiltonian that terms are on a group; anything else as it is."""
-    energy = as_terms(energy)
+    energy = _terms_on(name, group, energy)
     return DrivenTerms(_made(MomentumTerms, name, group, energy)) if isinstance(energy, Terms) else energy
 
 
 def potential_of(name: str, group: LieGroup, energy: Any) -> Any:
     """The potential that terms are on a group; anything else as it is."""
-    energy = as_terms(energy)
+    energy = _terms_on(name, group, energy)
     if not isinstance(energy, Terms):
         return energy
     made = _made(PlaceTerms, name, group, energy)
@@ -455,7 +463,7 @@ def potential_of(name: str, group: LieGroup, energy: Any) -> Any:
 
 def load_of(name: str, group: LieGroup, load: Any) -> Any:
     """The load that terms are on a group; anything else as it is."""
-    load = as_terms(load)
+    load = _terms_on(name, group, load)
     return _made(ForceTerms, name, group, load) if isinstance(load, Terms) else load
 
 

@@ -351,23 +351,23 @@ steps = 10
 )
 
 
-def read_text(path: Path) -> None:
+def read_text(path: Path, compiled: bool) -> None:
     """Read a robot or a scene, and let it move."""
     if path.suffix == ".urdf":
         robot = lm.joints.Linkage.from_urdf(path, stops=1.0, armature=0.1)
-        lm.integrate(robot, lm.LieRATTLE(), robot.state(angles={}), h=1e-3, steps=2, compiled=True)
+        lm.integrate(robot, lm.LieRATTLE(), robot.state(angles={}), h=1e-3, steps=2, compiled=compiled)
     else:
         scene = scene_file(path)
-        lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=2, compiled=True)
+        lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=2, compiled=compiled)
 
 
-def fuzz_texts(cases: int, seed: int, folder: Path) -> Counter[str]:
+def fuzz_texts(cases: int, seed: int, folder: Path, compiled: bool) -> Counter[str]:
     """How many robots and scenes with other numbers ended in which way."""
     rng, ended = random.Random(seed), Counter[str]()
     files_of = [(folder / "robot.urdf", ROBOT), *[(folder / f"scene{i}.toml", text) for i, text in enumerate(TEXTS)]]
     for path, text in files_of:
         path.write_text(text)
-        read_text(path)
+        read_text(path, compiled)
     for case in range(cases):
         path, text = rng.choice(files_of)
         for _ in range(rng.choice((1, 1, 2))):
@@ -375,7 +375,7 @@ def fuzz_texts(cases: int, seed: int, folder: Path) -> Counter[str]:
             x: Any = float(found[0]) if "." in found[0] else int(found[0])
             text = text[: found.start()] + str(other(x, rng)) + text[found.end() :]
         path.write_text(text)
-        way, told = in_a_child(lambda path=path: read_text(path))
+        way, told = in_a_child(lambda path=path: read_text(path, compiled))
         ended[way] += 1
         if faults([way]):
             (folder / f"fault {way} {seed} {case}{path.suffix}").write_text(text)
