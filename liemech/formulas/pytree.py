@@ -26,7 +26,8 @@ from .fields import FrozenDict
 from .frozen import frozen
 from .large import Large, from_numbers, size_of
 from .numbers import StandIn
-from .records import Record, names_of
+from .records import Record
+from .records import names_of as names_of
 from .tables import Table
 from .vectors import Mat, Vec
 

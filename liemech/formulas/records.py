@@ -121,7 +121,7 @@ def require_as_made(record: Any) -> None:
     Raises InvalidInput unless whole numbers, truth values, names, shapes and classes in its fields are as
     in the new one: native code takes loops and places in memory from them.  Other numbers keep their bits.
     """
-    cls = type(record)
+    cls: Any = type(record)
     taken = _taken(cls)
     if taken is None:
         return
@@ -158,7 +158,8 @@ def _alike(one: Any, other: Any) -> bool:
     if type(one) is float or isinstance(one, (complex, Table)):
         return True
     if isinstance(one, Record):
-        return all(_alike(getattr(one, name), getattr(other, name)) for name in names_of(type(one)))
+        cls: Any = type(one)
+        return all(_alike(getattr(one, name), getattr(other, name)) for name in names_of(cls))
     if isinstance(one, np.ndarray):
         return one.shape == other.shape and (one.dtype.kind in "fc" or np.array_equal(one, other))
     if isinstance(one, Large):

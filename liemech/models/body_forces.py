@@ -103,7 +103,7 @@ def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:
     """potential or load of a linkage: one of all bodies as it is, or those of single bodies, by
     their names or numbers.  Raises InvalidType, InvalidInput.
     """
-    kind, many, words = {
+    kind, many, words = {  # type: Any, Any, str
         "potential": (Potential, PotentialsOfBodies, "an `energy(g)`"),
         "load": (Force, ForcesOfBodies, "a `covector(t, xi, g)`"),
     }[name]

@@ -103,7 +103,7 @@ WRONG: dict[str, Any] = {
     r"edges \(0, 1\) and \(1, 0\) are the same": lambda: near.ring(2),
     r"edges \(0, 2\) and \(2, 0\) are the same": lambda: near.square(2, 2),
     "chain: a length must": lambda: near.chain(0),
-    r"got \\(None, None\\)": lambda: near.square(3, 3, periodic=None),
+    r"got \(None, None\)": lambda: near.square(3, 3, periodic=None),
     "for each of 2 axes": lambda: near.square(3, 3, periodic=(True,)),
     "beyond half the box, 4.5": lambda: near.within(5.0, box=[9.0, 9.0, 9.0]),
     "positive; got": lambda: near.within(1.0, box=[9.0, -9.0, 9.0]),
