@@ -6,12 +6,15 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import functools
 import os
 import pickle
+import pickletools
 import random
 import re
 import resource
 import signal
+import struct
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -28,7 +31,7 @@ from liemech.simulation.files import arrays as files
 ROOM = 10**9
 """Bytes beyond the file and the process that a trial may take."""
 SECONDS = 20
-"""After which a trial is given up: native code that never ends is no crash."""
+"""Of processor time after which a trial is given up: code that runs for long is no fault here."""
 NUMBERS = (0, 1, -1, 2, 3, 7, 2**31, 2**31 - 1, 2**63 - 1, -(2**31), 2**40, 10**15, 10**9)
 REALS = (float("nan"), float("inf"), -float("inf"), 0.0, -1.0, 1e15, 1e300, 2.0**63, 1e-300)
 
@@ -165,25 +168,33 @@ def flipped(arrays: dict[str, Any], about: dict[str, Any], rng: random.Random) -
     return arrays, about
 
 
+WIDTHS = {"BININT1": 1, "BININT2": 2, "BININT": 4, "BINFLOAT": 8}
+
+
+@functools.lru_cache(64)
+def places_in_pickle(data: bytes) -> list[tuple[int, int]]:
+    """Where the numbers of a pickle begin, and how many bytes each has: its own, and those of arrays."""
+    found = []
+    for operation, value, at in pickletools.genops(data):
+        if operation.name in WIDTHS:
+            found.append((at + 1, WIDTHS[operation.name]))
+        elif isinstance(value, bytes) and len(value) % 8 == 0:
+            begin = data.index(value, at)
+            found += [(begin + 8 * i, 8) for i in range(min(40, len(value) // 8))]
+    return found
+
+
 def pickled(data: bytes, rng: random.Random) -> bytes:
-    """A pickle with other whole numbers, by the opcodes BININT1, BININT2, BININT and LONG1, and other floats."""
-    found = [m.start() for m in re.finditer(rb"[KMJG]", data)]
+    """A pickle with one or two other numbers."""
     out = bytearray(data)
     for _ in range(rng.choice((1, 1, 2))):
-        i = rng.choice(found)
-        width = {ord("K"): 1, ord("M"): 2, ord("J"): 4, ord("G"): 8}[data[i]]
-        if i + 1 + width <= len(data):
-            some = (
-                0,
-                1,
-                2,
-                255,
-                2 ** (8 * width) - 1,
-                2 ** (8 * width - 1),
-                2 ** (8 * width - 1) - 1,
-                rng.randrange(256),
-            )
-            out[i + 1 : i + 1 + width] = (rng.choice(some) % 2 ** (8 * width)).to_bytes(width, "little")
+        at, width = rng.choice(places_in_pickle(data))
+        most = 2 ** (8 * width)
+        x = rng.choice((0, 1, 2, 12, most - 1, most // 2, most // 2 - 1, rng.randrange(256)))
+        number = (
+            struct.pack("<d", rng.choice(REALS)) if width == 8 and rng.random() < 0.5 else x.to_bytes(width, "little")
+        )
+        out[at : at + width] = number
     return bytes(out)
 
 
@@ -203,9 +214,9 @@ def used(run: Any, plan: lm.Plan, more: dict[str, Any]) -> Iterator[Callable[[],
     yield lambda: plan.resume(run, **further)
 
 
-def in_a_child(work: Callable[[], None], size: int = 0) -> tuple[str, str]:
-    """How a piece of work ends in a process of its own that may take `ROOM` and the size of a file: "done",
-    "memory", "signal 11", ...; and what it tells.
+def in_a_child(work: Callable[[], None], size: int = 0, seconds: int = SECONDS) -> tuple[str, str]:
+    """How a piece of work ends in a process of its own that may take `ROOM` and the size of a file, and so much
+    processor time: "done", "memory", "slow", "signal 11", ...; and what it tells.
     """
     end, begin = os.pipe()
     child = os.fork()
@@ -217,7 +228,7 @@ def in_a_child(work: Callable[[], None], size: int = 0) -> tuple[str, str]:
             most = pages * os.sysconf("SC_PAGE_SIZE") + size + ROOM
             resource.setrlimit(resource.RLIMIT_AS, (most, most))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            signal.alarm(SECONDS)
+            resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 10))
             work()
         except BaseException as error:
             told = "memory" if out_of_memory(error) else f"{type(error).__name__}"
@@ -230,7 +241,7 @@ def in_a_child(work: Callable[[], None], size: int = 0) -> tuple[str, str]:
     with os.fdopen(end, "rb") as file:
         told = file.read().decode(errors="replace")
     _, status = os.waitpid(child, 0)
-    if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM:
+    if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU:
         return "slow", told
     if os.WIFSIGNALED(status):
         return f"signal {os.WTERMSIG(status)}", told
@@ -265,7 +276,7 @@ def trial(path: Path, plan: lm.Plan, more: dict[str, Any]) -> None:
                 raise
 
 
-def fuzz(kinds: list[str], cases: int, seed: int, folder: Path) -> Counter[str]:
+def fuzz(kinds: list[str], cases: int, seed: int, folder: Path, seconds: int = SECONDS) -> Counter[str]:
     """How many trials ended in which way; of those that are faults a copy of the file stays in the folder."""
     rng, written, ended, every = random.Random(seed), {}, Counter[str](), scenes()
     for name in kinds:
@@ -288,7 +299,9 @@ def fuzz(kinds: list[str], cases: int, seed: int, folder: Path) -> Counter[str]:
             path.write_bytes(pickled(data, rng))
         else:
             files.write(path, *flipped(*held, rng))
-        way, told = in_a_child(lambda path=path, plan=plan, more=more: trial(path, plan, more), path.stat().st_size)
+        way, told = in_a_child(
+            lambda path=path, plan=plan, more=more: trial(path, plan, more), path.stat().st_size, seconds
+        )
         ended[way] += 1
         if faults([way]):
             kept = folder / f"fault {way} {name} {seed} {case}{path.suffix}"

@@ -239,7 +239,7 @@ def test_no_number_of_a_file_ends_the_process(
     on with natively.
     """
     monkeypatch.setattr(guard_words, "ON", True)
-    ended = fuzz([*(kinds or scenes())], cases, seed, tmp_path)
+    ended = fuzz([*(kinds or scenes())], cases, seed, tmp_path, seconds=20 if cases > 1000 else 1)
     assert not faults(ended), ended
     assert sum(ended.values()) == cases and ended["done"] > 0
 
