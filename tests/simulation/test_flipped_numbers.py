@@ -231,7 +231,7 @@ def test_what_is_made_for_a_run_is_no_part_of_files(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="every trial is a process of its own, by os.fork")
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("kinds", "cases", "seed"), [(("chain", "pairs"), 100, 1), slow(None, 10_000, 2)])
+@pytest.mark.parametrize(("kinds", "cases", "seed"), [(("chain", "pairs"), 60, 1), slow(None, 10_000, 2)])
 def test_no_number_of_a_file_ends_the_process(
     kinds: Any, cases: int, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -246,7 +246,7 @@ def test_no_number_of_a_file_ends_the_process(
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="every trial is a process of its own, by os.fork")
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("cases", "seed"), [(50, 3), slow(2_000, 4)])
+@pytest.mark.parametrize(("cases", "seed"), [(40, 3), slow(2_000, 4)])
 def test_no_number_of_a_text_ends_the_process(
     cases: int, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
