@@ -14,6 +14,7 @@ import math
 import sys
 import traceback
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib import import_module
 from typing import Any
 
@@ -21,10 +22,10 @@ import numpy as np
 
 import liemech as lm
 
+from ..formulas.pytree import inside
+from ..groups.matrix_group import MatrixLieGroup
 from ..names import everything, meant
-
-LARGEST = 10**6
-"""Sizes of systems beyond it would fill the memory before anything could be said of them."""
+from ..simulation.files.encoding import LARGEST, require_sizes
 
 
 def read(text: str, kind: type, where: str, own: bool = True) -> Any:
@@ -209,21 +210,18 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
     """An object; what its class says of wrong arguments begins with the place."""
     if not isinstance(cls, type):
         raise lm.errors.InvalidInput(f"{where}: {cls!r} is an object; write it without brackets")
-    signature = inspect.signature(cls)
-    allowed = list(signature.parameters)
-    for key, value in [*zip(allowed, values, strict=False), *options.items()]:
-        annotation = getattr(signature.parameters.get(key), "annotation", None)
-        if annotation in (int, "int") and type(value) is int and abs(value) > LARGEST:
-            raise lm.errors.InvalidInput(
-                f"{where}: {cls.__name__}: {key} = {value} is larger than {LARGEST}, and no size here"
-            )
+    allowed = list(inspect.signature(cls).parameters)
+    require_sizes(where, cls, {**dict(zip(allowed, values, strict=False)), **options}, LARGEST)
     for key in options:
         if key not in allowed and cls not in (lm.Vec, lm.Mat):
             raise lm.errors.InvalidInput(
                 f"{where}: {cls.__name__} has no {key!r}{meant(key, allowed)}; allowed are {', '.join(allowed)}"
             )
     try:
-        return cls(*values, **options)
+        made = cls(*values, **options)
+        for group in inside(made, MatrixLieGroup):
+            require_sizes(where, type(group), {f.name: getattr(group, f.name) for f in fields(group)}, LARGEST)
+        return made
     except lm.errors.LiemechError as wrong:
         raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
     except Exception as wrong:  # whatever a class makes of arguments that nobody meant

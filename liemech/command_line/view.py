@@ -8,6 +8,7 @@ from pathlib import Path
 
 import liemech as lm
 
+from ..simulation.files.archive import meshes_outside
 from .constructors import imported, modules_of_the_folder
 from .options import Parser, output
 
@@ -44,6 +45,12 @@ def view(arguments: Sequence[str]) -> int:
             if options.trusted:
                 modules_of_the_folder()
             run = lm.Trajectory.load(options.file, options.modules, options.trusted)
+            outside = [] if options.trusted else meshes_outside(run.system, options.file)
+            if outside:
+                raise lm.errors.InvalidInput(
+                    f"{options.file}: a page would hold files outside of its folder, {', '.join(outside)}; if you "
+                    "know them, --trusted shows them"
+                )
             scene = lm.viewer.Scene(run, options.show, title=options.file.stem)
             page = scene.save(options.out or options.file.with_suffix(".html"))
     except (lm.errors.LiemechError, OSError) as wrong:

@@ -25,6 +25,15 @@ class Each(Record, OfEach):
     numbers: Any
     shape: tuple[int, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Raises InvalidInput unless the table is as long as values of this shape: native code does not look."""
+        super().__post_init__()
+        whole = all(type(n) is int and n > 0 for n in self.shape)
+        if not (isinstance(self.numbers, Table) and len(self.shape) < 3 and whole and len(self.numbers)):
+            raise InvalidInput(f"each: values of shape {self.shape} are none; make it by `each`")
+        if len(self.numbers) % math.prod(self.shape):
+            raise InvalidInput(f"each: {len(self.numbers)} numbers are no values of shape {self.shape}")
+
     def __len__(self) -> int:
         return len(self.numbers) // (math.prod(self.shape) or 1)
 

@@ -8,7 +8,6 @@ itself.
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 import functools
 import itertools
@@ -28,6 +27,7 @@ from .frozen import frozen
 from .large import Large, from_numbers, size_of
 from .numbers import StandIn
 from .records import Record
+from .records import names_of as names_of
 from .tables import Table
 from .vectors import Mat, Vec
 
@@ -340,11 +340,6 @@ def known_layout(value: Any) -> Layout | None:
 def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
     cls: Any = type(value)
     return _record(tuple([layout_of(getattr(value, n), number) for n in names_of(cls)]), cls)
-
-
-@functools.cache
-def names_of(cls: Any) -> tuple[str, ...]:
-    return tuple(f.name for f in dataclasses.fields(cls))
 
 
 # Most layouts of one structure are one object, so that comparing two of them takes no time.

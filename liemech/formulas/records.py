@@ -20,13 +20,18 @@ import weakref
 from collections.abc import Callable
 from typing import Any, TypeVar, cast, dataclass_transform
 
-from ..errors import InvalidType, LiemechError
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, LiemechError
 from .annotations import own_annotations
 from .broadcasting import Broadcasting
-from .fields import converters, immutable
+from .fields import FrozenDict, converters, immutable
 from .frozen import MISSING, frozen
+from .large import Large
 from .overriding import require_signatures
 from .signatures import bare, keywords, misspelt
+from .tables import Table
+from .vectors import Mat, Vec
 
 T = TypeVar("T", bound=type)
 
@@ -72,8 +77,10 @@ class Record(Broadcasting):
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(cast("Any", self))}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
+        """Raises InvalidInput for fields from which the class does not make this record: `require_as_made`."""
         for name, value in state.items():  # copies of arrays can be written to again
             object.__setattr__(self, name, immutable(self, name, value))
+        require_as_made(self)
 
     def _held(self, name: str, value: Any) -> Any:
         """Convert the value of a field whose annotation says nothing about it."""
@@ -100,13 +107,72 @@ def _convert(self: Any, last: bool) -> None:
 
 
 def refilled(cls: Any, fields: dict[str, Any]) -> Any:
-    """A record with these fields, all of them, which are converted and checked by their
-    annotations: neither `__init__` nor `__post_init__` is called.
+    """A record with these fields, all of them, to the bit.  Raises what its class raises for them, and
+    InvalidInput as `require_as_made`.
     """
     made = object.__new__(cls)
     made.__setstate__(fields)
     _convert(made, True)
     return made
+
+
+def require_as_made(record: Any) -> None:
+    """Let the class of a copied or loaded record make it again, with all the checks that a user meets.
+    Raises InvalidInput unless whole numbers, truth values, names, shapes and classes in its fields are as
+    in the new one: native code takes loops and places in memory from them.  Other numbers keep their bits.
+    """
+    cls: Any = type(record)
+    taken = _taken(cls)
+    if taken is None:
+        return
+    made = cls(**{name: getattr(record, name) for name in taken})
+    for name in names_of(cls):
+        value, other = getattr(record, name), getattr(made, name)
+        if value is not other and not _alike(value, other):
+            raise InvalidInput(f"{cls.__qualname__}: {name} is {value!r}, and by the other fields {other!r}")
+
+
+@functools.cache
+def _taken(cls: Any) -> tuple[str, ...] | None:
+    """The fields that the `__init__` of a class of records takes; None if it makes no fields and no checks of
+    its own, or takes other things.
+    """
+    taken = tuple([f.name for f in dataclasses.fields(cls) if f.init])
+    if cls.__post_init__ is Record.__post_init__ and len(taken) == len(names_of(cls)):
+        return None
+    parameters = inspect.signature(cls.__init__).parameters.values()
+    named = {x.name for x in parameters if x.kind not in (x.VAR_POSITIONAL, x.VAR_KEYWORD)}
+    return taken if named == {"self", *taken} else None
+
+
+@functools.cache
+def names_of(cls: Any) -> tuple[str, ...]:
+    """The names of the fields of a class of records."""
+    return tuple([f.name for f in dataclasses.fields(cls)])
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Are two values equal but for real numbers?  Of tables their own classes know the sizes."""
+    if type(one) is not type(other):
+        return False
+    if type(one) is float or isinstance(one, (complex, Table)):
+        return True
+    if isinstance(one, Record):
+        cls: Any = type(one)
+        return all(_alike(getattr(one, name), getattr(other, name)) for name in names_of(cls))
+    if isinstance(one, np.ndarray):
+        return one.shape == other.shape and (one.dtype.kind in "fc" or np.array_equal(one, other))
+    if isinstance(one, Large):
+        return np.shape(one) == np.shape(other)
+    if isinstance(one, FrozenDict):
+        return one.keys() == other.keys() and all(_alike(x, other[key]) for key, x in one.items())
+    if isinstance(one, (Vec, Mat, tuple)):
+        alike = len(one) == len(other)
+        return alike and ({*map(type, one), *map(type, other)} == _FLOAT or all(map(_alike, one, other)))
+    return not isinstance(one, (int, np.integer, str, bytes, frozenset, type)) or bool(one == other)
+
+
+_FLOAT = {float}
 
 
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:

@@ -82,6 +82,17 @@ class SiteTable(Record):
     reach: Any
     degree: int | None = None
 
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for tables that are not as long as the numbers say: native code does not look."""
+        super().__post_init__()
+        rows, places = self.rows, self.places
+        sound = _in_rows(self.entries, places) and 2 * len(self.entries) == rows * places
+        if sound and self.degree in (None, rows) and self.numbers.min(initial=0) >= 0:
+            reach = reach_of(self.numbers.reshape(int(rows), int(places)))
+            if isinstance(self.reach, Table) and self.reach.content == reach.tobytes():
+                return
+        raise InvalidInput("SiteTable: its tables do not fit its rows, places and degree; make it by SiteTable.of")
+
     @classmethod
     def of(cls, entries: Any, fixed: bool = True) -> SiteTable:
         """The table of an array of whole numbers, (degree, sites).  fixed : is the degree known to
@@ -134,6 +145,11 @@ def reach_of(entries: np.ndarray) -> np.ndarray:
     return np.where(follow, firsts, np.where(near, ~least, FAR)).astype(np.int32)
 
 
+def _in_rows(table: Any, places: float) -> bool:
+    """Is it a table, and are these the places of a row, `padded`?"""
+    return isinstance(table, Table) and places > 0.0 and places % TOGETHER == 0.0
+
+
 @record
 class SiteArray(Record):
     """Numbers of every site, or of every edge of every site; `own` gives a formula those of its
@@ -146,6 +162,12 @@ class SiteArray(Record):
     entries: Any
     places: float
     dim: int | None = None
+
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for a table that is no rows of so many places."""
+        super().__post_init__()
+        if not (_in_rows(self.entries, self.places) and len(self.entries) % (self.places * (self.dim or 1)) == 0):
+            raise InvalidInput("SiteArray: its table does not fit its places and dim; make it by SiteArray.of")
 
     @classmethod
     def of(cls, values: Any, edges: bool = False) -> SiteArray:

@@ -103,10 +103,15 @@ def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:
     """potential or load of a linkage: one of all bodies as it is, or those of single bodies, by
     their names or numbers.  Raises InvalidType, InvalidInput.
     """
-    kind, many, words = {
+    kind, many, words = {  # type: Any, Any, str
         "potential": (Potential, PotentialsOfBodies, "an `energy(g)`"),
         "load": (Force, ForcesOfBodies, "a `covector(t, xi, g)`"),
     }[name]
+    if isinstance(given, many):
+        for body in given.bodies:
+            number(body)
+        if len(given.bodies) != len(given.each):
+            raise InvalidInput(f"Linkage: {name} names {len(given.bodies)} bodies for {len(given.each)} of it")
     if given is None or isinstance(given, kind):
         return given
     if not isinstance(given, Mapping):

@@ -550,6 +550,18 @@ class Joints(Constraint):
     joints: tuple[Any, ...]
     kept: tuple[tuple[int, ...], ...] | None = None
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.kept is None:
+            return
+        if len(self.kept) != len(self.joints):
+            raise InvalidInput(f"Joints: kept is of {len(self.kept)} joints, and there are {len(self.joints)}")
+        for joint, kept in self.counted:
+            if not {*kept} <= {*range(joint.conditions)} or len({*kept}) < len(kept):
+                raise InvalidInput(
+                    f"Joints: kept names conditions {kept} of {joint!r}, which has {joint.conditions}, numbered from 0"
+                )
+
     def at_time(self, t: float) -> Joints:
         """These conditions at time t."""
         return with_fields(self, joints=tuple([joint.at_time(t) for joint in self.joints]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -12,6 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, check_finite, real_array, record, vec
+from ..formulas.pytree import with_fields
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
@@ -139,7 +139,7 @@ class Linkage(ConstrainedBody):
             value = getattr(self, what)
             if not isinstance(value, (list, tuple)) or not all(isinstance(x, fixed) for x in value):
                 raise InvalidType(f"Linkage: {what} is a list of {fixed.__name__}s; got {value!r}")
-            if not all(x.body is None or x.body < len(links) for x in value):
+            if not all(x.body is None or 0 <= x.body < len(links) for x in value):
                 raise InvalidInput(
                     f"Linkage: {what} name bodies that are not there; there are {len(links)}, numbered from 0"
                 )
@@ -151,7 +151,7 @@ class Linkage(ConstrainedBody):
             )
         for joint in joints:
             for number in (joint.first, joint.second):
-                if number is not None and number >= len(links):
+                if number is not None and not (type(number) is int and 0 <= number < len(links)):
                     raise InvalidInput(
                         f"Linkage: {joint!r} holds body {number}; there are {len(links)}, numbered from 0"
                     )
@@ -293,11 +293,9 @@ class Linkage(ConstrainedBody):
         """The linkage with given motions as they are at time t, to be looked at."""
         if not self.rheonomic:
             return self
-        found = copy(self)
         joints = tuple(joint.at_time(float(t)) for joint in self.joints)
-        object.__setattr__(found, "joints", joints)
-        object.__setattr__(found, "constraint", self.constraint.at_time(float(t)))
-        return found
+        at_time: Linkage = with_fields(self, joints=joints, constraint=self.constraint.at_time(float(t)))
+        return at_time
 
     @classmethod
     def from_urdf(

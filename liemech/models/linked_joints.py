@@ -168,7 +168,7 @@ def linked(linkage: Any) -> LinkedForm:
     acting: list[list[tuple[Any, ...]]] = [[(), ()] for _ in counted]
     for which, some in enumerate((springs, loads)):
         for one in some:
-            number = next(j for j, (joint, _) in enumerate(counted) if joint is one.joint)
+            number = next(j for j, joint in enumerate(given.joints) if joint is one.joint)
             acting[number][which] = tuple(replace(force, joint=0) for force in one.forces)
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
     geared: bool = getattr(given, "geared", False)

@@ -444,29 +444,36 @@ def _forces(joint: Element, stops: float | None, speed: float) -> list[Any]:
 
 
 class _Files:
-    """Where mesh files are, and those that are not there."""
+    """Where mesh files are, and those that are not there, or lie outside of the folders of the robot: that of
+    the URDF file, the one above it, and those of packages.
+    """
 
     def __init__(self, folder: Path, packages: Mapping[str, Any] | None) -> None:
-        self.folder, self.packages, self.missing = folder, dict(packages or {}), []  # type: Any, Any, list[str]
+        self.folder, self.missing, self.outside = folder, [], []  # type: Any, list[str], list[str]
+        self.packages = {name: Path(one) for name, one in (packages or {}).items()}
+        self.of_ros = [Path(one) for one in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if one]
+        home = Path.home()  # neither it nor what it lies in belongs to a robot
+        self.above = [folder, *[one for one in folder.resolve().parents if not home.is_relative_to(one)]]
 
     def find(self, name: str) -> str | None:
         """A file by its name: beside the URDF file, file:// or package://."""
         head, scheme, rest = name.partition("://")
-        places = [self.folder / name]
-        if scheme and head == "file":
-            places = [Path(rest)]
-        elif scheme:
+        if scheme and head != "file":
             package, _, inside = rest.partition("/")
-            above = [self.folder, *self.folder.parents]
-            roots = [Path(self.packages[package])] if package in self.packages else []
-            roots += [one for one in above if one.name == package]
-            roots += [one / package for one in above]
-            for one in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
-                roots += [Path(one) / package] if one else []
-            places = [root / inside for root in roots]
-        for place in places:
+            roots = [self.packages[package]] if package in self.packages else []
+            roots += [one for one in self.above if one.name == package]
+            roots += [one / package for one in self.above]
+            roots += [one / package for one in self.of_ros]
+            places = [(root / inside, [root]) for root in roots]
+        else:
+            place = Path(rest) if scheme else self.folder / name
+            places = [(place, [*self.above[:2], *self.packages.values(), *self.of_ros])]
+        for place, roots in places:
             if place.is_file():
-                return str(place)
+                if any(place.resolve().is_relative_to(root.resolve()) for root in roots):
+                    return str(place)
+                self.outside.append(name)
+                return None
         self.missing.append(name)
         return None
 
@@ -500,6 +507,12 @@ def _shapes(
             kind, size, file = made
             pose = poses[name] @ _origin(visual)
             found.append(LinkShape(kind, bodies[name], pose.tolist(), size, shade, file))
+    if files.outside:
+        warn(
+            f"meshes outside of the folders of the robot are not read: {', '.join(sorted(set(files.outside)))}. "
+            'packages={"name": "folder"} names a folder that may be read',
+            FileWarning,
+        )
     if files.missing:
         warn(
             f"meshes that are not there are not shown: {', '.join(sorted(set(files.missing)))}. "

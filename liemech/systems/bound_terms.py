@@ -19,7 +19,7 @@ from .among import Among, Species, is_near
 from .graphs import AllPairs, EachSite, Graph, Incidence, place
 from .kinds_of_terms import Kind
 from .point_terms import near_pairs
-from .terms import Over, Term, Terms, timed
+from .terms import AtTime, Over, Term, Terms, timed
 
 # ------------------------------------------------------------------ on the sites of a system
 
@@ -38,6 +38,28 @@ class BoundTerm(Record):
     merged: bool = False
     first: bool = False
     kind: Kind = Kind()
+
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for parameters that are not as many as edges."""
+        super().__post_init__()
+        count = len(self.graph.edges) if _each_of(self.term) else 0
+        for one in _each_of(self.term):
+            if len(one) != count:
+                what = "sites" if self.graph.arity == 1 else "edges"
+                term = self.term.term if isinstance(self.term, AtTime) else self.term
+                raise InvalidInput(
+                    f"{type(term).__name__}: a parameter has {len(one)} values, and {self.graph!r} has {count} {what}"
+                )
+
+    def require_on(self, group: PowerGroup | SpeciesGroup) -> None:
+        """Raise InvalidInput unless its graph is one on the sites of this group."""
+        graph, name = self.graph, type(self.term).__name__
+        if isinstance(graph, Among) and isinstance(group, SpeciesGroup):
+            graph = Among.on_species(name, graph.graph, graph.of, group)
+        if graph != self.graph or graph.sites != group.copies:
+            raise InvalidInput(
+                f"{name}: {self.graph!r} is on {self.graph.sites} sites, and {group!r} has {group.copies}"
+            )
 
     def __repr__(self) -> str:
         if not isinstance(self.graph, Among):
@@ -233,11 +255,6 @@ def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
         within: Any = graph.graph if isinstance(graph, Among) else graph
         near = near_pairs(given, bases[0], bases[1], within.cutoff, within.inner, within.box)
         return BoundTerm(near, graph)
-    count = len(graph.edges) if _each_of(over.term) else 0
-    for own in _each_of(over.term):
-        if len(own) != count:
-            what = "sites" if graph.arity == 1 else "edges"
-            raise InvalidInput(f"{name}: a parameter has {len(own)} values, and {graph!r} has {count} {what}")
     return BoundTerm(given, graph)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..formulas import Record, record
 from ..formulas.frozen import frozen
+from ..formulas.pytree import fill
 from ..formulas.sites import TOGETHER
 from .graphs import Edges, Graph, Lattice
 
@@ -158,7 +159,8 @@ def colours_of_edges(edges: np.ndarray) -> np.ndarray:
         same = own[step:] == own[:-step]
         ties.append(np.stack([numbers[:-step][same], numbers[step:][same]], axis=1))
     shared = np.concatenate(ties) if ties else np.empty((0, 2), dtype=np.int64)
-    return colours_of([Edges(shared, count)], count).colours
+    ties_of_edges = fill(Edges, {"given": shared, "count": count, "order": None})  # one may be there twice
+    return colours_of([ties_of_edges], count).colours
 
 
 def colours_of_bonds(graph: Graph) -> np.ndarray:

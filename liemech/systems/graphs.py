@@ -112,9 +112,24 @@ class Graph(Record):
         return {}
 
 
+def require_sites(name: str, edges: np.ndarray, counts: Any) -> None:
+    """Raise InvalidInput for an edge that names a site that is not there.
+
+    edges : (edges, arity).  counts : how many sites there are; of several species those of each end.
+    """
+    wrong = ((edges < 0) | (edges >= counts)).any(axis=1)
+    if wrong.any():
+        at = int(wrong.argmax())
+        there = f"they are 0 to {counts - 1}" if isinstance(counts, int) else f"there are {counts}, numbered from 0"
+        raise InvalidInput(f"{name}: edge {at}, {_shown(edges[at])}, names a site that is not there; {there}")
+
+
 def incidence_of(edges: np.ndarray, sites: int, role: int | None) -> Incidence:
-    """The edges at each of so many sites, of which it is the end number `role`; None: either end."""
+    """The edges at each of so many sites, of which it is the end number `role`; None: either end.
+    Raises InvalidInput for a site that is not there: native code does not look.
+    """
     arity = edges.shape[1]
+    require_sites("the edges of a graph", edges, sites)
     if role is None and arity == 2:
         own, numbers = edges.ravel(), np.repeat(np.arange(len(edges)), 2)
         others = edges[:, ::-1].reshape(-1, 1)
@@ -152,6 +167,30 @@ class Lattice(Graph):
     shape: tuple[int, ...]
     periodic: tuple[bool, ...]
     called: str = "lattice"
+
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for what is no length or no truth value, and for a ring of two."""
+        super().__post_init__()
+        shape, periodic = self.shape, self.periodic
+        for n in shape:
+            _count(self.called, "a length", n)
+        if len(periodic) != len(shape) or not all(type(x) is bool for x in periodic):
+            raise InvalidInput(
+                f"neighbours.{self.called}: periodic is True or False, or one of them for each of "
+                f"{len(shape)} axes; got {periodic!r}"
+            )
+        for axis, (n, x) in enumerate(zip(shape, periodic)):
+            if n == 2 and x:
+                step = int(np.prod(shape[axis + 1 :]))
+                cure = (
+                    "take chain(2)"
+                    if len(shape) == 1
+                    else f"let axis {axis} be open, periodic={tuple([p and m > 2 for p, m in zip(periodic, shape)])}"
+                )
+                raise InvalidInput(
+                    f"neighbours.{self.called}({', '.join(map(str, shape))}): the edges (0, {step}) and "
+                    f"({step}, 0) are the same, as two sites in a circle are tied twice; {cure}"
+                )
 
     @property
     def sites(self) -> int:
@@ -249,28 +288,12 @@ def cubic(layers: int, rows: int, columns: int, periodic: Any = True) -> Lattice
 
 def _lattice(name: str, shape: tuple[int, ...], periodic: Any) -> Lattice:
     shape = tuple([_count(name, "a length", n) for n in shape])
-    some: Any = (periodic,) * len(shape)
+    axes: Any = (periodic,) * len(shape)
     if isinstance(periodic, (tuple, list, np.ndarray)):
-        some = tuple(periodic)
-    if len(some) != len(shape) or not all(isinstance(x, (bool, np.bool_)) for x in some):
-        raise InvalidInput(
-            f"neighbours.{name}: periodic is True or False, or one of them for each of "
-            f"{len(shape)} axes; got {periodic!r}"
-        )
-    some = tuple([bool(x) and n > 1 for x, n in zip(some, shape)])
-    for axis, (n, x) in enumerate(zip(shape, some)):
-        if n == 2 and x:
-            step = int(np.prod(shape[axis + 1 :]))
-            cure = (
-                "take chain(2)"
-                if len(shape) == 1
-                else f"let axis {axis} be open, periodic={tuple([p and m > 2 for p, m in zip(some, shape)])}"
-            )
-            raise InvalidInput(
-                f"neighbours.{name}({', '.join(map(str, shape))}): the edges (0, {step}) and "
-                f"({step}, 0) are the same, as two sites in a circle are tied twice; {cure}"
-            )
-    return Lattice(shape, some, name)
+        axes = tuple(periodic)
+    if len(axes) == len(shape):
+        axes = tuple([bool(x) and n > 1 if isinstance(x, (bool, np.bool_)) else x for x, n in zip(axes, shape)])
+    return Lattice(shape, axes, name)
 
 
 def _count(name: str, what: str, n: Any) -> int:
@@ -293,6 +316,24 @@ class Edges(Graph):
     given: np.ndarray
     count: int
     order: bool | None = None
+
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for an edge to itself, a number beyond the sites, and one that is there
+        twice; InvalidType for what is no whole number.
+        """
+        name = "neighbours.edges"
+        array, order = _numbers_of_sites(name, self.given), self.order
+        object.__setattr__(self, "given", frozen_array(array, name))
+        super().__post_init__()
+        require_sites(name, array, _count("edges", "sites", self.count))
+        rows = np.sort(array, axis=1)
+        twice = (rows[:, 1:] == rows[:, :-1]).any(axis=1)
+        if twice.any():
+            at = int(twice.argmax())
+            raise InvalidInput(f"{name}: edge {at}, {_shown(array[at])}, ties a site to itself")
+        if not (order is None or isinstance(order, (bool, np.bool_))):
+            raise InvalidType(f"{name}: ordered is True, False or None; got {order!r}")
+        require_no_duplicates(self, array if order is not False or array.shape[1] > 2 else rows)
 
     @property
     def edges(self) -> np.ndarray:
@@ -331,23 +372,7 @@ def edges(pairs: Any, sites: int | None = None, ordered: bool | None = None) -> 
     name = "neighbours.edges"
     array = _numbers_of_sites(name, pairs)
     most = int(array.max(initial=-1)) + 1
-    count = max(most, 1) if sites is None else _count("edges", "sites", sites)
-    wrong = ((array < 0) | (array >= count)).any(axis=1)
-    if wrong.any():
-        at = int(wrong.argmax())
-        raise InvalidInput(
-            f"{name}: edge {at}, {_shown(array[at])}, names a site that is not there; they are 0 to {count - 1}"
-        )
-    rows = np.sort(array, axis=1)
-    same = (rows[:, 1:] == rows[:, :-1]).any(axis=1)
-    if same.any():
-        at = int(same.argmax())
-        raise InvalidInput(f"{name}: edge {at}, {_shown(array[at])}, ties a site to itself")
-    if not (ordered is None or isinstance(ordered, (bool, np.bool_))):
-        raise InvalidType(f"{name}: ordered is True, False or None; got {ordered!r}")
-    made = Edges(frozen_array(array, name), count, ordered)
-    require_no_duplicates(made, array if ordered is not False or array.shape[1] > 2 else rows)
-    return made
+    return Edges(frozen_array(array, name), max(most, 1) if sites is None else _count("edges", "sites", sites), ordered)
 
 
 def _numbers_of_sites(name: str, pairs: Any) -> np.ndarray:
@@ -379,6 +404,13 @@ class Between(Graph):
 
     given: np.ndarray
 
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for an edge that is there twice, InvalidType for what is no whole number."""
+        name = "neighbours.between"
+        object.__setattr__(self, "given", frozen_array(_numbers_of_sites(name, self.given), name))
+        super().__post_init__()
+        require_no_duplicates(self, self.given)
+
     @property
     def sites(self) -> int | None:
         """As many as the species have."""
@@ -403,13 +435,7 @@ class Between(Graph):
 
     def between(self, name: str, of: tuple[int, ...], counts: list[int]) -> None:
         """Raise InvalidInput for a site that is not there, and for an edge to itself."""
-        wrong = ((self.given < 0) | (self.given >= np.array(counts))).any(axis=1)
-        if wrong.any():
-            at = int(wrong.argmax())
-            raise InvalidInput(
-                f"{name}: edge {at}, {_shown(self.given[at])}, names a site that is not there; species "
-                f"{of} have {counts} sites, which are numbered from 0"
-            )
+        require_sites(f"{name} between species {of}", self.given, counts)
         for i in range(len(of)):
             for j in range(i):
                 same = self.given[:, i] == self.given[:, j]
@@ -428,10 +454,7 @@ def between(pairs: Any) -> Between:
     pairs : (edges, 2), or (edges, 3).  Raises InvalidInput for an edge that is there twice; `over` for
     a site that is not there.
     """
-    name = "neighbours.between"
-    made = Between(frozen_array(_numbers_of_sites(name, pairs), name))
-    require_no_duplicates(made, made.given)
-    return made
+    return Between(_numbers_of_sites("neighbours.between", pairs))
 
 
 def require_no_duplicates(graph: Graph, rows: np.ndarray) -> None:
@@ -462,6 +485,12 @@ class OfCount(Graph):
     """
 
     count: int | None = None
+
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for what is no number of sites."""
+        super().__post_init__()
+        if self.count is not None:
+            _count(type(self).__name__, "sites", self.count)
 
     @property
     def sites(self) -> int | None:
@@ -524,6 +553,24 @@ class Within(AllPairs):
     inner: float = 0.0
     box: Vec | None = None
 
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for distances that are none, and for a cutoff beyond half the box."""
+        super().__post_init__()
+        name, far, near = "neighbours.within", self.cutoff, self.inner
+        if not 0.0 <= near < far < np.inf:
+            raise InvalidInput(
+                f"{name}: cutoff is a positive distance, and inner a shorter one; got {far:g} and {near:g}"
+            )
+        if self.box is None:
+            return
+        if not len(self.box) or not all(0.0 < length < np.inf for length in self.box):
+            raise InvalidInput(f"{name}: box is the lengths of a box, positive; got {self.box!r}")
+        if far > 0.5 * min(self.box):
+            raise InvalidInput(
+                f"{name}: the cutoff {far:g} is beyond half the box, {0.5 * min(self.box):g}: a site would "
+                "meet two images of another"
+            )
+
     def pairs(self, places: Any, reach: float) -> np.ndarray:
         """The pairs of sites up to a distance, (pairs, 2), in rising order.  places : (sites, n)."""
         from scipy.spatial import cKDTree
@@ -570,20 +617,13 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
         check_finite(x, f"{name}: {what}")
     far = float(numbers[0])
     near = 0.9 * far if inner is None else float(numbers[1])
-    if not 0.0 <= near < far:
-        raise InvalidInput(f"{name}: cutoff is a positive distance, and inner a shorter one; got {far:g} and {near:g}")
     if box is None:
         return Within(None, far, near)
     lengths = np.atleast_1d(real_array(box, f"{name}: box"))
     lengths = np.repeat(lengths, 3) if lengths.shape == (1,) else lengths
     check_finite(lengths, f"{name}: box")
-    if lengths.ndim != 1 or not len(lengths) or not (lengths > 0.0).all():
-        raise InvalidInput(f"{name}: box is the lengths of a box, positive; got {box!r}")
-    if far > 0.5 * lengths.min():
-        raise InvalidInput(
-            f"{name}: the cutoff {far:g} is beyond half the box, {0.5 * lengths.min():g}: a site would "
-            "meet two images of another"
-        )
+    if lengths.ndim != 1:
+        raise InvalidInput(f"{name}: box is the lengths of a box, (n,); got shape {lengths.shape}")
     return Within(None, far, near, Vec.of(lengths.tolist()))
 
 

@@ -58,6 +58,23 @@ class OfTerms(Record):
     species: Species | None = None
     pinned: tuple[int, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for sites that are not there, and for terms and parameters of other sites."""
+        super().__post_init__()
+        name, group, species = type(self).__name__, self.group, self.species
+        for what, numbers in (("held", self.held), ("pinned", self.pinned)):
+            for i in numbers:
+                if not (type(i) is int and 0 <= i < group.copies):
+                    raise InvalidInput(f"{name}: {what} names site {i!r}; they are 0 to {group.copies - 1}")
+        for own, value in zip(self.names, self.own, strict=True):
+            if isinstance(value, Each) and len(value) != group.copies:
+                raise InvalidInput(f"{name}: {own} has {len(value)} values for {group.copies} sites")
+        for part in self.parts:
+            part.require_on(group)
+        own_species = Species.of(group, species.names) if species and isinstance(group, SpeciesGroup) else None
+        if species != own_species or (species is None) == isinstance(group, SpeciesGroup):
+            raise InvalidInput(f"{name}: {species!r} are not the species of {group!r}")
+
     def __repr__(self) -> str:
         own = [f"{name}={value!r}" for name, value in zip(self.names, self.own)]
         rest = [("held", self.held), ("pinned", self.pinned)]
@@ -399,9 +416,17 @@ class DrivenTerms(DrivenHamiltonian):
 # ------------------------------------------------------------------ what is wrong with terms
 
 
+def _terms_on(name: str, group: LieGroup, energy: Any) -> Any:
+    """An energy as `Terms`, if it can be.  Raises InvalidInput for terms that were made for other sites."""
+    for one in inside(energy, OfTerms):
+        if one.group.copies != getattr(group, "copies", None):
+            raise InvalidInput(f"{name}: {one!r} is of {one.group.copies} sites, and the group is {group!r}")
+    return as_terms(energy)
+
+
 def hamiltonian_of(name: str, group: LieGroup, energy: Any) -> Any:
     """The Hamiltonian that terms are on a group; anything else as it is."""
-    energy = as_terms(energy)
+    energy = _terms_on(name, group, energy)
     if not isinstance(energy, Terms):
         return energy
     made = _made(MomentumTerms, name, group, energy)
@@ -417,13 +442,13 @@ def hamiltonian_of(name: str, group: LieGroup, energy: Any) -> Any:
 
 def driven_of(name: str, group: LieGroup, energy: Any) -> Any:
     """The driven Hamiltonian that terms are on a group; anything else as it is."""
-    energy = as_terms(energy)
+    energy = _terms_on(name, group, energy)
     return DrivenTerms(_made(MomentumTerms, name, group, energy)) if isinstance(energy, Terms) else energy
 
 
 def potential_of(name: str, group: LieGroup, energy: Any) -> Any:
     """The potential that terms are on a group; anything else as it is."""
-    energy = as_terms(energy)
+    energy = _terms_on(name, group, energy)
     if not isinstance(energy, Terms):
         return energy
     made = _made(PlaceTerms, name, group, energy)
@@ -438,7 +463,7 @@ def potential_of(name: str, group: LieGroup, energy: Any) -> Any:
 
 def load_of(name: str, group: LieGroup, load: Any) -> Any:
     """The load that terms are on a group; anything else as it is."""
-    load = as_terms(load)
+    load = _terms_on(name, group, load)
     return _made(ForceTerms, name, group, load) if isinstance(load, Terms) else load
 
 

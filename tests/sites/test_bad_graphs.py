@@ -103,11 +103,11 @@ WRONG: dict[str, Any] = {
     r"edges \(0, 1\) and \(1, 0\) are the same": lambda: near.ring(2),
     r"edges \(0, 2\) and \(2, 0\) are the same": lambda: near.square(2, 2),
     "chain: a length must": lambda: near.chain(0),
-    "got None": lambda: near.square(3, 3, periodic=None),
+    r"got \(None, None\)": lambda: near.square(3, 3, periodic=None),
     "for each of 2 axes": lambda: near.square(3, 3, periodic=(True,)),
     "beyond half the box, 4.5": lambda: near.within(5.0, box=[9.0, 9.0, 9.0]),
     "positive; got": lambda: near.within(1.0, box=[9.0, -9.0, 9.0]),
-    r"positive; got \[\]": lambda: near.within(1.0, box=[]),
+    r"positive; got Vec\(\)": lambda: near.within(1.0, box=[]),
     "inner a shorter one": lambda: near.within(1.0, inner=2.0),
     "cutoff is one distance": lambda: near.within([1.0, 2.0]),  # type: ignore[arg-type]
     "cutoff must be real": lambda: near.within("a"),  # type: ignore[arg-type]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import importlib
+import math
 import os
 import platform
 import sys
@@ -15,9 +16,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
-from ...formulas.pytree import layout_of
+from ...formulas.pytree import inside, layout_of
+from ...groups.power import PowerGroup
+from ...groups.species import SpeciesGroup
 from ...integrators.ending_at_jumps import ending_at_jumps
 from ...integrators.method import Method
+from ...models.link import LinkShape
 from ...systems.canonical import CanonicalState
 from ...systems.lie_poisson import BodyState
 from ...systems.poisson import PoissonState
@@ -26,14 +30,14 @@ from ..between.dense import DenseOutput, DenseOutputs
 from ..between.events import Met
 from ..carry import Carry, SiteCarry
 from ..compiled.control import CLOCK
-from ..compiled.systems import Methods, OfBodies, Systems, of_body
+from ..compiled.systems import Methods, OfBodies, Systems, each_of, of_body
 from ..fictive_time.arrival import FictiveMotion
 from ..origin import FictiveCarry, Origin
 from ..sites.between import SitesDense
 from ..sites.states import kind_of
 from ..stopped import Stopped
 from .arrays import read, write
-from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
+from .encoding import LARGEST, LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
 
 FORMAT = 4
 READ = 2, 3, 4
@@ -211,8 +215,16 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
                 FileWarning,
             )
         pool = {name: arrays.pop(name) for name in [*arrays] if name.startswith(POOL)}
-        decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool)
+        numbers = sum([x.size for x in [*arrays.values(), *pool.values()]])
+        decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool, max(LARGEST, numbers))
         found = _run_of(arrays, about, decode) | {"written": about.get("written")}
+        outside = [] if trusted else meshes_outside(found["system"], path)
+        if outside:
+            warn(
+                f"{path}: its bodies are shown by files outside of its folder, {', '.join(outside)}: a picture "
+                "of it holds what they hold; if you know them, load it with trusted=True",
+                FileWarning,
+            )
         if differs:
             warn(
                 f"{path}: was written elsewhere: {differs}; the samples are as they were, what is "
@@ -230,6 +242,14 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
         raise InvalidInput(f"{path}: is damaged or was not written by Trajectory.save: {told}") from error
 
 
+def meshes_outside(system: Any, path: Path) -> list[str]:
+    """The mesh files that show the bodies of systems and do not lie in the folder of a saved run."""
+    folder = path.resolve().parent
+    shapes = [shape for one in each_of(system) for shape in inside(one, LinkShape)]
+    names = sorted({shape.file for shape in shapes if shape.file is not None})
+    return [name for name in names if not Path(name).resolve().is_relative_to(folder)]
+
+
 def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> dict[str, Any]:
     """The fields of a Trajectory from the content of a file."""
     bodies = about["bodies"]
@@ -237,7 +257,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         raise InvalidInput(f"{decode.where}: {bodies!r} is no number of bodies")
     system = _laws_of(about["system"], System, Systems, bodies, decode)
     method = _laws_of(about["method"], Method, Methods, bodies, decode)
-    states = _states_of(arrays, about, bodies, decode)
+    states = _states_of(arrays, about, bodies, system, decode)
     origin = _origin_of(about, method, decode) if about.keys() & {"origin", "origins"} else None
     dense: Any = None
     if origin is not None and "dense.t" in arrays:
@@ -289,7 +309,7 @@ def _laws_of(told: Any, kind: type, of_each: Any, bodies: int | None, decode: De
 
 
 def _states_of(
-    arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder
+    arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, system: Any, decode: Decoder
 ) -> dict[str, np.ndarray]:
     """The samples, by the names of the parts of the state."""
     states = {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")}
@@ -301,6 +321,14 @@ def _states_of(
         if len(x) != len(arrays["t"]) or (bodies is not None and x.shape[1:2] != (bodies,)):
             raise InvalidInput(
                 f"{decode.where}: the samples of {name} have shape {x.shape}, the times {arrays['t'].shape}"
+            )
+    first = of_body(system, 0)
+    group = getattr(first, "configurations", getattr(first, "group", None))
+    if "mu" in states and "mu" not in about.get("observed", ()) and isinstance(group, (PowerGroup, SpeciesGroup)):
+        shape = states["mu"].shape[1 if bodies is None else 2 :]
+        if math.prod(shape) != group.dim:
+            raise InvalidInput(
+                f"{decode.where}: its momenta have shape {shape}, and those of {group!r} {group.dim} numbers"
             )
     return {name: states[name] for name in parts}
 

@@ -2,8 +2,8 @@
 
 A file can name classes of records and nothing else: those of the library, and those that the program
 has defined or imported itself.  It names no functions, no module is searched for what it names, and
-nothing of it is called: a record is an empty one whose fields are filled in and checked.  Modules
-that a file names are imported if the user says that it is trusted.
+nothing of it is called: a record has the fields of the file, for which its class makes one too, with
+the checks that a user meets.  Modules that a file names are imported if the user says that it is trusted.
 """
 
 from __future__ import annotations
@@ -25,10 +25,14 @@ from ...formulas.complex_numbers import Complex
 from ...formulas.fields import FrozenDict
 from ...formulas.frozen import frozen
 from ...formulas.large import Large
+from ...formulas.of_each import Each
 from ...formulas.pytree import build, gatherer, layout_of
 from ...formulas.records import known, refilled
+from ...formulas.sites import SiteArray, SiteTable
 from ...formulas.tables import Table
 from ...formulas.vectors import Mat, Vec
+from ...groups.matrix_group import MatrixLieGroup
+from ...systems.tabulated import PiecewisePolynomial
 from .fingerprints import changed, fingerprint
 
 LIBRARY = __name__.partition(".")[0]
@@ -38,6 +42,10 @@ NUMBERS = "biufc"
 """Kinds of NumPy's types that are numbers."""
 INLINE = 16
 """Longer arrays and tables are not written into the text."""
+OF_TABLES = PiecewisePolynomial, SiteTable, SiteArray, Each
+"""Classes of the library whose tables come from files: they compare them with their numbers."""
+LARGEST = 10**6
+"""Sizes that a file may ask for that holds fewer numbers: those of its systems would fill the memory."""
 
 
 class Pool:
@@ -142,12 +150,14 @@ class Decoder:
 
     where : the file, for messages.  modules : which the user has named, and which are imported.
     trusted : are modules that the file names imported?  pool : the arrays that numbers are in.
+    largest : the largest size of a system that it may ask for.
     """
 
     where: str
     modules: frozenset[str] = frozenset()
     trusted: bool = False
     pool: Mapping[str, np.ndarray] = field(default_factory=dict)
+    largest: int = LARGEST
     taken: dict[Any, Any] = field(default_factory=dict)
     totals: dict[str, int] = field(default_factory=dict)
 
@@ -267,6 +277,10 @@ class Decoder:
                 FormulaWarning,
             )
         if issubclass(cls, Record):
+            if cls.__module__.partition(".")[0] == LIBRARY:
+                require_sizes(self.where, cls, fields, self.largest)
+                if not issubclass(cls, OF_TABLES) and any(isinstance(x, Table) for x in fields.values()):
+                    raise InvalidInput(f"{self.where}: {cls.__qualname__} is made for a run, and no part of files")
             return refilled(cls, fields)
         made = object.__new__(cls)
         for name, x in fields.items():
@@ -333,6 +347,18 @@ class Decoder:
         shown = repr(value)
         shown = shown if len(shown) < 80 else f"{shown[:77]}..."
         raise InvalidInput(f"{self.where}: {shown} is nothing that Trajectory.save writes")
+
+
+def require_sizes(where: str, cls: Any, fields: Mapping[str, Any], largest: int) -> None:
+    """Raise InvalidInput for sizes of a class of the library that are beyond what a file may ask for."""
+    for name, value in fields.items():
+        for x in value if isinstance(value, tuple) else (value,):
+            count = x * x if issubclass(cls, MatrixLieGroup) and type(x) is int else x  # entries of matrices
+            if type(count) is int and abs(count) > largest:
+                raise InvalidInput(
+                    f"{where}: {cls.__qualname__}: {name} = {value!r} asks for more than {largest} numbers, the most "
+                    "for a text or file that holds fewer"
+                )
 
 
 def _has_records(module: str) -> bool:
