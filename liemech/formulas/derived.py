@@ -7,9 +7,11 @@ from __future__ import annotations
 import dis
 import functools
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
+from ..errors import NotDefined
+from .overriding import theirs
 from .signatures import bare
 
 Formula = TypeVar("Formula", bound=Callable[..., Any])
@@ -27,8 +29,8 @@ def derived(formula: Formula) -> Formula:
 
 
 def derived_from(*sources: str) -> Callable[[Formula], Formula]:
-    """Mark a method that says what is known without further knowledge of these methods: None, nothing,
-    or an error.  An own version of it is knowledge about them, and counts as a closed form does.
+    """Mark a method that says what holds for any versions of these methods: None, nothing, or an error.
+    An own version of it knows more, of the versions beside it, and counts as long as a closed form.
     """
 
     def mark(formula: Formula) -> Formula:
@@ -38,13 +40,25 @@ def derived_from(*sources: str) -> Callable[[Formula], Formula]:
     return mark
 
 
+def closed_form_of(*sources: str) -> Callable[[Formula], Formula]:
+    """Mark a closed form of what cannot be derived, such as the exact motion: a subclass that writes
+    one of these methods anew has the version of the next base, or none, and NotDefined says so.
+    """
+
+    def mark(formula: Formula) -> Formula:
+        formula.__sources__ = sources  # type: ignore[attr-defined]
+        return formula
+
+    return mark
+
+
 def closed_forms(cls: type) -> Iterator[tuple[str, Any, Any]]:
-    """The derived methods that a class has its own version of, but for what is known of others: the
-    name, that version, and the derived method that it stands for.
+    """The derived methods that a class has its own version of: the name, that version, and the derived
+    method whose numbers it gives.
     """
     for name, home, base in _overruled(cls):
-        follows = bare(vars(base)[name])
-        if isinstance(follows, types.FunctionType) and not hasattr(follows, "__sources__"):
+        follows = bare(vars(base)[name]) if base else None
+        if isinstance(follows, types.FunctionType) and is_derived(follows) and not hasattr(follows, "__sources__"):
             yield name, bare(vars(home)[name]), follows
 
 
@@ -53,78 +67,106 @@ def is_derived(member: Any) -> bool:
     return getattr(_function(member), "__derived__", False)
 
 
-def stale_forms(cls: type) -> Iterator[tuple[str, type]]:
-    """The closed forms that a class inherits and that are those of a method that has been written
-    anew: the name, and the base whose derived method is to stand for it.
+def stale_forms(cls: type) -> Iterator[tuple[str, type, type | None]]:
+    """The closed forms that a class inherits although a method that they abbreviate was written anew:
+    the name, the class that wrote it, and the base whose method is to stand for it, if there is one.
     """
     for name, home, base in _overruled(cls):
         final = getattr(_function(vars(home)[name]), "__final__", False)
-        if home is not cls and not final and _is_stale(cls, name, home, vars(base)[name]):
-            yield name, base
+        if home is cls or final:
+            continue
+        changed = _written_anew(cls, home, vars(base or home)[name])
+        if changed and not _is_of_the_library(cls, (name, *changed)):
+            yield name, home, base
 
 
 def follow_anew(cls: type) -> None:
     """Put derived methods in the place of closed forms that a class inherits, where it, or a base before
     theirs, writes anew what they abbreviate.
     """
-    while stale := dict(stale_forms(cls)):
-        for name, base in stale.items():
-            setattr(cls, name, vars(base)[name])
+    while stale := list(stale_forms(cls)):
+        for name, home, base in stale:
+            setattr(cls, name, vars(base)[name] if base else _missing(name, home))
 
 
-def _overruled(cls: type) -> Iterator[tuple[str, type, type]]:
-    """Each method with a closed form: its name, the class that has the closed form, and the one that
-    has the derived method.
+def _missing(name: str, home: type) -> property:
+    """A property that says why there is no closed form."""
+
+    def missing(self: Any) -> Any:
+        raise NotDefined(
+            f"{type(self).__name__}.{name}: {home.__name__} knows it of its own formulas, and {type(self).__name__} "
+            "writes others; write it too, or integrate"
+        )
+
+    return property(missing)
+
+
+def _overruled(cls: type) -> Iterator[tuple[str, type, type | None]]:
+    """Each closed form of a class: its name, the class that wrote it, and the base with the method that
+    is to stand for it elsewhere.
     """
     for name in sorted({name for base in cls.__mro__ for name in vars(base)}):
         homes = [base for base in cls.__mro__ if name in vars(base)]
-        if not is_derived(vars(homes[0])[name]):
-            base = next((base for base in homes if is_derived(vars(base)[name])), None)
-            if base is not None:
-                yield name, homes[0], base
+        own = _function(vars(homes[0])[name])
+        if is_derived(own) or name.startswith("__"):
+            continue
+        if hasattr(own, "__sources__"):
+            yield name, homes[0], homes[1] if len(homes) > 1 else None
+        elif base := next((base for base in homes if is_derived(vars(base)[name])), None):
+            yield name, homes[0], base
 
 
-def _is_stale(cls: type, name: str, home: type, derivation: Any) -> bool:
-    """Is a closed form of `home` that of other methods than a class has?
-
-    Direct sources must be those of `home`.  Of what these call, helpers that the closed form calls
-    too may be written anew.
+def _written_anew(cls: type, home: type, member: Any) -> set[str]:
+    """The methods that a method reads, or that these call in turn, of which a class has another version
+    than `home`.  What is abstract in `home` may be any, unless the method reads it itself.
     """
-    direct = _reads(_function(derivation))
-    sources = _reached(cls, direct, every_version=True)
-    changed = [source for source in sources if _written_anew(cls, source, home)]
-    if not changed:
-        return False
-    shared = _reached(cls, _reads(_function(vars(home)[name])), every_version=False)
-    return any(source in direct or source not in shared for source in changed)
+    direct = _reads(_function(member))
+    changed = set()
+    for name in _reached(cls, direct):
+        own, known = _definer(cls, name), _definer(home, name)
+        if known is None and name in direct:  # `home` is a mixin, or leaves it to subclasses
+            if own is not None and cls.__mro__.index(own) < cls.__mro__.index(home):
+                changed.add(name)
+        elif own is not known and known and (name in direct or not _is_abstract(_function(vars(known)[name]))):
+            changed.add(name)
+    return changed
 
 
-def _written_anew(cls: type, name: str, home: type) -> bool:
-    """Has a class another method of this name than `home`?"""
-    own, known = _definer(cls, name), _definer(home, name)
-    if own is None or known is not None:
-        return own is not known
-    return cls.__mro__.index(own) < cls.__mro__.index(home)  # `home` is a mixin that knows no such method
+def written_together(cls: type, *names: str) -> bool:
+    """Are the methods of these names of one class, or together from one of the library?"""
+    own = len({_definer(cls, name) for name in names}) == 1
+    return own or _is_of_the_library(cls, names)
+
+
+def _is_of_the_library(cls: type, names: Iterable[str]) -> bool:
+    """Has a class the methods of these names together from one class of the library?"""
+    return any(
+        all(_definer(base, name) is _definer(cls, name) for name in names) for base in cls.__mro__ if not theirs(base)
+    )
 
 
 def _definer(cls: type, name: str) -> type | None:
     return next((base for base in cls.__mro__ if name in vars(base)), None)
 
 
-def _reached(cls: type, names: frozenset[str], every_version: bool) -> set[str]:
-    """These names of methods, and those of what they call in turn, as a class has them; or by every
-    version that it inherits, which `super` may call.
+def _is_abstract(formula: Any) -> bool:
+    """Does it only say that a subclass has to write it?"""
+    names = getattr(getattr(formula, "__code__", None), "co_names", ())
+    return not {"undefined", "NotDefined"}.isdisjoint(names)
+
+
+def _reached(cls: type, names: frozenset[str]) -> set[str]:
+    """These names of methods, and those of what they call in turn, by every version that a class
+    inherits, for `super` may call any.
     """
     found: set[str] = set()
     waiting = [*names]
     while waiting:
         name = waiting.pop()
-        homes = [base for base in cls.__mro__ if name in vars(base)]
-        if name in found or not homes:
-            continue
-        found.add(name)
-        for home in homes if every_version else homes[:1]:
-            waiting.extend(_reads(_function(vars(home)[name])))
+        if name not in found:
+            found.add(name)
+            for base in cls.__mro__:
+                waiting.extend(_reads(_function(vars(base).get(name))))
     return found
 
 
@@ -135,13 +177,13 @@ def _function(member: Any) -> Any:
 
 @functools.cache
 def _reads(formula: Any) -> frozenset[str]:
-    """The attributes of `self` that a formula reads, or those that it is said to follow from."""
-    if not isinstance(formula, types.FunctionType) or not formula.__code__.co_argcount:
-        return frozenset()
+    """The attributes of `self` that a formula reads, or those of which it is said to be."""
     if hasattr(formula, "__sources__"):
         return frozenset(formula.__sources__)
-    found, waiting = set(), [formula.__code__]
-    owner = formula.__code__.co_varnames[0]
+    if not isinstance(formula, types.FunctionType) or not formula.__code__.co_argcount:
+        return frozenset()
+    found: set[str] = set()
+    waiting, owner = [formula.__code__], formula.__code__.co_varnames[0]
     while waiting:
         code = waiting.pop()
         waiting.extend(x for x in code.co_consts if isinstance(x, types.CodeType))
@@ -149,5 +191,6 @@ def _reads(formula: Any) -> frozenset[str]:
         for instruction in dis.get_instructions(code):
             if instruction.opname in ("LOAD_ATTR", "LOAD_METHOD") and loaded == owner:
                 found.add(instruction.argval)
-            loaded = instruction.argval[-1] if isinstance(instruction.argval, tuple) else instruction.argval
+            value = instruction.argval
+            loaded = value[-1] if value and isinstance(value, tuple) else value  # two at once, since 3.13
     return frozenset(found)

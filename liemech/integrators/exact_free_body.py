@@ -53,8 +53,8 @@ from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley, Exponential
 from ..systems.energy_of_species import EnergyOfSpecies
-from ..systems.kinetic_energy import KineticEnergy, times, trace
-from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.kinetic_energy import has_inertia, times, trace
+from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
 from .method import Method
 
@@ -345,23 +345,25 @@ def _why_not(system: Any) -> str:
     """Why a system is not a free rigid body; empty if it is."""
     if isinstance(system, MechanicalSystem):
         return "it is in a field"
-    if isinstance(system, LiePoissonSystem):
-        system = system.site_form or system
-    if isinstance(getattr(system, "hamiltonian", None), EnergyOfSpecies):
-        species = zip(system.hamiltonian.species.groups, system.hamiltonian.energies)
+    body = system.lie_poisson
+    if body is None:
+        return "there is more in its motion than its energy, or something else"
+    body = body.site_form or body
+    if isinstance(body.hamiltonian, EnergyOfSpecies):
+        species = zip(body.hamiltonian.species.groups, body.hamiltonian.energies)
         return next((why for one in species if (why := _why_no_body(*one))), "")
-    return _why_no_body(getattr(system, "group", None), getattr(system, "hamiltonian", None))
+    return _why_no_body(body.group, body.hamiltonian)
 
 
 def _why_no_body(group: Any, energy: Any) -> str:
     """Why an energy on a group is not that of a free rigid body."""
-    if isinstance(group, VectorSpace) and isinstance(energy, KineticEnergy):
+    if isinstance(group, VectorSpace) and has_inertia(energy):
         return ""
     factors = group.factors if isinstance(group, ProductGroup) else (group,)
     kinds = {type(factor) for factor in factors}
     if not (isinstance(group, SE3) or kinds <= {SO3, UnitQuaternions, VectorSpace}):
         return "it does not turn in space"
-    if not isinstance(energy, KineticEnergy):
+    if not has_inertia(energy):
         return "its energy is not quadratic"
     if isinstance(group, ProductGroup):
         whole = energy.inertias.copy()

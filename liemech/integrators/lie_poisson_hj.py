@@ -12,7 +12,7 @@ from ..formulas.sums import total
 from ..groups.so3 import SO3Algebra
 from ..retractions import Exponential, Retraction
 from ..solvers import TOLERANCE, newton
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.system import lies_in_memory
 from .derivability import require_derivatives
@@ -169,7 +169,7 @@ def has_axes(system: Any, retraction: Retraction) -> bool:
     of three terms.
     """
     energy = system.hamiltonian
-    diagonal = isinstance(energy, KineticEnergy) and isinstance(energy.inverse, vectors.Vec)
+    diagonal = has_inertia(energy) and isinstance(energy.inverse, vectors.Vec)
     return diagonal and isinstance(system.group.algebra, SO3Algebra) and isinstance(retraction, Exponential)
 
 

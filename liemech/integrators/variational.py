@@ -13,12 +13,13 @@ from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
 from ..solvers import narrow, newton, refined
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System, lies_in_memory
 from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit
 from .memory import Memory, extrapolated
+from .method import alternatives
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
 
 LEAST, MOST = 2.0**-336, 2.0**339
@@ -72,6 +73,10 @@ class CovariantVariational(Implicit):
     def require(self, system: Any) -> None:
         """A system with a Lagrangian; of large matrices with the Lagrangian of the body alone."""
         super().require(system)
+        if system.lie_poisson is None:
+            raise IncompatibleSystem(
+                f"{self!r} moves a body by its Lagrangian alone; {system!r} has more in its motion. {alternatives(system)}"
+            )
         if self.lagrangian is not None and lies_in_memory(system.group):
             raise IncompatibleSystem(
                 f"{self!r} differentiates the action of a step by every component, and "
@@ -149,7 +154,7 @@ class CovariantVariational(Implicit):
 
     def _is_constant(self, system: Any) -> bool:
         """Is the Hessian of the Lagrangian an inertia that does not change?"""
-        return self.lagrangian is None and isinstance(system.lagrangian, KineticEnergy)
+        return self.lagrangian is None and has_inertia(system.lagrangian)
 
     def _grown(self, system: Any, h: float, mu: Vec, second: float) -> Vec:
         """The displacement that grows out of zero with h, in this unit of time."""

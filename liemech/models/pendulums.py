@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Vec, cos, real_array, record, sin, vec
+from ..formulas.derived import closed_form_of
 from ..formulas.fields import frozen_array
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.separable import SeparableSystem
@@ -56,6 +57,7 @@ class Pendulum(SeparableSystem):
 
     # ---------------------------------------------------------------- the exact motion
 
+    @closed_form_of("kinetic", "potential")
     def exact(self, start: CanonicalState, t: Any) -> CanonicalState:
         """The exact motion, swings, turns and the separatrix, by elliptic functions; error about
         1e-15 (1 + w t), w = sqrt(g/l).
@@ -79,6 +81,7 @@ class Pendulum(SeparableSystem):
         angle, speed = exact_motion(motion, times, "Pendulum.exact")
         return CanonicalState(frozen_array(angle[..., None], "q"), frozen_array(inertia * speed[..., None], "p"))
 
+    @closed_form_of("kinetic", "potential")
     def period(self, start: CanonicalState) -> float:
         """The time after which the pendulum moves as before, in s; infinite on the separatrix, 0 if
         it hangs or stands still.

@@ -82,6 +82,17 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         return (len(self.inertia),) if known else None
 
 
+def has_inertia(energy: Any) -> bool:
+    """Is it a `KineticEnergy` to the word, so that its `inertia` and its `inverse` say everything?  One
+    with an `energy` or a `value` of its own is not.
+    """
+    return (
+        isinstance(energy, KineticEnergy)
+        and type(energy).energy is KineticEnergy.energy
+        and type(energy).value is KineticEnergy.value
+    )
+
+
 def _inverse_of_each(inertia: Each) -> Each:
     """The inverses of moments or matrices, one for each."""
     values = inertia.values
