@@ -10,7 +10,7 @@ import types
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
-from ..errors import NotDefined
+from ..errors import InvalidType, NotDefined
 from .overriding import theirs
 from .signatures import bare
 
@@ -83,9 +83,17 @@ def stale_forms(cls: type) -> Iterator[tuple[str, type, type | None]]:
 def follow_anew(cls: type) -> None:
     """Put derived methods in the place of closed forms that a class inherits, where it, or a base before
     theirs, writes anew what they abbreviate.
+
+    Raises InvalidType where that calls the closed form, so that the derived method would call itself.
     """
     while stale := list(stale_forms(cls)):
         for name, home, base in stale:
+            sources = _reads(_function(vars(base)[name])) - {name} if base else frozenset()
+            if name in _called(cls, sources):
+                raise InvalidType(
+                    f"{cls.__name__} writes anew what {home.__name__}.{name} is a closed form of, and goes by way of "
+                    f"that closed form, as {home.__name__} does: write `{name}` too"
+                )
             setattr(cls, name, vars(base)[name] if base else _missing(name, home))
 
 
@@ -170,17 +178,38 @@ def _reached(cls: type, names: frozenset[str]) -> set[str]:
     return found
 
 
+def _called(cls: type, names: frozenset[str]) -> set[str]:
+    """These methods, as a class has them, and those that they call in turn."""
+    found: set[str] = set()
+    waiting = [*names]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            for base in cls.__mro__:
+                if name in vars(base):
+                    formula = _function(vars(base)[name])
+                    waiting.extend(_reads(formula))
+                    if "super" not in getattr(getattr(formula, "__code__", None), "co_names", ()):
+                        break
+    return found
+
+
 def _function(member: Any) -> Any:
     """The function behind a method or a property."""
     return bare(getattr(member, "fget", None) or getattr(member, "func", None) or member)
 
 
-@functools.cache
 def _reads(formula: Any) -> frozenset[str]:
     """The attributes of `self` that a formula reads, or those of which it is said to be."""
     if hasattr(formula, "__sources__"):
         return frozenset(formula.__sources__)
-    if not isinstance(formula, types.FunctionType) or not formula.__code__.co_argcount:
+    return _read_by(formula) if isinstance(formula, types.FunctionType) else frozenset()
+
+
+@functools.cache
+def _read_by(formula: types.FunctionType) -> frozenset[str]:
+    if not formula.__code__.co_argcount:
         return frozenset()
     found: set[str] = set()
     waiting, owner = [formula.__code__], formula.__code__.co_varnames[0]

@@ -133,18 +133,21 @@ class DoublePendulum(HamiltonianSystem):
 
     def energy(self, q: Vec, p: Vec) -> float:
         """p . M(q)^-1 p/2 - (m1 + m2) g l1 cos a - m2 g l2 cos b, in J.  q, p : (2,)."""
-        v, (first, second) = self.velocity(q, p), self._weights()
+        v, (first, second) = self._velocity(q, p), self._weights()
         return 0.5 * (p[0] * v[0] + p[1] * v[1]) - first * cos(q[0]) - second * cos(q[1])
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """The angular velocities M(q)^-1 p.  q, p : (2,)."""
+        return self._velocity(q, p)
+
+    def _velocity(self, q: Vec, p: Vec) -> Vec:
         first, second, coupled = self._inertia(q)
         determinant = first * second - coupled * coupled
         return vec(second * p[0] - coupled * p[1], first * p[1] - coupled * p[0]) / determinant
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """dL/dq at the velocities that belong to p.  q, p : (2,)."""
-        v, (first, second) = self.velocity(q, p), self._weights()
+        v, (first, second) = self._velocity(q, p), self._weights()
         turning = self.masses[1] * self.lengths[0] * self.lengths[1] * sin(q[0] - q[1]) * v[0] * v[1]
         return vec(-turning - first * sin(q[0]), turning - second * sin(q[1]))
 
