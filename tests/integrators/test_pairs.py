@@ -449,6 +449,10 @@ SYSTEMS: dict[str, Callable[[], tuple[Any, Any]]] = {
     "Poisson, in a chart": lambda: lm.charts.LogarithmicDarboux(PLANE.structure).system(PLANE, PLANE.state([1.5, 1.0])),
     "charged": lambda: _started(lm.models.ChargedParticle(lm.models.AxialField()), [0.9, 0.1, 0.0, 0.2, 0.5, 0.3]),
     "a field of vectors": lambda: _started(Circling(), [0.7, 0.4]),
+    "a sum of fields": lambda: _started(lm.SplitField((Circling(), Circling())), [0.7, 0.4]),
+    "two planets": lambda: _started(
+        lm.models.NBody([1.0, 0.6], dimension=2), [1.0, 0.0, -0.5, 0.2], [0.1, 0.6, 0.0, -0.5]
+    ),
     "on rotations": lambda: _started(Stirred(), R),
     "on rotations, driven": lambda: _started(Driven(lm.SO3()), R),
     "on rotations, steered": lambda: _started(Steered(lm.SO3()), R),
