@@ -72,10 +72,10 @@ def stale_forms(cls: type) -> Iterator[tuple[str, type, type | None]]:
     the name, the class that wrote it, and the base whose method is to stand for it, if there is one.
     """
     for name, home, base in _overruled(cls):
-        final = getattr(_function(vars(home)[name]), "__final__", False)
-        if home is cls or final:
+        own = _function(vars(home)[name])
+        if home is cls or getattr(own, "__final__", False):
             continue
-        changed = _written_anew(cls, home, vars(base or home)[name])
+        changed = _written_anew(cls, home, own if hasattr(own, "__sources__") or not base else vars(base)[name])
         if changed and not _is_of_the_library(cls, (name, *changed)):
             yield name, home, base
 
