@@ -52,6 +52,7 @@ from ..groups.species import SpeciesGroup
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley, Exponential
+from ..solvers import unit_of
 from ..systems.energy_of_species import EnergyOfSpecies
 from ..systems.kinetic_energy import has_inertia, times, trace
 from ..systems.lie_poisson import BodyState
@@ -68,9 +69,9 @@ TURN = 0.25 * LIMIT
 Cayley map reaches.
 """
 
-FINE, MASS = 2.0**-900, 2.0**500
-"""If |mu|^2 is below FINE or beyond 1/FINE, mu is scaled by MASS; a body whose |mu|^2 is still
-below FINE is at rest.
+FINE = 2.0**-900
+"""If |mu|^2 is below FINE or beyond 1/FINE, mu is scaled to a size near one; a body whose |mu|^2 is
+still below FINE is at rest.
 """
 
 PARTS = 2.0**20
@@ -203,7 +204,7 @@ class ExactFreeBody(Method):
         square = dot(mu, mu)
         # nearly at rest, or in units for which squares leave the range of floats
         if not FINE < square < 1.0 / FINE:
-            unit = MASS if square < 1.0 else 1.0 / MASS
+            unit = unit_of(mu)
             K, mu = (1.0 / unit) * K, unit * mu
             square = dot(mu, mu)
         w = times(K, mu)

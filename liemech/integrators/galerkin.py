@@ -14,7 +14,7 @@ from ..formulas import Mat, Record, Vec, derivative, identity_matrix, mat, norm,
 from ..formulas.derivatives import tangent
 from ..formulas.sizes import one_norms
 from ..retractions import Exponential, Retraction
-from ..solvers import correction, fixed_point
+from ..solvers import correction, fixed_point, unit_of
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
@@ -28,6 +28,9 @@ from .variational import with_inertia
 
 ORDERS = 2, 4, 6, 8
 """Twice the number of nodes."""
+
+TINY = 2.0**-1020
+"""Products of velocity and momentum below this, or beyond its inverse, lose digits."""
 
 
 @record
@@ -128,8 +131,17 @@ class GalerkinVariational(Implicit):
     # ---------------------------------------------------------------- one step
 
     def first(self, system: Any, state: BodyState, h: float) -> tuple[Vec, ...]:
-        """The velocity of the start at every node."""
-        xi = system.velocity(plain(state.mu))
+        """The velocity of the start at every node.  Raises InvalidInput where the product of velocity and
+        momentum is not a number.
+        """
+        mu = plain(state.mu)
+        xi = system.velocity(mu)
+        product = norm(unit_of(mu) * mu) * norm(unit_of(xi) * xi) / unit_of(mu)
+        if product > 0.0 and not TINY < product / unit_of(xi) < 1.0 / TINY:
+            raise InvalidInput(
+                f"{self!r}: |mu| = {1.0 / unit_of(mu):.1e} times |xi| = {1.0 / unit_of(xi):.1e} leaves the range of "
+                "floats; take other units of mass and time"
+            )
         return tuple([xi for _ in self.tableau[1]])
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, derivative, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
+from ..formulas import Mat, Vec, derivative, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
 from ..formulas.sums import total
 from ..groups.so3 import SO3Algebra
 from ..retractions import Exponential, Retraction
@@ -102,7 +102,7 @@ class LiePoissonHamiltonJacobi(Implicit):
         p, size, enough, folded = newton(
             lambda p: self.equation(system, h, mu, p, middle),
             guess,
-            dot(mu, mu),
+            mu,
             tolerance=tolerance,
             coupled=system.hamiltonian.coupled,
         )

@@ -15,7 +15,7 @@ from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley
-from ..solvers import fixed_point, newton
+from ..solvers import fixed_point, newton, unit_of
 from ..systems.double_bracket import DoubleBracket
 from ..systems.isospectral_flow import IsospectralFlow
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -92,7 +92,7 @@ class ImplicitMidpoint(Implicit):
         """The m with m - m x x(m)/2 = mu."""
         turning = of_rotations(system.group, mu)
         m, size, enough, _ = newton(
-            lambda m: self.equation(system, h, mu, m), guess, dot(turning, turning), coupled=system.hamiltonian.coupled
+            lambda m: self.equation(system, h, mu, m), guess, turning, coupled=system.hamiltonian.coupled
         )
         if not size <= enough:
             raise self._unsolved(h, size, enough)
@@ -160,17 +160,19 @@ class SphericalMidpoint(ImplicitMidpoint):
         on_spheres = vec(*[scales[n // 3] * m[n] for n in range(len(m))])
         xi = system.velocity(among(group, on_spheres, mu))
         if len(xi) == 3:
-            return (h * scales[0]) * xi
+            return scales[0] * (h * xi)
         x = [h * y for y in xi]
         for s, (i, j) in zip(scales, rotations(group)):
-            x = [*x[:i], *[(h * s) * y for y in xi[i:j]], *x[j:]]
+            x = [*x[:i], *[s * (h * y) for y in xi[i:j]], *x[j:]]
         return vec(*x)
 
 
 def _scale(m: Vec, mu: Vec) -> float:
     """|mu|/|m|; one where the sphere is a point."""
-    point = dot(mu, mu) == 0.0
-    return where(point, 1.0, norm(mu) / sqrt(where(point, 1.0, dot(m, m))))
+    unit = unit_of(mu)
+    start, mean = unit * mu, unit * m
+    point = dot(start, start) == 0.0
+    return where(point, 1.0, norm(start) / sqrt(where(point, 1.0, dot(mean, mean))))
 
 
 @record

@@ -12,7 +12,7 @@ from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
-from ..solvers import narrow, newton, refined
+from ..solvers import leading_power, narrow, newton, refined
 from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System, lies_in_memory
@@ -285,16 +285,6 @@ class CovariantVariational(Implicit):
         if self.lagrangian is None:
             return system.lagrangian.hessian(xi)
         return self.lagrangian.hessian(system, self.retraction, xi, h)
-
-
-def leading_power(x: float) -> float:
-    """The power of two in |x|, 2^floor(log2 |x|), by rounding alone.
-
-    Source: Rump, Ogita, Oishi, Accurate floating-point summation I, SIAM J. Sci. Comput. 31 (2008),
-    189, algorithm 3.5.
-    """
-    q = (2.0**52 + 1.0) * x
-    return abs(q - (1.0 - 2.0**-53) * q)
 
 
 def first_size(inertia: Vec | Mat) -> float:
