@@ -59,14 +59,9 @@ from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
 from .method import Method
 
-SHORT = 0.18
-"""Up to this G^2 tr D^2 the terms of wp and the nodes are accurate to 1e-16; their errors grow with
-its eighth and sixth power.
-"""
-
 TURN = 0.25 * LIMIT
 """Up to this |K mu|^2 a step turns by a tenth of a turn at most, far from the half turn that no
-Cayley map reaches.
+Cayley map reaches; and up to this size of C the terms of wp and the nodes are accurate to 1e-16.
 """
 
 FINE = 2.0**-900
@@ -144,6 +139,9 @@ class ExactFreeBody(Method):
         orbit, parts, unit = self._cut(_turning(inverse), _turning(state.mu), h)
         layout, done = layout_of(state), 0.0
         while done < parts:
+            if done > 0.0:  # by what is rounded a needle leaves the orbit of its start
+                K, D, action, square, per_square, unit = _constants(_turning(inverse), _turning(state.mu), h / parts)
+                orbit = _orbit(K, D, action, square, per_square)
             x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
             state = fitted(system.displaced(Cayley(), state, x), layout)
             done = done + 1.0
@@ -200,17 +198,10 @@ class ExactFreeBody(Method):
 
         inverse : of the inertia, (3,) or (3, 3).  mu : (3,).
         """
-        K, unit = (0.5 * h) * inverse, 1.0
-        square = dot(mu, mu)
-        # nearly at rest, or in units for which squares leave the range of floats
-        if not FINE < square < 1.0 / FINE:
-            unit = unit_of(mu)
-            K, mu = (1.0 / unit) * K, unit * mu
-            square = dot(mu, mu)
-        w = times(K, mu)
-        action, per_square = dot(mu, w), 1.0 / where(square > FINE, square, 1.0)
-        D = _plus(K, -action * per_square)
-        parts, size = 1.0, max(dot(w, w) / TURN, square * trace(times(D, D)) / SHORT)
+        K, D, action, square, per_square, unit = _constants(inverse, mu, h)
+        C = square * _cofactors(D)
+        # the largest |K mu|^2 on the orbit is action^2/G^2 and at most the size of C
+        parts, size = 1.0, (action * action * per_square + sqrt(trace(times(C, C)))) / TURN
         if size > 1.0:
             while size > 1.0 and parts <= PARTS:
                 parts, size = 2.0 * parts, 0.25 * size
@@ -221,6 +212,21 @@ class ExactFreeBody(Method):
                 )
             K, D, action = K / parts, D / parts, action / parts
         return _orbit(K, D, action, square, per_square), parts, unit
+
+
+def _constants(inverse: Vec | Mat, mu: Vec, h: float) -> tuple[Any, Any, float, float, float, float]:
+    """K, D, mu . K mu, G^2, its inverse, and the factor by which mu is scaled, for a step.
+    inverse : of the inertia, (3,) or (3, 3).  mu : (3,).
+    """
+    K, unit = (0.5 * h) * inverse, 1.0
+    square = dot(mu, mu)
+    # nearly at rest, or in units for which squares leave the range of floats
+    if not FINE < square < 1.0 / FINE:
+        unit = unit_of(mu)
+        K, mu = (1.0 / unit) * K, unit * mu
+        square = dot(mu, mu)
+    action, per_square = dot(mu, times(K, mu)), 1.0 / where(square > FINE, square, 1.0)
+    return K, _plus(K, -action * per_square), action, square, per_square, unit
 
 
 @record
