@@ -226,7 +226,24 @@ def _constants(inverse: Vec | Mat, mu: Vec, h: float) -> tuple[Any, Any, float, 
         K, mu = (1.0 / unit) * K, unit * mu
         square = dot(mu, mu)
     action, per_square = dot(mu, times(K, mu)), 1.0 / where(square > FINE, square, 1.0)
-    return K, _plus(K, -action * per_square), action, square, per_square, unit
+    return K, _spread(K, mu, action, per_square), action, square, per_square, unit
+
+
+def _rate(K: Vec | Mat, mu: Vec) -> Vec:
+    """mu x K mu; along axes from differences, as D."""
+    if isinstance(K, vectors.Mat):
+        return cross(mu, times(K, mu))
+    x, y, z = mu
+    return vec((K[2] - K[1]) * (y * z), (K[0] - K[2]) * (z * x), (K[1] - K[0]) * (x * y))
+
+
+def _spread(K: Vec | Mat, mu: Vec, action: float, per_square: float) -> Vec | Mat:
+    """D; along axes from differences, which cancel in a needle."""
+    if isinstance(K, vectors.Mat):
+        return plus(K, -action * per_square)
+    a, b, c = (per_square * m * m for m in mu)
+    xy, yz, zx = K[0] - K[1], K[1] - K[2], K[2] - K[0]
+    return vec(xy * b - zx * c, yz * c - xy * a, zx * a - yz * b)
 
 
 @record
@@ -257,12 +274,12 @@ class Orbit(Record):
         start : mu, perhaps compensated, before it was multiplied by the unit.
         """
         mu = unit * start
-        rate = cross(mu, times(self.K, mu))
+        rate = _rate(self.K, mu)
         extra = (4.0 * self.unit) * (self.per_square * dot(rate, rate))
         d = (1.0 / (self.scale + extra)) * ((times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate))
         b = self.reach / (1.0 + sqrt(1.0 - dot(d, times(self.middle, d))))
         m = mu + 0.5 * d
-        m = unit * (start + (b * (0.5 / unit)) * cross(m, times(self.K, m)))
+        m = unit * (start + (b * (0.5 / unit)) * _rate(self.K, m))
         w, square = times(self.K, m), dot(m, m)
         a = (self.turning - b * dot(m, w)) / where(square > 0.5 * FINE, square, 1.0)
         return b * w + a * m
