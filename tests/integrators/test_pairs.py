@@ -528,8 +528,8 @@ def observed(system: Any, method: lm.Method, start: Any, reference: Callable[[in
 
 DEAR = (lm.LiePoissonHamiltonJacobi(4), lm.CovariantVariational(lagrangian=lm.QuadratureLagrangian()))
 FITTED = next(method for method in METHODS if isinstance(method, lm.ExactMoserVeselov))
-LONG = {"viscous", "masses, one held", "isospectral", "a linkage", "a body on a pivot"}
-"""Systems of many numbers."""
+QUICK = [name for name in SYSTEMS if name in TURNING or "damped" in name or "noise" in name or "fields" in name]
+"""What wraps a body, which is looked at by default; the others are slow all together."""
 
 
 def reference(name: str, system: Any, start: Any) -> Callable[[int], np.ndarray]:
@@ -548,7 +548,7 @@ def reference(name: str, system: Any, start: Any) -> Callable[[int], np.ndarray]
 
 def pairs() -> Any:
     for name in SYSTEMS:
-        yield pytest.param(name, False, marks=[pytest.mark.slow] if name in LONG else [], id=name)
+        yield pytest.param(name, False, marks=[] if name in QUICK else [pytest.mark.slow], id=name)
         if name != "free":
             yield pytest.param(name, True, marks=pytest.mark.slow, id=f"{name}, dear methods")
 
@@ -590,3 +590,19 @@ def test_every_method_and_every_kind_of_system_is_in_the_tables() -> None:
         next(x for x in one.__mro__ if ".models." not in x.__module__) for one in public if issubclass(one, lm.System)
     }
     assert kinds - seen == set()
+
+
+@pytest.mark.parametrize("sites", [2, 6])
+def test_many_bodies_that_are_damped_or_driven_by_noise(sites: int) -> None:
+    """Written out and by sites: what moves free bodies is refused."""
+    bodies = lm.LiePoissonSystem(lm.SO3() ** sites, lm.PerSite(lm.KineticEnergy(J)))
+    damped, mu = lm.DoubleBracket(bodies, 0.7), np.tile(MU, (sites, 1))
+    for method in (lm.ExactFreeBody(), lm.CovariantVariational(), lm.LiePoissonHamiltonJacobi(2)):
+        with pytest.raises(IncompatibleSystem):
+            lm.integrate(damped, method, damped.state(mu=mu), h=0.1, steps=1, compiled=False)
+        for system in (lm.Stochastic(damped, fields=[[0.5, 0.0, 0.0]]), lm.thermal_bath(bodies, 0.7, 0.1)):
+            with pytest.raises(IncompatibleSystem):
+                lm.integrate(system, lm.WongZakai(method), system.state(mu=mu), h=0.1, steps=1, compiled=False)
+    noisy = lm.Stochastic(bodies, fields=[[0.5, 0.0, 0.0]])
+    with pytest.raises(IncompatibleSystem):
+        lm.integrate(noisy, lm.WongZakai(lm.ExactFreeBody()), noisy.state(mu=mu), h=0.1, steps=1, compiled=False)
