@@ -101,14 +101,11 @@ def newton(
 
 
 def unit_of(x: Vec) -> float:
-    """A power of two that brings a vector near one, so that its square is neither zero nor infinite; one
-    if it is zero.
-    """
-    size = 0.0
+    """A power of two that brings a vector near one, so that its square is neither zero nor infinite."""
+    size = SMALLEST
     for component in x:
-        size = max(size, abs(value_of(component)))
-    size = where(size > 0.0, min(max(size, SMALLEST), 1.0 / SMALLEST), 1.0)
-    return 1.0 / leading_power(size)
+        size = size + abs(value_of(component))
+    return 1.0 / leading_power(min(size, 1.0 / SMALLEST))
 
 
 def leading_power(x: float) -> float:

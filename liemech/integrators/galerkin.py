@@ -136,11 +136,12 @@ class GalerkinVariational(Implicit):
         """
         mu = plain(state.mu)
         xi = system.velocity(mu)
-        product = norm(unit_of(mu) * mu) * norm(unit_of(xi) * xi) / unit_of(mu)
-        if product > 0.0 and not TINY < product / unit_of(xi) < 1.0 / TINY:
+        of_mu, of_xi = unit_of(mu), unit_of(xi)
+        product = norm(of_mu * mu) * norm(of_xi * xi)
+        if product > 0.0 and not TINY < (product / of_mu) / of_xi < 1.0 / TINY:
             raise InvalidInput(
-                f"{self!r}: |mu| = {1.0 / unit_of(mu):.1e} times |xi| = {1.0 / unit_of(xi):.1e} leaves the range of "
-                "floats; take other units of mass and time"
+                f"{self!r}: |mu| = {norm(of_mu * mu) / of_mu:.1e} times |xi| = {norm(of_xi * xi) / of_xi:.1e} leaves the "
+                "range of floats; take other units of mass and time"
             )
         return tuple([xi for _ in self.tableau[1]])
 

@@ -15,7 +15,7 @@ from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley
-from ..solvers import fixed_point, newton, unit_of
+from ..solvers import fixed_point, newton
 from ..systems.double_bracket import DoubleBracket
 from ..systems.isospectral_flow import IsospectralFlow
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -119,6 +119,10 @@ class ImplicitMidpoint(Implicit):
         return vec(*r), mat(*rows), 1.0
 
 
+RANGE = 2.0**-960
+"""Squares below this, or beyond its inverse, lose digits in what is made of them."""
+
+
 @record
 class SphericalMidpoint(ImplicitMidpoint):
     """The midpoint rule of spheres: the velocity is taken where the mean of both momenta points,
@@ -144,6 +148,19 @@ class SphericalMidpoint(ImplicitMidpoint):
         """Spherical midpoint."""
         return "Spherical midpoint"
 
+    def first(self, system: Any, state: BodyState, h: float) -> Vec:
+        """The mean is the momentum itself, whose length must have a square: raises InvalidInput."""
+        mu = super().first(system, state, h)
+        for i in range(0, len(mu), 3):
+            own = mu[i : i + 3]
+            there = abs(own[0]) + abs(own[1]) + abs(own[2])
+            if there > 0.0 and not RANGE < dot(own, own) < 1.0 / RANGE:
+                raise InvalidInput(
+                    f"{self!r}: the square of a momentum of {there:.1e} leaves the range of floats; take another unit "
+                    "of mass or time, or ImplicitMidpoint()"
+                )
+        return mu
+
     def asked(self, m: Vec, mu: Vec) -> Vec:
         """Of one rotation s m."""
         return _scale(m, mu) * m
@@ -160,19 +177,17 @@ class SphericalMidpoint(ImplicitMidpoint):
         on_spheres = vec(*[scales[n // 3] * m[n] for n in range(len(m))])
         xi = system.velocity(among(group, on_spheres, mu))
         if len(xi) == 3:
-            return scales[0] * (h * xi)
+            return (h * scales[0]) * xi
         x = [h * y for y in xi]
         for s, (i, j) in zip(scales, rotations(group)):
-            x = [*x[:i], *[s * (h * y) for y in xi[i:j]], *x[j:]]
+            x = [*x[:i], *[(h * s) * y for y in xi[i:j]], *x[j:]]
         return vec(*x)
 
 
 def _scale(m: Vec, mu: Vec) -> float:
     """|mu|/|m|; one where the sphere is a point."""
-    unit = unit_of(mu)
-    start, mean = unit * mu, unit * m
-    point = dot(start, start) == 0.0
-    return where(point, 1.0, norm(start) / sqrt(where(point, 1.0, dot(mean, mean))))
+    point = dot(mu, mu) == 0.0
+    return where(point, 1.0, norm(mu) / sqrt(where(point, 1.0, dot(m, m))))
 
 
 @record

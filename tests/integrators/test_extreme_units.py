@@ -124,7 +124,7 @@ def test_adaptive_steps_of_motions_of_space_are_those_of_all_units(power: int) -
 
 
 SMALL = (
-    *(lm.SphericalMidpoint(), lm.ImplicitMidpoint(), HJ(2), HJ(4), lm.ExactFreeBody()),
+    *(lm.ImplicitMidpoint(), HJ(2), HJ(4), lm.ExactFreeBody()),
     *(lm.Isospectral(2), lm.RKMK(order=4), lm.ThreeRotations()),
 )
 
@@ -139,5 +139,6 @@ def test_momenta_whose_squares_are_no_numbers(method: lm.Method, size: float) ->
 
 @pytest.mark.parametrize("size", [1e-170, 1e-200, 1e170])
 def test_products_that_are_no_numbers_are_refused(size: float) -> None:
-    with pytest.raises(lm.errors.InvalidInput, match="leaves the range of floats; take other units"):
-        moved(lm.GalerkinVariational(4), time=1.0 / size)
+    for method in (lm.GalerkinVariational(4), lm.SphericalMidpoint()):
+        with pytest.raises(lm.errors.InvalidInput, match="leaves the range of floats; take"):
+            moved(method, time=1.0 / size)
