@@ -85,7 +85,7 @@ class GalerkinVariational(Implicit):
 
     def require(self, system: Any) -> None:
         """A body with a Lagrangian, free or in a field, on a group that has the retraction."""
-        body = _body(system)
+        body: Any = _body(system)
         if not isinstance(body, System) or body.lie_poisson is None:
             raise IncompatibleSystem(
                 f"{self!r} needs a body, free as RigidBody([1.0, 1.5, 2.0]) or in a field, a "

@@ -68,7 +68,7 @@ class BoundBody(System):
             raise InvalidType(
                 f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem; got {body!r}"
             )
-        kinetic = getattr(body.body, "lagrangian", None)
+        kinetic: Any = getattr(body.body, "lagrangian", None)
         if not has_inertia(kinetic):
             raise InvalidInput(
                 f"{name}: the kinetic energy must be quadratic, a KineticEnergy; {body.body!r} has another one"
