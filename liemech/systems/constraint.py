@@ -67,7 +67,6 @@ class Constraint(Record):
         """
         return (tuple(range(len(factors_of(group)))),) * conditions
 
-    @derived
     def rows(self, group: LieGroup, g: Element) -> Rows:
         """G(g) by rows and factors, as `touches` says; of all factors by default."""
         return tuple([parts_of(group, row) for row in self.jacobian(group, g)])
