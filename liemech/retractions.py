@@ -26,6 +26,7 @@ from .formulas import (
     sqrt,
     vec,
 )
+from .formulas.derived import derived
 from .groups.lie_algebra import refuse_sides
 from .groups.lie_group import LieGroup
 from .solvers import LIMIT, TOLERANCE
@@ -65,6 +66,7 @@ class Retraction(Record):
         """Why the map cannot be used on a group; None if it can."""
         return None
 
+    @derived
     def tau_inv(self, group: LieGroup, g: Element) -> Vec:
         """The xi with tau(xi) = g.  g : an element.
 
@@ -83,35 +85,43 @@ class Retraction(Record):
             raise NoConvergence(f"{type(self).__name__}: no xi found with tau(xi) = g, |log g| = {sqrt(size):.2g}")
         return xi
 
+    @derived
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """Ad*_tau(xi) mu.  xi, mu : (dim,)."""
         return group.Ad_star(self.tau(group, xi), mu)
 
+    @derived
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g tau(xi).  g : an element, xi : (dim,)."""
         return group.compose(g, self.tau(group, xi))
 
+    @derived
     def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
         """tau(xi) g.  xi : (dim,), g : an element."""
         return group.compose(self.tau(group, xi), g)
 
+    @derived
     def tau_act(self, action: GroupAction, xi: Vec, x: Vec) -> Vec:
         """tau(xi) . x, a point moved by the group.  xi : (dim,), x : a point."""
         return action.act(self.tau(action.group, xi), x)
 
+    @derived
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
         """The differential, tau(xi)^-1 d/de tau(xi + e eta).  xi, eta : (dim,)."""
         rate = derivative(lambda x: self.tau(group, x), xi, eta)
         return group.body_velocity(self.tau(group, xi), rate)
 
+    @derived
     def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """Its dual, <dtau_dual_xi mu, eta> = <mu, dtau_xi eta>.  xi, mu : (dim,)."""
         return vec(*[dot(mu, self.dtau(group, xi, unit)) for unit in identity_matrix(group.dim)])
 
+    @derived
     def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
         """Its inverse.  xi, eta : (dim,)."""
         return solve(mat(*[self.dtau(group, xi, unit) for unit in identity_matrix(group.dim)]).T, eta)
 
+    @derived
     def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi,
         mu : (dim,).
@@ -122,6 +132,7 @@ class Retraction(Record):
         """Is xi in the neighbourhood of zero on which dtau can be inverted?  xi : (dim,)."""
         return True
 
+    @derived
     def residual(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """How far p = dl/dxi is from fitting the momentum mu at the start of a step tau(xi):
         r = p - (dtau_xi)* mu, right-trivialised, or a multiple.

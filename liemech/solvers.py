@@ -47,7 +47,7 @@ SWEEPS = 100
 def newton(
     equation: Callable[[Vec], tuple[Vec, Mat, float]],
     guess: Vec,
-    data: float = 1.0,
+    data: float | Vec = 1.0,
     rate: float = 1.0,
     tolerance: float = TOLERANCE,
     solved: Callable[[Mat, Vec], Vec] | None = None,
@@ -58,7 +58,7 @@ def newton(
     asks for applied once more.
 
     equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the
-    data.  data : a square; one where residuals are numbers without a unit.
+    data.  data : the vector that r is beside, or its square; one where residuals are numbers without a unit.
     tolerance : smaller for a derivative that is not exact, with which the last correction gains
     fewer digits.
     solved : the solution of a linear system, if `correction` is not the best way to it.
@@ -66,11 +66,15 @@ def newton(
     coupled : is it the equation of one of many sites, which asks the others?  Then all are `swept`.
     In numbers of two doubles it is found to 16 digits first, and then `refined`, by a derivative
     that is not exact `iterated`.
-    Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root),
+    Returns x, |r|^2 at the last test, in the `unit_of` the data, what it had to reach (w tolerance^2 data, else x is no root),
     and whether x is `beyond_fold`.
     """
+    unit = 1.0
+    if isinstance(data, SmallVec):
+        unit = unit_of(data)
+        data = dot(unit * data, unit * data)
     if coupled:
-        return swept(equation, guess, data, solved)
+        return swept(equation, guess, data, solved, unit)
     x, goal = guess, tolerance * tolerance * data
     long = is_long(guess[0])
     if long:
@@ -83,7 +87,7 @@ def newton(
             r, jacobian, weight = rounded((r, jacobian, weight))
         x = x - _asked(solved, jacobian, r)
         folded = beyond_fold(jacobian, rate)
-        tested = r if weights is None else narrow(weights) * r
+        tested = unit * r if weights is None else narrow(weights) * r
         size, enough = dot(tested, tested), weight * goal
         if size <= enough:
             break
@@ -95,6 +99,27 @@ def newton(
         )
     return x, size, enough, folded
 
+
+def unit_of(x: Vec) -> float:
+    """A power of two that brings a vector near one, so that its square is neither zero nor infinite."""
+    size = SMALLEST
+    for component in x:
+        size = size + abs(value_of(component))
+    return 1.0 / leading_power(min(size, 1.0 / SMALLEST))
+
+
+def leading_power(x: float) -> float:
+    """The power of two in |x|, 2^floor(log2 |x|), by rounding alone.
+
+    Source: Rump, Ogita, Oishi, Accurate floating-point summation I, SIAM J. Sci. Comput. 31 (2008),
+    189, algorithm 3.5.
+    """
+    q = (2.0**52 + 1.0) * x
+    return abs(q - (1.0 - 2.0**-53) * q)
+
+
+SMALLEST = 2.0**-900
+"""Units of vectors beyond this, or its inverse, are not looked for."""
 
 FORESEEN = 2.0**-10
 """A bend that a correction has foreseen up to this part of it leaves Newton's method as it is."""
@@ -153,13 +178,14 @@ def swept(
     guess: Vec,
     data: float,
     solved: Callable[[Mat, Vec], Vec] | None = None,
+    unit: float = 1.0,
 ) -> tuple[Vec, float, float, bool]:
     """The roots of the equations of all sites: again and again each takes the correction that its
     own derivative asks for, with the others where they are, until the residuals do no more than
     rounding does.
 
     The arguments and results are those of `newton`; residuals are relative to the data of each
-    site, and the mean of their squares over all sites is tested.
+    site, both in its unit, and the mean of their squares over all sites is tested.
     """
 
     count = total(1.0)
@@ -167,7 +193,8 @@ def swept(
     def sweep(x: Vec) -> tuple[Vec, float]:
         r, jacobian, weight = equation(x)
         scale = weight * data
-        off = where(scale > 0.0, dot(r, r) / where(scale > 0.0, scale, 1.0), 0.0)
+        beside = unit * r
+        off = where(scale > 0.0, dot(beside, beside) / where(scale > 0.0, scale, 1.0), 0.0)
         return x - _asked(solved, jacobian, r), value_of(off)
 
     def judge(before: Settling, off: float) -> tuple[Settling, bool]:

@@ -21,6 +21,7 @@ from ..formulas.pytree import fields_of
 from ..formulas.vectors import Mat, Vec
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
+from ..retractions import Retraction
 from .law import Law, Same, factors
 from .sample_points import flat
 
@@ -32,7 +33,7 @@ far.
 NUDGE = 2.0**-26
 """A relative change of all arguments, by which is seen how they enlarge roundings."""
 
-GROUPS = LieGroup, LieAlgebra
+GROUPS = LieGroup, LieAlgebra, Retraction
 
 Arguments = dict[str, tuple[Any, ...]]
 """Values to put in for an argument, by its name: one, or one after the other."""
@@ -57,7 +58,7 @@ def laws_of_closed_forms(
 
 
 def records_within(record: Any) -> Iterator[Any]:
-    """A record, and those that it holds, once each; groups have a check of their own."""
+    """A record, and those that it holds, once each; groups and retractions have checks of their own."""
     seen: list[Any] = []
     waiting = [record]
     while waiting:

@@ -1,38 +1,225 @@
-"""Formulas that follow from others: what a class may overrule by a closed form, and which closed
-forms a class has.
+"""Formulas that follow from others: what a class may overrule by a closed form, which closed forms a
+class has, and which of them are those of an energy that a subclass has replaced.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import dis
+import functools
+import types
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
+from ..errors import InvalidType, NotDefined
+from .overriding import theirs
 from .signatures import bare
 
 Formula = TypeVar("Formula", bound=Callable[..., Any])
 
 
 def derived(formula: Formula) -> Formula:
-    """Mark a method that follows from what a subclass must write: an own version of it is a closed
-    form, which has to give the same numbers.
+    """Mark a method that follows from what a subclass must write, the methods of `self` that it calls:
+    an own version of it is a closed form, which has to give the same numbers.
+
+    A closed form counts beside those methods only: a subclass that writes one of them anew, and no
+    closed form, has the derived method again.
     """
     formula.__derived__ = True  # type: ignore[attr-defined]
     return formula
 
 
-def closed_forms(cls: type) -> Iterator[tuple[str, Any, Any]]:
-    """The derived methods that a class has its own version of: the name, that version, and the
-    derived method that it stands for.
+def derived_from(*sources: str) -> Callable[[Formula], Formula]:
+    """Mark a method that says what holds for any versions of these methods: None, nothing, or an error.
+    An own version of it knows more, of the versions beside it, and counts as long as a closed form.
     """
-    names = {name for base in cls.__mro__ for name in vars(base)}
-    for name in sorted(names):
-        versions = [bare(vars(base)[name]) for base in cls.__mro__ if name in vars(base)]
-        if not is_derived(versions[0]):
-            follows = next((version for version in versions if is_derived(version)), None)
-            if follows is not None:
-                yield name, versions[0], follows
+
+    def mark(formula: Formula) -> Formula:
+        formula.__sources__ = sources  # type: ignore[attr-defined]
+        return derived(formula)
+
+    return mark
 
 
-def is_derived(formula: Any) -> bool:
+def closed_form_of(*sources: str) -> Callable[[Formula], Formula]:
+    """Mark a closed form of what cannot be derived, such as the exact motion: a subclass that writes
+    one of these methods anew has the version of the next base, or none, and NotDefined says so.
+    """
+
+    def mark(formula: Formula) -> Formula:
+        formula.__sources__ = sources  # type: ignore[attr-defined]
+        return formula
+
+    return mark
+
+
+def closed_forms(cls: type) -> Iterator[tuple[str, Any, Any]]:
+    """The derived methods that a class has its own version of: the name, that version, and the derived
+    method whose numbers it gives.
+    """
+    for name, home, base in _overruled(cls):
+        follows = bare(vars(base)[name]) if base else None
+        if isinstance(follows, types.FunctionType) and is_derived(follows) and not hasattr(follows, "__sources__"):
+            yield name, bare(vars(home)[name]), follows
+
+
+def is_derived(member: Any) -> bool:
     """Was it marked?"""
-    return getattr(formula, "__derived__", False)
+    return getattr(_function(member), "__derived__", False)
+
+
+def stale_forms(cls: type) -> Iterator[tuple[str, type, type | None]]:
+    """The closed forms that a class inherits although a method that they abbreviate was written anew:
+    the name, the class that wrote it, and the base whose method is to stand for it, if there is one.
+    """
+    for name, home, base in _overruled(cls):
+        own = _function(vars(home)[name])
+        if home is cls or getattr(own, "__final__", False):
+            continue
+        changed = _written_anew(cls, home, own if hasattr(own, "__sources__") or not base else vars(base)[name])
+        if changed and not _is_of_the_library(cls, (name, *changed)):
+            yield name, home, base
+
+
+def follow_anew(cls: type) -> None:
+    """Put derived methods in the place of closed forms that a class inherits, where it, or a base before
+    theirs, writes anew what they abbreviate.
+
+    Raises InvalidType where that calls the closed form, so that the derived method would call itself.
+    """
+    while stale := list(stale_forms(cls)):
+        for name, home, base in stale:
+            sources = _reads(_function(vars(base)[name])) - {name} if base else frozenset()
+            if name in _called(cls, sources):
+                raise InvalidType(
+                    f"{cls.__name__} writes anew what {home.__name__}.{name} is a closed form of, and goes by way of "
+                    f"that closed form, as {home.__name__} does: write `{name}` too"
+                )
+            setattr(cls, name, vars(base)[name] if base else _missing(name, home))
+
+
+def _missing(name: str, home: type) -> property:
+    """A property that says why there is no closed form."""
+
+    def missing(self: Any) -> Any:
+        raise NotDefined(
+            f"{type(self).__name__}.{name}: {home.__name__} knows it of its own formulas, and {type(self).__name__} "
+            "writes others; write it too, or integrate"
+        )
+
+    return property(missing)
+
+
+def _overruled(cls: type) -> Iterator[tuple[str, type, type | None]]:
+    """Each closed form of a class: its name, the class that wrote it, and the base with the method that
+    is to stand for it elsewhere.
+    """
+    for name in sorted({name for base in cls.__mro__ for name in vars(base)}):
+        homes = [base for base in cls.__mro__ if name in vars(base)]
+        own = _function(vars(homes[0])[name])
+        if is_derived(own) or name.startswith("__"):
+            continue
+        if hasattr(own, "__sources__"):
+            yield name, homes[0], homes[1] if len(homes) > 1 else None
+        elif base := next((base for base in homes if is_derived(vars(base)[name])), None):
+            yield name, homes[0], base
+
+
+def _written_anew(cls: type, home: type, member: Any) -> set[str]:
+    """The methods that a method reads, or that these call in turn, of which a class has another version
+    than `home`.  What is abstract in `home` may be any, unless the method reads it itself.
+    """
+    direct = _reads(_function(member))
+    changed = set()
+    for name in _reached(cls, direct):
+        own, known = _definer(cls, name), _definer(home, name)
+        if known is None and name in direct:  # `home` is a mixin, or leaves it to subclasses
+            if own is not None and cls.__mro__.index(own) < cls.__mro__.index(home):
+                changed.add(name)
+        elif own is not known and known and (name in direct or not _is_abstract(_function(vars(known)[name]))):
+            changed.add(name)
+    return changed
+
+
+def written_together(cls: type, *names: str) -> bool:
+    """Are the methods of these names of one class, or together from one of the library?"""
+    own = len({_definer(cls, name) for name in names}) == 1
+    return own or _is_of_the_library(cls, names)
+
+
+def _is_of_the_library(cls: type, names: Iterable[str]) -> bool:
+    """Has a class the methods of these names together from one class of the library?"""
+    return any(
+        all(_definer(base, name) is _definer(cls, name) for name in names) for base in cls.__mro__ if not theirs(base)
+    )
+
+
+def _definer(cls: type, name: str) -> type | None:
+    return next((base for base in cls.__mro__ if name in vars(base)), None)
+
+
+def _is_abstract(formula: Any) -> bool:
+    """Does it only say that a subclass has to write it?"""
+    names = getattr(getattr(formula, "__code__", None), "co_names", ())
+    return not {"undefined", "NotDefined"}.isdisjoint(names)
+
+
+def _reached(cls: type, names: frozenset[str]) -> set[str]:
+    """These names of methods, and those of what they call in turn, by every version that a class
+    inherits, for `super` may call any.
+    """
+    found: set[str] = set()
+    waiting = [*names]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            for base in cls.__mro__:
+                waiting.extend(_reads(_function(vars(base).get(name))))
+    return found
+
+
+def _called(cls: type, names: frozenset[str]) -> set[str]:
+    """These methods, as a class has them, and those that they call in turn."""
+    found: set[str] = set()
+    waiting = [*names]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            for base in cls.__mro__:
+                if name in vars(base):
+                    formula = _function(vars(base)[name])
+                    waiting.extend(_reads(formula))
+                    if "super" not in getattr(getattr(formula, "__code__", None), "co_names", ()):
+                        break
+    return found
+
+
+def _function(member: Any) -> Any:
+    """The function behind a method or a property."""
+    return bare(getattr(member, "fget", None) or getattr(member, "func", None) or member)
+
+
+def _reads(formula: Any) -> frozenset[str]:
+    """The attributes of `self` that a formula reads, or those of which it is said to be."""
+    if hasattr(formula, "__sources__"):
+        return frozenset(formula.__sources__)
+    return _read_by(formula) if isinstance(formula, types.FunctionType) else frozenset()
+
+
+@functools.cache
+def _read_by(formula: types.FunctionType) -> frozenset[str]:
+    if not formula.__code__.co_argcount:
+        return frozenset()
+    found: set[str] = set()
+    waiting, owner = [formula.__code__], formula.__code__.co_varnames[0]
+    while waiting:
+        code = waiting.pop()
+        waiting.extend(x for x in code.co_consts if isinstance(x, types.CodeType))
+        loaded: Any = None
+        for instruction in dis.get_instructions(code):
+            if instruction.opname in ("LOAD_ATTR", "LOAD_METHOD") and loaded == owner:
+                found.add(instruction.argval)
+            value = instruction.argval
+            loaded = value[-1] if value and isinstance(value, tuple) else value  # two at once, since 3.13
+    return frozenset(found)

@@ -22,8 +22,8 @@ class WrongResult(InvalidType):
     """A formula gave something else than its base in the library says."""
 
 
-def theirs(cls: type) -> bool:
-    """Is it a class of a user's?"""
+def theirs(cls: type | types.FunctionType) -> bool:
+    """Is it a class, or a method, of a user's?"""
     return cls.__module__.partition(".")[0] != _LIBRARY
 
 
@@ -36,7 +36,7 @@ def require_signatures(cls: type, formula_of: Any) -> None:
     for home in filter(theirs, cls.__mro__[:-1]):
         for name, member in vars(home).items():
             base = overridden(cls, home, name)
-            if base is None or not isinstance(member, types.FunctionType):
+            if base is None or not isinstance(member, types.FunctionType) or not theirs(member):
                 continue
             own, other = formula_of(member), formula_of(base[1])
             if _yields(own) and not _yields(other):

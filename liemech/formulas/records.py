@@ -25,10 +25,11 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, LiemechError
 from .annotations import own_annotations
 from .broadcasting import Broadcasting
+from .derived import follow_anew
 from .fields import FrozenDict, converters, immutable
 from .frozen import MISSING, frozen
 from .large import Large
-from .overriding import require_signatures
+from .overriding import require_signatures, theirs
 from .signatures import bare, keywords, misspelt
 from .tables import Table
 from .vectors import Mat, Vec
@@ -63,6 +64,8 @@ class Record(Broadcasting):
         for name in ("__init__", "__post_init__"):
             if name in vars(cls):
                 setattr(cls, name, _then_checked(vars(cls)[name]))
+        if theirs(cls):  # the library's own classes are looked at by a test
+            follow_anew(cls)
 
     def __new__(cls, *args: Any, **options: Any) -> Any:
         known, new = _complete.get(cls) or _completed(cls)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidType, LawViolation, NotDefined, undefined
 from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, vec
+from ..formulas.derived import derived
 from ..formulas.dual import value_of
 from ..formulas.signatures import bare
 from .ad_series import bernoulli_series, exponential_series, mean
@@ -63,6 +64,7 @@ class LieAlgebra(Record):
         raise undefined(self, "dim")
 
     @cached_property
+    @derived
     def structure_constants(self) -> Constants:
         """c[k][i][j] with [E_i, E_j] = sum_k c[k][i][j] E_k, as nested tuples of numbers."""
         if type(self).bracket is LieAlgebra.bracket:
@@ -71,12 +73,14 @@ class LieAlgebra(Record):
         c = np.array([[self.bracket(a, b) for b in units] for a in units], dtype=float)
         return tuple(tuple(tuple(row) for row in plane) for plane in c.transpose(2, 0, 1).tolist())
 
+    @derived
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """The Lie bracket, [xi, eta]^k = c^k_ij xi^i eta^j.  xi, eta : (dim,)."""
         return vec(*[_bilinear(c, xi, eta) for c in self.structure_constants])
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
+    @derived
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of the bracket, <ad*_xi mu, eta> = <mu, [xi, eta]>, the plain transpose of
         ad_xi.
@@ -85,6 +89,7 @@ class LieAlgebra(Record):
         """
         return vec(*[dot(mu, self.bracket(xi, unit)) for unit in identity_matrix(self.dim)])
 
+    @derived
     def ad_matrix(self, xi: Vec) -> Mat:
         """The matrix of ad_xi: ad_matrix(xi) @ eta = [xi, eta].  xi : (dim,), returns (dim, dim)."""
         return mat(*[self.bracket(xi, unit) for unit in identity_matrix(self.dim)]).T
@@ -99,6 +104,7 @@ class LieAlgebra(Record):
 
     # the exponential
 
+    @derived
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad*_exp(xi) mu = exp(ad*_xi) mu, the coadjoint orbit followed with velocity xi for unit
         time.
@@ -109,6 +115,7 @@ class LieAlgebra(Record):
             return exponential_series(self.ad_star, xi, mu)
         return mu @ expm(self.ad_matrix(xi))
 
+    @derived
     def dexp(self, xi: Vec, eta: Vec) -> Vec:
         """The differential of exp, left-trivialised, sum_k (-ad_xi)^k eta/(k + 1)!.  xi,
         eta : (dim,).
@@ -117,12 +124,14 @@ class LieAlgebra(Record):
             return mean(self.bracket, -xi, eta)
         return phi1m(self.ad_matrix(-xi)) @ eta
 
+    @derived
     def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of `dexp`, <dexp_dual_xi mu, eta> = <mu, dexp_xi eta>.  xi, mu : (dim,)."""
         if self.ad_size(xi) <= SHORT:
             return mean(self.ad_star, -xi, mu)
         return mu @ phi1m(self.ad_matrix(-xi))
 
+    @derived
     def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """The inverse of `dexp`, defined while no eigenvalue of ad_xi is 2 pi i k, k != 0.
 
@@ -130,12 +139,14 @@ class LieAlgebra(Record):
         """
         return solve(phi1m(self.ad_matrix(-xi)), eta)
 
+    @derived
     def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of `dexp_inv`, <dexp_inv_dual_xi mu, eta> = <mu, dexp_inv_xi eta>.  xi,
         mu : (dim,).
         """
         return solve(phi1m(self.ad_matrix(-xi)).T, mu)
 
+    @derived
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
         """`dexp_inv` cut after ad_xi^terms: eta + [xi, eta]/2 + [xi, [xi, eta]]/12 - ...
 
@@ -151,6 +162,7 @@ class LieAlgebra(Record):
         """
         return True
 
+    @derived
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu,
         right-trivialised, or a multiple.
@@ -166,29 +178,35 @@ class LieAlgebra(Record):
 
     # the Cayley map (1 - x/2)^-1 (1 + x/2) of the matrices x = hat(xi)
 
+    @derived
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad*_cay(xi) mu = mu + ad*_xi (dcay_xi)* mu, right-trivialised.  xi, mu : (dim,)."""
         return mu + self.ad_star(xi, self.dcayley_dual(-xi, mu))
 
+    @derived
     def dcayley(self, xi: Vec, eta: Vec) -> Vec:
         """The differential of the Cayley map, left-trivialised.  xi, eta : (dim,)."""
         units = identity_matrix(self.dim)
         return solve(mat(*[self.dcayley_inv(xi, unit) for unit in units]).T, eta)
 
+    @derived
     def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of `dcayley`.  xi, mu : (dim,)."""
         units = identity_matrix(self.dim)
         return solve(mat(*[self.dcayley_inv_dual(xi, unit) for unit in units]).T, mu)
 
+    @derived
     def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
         """The inverse of `dcayley`, eta + [xi, eta]/2 - xi eta xi/4 as matrices.  xi, eta : (dim,)."""
         m = self.hat(-xi)
         return eta - (0.5 * self.bracket(-xi, eta) + 0.25 * self.vee(m @ self.hat(eta) @ m))
 
+    @derived
     def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of `dcayley_inv`.  xi, mu : (dim,)."""
         return vec(*[dot(mu, self.dcayley_inv(xi, unit)) for unit in identity_matrix(self.dim)])
 
+    @derived
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """r = (dcayley_xi^-1)* p - mu, right-trivialised, or an equation with the same roots, as in
         `exp_residual`.
@@ -272,6 +290,7 @@ class LieAlgebra(Record):
         return np.einsum("iab,jba->ij", ad, ad)
 
     @cached_property
+    @derived
     def invariant_form(self) -> np.ndarray | None:
         """A nondegenerate symmetric form that ad leaves alone, ([x, y], z) = (x, [y, z]); None if
         there is none.  (dim, dim)
@@ -310,6 +329,7 @@ class LieAlgebra(Record):
         return None
 
     @property
+    @derived
     def _ad_matrices(self) -> np.ndarray:
         """The matrices of ad E_i.  (dim, dim, dim), first axis i"""
         units = list(identity_matrix(self.dim))

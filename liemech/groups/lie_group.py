@@ -14,6 +14,7 @@ from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotDefined, 
 from ..formulas import Ambient, Element, Mat, Record, Vec, derivative, dot, identity_matrix, mat, record, sqrt, vec
 from ..formulas.arrays import check_finite, real_array
 from ..formulas.batches import MEMBERSHIP as MEMBERSHIP
+from ..formulas.derived import derived
 from ..formulas.vectors import small
 from .lie_algebra import LieAlgebra, objection, sided
 
@@ -94,6 +95,7 @@ class LieGroup(Record):
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
+    @derived
     def Ad(self, g: Element, xi: Vec) -> Vec:
         """The adjoint action Ad_g xi = g xi g^-1: a body velocity seen from space.
 
@@ -106,6 +108,7 @@ class LieGroup(Record):
         curve = derivative(lambda s: self.compose(self.compose(g, self.exp(s * xi)), back), 0.0)
         return self._coframe @ _flat(curve)
 
+    @derived
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """The dual of Ad, <Ad*_g mu, xi> = <mu, Ad_g xi>: a right action, Ad*_gh = Ad*_h Ad*_g.
 
@@ -117,6 +120,7 @@ class LieGroup(Record):
         """The velocity xi with exp(xi) = g nearest to zero.  g : an element."""
         raise NotDefined(f"{type(self).__name__} has no logarithm")
 
+    @derived
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """g exp(xi): g moved by a step with velocity xi, best written as g plus something small.
 
@@ -124,6 +128,7 @@ class LieGroup(Record):
         """
         return self.compose(g, self.exp(xi))
 
+    @derived
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """The velocity xi with g' = g xi, from the rate g' of a moving element.
 
@@ -152,6 +157,7 @@ class LieGroup(Record):
         """The velocity xi with cayley(xi) = g.  g : an element."""
         raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
 
+    @derived
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """g cayley(xi), best written as g plus something small.  g : an element, xi : (dim,)."""
         return self.compose(g, self.cayley(xi))

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined, undefined
 from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
 from ..formulas.arrays import check_finite, real_array
-from ..formulas.derived import derived
+from ..formulas.derived import derived, derived_from
 from .lie_group import LieGroup
 from .matrix_group import whole_number
 from .skew_matrices import null_vectors, pairs
@@ -58,6 +58,7 @@ class PoissonStructure(Record):
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
+    @derived_from("matrix")
     def casimirs(self, y: Vec) -> Vec:
         """The functions C with B dC = 0, constant whatever the energy; none by default.  y : (n,),
         returns (number,).
@@ -69,6 +70,7 @@ class PoissonStructure(Record):
         """B(y) a: the velocity that belongs to a gradient.  y, a : (n,)."""
         return self.matrix(y) @ a
 
+    @derived_from("matrix")
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """Where y is after the time s if the coordinate y_index is the energy, y' = B(y) e_index.
         y : (n,), index from 0.

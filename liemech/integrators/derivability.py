@@ -12,7 +12,6 @@ from ..formulas.remembered import Remembered
 from ..formulas.vectors import Vec
 from ..systems.agreement import APART, ROUNDING, parts_in_units
 from ..systems.driven import DrivenLiePoissonSystem
-from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.sums_of_terms import OfTerms
 from .method import alternatives
 from .motion_series import motion
@@ -38,7 +37,7 @@ def require_derivatives(method: Any, system: Any) -> None:
         require_derivatives(method, system.at(0.0))
         _require_series(method, system)
         return
-    if not isinstance(system, LiePoissonSystem):
+    if system.lie_poisson is None:
         raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}")
     hamiltonian, n = system.hamiltonian, system.group.dim
     # a record never changes: it is tried once, not at every run

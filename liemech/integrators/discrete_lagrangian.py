@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 from ..errors import InvalidInput, undefined
 from ..formulas import Element, Mat, Record, Vec, gradient, jacobian, record, vec, vectors
+from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
 from ..retractions import Exponential, Retraction
 from ..solvers import correction
@@ -39,14 +40,17 @@ class DiscreteLagrangian(Record):
         """l_d(xi), an action.  xi : (dim,), the mean velocity of a step of length h."""
         raise undefined(self, "value")
 
+    @derived
     def action(self, system: Any, retraction: Retraction, xi: Vec, h: float) -> float:
         """l_d(xi) for a system and a retraction, of which `value` knows nothing.  xi : (dim,)."""
         return self.value(xi, h)
 
+    @derived
     def momentum(self, system: Any, retraction: Retraction, xi: Vec, h: float) -> Vec:
         """(1/h) dl_d/dxi, (dim,): the momentum of the mean velocity.  xi : (dim,)."""
         return (1.0 / h) * gradient(lambda x: self.action(system, retraction, x, h), xi)
 
+    @derived
     def hessian(self, system: Any, retraction: Retraction, xi: Vec, h: float) -> Mat:
         """(1/h) d2l_d/dxi2, (dim, dim).  xi : (dim,)."""
         return jacobian(lambda x: self.momentum(system, retraction, x, h), xi)

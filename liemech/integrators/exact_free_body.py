@@ -52,25 +52,21 @@ from ..groups.species import SpeciesGroup
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley, Exponential
+from ..solvers import unit_of
 from ..systems.energy_of_species import EnergyOfSpecies
-from ..systems.kinetic_energy import KineticEnergy, times, trace
-from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.kinetic_energy import has_inertia, times, trace
+from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
 from .method import Method
 
-SHORT = 0.18
-"""Up to this G^2 tr D^2 the terms of wp and the nodes are accurate to 1e-16; their errors grow with
-its eighth and sixth power.
-"""
-
 TURN = 0.25 * LIMIT
 """Up to this |K mu|^2 a step turns by a tenth of a turn at most, far from the half turn that no
-Cayley map reaches.
+Cayley map reaches; and up to this size of C the terms of wp and the nodes are accurate to 1e-16.
 """
 
-FINE, MASS = 2.0**-900, 2.0**500
-"""If |mu|^2 is below FINE or beyond 1/FINE, mu is scaled by MASS; a body whose |mu|^2 is still
-below FINE is at rest.
+FINE = 2.0**-900
+"""If |mu|^2 is below FINE or beyond 1/FINE, mu is scaled to a size near one; a body whose |mu|^2 is
+still below FINE is at rest.
 """
 
 PARTS = 2.0**20
@@ -143,6 +139,9 @@ class ExactFreeBody(Method):
         orbit, parts, unit = self._cut(_turning(inverse), _turning(state.mu), h)
         layout, done = layout_of(state), 0.0
         while done < parts:
+            if done > 0.0:  # by what is rounded a needle leaves the orbit of its start
+                K, D, action, square, per_square, unit = _constants(_turning(inverse), _turning(state.mu), h / parts)
+                orbit = _orbit(K, D, action, square, per_square)
             x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
             state = fitted(system.displaced(Cayley(), state, x), layout)
             done = done + 1.0
@@ -199,17 +198,10 @@ class ExactFreeBody(Method):
 
         inverse : of the inertia, (3,) or (3, 3).  mu : (3,).
         """
-        K, unit = (0.5 * h) * inverse, 1.0
-        square = dot(mu, mu)
-        # nearly at rest, or in units for which squares leave the range of floats
-        if not FINE < square < 1.0 / FINE:
-            unit = MASS if square < 1.0 else 1.0 / MASS
-            K, mu = (1.0 / unit) * K, unit * mu
-            square = dot(mu, mu)
-        w = times(K, mu)
-        action, per_square = dot(mu, w), 1.0 / where(square > FINE, square, 1.0)
-        D = _plus(K, -action * per_square)
-        parts, size = 1.0, max(dot(w, w) / TURN, square * trace(times(D, D)) / SHORT)
+        K, D, action, square, per_square, unit = _constants(inverse, mu, h)
+        C = square * _cofactors(D)
+        # the largest |K mu|^2 on the orbit is action^2/G^2 and at most the size of C
+        parts, size = 1.0, (action * action * per_square + sqrt(trace(times(C, C)))) / TURN
         if size > 1.0:
             while size > 1.0 and parts <= PARTS:
                 parts, size = 2.0 * parts, 0.25 * size
@@ -220,6 +212,38 @@ class ExactFreeBody(Method):
                 )
             K, D, action = K / parts, D / parts, action / parts
         return _orbit(K, D, action, square, per_square), parts, unit
+
+
+def _constants(inverse: Vec | Mat, mu: Vec, h: float) -> tuple[Any, Any, float, float, float, float]:
+    """K, D, mu . K mu, G^2, its inverse, and the factor by which mu is scaled, for a step.
+    inverse : of the inertia, (3,) or (3, 3).  mu : (3,).
+    """
+    K, unit = (0.5 * h) * inverse, 1.0
+    square = dot(mu, mu)
+    # nearly at rest, or in units for which squares leave the range of floats
+    if not FINE < square < 1.0 / FINE:
+        unit = unit_of(mu)
+        K, mu = (1.0 / unit) * K, unit * mu
+        square = dot(mu, mu)
+    action, per_square = dot(mu, times(K, mu)), 1.0 / where(square > FINE, square, 1.0)
+    return K, _spread(K, mu, action, per_square), action, square, per_square, unit
+
+
+def _rate(K: Vec | Mat, mu: Vec) -> Vec:
+    """mu x K mu; along axes from differences, as D."""
+    if isinstance(K, vectors.Mat):
+        return cross(mu, times(K, mu))
+    x, y, z = mu
+    return vec((K[2] - K[1]) * (y * z), (K[0] - K[2]) * (z * x), (K[1] - K[0]) * (x * y))
+
+
+def _spread(K: Vec | Mat, mu: Vec, action: float, per_square: float) -> Vec | Mat:
+    """D; along axes from differences, which cancel in a needle."""
+    if isinstance(K, vectors.Mat):
+        return plus(K, -action * per_square)
+    a, b, c = (per_square * m * m for m in mu)
+    xy, yz, zx = K[0] - K[1], K[1] - K[2], K[2] - K[0]
+    return vec(xy * b - zx * c, yz * c - xy * a, zx * a - yz * b)
 
 
 @record
@@ -250,12 +274,12 @@ class Orbit(Record):
         start : mu, perhaps compensated, before it was multiplied by the unit.
         """
         mu = unit * start
-        rate = cross(mu, times(self.K, mu))
+        rate = _rate(self.K, mu)
         extra = (4.0 * self.unit) * (self.per_square * dot(rate, rate))
         d = (1.0 / (self.scale + extra)) * ((times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate))
         b = self.reach / (1.0 + sqrt(1.0 - dot(d, times(self.middle, d))))
         m = mu + 0.5 * d
-        m = unit * (start + (b * (0.5 / unit)) * cross(m, times(self.K, m)))
+        m = unit * (start + (b * (0.5 / unit)) * _rate(self.K, m))
         w, square = times(self.K, m), dot(m, m)
         a = (self.turning - b * dot(m, w)) / where(square > 0.5 * FINE, square, 1.0)
         return b * w + a * m
@@ -345,23 +369,25 @@ def _why_not(system: Any) -> str:
     """Why a system is not a free rigid body; empty if it is."""
     if isinstance(system, MechanicalSystem):
         return "it is in a field"
-    if isinstance(system, LiePoissonSystem):
-        system = system.site_form or system
-    if isinstance(getattr(system, "hamiltonian", None), EnergyOfSpecies):
-        species = zip(system.hamiltonian.species.groups, system.hamiltonian.energies)
+    body = system.lie_poisson
+    if body is None:
+        return "there is more in its motion than its energy, or something else"
+    body = body.site_form or body
+    if isinstance(body.hamiltonian, EnergyOfSpecies):
+        species = zip(body.hamiltonian.species.groups, body.hamiltonian.energies)
         return next((why for one in species if (why := _why_no_body(*one))), "")
-    return _why_no_body(getattr(system, "group", None), getattr(system, "hamiltonian", None))
+    return _why_no_body(body.group, body.hamiltonian)
 
 
 def _why_no_body(group: Any, energy: Any) -> str:
     """Why an energy on a group is not that of a free rigid body."""
-    if isinstance(group, VectorSpace) and isinstance(energy, KineticEnergy):
+    if isinstance(group, VectorSpace) and has_inertia(energy):
         return ""
     factors = group.factors if isinstance(group, ProductGroup) else (group,)
     kinds = {type(factor) for factor in factors}
     if not (isinstance(group, SE3) or kinds <= {SO3, UnitQuaternions, VectorSpace}):
         return "it does not turn in space"
-    if not isinstance(energy, KineticEnergy):
+    if not has_inertia(energy):
         return "its energy is not quadratic"
     if isinstance(group, ProductGroup):
         whole = energy.inertias.copy()

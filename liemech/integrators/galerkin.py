@@ -14,10 +14,11 @@ from ..formulas import Mat, Record, Vec, derivative, identity_matrix, mat, norm,
 from ..formulas.derivatives import tangent
 from ..formulas.sizes import one_norms
 from ..retractions import Exponential, Retraction
-from ..solvers import correction, fixed_point
+from ..solvers import correction, fixed_point, unit_of
 from ..systems.kinetic_energy import times
-from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
+from ..systems.system import System
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit
@@ -27,6 +28,9 @@ from .variational import with_inertia
 
 ORDERS = 2, 4, 6, 8
 """Twice the number of nodes."""
+
+TINY = 2.0**-1020
+"""Products of velocity and momentum below this, or beyond its inverse, lose digits."""
 
 
 @record
@@ -81,8 +85,8 @@ class GalerkinVariational(Implicit):
 
     def require(self, system: Any) -> None:
         """A body with a Lagrangian, free or in a field, on a group that has the retraction."""
-        body = _body(system)
-        if not isinstance(body, LiePoissonSystem):
+        body: Any = _body(system)
+        if not isinstance(body, System) or body.lie_poisson is None:
             raise IncompatibleSystem(
                 f"{self!r} needs a body, free as RigidBody([1.0, 1.5, 2.0]) or in a field, a "
                 f"MechanicalSystem; got {system!r}. RKMK accepts every system"
@@ -127,8 +131,18 @@ class GalerkinVariational(Implicit):
     # ---------------------------------------------------------------- one step
 
     def first(self, system: Any, state: BodyState, h: float) -> tuple[Vec, ...]:
-        """The velocity of the start at every node."""
-        xi = system.velocity(plain(state.mu))
+        """The velocity of the start at every node.  Raises InvalidInput where the product of velocity and
+        momentum is not a number.
+        """
+        mu = plain(state.mu)
+        xi = system.velocity(mu)
+        of_mu, of_xi = unit_of(mu), unit_of(xi)
+        product = norm(of_mu * mu) * norm(of_xi * xi)
+        if product > 0.0 and not TINY < (product / of_mu) / of_xi < 1.0 / TINY:
+            raise InvalidInput(
+                f"{self!r}: |mu| = {norm(of_mu * mu) / of_mu:.1e} times |xi| = {norm(of_xi * xi) / of_xi:.1e} leaves the "
+                "range of floats; take other units of mass and time"
+            )
         return tuple([xi for _ in self.tableau[1]])
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:

@@ -12,7 +12,7 @@ from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergenc
 from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, record, vec
 from ..solvers import newton
 from ..systems.energy_of_species import energies_of
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
 from ..systems.system import member
@@ -251,7 +251,7 @@ class KickDrift(FieldSplitting):
         one = self._body(system, 0.0)
         one = one.site_form or one
         energies = energies_of(one.hamiltonian)
-        if self.tableau.quadratic and not all(isinstance(x, KineticEnergy) for x in energies):
+        if self.tableau.quadratic and not all(map(has_inertia, energies)):
             raise IncompatibleSystem(
                 f"{self!r} is for energies quadratic in the momentum; {system.body!r} has another "
                 f"one. Composition(KickDrift({self.free!r}), "

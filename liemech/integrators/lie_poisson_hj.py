@@ -7,12 +7,12 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, derivative, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
+from ..formulas import Mat, Vec, derivative, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
 from ..formulas.sums import total
 from ..groups.so3 import SO3Algebra
 from ..retractions import Exponential, Retraction
 from ..solvers import TOLERANCE, newton
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.system import lies_in_memory
 from .derivability import require_derivatives
@@ -102,7 +102,7 @@ class LiePoissonHamiltonJacobi(Implicit):
         p, size, enough, folded = newton(
             lambda p: self.equation(system, h, mu, p, middle),
             guess,
-            dot(mu, mu),
+            mu,
             tolerance=tolerance,
             coupled=system.hamiltonian.coupled,
         )
@@ -169,7 +169,7 @@ def has_axes(system: Any, retraction: Retraction) -> bool:
     of three terms.
     """
     energy = system.hamiltonian
-    diagonal = isinstance(energy, KineticEnergy) and isinstance(energy.inverse, vectors.Vec)
+    diagonal = has_inertia(energy) and isinstance(energy.inverse, vectors.Vec)
     return diagonal and isinstance(system.group.algebra, SO3Algebra) and isinstance(retraction, Exponential)
 
 

@@ -92,7 +92,7 @@ class ImplicitMidpoint(Implicit):
         """The m with m - m x x(m)/2 = mu."""
         turning = of_rotations(system.group, mu)
         m, size, enough, _ = newton(
-            lambda m: self.equation(system, h, mu, m), guess, dot(turning, turning), coupled=system.hamiltonian.coupled
+            lambda m: self.equation(system, h, mu, m), guess, turning, coupled=system.hamiltonian.coupled
         )
         if not size <= enough:
             raise self._unsolved(h, size, enough)
@@ -119,6 +119,10 @@ class ImplicitMidpoint(Implicit):
         return vec(*r), mat(*rows), 1.0
 
 
+RANGE = 2.0**-960
+"""Squares below this, or beyond its inverse, lose digits in what is made of them."""
+
+
 @record
 class SphericalMidpoint(ImplicitMidpoint):
     """The midpoint rule of spheres: the velocity is taken where the mean of both momenta points,
@@ -143,6 +147,19 @@ class SphericalMidpoint(ImplicitMidpoint):
     def name(self) -> str:
         """Spherical midpoint."""
         return "Spherical midpoint"
+
+    def first(self, system: Any, state: BodyState, h: float) -> Vec:
+        """The mean is the momentum itself, whose length must have a square: raises InvalidInput."""
+        mu = super().first(system, state, h)
+        for i in range(0, len(mu), 3):
+            own = mu[i : i + 3]
+            there = abs(own[0]) + abs(own[1]) + abs(own[2])
+            if there > 0.0 and not RANGE < dot(own, own) < 1.0 / RANGE:
+                raise InvalidInput(
+                    f"{self!r}: the square of a momentum of {there:.1e} leaves the range of floats; take another unit "
+                    "of mass or time, or ImplicitMidpoint()"
+                )
+        return mu
 
     def asked(self, m: Vec, mu: Vec) -> Vec:
         """Of one rotation s m."""

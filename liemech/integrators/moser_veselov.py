@@ -13,8 +13,9 @@ from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
 from ..retractions import Cayley
 from ..solvers import beyond_fold, newton
-from ..systems.kinetic_energy import KineticEnergy, trace
+from ..systems.kinetic_energy import has_inertia, trace
 from ..systems.lie_poisson import BodyState
+from ..systems.system import System
 from .exact_free_body import ExactFreeBody
 from .implicit import Implicit
 from .memory import Memory, extrapolated
@@ -277,8 +278,8 @@ def require_free_body(method: Method | str, system: Any) -> None:
     """Raise IncompatibleSystem unless the system is a free rigid body: kinetic energy on SO(3) or
     the unit quaternions.
     """
-    turns = isinstance(getattr(system, "group", None), (SO3, UnitQuaternions))
-    if not (turns and isinstance(getattr(system, "hamiltonian", None), KineticEnergy)):
+    body = system.lie_poisson if isinstance(system, System) else None
+    if body is None or not isinstance(body.group, (SO3, UnitQuaternions)) or not has_inertia(body.hamiltonian):
         raise IncompatibleSystem(
             f"{method} is a method for the free rigid body, such as RigidBody([1.0, 1.5, 2.0]); "
             f"got {system!r}. For this one use CovariantVariational(Exponential()), which keeps "

@@ -12,7 +12,7 @@ from ..formulas import Mat, Vec, acos, cos, dot, sqrt, vec, vectors, where
 from ..groups.so3 import SO3Algebra
 from ..retractions import Cayley, CayleyAdjoint, Exponential, Retraction
 from ..solvers import TOLERANCE, correction
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import has_inertia
 
 HALF_TURN, WHOLE_TURN, THIRD = math.pi, 2.0 * math.pi, 2.0 * math.pi / 3.0
 
@@ -37,7 +37,7 @@ def turns_freely(system: Any, retraction: Retraction) -> bool:
     exponential and the Cayley map.
     """
     usual = isinstance(retraction, (Exponential, Cayley, CayleyAdjoint))
-    return usual and isinstance(system.lagrangian, KineticEnergy) and isinstance(system.group.algebra, SO3Algebra)
+    return usual and has_inertia(system.lagrangian) and isinstance(system.group.algebra, SO3Algebra)
 
 
 def largest_impulse(inertia: Vec | Mat, retraction: Retraction) -> float:

@@ -12,13 +12,14 @@ from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
-from ..solvers import narrow, newton, refined
-from ..systems.kinetic_energy import KineticEnergy
+from ..solvers import leading_power, narrow, newton, refined
+from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System, lies_in_memory
 from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit
 from .memory import Memory, extrapolated
+from .method import alternatives
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
 
 LEAST, MOST = 2.0**-336, 2.0**339
@@ -72,6 +73,10 @@ class CovariantVariational(Implicit):
     def require(self, system: Any) -> None:
         """A system with a Lagrangian; of large matrices with the Lagrangian of the body alone."""
         super().require(system)
+        if system.lie_poisson is None:
+            raise IncompatibleSystem(
+                f"{self!r} moves a body by its Lagrangian alone; {system!r} has more in its motion. {alternatives(system)}"
+            )
         if self.lagrangian is not None and lies_in_memory(system.group):
             raise IncompatibleSystem(
                 f"{self!r} differentiates the action of a step by every component, and "
@@ -149,7 +154,7 @@ class CovariantVariational(Implicit):
 
     def _is_constant(self, system: Any) -> bool:
         """Is the Hessian of the Lagrangian an inertia that does not change?"""
-        return self.lagrangian is None and isinstance(system.lagrangian, KineticEnergy)
+        return self.lagrangian is None and has_inertia(system.lagrangian)
 
     def _grown(self, system: Any, h: float, mu: Vec, second: float) -> Vec:
         """The displacement that grows out of zero with h, in this unit of time."""
@@ -280,16 +285,6 @@ class CovariantVariational(Implicit):
         if self.lagrangian is None:
             return system.lagrangian.hessian(xi)
         return self.lagrangian.hessian(system, self.retraction, xi, h)
-
-
-def leading_power(x: float) -> float:
-    """The power of two in |x|, 2^floor(log2 |x|), by rounding alone.
-
-    Source: Rump, Ogita, Oishi, Accurate floating-point summation I, SIAM J. Sci. Comput. 31 (2008),
-    189, algorithm 3.5.
-    """
-    q = (2.0**52 + 1.0) * x
-    return abs(q - (1.0 - 2.0**-53) * q)
 
 
 def first_size(inertia: Vec | Mat) -> float:

@@ -29,6 +29,7 @@ from ..formulas import (
     vec,
     where,
 )
+from ..formulas.derived import closed_form_of, derived_from
 from ..groups.poisson_structure import PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.parts import Part, SplitHamiltonian, StraightLineFlow
@@ -52,6 +53,7 @@ class MagneticField(Record):
         """B(x), (3,).  x : (3,)."""
         raise NotDefined(f"{type(self).__name__} must define `at`")
 
+    @derived_from("at")
     def integral(self, component: int, axis: int, x: Vec, length: float) -> float:
         """The integral of a component of B along an axis, from x over a length.  component,
         axis : 0, 1, 2, different; x : (3,).
@@ -266,6 +268,7 @@ class ChargedParticle(PoissonSystem):
         super().__post_init__()
 
     @property
+    @closed_form_of("energy")
     def magnetic_field(self) -> MagneticField:
         """B, about which the method of Boris turns the velocity."""
         return self.field

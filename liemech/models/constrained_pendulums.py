@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, mat, record, sqrt, sum, vec
+from ..formulas.derived import closed_form_of
 from ..groups.rotation_coefficients import exp_coefficients
 from ..integrators.rattle_of_links import Links
 from ..systems.constrained import SeparableConstrainedSystem
@@ -79,6 +80,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
         """q/l as a row, (1, 3).  q : (3,)."""
         return mat((1.0 / self.length) * q)
 
+    @closed_form_of("kinetic", "constraint")
     def geodesic(self, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
         """The motion without gravity, along a great circle: positions and momenta after the time
         t.  q, p : (3,).
@@ -161,6 +163,7 @@ class ChainPendulum(SeparableConstrainedSystem):
         return f"rod {joint}"
 
     @property
+    @closed_form_of("kinetic", "potential", "constraint")
     def site_form(self) -> Links | None:
         """That of a long chain."""
         return self.linked.links if self.degrees > self.small else None

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, mat, record, transpose, vec
+from ..formulas.derived import closed_form_of
 from ..groups.matrix_functions import expm
 from ..systems.constrained import SeparableConstrainedSystem
 from .pendulums import check_positive
@@ -73,6 +74,7 @@ class OrthonormalFrame(SeparableConstrainedSystem):
             *[0.5 * (dot(columns[a], columns[a]) - 1.0) if a == b else dot(columns[a], columns[b]) for a, b in pairs]
         )
 
+    @closed_form_of("kinetic", "constraint")
     def geodesic(self, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
         """The motion without the field: positions and momenta after the time t.  q, p : (n k,).
 

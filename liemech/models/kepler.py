@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Vec, dot, norm, record, vec
+from ..formulas.derived import closed_form_of
 from ..systems.canonical import CanonicalState
 from ..systems.separable import SeparableSystem
 from ..systems.system import alone, exact_times
@@ -90,6 +91,7 @@ class Kepler(SeparableSystem):
         speed = np.sqrt(self.attraction / axis * (1.0 + eccentricity) / (1.0 - eccentricity))
         return self.state([axis * (1.0 - eccentricity), 0.0], [0.0, speed])
 
+    @closed_form_of("kinetic", "potential")
     def period(self, start: CanonicalState) -> float:
         """The time of a revolution, 2 pi (a^3/k)^(1/2), in s."""
         alone(start, "Kepler.period", "planet")
@@ -99,6 +101,7 @@ class Kepler(SeparableSystem):
         axis = -0.5 * self.attraction / energy
         return float(2.0 * np.pi * np.sqrt(axis**3 / self.attraction))
 
+    @closed_form_of("kinetic", "potential")
     def exact(self, start: CanonicalState, t: Any) -> CanonicalState:
         """The exact motion on an ellipse, a parabola or a hyperbola, by Kepler's equation in
         universal variables.  t : () or (n,), in s, from the start.  Returns q, p : (..., 2).

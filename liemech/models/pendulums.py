@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Vec, cos, real_array, record, sin, vec
+from ..formulas.derived import closed_form_of
 from ..formulas.fields import frozen_array
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.separable import SeparableSystem
@@ -56,6 +57,7 @@ class Pendulum(SeparableSystem):
 
     # ---------------------------------------------------------------- the exact motion
 
+    @closed_form_of("kinetic", "potential")
     def exact(self, start: CanonicalState, t: Any) -> CanonicalState:
         """The exact motion, swings, turns and the separatrix, by elliptic functions; error about
         1e-15 (1 + w t), w = sqrt(g/l).
@@ -79,6 +81,7 @@ class Pendulum(SeparableSystem):
         angle, speed = exact_motion(motion, times, "Pendulum.exact")
         return CanonicalState(frozen_array(angle[..., None], "q"), frozen_array(inertia * speed[..., None], "p"))
 
+    @closed_form_of("kinetic", "potential")
     def period(self, start: CanonicalState) -> float:
         """The time after which the pendulum moves as before, in s; infinite on the separatrix, 0 if
         it hangs or stands still.
@@ -130,18 +133,21 @@ class DoublePendulum(HamiltonianSystem):
 
     def energy(self, q: Vec, p: Vec) -> float:
         """p . M(q)^-1 p/2 - (m1 + m2) g l1 cos a - m2 g l2 cos b, in J.  q, p : (2,)."""
-        v, (first, second) = self.velocity(q, p), self._weights()
+        v, (first, second) = self._velocity(q, p), self._weights()
         return 0.5 * (p[0] * v[0] + p[1] * v[1]) - first * cos(q[0]) - second * cos(q[1])
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """The angular velocities M(q)^-1 p.  q, p : (2,)."""
+        return self._velocity(q, p)
+
+    def _velocity(self, q: Vec, p: Vec) -> Vec:
         first, second, coupled = self._inertia(q)
         determinant = first * second - coupled * coupled
         return vec(second * p[0] - coupled * p[1], first * p[1] - coupled * p[0]) / determinant
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """dL/dq at the velocities that belong to p.  q, p : (2,)."""
-        v, (first, second) = self.velocity(q, p), self._weights()
+        v, (first, second) = self._velocity(q, p), self._weights()
         turning = self.masses[1] * self.lengths[0] * self.lengths[1] * sin(q[0] - q[1]) * v[0] * v[1]
         return vec(-turning - first * sin(q[0]), turning - second * sin(q[1]))
 

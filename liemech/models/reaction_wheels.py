@@ -135,14 +135,14 @@ class GyrostatEnergy(KineticEnergy):
         object.__setattr__(self, "without", Mat.of(np.linalg.inv(hub).tolist()))
         super().__post_init__()
 
-    def gradient(self, mu: Vec) -> Vec:
+    def _velocity(self, mu: Vec) -> Vec:
         """(w, v, W)."""
         h = mu[6:]
         w = self.without @ (mu[0:3] - h @ self.axes)
         spins = [h[i] / self.wheels[i] - dot(self.axes[i], w) for i in range(len(self.wheels))]
         return vec(*w, *(mu[3:6] / self.mass), *spins)
 
-    def momentum(self, xi: Vec) -> Vec:
+    def _momentum(self, xi: Vec) -> Vec:
         """(Pi, p, h)."""
         w, spins = xi[0:3], xi[6:]
         about = self.wheels * spins

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, exp, log, mat, plain, real_array, record, vec
+from ..formulas.derived import closed_form_of
 from ..formulas.sites import Meeting, SiteTable, meet
 from ..groups.matrix_group import whole_number
 from ..groups.poisson_structure import PoissonStructure
@@ -248,6 +249,7 @@ class TodaLattice(PoissonSystem):
     # ---------------------------------------------------------------- of many particles
 
     @cached_property
+    @closed_form_of("energy")
     def site_form(self) -> TodaSite | None:
         """The site form; None of few particles, which are faster written out."""
         return TodaSite.of(self.particles) if self.dim > self.small else None

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Mat, Vec, mat, real_array, record, vec
+from ..formulas.derived import closed_form_of
 from ..formulas.large import Large
 from ..formulas.numbers import InMemory
 from ..groups.matrix_group import whole_number
@@ -65,6 +66,7 @@ class TodaFlow(IsospectralFlow):
         a = 0.5 * np.exp(0.5 * (q[:-1] - q[1:]))
         return self.state(np.diag(-0.5 * p) + np.diag(a, 1) + np.diag(a, -1))
 
+    @closed_form_of("velocity_matrix")
     def exact(self, start: BodyState, t: Any) -> np.ndarray:
         """L row by row at the times t, (m,) or a number: Q^T L_0 Q with exp(t L_0) = Q R,
         in the axes of L_0.  (m, n^2) or (n^2,).

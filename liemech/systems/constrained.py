@@ -25,7 +25,7 @@ from ..formulas import (
     where,
 )
 from ..formulas.derivatives import tangent
-from ..formulas.derived import derived
+from ..formulas.derived import derived, derived_from
 from ..formulas.numbers import Pair
 from ..formulas.series import Series
 from ..formulas.vectors import Vec as SmallVec
@@ -85,11 +85,6 @@ class ConstrainedSystem(CanonicalSystem):
     separable: ClassVar[bool] = False
     """Is the energy T(p) + V(q), with `velocity` a function of p alone and `force` one of q alone?"""
 
-    linear_velocity: ClassVar[bool] = False
-    """Is the velocity of first degree in p, as for a kinetic energy p . M(q)^-1 p/2?  Whoever says
-    so saves time.
-    """
-
     # ---------------------------------------------------------------- 1. a subclass writes
 
     def constraint(self, q: Vec) -> Vec:
@@ -97,6 +92,14 @@ class ConstrainedSystem(CanonicalSystem):
         raise undefined(self, "constraint")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
+
+    @property
+    @derived_from("energy", "kinetic", "mass")
+    def linear_velocity(self) -> bool:
+        """Is the velocity of first degree in p, as for a kinetic energy p . M(q)^-1 p/2?  Whoever says so
+        saves time.
+        """
+        return False
 
     @derived
     def constraint_jacobian(self, q: Vec) -> Mat:
@@ -154,6 +157,7 @@ class ConstrainedSystem(CanonicalSystem):
         pairs = zip(both, (*sizes, *speeds))
         return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
 
+    @derived
     def _terms(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
         """The scales of g(q) and G H_p, (m,) each: s, and the speeds."""
         G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)

@@ -14,7 +14,7 @@ from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .conditions import connections, joint, led, pulled, solved_sparse, speeds, yielding
 from .constraint import Constraint, VelocityConstraint, factors_of
-from .kinetic_energy import KineticEnergy, times
+from .kinetic_energy import has_inertia, times
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .mechanical import MechanicalSystem
 from .potential import NoPotential
@@ -68,8 +68,8 @@ class BoundBody(System):
             raise InvalidType(
                 f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem; got {body!r}"
             )
-        kinetic = getattr(body.body, "lagrangian", None)
-        if not isinstance(kinetic, KineticEnergy):
+        kinetic: Any = getattr(body.body, "lagrangian", None)
+        if not has_inertia(kinetic):
             raise InvalidInput(
                 f"{name}: the kinetic energy must be quadratic, a KineticEnergy; {body.body!r} has another one"
             )

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, LiemechError, undefined
 from ..formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, where
 from ..formulas.anything import looked_at, made_of
+from ..formulas.derived import derived, derived_from
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
 from .canonical import CanonicalState
@@ -40,14 +41,17 @@ class ConstrainedPart(Record):
         """H_i(q, p).  q, p : (n,)."""
         raise undefined(self, "energy")
 
+    @derived
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """dH_i/dp, (n,).  q, p : (n,)."""
         return gradient(lambda x: self.energy(q, x), p)
 
+    @derived
     def force(self, q: Vec, p: Vec) -> Vec:
         """-dH_i/dq, (n,).  q, p : (n,)."""
         return -gradient(lambda x: self.energy(x, p), q)
 
+    @derived_from("energy", "velocity", "force")
     def flow(self, system: Any, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
         """Where (q, p) is after the time t, if this part is all the energy.  system : the whole
         system.  q, p : (n,).

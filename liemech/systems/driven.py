@@ -14,7 +14,7 @@ from ..formulas.pytree import fill, with_fields
 from ..groups.lie_group import LieGroup
 from .canonical import CanonicalState, PhaseSpace
 from .driven_hamiltonian import DrivenHamiltonian
-from .kinetic_energy import KineticEnergy
+from .kinetic_energy import has_inertia
 from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem, body_state
 from .sums_of_terms import driven_of
 
@@ -134,7 +134,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
     def _at(self, t: float) -> LiePoissonSystem:
         """`at` for formulas, unchecked."""
         energy = self.hamiltonian.at(t)
-        own = energy if isinstance(energy, KineticEnergy) else None
+        own = energy if has_inertia(energy) else None
         made: LiePoissonSystem = with_fields(_EMPTY, group=self.group, hamiltonian=energy, lagrangian=own)
         return made
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import undefined
 from ..formulas import Record, Vec, gradient, record
-from ..formulas.derived import derived
+from ..formulas.derived import derived, derived_from
 from .hamiltonian import Hamiltonian
 
 
@@ -33,6 +33,7 @@ class DrivenHamiltonian(Record):
         """The velocity xi = dK/dmu.  mu : (dim,)."""
         return gradient(lambda m: self.energy(t, m), mu)
 
+    @derived_from("energy")
     def at(self, t: float) -> Any:
         """The energy that is for ever what this one is at time t."""
         return Frozen(self, t)

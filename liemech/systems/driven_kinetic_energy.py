@@ -32,10 +32,13 @@ class DrivenKineticEnergy(DrivenHamiltonian):
 
     def energy(self, t: float, mu: Vec) -> float:
         """K(t, mu).  mu : (dim,)."""
-        return 0.5 * dot(mu, self.gradient(t, mu))
+        return 0.5 * dot(mu, self._velocity(t, mu))
 
     def gradient(self, t: float, mu: Vec) -> Vec:
         """xi = J(t)^-1 mu.  mu : (dim,)."""
+        return self._velocity(t, mu)
+
+    def _velocity(self, t: float, mu: Vec) -> Vec:
         return times(self._inverse(self.inertia(t)), mu)
 
     def at(self, t: float) -> KineticEnergy:

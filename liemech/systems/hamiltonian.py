@@ -30,6 +30,7 @@ class Hamiltonian(Record):
         """The velocity xi = dH/dmu.  mu : (dim,)."""
         return gradient(lambda m: self.energy(m), mu)
 
+    @derived
     def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:
         """The velocity as a matrix, hat(dH/dmu), from the matrix M that stands for the momentum: what
         methods for large matrices ask for.  An energy that knows it as a matrix writes it so.

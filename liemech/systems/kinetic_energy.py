@@ -52,18 +52,24 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
     def energy(self, mu: Vec) -> float:
         """H(mu) = mu . J^-1 mu/2."""
-        return 0.5 * dot(mu, self.gradient(mu))
+        return 0.5 * dot(mu, self._velocity(mu))
 
     def gradient(self, mu: Vec) -> Vec:
         """xi = J^-1 mu."""
+        return self._velocity(mu)
+
+    def _velocity(self, mu: Vec) -> Vec:
         return times(self.inverse, mu)
 
     def value(self, xi: Vec) -> float:
         """l(xi) = xi . J xi/2."""
-        return 0.5 * dot(xi, self.momentum(xi))
+        return 0.5 * dot(xi, self._momentum(xi))
 
     def momentum(self, xi: Vec) -> Vec:
         """mu = J xi."""
+        return self._momentum(xi)
+
+    def _momentum(self, xi: Vec) -> Vec:
         return times(self.inertia, xi)
 
     def hessian(self, xi: Vec) -> Mat | Vec:
@@ -80,6 +86,17 @@ class KineticEnergy(Hamiltonian, Lagrangian):
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         known = kind == "Vec" and not isinstance(self.inertia, OfEach)
         return (len(self.inertia),) if known else None
+
+
+def has_inertia(energy: Any) -> bool:
+    """Is it a `KineticEnergy` to the word, so that its `inertia` and its `inverse` say everything?  One
+    with an `energy` or a `value` of its own is not.
+    """
+    return (
+        isinstance(energy, KineticEnergy)
+        and type(energy).energy is KineticEnergy.energy
+        and type(energy).value is KineticEnergy.value
+    )
 
 
 def _inverse_of_each(inertia: Each) -> Each:

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
+from ..formulas.derived import closed_form_of, written_together
 from ..formulas.large import Large
 from ..formulas.numbers import InMemory
 from ..formulas.pytree import fields_of, fill, laid_out
@@ -178,7 +179,8 @@ class LiePoissonSystem(LiePoissonMotion):
         ):
             if not isinstance(value, kind):
                 raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
-        if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
+        own = isinstance(self.hamiltonian, Lagrangian) and written_together(type(self.hamiltonian), "energy", "value")
+        if self.lagrangian is None and own:
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
         require_one_body(type(self).__name__, self.group, released(self.hamiltonian), self.lagrangian)
@@ -199,9 +201,16 @@ class LiePoissonSystem(LiePoissonMotion):
         """H(mu).  mu : (dim,)."""
         return self.hamiltonian.energy(mu)
 
+    @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """The body velocity."""
         return self.velocity(state.mu)
+
+    @property
+    @closed_form_of("displaced")
+    def lie_poisson(self) -> LiePoissonSystem:
+        """The system itself."""
+        return self
 
     @cached_property
     def site_form(self) -> LiePoissonSystem | None:

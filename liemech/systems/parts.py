@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
 from ..formulas.anything import Anything, degree, looked_at, made_of
+from ..formulas.derived import derived_from
 from ..formulas.vectors import Vec as SmallVector
 from ..groups.matrix_functions import phi1m
 from ..groups.poisson_structure import PoissonStructure
@@ -58,6 +59,7 @@ class Part(Hamiltonian):
     a wall does, says what it is: `StraightLineFlow(part)`, `FunctionOfCoordinate(part, i)`.
     """
 
+    @derived_from("energy", "gradient")
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """Where y is after the time t, if this part is all the energy.  structure : the Poisson
         structure.  y : (n,).

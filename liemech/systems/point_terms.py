@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import undefined
-from ..formulas import Vec, record, vec, where
+from ..formulas import Vec, dot, gradient, record, vec, where
+from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
 from .graphs import place, seen_from
 from .near_pairs import NearPairs
@@ -18,7 +19,7 @@ class PointTerm(Term):
     site finds its points once, and turns the sum of the forces on them into a torque and a force
     once, however many others it meets; abstract.
 
-    A subclass has `points`, `between`, `pushes` and `felt`.
+    A subclass has `points` and `between`; `pushes` and `felt` follow, or are written in closed form.
     Source: Allen and Tildesley, Computer Simulation of Liquids, 2nd ed., section 3.6 (interaction
     sites of rigid molecules).
     """
@@ -31,13 +32,18 @@ class PointTerm(Term):
         """The energy of two sites with these points."""
         raise undefined(self, "between")
 
+    @derived
     def pushes(self, a: tuple[Any, ...], b: tuple[Vec, ...]) -> tuple[Vec, Vec]:
         """The forces on the points of the first and on those of the second, in space, in a row."""
-        raise undefined(self, "pushes")
+        first = gradient(lambda x: self.between(_as_points(x, a), b), _in_a_row(a))
+        second = gradient(lambda x: self.between(a, _as_points(x, b)), _in_a_row(b))
+        return -first, -second
 
+    @derived
     def felt(self, group: Any, g: Any, push: Any) -> Vec:
         """The torque and the force on a site, (dim,), of forces on its points.  g : its element, push : in a row."""
-        raise undefined(self, "felt")
+        zero = vec(*[0.0 for _ in range(group.dim)])
+        return gradient(lambda eta: dot(push, _in_a_row(self.points(group.compose_exp(g, eta)))), zero)
 
     def energy(self, a: Any, b: Any) -> float:
         """Of two sites."""
@@ -53,6 +59,16 @@ class PointTerm(Term):
         a, b = sites
         first, second = self.pushes(self.points(a.g), self.points(b.g))
         return self.felt(group, a.g, first), self.felt(group, b.g, second)
+
+
+def _in_a_row(points: tuple[Any, ...]) -> Vec:
+    return vec(*[x for point in points for x in point])
+
+
+def _as_points(row: Vec, like: tuple[Any, ...]) -> tuple[Vec, ...]:
+    """The inverse of `_in_a_row`, of as many points as `like`."""
+    n = len(like[0])
+    return tuple([row[n * k : n * k + n] for k in range(len(like))])
 
 
 @record

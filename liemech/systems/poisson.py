@@ -27,7 +27,7 @@ class PoissonSystem(OfParts, VectorField):
     PoissonStructure of one's own.
     hamiltonian : the energy as a function of y, a Hamiltonian; a SplitHamiltonian if its parts have
     motions that are known, by which `Splitting` steps it.  A subclass may write `energy(y)`
-    instead.
+    instead, which then counts, and not the hamiltonian of a ready system.
 
     The group that moves y is R^n under addition, so that RKMK is the Runge-Kutta method of its
     tableau, Taylor the Taylor method.  Conserved: the energy and the Casimirs of the structure.
@@ -52,7 +52,7 @@ class PoissonSystem(OfParts, VectorField):
         given: Any = self.hamiltonian
         if not isinstance(structure, PoissonStructure):
             raise InvalidType(f"{name}: structure must be a PoissonStructure, such as Canonical(2); got {structure!r}")
-        if given is not None:
+        if given is not None and type(self).energy is PoissonSystem.energy:
             if not isinstance(given, Hamiltonian):
                 raise InvalidType(f"{name}: hamiltonian must be a Hamiltonian, a record with `energy`; got {given!r}")
             require_one_body(name, self.group, given, None)
@@ -78,7 +78,7 @@ class PoissonSystem(OfParts, VectorField):
     @derived
     def gradient(self, y: Vec) -> Vec:
         """dH(y), (n,).  y : (n,)."""
-        if self.hamiltonian is None:
+        if self.hamiltonian is None or type(self).energy is not PoissonSystem.energy:
             return gradient(lambda x: self.energy(x), y)
         return self.hamiltonian.gradient(y)
 
@@ -115,7 +115,7 @@ class PoissonSystem(OfParts, VectorField):
     def unknown_motion(self) -> str:
         """Why the motion of some part of the energy is not known; empty if all are."""
         if not self.parts:
-            return "it has no hamiltonian: give one, a SplitHamiltonian of its parts"
+            return "it is moved by an `energy` of its own: give a hamiltonian instead, a SplitHamiltonian of its parts"
         for part in self.parts:
             if not isinstance(part, Part):
                 return str(recognised(self.structure, part))

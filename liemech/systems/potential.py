@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import undefined
 from ..formulas import Element, Record, Vec, gradient, record, vec
-from ..formulas.derived import derived
+from ..formulas.derived import derived, derived_from
 from ..groups.lie_group import LieGroup
 
 
@@ -36,6 +36,7 @@ class Potential(Record):
         """
         return -gradient(lambda eta: self.energy(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)]))
 
+    @derived_from("energy")
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
         """The momenta that the motion keeps because V has a symmetry, by name, for the samples of a
         run.
@@ -84,6 +85,7 @@ class Force(Record):
         raise undefined(self, "covector")
 
     @property
+    @derived_from("covector")
     def by_rate(self) -> bool:
         """Is it a sum of efforts, each of which depends on its own rate alone?"""
         return False
@@ -96,12 +98,14 @@ class Force(Record):
         """The force by these efforts, (dim,).  efforts : (n,), g : an element."""
         raise undefined(self, "spread")
 
+    @derived_from("covector")
     def rates(self, xi: Vec, g: Any) -> Vec:
         """The velocities that the force depends on, linear in xi, (n,): all of them, xi, by
         default.  xi : (dim,), g : an element.
         """
         return xi
 
+    @derived_from("covector")
     def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
         """The force at these velocities, (dim,), so that `covector` is this at `rates(xi, g)`.
 

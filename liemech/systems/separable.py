@@ -54,6 +54,7 @@ class SeparableEnergy(CanonicalSystem):
         return (1.0 / depth) * self.force(q, 0.0 * q)
 
     @cached_property
+    @derived
     def quadratic(self) -> bool:
         """Is T a polynomial of at most second degree?  Asked of its formula: the power series of
         T(a + b s) ends with s^2.

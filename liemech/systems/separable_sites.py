@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import undefined
 from ..formulas import Vec, record
+from ..formulas.derived import derived_from
 from .mechanical import MechanicalSystem
 from .separable import SeparableSystem
 
@@ -70,14 +71,18 @@ class SeparableSites(SeparableSystem):
         """How many there are."""
         raise undefined(self, "sites")
 
-    def masses_in_space(self) -> MechanicalSystem:
-        """The system as masses on a power of VectorSpace(n), with a potential of terms."""
-        raise undefined(self, "masses_in_space")
+    @derived_from("kinetic", "potential")
+    def masses_in_space(self) -> MechanicalSystem | None:
+        """The system as masses on a power of VectorSpace(n), with a potential of terms; None where an energy
+        is known by its formula alone.
+        """
+        return None
 
     @cached_property
     def site_form(self) -> SeparableSite | None:
         """The site form; None of few sites, which are faster written out."""
-        site: Any = self.masses_in_space().site_form if self.degrees > self.small else None
+        masses: Any = self.masses_in_space() if self.degrees > self.small else None
+        site: Any = masses and masses.site_form
         return site and SeparableSite(site)
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from .driven_hamiltonian import DrivenHamiltonian
 from .energy_of_species import EnergyOfSpecies
 from .hamiltonian import Hamiltonian
 from .kinds_of_terms import kind_of
-from .kinetic_energy import KineticEnergy
+from .kinetic_energy import has_inertia
 from .lagrangian import Lagrangian
 from .potential import Force, Potential
 from .terms import AtTime, PerSite, Terms, as_terms, at_time, is_a_force, site_class
@@ -276,7 +276,7 @@ class KineticTerms(MomentumTerms, Lagrangian):
     def momenta(self, xi: Any) -> np.ndarray:
         """Those of arrays, as many sites as there may be.  xi : (..., sites, dim)."""
         one = self.of_one
-        if isinstance(one, KineticEnergy):
+        if has_inertia(one):
             J = one.inertia.values if isinstance(one.inertia, Each) else np.array(one.inertia)
             if J.ndim - isinstance(one.inertia, Each) == 2:
                 return np.asarray((J @ xi[..., None])[..., 0])

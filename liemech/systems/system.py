@@ -176,6 +176,13 @@ class System(Record):
         """The site form of a system of many sites; None if there is none."""
         return None
 
+    @property
+    def lie_poisson(self) -> Any:
+        """The Lie-Poisson system with this very motion, by its `hamiltonian` alone; None if there is
+        more to the motion, or something else.
+        """
+        return None
+
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Parts of states of many sites, with an axis of sites where users see none."""
         return arrays

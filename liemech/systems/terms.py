@@ -119,10 +119,12 @@ class Term(Record, StandsForAnEnergy):
 
         return -gradient(moved, vec(*[0.0 for _ in range(group.dim)]))
 
+    @derived
     def slopes(self, *sites: Any) -> tuple[Vec, ...]:
         """The derivatives by the momenta of all sites of the edge."""
         return tuple([self.slope(k, *sites) for k in range(len(sites))])
 
+    @derived
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
         """The forces on all sites of the edge: to be written where they have more in common than their
         energy.

@@ -53,6 +53,7 @@ class TimeScale(Record):
         """sigma, in s for each unit of fictive time."""
         raise undefined(self, "value")
 
+    @derived
     def value_at(self, system: Any, t: float, state: Any) -> float:
         """sigma at time t; `value`, unless a subclass depends on time."""
         return self.value(system, state)

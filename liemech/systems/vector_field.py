@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.anything import looked_at
+from ..formulas.derived import derived_from
 from ..formulas.remembered import common
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
@@ -67,6 +68,7 @@ class VectorField(System):
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
+    @derived_from("velocity")
     def flow(self, y: Vec, t: float) -> Vec:
         """Where y is after the time t.  y : (n,)."""
         raise undefined(self, "flow")

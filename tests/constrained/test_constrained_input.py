@@ -143,7 +143,9 @@ def test_slips_in_written_formulas_are_found() -> None:
 
     @record
     class Fast(lm.models.ParticleOnEllipsoid):
-        """Relativistic, so that its velocity is not linear, as the class that it derives from says."""
+        """Relativistic, so that its velocity is not linear, as it says."""
+
+        linear_velocity: ClassVar[bool] = True
 
         def kinetic(self, p: lm.Vec) -> float:
             return lm.norm(vec(1.0, *p))  # type: ignore[no-any-return]

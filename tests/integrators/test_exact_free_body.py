@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.formulas import Vec, dot
@@ -73,3 +74,52 @@ def test_every_term_of_the_series_is_there(moments: tuple[float, ...], turn: flo
         run = lm.integrate(body, lm.ExactFreeBody(), start, h=h, steps=1, compiled=False)
         error = np.abs(run.mu[-1] - np.array(body.exact(start, h).mu)).max()
         assert error < 8 * np.finfo(float).eps * np.linalg.norm(mu)
+
+
+NEEDLES = {
+    "symmetric": ([1e-6, 1.0, 1.0], [1e-6, 0.3, 0.2], 0.1),
+    "thinner": ([1e-10, 1.0, 1.0], [1e-10, 0.3, 0.2], 0.1),
+    "at right angles": ([1e-6, 1.0, 1.1], [0.0, 0.3, 0.2], 0.1),
+    "nearly symmetric": ([1.24828114e-6, 1.0, 1.00000011], [1.35523308e-7, 2.22123133, 0.207143891], 0.447726),
+    "swinging": ([1.43282473e-6, 1.0, 1.00768023], [4.49651923e-6, -2.66411501, -0.907004908], 0.11865778),
+    "turning about itself": ([1e-6, 1.0, 1.0003], [1e-4, 0.3, 0.2], 0.1),
+}
+
+
+@pytest.mark.filterwarnings("ignore::liemech.errors.InertiaWarning")
+@pytest.mark.parametrize("name", NEEDLES)
+def test_a_needle_costs_as_many_parts_as_it_turns(name: str) -> None:
+    """Beside DOP853 for mu_1/J_1, mu_2, mu_3 and the attitude, and the closed form."""
+    moments, mu, h = NEEDLES[name]
+    body = lm.RigidBody(moments)
+    start = body.state(mu, np.eye(3))
+    assert FLOW._cut(body.hamiltonian.inverse, start.mu, h)[1] <= 64.0
+    run = lm.integrate(body, FLOW, start, h=h, steps=1, compiled=False)
+    J1, J2, J3 = moments
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        w = np.array([y[0], y[1] / J2, y[2] / J3])
+        hat = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+        turning = [
+            (1.0 / J3 - 1.0 / J2) * y[1] * y[2] / J1,
+            (1.0 - J1 / J3) * y[0] * y[2],
+            (J1 / J2 - 1.0) * y[0] * y[1],
+        ]
+        return np.concatenate([turning, (y[3:].reshape(3, 3) @ hat).ravel()])
+
+    there = np.concatenate([[mu[0] / J1], mu[1:], np.eye(3).ravel()])
+    there = solve_ivp(rate, (0.0, h), there, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+    exact = body.exact(start, h)
+    for found, wanted in ((run.mu[-1], exact.mu), (run.g[-1], exact.g), (run.g[-1].ravel(), there[3:])):
+        assert np.abs(found - wanted).max() <= 2e-11
+    assert np.abs(run.mu[-1][1:] - there[1:3]).max() <= 2e-11
+
+
+@pytest.mark.filterwarnings("ignore::liemech.errors.InertiaWarning")
+def test_a_needle_that_turns_slowly_is_not_refused_and_one_that_spins_is() -> None:
+    body = lm.RigidBody([1e-10, 1.0, 1.0])
+    slow, fast = body.state([0.0, 0.3, 0.2], np.eye(3)), body.state([1e-3, 0.3, 0.2], np.eye(3))
+    run = lm.integrate(body, FLOW, slow, h=0.1, steps=2, compiled=False)
+    assert np.abs(run.mu[-1] - slow.mu).max() <= 1e-8  # a rounding of mu_1 is a velocity 1e10 times as large
+    with pytest.raises(lm.errors.NoConvergence, match="turns more than a hundred thousand times"):
+        lm.integrate(body, FLOW, fast, h=0.1, steps=1, compiled=False)

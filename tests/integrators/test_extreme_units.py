@@ -121,3 +121,24 @@ def test_adaptive_steps_of_motions_of_space_are_those_of_all_units(power: int) -
         runs.append((run.t, run.g[:, :3, :3], run.g[:, :3, 3] / unit))
     for one, other in zip(*runs, strict=True):
         assert np.array_equal(one, other)
+
+
+SMALL = (
+    *(lm.ImplicitMidpoint(), HJ(2), HJ(4), lm.ExactFreeBody()),
+    *(lm.Isospectral(2), lm.RKMK(order=4), lm.ThreeRotations()),
+)
+
+
+@pytest.mark.parametrize("method", SMALL, ids=repr)
+@pytest.mark.parametrize("size", [1e-160, 1e-170, 1e-200, 1e-290, 1e160, 1e200])
+def test_momenta_whose_squares_are_no_numbers(method: lm.Method, size: float) -> None:
+    """In units of time in which the body turns as it does in ordinary ones."""
+    assert np.abs(moved(method, time=1.0 / size) - moved(method)).max() <= 1e-14
+    assert np.abs(moved(method, mass=size) - moved(method)).max() <= 1e-14
+
+
+@pytest.mark.parametrize("size", [1e-170, 1e-200, 1e170])
+def test_products_that_are_no_numbers_are_refused(size: float) -> None:
+    for method in (lm.GalerkinVariational(4), lm.SphericalMidpoint()):
+        with pytest.raises(lm.errors.InvalidInput, match="leaves the range of floats; take"):
+            moved(method, time=1.0 / size)

@@ -28,8 +28,9 @@ from scenes import (
 import liemech as lm
 from liemech.formulas.double_double import is_long
 from liemech.formulas.pytree import double_double, rounded
-from liemech.integrators.variational import first_size, leading_power
+from liemech.integrators.variational import first_size
 from liemech.names import everything
+from liemech.solvers import leading_power
 
 REFERENCE = json.loads((Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text())
 pytestmark = pytest.mark.filterwarnings("ignore::liemech.errors.StepWarning")
