@@ -27,14 +27,6 @@ from .potential import Force, Potential
 NEARLY = 0.7
 """A parameter of sites whose name is so much like `held` is a slip."""
 
-SAMPLES = 64
-"""Edges at which a term is tried with its arguments in another order."""
-
-APART = 1e-9
-"""Energies that should be the same and differ by more than this, relative to the largest one seen,
-are two.
-"""
-
 
 # ------------------------------------------------------------------ what a user writes
 
