@@ -34,8 +34,8 @@ DISTANCES = np.array([1.0, 0.1, 10.0])
 FEW, TOGETHER, MANY = 64, 2**12, 2**22
 """So many edges are looked at first, and then at a time; of more kinds of pairs among all nothing is told."""
 
-Test = Callable[[Any, Any, list[Any]], list[tuple[Any, Any]]]
-"""Of a group, a term and its sites: what should vanish, and its terms."""
+Test = Callable[[Any, Any, list[Any], Any], list[tuple[Any, Any]]]
+"""Of the groups of sites, a term, its sites, and what makes numbers by chance: what should vanish, and its terms."""
 
 
 def kind_of(terms: Any, part: BoundTerm) -> Kind:
@@ -50,12 +50,19 @@ def kind_of(terms: Any, part: BoundTerm) -> Kind:
 
 def alike(terms: Any, part: BoundTerm) -> Any:
     """Has every edge the same energy with its two ends exchanged?  True, an edge that has not (its number and its
-    sites), or None: it is not known.
+    sites), or None: it is not known, or there are no edges.
     """
+    if not part.graph.some_edges(1):
+        return None
     if isinstance(part.term, NearPairs):
         near, part = part.term, with_fields(part, term=part.term.term)
         return holds(terms, part, _exchanged, near.cutoff * DISTANCES, True)
     return holds(terms, part, _exchanged, SIZES if _in_momenta(terms) else DISTANCES, True)
+
+
+def feels_velocity(terms: Any) -> bool:
+    """Is a load another one at other velocities of its sites, at some time and for some edge?"""
+    return not all(holds(terms, part, _unmoved, DISTANCES, True) is True for part in terms.parts)
 
 
 def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving: bool) -> Any:
@@ -63,7 +70,7 @@ def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving:
 
     sizes : of the states.  of_moving : may the formula compare numbers of them?
     """
-    if not len(part.graph.some_edges(1)):
+    if not part.graph.some_edges(1):
         return True
     own = [x for x in terms.own if isinstance(x, Each)]
     by_edge = inside(part.term, Each)
@@ -175,16 +182,21 @@ def _holds(terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: np
     step = of_edge.width + sum(len(x.numbers) // len(x) for x in of_edge.own if isinstance(x, Each))
     found, branches = np.ones(shape[1], dtype=bool), False
     rng = np.random.default_rng(5)
+    species = terms.species
+    groups = [terms.group.base if species is None else species.groups[k] for k in part.of or (0,) * part.graph.arity]
+
+    def some() -> Number:
+        return Number(rng.normal(size=numbers[0].size), ways, False)
+
     with np.errstate(all="ignore"):
         for _ in ways.all():
             moves = [i < step * of_edge.arity and i % step < of_edge.width for i in range(len(numbers))]
             given = [Number(x.ravel(), ways, own) for x, own in zip(numbers, moves)]
             term, sites = of_edge.sites(vec(*given))
-            term = at_time(term, Number(rng.normal(size=numbers[0].size), ways, False))
+            term = at_time(term, some())
             tables = [AnyFunction(x.size, rng) for x in inside(term, PiecewisePolynomial)]
             term = exchanged(term, PiecewisePolynomial, tables)
-            group = terms.group.base if terms.species is None else terms.species.groups[part.of[0]]
-            for error, size in test(group, term, sites):
+            for error, size in test(groups, term, sites, some):
                 rest, whole = (np.broadcast_to(x, numbers[0].size).reshape(shape) for x in (error, size))
                 known = np.isfinite(rest) & np.isfinite(whole)
                 found &= ((rest <= APART * whole) | ~known).all(axis=0) & known.any(axis=0)
@@ -195,13 +207,13 @@ def _holds(terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: np
 # ------------------------------------------------------------------ what should vanish
 
 
-def _exchanged(group: Any, term: Any, sites: list[Any]) -> list[tuple[Any, Any]]:
+def _exchanged(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
     """The energy less that with exchanged ends."""
     one, other = values_of(term.energy(*sites)), values_of(term.energy(*sites[::-1]))
     return [(np.abs(one - other), np.maximum(np.abs(one), np.abs(other)))]
 
 
-def _affine(group: Any, term: Any, sites: list[Any]) -> list[tuple[Any, Any]]:
+def _affine(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
     """The second derivatives by the momentum of each of its sites."""
     return [
         (_largest(_hessian(term, k, sites)) * _size(site.mu), _size(term.slope(k, *sites)))
@@ -209,14 +221,14 @@ def _affine(group: Any, term: Any, sites: list[Any]) -> list[tuple[Any, Any]]:
     ]
 
 
-def _steady(group: Any, term: Any, sites: list[Any]) -> list[tuple[Any, Any]]:
+def _steady(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
     """The change of xi = dE/dmu where mu' = ad*_xi mu."""
     hessian = _hessian(term, 0, sites)
-    rate = group.ad_star(term.slope(0, *sites), sites[0].mu)
+    rate = groups[0].ad_star(term.slope(0, *sites), sites[0].mu)
     return [(_size(hessian @ rate), _largest(hessian) * _size(rate))]
 
 
-def _isotropic(group: Any, term: Any, sites: list[Any]) -> list[tuple[Any, Any]]:
+def _isotropic(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
     """The derivatives less c b and c a."""
     a, b = sites
     of_a, of_b = (term.slope(k, a, b) for k in (0, 1))
@@ -224,6 +236,15 @@ def _isotropic(group: Any, term: Any, sites: list[Any]) -> list[tuple[Any, Any]]
     whole = np.maximum(_size(of_a), _size(of_b))
     apart = of_a - c * b.mu, of_b - c * a.mu, (c - d) * a.mu
     return [(_size(x), whole) for x in apart]
+
+
+def _unmoved(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The force less that at other velocities."""
+    t, found = some(), []
+    for _ in range(2):
+        there = [with_fields(s, xi=vec(*[some() for _ in range(group.dim)])) for s, group in zip(sites, groups)]
+        found.append(term.covector(t, *there))
+    return [(_size(found[0] - found[1]), _size(found[0]) + _size(found[1]))]
 
 
 def _hessian(term: Any, k: int, sites: list[Any]) -> Any:

@@ -30,7 +30,7 @@ from ..trajectory import Trajectory
 from .chains import ChainRun, chained_method
 from .links import LinksRun, linked_method
 from .lists import Lists, with_lists
-from .states import by_site, first_of
+from .states import as_users_see, by_site, first_of
 
 LARGE = 300
 """Numbers of momenta beyond which a system is not written out."""
@@ -97,6 +97,12 @@ class SitesOfPlan:
             return start
         wanted = arguments.with_parts(self.site, first, needed(plan, self.site, first)).arrays
         return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
+
+    def as_one(self, start: Any) -> Any:
+        """The start as methods look at it, in a row if it is of a linkage or small enough to be written out."""
+        few = isinstance(start, StateOfSites) and start.width <= LARGE * (start.bodies or 1)
+        one = self.plan._one
+        return one._written_out(as_users_see(one, start)) if few or isinstance(self.site, Links) else start
 
     # ---------------------------------------------------------------- which runs
 
