@@ -15,6 +15,7 @@ import numpy as np
 from ..formulas import dot, jacobian, vec
 from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside, with_fields
+from ..formulas.remembered import Remembered
 from ..formulas.ways import APART, AnyFunction, Number, Ways, values_of
 from .among import Among, has_places, is_all_pairs
 from .bound_terms import BoundTerm, Kind
@@ -62,7 +63,15 @@ def alike(terms: Any, part: BoundTerm) -> Any:
 
 def feels_velocity(terms: Any) -> bool:
     """Is a load another one at other velocities of its sites, at some time and for some edge?"""
-    return not all(holds(terms, part, _unmoved, DISTANCES, True) is True for part in terms.parts)
+    felt: bool | None = _felt.get(terms)
+    if felt is None:
+        felt = not all(holds(terms, part, _unmoved, DISTANCES, True) is True for part in terms.parts)
+        _felt.set(terms, felt)
+    return felt
+
+
+_felt = Remembered()
+"""Of loads, whether they do."""
 
 
 def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving: bool) -> Any:

@@ -26,7 +26,7 @@ from .hamiltonian import Hamiltonian
 from .kinds_of_terms import kind_of
 from .kinetic_energy import KineticEnergy
 from .lagrangian import Lagrangian
-from .potential import Force, Potential
+from .potential import Force, NoPotential, Potential
 from .terms import AtTime, PerSite, Terms, as_terms, at_time, is_a_force, site_class
 from .terms_at_site import (
     EachOfSites,
@@ -465,11 +465,13 @@ def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any,
         return body, potential, load
     words = f"sites {[*held, *pinned]} are held or pinned"
     for x in (potential, load):
-        if not (x is None or isinstance(x, OfTerms)):
+        if not (x is None or isinstance(x, (OfTerms, NoPotential))):
             raise InvalidInput(f"{name}: {words}, and {x!r} may push them: write it as Terms(...)")
     if isinstance(energy, DrivenHamiltonian):
         raise InvalidInput(f"{name}: {words}, and {energy!r} may move them")
-    potential, load = (x and with_fields(x, held=held, pinned=pinned) for x in (potential, load))
+    if isinstance(potential, OfTerms):
+        potential = with_fields(potential, held=held, pinned=pinned)
+    load = None if load is None else with_fields(load, held=held, pinned=pinned)
     group = body.group
     mu = np.random.default_rng(1).normal(size=(group.copies, group.base.dim))
     mu[[*held]] = 0.0

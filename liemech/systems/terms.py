@@ -208,6 +208,9 @@ def _arguments(cls: Any) -> tuple[str, ...] | None:
     if code.co_flags & inspect.CO_VARARGS:
         return None
     names = tuple(code.co_varnames[1 : code.co_argcount])
+    if "t" in (names[1:] if is_a_force(cls) else names[:-1]):
+        where = "first: covector(self, t, a)" if is_a_force(cls) else "last: energy(self, a, t)"
+        raise InvalidInput(f"{cls.__name__}: the time of ({', '.join(names)}) comes {where}")
     return names[1:] if is_a_force(cls) else tuple([name for name in names if name != "t"])
 
 

@@ -189,3 +189,15 @@ def test_damping_moves_no_pinned_site() -> None:
     run = lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=10, progress=False)
     assert np.array_equal(run.g[-1, 0, :3, 3], [0.0, 0.0, 0.0])
     assert np.abs(run.g[-1, 1, :3, 3]).max() > 0.01
+
+
+def test_without_a_field() -> None:
+    body = lm.LiePoissonSystem(lm.VectorSpace(3) ** N, lm.PerSite(lm.KineticEnergy([1.0] * 3)))
+    system = lm.MechanicalSystem(body, lm.NoPotential(), load=lm.Terms(Wind([0.0, 1.0, 0.0]), held=[2]))
+    run = lm.integrate(
+        system, lm.RKMK(order=4), system.state(mu=np.zeros((N, 3)), g=np.zeros((N, 3))), h=0.1, steps=5, compiled=False
+    )
+    g = np.asarray(run.g[-1]).reshape(N, 3)
+    assert np.array_equal(g[2], [0.0, 0.0, 0.0])
+    x = 10.0 * 0.5 - 100.0 * (1.0 - np.exp(-0.05))  # y'' = 1 - 0.1 y'
+    assert np.abs(g[[0, 1, 3, 4, 5], 1] - x).max() < 1e-6

@@ -206,3 +206,36 @@ def test_symmetric_terms_with_branches() -> None:
     for graph in (near.ring(8), near.all_pairs(), near.within(4.0)):
         system = lm.MechanicalSystem(body, lm.Terms(Spring(1.0).over(graph), q=lm.each(q)))
         assert system.potential.parts[0].merged
+
+
+def test_the_time_has_its_place() -> None:
+    @lm.record
+    class First(lm.Term):
+        def energy(self, t: float, a: Any) -> float:
+            return a.mu[0] * t
+
+    @lm.record
+    class Last(lm.Term):
+        def covector(self, a: Any, t: float) -> lm.Vec:
+            return t * a.xi
+
+    with pytest.raises(InvalidInput, match=r"First: the time of \(t, a\) comes last: energy\(self, a, t\)"):
+        spins(First(), n=4)
+    with pytest.raises(InvalidInput, match=r"Last: the time of \(a, t\) comes first: covector\(self, t, a\)"):
+        Last().over()
+
+
+def test_a_pulse_is_known_before_it_begins() -> None:
+    """Affine at all times, zero until late."""
+
+    @lm.record
+    class Field(lm.Term):
+        B: lm.Vec
+        strength: lm.PiecewisePolynomial
+
+        def energy(self, a: Any, t: float) -> float:
+            return -lm.formulas.where(t > 500.0, self.strength(t), 0.0) * lm.dot(self.B, a.mu)
+
+    table = lm.PiecewisePolynomial.linear([0.0, 600.0, 700.0], [0.0, 0.0, 1.0], outside="hold")
+    terms = lm.Terms(Exchange(1.0).over(near.ring(6)), Field([0.3, 0.1, 0.2], table))
+    lm.SublatticeSplitting().require(lm.DrivenLiePoissonSystem(lm.SO3() ** 6, terms))

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech import neighbours as near
-from liemech.errors import InvalidInput, StepWarning
+from liemech.errors import IncompatibleSystem, InvalidInput, StepWarning
 
 
 @lm.record
@@ -159,3 +160,23 @@ def test_no_samples_of_links(n: int) -> None:
     assert run.energy.shape == (0,)
     with pytest.raises(InvalidInput, match="two samples"):
         run.drift()
+
+
+def test_the_first_kind_serves_few_sites_alone() -> None:
+    """Its equation is that of all sites: few are written out, beside DOP853; of more it is refused."""
+    system, start = spins(6)
+    mu = np.asarray(start.mu)
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        m = y.reshape(6, 3)
+        return np.cross(m, -np.roll(m, 1, axis=0) - np.roll(m, -1, axis=0)).ravel()
+
+    end = solve_ivp(rate, (0.0, 0.1), mu.ravel(), method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    method = lm.FirstKindHamiltonJacobi(order=2, retraction=lm.Cayley())
+    run = lm.integrate(system, method, start, h=0.02, steps=5, compiled=False)
+    assert np.abs(np.ravel(run.mu[-1]) - end).max() < 1e-3
+    system, start = spins(200)
+    with pytest.raises(IncompatibleSystem, match=r"there is no FirstKind.*for sites one by one"):
+        lm.integrate(system, method, start, h=0.02, steps=5, compiled=False)
+    with pytest.raises(IncompatibleSystem, match="of the second kind, serves every group"):
+        lm.Plan(spins(6)[0], lm.FirstKindHamiltonJacobi(), h=0.02)

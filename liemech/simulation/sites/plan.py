@@ -16,6 +16,7 @@ from ...errors import IncompatibleSystem, IntegrationFailure, InvalidInput, NotC
 from ...formulas.pytree import layout_of
 from ...groups.species import SpeciesGroup
 from ...integrators.ending_at_jumps import AT_ENDS, uncut
+from ...integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ...integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ...integrators.rattle_of_links import Links
 from ...integrators.sublattices import TermSplitting
@@ -192,6 +193,8 @@ class SitesOfPlan:
         method = uncut(steps.way_of(0))
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
+        if isinstance(method, FirstKindHamiltonJacobi) and self.site.hamiltonian.coupled:
+            return f"{method!r} for sites one by one"
         return None
 
     def knows(self, start: Any) -> bool:
