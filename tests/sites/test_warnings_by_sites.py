@@ -174,7 +174,7 @@ def test_the_first_kind_serves_few_sites_alone() -> None:
     end = solve_ivp(rate, (0.0, 0.02), mu.ravel(), method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
     method = lm.FirstKindHamiltonJacobi(order=2, retraction=lm.Cayley())
     run = lm.integrate(system, method, start, h=0.01, steps=2, compiled=False)
-    assert np.abs(np.ravel(run.mu[-1]) - end).max() < 1e-5
+    assert np.abs(np.ravel(run.mu[-1]) - end).max() < 2e-4
     system, start = spins(200)
     with pytest.raises(IncompatibleSystem, match="one equation for all sites, and these are too many"):
         lm.integrate(system, method, start, h=0.02, steps=5, compiled=False)
