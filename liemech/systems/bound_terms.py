@@ -23,7 +23,7 @@ from .terms import Over, Term, Terms, timed
 
 @record
 class Kind(Record):
-    """What is proved of a term for all edges.
+    """The kinds of a term that are proved for all its edges.
 
     affine : is it affine in the momentum of each site?  steady : does the velocity that it gives a
     single site stay as it is while the site moves along?  isotropic : is it a function of the
