@@ -13,13 +13,15 @@ from typing import Any
 from .numbers import Operand, StandIn
 from .vectors import Vec
 
+ASKED = "it depends on a comparison, a sign or a rounding"
+
 
 class Asked(TypeError):
     """A formula asked for a value, or for a sign."""
 
 
 def _asked(self: Anything, *others: Any) -> Any:
-    raise Asked("it depends on a comparison, a sign or a rounding")
+    raise Asked(ASKED)
 
 
 class Anything(Operand, StandIn):

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from . import functions
-from .numbers import ByValue, CarriesMore, Operand
+from .numbers import ByValue, CarriesMore, Operand, StandIn
 
 
 def _log(x: Any, *base: Any) -> Any:
@@ -39,7 +39,8 @@ def _taking_all(function: Any, formula: Callable[..., Any]) -> Callable[..., Any
     def value(*x: Any) -> Any:
         if not any(isinstance(a, Operand) for a in x):
             return function(*x)
-        function(*map(head, x))  # which raises where there is none
+        # which raises where there is none
+        function(*[math.nan if isinstance(y, StandIn) else y for y in map(head, x)])
         return formula(*x)
 
     return value

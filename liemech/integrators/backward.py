@@ -59,7 +59,7 @@ from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.separable_sites import SeparableSite
 from ..systems.sublattices import FieldAtSite, turned
-from ..systems.sums_of_terms import DrivenTerms
+from ..systems.sums_of_terms import moving
 from ..systems.terms import at_time
 from ..systems.terms_at_site import SlopesOfLoad, TermsOfSite, at_this_site
 from .commutator_free import CommutatorFree
@@ -256,13 +256,6 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[Motion, ...], list[tuple[int
 def fresh(method: Method, system: Any, t: float, state: Any, h: float) -> Any:
     """The state after a step that knows of no step before it."""
     return method.observe(method.step(system, t, method.start(system, state, h), h))
-
-
-def moving(energy: Any, along: Vec) -> Vec:
-    """A direction; zero at sites that are held."""
-    if isinstance(energy, DrivenTerms):
-        return moving(energy.at_zero, along)
-    return energy.if_it_moves(along) if isinstance(energy, TermsOfSite) else along
 
 
 # ------------------------------------------------------------------ Runge-Kutta

@@ -40,6 +40,10 @@ def require_derivatives(method: Any, system: Any) -> None:
     if system.lie_poisson is None:
         raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}")
     hamiltonian, n = system.hamiltonian, system.group.dim
+    if hamiltonian.coupled:
+        raise IncompatibleSystem(
+            f"{method!r} does not step sites one by one that feel each other. {alternatives(system)}"
+        )
     # a record never changes: it is tried once, not at every run
     if _derivable.get(hamiltonian) == n:
         return

@@ -269,7 +269,7 @@ def pulled(method: Any, system: Any, t: float, h: float, x: Vec, g: Any, work: A
     f = force_on(method, work, system.configurations.dim)
     if system.load is not None:
         f = f + site.load.covector(t + 0.5 * h, (1.0 / h) * x, g)
-    return site, system.potential.if_it_moves(f)
+    return site, system.potential.moving(f)
 
 
 def misfit(group: LieGroup, h: float, x: Vec, p: Vec, mu: Vec, f: Vec) -> tuple[Vec, Mat]:
@@ -287,13 +287,13 @@ def misfit_here(method: Any, system: Any, t: float, h: float, old: Any, work: An
     site, f = pulled(method, system, t, h, x, g, work)
     r, _ = misfit(group, h, x, site.body.lagrangian.momentum((1.0 / h) * x), plain(start.mu), f)
     rest = (-2.0 / h) * Exponential().dtau_inv_dual(group, -0.5 * x, r)
-    save(below(work, method.rows.rest), 0, system.potential.if_it_moves(rest), vector(group.dim))
+    save(below(work, method.rows.rest), 0, system.potential.moving(rest), vector(group.dim))
 
 
 def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
     """H + 4/h M in the block of the site itself, and H in those beside it."""
     rows, group, tau = method.rows, system.configurations, Exponential()
-    n, moves = group.dim, system.potential.if_it_moves
+    n, moves = group.dim, system.potential.moving
     start, x, g = middle_of(method, system, old, work, state)
     site, f = pulled(method, system, t, h, x, g, work)
     mu, xi, units = plain(start.mu), (1.0 / h) * x, identity_matrix(n)

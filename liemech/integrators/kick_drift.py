@@ -10,13 +10,17 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, record, vec
+from ..formulas.pytree import exchanged
+from ..formulas.ways import AnyFunction, Number, Ways, values_of
 from ..solvers import newton
 from ..systems.energy_of_species import energies_of
+from ..systems.kinds_of_terms import feels_velocity
 from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
+from ..systems.sums_of_terms import ForceTerms
 from ..systems.system import member
-from ..systems.tabulated import inputs
+from ..systems.tabulated import PiecewisePolynomial, inputs
 from ..tableaus.splittings import BLANES_CASAS_ESCORIHUELA8, BLANES_MOAN4, BLANES_MOAN6, STRANG, SplittingTableau
 from .exact_free_body import ExactFreeBody
 from .lie_poisson_first_kind import FirstKindHamiltonJacobi
@@ -153,20 +157,24 @@ def _load(system: Any, t: float, mu: Vec, g: Any) -> Vec:
 
 
 def _feels_velocity(system: Any, start: BodyState) -> bool:
-    """Is the load another one at another velocity?  Looked at where the body starts, at t = 0 or
-    where a table begins; of an ensemble where the first one does.
+    """Is the load another one at another velocity, at some time?  Looked at where the body starts; of an ensemble
+    where the first one does.
     """
-    body = member(start, 0)
-    mu = np.array(body.mu)
-    large = float(np.abs(mu).max()) or 1.0
-    others = [mu + share * large * e for share in (1e-3, 1.0, 1e3) for e in np.eye(len(mu))]
-    begin = [float(np.asarray(table.knots)[0]) for table in inputs(system)]
-    for t in (0.0, *begin):
-        try:
-            there = [vec(*_load(system, t, vec(*m.tolist()), body.g)) for m in (mu, *others)]
-        except (ArithmeticError, ValueError):  # outside of a table, or of what a formula is defined for
-            continue
-        return any(other != there[0] for other in there[1:])
+    if isinstance(system.load, ForceTerms):
+        return feels_velocity(system.load)
+    g, ways, rng = member(start, 0).g, Ways(True), np.random.default_rng(3)
+    try:
+        for _ in ways.all():
+            xi = vec(*[Number(x, ways, True) for x in rng.normal(size=(system.body.group.dim, 2))])
+            tables = [AnyFunction(x.size, rng) for x in inputs(system.load)]
+            load = exchanged(system.load, PiecewisePolynomial, tables)
+            found = [
+                np.broadcast_to(values_of(x), 2) for x in load.covector(Number(np.full(2, 0.3), ways, False), xi, g)
+            ]
+            if any(one != other for one, other in found):
+                return True
+    except Exception:  # of a formula that asks for more it is not known
+        return True
     return False
 
 

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Mat, Vec, derivative, dot, jacobian, norm, plain, record, vec, where
 from ..formulas.sizes import one_norms
 from ..formulas.sums import total
+from ..groups.power import PowerGroup
+from ..groups.species import SpeciesGroup
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState
@@ -17,6 +19,7 @@ from .class_functions import ClassFunction, InvariantForm, inverse_differential
 from .derivability import require_derivatives
 from .implicit import Implicit
 from .memory import Memory, extrapolated
+from .method import alternatives
 from .motion_series import first_kind, velocity_at
 
 ORDERS = 1, 2, 3, 4
@@ -89,6 +92,10 @@ class FirstKindHamiltonJacobi(Implicit):
         generates the identity.
         """
         super().require(system)
+        if system.is_large and isinstance(system.group, (PowerGroup, SpeciesGroup)):
+            raise IncompatibleSystem(
+                f"{self!r} solves one equation for all sites, and these are too many. {alternatives(system)}"
+            )
         require_derivatives(self, system)
         self.s0.require(system.group, self.retraction)
 

@@ -16,6 +16,7 @@ from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
 from ..systems.multirate import MultirateSystem
 from ..systems.one_term import OneTerm
+from ..systems.site_state import StateOfSites
 from ..systems.sums_of_terms import PlaceTerms
 from ..systems.vector_field import SplitField, has_flow, recognised_field
 from .kick_drift import KickDrift
@@ -193,6 +194,8 @@ class MultipleTimeSteps(Remembering):
         parts but the slowest.
         """
         if isinstance(system, (SplitField, MechanicalSystem)) or isinstance(system.site_form, Links):
+            return None
+        if isinstance(start, StateOfSites):  # more numbers than have a matrix
             return None
         if start.bodies is None:
             return self._caution(system, start.q, start.p, h)

@@ -15,6 +15,7 @@ from ..retractions import Exponential, Retraction
 from ..solvers import leading_power, narrow, newton, refined
 from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState
+from ..systems.site_state import StateOfSites
 from ..systems.system import System, lies_in_memory
 from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit
@@ -242,11 +243,18 @@ class CovariantVariational(Implicit):
         multiplies three entries of J/h, unless J is constant and it has a unit of time of its own.
         """
         given: Any = start
-        known = isinstance(given, BodyState) and isinstance(system, System)
+        many = isinstance(given, StateOfSites)  # more than would be written out
+        known = (many or isinstance(given, BodyState)) and isinstance(system, System)
         if not (known and type(h) is float and h):
             self._asked("step_warning", system, start, h)
-        mu = start.mu if start.bodies is None else start.mu[0]
-        inertia = float(np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max())
+        one = system.lagrangian.of_one if many else None
+        if many and not isinstance(one, KineticEnergy):
+            return None
+        if many:
+            inertia = float(np.abs(getattr(one.inertia, "values", np.array(one.inertia))).max())
+        else:
+            mu = start.mu if start.bodies is None else start.mu[0]
+            inertia = float(np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max())
         size, constant = inertia / abs(h), self._is_constant(system)
         if constant:
             fits, why = 1.0 / FAR < size < FAR and inertia < HEAVY, "numbers of this size"
@@ -258,7 +266,7 @@ class CovariantVariational(Implicit):
                 "leave the range of floats. Take units of mass and time in which both are closer "
                 "to 1"
             )
-        largest = self._largest_step(system, start)
+        largest = None if many else self._largest_step(system, start)
         if largest is None or not abs(h) > largest:
             return None
         return (

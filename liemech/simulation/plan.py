@@ -252,6 +252,8 @@ class Plan:
         sites: Any = self._sites
         if sites.knows(start):
             start, t0 = sites.started(self, start), arguments.real(t0, "t0")
+            if sites.takes(start):
+                self._warn_of(start)
         if path is None:
             made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
@@ -289,25 +291,25 @@ class Plan:
             made = short_run(self, start, steps, t_end, t0, t_eval)
             if made is not None:
                 return made
+        start, t0 = self._started(start), arguments.real(t0, "t0")
+        if self.fictive and steps is None and t_end is None:
+            raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
+        if self.fictive and t_end is None and t_eval is not None:
+            raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
+        if not (self.adaptive or self.fictive or self._apart(start, t_end, t_eval)):
+            self._count(steps, t_end, t0)
+        self._warn_of(start)
+        return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
+
+    def _warn_of(self, start: Any) -> None:
+        """Warn of what a run from this start would lose, or refuse it; of every layout alike."""
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
-        start, t0 = self._started(start), arguments.real(t0, "t0")
         if self.adaptive and self.options.atol is None:
             arguments.large_enough(start)
-        if self.adaptive:
-            return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
-        if self.fictive:
-            if steps is None and t_end is None:
-                raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
-            if t_end is None and t_eval is not None:
-                raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
-        else:
-            if not self._apart(start, t_end, t_eval):
-                self._count(steps, t_end, t0)
-            doubt = self._doubt(start)
-            if doubt:
-                warn(doubt, StepWarning)
-        return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
+        doubt = None if self.adaptive or self.fictive else self._doubt(start)
+        if doubt:
+            warn(doubt, StepWarning)
 
     def _apart(self, start: Any, t_end: Any, t_eval: Any) -> bool:
         """Has every body a clock and a goal of its own?  Otherwise they make the same steps."""
@@ -367,7 +369,8 @@ class Plan:
             return None
         steps: Steps = self._steps
         if not self.of_each:
-            return self.method.step_warning(self.system, start, steps.h)
+            one = start if self._sites is None else self._sites.as_one(start)
+            return self.method.step_warning(self.system, one, steps.h)
         bodies = range(start.bodies or 0)
         doubts = (steps.method_of(i).step_warning(steps.of(i), member(start, i), steps.h_of(i)) for i in bodies)
         return next((doubt for doubt in doubts if doubt), None)
@@ -541,6 +544,7 @@ class Plan:
         if self.fictive:
             return like(self, events=()).run(start, steps=0, t0=t0).carry
         start, t0 = self._started(start), arguments.real(t0, "t0")
+        self._warn_of(start)
         with self._beginning(start, t0):
             return StraightRun(like(self, events=(), recorder=None), start, t0, 0, None, None).trajectory().carry
 

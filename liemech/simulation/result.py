@@ -188,7 +188,7 @@ def _states_of_sites(run: Any) -> Any:
     def states() -> dict[str, np.ndarray]:
         found = {}
         if shape.shown.kept:
-            rows = own if here is not None else seen.reshape(n, run.wide, -1)[..., : run.count]
+            rows = own if here is not None else seen.reshape(n, run.wide, seen.shape[-1])[..., : run.count]
             arrays = unpacked(shape.state, rows.swapaxes(1, 2))
             wanted = arrays if recorder is None else recorder.parts
             asked = arrays if set(wanted) - set(arrays) else {name: arrays[name] for name in wanted}

@@ -452,7 +452,7 @@ class Trajectory:
         Of a run that recorded functions of the state instead, those among them that stay constant:
         energy, casimirs, ...
         """
-        if self.observed or self._is_of_sites:
+        if self.observed or (len(self.t) > 1 and self._is_of_sites):
             return Drift.recorded(self._constants, self.t, self.bodies)
         return Drift.of(self.system, self.t, self._at_times, self.bodies)
 

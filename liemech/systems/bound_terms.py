@@ -17,9 +17,23 @@ from ..groups.power import PowerGroup
 from ..groups.species import SpeciesGroup
 from .among import Among, Species, is_near
 from .graphs import AllPairs, EachSite, Graph, Incidence, place
-from .kinds_of_terms import Kind
 from .point_terms import near_pairs
 from .terms import AtTime, Over, Term, Terms, timed
+
+
+@record
+class Kind(Record):
+    """The kinds of a term that are proved for all its edges.
+
+    affine : is it affine in the momentum of each site?  steady : does the velocity that it gives a
+    single site stay as it is while the site moves along?  isotropic : is it a function of the
+    product of two momenta, with derivatives c b and c a?
+    """
+
+    affine: bool = False
+    steady: bool = False
+    isotropic: bool = False
+
 
 # ------------------------------------------------------------------ on the sites of a system
 
@@ -29,7 +43,7 @@ class BoundTerm(Record):
     """A term on the edges of a graph whose number of sites is known.
 
     merged : are the two ends of an edge alike, so that nobody need know which is the first?
-    first : does it count for the first of the ends only, as a force?  kind : what is seen of a
+    first : does it count for the first of the ends only, as a force?  kind : what is proved of a
     term in momenta.
     """
 

@@ -14,6 +14,7 @@ from ..groups.lie_group import LieGroup
 from ..groups.power import PowerGroup
 from .hamiltonian import Hamiltonian
 from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
+from .sums_of_terms import moving
 
 
 @record
@@ -74,7 +75,7 @@ class DoubleBracket(LiePoissonMotion):
         xi = self.system.velocity(mu)
         change = self.group.ad_star(xi, mu)
         eta = change if self.metric is None else solve(self.metric, change)
-        return xi + self.damping * eta
+        return xi + self.damping * moving(self.hamiltonian, eta)
 
     def energy(self, mu: Vec) -> float:
         """H(mu).  mu : (dim,)."""

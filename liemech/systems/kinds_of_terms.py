@@ -1,105 +1,259 @@
-"""Kinds of energies of coupled sites, seen from their derivatives at some points: those whose motion
-is known.
+"""Kinds of energies of coupled sites: those whose ends are alike, and those whose motion is known.
+
+A kind is proved for all edges and sites.  Energy and derivatives are formed at states by chance, on every way
+through the branches of the formula: first with parameters by chance, between the least and the largest of all
+edges and sites; if an identity fails there, with those of each edge.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from ..formulas import Record, dot, jacobian, record, vec
-from ..formulas.pytree import inside, with_fields
-from .tabulated import inputs
-from .terms import AtTime, at_time
+from ..formulas import dot, jacobian, vec
+from ..formulas.of_each import Each
+from ..formulas.pytree import exchanged, inside, with_fields
+from ..formulas.remembered import Remembered
+from ..formulas.ways import APART, AnyFunction, Number, Ways, values_of
+from .among import Among, has_places, is_all_pairs
+from .bound_terms import BoundTerm, Kind
+from .graphs import places_of
+from .hamiltonian import Hamiltonian
+from .near_pairs import NearPairs
+from .tabulated import PiecewisePolynomial
+from .terms import at_time
+from .terms_in_arrays import OfEdge
 
-APART = 1e-9
-"""What should vanish, and is larger than this times what it is made of, does not."""
+SIZES = np.array([1.0, 1e-30, 1e30])
+"""Sizes of momenta: a part that counts in some units is seen at one of them."""
 
-TRIED = 4
-"""Edges at which a term is looked at."""
+DISTANCES = np.array([1.0, 0.1, 10.0])
+"""Sizes of places; those of pairs within a cutoff are times this one."""
 
-TIMES = 0.0, 0.37, -0.73, 1.19, 7.3, 101.0
-"""Times at which a term that changes is looked at."""
+FEW, TOGETHER, MANY = 64, 2**12, 2**22
+"""So many edges are looked at first, and then at a time; of more kinds of pairs among all nothing is told."""
 
-SHARES = 0.03, 0.21, 0.42, 0.58, 0.79, 0.97
-"""Of the time that its tables have values for, where they have them for some time only."""
+Test = Callable[[Any, Any, list[Any], Any], list[tuple[Any, Any]]]
+"""Of the groups of sites, a term, its sites, and what makes numbers by chance: what should vanish, and its terms."""
 
 
-@record
-class Kind(Record):
-    """The parts of a term that are looked at.
+def kind_of(terms: Any, part: BoundTerm) -> Kind:
+    """The kind of a term on the sites of a power."""
+    arity = part.graph.arity
+    return Kind(
+        holds(terms, part, _affine, SIZES, False) is True,
+        arity == 1 and holds(terms, part, _steady, SIZES, False) is True,
+        arity == 2 and holds(terms, part, _isotropic, SIZES, False) is True,
+    )
 
-    affine : is it affine in the momentum of each site?  steady : does the velocity that it gives a
-    single site stay as it is while the site moves along?  isotropic : is it a function of the
-    product of two momenta, with derivatives c b and c a?
+
+def alike(terms: Any, part: BoundTerm) -> Any:
+    """Has every edge the same energy with its two ends exchanged?  True, an edge that has not (its number and its
+    sites), or None: it is not known, or there are no edges.
+    """
+    if not part.graph.some_edges(1):
+        return None
+    if isinstance(part.term, NearPairs):
+        near, part = part.term, with_fields(part, term=part.term.term)
+        return holds(terms, part, _exchanged, near.cutoff * DISTANCES, True)
+    return holds(terms, part, _exchanged, SIZES if _in_momenta(terms) else DISTANCES, True)
+
+
+def feels_velocity(terms: Any) -> bool:
+    """Is a load another one at other velocities of its sites, at some time and for some edge?"""
+    felt: bool | None = _felt.get(terms)
+    if felt is None:
+        felt = not all(holds(terms, part, _unmoved, DISTANCES, True) is True for part in terms.parts)
+        _felt.set(terms, felt)
+    return felt
+
+
+_felt = Remembered()
+"""Of loads, whether they do."""
+
+
+def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving: bool) -> Any:
+    """Does an identity hold on all edges?  True, an edge on which it does not, or None: it is not known.
+
+    sizes : of the states.  of_moving : may the formula compare numbers of them?
+    """
+    if not part.graph.some_edges(1):
+        return True
+    own = [x for x in terms.own if isinstance(x, Each)]
+    by_edge = inside(part.term, Each)
+    rng = np.random.default_rng(7)
+    try:
+        blocks = _edges(part, np.concatenate([x.values.reshape(len(x), -1) for x in own], axis=1) if own else None)
+        if own or by_edge:
+            ends, numbers = next(_edges(part, None))
+            some = _numbers(terms, part, ends[:1], numbers[:1], sizes, rng, True)
+            if all(_holds(terms, part, test, of_moving, some)[0]):
+                return True
+        for ends, numbers in blocks:
+            some = _numbers(terms, part, ends, numbers, sizes, rng, False)
+            found, branches = _holds(terms, part, test, of_moving, some)
+            if not found.all():
+                at = int(found.argmin())
+                return None if branches else (int(numbers[at]), ends[at].tolist())
+    except Exception:  # it may fail anywhere but where it is meant to be used
+        return None
+    return True
+
+
+def _edges(part: BoundTerm, own: np.ndarray | None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Edges, a few and then many at a time, and their numbers; of all pairs those whose sites have other parameters.
+
+    own : the parameters of all sites, (sites, n).
+    """
+    graph: Any = part.graph
+    if is_all_pairs(graph) and not inside(part.term, Each):
+        ranges = [range(*map(int, graph.range_of(k))) for k in (0, 1)] if isinstance(graph, Among) else []
+        sites = [np.array(r) for r in ranges or [range(graph.sites or 0)] * 2]
+        if own is None:
+            kinds = [some[:1] for some in sites]
+        else:
+            kinds = [some[np.unique(own[some], axis=0, return_index=True)[1]] for some in sites]
+        if len(kinds[0]) * len(kinds[1]) > MANY:
+            raise ValueError
+        edges = np.stack(np.meshgrid(*kinds, indexing="ij"), axis=-1).reshape(-1, 2)
+        numbers = np.zeros(len(edges), dtype=np.int64)
+    else:
+        edges, numbers = graph.edges, np.arange(len(graph.edges))
+        if own is None and not inside(part.term, Each):
+            edges, numbers = edges[:1], numbers[:1]
+    for first in [0, *range(FEW, len(edges), TOGETHER)]:
+        last = first + TOGETHER if first else FEW
+        yield edges[first:last], numbers[first:last]
+
+
+def _numbers(
+    terms: Any,
+    part: BoundTerm,
+    ends: np.ndarray,
+    numbers: np.ndarray,
+    sizes: np.ndarray,
+    rng: np.random.Generator,
+    between: bool,
+) -> np.ndarray:
+    """The numbers of edges as `OfEdge` takes them, at states of all sizes, (n, sizes, edges).
+
+    between : are parameters by chance, between those of all?
     """
 
-    affine: bool = False
-    steady: bool = False
-    isotropic: bool = False
+    def parameter(x: Each, which: Any) -> np.ndarray:
+        rows = x.values.reshape(len(x), -1)
+        if not between:
+            return rows[which]
+        low, high = rows.min(axis=0), rows.max(axis=0)
+        return low + (high - low) * rng.uniform(0.1, 0.9, (len(sizes), len(which), len(low)))
+
+    of_edge, count = _of_edge(terms, part), len(ends)
+    columns: list[Any] = []
+    for k in range(ends.shape[1]):
+        states = [_states(terms, part, int(ends[0, k]), count, size, rng) for size in sizes]
+        columns.append(np.pad(states, ((0, 0), (0, 0), (0, of_edge.width - np.shape(states)[2]))))
+        columns += [parameter(x, ends[:, k]) for x in of_edge.own if isinstance(x, Each)]
+    columns += [parameter(x, numbers) for x in inside(of_edge.term, Each)]
+    shape = len(sizes), count
+    return np.concatenate([np.broadcast_to(x, (*shape, x.shape[-1])) for x in columns], axis=2).transpose(2, 0, 1)
 
 
-def kind_of(terms: Any, part: Any) -> Kind:
-    """The kind of a term on the sites of a power; a formula that fails where it is tried is of none."""
-    try:
-        seen, arity = list(_tried(terms, part)), part.graph.arity
-        changes = bool(inside(part, AtTime))
-        if changes and not any(_size(term.slope(0, *sites)) for _, term, sites in seen):
-            return Kind()  # of a pulse that is zero whenever it is tried nothing is known
-        return Kind(
-            all(_affine(term, sites) for _, term, sites in seen),
-            arity == 1 and all(_steady(group, term, *sites) for group, term, sites in seen),
-            arity == 2 and all(_isotropic(term, *sites) for _, term, sites in seen),
-        )
-    except Exception:  # it may fail anywhere but where it is meant to be used
-        return Kind()
+def _states(terms: Any, part: BoundTerm, site: int, count: int, size: float, rng: np.random.Generator) -> np.ndarray:
+    """Momenta or elements of so many sites, (count, n)."""
+    base = terms.group.base_of(site)
+    if _in_momenta(terms):
+        return size * rng.normal(size=(count, base.dim))
+    g = np.array(base.random(rng, count))
+    if has_places(base):
+        places_of(base, g)[...] *= size
+    rows = np.ascontiguousarray(g).reshape(count, -1)
+    return rows.view(float) if rows.dtype.kind == "c" else rows
 
 
-def _tried(terms: Any, part: Any) -> Iterator[tuple[Any, Any, list[Any]]]:
-    """The group of the first site, a term and its sites at some edges, somewhere."""
-    rng = np.random.default_rng(7)
-    for number, ends in part.graph.some_edges(TRIED):
-        mus = [rng.normal(size=terms.group.base_of(i).dim).tolist() for i in ends]
-        sites = [terms.site_with(i, vec(*mu), None) for i, mu in zip(ends, mus)]
-        term = part.at_edge(number)
-        for t in _times(term) if inside(term, AtTime) else (0.0,):
-            yield terms.group.base_of(ends[0]), at_time(term, t), sites
+def _in_momenta(terms: Any) -> bool:
+    return isinstance(terms, Hamiltonian)
 
 
-def _times(term: Any) -> list[float]:
-    """Times at which a term is looked at."""
-    ends = [np.asarray(x.knots)[[0, -1]] for x in inputs(term) if x.outside == "refuse"]
-    if not ends:
-        return [*TIMES]
-    low, high = np.max(ends, axis=0)[0], np.min(ends, axis=0)[1]
-    return [float(low + share * (high - low)) for share in SHARES]
+def _of_edge(terms: Any, part: BoundTerm) -> OfEdge:
+    in_momenta = _in_momenta(terms)
+    given = part.term, terms.group.base, part.graph.arity, 0, in_momenta
+    return OfEdge(*given, terms.names, terms.own, terms.species, part.of)
 
 
-def _affine(term: Any, sites: list[Any]) -> bool:
-    """Are the second derivatives by the momentum of each of its sites zero?"""
-    return all(
-        _largest(_hessian(term, k, sites)) * _size(site.mu) <= APART * _size(term.slope(k, *sites))
+def _holds(terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Does an identity hold on each of some edges, on all ways?  And are there branches?
+
+    numbers : (n, sizes, edges).
+    """
+    of_edge, ways, shape = _of_edge(terms, part), Ways(of_moving), numbers.shape[1:]
+    step = of_edge.width + sum(len(x.numbers) // len(x) for x in of_edge.own if isinstance(x, Each))
+    found, branches = np.ones(shape[1], dtype=bool), False
+    rng = np.random.default_rng(5)
+    species = terms.species
+    groups = [terms.group.base if species is None else species.groups[k] for k in part.of or (0,) * part.graph.arity]
+
+    def some() -> Number:
+        return Number(rng.normal(size=numbers[0].size), ways, False)
+
+    with np.errstate(all="ignore"):
+        for _ in ways.all():
+            moves = [i < step * of_edge.arity and i % step < of_edge.width for i in range(len(numbers))]
+            given = [Number(x.ravel(), ways, own) for x, own in zip(numbers, moves)]
+            term, sites = of_edge.sites(vec(*given))
+            term = at_time(term, some())
+            tables = [AnyFunction(x.size, rng) for x in inside(term, PiecewisePolynomial)]
+            term = exchanged(term, PiecewisePolynomial, tables)
+            for error, size in test(groups, term, sites, some):
+                rest, whole = (np.broadcast_to(x, numbers[0].size).reshape(shape) for x in (error, size))
+                known = np.isfinite(rest) & np.isfinite(whole)
+                found &= ((rest <= APART * whole) | ~known).all(axis=0) & known.any(axis=0)
+            branches = branches or ways.branch
+    return found, branches
+
+
+# ------------------------------------------------------------------ what should vanish
+
+
+def _exchanged(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The energy less that with exchanged ends."""
+    one, other = values_of(term.energy(*sites)), values_of(term.energy(*sites[::-1]))
+    return [(np.abs(one - other), np.maximum(np.abs(one), np.abs(other)))]
+
+
+def _affine(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The second derivatives by the momentum of each of its sites."""
+    return [
+        (_largest(_hessian(term, k, sites)) * _size(site.mu), _size(term.slope(k, *sites)))
         for k, site in enumerate(sites)
-    )
+    ]
 
 
-def _steady(group: Any, term: Any, site: Any) -> bool:
-    """Does xi = dE/dmu stay as it is where mu' = ad*_xi mu?"""
-    hessian = _hessian(term, 0, [site])
-    rate = group.ad_star(term.slope(0, site), site.mu)
-    return _size(hessian @ rate) <= APART * _largest(hessian) * _size(rate)
+def _steady(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The change of xi = dE/dmu where mu' = ad*_xi mu."""
+    hessian = _hessian(term, 0, sites)
+    rate = groups[0].ad_star(term.slope(0, *sites), sites[0].mu)
+    return [(_size(hessian @ rate), _largest(hessian) * _size(rate))]
 
 
-def _isotropic(term: Any, a: Any, b: Any) -> bool:
-    """Are the derivatives c b and c a?"""
+def _isotropic(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The derivatives less c b and c a."""
+    a, b = sites
     of_a, of_b = (term.slope(k, a, b) for k in (0, 1))
     c, d = dot(of_a, b.mu) / dot(b.mu, b.mu), dot(of_b, a.mu) / dot(a.mu, a.mu)
-    limit = APART * max(_size(of_a), _size(of_b))
-    return bool(
-        _size(of_a - c * b.mu) <= limit and _size(of_b - c * a.mu) <= limit and abs(c - d) * _size(a.mu) <= limit
-    )
+    whole = np.maximum(_size(of_a), _size(of_b))
+    apart = of_a - c * b.mu, of_b - c * a.mu, (c - d) * a.mu
+    return [(_size(x), whole) for x in apart]
+
+
+def _unmoved(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The force less that at other velocities."""
+    t, found = some(), []
+    for _ in range(2):
+        there = [with_fields(s, xi=vec(*[some() for _ in range(group.dim)])) for s, group in zip(sites, groups)]
+        found.append(term.covector(t, *there))
+    return [(_size(found[0] - found[1]), _size(found[0]) + _size(found[1]))]
 
 
 def _hessian(term: Any, k: int, sites: list[Any]) -> Any:
@@ -111,9 +265,9 @@ def _hessian(term: Any, k: int, sites: list[Any]) -> Any:
     return jacobian(slope, sites[k].mu)
 
 
-def _size(mu: Any) -> float:
-    return max([abs(float(x)) for x in mu])
+def _size(mu: Any) -> Any:
+    return np.maximum.reduce(np.broadcast_arrays(*[np.abs(values_of(x)) for x in mu]))
 
 
-def _largest(rows: Any) -> float:
-    return max([_size(row) for row in rows])
+def _largest(rows: Any) -> Any:
+    return np.maximum.reduce(np.broadcast_arrays(*[_size(row) for row in rows]))

@@ -20,7 +20,7 @@ from ..retractions import Exponential, Retraction
 from .driven import DrivenLiePoissonSystem
 from .lie_poisson import BodyState, LiePoissonSystem, as_users_see, body_state, by_site, in_a_row, of_group
 from .potential import Force, Potential
-from .sums_of_terms import PlaceTerms, load_of, potential_of
+from .sums_of_terms import PlaceTerms, held_together, load_of, potential_of
 from .system import System, as_precise
 from .trials_of_terms import require_apart
 
@@ -62,12 +62,11 @@ class MechanicalSystem(System):
 
     def __post_init__(self) -> None:
         if isinstance(self.body, (LiePoissonSystem, DrivenLiePoissonSystem)):
-            field = potential_of(type(self).__name__, self.body.group, self.potential)
-            if field is not self.potential:
-                object.__setattr__(self, "potential", field)
-            load = load_of(type(self).__name__, self.body.group, self.load)
-            if load is not self.load:
-                object.__setattr__(self, "load", load)
+            name, group = type(self).__name__, self.body.group
+            field, load = potential_of(name, group, self.potential), load_of(name, group, self.load)
+            for part, value in zip(("body", "potential", "load"), held_together(name, self.body, field, load)):
+                if value is not getattr(self, part):
+                    object.__setattr__(self, part, value)
         body = DrivenLiePoissonSystem if self.driven else LiePoissonSystem
         given: tuple[tuple[str, Any, type, str], ...] = (
             ("body", self.body, body, "such as RigidBody([1.0, 1.5, 2.0])"),

@@ -21,6 +21,7 @@ from .double_bracket import DoubleBracket
 from .hamiltonian import Hamiltonian
 from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
 from .site_state import NoisySites, SiteState
+from .sums_of_terms import moving
 
 
 @record
@@ -84,8 +85,7 @@ class NoisyEnergy(AlongStep, Hamiltonian):
 
     def gradient(self, mu: Vec) -> Vec:
         """The velocity.  mu : (dim,)."""
-        total: Vec = self.weighted(self.drift.gradient(mu), lambda field: field.gradient(mu))
-        return total
+        return moving(self.drift, self.weighted(self.drift.gradient(mu), lambda field: field.gradient(mu)))
 
 
 @record
@@ -106,8 +106,8 @@ class NoisyMotion(AlongStep, LiePoissonMotion):
 
     def velocity(self, mu: Vec) -> Vec:
         """The velocity.  mu : (dim,)."""
-        total: Vec = self.weighted(self.drift.velocity(mu), lambda field: field.gradient(mu))
-        return total
+        total = self.weighted(self.drift.velocity(mu), lambda field: field.gradient(mu))
+        return moving(self.drift.hamiltonian, total)
 
     def rate(self, t: float, state: BodyState) -> Vec:
         """The velocity."""

@@ -13,12 +13,12 @@ from ..formulas.fields import frozen_array
 from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.sites import SiteArray, SiteTable, padded, rows_of
 from ..formulas.tables import Table
+from ..formulas.ways import APART
 from ..groups.lie_group import LieGroup
 from .bonds_at_site import BondsOfSite
 from .bound_terms import BoundTerm, slopes
 from .colouring import Places
 from .graphs import AllPairs, Edges
-from .kinds_of_terms import APART
 from .lie_poisson import BodyState
 from .sums_of_terms import MomentumTerms
 from .system import as_precise

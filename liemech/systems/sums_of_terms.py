@@ -26,7 +26,7 @@ from .hamiltonian import Hamiltonian
 from .kinds_of_terms import kind_of
 from .kinetic_energy import has_inertia
 from .lagrangian import Lagrangian
-from .potential import Force, Potential
+from .potential import Force, NoPotential, Potential
 from .terms import AtTime, PerSite, Terms, as_terms, at_time, is_a_force, site_class
 from .terms_at_site import (
     EachOfSites,
@@ -36,6 +36,7 @@ from .terms_at_site import (
     PotentialOfSite,
     RoleAtSite,
     SlopesOfLoad,
+    TermsOfSite,
 )
 from .terms_in_arrays import energies, slopes_of
 from .trials_of_terms import plain_term, tried
@@ -129,10 +130,14 @@ class OfTerms(Record):
         return vec(*found)
 
     def moving(self, x: Vec) -> Vec:
-        """A vector with zeros in the parts of sites that are held."""
-        parts = self.divided(x)
-        kept = [0.0 * part if i in self.held else part for i, part in enumerate(parts)]
-        return vec(*[c for part in kept for c in part])
+        """A vector with zeros where sites are held or pinned."""
+        if not self.held and not self.pinned:
+            return x
+        found: list[Any] = []
+        for i, part in enumerate(self.divided(x)):
+            free = 0 if i in self.held else 3 if i in self.pinned else len(part)
+            found = [*found, *part[:free], *[0.0 for _ in range(len(part) - free)]]
+        return vec(*found)
 
     def divided(self, x: Vec) -> list[Any]:
         """The parts of a vector that belong to the sites."""
@@ -465,6 +470,50 @@ def load_of(name: str, group: LieGroup, load: Any) -> Any:
     """The load that terms are on a group; anything else as it is."""
     load = _terms_on(name, group, load)
     return _made(ForceTerms, name, group, load) if isinstance(load, Terms) else load
+
+
+def moving(energy: Any, xi: Vec) -> Vec:
+    """A velocity; zero where the energy, of many sites or of one among them, says that sites are held or pinned."""
+    if isinstance(energy, DrivenTerms):
+        return moving(energy.at_zero, xi)
+    return energy.moving(xi) if isinstance(energy, (OfTerms, TermsOfSite)) else xi
+
+
+def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any, Any, Any]:
+    """A body, its potential and its load (or None), with the sites held and pinned that any of them says.  Raises
+    InvalidInput where one of them cannot leave a site where it is.
+    """
+    energy = getattr(body, "hamiltonian", None)
+    told = [x for x in (energy, potential, load) if isinstance(x, OfTerms)]
+    held, pinned = (tuple(sorted({i for x in told for i in getattr(x, which)})) for which in ("held", "pinned"))
+    if not held and not pinned:
+        return body, potential, load
+    words = f"sites {[*held, *pinned]} are held or pinned"
+    for x in (potential, load):
+        if not (x is None or isinstance(x, (OfTerms, NoPotential))):
+            raise InvalidInput(f"{name}: {words}, and {x!r} may push them: write it as Terms(...)")
+    if isinstance(energy, DrivenHamiltonian):
+        raise InvalidInput(f"{name}: {words}, and {energy!r} may move them")
+    if isinstance(potential, OfTerms):
+        potential = with_fields(potential, held=held, pinned=pinned)
+    load = None if load is None else with_fields(load, held=held, pinned=pinned)
+    group = body.group
+    mu = np.random.default_rng(1).normal(size=(group.copies, group.base.dim))
+    mu[[*held]] = 0.0
+    mu[[*pinned], 3:] = 0.0
+    xi = group.by_site(np.asarray(body.velocity(group.without_sites(mu[None], "Vec"))), "Vec")[0]
+    alone = isinstance(energy, OfTerms) and all(isinstance(part.term, PerSite) for part in energy.parts)
+    if xi[[*pinned], 3:].any():
+        raise InvalidInput(
+            f"{name}: {words}, and the energy of {body!r} moves pinned sites along as they turn: give inertias about "
+            "the points that stay"
+        )
+    if xi[[*held]].any() or not alone:
+        if not isinstance(energy, OfTerms):
+            raise InvalidInput(f"{name}: {words}, and {energy!r} may move them: write it as Terms(...)")
+        energy = MomentumTerms(**{**fields_of(energy), "held": held, "pinned": pinned})
+        body = with_fields(body, hamiltonian=energy)
+    return body, potential, load
 
 
 def released(system: Any) -> Any:

@@ -27,14 +27,6 @@ from .potential import Force, Potential
 NEARLY = 0.7
 """A parameter of sites whose name is so much like `held` is a slip."""
 
-SAMPLES = 64
-"""Edges at which a term is tried with its arguments in another order."""
-
-APART = 1e-9
-"""Energies that should be the same and differ by more than this, relative to the largest one seen,
-are two.
-"""
-
 
 # ------------------------------------------------------------------ what a user writes
 
@@ -218,6 +210,9 @@ def _arguments(cls: Any) -> tuple[str, ...] | None:
     if code.co_flags & inspect.CO_VARARGS:
         return None
     names = tuple(code.co_varnames[1 : code.co_argcount])
+    if "t" in (names[1:] if is_a_force(cls) else names[:-1]):
+        where = "first: covector(self, t, a)" if is_a_force(cls) else "last: energy(self, a, t)"
+        raise InvalidInput(f"{cls.__name__}: the time of ({', '.join(names)}) comes {where}")
     return names[1:] if is_a_force(cls) else tuple([name for name in names if name != "t"])
 
 

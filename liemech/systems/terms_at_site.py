@@ -319,7 +319,7 @@ class TermsOfSite(Record):
         first = [role for role in self.roles if role.role == 0]
         return self.added(0.0, mu, g, None, part, halves, first)
 
-    def if_it_moves(self, x: Vec) -> Vec:
+    def moving(self, x: Vec) -> Vec:
         """A velocity or a force; zero at sites that are held."""
         if self.moves is None:
             return x
@@ -351,7 +351,7 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
             lambda one, term, sites: term.slope(one.role, *sites),
             lambda term, sites: term.slopes(*sites),
         )
-        return self.if_it_moves(slope)
+        return self.moving(slope)
 
 
 @record
@@ -399,7 +399,7 @@ class PotentialOfSite(TermsOfSite, Potential):
         along = [role for role in some if role.once]
         if len(along) > 0:
             force = force + self._along(group, g, along)
-        return self.if_it_moves(force)
+        return self.moving(force)
 
     def _along(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         """The forces of terms along chains: each site finds those on itself and on the next, and hands
@@ -437,7 +437,7 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
             lambda one, term, sites: term.covector(t, *sites),
             lambda term, sites: (term.covector(t, *sites), term.covector(t, *sites[::-1])),
         )
-        return self.if_it_moves(force)
+        return self.moving(force)
 
 
 @record

@@ -1,5 +1,5 @@
-"""Trials of terms at sample points, where a system is made: are the ends of an edge alike, and has a
-site what the formula asks for?
+"""Trials of terms at sample points, where a system is made: has a site what the formula asks for, and is an
+energy that need not be alike at both ends another one there?
 """
 
 from __future__ import annotations
@@ -12,24 +12,21 @@ from ..errors import InvalidInput
 from ..formulas.of_each import Each
 from ..formulas.pytree import inside, names_of, with_fields
 from ..formulas.vectors import small
+from ..formulas.ways import APART
 from .among import has_places, places_of_sites
 from .bound_terms import BoundTerm
 from .graphs import places_of, require_no_duplicates
 from .hamiltonian import Hamiltonian
+from .kinds_of_terms import alike
 from .near_pairs import NearPairs
 from .potential import Force
 from .terms import AtTime, Site
 
 SAMPLES = 64
-"""Edges at which a term is tried with its sites exchanged."""
+"""Edges at which a term is tried."""
 
 POINTS = 3
 """How often it is tried at each."""
-
-APART = 1e-9
-"""Energies that should be the same and differ by more than this, relative to the largest one of the
-edge, are two.
-"""
 
 
 def plain_term(term: Any) -> Any:
@@ -40,9 +37,8 @@ def plain_term(term: Any) -> Any:
 
 
 def tried(terms: Any, part: BoundTerm) -> BoundTerm:
-    """The term, having looked at some edges whether its ends are alike.  Raises InvalidInput for a
-    term whose ends are not, on edges that do not say which is the first; and for one that asks a
-    site for what it has not.
+    """The term, and whether its ends are alike.  Raises InvalidInput for a term whose ends are not, on edges
+    that do not say which is the first; and for one that asks a site for what it has not.
 
     terms : of which it is a part.
     """
@@ -51,8 +47,11 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
     asked = part if near is None else with_fields(part, term=near)  # some are far apart
     reach = part.term.cutoff if isinstance(part.term, NearPairs) else 1.0
     rng = np.random.default_rng(11)
-    force, found = isinstance(terms, Force), False
-    for number, ends in graph.some_edges(SAMPLES):
+    force = isinstance(terms, Force)
+    two_ends = graph.arity == 2 and graph.ordered is not True
+    proof = force or (two_ends and len({*part.of}) < 2 and alike(terms, part))
+    other = [proof] if isinstance(proof, tuple) else []
+    for number, ends in [*graph.some_edges(SAMPLES), *other]:
         pairs = []
         for _ in range(POINTS):
             sites = [_some_site(terms, i, rng, reach) for i in ends]
@@ -68,7 +67,6 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
             _require_size(terms.group.base_of(ends[0]), name, pairs[0][0])
         if force or len(ends) != 2 or not pairs or len({*part.of}) > 1:
             continue
-        found = True
         size = max(max(abs(a), abs(b)) for a, b in pairs)
         a, b = max(pairs, key=lambda pair: abs(pair[0] - pair[1]))
         if abs(a - b) > APART * size:
@@ -81,10 +79,10 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
                     "ordered=True)"
                 )
             return part
-    alike = graph.arity == 2 and graph.ordered is not True
-    if alike and graph.ordered is None and (found or force):
+    merged = two_ends and proof is True
+    if merged and graph.ordered is None:
         require_no_duplicates(graph, np.sort(graph.edges, axis=1))
-    return with_fields(part, merged=alike and (found or force), first=force)
+    return with_fields(part, merged=merged, first=force)
 
 
 def require_apart(name: str, terms: Any, g: np.ndarray) -> None:
@@ -149,7 +147,7 @@ def _values(part: BoundTerm, number: int, sites: list[Any], force: bool) -> tupl
 def _some_site(terms: Any, i: int, rng: np.random.Generator, reach: float) -> Any:
     """A site that is anywhere.  reach : how far it is away, if its energy ends with a cutoff."""
     base, site_with = terms.group.base_of(i), terms.site_with
-    numbers = small(rng.uniform(0.5, 1.0, base.dim))
+    numbers = small(rng.normal(size=base.dim))
     if isinstance(terms, Hamiltonian):
         return site_with(i, numbers, None)
     g = np.array(base.random(rng))

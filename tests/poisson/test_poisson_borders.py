@@ -52,11 +52,27 @@ class Symmetric(lm.PoissonStructure):
         return lm.mat([0.0, 1.0], [1.0, 0.0])
 
 
+@lm.record
+class Strip(lm.PoissonStructure):
+    """Not affine in a strip where nobody would look: b = 1, and u^2 v^2 there."""
+
+    dim: ClassVar[int] = 2
+
+    def matrix(self, y: lm.Vec) -> lm.Mat:
+        b = where(abs(y[0] - 7.77) < 1e-3, (y[0] * y[1]) ** 2, 1.0)
+        return lm.mat([0.0, b], [-b, 0.0])
+
+
 @pytest.mark.parametrize("method", EULERS)
 @pytest.mark.parametrize(
     ("structure", "why"),
-    [(Far(), "not affine in u"), (Nowhere(), "no value at any"), (Symmetric(), "skew")],
-    ids=["far", "nowhere", "symmetric"],
+    [
+        (Far(), "not affine in u"),
+        (Strip(), "need not be affine everywhere"),
+        (Nowhere(), "no value at any"),
+        (Symmetric(), "skew"),
+    ],
+    ids=["far", "strip", "nowhere", "symmetric"],
 )
 def test_euler_steps_need_a_form_that_was_seen(method: Any, structure: Any, why: str) -> None:
     with pytest.raises(IncompatibleSystem, match=why):

@@ -16,6 +16,7 @@ from ...errors import IncompatibleSystem, IntegrationFailure, InvalidInput, NotC
 from ...formulas.pytree import layout_of
 from ...groups.species import SpeciesGroup
 from ...integrators.ending_at_jumps import AT_ENDS, uncut
+from ...integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ...integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ...integrators.rattle_of_links import Links
 from ...integrators.sublattices import TermSplitting
@@ -30,7 +31,7 @@ from ..trajectory import Trajectory
 from .chains import ChainRun, chained_method
 from .links import LinksRun, linked_method
 from .lists import Lists, with_lists
-from .states import by_site, first_of
+from .states import as_users_see, by_site, first_of
 
 LARGE = 300
 """Numbers of momenta beyond which a system is not written out."""
@@ -95,6 +96,12 @@ class SitesOfPlan:
             return start
         wanted = arguments.with_parts(self.site, first, needed(plan, self.site, first)).arrays
         return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
+
+    def as_one(self, start: Any) -> Any:
+        """The start as methods look at it, in a row if it is of a linkage or small enough to be written out."""
+        few = isinstance(start, StateOfSites) and start.width <= LARGE * (start.bodies or 1)
+        one = self.plan._one
+        return one._written_out(as_users_see(one, start)) if few or isinstance(self.site, Links) else start
 
     # ---------------------------------------------------------------- which runs
 
@@ -184,6 +191,8 @@ class SitesOfPlan:
         method = uncut(steps.way_of(0))
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
+        if isinstance(method, FirstKindHamiltonJacobi) and self.site.hamiltonian.coupled:
+            return f"{method!r} for sites one by one"
         return None
 
     def knows(self, start: Any) -> bool:

@@ -41,6 +41,8 @@ def of_sites(system: Any, states: dict[str, np.ndarray]) -> Any:
 
 def energy(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> np.ndarray:
     """The energy at every sample, (n,): the sum of the shares of the sites."""
+    if not len(t):
+        return np.empty(0)
     site = system.site_form
     formula = Share("energy", tuple(inspect.signature(site.energy).parameters))
     kind, states = kind_of(states), system.by_site(states)
