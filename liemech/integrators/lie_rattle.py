@@ -8,7 +8,21 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, norm, plain, record, vec, vectors, where
+from ..formulas import (
+    Element,
+    Mat,
+    Vec,
+    dot,
+    identity_matrix,
+    jacobian,
+    mat,
+    norm,
+    plain,
+    record,
+    vec,
+    vectors,
+    where,
+)
 from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE, newton, newton_of_kicks
@@ -16,6 +30,7 @@ from ..systems.conditions import joint, led, pulled, solved_sparse, speeds
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
+from .explicit_kicks import bound_refusal, negative_pivots
 from .memory import Memory, Remembering, extrapolated, followed, repeated
 from .method import alternatives
 from .solvability import CONTRACTION, INFINITY, SHORTEST
@@ -54,7 +69,7 @@ class LieRATTLE(Remembering):
     A load F, by the principle of Lagrange and d'Alembert, adds (h/2) F to each kick: to the first
     as it is at the beginning, to the last as it is at the end, an equation for mu_i+1 and l'.  Still
     of order 2 and symmetric; there is no two-form to be kept then.
-    Raises NoConvergence if the step is too large, or where the conditions become dependent (a dead
+    Raises NoConvergence if the step is too large, also for a damping whose first kick would throw back, or where the conditions become dependent (a dead
     point): no solution grows out of h = 0 up to this step.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 (RATTLE);
@@ -128,6 +143,7 @@ class LieRATTLE(Remembering):
         """
         state, (force, rows), free, load = (memory.state, memory.node, system.body.body, system.body.load)
         if load is not None:
+            self._require_gentle(system, t, state, rows, h)
             force = force + load.covector(t, system.velocity(plain(state.mu)), plain(state.g))
             memory = Memory(state, (force, rows), memory.past)
         unknown = self._solved(system, h, memory, extrapolated(*memory.past))
@@ -139,8 +155,10 @@ class LieRATTLE(Remembering):
         if load is not None:
             mu = mu + self._load_at_the_end(system, t + h, plain(mu), plain(state.g), rows, 0.5 * h)
         mu = mu - pulled(system, rows, self._excess(system, rows, plain(mu)))
-        past = followed(memory.past, unknown)
-        return Memory(BodyState(mu, state.g), (force, rows), past)
+        past, state = followed(memory.past, unknown), BodyState(mu, state.g)
+        if load is not None:
+            self._require_gentle(system, t + h, state, rows, -h)
+        return Memory(state, (force, rows), past)
 
     # ---------------------------------------------------------------- the two systems of a step
 
@@ -228,6 +246,36 @@ class LieRATTLE(Remembering):
         pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, through)]
         return solved_sparse(system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu)))[0]
 
+    def _require_gentle(self, system: Any, t: float, state: BodyState, rows: Any, h: float) -> None:
+        """Refuse a step from a state whose first kick by a load throws back; backwards in time that is the last one."""
+        mu, g = plain(state.mu), plain(state.g)
+        if h > 0.0 and self._throws_back(system, t, mu, g, rows, 0.5 * h):
+            raise bound_refusal(self, system, t, mu, g, h)
+
+    def _throws_back(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> bool:
+        """Has J - h C a negative eigenvalue on the velocities that the constraint allows?  Of loads at joints
+        1 - h A c, with the rates A by their efforts and the damping c of each.
+        """
+        load, xi = system.body.load, system.velocity(mu)
+
+        def held(pushed: Vec) -> Vec:
+            return pushed - pulled(system, rows, self._excess(system, rows, pushed))
+
+        if load.by_rate:
+            w = load.rates(xi, g)
+            damping = load.resistances(t, w, g)
+            answers = jacobian(lambda k: load.rates(system.velocity(held(load.spread(t, k, g))), g), 0.0 * w)
+            count = range(len(w))
+            kept = [
+                vec(*[(1.0 if i == j else 0.0) - h * answers[i, j] * damping[j] for j in count]) for i in count
+            ]
+        else:
+            kept = []
+            for unit in identity_matrix(len(mu)):
+                p = system.body.body.lagrangian.momentum(unit)
+                kept = [*kept, p - h * held(load.resistance(t, xi, g, system.velocity(held(p))))]
+        return negative_pivots(mat(*kept)) > 0.0
+
     def _load_at_the_end(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> Vec:
         """The kick h F at the velocity that it leads to, on the constraint.
 
@@ -284,33 +332,13 @@ class LieRATTLE(Remembering):
 
     def _ended(self, system: Any, h: float, end: float, memory: Memory, x: Vec) -> NoConvergence:
         """The error of a step without a solution of its own."""
-        mu, g, force = plain(memory.state.mu), plain(memory.state.g), memory.node[0]
-        why = (
-            thrown_back(system, mu, g, force, h)
-            or near_a_dead_point(system, g)
-            or (f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}")
+        why = near_a_dead_point(system, plain(memory.state.g)) or (
+            f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
         )
         return NoConvergence(
             f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, |h xi| = "
             f"{norm(x):.2g}, in a fold or at the chart's edge. {why}"
         )
-
-
-def thrown_back(system: Any, mu: Vec, g: Element, force: Vec, h: float) -> str | None:
-    """Does the first kick by the load, of all the force that is none of the field, turn the motion
-    back?  That in words, or None.
-    """
-    if system.body.load is None:
-        return None
-    kick = (0.5 * h) * (force - system.force(g))
-    lost, turned = -dot(kick, system.velocity(mu)), dot(kick, system.velocity(kick))
-    if not turned > lost > 0.0:
-        return None
-    return (
-        f"The first kick by the load, (h/2) F, is {turned / lost:.2g} times what stops the motion that it "
-        "works against: too strong for an explicit kick, as that of a damper with c h/2 above the "
-        f"inertia. Try h = {0.5 * h * lost / turned:.2g}"
-    )
 
 
 def near_a_dead_point(system: Any, g: Element) -> str | None:

@@ -41,6 +41,7 @@ from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from ..systems.tabulated import during, inputs, jump_ahead
+from .explicit_kicks import negative_pivots
 from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, eliminated
 from .memory import continued
 from .solvability import CONTRACTION, INFINITY, SHORTEST
@@ -191,7 +192,8 @@ class Links(System):
     beside `tie`, with the sides on which it is, and the block.  pivots, belows, updates : what elimination
     does, see `tables_of`.  pulled : do potentials of bodies count among the forces?
     meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block;
-    meshing : the rate that the one gains by an impulse of the other.
+    meshing : the rate that the one gains by an impulse of the other.  near : with how many others a joint has a
+    body in common, at most.
     """
 
     group: LieGroup
@@ -224,6 +226,7 @@ class Links(System):
     meshes: bool
     mesh: Any
     meshing: Any
+    near: float
 
     @property
     def loaded(self) -> bool:
@@ -320,6 +323,9 @@ def first_jump(one: Any, t: float, to: float, every: bool) -> float:
         to = table.jump_ahead(t, to, every)
     return to
 
+
+THROWN = -2.0
+"""In `note`, in the place of the joint at which a step has failed: loads throw back; behind it the length of the step."""
 
 READY, BROKEN = 1.0, 2.0
 """In `note`: field, velocity and rows are those of the state; or of none, because a step was given up.  Zero
@@ -584,6 +590,7 @@ class RattleOfLinks(Record):
             if last:
                 each(sites, loaded_body, system, float(turn), old, new, work, state)
                 if turn == 1:
+                    self.require_gentle(system, t, h, sites, old, work, state)
                     break
                 k, last = 0.0, False
                 continue
@@ -623,6 +630,35 @@ class RattleOfLinks(Record):
                 if system.freedoms > 0:
                     each(sites, kicked_by_loads, system, old, work, state)
                 break
+        if turn == 2:
+            self.require_gentle(system, t, -h, sites, old, work, state)
+
+    def require_gentle(self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout) -> None:
+        """Refuse a step whose first kick by loads throws back, as `LieRATTLE` does; backwards in time that is the
+        last one.  Where loads damp less than the bodies alone could take, without their joints, nothing
+        is eliminated for it.
+        """
+        if not (h > 0.0 and (system.freedoms > 0 or system.pushed)):
+            return
+        rows, n = system.rows, system.most + system.freedoms
+        if system.pushed:
+            damping_of_all(system, t, old, work, state)
+        each(sites, damped_here, system, t, 0.5 * h, old, work, state)
+        if most_damped(system, work) < 1.0:
+            return
+        each(sites, excess_of_rates, system, work)
+        each(sites, tied, system, rows.first, n, work)
+        coupled(system, work, rows.first, 1.0, n)
+        if system.meshes:
+            mesh_blocks(system, 1.0, work, n)
+        count = factored(system, work, 1.0, n, True)
+        if system.pushed:
+            for b in range(int(system.bodies)):
+                count = count + at(below(work, rows.told), b, 1, NUMBER)
+        if count > 0.0:
+            put(below(work, rows.note), 0, 0, THROWN, NUMBER)
+            put(below(work, rows.note), 0, 1, h, NUMBER)
+            raise NoConvergence("the first kick by loads throws back")
 
     def load_of_all(self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
         """The kick h F of a load on all bodies by one formula, for each of them; and, of each body
@@ -1279,6 +1315,54 @@ def kick_of(one: Any, t: float, h: float, seen: Any, rates: Vec) -> tuple[Vec, M
     return kick(rates), jacobian(kick, rates)
 
 
+def damped_here(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
+    """h times the damping of a joint, and what it is beside the inertia of its bodies alone; the answer of the
+    body to momentum under h times its own damping, how many of its directions are thrown back, and what that
+    damping is beside the inertia.
+    """
+    rows, n, told = system.rows, system.freedoms, below(work, system.rows.told)
+    g, k = poses_of(system, old, work, state)
+    if n > 0:
+        rates = load(below(work, rows.rate), 0, vector(n))
+        damping = system.at_time(t).of_kind(work, lambda one: one.resistances(t, one.seen(t, g, k), rates, n))
+        first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+        ratio = 0.0
+        for side, body in zip(motions_of(system, work), (first, second)):
+            inverse = system.inverse_of(work, body)
+            for i in range(n):
+                ratio = ratio + abs(h * damping[i]) * dot(side[i], times(inverse, side[i]))
+        slopes = [vec(*[h * damping[i] if i == j else 0.0 for j in range(n)]) for i in range(n)]
+        save(below(work, rows.slant), 0, mat(*slopes), matrix(n, n))
+        save(told, 0, ratio, NUMBER)
+    if system.pushed:
+        J, columns = system.inertia(work), [*UNITS]
+        damped = [REST6 for _ in range(6)]
+        if system.on_all is not None and system.on_all.load is not None:
+            damped = [h * column for column in load(below(work, rows.bent), 0, BLOCK)]
+        if len(system.fields) > 0:
+            pose, xi = plain(load(old, 0, state).g), load(below(work, rows.wanted), 0, SIX)
+            own = [system.on_body(work, lambda one: one.resistance(t, xi, pose, unit)) for unit in UNITS]
+            damped = [a + h * b for a, b in zip(damped, own)]
+        A = mat(*[vec(*[(J[i, j] if system.full else J[i] if i == j else 0.0) - damped[j][i] for j in range(6)])
+                  for i in range(6)])  # fmt: skip
+        columns, _ = eliminated(A, columns, 1.0)
+        save(below(work, rows.given), 0, mat(*columns), BLOCK)
+        save(told, 1, negative_pivots(A), NUMBER)
+        save(told, 2, sum([sum([abs(x) for x in times(system.inverse(work), one)], 0.0) for one in damped]), NUMBER)
+
+
+def most_damped(system: Any, work: Any) -> float:
+    """At least the largest ratio of damping to inertia, as if no joint held a body."""
+    told, joint, body = below(work, system.rows.told), 0.0, 0.0
+    if system.freedoms > 0:
+        for j in range(int(system.joints)):
+            joint = max(joint, at(told, j, 0, NUMBER))
+    if system.pushed:
+        for b in range(int(system.bodies)):
+            body = max(body, at(told, b, 2, NUMBER))
+    return (1.0 + system.near) * joint + body
+
+
 def excess_of_rates(system: Any, work: Any) -> None:
     """The rate off the constraint, and how far rates are from those at which their kick was found;
     the answers of bodies to impulses, and to a change of rates with the kick by it.
@@ -1394,6 +1478,19 @@ def put_parts(system: Any, place: Any, k: int, whole: Vec) -> None:
         put(place, b, k, whole[6 * b : 6 * b + 6], SIX)
 
 
+def damping_of_all(system: Any, t: float, old: Any, work: Any, state: Layout) -> None:
+    """The damping of each body by a load on all of them by one formula, by columns."""
+    if system.on_all is None or system.on_all.load is None:
+        return
+    one = system.seen(system.on_all)
+    g = entries_of_all(system, old, state)
+    xi = numbers_of_all(system, below(work, system.rows.wanted), SIX)
+    for i in range(6 * one.count):
+        unit = vec(*[1.0 if k == i else 0.0 for k in range(6 * one.count)])
+        column = one.load.resistance(t, xi, g, unit)[i // 6 * 6 : i // 6 * 6 + 6]
+        put(below(work, system.rows.bent), i // 6, i % 6, column, SIX)
+
+
 def pulled_together(system: Any, old: Any, work: Any, state: Layout) -> None:
     """The force of a potential of all poses; of one that is derived one component after the other,
     -dV/ds along g exp(s e_i).
@@ -1490,15 +1587,19 @@ def nothing_of_hubs(system: Any, place: Any, n: int) -> None:
         put(place, v, 0, vec(*[0.0] * n), vector(n))
 
 
-def factored(system: Any, work: Any, sign: float, n: int) -> float:
+def factored(system: Any, work: Any, sign: float, n: int, counted: bool = False) -> float:
     """Elimination of the blocks, in place, and of what the conditions miss; the first joint whose conditions
     depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
+    counted : the number of negative pivots instead, those of conditions as -1.
     """
     blocks, diagonals = below(work, system.rows.block), below(work, system.rows.diagonal)
-    bad, same = -1.0, 1.0
+    bad, same, count = -1.0, 1.0, 0.0
     for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         before = at(diagonals, k, 0, vector(n))
+        if counted:
+            conditions = where(float(k) < system.joints, 1.0 * system.most, 0.0)
+            count = count + negative_pivots(block_at(blocks, BLOCKS * k, n), conditions)
         inverse, turned, far = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
         same = same * turned
         if not far and bad < 0.0:
@@ -1512,6 +1613,8 @@ def factored(system: Any, work: Any, sign: float, n: int) -> float:
             for u in range(first, last):
                 right, place = whole(system.updates, 2 * u), whole(system.updates, 2 * u + 1)
                 lessen_block(blocks, place, left, right, n)
+    if counted:
+        return count
     return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
 
 

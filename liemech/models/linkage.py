@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Element, Vec, check_finite, real_array, record, vec
+from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
@@ -424,6 +424,21 @@ class Linkage(ConstrainedBody):
         """A joint, in messages: by its name if it has one."""
         name = self.joints[joint].name
         return f"joint {joint}" if name is None else f"joint {name!r}"
+
+    def strongest_damper(self, t: float, xi: Any, g: Any, mode: Any) -> str:
+        """The joint whose forces damp a motion most, or the load, in words.  xi, mode : (6 N,)."""
+        load = self.body.load
+        if not isinstance(load, LinkageForce):
+            return super().strongest_damper(t, xi, g, mode)
+        most, which = 0.0, "the load on the bodies"
+        if load.other is not None:
+            most = dot(mode, load.other.resistance(t, xi, g, mode))
+        for one in load.at_joints:
+            alone = dot(mode, LinkageForce((one,)).resistance(t, xi, g, mode))
+            if alone > most:
+                number = next(j for j, (joint, _) in enumerate(self.constraint.counted) if joint is one.joint)
+                most, which = alone, self.label(number)
+        return which
 
     # ---------------------------------------------------------------- many bodies
 

@@ -94,6 +94,14 @@ class LinkedJoint(Record):
             total = total + vec(*filled([*found], freedoms, 0.0))
         return total
 
+    def resistances(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
+        """The damping of each motion by loads, (freedoms,), and zeros."""
+        at, own = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
+        total = vec(*[0.0] * freedoms)
+        for load, q in zip(self.loads, seen):
+            total = total + vec(*filled([*at.resistance_at(load, t, q, own)], freedoms, 0.0))
+        return total
+
 
 @record
 class GearedJoint(LinkedJoint):
@@ -251,6 +259,7 @@ def linked(linkage: Any) -> LinkedForm:
         of_whole([len(more) // 3, *more]), *tables, len(meshes) > 0,
         of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
         Table(np.array([*meshes.values(), 0.0])),
+        float(max(len({k for k, other in enumerate(ends) if _sides(one, other)}) for one in ends) - 1),
     )  # fmt: skip
     return LinkedForm(
         links,
