@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import NoConvergence
 from ..formulas import Element, Mat, Vec, derivative, identity_matrix, mat, vec, where
+from ..systems.kinetic_energy import KineticEnergy
 
 
 def negative_pivots(m: Mat, conditions: float = 0.0) -> float:
@@ -32,13 +33,21 @@ def negative_pivots(m: Mat, conditions: float = 0.0) -> float:
 def throws_back(system: Any, t: float, mu: Vec, g: Element, h: float) -> bool:
     """Does a kick of length h by the load of a free body, as it is at its start, turn a velocity round?
 
-    J^-1 - h J^-1 C J^-1 has more negative eigenvalues then than J^-1.
+    J - h C has a negative eigenvalue then; where the energy is not quadratic, J^-1 - h J^-1 C J^-1 has more of them
+    than J^-1.
     """
-    xi, still, turned = system.velocity(mu, t), [], []  # type: Any, list[Any], list[Any]
+    xi, body = system.velocity(mu, t), system.body
+    quadratic = isinstance(getattr(body, "lagrangian", None), KineticEnergy)
+    still, turned = [], []  # type: list[Any], list[Any]
     for unit in identity_matrix(len(mu)):
-        answer = derivative(lambda m: system.velocity(m, t), mu, unit)
-        damped = derivative(lambda m: system.velocity(m, t), mu, system.load.resistance(t, xi, g, answer))
-        still, turned = [*still, answer], [*turned, answer - h * damped]
+        if quadratic:
+            turned = [*turned, body.lagrangian.momentum(unit) - h * system.load.resistance(t, xi, g, unit)]
+        else:
+            answer = derivative(lambda m: system.velocity(m, t), mu, unit)
+            damped = derivative(lambda m: system.velocity(m, t), mu, system.load.resistance(t, xi, g, answer))
+            still, turned = [*still, answer], [*turned, answer - h * damped]
+    if quadratic:
+        return negative_pivots(mat(*turned)) > 0.0
     return negative_pivots(mat(*turned)) > negative_pivots(mat(*still))
 
 

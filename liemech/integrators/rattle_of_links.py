@@ -590,7 +590,9 @@ class RattleOfLinks(Record):
             if last:
                 each(sites, loaded_body, system, float(turn), old, new, work, state)
                 if turn == 1:
-                    self.require_gentle(system, t, h, sites, old, work, state)
+                    each(sites, reach_of_slopes, system, work)
+                    if 0.5 * h * most_damped(system, work) >= 1.0:
+                        self.require_gentle(system, t, h, sites, old, work, state)
                     break
                 k, last = 0.0, False
                 continue
@@ -635,8 +637,7 @@ class RattleOfLinks(Record):
 
     def require_gentle(self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout) -> None:
         """Refuse a step whose first kick by loads throws back, as `LieRATTLE` does; backwards in time that is the
-        last one.  Where loads damp less than the bodies alone could take, without their joints, nothing
-        is eliminated for it.
+        last one.
         """
         if not (h > 0.0 and (system.freedoms > 0 or system.pushed)):
             return
@@ -644,8 +645,6 @@ class RattleOfLinks(Record):
         if system.pushed:
             damping_of_all(system, t, old, work, state)
         each(sites, damped_here, system, t, 0.5 * h, old, work, state)
-        if most_damped(system, work) < 1.0:
-            return
         each(sites, excess_of_rates, system, work)
         each(sites, tied, system, rows.first, n, work)
         coupled(system, work, rows.first, 1.0, n)
@@ -719,6 +718,8 @@ def pushed_there(system: Any, t: float, h: float, old: Any, work: Any, state: La
         slopes = [a + b for a, b in zip(slopes, more)]
     A = [[(J[i, j] if system.full else J[i] if i == j else 0.0) - slopes[j][i] for j in range(6)] for i in range(6)]
     columns, _ = eliminated(mat(*[vec(*row) for row in A]), [*UNITS], 1.0)
+    reach = sum([abs(x) for slope in slopes for x in times(system.inverse(work), slope)], 0.0)
+    save(below(work, rows.told), 2, reach, NUMBER)
     save(below(work, rows.push), 0, kick, SIX)
     save(below(work, rows.given), 0, mat(*columns), BLOCK)
 
@@ -1316,26 +1317,18 @@ def kick_of(one: Any, t: float, h: float, seen: Any, rates: Vec) -> tuple[Vec, M
 
 
 def damped_here(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
-    """h times the damping of a joint, and what it is beside the inertia of its bodies alone; the answer of the
-    body to momentum under h times its own damping, how many of its directions are thrown back, and what that
-    damping is beside the inertia.
+    """h times the damping of a joint; the answer of the body to momentum under h times its own damping, and how
+    many of its directions are thrown back.
     """
-    rows, n, told = system.rows, system.freedoms, below(work, system.rows.told)
-    g, k = poses_of(system, old, work, state)
+    rows, n = system.rows, system.freedoms
     if n > 0:
+        g, k = poses_of(system, old, work, state)
         rates = load(below(work, rows.rate), 0, vector(n))
         damping = system.at_time(t).of_kind(work, lambda one: one.resistances(t, one.seen(t, g, k), rates, n))
-        first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
-        ratio = 0.0
-        for side, body in zip(motions_of(system, work), (first, second)):
-            inverse = system.inverse_of(work, body)
-            for i in range(n):
-                ratio = ratio + abs(h * damping[i]) * dot(side[i], times(inverse, side[i]))
         slopes = [vec(*[h * damping[i] if i == j else 0.0 for j in range(n)]) for i in range(n)]
         save(below(work, rows.slant), 0, mat(*slopes), matrix(n, n))
-        save(told, 0, ratio, NUMBER)
     if system.pushed:
-        J, columns = system.inertia(work), [*UNITS]
+        J = system.inertia(work)
         damped = [REST6 for _ in range(6)]
         if system.on_all is not None and system.on_all.load is not None:
             damped = [h * column for column in load(below(work, rows.bent), 0, BLOCK)]
@@ -1343,20 +1336,30 @@ def damped_here(system: Any, t: float, h: float, old: Any, work: Any, state: Lay
             pose, xi = plain(load(old, 0, state).g), load(below(work, rows.wanted), 0, SIX)
             own = [system.on_body(work, lambda one: one.resistance(t, xi, pose, unit)) for unit in UNITS]
             damped = [a + h * b for a, b in zip(damped, own)]
-        A = mat(*[vec(*[(J[i, j] if system.full else J[i] if i == j else 0.0) - damped[j][i] for j in range(6)])
-                  for i in range(6)])  # fmt: skip
-        columns, _ = eliminated(A, columns, 1.0)
+        A = [[(J[i, j] if system.full else J[i] if i == j else 0.0) - damped[j][i] for j in range(6)] for i in range(6)]
+        columns, _ = eliminated(mat(*[vec(*row) for row in A]), [*UNITS], 1.0)
         save(below(work, rows.given), 0, mat(*columns), BLOCK)
-        save(told, 1, negative_pivots(A), NUMBER)
-        save(told, 2, sum([sum([abs(x) for x in times(system.inverse(work), one)], 0.0) for one in damped]), NUMBER)
+        save(below(work, rows.told), 1, negative_pivots(mat(*[vec(*row) for row in A])), NUMBER)
+
+
+def reach_of_slopes(system: Any, work: Any) -> None:
+    """The derivatives of loads by rates, at the start of a step, beside the inertia of bodies that no joint holds."""
+    rows, n, ratio = system.rows, system.freedoms, 0.0
+    if n > 0:
+        first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+        slopes = load(below(work, rows.slant), 0, matrix(n, n))
+        for side, body in zip(motions_of(system, work), (first, second)):
+            inverse = system.inverse_of(work, body)
+            for i in range(n):
+                ratio = ratio + abs(slopes[i, i]) * dot(side[i], times(inverse, side[i]))
+    save(below(work, rows.told), 0, ratio, NUMBER)
 
 
 def most_damped(system: Any, work: Any) -> float:
-    """At least the largest ratio of damping to inertia, as if no joint held a body."""
+    """At least the largest ratio of these derivatives to the inertia that they act on."""
     told, joint, body = below(work, system.rows.told), 0.0, 0.0
-    if system.freedoms > 0:
-        for j in range(int(system.joints)):
-            joint = max(joint, at(told, j, 0, NUMBER))
+    for j in range(int(system.joints)):
+        joint = max(joint, at(told, j, 0, NUMBER))
     if system.pushed:
         for b in range(int(system.bodies)):
             body = max(body, at(told, b, 2, NUMBER))
