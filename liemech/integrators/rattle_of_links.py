@@ -137,6 +137,7 @@ class Rows(Record):
     slant: int
     idle: int
     foreseen: int
+    before: int
     field: int
     push: int
     wanted: int
@@ -164,7 +165,7 @@ class Rows(Record):
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
             wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms,
-            idle=freedoms, foreseen=freedoms, field=6,
+            idle=freedoms, foreseen=freedoms, before=freedoms, field=6,
             push=w, wanted=w, given=6 * w, bent=36 if bent else 0,
             paces=n if moving else 0, dial=3 if geared else 0, block=0,
         )  # fmt: skip
@@ -1299,10 +1300,15 @@ def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work:
     rates, foreseen = load(below(work, rows.rate), 0, vector(n)), below(work, rows.foreseen)
     kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
     idle, wanted = load(below(work, rows.idle), 0, vector(n)), load(foreseen, 0, vector(n))
+    before = load(below(work, rows.before), 0, vector(n))
     wanted = vec(*[where(again > 0.0, a, b) for a, b in zip(wanted, kicks)])
-    slopes = [slope_beside(kicks[i], idle[i], wanted[i], rates[i], gain[i, i]) for i in range(n)]
+    steps = [where(again > 0.0, x, 0.0) for x in load(below(work, rows.impulse), 0, vector(system.most + n))[system.most :]]
+    slopes = [
+        slope_beside(kicks[i], idle[i], before[i], wanted[i], rates[i], steps[i], gain[i, i]) for i in range(n)
+    ]
     gain = [vec(*[slopes[i] if i == j else gain[i, j] for j in range(n)]) for i in range(n)]
     save(foreseen, 0, kicks, vector(n))
+    save(below(work, rows.before), 0, kicks, vector(n))
     save(below(work, rows.slant), 0, mat(*gain), matrix(n, n))
     save_push(system, work, kicks)
 
