@@ -469,7 +469,7 @@ class RattleOfLinks(Record):
         while turn < 3:
             if system.loaded and turn > 0:
                 before = below(sites, begun if turn == 1 else there)
-                self.loads(system, t, turn, h, sites, before, new, work, state)
+                self.loads(system, t, turn, h, sites, before, new, work, state, True)
             if turn == 1 and system.geared:
                 each(sites, dial_here, system.at_time(t), old, work, state)
             if turn == 1:
@@ -560,7 +560,7 @@ class RattleOfLinks(Record):
 
     def loads(
         self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, new: Any, work: Any,
-        state: Layout,
+        state: Layout, kicks: bool = False,
     ) -> None:  # fmt: skip
         """In turn 1 loads as they are at the beginning, which go to the field.  In turn 2 the kick by
         them at the velocity that it leads to, on the constraint: Newton's method for the rates of the
@@ -569,6 +569,10 @@ class RattleOfLinks(Record):
         derivative as it was.  Under loads on bodies it is for their velocities as well, and those
         impulses are found at the end, as without loads.
         Of a load on all bodies by one formula the derivative has the blocks of single bodies only.
+
+        kicks : are the loads of turn 1 those of an explicit kick?  A step in which it throws back is refused, as
+        by `LieRATTLE`: first it is asked what the loads could do to bodies that no joint holds, then, in `looking`,
+        the matrix of Newton's method has the damping of the kick in it, and its pivots are counted.
         """
         rows, n = system.rows, system.most + system.freedoms
         t, k = (t + h, 0.5 * h) if turn == 2 else (t, 1.0)
@@ -578,42 +582,56 @@ class RattleOfLinks(Record):
         tried, last, change, scale = 0, turn == 1, 1.0, 0.0
         off, size = 0.0, 0.0
         enough = TOLERANCE if system.on_all is None else LINEAR  # without the whole derivative
+        looking, kicks = 0.0, kicks and (system.freedoms > 0 or system.pushed)
         while True:
-            if system.freedoms > 0:
-                if tried == 1 and not last:
-                    each(sites, efforts_at_rest, system.at_time(t), t, k, old, work, state)
-                again = where(tried > 0, 1.0, 0.0)
-                each(sites, efforts_there, system.at_time(t), t, k, again, old, work, state)
-                scattered(system, work)
-            if system.pushed:
-                self.load_of_all(system, t, k, old, work, state)
-                each(sites, pushed_there, system, t, k, old, work, state)
-            if last:
-                each(sites, loaded_body, system, float(turn), old, new, work, state)
-                if turn == 1:
-                    each(sites, reach_of_slopes, system, work)
-                    if 0.5 * h * most_damped(system, work) >= 1.0:
-                        self.require_gentle(system, t, h, sites, old, work, state)
-                    break
-                k, last = 0.0, False
-                continue
-            if tried == AT_LOADS:
-                put(below(work, rows.note), 0, 0, -1.0, NUMBER)
-                raise NoConvergence("no velocity found that fits the loads at the end of a step")
-            each(sites, loaded_velocity, system, old, work, state)
+            if looking > 0.0:
+                if system.pushed:
+                    damping_of_all(system, t, old, work, state)
+                each(sites, damped_here, system, t, 0.5 * abs(h), old, work, state)
+                last, tried = False, 0
+            else:
+                if system.freedoms > 0:
+                    if tried == 1 and not last:
+                        each(sites, efforts_at_rest, system.at_time(t), t, k, old, work, state)
+                    again = where(tried > 0, 1.0, 0.0)
+                    each(sites, efforts_there, system.at_time(t), t, k, again, old, work, state)
+                    scattered(system, work)
+                if system.pushed:
+                    self.load_of_all(system, t, k, old, work, state)
+                    each(sites, pushed_there, system, t, k, old, work, state)
+                if last:
+                    each(sites, loaded_body, system, float(turn), old, new, work, state)
+                    if turn == 1:
+                        if not kicks or h < 0.0 or spares(system, h, sites, work):
+                            break
+                        looking = 1.0
+                        continue
+                    k, last = 0.0, False
+                    continue
+                if tried == AT_LOADS:
+                    put(below(work, rows.note), 0, 0, -1.0, NUMBER)
+                    raise NoConvergence("no velocity found that fits the loads at the end of a step")
+                each(sites, loaded_velocity, system, old, work, state)
             if system.pushed or tried == 0 or (system.freedoms > 0 and bends(system, work)):
                 each(sites, excess_of_rates, system, work)
                 each(sites, tied, system, rows.first, n, work)
                 coupled(system, work, rows.first, 1.0, n)
                 if system.meshes:
                     mesh_blocks(system, 1.0, work, n)
-                factored(system, work, 1.0, n)
+                found = factored(system, work, 1.0, n, looking)
             else:
                 each(sites, excess_again, system, work)
                 eliminated_again(system, work, n)
+                found = 0.0
+            if looking > 0.0:
+                require_gentle(system, h, found, work)
+                break
             solved(system, work, n)
             each(sites, wrench_of_corrections, system, work)
             scattered(system, work)
+            if k == 0.0 and kicks and h < 0.0:
+                looking = 1.0
+                continue
             if k == 0.0:
                 break
             before, apart = change, off
@@ -632,33 +650,9 @@ class RattleOfLinks(Record):
             elif last:
                 if system.freedoms > 0:
                     each(sites, kicked_by_loads, system, old, work, state)
-                break
-        if turn == 2:
-            self.require_gentle(system, t, -h, sites, old, work, state)
-
-    def require_gentle(self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout) -> None:
-        """Refuse a step whose first kick by loads throws back, as `LieRATTLE` does; backwards in time that is the
-        last one.
-        """
-        if not (h > 0.0 and (system.freedoms > 0 or system.pushed)):
-            return
-        rows, n = system.rows, system.most + system.freedoms
-        if system.pushed:
-            damping_of_all(system, t, old, work, state)
-        each(sites, damped_here, system, t, 0.5 * h, old, work, state)
-        each(sites, excess_of_rates, system, work)
-        each(sites, tied, system, rows.first, n, work)
-        coupled(system, work, rows.first, 1.0, n)
-        if system.meshes:
-            mesh_blocks(system, 1.0, work, n)
-        count = factored(system, work, 1.0, n, True)
-        if system.pushed:
-            for b in range(int(system.bodies)):
-                count = count + at(below(work, rows.told), b, 1, NUMBER)
-        if count > 0.0:
-            put(below(work, rows.note), 0, 0, THROWN, NUMBER)
-            put(below(work, rows.note), 0, 1, h, NUMBER)
-            raise NoConvergence("the first kick by loads throws back")
+                if not kicks or h > 0.0:
+                    break
+                looking = 1.0
 
     def load_of_all(self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
         """The kick h F of a load on all bodies by one formula, for each of them; and, of each body
@@ -1361,15 +1355,28 @@ def reach_of_slopes(system: Any, work: Any) -> None:
     save(below(work, rows.told), 0, ratio, NUMBER)
 
 
-def most_damped(system: Any, work: Any) -> float:
-    """At least the largest ratio of these derivatives to the inertia that they act on."""
+def spares(system: Any, h: float, sites: Any, work: Any) -> bool:
+    """Is half a step of the loads' derivatives surely below the inertia that they act on?"""
+    each(sites, reach_of_slopes, system, work)
     told, joint, body = below(work, system.rows.told), 0.0, 0.0
     for j in range(int(system.joints)):
         joint = max(joint, at(told, j, 0, NUMBER))
     if system.pushed:
         for b in range(int(system.bodies)):
             body = max(body, at(told, b, 2, NUMBER))
-    return (1.0 + system.near) * joint + body
+    return 0.5 * h * ((1.0 + system.near) * joint + body) < 1.0
+
+
+def require_gentle(system: Any, h: float, turned: float, work: Any) -> None:
+    """Refuse a step h whose kick turns velocities round.  turned : how many pivots of conditions and loads say so."""
+    rows, count = system.rows, turned
+    if system.pushed:
+        for b in range(int(system.bodies)):
+            count = count + at(below(work, rows.told), b, 1, NUMBER)
+    if count > 0.0:
+        put(below(work, rows.note), 0, 0, THROWN, NUMBER)
+        put(below(work, rows.note), 0, 1, abs(h), NUMBER)
+        raise NoConvergence("the first kick by loads throws back")
 
 
 def excess_of_rates(system: Any, work: Any) -> None:
@@ -1596,17 +1603,17 @@ def nothing_of_hubs(system: Any, place: Any, n: int) -> None:
         put(place, v, 0, vec(*[0.0] * n), vector(n))
 
 
-def factored(system: Any, work: Any, sign: float, n: int, counted: bool = False) -> float:
+def factored(system: Any, work: Any, sign: float, n: int, counted: float = 0.0) -> float:
     """Elimination of the blocks, in place, and of what the conditions miss; the first joint whose conditions
     depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
-    counted : the number of negative pivots instead, those of conditions as -1.
+    counted : 1 for the number of negative pivots instead, those of conditions as -1.
     """
     blocks, diagonals = below(work, system.rows.block), below(work, system.rows.diagonal)
     bad, same, count = -1.0, 1.0, 0.0
     for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         before = at(diagonals, k, 0, vector(n))
-        if counted:
+        if counted > 0.0:
             conditions = where(float(k) < system.joints, 1.0 * system.most, 0.0)
             count = count + negative_pivots(block_at(blocks, BLOCKS * k, n), conditions)
         inverse, turned, far = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
@@ -1622,9 +1629,8 @@ def factored(system: Any, work: Any, sign: float, n: int, counted: bool = False)
             for u in range(first, last):
                 right, place = whole(system.updates, 2 * u), whole(system.updates, 2 * u + 1)
                 lessen_block(blocks, place, left, right, n)
-    if counted:
-        return count
-    return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
+    bad = system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
+    return where(counted > 0.0, count, bad)
 
 
 def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
