@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,6 +23,7 @@ from ..formulas import (
     where,
 )
 from ..formulas.sizes import EPSILON
+from ..formulas.vectors import small
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE, newton, newton_of_kicks
 from ..systems.conditions import joint, led, pulled, solved_sparse, speeds
@@ -117,8 +117,8 @@ class LieRATTLE(Remembering):
         """Refuse a step that the configuration of a body would not notice, as RATTLE does."""
         mu, count = np.asarray(start.mu), start.bodies or 1
         speed = self._speeds(system, mu, count)
-        largest = np.abs(np.asarray(start.g)).reshape(count, -1).max(axis=1)
-        least = EPSILON * math.sqrt(system.trace) * largest
+        elements = [start.g] if start.bodies is None else [small(g) for g in np.asarray(start.g)]
+        least = EPSILON * np.sqrt([self._size(system, g) for g in elements])
         if np.all(abs(h) * speed >= least):
             return None
         kicked = self._speeds(system, np.asarray(h * np.asarray(system.force(start.g))), count)
@@ -289,16 +289,15 @@ class LieRATTLE(Remembering):
 
         def led_to(k: Vec) -> tuple[Vec, float]:
             pushed = mu + load.spread(t, k, g)
-            free, found = system.velocity(pushed), load.rates(system.velocity(held_of(pushed)), g)
-            return found, dot(free, free) + dot(found, found)
+            found = load.rates(system.velocity(held_of(pushed)), g)
+            return found, dot(guess, guess) + dot(found, found)
 
         def equation(w: Vec) -> tuple[Vec, Mat, float]:
             def rates(y: Vec) -> Vec:
                 return load.rates(system.velocity(held_of(mu + h * load.at_rates(t, y, g))), g)
 
             slope = identity_matrix(len(w)) - jacobian(rates, w)
-            free = system.velocity(mu + h * load.at_rates(t, w, g))
-            return w - rates(w), slope, dot(free, free) + dot(w, w)
+            return w - rates(w), slope, dot(guess, guess) + dot(w, w)
 
         guess = load.rates(system.velocity(held_of(mu)), g)
         if load.by_rate:
@@ -316,13 +315,11 @@ class LieRATTLE(Remembering):
         return dot(x, system.body.body.lagrangian.momentum(x))
 
     def _size(self, system: Any, g: Element) -> float:
-        """The size of a configuration, for rounding: tr J times the square of the largest entry of
-        g.
+        """The size of a configuration, for rounding: the sum of J_ii s_i^2 with the displacements s_i that count as
+        large there, angles of 1 rad and, of positions, how far away they are.
         """
-        most = 0.0
-        for x in entries(plain(g)):
-            most = max(most, abs(x))
-        return most * most * system.trace
+        J, scale = system.body.body.lagrangian.inertia, system.configurations.scale(plain(g))
+        return vectors.sum([(J[i, i] if isinstance(J, vectors.Mat) else J[i]) * x * x for i, x in enumerate(scale)])
 
     def _is_inside(self, system: Any, x: Vec) -> bool:
         inside = True

@@ -216,7 +216,6 @@ class Links(System):
     joints: float
     nodes: float
     parts: int
-    trace: float
     sides: tuple[int, int]
     more: Any
     borders: Any
@@ -823,7 +822,9 @@ def correction_of_body(system: Any, retraction: Any, h: float, old: Any, work: A
     save(below(work, rows.moved), 0, moved, BLOCK)
     save(below(work, rows.pose), 0, retraction.compose_tau(group, g, x), POSE)
     save(told, 3, same, NUMBER)
-    save(told, 4, largest([a for row in g for a in row]), NUMBER)
+    away = vec(g[0, 3], g[1, 3], g[2, 3])
+    size = vectors.sum([(J[i, i] if system.full else J[i]) * (1.0 if i < 3 else dot(away, away)) for i in range(6)])
+    save(told, 4, size, NUMBER)
 
 
 def answers(retraction: Any, group: Any, x: Vec, by_p: Any, inverse: Mat) -> tuple[Mat, Mat]:
@@ -882,14 +883,6 @@ def mismatch_of_body(system: Any, retraction: Any, h: float, old: Any, work: Any
 
 
 UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
-
-
-def largest(some: Any) -> float:
-    """The largest size among numbers."""
-    most = 0.0
-    for x in some:
-        most = max(most, abs(x))
-    return most
 
 
 def corrected(system: Any, retraction: Any, work: Any) -> None:
@@ -1709,12 +1702,12 @@ def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
     rounding, whether determinants have kept their sign, and whether all is inside the chart.
     """
     told = below(work, system.rows.told)
-    length, whole, most, upright, inside = 0.0, 0.0, 0.0, 1.0, 1.0
+    length, whole, size, upright, inside = 0.0, 0.0, 0.0, 1.0, 1.0
     for b in range(int(system.bodies)):
         length, whole = length + at(told, b, 0, NUMBER), whole + at(told, b, 1, NUMBER)
         inside, upright = min(inside, at(told, b, 2, NUMBER)), min(upright, at(told, b, 3, NUMBER))
-        most = max(most, at(told, b, 4, NUMBER))
-    return length, whole, most * most * system.trace, upright > 0.0, inside > 0.0
+        size = size + at(told, b, 4, NUMBER)
+    return length, whole, size, upright > 0.0, inside > 0.0
 
 
 def worst(system: Any, work: Any) -> float:

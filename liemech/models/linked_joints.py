@@ -250,12 +250,11 @@ def linked(linkage: Any) -> LinkedForm:
         for row, x in enumerate(numbers, rows.ends):
             (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
     size = most + freedoms
-    trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     form: Any = Links
     links = form(
         SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
         any(joint.springs for joint in joints), pushed, True, float(len(given.links)), float(len(joints)),
-        float(len(joints) + parts * len(hubs)), parts, trace, sides_of(ties),
+        float(len(joints) + parts * len(hubs)), parts, sides_of(ties),
         of_whole([len(more) // 3, *more]), *tables, len(meshes) > 0,
         of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
         Table(np.array([*meshes.values(), 0.0])),
