@@ -18,8 +18,8 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.system import member
 from ..systems.tabulated import inputs
 from ..tableaus.splittings import BLANES_CASAS_ESCORIHUELA8, BLANES_MOAN4, BLANES_MOAN6, STRANG, SplittingTableau
-from .explicit_kicks import free_refusal, throws_back
 from .exact_free_body import ExactFreeBody
+from .explicit_kicks import free_refusal, throws_back
 from .lie_poisson_first_kind import FirstKindHamiltonJacobi
 from .lie_poisson_hj import LiePoissonHamiltonJacobi
 from .memory import Memory, Remembering

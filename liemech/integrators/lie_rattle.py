@@ -7,21 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import (
-    Element,
-    Mat,
-    Vec,
-    dot,
-    identity_matrix,
-    jacobian,
-    mat,
-    norm,
-    plain,
-    record,
-    vec,
-    vectors,
-    where,
-)
+from ..formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors, where
 from ..formulas.sizes import EPSILON
 from ..formulas.vectors import small
 from ..retractions import Exponential, Retraction
@@ -266,9 +252,7 @@ class LieRATTLE(Remembering):
             damping = load.resistances(t, w, g)
             answers = jacobian(lambda k: load.rates(system.velocity(held(load.spread(t, k, g))), g), 0.0 * w)
             count = range(len(w))
-            kept = [
-                vec(*[(1.0 if i == j else 0.0) - h * answers[i, j] * damping[j] for j in count]) for i in count
-            ]
+            kept = [vec(*[(1.0 if i == j else 0.0) - h * answers[i, j] * damping[j] for j in count]) for i in count]
         else:
             kept = []
             for unit in identity_matrix(len(mu)):

@@ -1289,10 +1289,10 @@ def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work:
     idle, wanted = load(below(work, rows.idle), 0, vector(n)), load(foreseen, 0, vector(n))
     before = load(below(work, rows.before), 0, vector(n))
     wanted = vec(*[where(again > 0.0, a, b) for a, b in zip(wanted, kicks)])
-    steps = [where(again > 0.0, x, 0.0) for x in load(below(work, rows.impulse), 0, vector(system.most + n))[system.most :]]
-    slopes = [
-        slope_beside(kicks[i], idle[i], before[i], wanted[i], rates[i], steps[i], gain[i, i]) for i in range(n)
+    steps = [
+        where(again > 0.0, x, 0.0) for x in load(below(work, rows.impulse), 0, vector(system.most + n))[system.most :]
     ]
+    slopes = [slope_beside(kicks[i], idle[i], before[i], wanted[i], rates[i], steps[i], gain[i, i]) for i in range(n)]
     gain = [vec(*[slopes[i] if i == j else gain[i, j] for j in range(n)]) for i in range(n)]
     save(foreseen, 0, kicks, vector(n))
     save(below(work, rows.before), 0, kicks, vector(n))

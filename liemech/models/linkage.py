@@ -79,6 +79,10 @@ class Weights(Potential):
         )
 
 
+AT_REST = 2.0**-40
+"""Velocities below this part of what forces give are rounding."""
+
+
 @record
 class Linkage(ConstrainedBody):
     """Rigid bodies held together by joints, under gravity; they may form closed loops.
@@ -722,14 +726,17 @@ class Linkage(ConstrainedBody):
 
     def _closed(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Conditions and their rates, joint by joint; beside them stand the largest entry of
-        all poses and of all velocities, constants that their changes are measured by.
+        all poses and of all velocities, constants that their changes are measured by.  Velocities at rest in a field
+        are rounding, and measured by what the field gives on a way of that size.
         """
         found: dict[str, np.ndarray] = {}
         lead, J = np.shape(states["g"])[:-1], _inertia(self.links)
         inverse = np.diag(1.0 / J) if J.ndim == 1 else np.linalg.inv(J)
         xi = (states["mu"] @ inverse).reshape(*lead, len(self.links), 6)
         g, size = self.poses(states["g"]), np.full((*lead, 1), np.abs(states["g"]).max())
-        speed = np.full((*lead, 1), np.abs(xi).max())
+        fastest, first = np.abs(xi).max(), np.reshape(states["g"], (-1, states["g"].shape[-1]))[0]
+        falling = np.sqrt(np.abs(inverse @ np.array(self.force(small(first)))).max() * size.max(initial=0.0))
+        speed = np.full((*lead, 1), fastest if fastest > AT_REST * falling else falling)
         ground = np.broadcast_to(np.eye(4), (*lead, 4, 4)), np.zeros((*lead, 6))
         t: Any = np.broadcast_to(states.get("t", 0.0), lead)
         for number, (joint, kept) in enumerate(self.constraint.counted):

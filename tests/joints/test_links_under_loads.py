@@ -306,6 +306,27 @@ def test_the_structure_report_has_a_line_for_each_joint() -> None:
     assert torn["shoulder: rate"].verdict == "exact"
 
 
+def test_a_door_at_rest_is_reported_as_closed() -> None:
+    door = Linkage(
+        [Link(1.0, [0.1, 0.12, 0.15])], [lm.joints.RevoluteJoint(0, None, [0, 0.5, 0], [0, 0, 0], name="door")]
+    )
+    run = lm.integrate(door, lm.LieRATTLE(), door.state(angles={}), h=0.01, steps=50, compiled=False)
+    rate = run.drift()["door: rate"]
+    assert rate.verdict == "exact" and rate.largest < 1e-15
+
+
+def test_numbers_of_two_doubles_are_for_two_bodies() -> None:
+    for count in (2, 3):
+        rods = chain(count, axis=TURN)
+        plan = {"h": 0.01, "steps": 2, "compiled": False, "precision": "double-double"}
+        if count == 2:
+            run = lm.integrate(rods, lm.LieRATTLE(), rods.state(angles={0: 0.3}), **plan)
+            assert np.ptp(run.energy) < 1e-4
+        else:
+            with pytest.raises(lm.errors.InvalidInput, match="double-double' is not for the 3 bodies of this linkage"):
+                lm.integrate(rods, lm.LieRATTLE(), rods.state(angles={0: 0.3}), **plan)
+
+
 def test_a_stiff_damper_is_not_called_a_dead_point() -> None:
     rods = chain(3, axis=TURN)
     linkage = Linkage([ROD, ROD, Link(1e-4, [1e-6] * 3)], rods.joints, forces=[Damper(2, 60.0)])
