@@ -55,8 +55,8 @@ class LieRATTLE(Remembering):
     A load F, by the principle of Lagrange and d'Alembert, adds (h/2) F to each kick: to the first
     as it is at the beginning, to the last as it is at the end, an equation for mu_i+1 and l'.  Still
     of order 2 and symmetric; there is no two-form to be kept then.
-    Raises NoConvergence if the step is too large, also for a damping whose first kick would throw back, or where the conditions become dependent (a dead
-    point): no solution grows out of h = 0 up to this step.
+    Raises NoConvergence if the step is too large, also for a damping whose first kick would throw back, or
+    where the conditions become dependent (a dead point): no solution grows out of h = 0 up to this step.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 (RATTLE);
     Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3; Marsden and West, Acta Numerica 10

@@ -1327,7 +1327,7 @@ def damped_here(system: Any, t: float, h: float, old: Any, work: Any, state: Lay
             damped = [h * column for column in load(below(work, rows.bent), 0, BLOCK)]
         if len(system.fields) > 0:
             pose, xi = plain(load(old, 0, state).g), load(below(work, rows.wanted), 0, SIX)
-            own = [system.on_body(work, lambda one: one.resistance(t, xi, pose, unit)) for unit in UNITS]
+            own = system.on_body(work, lambda one: mat(*[one.resistance(t, xi, pose, unit) for unit in UNITS]))
             damped = [a + h * b for a, b in zip(damped, own)]
         A = [[(J[i, j] if system.full else J[i] if i == j else 0.0) - damped[j][i] for j in range(6)] for i in range(6)]
         columns, _ = eliminated(mat(*[vec(*row) for row in A]), [*UNITS], 1.0)
