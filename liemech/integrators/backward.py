@@ -628,7 +628,7 @@ class LoadedKick(Motion):
     def moved(self, system: Any, part: Part, state: Any) -> Any:
         """The kick."""
         force, ends = system.force(state.g), self.ends
-        return self.method._kick(system, part.t, state, force, part.h, ends, not ends)
+        return self.method._kick(system, part.t, state, force, part.h, ends, not ends, part.h)
 
     def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
         """Where it is an equation, of one site by Newton's method, else by sweeps."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
-from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, record, vec
+from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
 from ..formulas.pytree import exchanged
 from ..formulas.ways import AnyFunction, Number, Ways, values_of
 from ..solvers import newton
@@ -23,6 +23,7 @@ from ..systems.system import member
 from ..systems.tabulated import PiecewisePolynomial, inputs
 from ..tableaus.splittings import BLANES_CASAS_ESCORIHUELA8, BLANES_MOAN4, BLANES_MOAN6, STRANG, SplittingTableau
 from .exact_free_body import ExactFreeBody
+from .explicit_kicks import free_refusal, throws_back
 from .lie_poisson_first_kind import FirstKindHamiltonJacobi
 from .lie_poisson_hj import LiePoissonHamiltonJacobi
 from .memory import Memory, Remembering
@@ -102,7 +103,7 @@ class FieldSplitting(Remembering):
             time = t + tableau.nodes[i] * h
             if tableau.kicks[i] != 0.0:
                 force = force if i == 0 else system.force(state.g)
-                state = self._kick(system, time, state, force, tableau.kicks[i] * h, i > 0, i < ends)
+                state = self._kick(system, time, state, force, tableau.kicks[i] * h, i > 0, i < ends, h)
             if i < ends:
                 drift = tableau.drifts[i] * h
                 body = self._body(system, time + 0.5 * drift)
@@ -112,9 +113,9 @@ class FieldSplitting(Remembering):
         return Memory(state, force if tableau.kicks[0] != 0.0 else None, tuple(kept))
 
     def _kick(
-        self, system: Any, t: float, state: BodyState, force: Vec, h: float, ends: bool, begins: bool
+        self, system: Any, t: float, state: BodyState, force: Vec, h: float, ends: bool, begins: bool, whole: float
     ) -> BodyState:
-        """A kick of length h, which ends a drift, begins one, or both.
+        """A kick of length h in a step `whole`, which ends a drift, begins one, or both.
 
         A load F joins it: in the part that ends a drift as it is at the end, an equation for mu,
         else as it is at the beginning.
@@ -125,10 +126,18 @@ class FieldSplitting(Remembering):
         if ends:
             state = _kicked(state, part * force)
             state = _kicked(state, self._load_at_the_end(system, t, state, part))
+            self._require_gentle(system, t, state, -part, whole)
         if begins:
+            self._require_gentle(system, t, state, part, whole)
             load = _load(system, t, state.mu, state.g)
             state = _kicked(_kicked(state, part * force), part * load)
         return state
+
+    def _require_gentle(self, system: Any, t: float, state: BodyState, kick: float, h: float) -> None:
+        """Refuse a step h in which a kick of this length, as it is at its start, throws back."""
+        mu, g = plain(state.mu), plain(state.g)
+        if kick > 0.0 and throws_back(system, t, mu, g, kick):
+            raise free_refusal(self, system, t, mu, g, kick, abs(h))
 
     def _load_at_the_end(self, system: Any, t: float, state: BodyState, h: float) -> Vec:
         """The k = h F at mu + k, by Newton's method."""

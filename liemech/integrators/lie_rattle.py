@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, norm, plain, record, vec, vectors, where
+from ..formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors, where
 from ..formulas.sizes import EPSILON
+from ..formulas.vectors import small
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE, newton, newton_of_kicks
 from ..systems.conditions import joint, led, pulled, solved_sparse, speeds
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
+from .explicit_kicks import bound_refusal, negative_pivots
 from .memory import Memory, Remembering, extrapolated, followed, repeated
 from .method import alternatives
 from .solvability import CONTRACTION, INFINITY, SHORTEST
@@ -54,8 +55,8 @@ class LieRATTLE(Remembering):
     A load F, by the principle of Lagrange and d'Alembert, adds (h/2) F to each kick: to the first
     as it is at the beginning, to the last as it is at the end, an equation for mu_i+1 and l'.  Still
     of order 2 and symmetric; there is no two-form to be kept then.
-    Raises NoConvergence if the step is too large, or where the conditions become dependent (a dead
-    point): no solution grows out of h = 0 up to this step.
+    Raises NoConvergence if the step is too large, also for a damping whose first kick would throw back, or
+    where the conditions become dependent (a dead point): no solution grows out of h = 0 up to this step.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 (RATTLE);
     Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3; Marsden and West, Acta Numerica 10
@@ -102,8 +103,8 @@ class LieRATTLE(Remembering):
         """Refuse a step that the configuration of a body would not notice, as RATTLE does."""
         mu, count = np.asarray(start.mu), start.bodies or 1
         speed = self._speeds(system, mu, count)
-        largest = np.abs(np.asarray(start.g)).reshape(count, -1).max(axis=1)
-        least = EPSILON * math.sqrt(system.trace) * largest
+        elements = [start.g] if start.bodies is None else [small(g) for g in np.asarray(start.g)]
+        least = EPSILON * np.sqrt([self._size(system, g) for g in elements])
         if np.all(abs(h) * speed >= least):
             return None
         kicked = self._speeds(system, np.asarray(h * np.asarray(system.force(start.g))), count)
@@ -128,6 +129,7 @@ class LieRATTLE(Remembering):
         """
         state, (force, rows), free, load = (memory.state, memory.node, system.body.body, system.body.load)
         if load is not None:
+            self._require_gentle(system, t, state, rows, h)
             force = force + load.covector(t, system.velocity(plain(state.mu)), plain(state.g))
             memory = Memory(state, (force, rows), memory.past)
         unknown = self._solved(system, h, memory, extrapolated(*memory.past))
@@ -139,8 +141,10 @@ class LieRATTLE(Remembering):
         if load is not None:
             mu = mu + self._load_at_the_end(system, t + h, plain(mu), plain(state.g), rows, 0.5 * h)
         mu = mu - pulled(system, rows, self._excess(system, rows, plain(mu)))
-        past = followed(memory.past, unknown)
-        return Memory(BodyState(mu, state.g), (force, rows), past)
+        past, state = followed(memory.past, unknown), BodyState(mu, state.g)
+        if load is not None:
+            self._require_gentle(system, t + h, state, rows, -h)
+        return Memory(state, (force, rows), past)
 
     # ---------------------------------------------------------------- the two systems of a step
 
@@ -228,6 +232,34 @@ class LieRATTLE(Remembering):
         pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, through)]
         return solved_sparse(system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu)))[0]
 
+    def _require_gentle(self, system: Any, t: float, state: BodyState, rows: Any, h: float) -> None:
+        """Refuse a step from a state whose first kick by a load throws back; backwards in time that is the last one."""
+        mu, g = plain(state.mu), plain(state.g)
+        if h > 0.0 and self._throws_back(system, t, mu, g, rows, 0.5 * h):
+            raise bound_refusal(self, system, t, mu, g, h)
+
+    def _throws_back(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> bool:
+        """Has J - h C a negative eigenvalue on the velocities that the constraint allows?  Of loads at joints
+        1 - h A c, with the rates A by their efforts and the damping c of each.
+        """
+        load, xi = system.body.load, system.velocity(mu)
+
+        def held(pushed: Vec) -> Vec:
+            return pushed - pulled(system, rows, self._excess(system, rows, pushed))
+
+        if load.by_rate:
+            w = load.rates(xi, g)
+            damping = load.resistances(t, w, g)
+            answers = jacobian(lambda k: load.rates(system.velocity(held(load.spread(t, k, g))), g), 0.0 * w)
+            count = range(len(w))
+            kept = [vec(*[(1.0 if i == j else 0.0) - h * answers[i, j] * damping[j] for j in count]) for i in count]
+        else:
+            kept = []
+            for unit in identity_matrix(len(mu)):
+                p = system.body.body.lagrangian.momentum(unit)
+                kept = [*kept, p - h * held(load.resistance(t, xi, g, system.velocity(held(p))))]
+        return negative_pivots(mat(*kept)) > 0.0
+
     def _load_at_the_end(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> Vec:
         """The kick h F at the velocity that it leads to, on the constraint.
 
@@ -241,16 +273,15 @@ class LieRATTLE(Remembering):
 
         def led_to(k: Vec) -> tuple[Vec, float]:
             pushed = mu + load.spread(t, k, g)
-            free, found = system.velocity(pushed), load.rates(system.velocity(held_of(pushed)), g)
-            return found, dot(free, free) + dot(found, found)
+            found = load.rates(system.velocity(held_of(pushed)), g)
+            return found, dot(guess, guess) + dot(found, found)
 
         def equation(w: Vec) -> tuple[Vec, Mat, float]:
             def rates(y: Vec) -> Vec:
                 return load.rates(system.velocity(held_of(mu + h * load.at_rates(t, y, g))), g)
 
             slope = identity_matrix(len(w)) - jacobian(rates, w)
-            free = system.velocity(mu + h * load.at_rates(t, w, g))
-            return w - rates(w), slope, dot(free, free) + dot(w, w)
+            return w - rates(w), slope, dot(guess, guess) + dot(w, w)
 
         guess = load.rates(system.velocity(held_of(mu)), g)
         if load.by_rate:
@@ -268,13 +299,11 @@ class LieRATTLE(Remembering):
         return dot(x, system.body.body.lagrangian.momentum(x))
 
     def _size(self, system: Any, g: Element) -> float:
-        """The size of a configuration, for rounding: tr J times the square of the largest entry of
-        g.
+        """The size of a configuration, for rounding: the sum of J_ii s_i^2 with the displacements s_i that count as
+        large there, angles of 1 rad and, of positions, how far away they are.
         """
-        most = 0.0
-        for x in entries(plain(g)):
-            most = max(most, abs(x))
-        return most * most * system.trace
+        J, scale = system.body.body.lagrangian.inertia, system.configurations.scale(plain(g))
+        return vectors.sum([(J[i, i] if isinstance(J, vectors.Mat) else J[i]) * x * x for i, x in enumerate(scale)])
 
     def _is_inside(self, system: Any, x: Vec) -> bool:
         inside = True
@@ -284,33 +313,13 @@ class LieRATTLE(Remembering):
 
     def _ended(self, system: Any, h: float, end: float, memory: Memory, x: Vec) -> NoConvergence:
         """The error of a step without a solution of its own."""
-        mu, g, force = plain(memory.state.mu), plain(memory.state.g), memory.node[0]
-        why = (
-            thrown_back(system, mu, g, force, h)
-            or near_a_dead_point(system, g)
-            or (f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}")
+        why = near_a_dead_point(system, plain(memory.state.g)) or (
+            f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
         )
         return NoConvergence(
             f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, |h xi| = "
             f"{norm(x):.2g}, in a fold or at the chart's edge. {why}"
         )
-
-
-def thrown_back(system: Any, mu: Vec, g: Element, force: Vec, h: float) -> str | None:
-    """Does the first kick by the load, of all the force that is none of the field, turn the motion
-    back?  That in words, or None.
-    """
-    if system.body.load is None:
-        return None
-    kick = (0.5 * h) * (force - system.force(g))
-    lost, turned = -dot(kick, system.velocity(mu)), dot(kick, system.velocity(kick))
-    if not turned > lost > 0.0:
-        return None
-    return (
-        f"The first kick by the load, (h/2) F, is {turned / lost:.2g} times what stops the motion that it "
-        "works against: too strong for an explicit kick, as that of a damper with c h/2 above the "
-        f"inertia. Try h = {0.5 * h * lost / turned:.2g}"
-    )
 
 
 def near_a_dead_point(system: Any, g: Element) -> str | None:

@@ -41,6 +41,7 @@ from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from ..systems.tabulated import during, inputs, jump_ahead
+from .explicit_kicks import negative_pivots
 from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, eliminated
 from .memory import continued
 from .solvability import CONTRACTION, INFINITY, SHORTEST
@@ -136,6 +137,7 @@ class Rows(Record):
     slant: int
     idle: int
     foreseen: int
+    before: int
     field: int
     push: int
     wanted: int
@@ -163,7 +165,7 @@ class Rows(Record):
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
             wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms,
-            idle=freedoms, foreseen=freedoms, field=6,
+            idle=freedoms, foreseen=freedoms, before=freedoms, field=6,
             push=w, wanted=w, given=6 * w, bent=36 if bent else 0,
             paces=n if moving else 0, dial=3 if geared else 0, block=0,
         )  # fmt: skip
@@ -191,7 +193,8 @@ class Links(System):
     beside `tie`, with the sides on which it is, and the block.  pivots, belows, updates : what elimination
     does, see `tables_of`.  pulled : do potentials of bodies count among the forces?
     meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block;
-    meshing : the rate that the one gains by an impulse of the other.
+    meshing : the rate that the one gains by an impulse of the other.  near : with how many others a joint has a
+    body in common, at most.
     """
 
     group: LieGroup
@@ -213,7 +216,6 @@ class Links(System):
     joints: float
     nodes: float
     parts: int
-    trace: float
     sides: tuple[int, int]
     more: Any
     borders: Any
@@ -224,6 +226,7 @@ class Links(System):
     meshes: bool
     mesh: Any
     meshing: Any
+    near: float
 
     @property
     def loaded(self) -> bool:
@@ -320,6 +323,9 @@ def first_jump(one: Any, t: float, to: float, every: bool) -> float:
         to = table.jump_ahead(t, to, every)
     return to
 
+
+THROWN = -2.0
+"""In `note`, in the place of the joint at which a step has failed: loads throw back; behind it the length of the step."""
 
 READY, BROKEN = 1.0, 2.0
 """In `note`: field, velocity and rows are those of the state; or of none, because a step was given up.  Zero
@@ -462,7 +468,7 @@ class RattleOfLinks(Record):
         while turn < 3:
             if system.loaded and turn > 0:
                 before = below(sites, begun if turn == 1 else there)
-                self.loads(system, t, turn, h, sites, before, new, work, state)
+                self.loads(system, t, turn, h, sites, before, new, work, state, True)
             if turn == 1 and system.geared:
                 each(sites, dial_here, system.at_time(t), old, work, state)
             if turn == 1:
@@ -553,7 +559,7 @@ class RattleOfLinks(Record):
 
     def loads(
         self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, new: Any, work: Any,
-        state: Layout,
+        state: Layout, kicks: bool = False,
     ) -> None:  # fmt: skip
         """In turn 1 loads as they are at the beginning, which go to the field.  In turn 2 the kick by
         them at the velocity that it leads to, on the constraint: Newton's method for the rates of the
@@ -562,6 +568,10 @@ class RattleOfLinks(Record):
         derivative as it was.  Under loads on bodies it is for their velocities as well, and those
         impulses are found at the end, as without loads.
         Of a load on all bodies by one formula the derivative has the blocks of single bodies only.
+
+        kicks : are the loads of turn 1 those of an explicit kick?  A step in which it throws back is refused, as
+        by `LieRATTLE`: first it is asked what the loads could do to bodies that no joint holds, then, in `looking`,
+        the matrix of Newton's method has the damping of the kick in it, and its pivots are counted.
         """
         rows, n = system.rows, system.most + system.freedoms
         t, k = (t + h, 0.5 * h) if turn == 2 else (t, 1.0)
@@ -571,39 +581,56 @@ class RattleOfLinks(Record):
         tried, last, change, scale = 0, turn == 1, 1.0, 0.0
         off, size = 0.0, 0.0
         enough = TOLERANCE if system.on_all is None else LINEAR  # without the whole derivative
+        looking, kicks = 0.0, kicks and (system.freedoms > 0 or system.pushed)
         while True:
-            if system.freedoms > 0:
-                if tried == 1 and not last:
-                    each(sites, efforts_at_rest, system.at_time(t), t, k, old, work, state)
-                again = where(tried > 0, 1.0, 0.0)
-                each(sites, efforts_there, system.at_time(t), t, k, again, old, work, state)
-                scattered(system, work)
-            if system.pushed:
-                self.load_of_all(system, t, k, old, work, state)
-                each(sites, pushed_there, system, t, k, old, work, state)
-            if last:
-                each(sites, loaded_body, system, float(turn), old, new, work, state)
-                if turn == 1:
-                    break
-                k, last = 0.0, False
-                continue
-            if tried == AT_LOADS:
-                put(below(work, rows.note), 0, 0, -1.0, NUMBER)
-                raise NoConvergence("no velocity found that fits the loads at the end of a step")
-            each(sites, loaded_velocity, system, old, work, state)
+            if looking > 0.0:
+                if system.pushed:
+                    damping_of_all(system, t, old, work, state)
+                each(sites, damped_here, system, t, 0.5 * abs(h), old, work, state)
+                last, tried = False, 0
+            else:
+                if system.freedoms > 0:
+                    if tried == 1 and not last:
+                        each(sites, efforts_at_rest, system.at_time(t), t, k, old, work, state)
+                    again = where(tried > 0, 1.0, 0.0)
+                    each(sites, efforts_there, system.at_time(t), t, k, again, old, work, state)
+                    scattered(system, work)
+                if system.pushed:
+                    self.load_of_all(system, t, k, old, work, state)
+                    each(sites, pushed_there, system, t, k, old, work, state)
+                if last:
+                    each(sites, loaded_body, system, float(turn), old, new, work, state)
+                    if turn == 1:
+                        if not kicks or h < 0.0 or spares(system, h, sites, work):
+                            break
+                        looking = 1.0
+                        continue
+                    k, last = 0.0, False
+                    continue
+                if tried == AT_LOADS:
+                    put(below(work, rows.note), 0, 0, -1.0, NUMBER)
+                    raise NoConvergence("no velocity found that fits the loads at the end of a step")
+                each(sites, loaded_velocity, system, old, work, state)
             if system.pushed or tried == 0 or (system.freedoms > 0 and bends(system, work)):
                 each(sites, excess_of_rates, system, work)
                 each(sites, tied, system, rows.first, n, work)
                 coupled(system, work, rows.first, 1.0, n)
                 if system.meshes:
                     mesh_blocks(system, 1.0, work, n)
-                factored(system, work, 1.0, n)
+                found = factored(system, work, 1.0, n, looking)
             else:
                 each(sites, excess_again, system, work)
                 eliminated_again(system, work, n)
+                found = 0.0
+            if looking > 0.0:
+                require_gentle(system, h, found, work)
+                break
             solved(system, work, n)
             each(sites, wrench_of_corrections, system, work)
             scattered(system, work)
+            if k == 0.0 and kicks and h < 0.0:
+                looking = 1.0
+                continue
             if k == 0.0:
                 break
             before, apart = change, off
@@ -622,7 +649,9 @@ class RattleOfLinks(Record):
             elif last:
                 if system.freedoms > 0:
                     each(sites, kicked_by_loads, system, old, work, state)
-                break
+                if not kicks or h > 0.0:
+                    break
+                looking = 1.0
 
     def load_of_all(self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
         """The kick h F of a load on all bodies by one formula, for each of them; and, of each body
@@ -683,6 +712,8 @@ def pushed_there(system: Any, t: float, h: float, old: Any, work: Any, state: La
         slopes = [a + b for a, b in zip(slopes, more)]
     A = [[(J[i, j] if system.full else J[i] if i == j else 0.0) - slopes[j][i] for j in range(6)] for i in range(6)]
     columns, _ = eliminated(mat(*[vec(*row) for row in A]), [*UNITS], 1.0)
+    reach = sum([abs(x) for slope in slopes for x in times(system.inverse(work), slope)], 0.0)
+    save(below(work, rows.told), 2, reach, NUMBER)
     save(below(work, rows.push), 0, kick, SIX)
     save(below(work, rows.given), 0, mat(*columns), BLOCK)
 
@@ -791,7 +822,9 @@ def correction_of_body(system: Any, retraction: Any, h: float, old: Any, work: A
     save(below(work, rows.moved), 0, moved, BLOCK)
     save(below(work, rows.pose), 0, retraction.compose_tau(group, g, x), POSE)
     save(told, 3, same, NUMBER)
-    save(told, 4, largest([a for row in g for a in row]), NUMBER)
+    away = vec(g[0, 3], g[1, 3], g[2, 3])
+    size = vectors.sum([(J[i, i] if system.full else J[i]) * (1.0 if i < 3 else dot(away, away)) for i in range(6)])
+    save(told, 4, size, NUMBER)
 
 
 def answers(retraction: Any, group: Any, x: Vec, by_p: Any, inverse: Mat) -> tuple[Mat, Mat]:
@@ -850,14 +883,6 @@ def mismatch_of_body(system: Any, retraction: Any, h: float, old: Any, work: Any
 
 
 UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
-
-
-def largest(some: Any) -> float:
-    """The largest size among numbers."""
-    most = 0.0
-    for x in some:
-        most = max(most, abs(x))
-    return most
 
 
 def corrected(system: Any, retraction: Any, work: Any) -> None:
@@ -1262,10 +1287,15 @@ def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work:
     rates, foreseen = load(below(work, rows.rate), 0, vector(n)), below(work, rows.foreseen)
     kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
     idle, wanted = load(below(work, rows.idle), 0, vector(n)), load(foreseen, 0, vector(n))
+    before = load(below(work, rows.before), 0, vector(n))
     wanted = vec(*[where(again > 0.0, a, b) for a, b in zip(wanted, kicks)])
-    slopes = [slope_beside(kicks[i], idle[i], wanted[i], rates[i], gain[i, i]) for i in range(n)]
+    steps = [
+        where(again > 0.0, x, 0.0) for x in load(below(work, rows.impulse), 0, vector(system.most + n))[system.most :]
+    ]
+    slopes = [slope_beside(kicks[i], idle[i], before[i], wanted[i], rates[i], steps[i], gain[i, i]) for i in range(n)]
     gain = [vec(*[slopes[i] if i == j else gain[i, j] for j in range(n)]) for i in range(n)]
     save(foreseen, 0, kicks, vector(n))
+    save(below(work, rows.before), 0, kicks, vector(n))
     save(below(work, rows.slant), 0, mat(*gain), matrix(n, n))
     save_push(system, work, kicks)
 
@@ -1277,6 +1307,69 @@ def kick_of(one: Any, t: float, h: float, seen: Any, rates: Vec) -> tuple[Vec, M
         return h * one.efforts(t, seen, y, len(rates))
 
     return kick(rates), jacobian(kick, rates)
+
+
+def damped_here(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
+    """h times the damping of a joint; the answer of the body to momentum under h times its own damping, and how
+    many of its directions are thrown back.
+    """
+    rows, n = system.rows, system.freedoms
+    if n > 0:
+        g, k = poses_of(system, old, work, state)
+        rates = load(below(work, rows.rate), 0, vector(n))
+        damping = system.at_time(t).of_kind(work, lambda one: one.resistances(t, one.seen(t, g, k), rates, n))
+        slopes = [vec(*[h * damping[i] if i == j else 0.0 for j in range(n)]) for i in range(n)]
+        save(below(work, rows.slant), 0, mat(*slopes), matrix(n, n))
+    if system.pushed:
+        J = system.inertia(work)
+        damped = [REST6 for _ in range(6)]
+        if system.on_all is not None and system.on_all.load is not None:
+            damped = [h * column for column in load(below(work, rows.bent), 0, BLOCK)]
+        if len(system.fields) > 0:
+            pose, xi = plain(load(old, 0, state).g), load(below(work, rows.wanted), 0, SIX)
+            own = system.on_body(work, lambda one: mat(*[one.resistance(t, xi, pose, unit) for unit in UNITS]))
+            damped = [a + h * b for a, b in zip(damped, own)]
+        A = [[(J[i, j] if system.full else J[i] if i == j else 0.0) - damped[j][i] for j in range(6)] for i in range(6)]
+        columns, _ = eliminated(mat(*[vec(*row) for row in A]), [*UNITS], 1.0)
+        save(below(work, rows.given), 0, mat(*columns), BLOCK)
+        save(below(work, rows.told), 1, negative_pivots(mat(*[vec(*row) for row in A])), NUMBER)
+
+
+def reach_of_slopes(system: Any, work: Any) -> None:
+    """The derivatives of loads by rates, at the start of a step, beside the inertia of bodies that no joint holds."""
+    rows, n, ratio = system.rows, system.freedoms, 0.0
+    if n > 0:
+        first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+        slopes = load(below(work, rows.slant), 0, matrix(n, n))
+        for side, body in zip(motions_of(system, work), (first, second)):
+            inverse = system.inverse_of(work, body)
+            for i in range(n):
+                ratio = ratio + abs(slopes[i, i]) * dot(side[i], times(inverse, side[i]))
+    save(below(work, rows.told), 0, ratio, NUMBER)
+
+
+def spares(system: Any, h: float, sites: Any, work: Any) -> bool:
+    """Is half a step of the loads' derivatives surely below the inertia that they act on?"""
+    each(sites, reach_of_slopes, system, work)
+    told, joint, body = below(work, system.rows.told), 0.0, 0.0
+    for j in range(int(system.joints)):
+        joint = max(joint, at(told, j, 0, NUMBER))
+    if system.pushed:
+        for b in range(int(system.bodies)):
+            body = max(body, at(told, b, 2, NUMBER))
+    return 0.5 * h * ((1.0 + system.near) * joint + body) < 1.0
+
+
+def require_gentle(system: Any, h: float, turned: float, work: Any) -> None:
+    """Refuse a step h whose kick turns velocities round.  turned : how many pivots of conditions and loads say so."""
+    rows, count = system.rows, turned
+    if system.pushed:
+        for b in range(int(system.bodies)):
+            count = count + at(below(work, rows.told), b, 1, NUMBER)
+    if count > 0.0:
+        put(below(work, rows.note), 0, 0, THROWN, NUMBER)
+        put(below(work, rows.note), 0, 1, abs(h), NUMBER)
+        raise NoConvergence("the first kick by loads throws back")
 
 
 def excess_of_rates(system: Any, work: Any) -> None:
@@ -1394,6 +1487,19 @@ def put_parts(system: Any, place: Any, k: int, whole: Vec) -> None:
         put(place, b, k, whole[6 * b : 6 * b + 6], SIX)
 
 
+def damping_of_all(system: Any, t: float, old: Any, work: Any, state: Layout) -> None:
+    """The damping of each body by a load on all of them by one formula, by columns."""
+    if system.on_all is None or system.on_all.load is None:
+        return
+    one = system.seen(system.on_all)
+    g = entries_of_all(system, old, state)
+    xi = numbers_of_all(system, below(work, system.rows.wanted), SIX)
+    for i in range(6 * one.count):
+        unit = vec(*[1.0 if k == i else 0.0 for k in range(6 * one.count)])
+        column = one.load.resistance(t, xi, g, unit)[i // 6 * 6 : i // 6 * 6 + 6]
+        put(below(work, system.rows.bent), i // 6, i % 6, column, SIX)
+
+
 def pulled_together(system: Any, old: Any, work: Any, state: Layout) -> None:
     """The force of a potential of all poses; of one that is derived one component after the other,
     -dV/ds along g exp(s e_i).
@@ -1490,15 +1596,19 @@ def nothing_of_hubs(system: Any, place: Any, n: int) -> None:
         put(place, v, 0, vec(*[0.0] * n), vector(n))
 
 
-def factored(system: Any, work: Any, sign: float, n: int) -> float:
+def factored(system: Any, work: Any, sign: float, n: int, counted: float = 0.0) -> float:
     """Elimination of the blocks, in place, and of what the conditions miss; the first joint whose conditions
     depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
+    counted : 1 for the number of negative pivots instead, those of conditions as -1.
     """
     blocks, diagonals = below(work, system.rows.block), below(work, system.rows.diagonal)
-    bad, same = -1.0, 1.0
+    bad, same, count = -1.0, 1.0, 0.0
     for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         before = at(diagonals, k, 0, vector(n))
+        if counted > 0.0:
+            conditions = where(float(k) < system.joints, 1.0 * system.most, 0.0)
+            count = count + negative_pivots(block_at(blocks, BLOCKS * k, n), conditions)
         inverse, turned, far = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
         same = same * turned
         if not far and bad < 0.0:
@@ -1512,7 +1622,8 @@ def factored(system: Any, work: Any, sign: float, n: int) -> float:
             for u in range(first, last):
                 right, place = whole(system.updates, 2 * u), whole(system.updates, 2 * u + 1)
                 lessen_block(blocks, place, left, right, n)
-    return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
+    bad = system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
+    return where(counted > 0.0, count, bad)
 
 
 def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
@@ -1591,12 +1702,12 @@ def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
     rounding, whether determinants have kept their sign, and whether all is inside the chart.
     """
     told = below(work, system.rows.told)
-    length, whole, most, upright, inside = 0.0, 0.0, 0.0, 1.0, 1.0
+    length, whole, size, upright, inside = 0.0, 0.0, 0.0, 1.0, 1.0
     for b in range(int(system.bodies)):
         length, whole = length + at(told, b, 0, NUMBER), whole + at(told, b, 1, NUMBER)
         inside, upright = min(inside, at(told, b, 2, NUMBER)), min(upright, at(told, b, 3, NUMBER))
-        most = max(most, at(told, b, 4, NUMBER))
-    return length, whole, most * most * system.trace, upright > 0.0, inside > 0.0
+        size = size + at(told, b, 4, NUMBER)
+    return length, whole, size, upright > 0.0, inside > 0.0
 
 
 def worst(system: Any, work: Any) -> float:

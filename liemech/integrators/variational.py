@@ -248,7 +248,7 @@ class CovariantVariational(Implicit):
         if not (known and type(h) is float and h):
             self._asked("step_warning", system, start, h)
         one = system.lagrangian.of_one if many else None
-        if many and not isinstance(one, KineticEnergy):
+        if many and not has_inertia(one):
             return None
         if many:
             inertia = float(np.abs(getattr(one.inertia, "values", np.array(one.inertia))).max())

@@ -59,6 +59,14 @@ class ForcesOfBodies(Force):
             parts[b] = parts[b] + one.covector(t, xi[6 * b : 6 * b + 6], pose(g, b))
         return vec(*[x for part in parts for x in part])
 
+    def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
+        """Of each body its own."""
+        parts = [REST6 for _ in range(len(g) // 16)]
+        for b, one in zip(self.bodies, self.each):
+            end = 6 * b + 6
+            parts[b] = parts[b] + one.resistance(t, xi[6 * b : end], pose(g, b), along[6 * b : end])
+        return vec(*[x for part in parts for x in part])
+
 
 @record
 class AtBody(Record):
@@ -82,6 +90,13 @@ class AtBody(Record):
         total = REST6
         for one in self.loads:
             total = total + one.covector(t, xi, g)
+        return total
+
+    def resistance(self, t: float, xi: Vec, g: Mat, along: Vec) -> Vec:
+        """The damping of the load along a velocity."""
+        total = REST6
+        for one in self.loads:
+            total = total + one.resistance(t, xi, g, along)
         return total
 
 

@@ -48,6 +48,13 @@ class JointForce(Record):
         """
         raise undefined(self, "effort")
 
+    def resistance(self, t: float, q: float, rate: float) -> float:
+        """The damping -d effort/dq', in N m s/rad or N s/m, that an explicit kick has to resolve: half a step
+        of it stays below the inertia.  For a torque that is bounded, such as friction of one's own, a
+        subclass may say zero.
+        """
+        return -derivative(lambda r: self.effort(t, q, r), rate)
+
     def about(self, t: float) -> float:
         """The angle in the middle of the turn in which angles are seen; 0 by default."""
         return 0.0
@@ -162,6 +169,10 @@ class DryFriction(JointForce):
         """-T tanh(q'/speed)."""
         return -(self.torque * tanh(rate / self.speed))
 
+    def resistance(self, t: float, q: float, rate: float) -> float:
+        """Zero: no kick is larger than that of T."""
+        return 0.0
+
 
 @record
 class Motor(JointForce):
@@ -231,6 +242,11 @@ class Limited(JointForce):
             back = min(1.0, max(0.0, 10.0 * (1.0 + rate / self.speed)))
             low, high = back * low, forth * high
         return max(low, min(high, self.given.effort(t, q, rate)))
+
+    def resistance(self, t: float, q: float, rate: float) -> float:
+        """That of the motor; zero where the torque is cut."""
+        given = self.given.resistance(t, q, rate)
+        return given if self.effort(t, q, rate) == self.given.effort(t, q, rate) else 0.0
 
     def about(self, t: float) -> float:
         """As the motor sees it."""
@@ -320,6 +336,18 @@ class AtJoint(Record):
         for force in self.forces:
             total = total + self.effort(force, t, g, rates)
         return total
+
+    def resistances(self, t: float, g: Vec, rates: Vec) -> Vec:
+        """The damping of each motion by all forces.  rates : (freedoms,)."""
+        total = vec(*[0.0 for _ in range(self.joint.freedoms)])
+        for force in self.forces:
+            total = total + self.resistance_at(force, t, self.coordinates(force, t, g), rates)
+        return total
+
+    def resistance_at(self, force: Any, t: float, q: Vec, rates: Vec) -> Vec:
+        """That by one force at the coordinates that it sees."""
+        some = acting(force, self.joint)
+        return vec(*[force.resistance(t, q[i], rates[i]) if i in some else 0.0 for i in range(self.joint.freedoms)])
 
     def effort(self, force: Any, t: float, g: Vec, rates: Vec) -> Vec:
         """Those of one force."""
@@ -438,6 +466,22 @@ class LinkageForce(Force):
             begin = len(found)
             found = [*found, *one.efforts(t, g, rates[begin : begin + one.joint.freedoms])]
         return vec(*found)
+
+    def resistances(self, t: float, rates: Vec, g: Any) -> Vec:
+        """The damping of all motions of the joints."""
+        found: list[Any] = []
+        for one in self.at_joints:
+            begin = len(found)
+            found = [*found, *one.resistances(t, g, rates[begin : begin + one.joint.freedoms])]
+        return vec(*found)
+
+    def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
+        """The damping along a velocity of all bodies."""
+        rates = vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, xi)])
+        still = vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, 0.0 * along)])
+        turned = vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, along)]) - still
+        total = self.spread(t, self.resistances(t, rates, g) * turned, g)
+        return total if self.other is None else total + self.other.resistance(t, xi, g, along)
 
     def spread(self, t: float, efforts: Vec, g: Any) -> Vec:
         """The forces on all bodies by them."""

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Element, Vec, check_finite, real_array, record, vec
+from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec
 from ..formulas.pytree import with_fields
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
@@ -77,6 +77,10 @@ class Weights(Potential):
                 for x in (0.0, 0.0, 0.0, *[-(w * g[16 * b + 8 + j]) for j in range(3)])
             ]
         )
+
+
+AT_REST = 2.0**-40
+"""Velocities below this part of what forces give are rounding."""
 
 
 @record
@@ -423,6 +427,21 @@ class Linkage(ConstrainedBody):
         name = self.joints[joint].name
         return f"joint {joint}" if name is None else f"joint {name!r}"
 
+    def strongest_damper(self, t: float, xi: Any, g: Any, mode: Any) -> str:
+        """The joint whose forces damp a motion most, or the load, in words.  xi, mode : (6 N,)."""
+        load = self.body.load
+        if not isinstance(load, LinkageForce):
+            return super().strongest_damper(t, xi, g, mode)
+        most, which = 0.0, "the load on the bodies"
+        if load.other is not None:
+            most = dot(mode, load.other.resistance(t, xi, g, mode))
+        for one in load.at_joints:
+            alone = dot(mode, LinkageForce((one,)).resistance(t, xi, g, mode))
+            if alone > most:
+                number = next(j for j, (joint, _) in enumerate(self.constraint.counted) if joint is one.joint)
+                most, which = alone, self.label(number)
+        return which
+
     # ---------------------------------------------------------------- many bodies
 
     @cached_property
@@ -705,14 +724,17 @@ class Linkage(ConstrainedBody):
 
     def _closed(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Conditions and their rates, joint by joint; beside them stand the largest entry of
-        all poses and of all velocities, constants that their changes are measured by.
+        all poses and of all velocities, constants that their changes are measured by.  Velocities at rest in a field
+        are rounding, and measured by what the field gives on a way of that size.
         """
         found: dict[str, np.ndarray] = {}
         lead, J = np.shape(states["g"])[:-1], _inertia(self.links)
         inverse = np.diag(1.0 / J) if J.ndim == 1 else np.linalg.inv(J)
         xi = (states["mu"] @ inverse).reshape(*lead, len(self.links), 6)
         g, size = self.poses(states["g"]), np.full((*lead, 1), np.abs(states["g"]).max())
-        speed = np.full((*lead, 1), np.abs(xi).max())
+        fastest, first = np.abs(xi).max(), np.reshape(states["g"], (-1, states["g"].shape[-1]))[0]
+        falling = np.sqrt(np.abs(inverse @ np.array(self.force(small(first)))).max() * size.max(initial=0.0))
+        speed = np.full((*lead, 1), fastest if fastest > AT_REST * falling else falling)
         ground = np.broadcast_to(np.eye(4), (*lead, 4, 4)), np.zeros((*lead, 6))
         t: Any = np.broadcast_to(states.get("t", 0.0), lead)
         for number, (joint, kept) in enumerate(self.constraint.counted):

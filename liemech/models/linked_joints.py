@@ -94,6 +94,14 @@ class LinkedJoint(Record):
             total = total + vec(*filled([*found], freedoms, 0.0))
         return total
 
+    def resistances(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
+        """The damping of each motion by loads, (freedoms,), and zeros."""
+        at, own = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
+        total = vec(*[0.0] * freedoms)
+        for load, q in zip(self.loads, seen):
+            total = total + vec(*filled([*at.resistance_at(load, t, q, own)], freedoms, 0.0))
+        return total
+
 
 @record
 class GearedJoint(LinkedJoint):
@@ -242,15 +250,15 @@ def linked(linkage: Any) -> LinkedForm:
         for row, x in enumerate(numbers, rows.ends):
             (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
     size = most + freedoms
-    trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     form: Any = Links
     links = form(
         SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
         any(joint.springs for joint in joints), pushed, True, float(len(given.links)), float(len(joints)),
-        float(len(joints) + parts * len(hubs)), parts, trace, sides_of(ties),
+        float(len(joints) + parts * len(hubs)), parts, sides_of(ties),
         of_whole([len(more) // 3, *more]), *tables, len(meshes) > 0,
         of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
         Table(np.array([*meshes.values(), 0.0])),
+        float(max(len({k for k, other in enumerate(ends) if _sides(one, other)}) for one in ends) - 1),
     )  # fmt: skip
     return LinkedForm(
         links,

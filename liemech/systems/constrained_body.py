@@ -206,6 +206,10 @@ class BoundBody(System):
             found = [a + b for a, b in zip(found, self.constraint.at_time(t).paces(g))]
         return found
 
+    def strongest_damper(self, t: float, xi: Vec, g: Any, mode: Vec) -> str:
+        """The load, or the joint with the load, that damps a motion most, in words.  xi, mode : (dim,)."""
+        return f"the load {self.body.load!r}"
+
     # ---------------------------------------------------------------- how it moves
 
     def rate(self, t: float, state: BodyState) -> Vec:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import undefined
-from ..formulas import Element, Record, Vec, gradient, record, vec
+from ..formulas import Element, Record, Vec, derivative, gradient, record, vec
 from ..formulas.derived import derived, derived_from
 from ..groups.lie_group import LieGroup
 
@@ -84,6 +84,13 @@ class Force(Record):
         """
         raise undefined(self, "covector")
 
+    def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
+        """The damping -dF/dxi along a velocity, (dim,): what an explicit kick has to resolve.  For a force
+        whose size is bounded, such as regularised dry friction, a subclass may say zero.
+        xi, along : (dim,), g : an element.
+        """
+        return -derivative(lambda x: self.covector(t, x, g), xi, along)
+
     @property
     @derived_from("covector")
     def by_rate(self) -> bool:
@@ -97,6 +104,10 @@ class Force(Record):
     def spread(self, t: float, efforts: Vec, g: Any) -> Vec:
         """The force by these efforts, (dim,).  efforts : (n,), g : an element."""
         raise undefined(self, "spread")
+
+    def resistances(self, t: float, rates: Vec, g: Any) -> Vec:
+        """The damping of each effort by its own rate, (n,).  rates : (n,), g : an element."""
+        raise undefined(self, "resistances")
 
     @derived_from("covector")
     def rates(self, xi: Vec, g: Any) -> Vec:

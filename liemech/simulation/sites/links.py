@@ -11,17 +11,17 @@ import numpy as np
 
 from ...compiler.planes import Planes
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ...formulas import vec
 from ...formulas.pytree import layout_of
 from ...formulas.sites import rows_of
 from ...formulas.tables import Table
 from ...integrators.composition import Composition
 from ...integrators.ending_at_jumps import EndingAtJumps, cuts
-from ...integrators.lie_rattle import LieRATTLE, near_a_dead_point, thrown_back
+from ...integrators.explicit_kicks import bound_refusal
+from ...integrators.lie_rattle import LieRATTLE, near_a_dead_point
 from ...integrators.multiple_time_steps import MultipleTimeSteps
 from ...integrators.multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from ...integrators.rattle import RATTLE
-from ...integrators.rattle_of_links import BROKEN, Links, RattleOfLinks
+from ...integrators.rattle_of_links import BROKEN, THROWN, Links, RattleOfLinks
 from ...integrators.rkmk import RKMK
 from ...integrators.rkmk_of_links import FREE, RkmkOfLinks
 from ...integrators.taylor import Taylor
@@ -460,6 +460,11 @@ class LinksRun(SiteRun):
         joint, reached, _ = self.work[rows.note : rows.note + 3, 0].tolist()
         self.work[rows.note] = 0.0
         method = repr(self.plan.method)
+        if joint == THROWN:
+            seen, h = self.shape.shown_rows(self._memory), abs(reached)
+            state = as_users_see(system, state_of_rows(self.shape.state, seen))
+            t = float(self.clocks[TIME, 0])
+            return bound_refusal(self.plan.method, system, t, state.mu, state.g, h)
         if joint < 0.0:
             return NoConvergence(
                 f"{method}: no velocity found that fits the loads at the end of a step; try h = {0.25 * self.h:g}"
@@ -474,10 +479,7 @@ class LinksRun(SiteRun):
         if isinstance(system, BoundBody) and system.conditions <= FEW:
             seen = self.shape.shown_rows(self._memory)
             state = as_users_see(system, state_of_rows(self.shape.state, seen))
-            count = len(self.plan._one.links)
-            force = vec(*self.work[rows.force : rows.force + 6, :count].T.ravel().tolist())
-            given = system, state.mu, state.g
-            why = thrown_back(*given, force, self.h) or near_a_dead_point(*given[::2]) or why
+            why = near_a_dead_point(system, state.g) or why
         return NoConvergence(
             f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at {label}. {why}"
         )

@@ -71,6 +71,11 @@ class SitesOfPlan:
         site = plan._one.site_form
         if site is None or (isinstance(site, Links) and linked_method(plan) is None):
             return None
+        if isinstance(site, Links) and not plan.adaptive and plan._steps.precision == "double-double":
+            raise InvalidInput(
+                f"integrate: precision='double-double' is not for the {int(site.bodies)} bodies of this linkage: more than two "
+                "step by loops over bodies and joints, in numbers of one double; leave precision out"
+            )
         return cls(plan, with_lists(plan._one, site))
 
     def prepared(self, first: State, starts: Planes, curves: bool, level: float | None = None) -> Any:

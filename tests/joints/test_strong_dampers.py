@@ -1,0 +1,250 @@
+"""Dampers stronger than an explicit half kick can resolve are refused, and motors at their rated speed hold it.
+
+The wheel and its damping are those of a published robot (hello-robot-stretch-urdf): 5.1e-5 kg m^2, 21.75 N m s;
+I w' = -c w, so that w = w0 exp(-c t/I).
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.compiler import kernel
+from liemech.joints import (
+    BallJoint,
+    Damper,
+    DryFriction,
+    JointForce,
+    Limited,
+    Link,
+    Linkage,
+    Motor,
+    PrismaticJoint,
+    RevoluteJoint,
+    Spring,
+)  # fmt: skip
+
+UP, ACROSS, ORIGIN = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]
+INERTIA, DAMPING = 5.1e-5, 21.75
+BOTH = [False, pytest.param(True, marks=pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite"))]
+
+
+def wheel(*forces: Any, inertia: float = INERTIA, **of_joint: Any) -> Linkage:
+    hinge = RevoluteJoint(0, None, ORIGIN, ORIGIN, UP, UP, name="wheel", **of_joint)
+    return Linkage([Link(0.2, [inertia] * 3)], [hinge], gravity=0.0, forces=forces)
+
+
+def longest(error: Any) -> tuple[float, float]:
+    """The ratio that a refusal tells, and the longest step."""
+    found = re.search(r"c h/\(2 I\) is (\S+), .* Steps may be (\S+) long", str(error.value))
+    assert found is not None, error.value
+    return float(found[1]), float(found[2])
+
+
+@pytest.mark.parametrize("how", BOTH)
+def test_a_damper_that_throws_a_wheel_back_is_refused(how: bool) -> None:
+    system = wheel(Damper("wheel", DAMPING))
+    start = system.state(angles={}, rates={"wheel": 1.0})
+    with pytest.raises(lm.errors.NoConvergence, match="joint 'wheel'") as told:
+        lm.integrate(system, lm.LieRATTLE(), start, h=1e-3, steps=100, compiled=how)
+    ratio, h = longest(told)
+    assert ratio == pytest.approx(DAMPING * 1e-3 / (2.0 * INERTIA), rel=1e-3)
+    assert h == pytest.approx(2.0 * INERTIA / DAMPING, rel=5e-3)
+    assert len(told.value.trajectory) == 1
+
+
+def test_shorter_steps_give_the_exponential() -> None:
+    system = wheel(Damper("wheel", DAMPING))
+    start, h = system.state(angles={}, rates={"wheel": 1.0}), 0.02 * INERTIA / DAMPING
+    moved = lm.integrate(system, lm.LieRATTLE(), start, h=h, steps=1000, compiled=False).joint("wheel")
+    assert np.abs(moved.rate - np.exp(-DAMPING * h * np.arange(1001) / INERTIA)).max() < 2e-5
+    assert moved.angle[-1] == pytest.approx(INERTIA / DAMPING, rel=2e-4)
+    assert moved.work[-1] == pytest.approx(-0.5 * INERTIA, rel=1e-3)
+
+
+def test_a_motor_from_rest_under_a_strong_damper_is_refused() -> None:
+    system = wheel(Damper("wheel", DAMPING), Motor("wheel", 1.0))
+    with pytest.raises(lm.errors.NoConvergence, match="joint 'wheel'"):
+        lm.integrate(system, lm.LieRATTLE(), system.state(angles={}), h=1e-3, steps=3, compiled=False)
+
+
+def test_a_rotor_counts_as_inertia() -> None:
+    geared, bare = (wheel(Damper("wheel", DAMPING), armature=x) for x in (0.02, 0.0))
+    start = geared.state(angles={}, rates={"wheel": 1.0})
+    moved = lm.integrate(geared, lm.LieRATTLE(), start, h=1e-3, steps=2, compiled=False)
+    ratio = DAMPING * 1e-3 / (2.0 * (INERTIA + 0.02))
+    rates = ((1.0 - ratio) / (1.0 + ratio)) ** np.arange(3)
+    assert moved.joint("wheel").rate == pytest.approx(rates, rel=1e-12)
+    with pytest.raises(lm.errors.NoConvergence, match="c h/"):
+        lm.integrate(bare, lm.LieRATTLE(), bare.state(angles={}, rates={"wheel": 1.0}), h=1e-3, steps=1, compiled=False)
+    with pytest.raises(lm.errors.NoConvergence, match="c h/") as told:
+        lm.integrate(geared, lm.LieRATTLE(), start, h=2e-3, steps=1, compiled=False)
+    assert longest(told)[1] == pytest.approx(2.0 * (INERTIA + 0.02) / DAMPING, rel=5e-3)
+
+
+def test_a_slider() -> None:
+    system = Linkage(
+        [Link(0.01, [1e-5] * 3)],
+        [PrismaticJoint(0, None, ORIGIN, ORIGIN, UP, name="slide")],
+        gravity=0.0,
+        forces=[Damper("slide", 50.0)],
+    )
+    start = system.state(angles={}, rates={"slide": 1.0})
+    with pytest.raises(lm.errors.NoConvergence, match="joint 'slide'") as told:
+        lm.integrate(system, lm.LieRATTLE(), start, h=1e-2, steps=4, compiled=False)
+    assert longest(told)[1] == pytest.approx(2.0 * 0.01 / 50.0, rel=5e-3)
+
+
+def seen_inertia(system: Linkage, start: Any, joint: int) -> float:
+    """A unit torque over the acceleration of a joint at rest, by the reduced equation."""
+    pushed, dim = Linkage(system.links, system.joints, 0.0, forces=[Motor(joint, 1.0)]), len(start.mu)
+    still = pushed.state(np.zeros(dim), start.g)
+    speed = pushed.velocity(lm.vec(*pushed.rate(0.0, still)[dim:]))
+    one, two = system.joints[joint].motions(*poses(system, start, joint))[0]
+    return 1.0 / float(np.dot(one, speed[6 * joint : 6 * joint + 6]) + np.dot(two, speed[6 * joint - 6 : 6 * joint]))
+
+
+def poses(system: Linkage, start: Any, joint: int) -> Any:
+    found = system.poses(np.array(start.g))
+    return tuple(lm.mat(*[lm.vec(*row) for row in found[b].tolist()]) for b in (joint, joint - 1))
+
+
+@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize("composed", [False, True])
+def test_in_a_chain_the_inertia_is_that_which_the_joint_feels(count: int, composed: bool) -> None:
+    links = [Link(1.0 + 0.1 * k, [0.1, 0.12, 0.15]) for k in range(count)]
+    joints = [RevoluteJoint(0, None, [0, 0, 0.5], ORIGIN, ACROSS, ACROSS)] + [
+        RevoluteJoint(k, k - 1, [0, 0, 0.5], [0, 0, -0.5], ACROSS, ACROSS) for k in range(1, count)
+    ]
+    system = Linkage(links, joints, 0.0, forces=[Damper(count - 1, 1.0)])
+    start = system.state(angles={0: 0.4, count - 1: 0.7}, rates={0: 1e-3})
+    h, method = 2.0 * seen_inertia(system, start, count - 1), lm.LieRATTLE()  # type: float, Any
+    if composed:
+        method = lm.Composition(method, order=4)
+        h = h / max(abs(share) for share in method.tableau.gamma)
+    lm.integrate(system, method, start, h=0.999 * h, steps=1, compiled=False)
+    with pytest.raises(lm.errors.NoConvergence, match=f"joint {count - 1}"):
+        lm.integrate(system, method, start, h=1.001 * h, steps=1, compiled=False)
+
+
+def test_light_parts_are_seen_beside_heavy_ones() -> None:
+    # A wrist of 1e-5 kg m^2 behind an arm that a motor swings: its energy is nothing beside that of the arm.
+    system = Linkage(
+        [Link(5.0, [1.0, 1.0, 1.0]), Link(1e-3, [1e-5] * 3), Link(1e-3, [1e-5] * 3)],
+        [
+            RevoluteJoint(0, None, [0, 0, 0.5], ORIGIN, ACROSS, ACROSS),
+            RevoluteJoint(1, 0, ORIGIN, [0, 0, -0.5], UP, UP, name="wrist"),
+            BallJoint(2, 1, ORIGIN, ORIGIN, name="finger"),
+        ],
+        forces=[Motor(0, 30.0), Damper("wrist", 0.05)],
+    )
+    with pytest.raises(lm.errors.NoConvergence, match="joint 'wrist'"):
+        lm.integrate(system, lm.LieRATTLE(), system.state(angles={0: 1.0}), h=1e-3, steps=3, compiled=False)
+
+
+@lm.record
+class Friction(lm.Force):
+    """Friction, and a force across the velocity that does no work."""
+
+    damping: float
+    across: float
+
+    def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+        turned = lm.vec(-xi[1], xi[0], 0.0)
+        return self.across * turned - self.damping * xi
+
+
+@pytest.mark.parametrize("how", BOTH)
+@pytest.mark.parametrize("method", [lm.LieVerlet(), lm.KickDrift()])
+def test_loads_on_free_bodies(method: Any, how: bool) -> None:
+    body = lm.MechanicalSystem(lm.RigidBody([1e-3] * 3), lm.NoPotential(), load=Friction(1.0, 0.0))
+    start = body.state(xi=[0.0, 0.0, 1.0], g=np.eye(3))
+    with pytest.raises(lm.errors.NoConvergence, match="Friction") as told:
+        lm.integrate(body, method, start, h=1e-2, steps=3, compiled=how)
+    assert longest(told) == pytest.approx((5.0, 2e-3), rel=5e-3)
+    moved = lm.integrate(body, method, start, h=1e-5, steps=100, compiled=how)
+    assert moved.mu[-1, 2] == pytest.approx(1e-3 * np.exp(-1.0), rel=1e-4)
+    magnetic = lm.MechanicalSystem(lm.RigidBody([1e-3] * 3), lm.NoPotential(), load=Friction(0.0, 1.0))
+    start = magnetic.state(xi=[1.0, 0.0, 0.0], g=np.eye(3))
+    turned = lm.integrate(magnetic, method, start, h=1e-2, steps=3, compiled=how)
+    assert len(turned) == 4  # it only turns the velocity, however strong
+
+
+@pytest.mark.parametrize("count", [2, 6])
+def test_loads_on_sites(count: int) -> None:
+    load = lm.PerSite(Friction(1.0, 0.0))
+    body = lm.MechanicalSystem(
+        lm.LiePoissonSystem(lm.SO3() ** count, lm.PerSite(lm.KineticEnergy([1e-3] * 3))), lm.NoPotential(), load=load
+    )
+    start = body.state(xi=np.ones((count, 3)), g=np.tile(np.eye(3), (count, 1, 1)))
+    with pytest.raises(lm.errors.NoConvergence, match="c h/"):
+        lm.integrate(body, lm.KickDrift(), start, h=1e-2, steps=3, compiled=False)
+    moved = lm.integrate(body, lm.KickDrift(), start, h=1e-5, steps=100, compiled=False)
+    assert np.ravel(moved.mu[-1]) == pytest.approx(1e-3 * np.exp(-1.0), rel=1e-4)
+
+
+def test_damping_of_rods() -> None:
+    # every frame is slowed by -c J xi, so that the ratio is c h/2 for all of them
+    rod = lm.models.CosseratRod(lm.models.RodSection.round(0.02, 1e6, 1000.0), 1.0, 4, damping=3.0)
+    start = rod.at_rest()
+    with pytest.raises(lm.errors.NoConvergence, match=r"c h/\(2 I\) is 1.5,.* 0.667 long"):
+        lm.integrate(rod, lm.KickDrift(), start, h=1.0, steps=1, compiled=False)
+
+
+@lm.record
+class Hold(JointForce):
+    """A controller with damping of its own."""
+
+    stiffness: float
+    damping: float
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        return -self.stiffness * q - self.damping * rate
+
+
+def test_controllers_are_dampers_and_dry_friction_is_none() -> None:
+    system = wheel(Hold("wheel", 1.0, 0.5), inertia=1e-4)
+    with pytest.raises(lm.errors.NoConvergence, match="joint 'wheel'") as told:
+        lm.integrate(system, lm.LieRATTLE(), system.state(angles={"wheel": 0.1}), h=1e-3, steps=3, compiled=False)
+    assert longest(told)[0] == pytest.approx(2.5, rel=1e-3)
+    # friction that stops a wheel at any speed of its regularisation, and one cut at a limit
+    for force in (DryFriction("wheel", 0.02, 1e-6), Limited("wheel", Hold("wheel", 0.0, 50.0), 0.02)):
+        rubbed = wheel(force, Spring("wheel", 1e-3), inertia=0.01)
+        start = rubbed.state(angles={}, rates={"wheel": 1.0})
+        steps = 400 if isinstance(force, DryFriction) else 40
+        assert len(lm.integrate(rubbed, lm.LieRATTLE(), start, h=1e-3, steps=steps, compiled=False)) == steps + 1
+
+
+@pytest.mark.parametrize("how", BOTH)
+def test_a_motor_holds_its_rated_speed(how: bool) -> None:
+    # rate = torque t/I up to the speed, beyond which the first kick may carry it by half of what a step adds
+    for inertia, h in ((0.02, 1e-3), (0.01, 1e-3), (0.009, 1e-3), (0.005, 1e-3), (0.002, 1e-3), (0.002, 2.5e-4)):
+        system = wheel(Limited("wheel", Motor("wheel", 1.0), 21.0, 8.0), inertia=inertia)
+        steps = round(0.3 / h)
+        moved = lm.integrate(system, lm.LieRATTLE(), system.state(angles={}), h=h, steps=steps, compiled=how)
+        rate, t = moved.joint("wheel").rate, moved.t
+        free = t < 7.9 * inertia - h
+        assert np.abs(rate[free] - t[free] / inertia).max() < 1e-12
+        held = rate[t > 8.0 * inertia + 20.0 * h]
+        assert np.all(held >= 8.0 - 1e-3) and np.ptp(held) < 1e-3
+        assert rate.max() <= 8.0 + 0.5 * h / inertia
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=lm.errors.NoConvergence,
+    reason="Newton's iteration of several motors that reach their speeds together, behind each other, goes round in a circle",
+)
+def test_motors_in_a_row_hold_their_speeds() -> None:
+    links = [Link(1.0, [0.01, 0.01, 0.01])] + [Link(0.1, [0.001, 0.001, 0.001]) for _ in range(3)]
+    joints = [RevoluteJoint(k, None if k == 0 else k - 1, ORIGIN, ORIGIN, UP, UP) for k in range(4)]
+    for torque, speed in ((0.1, 2.0), (1.0, 2.0)):
+        motors = [Limited(k, Motor(k, torque), 97.0, speed) for k in range(4)]
+        system = Linkage(links, joints, 0.0, forces=motors)
+        moved = lm.integrate(system, lm.LieRATTLE(), system.state(angles={}), h=1e-3, steps=200, compiled=False)
+        for k in range(4):
+            assert moved.joint(k).rate.max() < speed + 1e-3 * torque / 0.001
