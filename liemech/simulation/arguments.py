@@ -400,6 +400,9 @@ def checkpoint(path: Any, every: Any) -> Checkpoint:
         or (os.path.exists(path) and not os.path.isfile(path))
     ):
         raise InvalidInput(f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}")
+    from .files import archive  # here, for runs do not wait for it
+
+    archive.require_ending(path, archive.ENDINGS)
     if isinstance(every, str):
         found = re.fullmatch(r"\s*([0-9]+(?:_[0-9]+)*)[\s_]*steps?\s*", every)
         if found is None:

@@ -31,7 +31,10 @@ class Checkpoint:
         return self
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        self.end(getattr(error, "trajectory", None))
+        run = getattr(error, "trajectory", None)
+        if run is not None and isinstance(error, KeyboardInterrupt):
+            self.save(run)  # as far as it has come
+        self.end(run)
         if self.failed is not None:
             there = f"the file has the run {self.written}" if self.written else "nothing is there of it"
             warn(

@@ -9,6 +9,7 @@ import pytest
 
 import liemech as lm
 from liemech.compiler import kernel
+from liemech.formulas import cos, sin
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 STEADY = BODY.state(xi=[0.0, 0.0, 10.0], g=np.eye(3))
@@ -135,9 +136,13 @@ class Oscillator(lm.SeparableSystem):
 
 
 def test_a_step_of_a_million_turns_is_refused_if_events_are_asked_for() -> None:
-    start = BODY.state(xi=[0.0, 0.0, 10.0], g=np.eye(3))
+    class Fast(lm.GroupEquation):
+        def velocity(self, t: float, g: Any) -> Any:
+            return lm.vec(1e7)
+
+    fast = Fast(lm.SO(2))
     with pytest.raises(lm.errors.InvalidInput, match="turns is too long for `events`"):
-        lm.integrate(BODY, lm.ExactFreeBody(), start, h=1e7, steps=1, events=turned, compiled=False)
+        lm.integrate(fast, lm.RKMK(order=4), fast.state(np.eye(2)), h=1.0, steps=1, events=turned, compiled=False)
 
 
 # ------------------------------------------------------------------ a zero at the start
@@ -282,7 +287,7 @@ def test_a_jump_is_no_zero(compiled: bool) -> None:
         return (state.q[0] + 3.0) % 6.0 - 3.0 - 0.5  # zero at 0.5 and 6.5; jumps at 3
 
     def pole(t: float, state: Any) -> float:
-        return 1.0 / (state.q[0] - 2.0625)
+        return sin(state.q[0] - 0.2) / cos(state.q[0] - 0.2)
 
     def sign(t: float, state: Any) -> float:
         return 1.0 if state.q[0] > 1.3 else -1.0
@@ -296,10 +301,11 @@ def test_a_jump_is_no_zero(compiled: bool) -> None:
         messages = [str(one.message) for one in told]
         assert [
             sum(f"{name} jumps over zero at t = {t}" in m for m in messages)
-            for name, t in (("wrapped", 3), ("pole", 2.0625), ("sign", 1.3))
+            for name, t in (("wrapped", 3), ("pole", "1.77079"), ("sign", 1.3))
         ] == [1, 1, 1]
         assert run.events[0][0] == pytest.approx([0.5, 6.5], abs=1e-12)
-        assert [len(times) for times, _ in run.events] == [2, 0, 0]
+        assert run.events[1][0] == pytest.approx([0.2, 0.2 + np.pi, 0.2 + 2.0 * np.pi], abs=1e-12)
+        assert not len(run.events[2][0])
 
 
 @pytest.mark.filterwarnings("error")
@@ -309,7 +315,7 @@ def test_a_steep_zero_is_one() -> None:
 
     def steep(t: float, state: Any) -> float:
         x = state.q[0] - 0.3
-        return lm.sqrt(x) if x > 0.0 else -lm.sqrt(-x)
+        return x**0.5 if x > 0.0 else -((-x) ** 0.5)
 
     def stairs(t: float, state: Any) -> float:
         return np.tanh(1e6 * (float(state.q[0]) - 0.3))

@@ -34,6 +34,7 @@ from ..sites.states import kind_of
 from ..stopped import Stopped
 from .arrays import read, write
 from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
+from .labelled import to_csv
 
 FORMAT = 4
 READ = 2, 3, 4
@@ -47,6 +48,9 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on
     the disk.
     """
+    if require_ending(path) == ".csv":
+        to_csv(run, path)
+        return
     kind = type(run).__name__
     if kind not in KINDS:
         raise InvalidInput(f"Trajectory.save: a {kind} has more than samples; save the arrays you need, numpy.savez")
@@ -92,8 +96,22 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     write(Path(path), arrays | pool.arrays, about)
 
 
+ENDINGS = ".npz", ".h5", ".hdf5", ""
+"""Of files that are read again; a name without one is of NumPy's kind."""
+
 ORIGIN = "given", "start"
 """The fields of the origin of a run in fictive time that are kept."""
+
+
+def require_ending(path: str | os.PathLike[str], known: tuple[str, ...] = (*ENDINGS, ".csv")) -> str:
+    """The ending of the name of a file to be written.  Raises InvalidInput for one that is not known."""
+    ending = Path(path).suffix.lower()
+    if ending not in known:
+        raise InvalidInput(
+            f"{os.fspath(path)}: the ending {ending!r} names no kind of file that a run is written to; take one of "
+            f"{', '.join(filter(None, known))}"
+        )
+    return ending
 
 
 def here() -> dict[str, str]:
