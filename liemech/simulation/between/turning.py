@@ -53,7 +53,7 @@ class Turning:
                 pairs * np.einsum("ni,ij,nj->n", own, np.einsum("iab,jab->ij", basis, basis.conj()).real, own)
             )
             rotation = len(basis[0]) <= 3 and np.array_equal(basis, -basis.transpose(0, 2, 1))
-            fast = np.flatnonzero(bound > QUARTER) if not rotation else ()
+            fast = np.flatnonzero((bound > QUARTER) & (not rotation))
             if len(fast):
                 matrices = np.einsum("ni,iab->nab", own[fast], basis)
                 good = np.isfinite(matrices).all(axis=(1, 2))
