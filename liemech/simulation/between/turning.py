@@ -49,9 +49,9 @@ class Turning:
             own = xi[:, places].reshape(-1, len(basis))
             # eigenvalues of real matrices come in pairs: twice the square of one is at most the norm's
             pairs = 1.0 if np.iscomplexobj(basis) else 0.5
-            bound = np.sqrt(
-                pairs * np.einsum("ni,ij,nj->n", own, np.einsum("iab,jab->ij", basis, basis.conj()).real, own)
-            )
+            squares = np.einsum("iab,jab->ij", basis, basis.conj()).real
+            with np.errstate(invalid="ignore", over="ignore"):
+                bound = np.sqrt(np.abs(pairs * np.einsum("ni,ij,nj->n", own, squares, own)))
             rotation = len(basis[0]) <= 3 and np.array_equal(basis, -basis.transpose(0, 2, 1))
             fast = np.flatnonzero((bound > QUARTER) & (not rotation))
             if len(fast):
