@@ -277,7 +277,7 @@ class Events:
             return found
 
         try:
-            at, jumps = roots(value, *ends, old[event, look], new[event, look])
+            at, jumps = roots(value, ends[0], ends[1], old[event, look], new[event, look])
             numbers = self.run.inside(piece, whole, at)
         except Exception:
             return None

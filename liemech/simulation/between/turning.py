@@ -7,8 +7,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
-from scipy.special import comb
 
 from ...errors import InvalidInput, NotDefined
 from ...formulas.sizes import EPSILON
@@ -81,6 +79,8 @@ def _collect(group: Any, start: int, starts: dict[Any, list[int]]) -> None:
 
 def _blocks(group: Any) -> list[np.ndarray]:
     """Bases of matrices with the eigenvalues of xi and of ad_xi: the irreducible diagonal blocks."""
+    from scipy.sparse.csgraph import connected_components
+
     algebra, bases = group.algebra, []
     try:
         basis = algebra.basis
@@ -134,6 +134,8 @@ def looks_on_the_way(turning: Turning, ways: np.ndarray, blocks: tuple[int, ...]
 @functools.lru_cache(64)
 def _bernstein(terms: int) -> np.ndarray:
     """The Bernstein coefficients of the derivative of sum_j s^(j+1), (terms, terms): a column for every j."""
+    from scipy.special import comb
+
     k, j = np.meshgrid(np.arange(terms), np.arange(terms), indexing="ij")
     return np.asarray(comb(k, j) / comb(terms - 1, j) * (j + 1.0))
 

@@ -25,6 +25,7 @@ from ...systems.system import State, System, small_state
 from ..between.dense import DenseOutput, DenseOutputs
 from ..between.events import Met
 from ..carry import Carry, SiteCarry
+from ..checkpoint import require_ending
 from ..compiled.control import CLOCK
 from ..compiled.systems import Methods, OfBodies, Systems, of_body
 from ..fictive_time.arrival import FictiveMotion
@@ -96,22 +97,8 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     write(Path(path), arrays | pool.arrays, about)
 
 
-ENDINGS = ".npz", ".h5", ".hdf5", ""
-"""Of files that are read again; a name without one is of NumPy's kind."""
-
 ORIGIN = "given", "start"
 """The fields of the origin of a run in fictive time that are kept."""
-
-
-def require_ending(path: str | os.PathLike[str], known: tuple[str, ...] = (*ENDINGS, ".csv")) -> str:
-    """The ending of the name of a file to be written.  Raises InvalidInput for one that is not known."""
-    ending = Path(path).suffix.lower()
-    if ending not in known:
-        raise InvalidInput(
-            f"{os.fspath(path)}: the ending {ending!r} names no kind of file that a run is written to; take one of "
-            f"{', '.join(filter(None, known))}"
-        )
-    return ending
 
 
 def here() -> dict[str, str]:
