@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -47,6 +47,7 @@ class SPC(PointTerm):
     SPC/E Berendsen, Grigera and Straatsma, J. Phys. Chem. 91 (1987), 6269.
     """
 
+    time_unit: ClassVar[str] = "ps"
     hydrogen: float = 0.41
     A: float = 3.7122
     B: float = 3.428

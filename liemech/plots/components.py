@@ -62,7 +62,7 @@ def unit_of(system: Any, name: str) -> str:
     """
     if isinstance(system, (Pendulum, DoublePendulum)):
         return {"q": " (rad)", "p": " (kg m$^2$/s)"}.get(name, "")
-    turning = name == "mu" and turns(configurations(system)) and time_unit(system)
+    turning = name == "mu" and turns(configurations(system)) and time_unit(system) == "s"
     return " (kg m$^2$/s)" if turning else ""
 
 

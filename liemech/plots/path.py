@@ -44,7 +44,7 @@ def path(run: Any, *, ax: Axes | None = None, title: str | None = None, view: tu
     needs_run(run, "plots.path")
     points, joints = _points(run)
     flat = points.shape[-1] == 2
-    unit = "" if not time_unit(run.system) else " (m)"
+    unit = " (m)" if time_unit(run.system) == "s" else ""
     words = (f"$x${unit}", f"$y${unit}") if flat else ("", "")
     ax = plane_axes(ax, title, *words, (4.4, 4.0))
     ax.set_aspect("equal", adjustable="datalim")

@@ -209,8 +209,13 @@ def thinned(n: int, most: int = MOST_DOTS) -> Any:
 
 
 def time_unit(system: Any) -> str:
-    """The unit of the time of a system, "s", or "" where there is none, as of spins."""
-    return "" if is_spin(base_of(system)) else system.time_unit
+    """The unit of the time of a system, "s" or that of its terms, or "" where there is none, as of spins."""
+    if is_spin(base_of(system)):
+        return ""
+    parts = getattr(getattr(system, "potential", None), "parts", ())
+    of_terms = [part.term.time_unit for part in parts if getattr(part, "term", None) and part.term.time_unit]
+    unit: str = of_terms[0] if of_terms else system.time_unit
+    return unit
 
 
 def save(figure: Figure, path: str | PathLike[str], dpi: int = 200) -> None:

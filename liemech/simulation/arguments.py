@@ -17,7 +17,7 @@ from ..formulas import Vec, check_finite, real_array
 from ..integrators.ending_at_jumps import apart
 from ..integrators.method import Method
 from ..systems.system import State, System
-from .checkpoint import Checkpoint
+from .checkpoint import ENDINGS, Checkpoint, require_ending
 
 MOST = 2**53
 """Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to
@@ -400,6 +400,7 @@ def checkpoint(path: Any, every: Any) -> Checkpoint:
         or (os.path.exists(path) and not os.path.isfile(path))
     ):
         raise InvalidInput(f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}")
+    require_ending(path, ENDINGS)
     if isinstance(every, str):
         found = re.fullmatch(r"\s*([0-9]+(?:_[0-9]+)*)[\s_]*steps?\s*", every)
         if found is None:

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import os
 import time
+from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidInput, warn
 
 SHARE = 0.05
 """Part of the time of a run that writing may take, unless it was said after how many steps."""
+
+ENDINGS = ".npz", ".h5", ".hdf5", ""
+"""Of files that are read again; a name without one is of NumPy's kind."""
+
+
+def require_ending(path: str | os.PathLike[str], known: tuple[str, ...] = (*ENDINGS, ".csv")) -> str:
+    """The ending of the name of a file to be written.  Raises InvalidInput for one that is not known."""
+    ending = Path(path).suffix.lower()
+    if ending not in known:
+        raise InvalidInput(
+            f"{os.fspath(path)}: the ending {ending!r} names no kind of file that a run is written to; take one of "
+            f"{', '.join(filter(None, known))}"
+        )
+    return ending
 
 
 class Checkpoint:
@@ -31,7 +46,10 @@ class Checkpoint:
         return self
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        self.end(getattr(error, "trajectory", None))
+        run = getattr(error, "trajectory", None)
+        if run is not None and isinstance(error, KeyboardInterrupt):
+            self.save(run)  # as far as it has come
+        self.end(run)
         if self.failed is not None:
             there = f"the file has the run {self.written}" if self.written else "nothing is there of it"
             warn(

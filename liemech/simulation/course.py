@@ -89,12 +89,15 @@ class Course:
 
     def _stopped(self, error: Any) -> Any:
         """The error or interrupt that ends a run, with the run so far."""
-        if isinstance(error, KeyboardInterrupt) and not isinstance(error, IntegrationInterrupted):
-            error = IntegrationInterrupted(f"integrate: interrupted {self.so_far()}")
+        interrupted = isinstance(error, KeyboardInterrupt) and not isinstance(error, IntegrationInterrupted)
+        if interrupted:
+            error = IntegrationInterrupted()
         elif getattr(error, "trajectory", None) is not None and not self.bodies:
             return error
         goes_on = self.settle(error)
         error.trajectory = of_run(self, goes_on)
+        if interrupted:  # it may stand further on than where it was last looked at
+            error.args = (f"integrate: interrupted {self.so_far()}",)
         return error
 
 

@@ -472,15 +472,20 @@ class StraightRun(EqualRun):
         t, numbers, _ = self._gathered()
         return t, numbers
 
+    @property
+    def furthest(self) -> int:
+        """The step to which some body has come, which Ctrl-C may have stopped before the others."""
+        return int(max(self.reached, self.clocks[TAKEN, ~self.over].max(initial=0.0)))
+
     def so_far(self) -> str:
-        t = f"{self.way.clock} = {self.zero[0] + self.reached * self.h[0]:g}"
-        text = f"after {self.reached} of {self.done + self.steps} steps, {t}"
+        t = f"{self.way.clock} = {self.zero[0] + self.furthest * self.h[0]:g}"
+        text = f"after {self.furthest} of {self.done + self.steps} steps, {t}"
         return f"{text}; {len(self._gathered()[0])} samples are in `.trajectory`"
 
     def _stopped_stay(self, samples: Straight) -> int:
         """Let bodies that stopped stay in later samples; how many samples are there?"""
         taken = self.clocks[TAKEN]
-        many = int(samples.samples_after(max(self.reached, taken[~self.over].max(initial=0.0))))
+        many = int(samples.samples_after(self.furthest))
         for i in np.flatnonzero((taken < taken.max()) | (taken < self.reached) | self.over).tolist():
             k = max(0, int(samples.samples_after(taken[i])) - samples.first) if not self.over[i] else 0
             samples.array[k : many - samples.first, :, i] = self.here[1:, i]
@@ -556,7 +561,7 @@ class StraightRun(EqualRun):
 
     @property
     def most(self) -> int:
-        return self.reached - self.done
+        return self.furthest - self.done
 
     def ended(self) -> dict[int, Any]:
         """As of every run; the errors have no trajectories, which would be many."""

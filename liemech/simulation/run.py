@@ -132,6 +132,10 @@ class Run(Course):
         """The numbers of these states."""
         return self.between.moved(given, times, body)
 
+    def looks(self, piece: Piece, step: np.ndarray) -> np.ndarray:
+        """How many looks into steps are needed so that none is more than a quarter of a turn from the last."""
+        return self.between.looks(piece.rows(step, before=True), piece.rows(step), piece.body[step])
+
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         """Let the step of a row end inside: at this time, in this state."""
         row[0], row[1 : 1 + len(numbers)] = at, numbers

@@ -343,10 +343,11 @@ class Trajectory:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;
         nothing is pickled.
 
-        path : with the ending .h5 or .hdf5 an HDF5 file, which needs h5py.
+        path : with the ending .h5 or .hdf5 an HDF5 file, which needs h5py; with .csv the samples alone, as
+        comma-separated values, which `load` does not read.
         A file of this name is replaced when the new one lies on the disk, not before.
-        Raises InvalidInput if a parameter of the system or the method is no number, vector, matrix,
-        text or record.
+        Raises InvalidInput for another ending, and if a parameter of the system or the method is no number, vector,
+        matrix, text or record.
         """
         from .files.archive import save
 

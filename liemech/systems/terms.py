@@ -74,6 +74,8 @@ class Term(Record, StandsForAnEnergy):
     the energy of one body.
     """
 
+    time_unit: ClassVar[str] = ""  # in pictures, of a term whose constants have units
+
     if TYPE_CHECKING:  # with as many arguments as there are sites
         energy: ClassVar[Any]
         covector: ClassVar[Any]

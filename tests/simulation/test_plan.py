@@ -312,10 +312,17 @@ def test_a_terminal_event_ends_steps_of_one_length() -> None:
     assert np.array_equal(ended.mu[-1], free.events[0][1].mu[1])
 
 
+class Even(Limited):
+    """Of a motion that is as even between the ends of the steps."""
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        return lm.BodyState(state.mu + h * (super().step(system, t, state, h).mu - state.mu), state.g)
+
+
 def test_a_failing_run_with_events_keeps_its_samples() -> None:
     start = BODY.state(mu=[-3.0, 0.0, 0.0])
     with pytest.raises(lm.errors.IntegrationFailure, match="no further") as caught:
-        lm.integrate(BODY, Limited(), start, h=1.0, steps=40, events=lambda t, state: state.mu[0] - 0.5, compiled=False)
+        lm.integrate(BODY, Even(), start, h=1.0, steps=40, events=lambda t, state: state.mu[0] - 0.5, compiled=False)
     run = caught.value.trajectory
     assert run.mu[:, 0].tolist() == [*np.arange(-3.0, 11.0)]
     assert len(run.events[0][0]) == 1

@@ -111,3 +111,21 @@ def test_an_event_that_fails(compiled: Any) -> None:
     )  # fmt: skip
     with pytest.raises(lm.errors.NotFinite, match="in an event at t = 0"):
         plan.run(spins(17).state(mu=directions(17)), steps=3)
+
+
+@lm.record
+class Field(lm.Hamiltonian):
+    """A spin in a field of 50."""
+
+    def energy(self, mu: Any) -> Any:
+        return -50.0 * mu[2]
+
+
+@pytest.mark.xfail(strict=True, reason="totals of many sites are looked at where steps end alone")
+def test_no_zero_of_a_total_is_missed_in_long_steps() -> None:
+    """20 spins that turn together, of which the total has 31 zeros in 2."""
+    sites = lm.LiePoissonSystem(lm.SO3() ** 20, lm.PerSite(Field()))
+    start = sites.state(mu=np.tile([1.0, 0.0, 0.0], (20, 1)))
+    given = {"record": ["mu", SPIN], "events": [lambda t, total: total.spin[1]]}
+    run = lm.Plan(sites, lm.RKMK(order=5), h=0.5, compiled=False, **given).run(start, t_end=2.0)
+    assert len(run.events[0][0]) == 31

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,9 +17,11 @@ from ...formulas import Vec, real_array, where
 from ...formulas.frozen import frozen
 from ...formulas.pytree import NUMBER, build, layout_of, leaves, rounded
 from ...integrators.ending_at_jumps import AT_ENDS
+from ...systems.constrained_body import ConstrainedBody
 from ...systems.system import state_of
 from ..compiled.driver import on_the_way
 from ..compiled.execution import COLUMNS, Execution, like, numbers_of
+from .turning import looks_by_velocity, looks_on_the_way, turning_of
 
 
 def along(retraction: Any, system: Any, row: Any, given: Any, out: Any, failures: Any) -> None:
@@ -42,6 +44,27 @@ def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failu
     t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
     moved = attempt(_stepped, method, system, t, state, h)
     report(moved, point, out, failures)
+
+
+def velocity_of(velocity: Any, system: Any, point: Any, moving: Any, given: Any, out: Any, failures: Any) -> None:
+    """The driver: the velocity in a state, and behind it a time; zero where there is none."""
+    state, t = read(given, 0, point), read(given, point.width, NUMBER)
+    moved = attempt(velocity, system, t, state)
+    for k in range(moving.width):
+        write(out, k, 0.0, NUMBER)
+    if any_body(accepted(moved, itself, moving)):
+        write(out, 0, where(accepted(moved, itself, moving), moved, read(out, 0, moving)), moving)
+    write(out, moving.width, 1.0, NUMBER)
+
+
+def _rate(system: Any, t: float, state: Any) -> Any:
+    """The velocity in the Lie algebra."""
+    return rounded(system.rate(t, system.essential_part(state)))
+
+
+def _by_momentum(system: Any, t: float, state: Any) -> Any:
+    """The velocity that belongs to a momentum under constraints, without the rate of the momentum."""
+    return rounded(system.velocity(state.mu))
 
 
 def report(moved: Any, point: Any, out: Any, failures: Any) -> None:
@@ -93,6 +116,7 @@ class Between:
     example: Any
     wanted: bool | None
     rows: Any
+    closer: ClassVar[bool] = False  # may states inside of a step ask for more looks there?
 
     @functools.cached_property
     def width(self) -> int:
@@ -119,6 +143,32 @@ class Between:
         body : of each of them, where parameters are of each body.
         """
         raise NotImplementedError
+
+    def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
+        """How many looks into steps are needed, (m,), so that none is more than a quarter of a turn from the last, from
+        the rows where steps begin and end.
+        """
+        raise NotImplementedError
+
+    def _by_velocities(
+        self, velocity: Any, group: Any, before: np.ndarray, after: np.ndarray, body: np.ndarray
+    ) -> np.ndarray:
+        """`looks`, by a formula for the velocities at both ends, in the algebra of this group."""
+        turning, (method,) = turning_of(group), kernel.examples([self.method])  # type: ignore[attr-defined]
+        if method.noisy or not turning.parts:
+            return np.ones(len(after), dtype=int)
+        new = np.append(True, (before[1:] != after[:-1]).any(axis=1))[
+            : len(after)
+        ]  # steps that do not go on from the last
+        rows, place = np.concatenate([before[new], after]), int(new.sum())
+        given = np.concatenate([rows[:, 1 : 1 + self.width], rows[:, :1]], axis=1)
+        arguments = velocity, self.system, layout_of(self.example), layout_of(Vec(*[0.0] * group.dim))  # type: ignore[attr-defined]
+        xi = evaluated(velocity_of, arguments, given, group.dim, self.wanted, body=np.concatenate([body[new], body]))
+        end = xi[place:]
+        begun = np.concatenate([end[:1], end[:-1]])
+        begun[new] = xi[:place]
+        spans = (after[:, 0] - before[:, 0])[:, None]
+        return looks_by_velocity(np.maximum(turning(spans * begun), turning(spans * end)))
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times
@@ -191,6 +241,12 @@ class DenseOutput(Between):
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
         return evaluated(along, arguments, given, self.width, self.wanted, what, body)
 
+    def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
+        """By the ways between, of which all is known."""
+        (system,) = kernel.examples([self.system])
+        ways = after[:, 1 + self.width :].reshape(len(after), -1, system.group.dim)
+        return looks_on_the_way(turning_of(system.group), ways, system.unit_blocks)
+
     def then(self, rest: DenseOutput) -> DenseOutput:
         """This motion and the one that follows it."""
         return dataclasses.replace(rest, rows=np.concatenate([self.rows, rest.rows[1:]]))
@@ -232,6 +288,8 @@ class ShortSteps(Between):
     order : of accuracy: a single step more at the end of many changes little.
     """
 
+    closer: ClassVar[bool] = True
+
     system: Any
     method: Any
     example: Any
@@ -246,6 +304,13 @@ class ShortSteps(Between):
     def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
         points, begun = before[:, 1 : 1 + self.width], before[:, 0]
         return np.concatenate([points, begun[:, None], (times - begun)[:, None]], axis=1)
+
+    def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
+        """By the velocities at both ends."""
+        (system,) = kernel.examples([self.system])
+        if isinstance(system, ConstrainedBody):
+            return self._by_velocities(_by_momentum, system.group.acting, before, after, body)
+        return self._by_velocities(_rate, system.group, before, after, body)
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         (method,) = kernel.examples([self.method])

@@ -57,6 +57,17 @@ NO_EVENTS = Met()
 """The counts of a run without events."""
 
 
+EARLY = 2.0**-10
+"""The part of the first step, or of the way to the first look into it, after which an event that begins at zero has a
+sign.
+"""
+
+STEEP = 0.01
+"""The change of an event in four units in the last place of the time, over that between two looks, which is a jump."""
+
+PORTION = 2**16
+"""Looks that are taken together."""
+
 Zero = tuple[int, float, int, np.ndarray]
 """In which step, when, of which event, and the numbers of the state then."""
 
@@ -111,13 +122,14 @@ def crossed(event: Event, old: Any, new: Any) -> Any:
 class Events:
     """Observer of the zeros of functions of time and state, for all bodies of a run.
 
-    each : of every body its own watch.  blind : of events that were nan the name, and the body and
-    the time of the first one.
+    each : of every body its own watch.  blind, jumps : of events that were nan, and that jump over zero, the
+    name, and the body and the time of the first one.  fresh : bodies that are still where their run begins.
     """
 
     def __init__(self, run: Any, events: tuple[Event, ...]) -> None:
         self.run, self.events, self.floats = run, events, True
         self.blind: dict[int, tuple[str, int, float]] = {}
+        self.jumps: dict[int, tuple[str, int, float]] = {}
         self.each: dict[int, Watch] = {}
         met, cut = ({}, {}) if run.fresh else (run.start.met, run.before.cut)  # type: Any, Any
         for i in np.flatnonzero(~run.over).tolist():
@@ -129,6 +141,7 @@ class Events:
                 if known[ended] == name_of(events[ended]):
                     values[ended] = 0.0
             self.each[i] = Watch(events, values, before)
+        self.fresh = {*self.each}
         layout, _ = run.view.seen(run.here[1:, :1].T)
         self.kernels = [execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True) for event in events]
 
@@ -160,15 +173,14 @@ class Events:
         """
         if not len(piece):
             return {}
-        steps = np.arange(len(piece))
         hits: dict[int, Zero] = {}
-        left = [(int(k), int(k)) for k in steps[piece.begins]]  # steps for plain Python, and their body
+        steps, starts = np.arange(len(piece)), np.flatnonzero(piece.begins)
+        left = [(int(k), int(piece.body[k])) for k in steps[starts]]  # where plain Python begins, and with which body
         if self.floats and all([execution.ready(0.0) for execution, _ in self.kernels]):  # noqa: C419
             found = self._natively(piece)
             if found is not None:
                 hits, left = found
-        for k, first in left:
-            body = int(piece.body[first])
+        for k, body in left:
             if body in hits:
                 continue
             with ExitStack() as stack:
@@ -180,36 +192,64 @@ class Events:
         return hits
 
     def _natively(self, piece: Any) -> Any:
-        """Zeros in native code, and of bodies of which an event failed the first step where it did;
-        None if an event fails on the way to a zero.
+        """Zeros in native code, and of bodies of which an event failed the first step where it did; None if there is
+        nothing yet and an event fails on the way to a zero.
         """
-        new = self._values(piece.rows(slice(None))[:, self.run.head][:, 1:], piece.b)
-        begins = piece.begins
-        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
-        bodies = piece.body[begins].tolist()
-        old[:, begins] = np.array([self.each[i].values for i in bodies]).T
-        failed = np.isnan(new).any(axis=0)
-        place = np.arange(len(piece))
-        starts = np.flatnonzero(begins)
-        bad = np.minimum.reduceat(np.where(failed, place, len(piece)), starts)
-        good = np.flatnonzero(place < np.repeat(bad, np.diff(np.append(starts, len(piece)))))
-        zeros = self._zeros(piece, old[:, good], new[:, good], good)
-        if zeros is None:
+        hits: dict[int, Zero] = {}
+        left: dict[int, int] = {}
+        try:
+            counts = self.run.looks(piece, np.arange(len(piece)))
+        except Exception:
             return None
+        portion = np.cumsum(counts) // PORTION
+        for steps in np.split(np.arange(len(piece)), np.flatnonzero(portion[1:] != portion[:-1]) + 1):
+            bodies = piece.body[steps]
+            if hits or left:
+                steps = steps[~np.isin(bodies, [*hits, *left])]
+            if len(steps) and not self._portion(piece, steps, counts[steps], hits, left):
+                first = np.append(True, piece.body[steps[1:]] != piece.body[steps[:-1]])
+                left |= {int(piece.body[k]): int(k) for k in steps[first]}
+        return hits, [(k, body) for body, k in left.items()]
+
+    def _portion(
+        self, piece: Any, steps: np.ndarray, counts: np.ndarray, hits: dict[int, Zero], left: dict[int, int]
+    ) -> bool:
+        """Zeros in some steps; False, and nothing has changed, if plain Python has to say why an event or a motion failed.
+
+        hits, left : what is added to: terminal zeros of bodies, and of those of which an event failed the step.
+        """
+        try:
+            step, a, b, numbers = self._looks(piece, steps, counts, self._values)
+            new = self._values(numbers, b)
+        except Exception:
+            return False
+        body = piece.body[step]
+        begins = np.append(True, body[1:] != body[:-1])
+        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
+        bodies = body[begins].tolist()
+        old[:, begins] = np.array([self.each[i].values for i in bodies]).T
+        place, starts = np.arange(len(step)), np.flatnonzero(begins)
+        # of every body the first look into the first step in which an event failed
+        bad = np.where(np.isnan(new).any(axis=0), np.searchsorted(step, step), len(step))
+        bad = np.minimum.reduceat(bad, starts)
+        good = np.flatnonzero(place < np.repeat(bad, np.diff(np.append(starts, len(step)))))
+        zeros = self._zeros(piece, (step[good], a[good], b[good]), old[:, good], new[:, good])
+        if zeros is None:
+            return False
         of_each: dict[int, list[Zero]] = {}
         for zero in zeros:
             of_each.setdefault(int(piece.body[zero[0]]), []).append(zero)
-        met = {i: self.each[i].meet(own) for i, own in of_each.items()}
-        left = []
-        ends = np.append(starts[1:], len(piece))
-        for i, begin, end, first in zip(bodies, starts.tolist(), ends.tolist(), bad.tolist()):
+        hits |= {i: hit for i, own in of_each.items() if (hit := self.each[i].meet(own)) is not None}
+        ends = np.append(starts[1:], len(step))
+        for i, start, end, first in zip(bodies, starts.tolist(), ends.tolist(), bad.tolist()):
             watch = self.each[i]
+            if first != start:
+                self.fresh.discard(i)
             if first < end:
-                watch.values = old[:, first].tolist()
-                left.append((first, begin))
+                watch.values, left[i] = old[:, first].tolist(), int(step[first])
             else:
                 watch.values = new[:, end - 1].tolist()
-        return {i: hit for i, hit in met.items() if hit is not None}, left
+        return True
 
     def _values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Their values at states, (n, width), and times, (n,): (events, n), nan where one failed."""
@@ -217,17 +257,17 @@ class Events:
         found = [natively(*kernel, given, 1) for kernel in self.kernels]
         return np.array([np.where(one[:, 1] == 1.0, one[:, 0], np.nan) for one in found])
 
-    def _zeros(self, piece: Any, old: np.ndarray, new: np.ndarray, good: np.ndarray) -> list[Zero] | None:
-        """The zeros in some steps, in the order in which motions meet them; None if an event or a
+    def _zeros(self, piece: Any, looks: tuple[np.ndarray, ...], old: np.ndarray, new: np.ndarray) -> list[Zero] | None:
+        """The zeros between some looks, in the order in which motions meet them; None if an event or a
         motion failed, which plain Python says again.
 
-        old, new : (events, n) their values where the steps begin and end.
+        looks : of each the step, and the times of the last look and of this one.  old, new : (events, n) the values then.
         """
         changes = [crossed(*one) for one in zip(self.events, old, new, strict=True)]
-        event, step = np.nonzero(changes)
+        event, look = np.nonzero(changes)
         if not len(event):
             return []
-        whole = good[step]
+        whole, *ends = (x[look] for x in looks)
 
         def value(some: np.ndarray, times: np.ndarray) -> np.ndarray:
             values = self._values(self.run.inside(piece, whole[some], times), times)
@@ -237,54 +277,130 @@ class Events:
             return found
 
         try:
-            ends = piece.a[whole], piece.b[whole]
-            at = roots(value, *ends, old[event, step], new[event, step])
+            at, jumps = roots(value, ends[0], ends[1], old[event, look], new[event, look])
             numbers = self.run.inside(piece, whole, at)
         except Exception:
             return None
+        for k in np.flatnonzero(jumps).tolist():
+            self._jumped(int(piece.body[whole[k]]), int(event[k]), at.item(k))
         later = np.where(ends[1] >= ends[0], 1.0, -1.0)
-        order = np.lexsort((later * event, later * at, whole)).tolist()
-        return [(int(whole[k]), at.item(k), int(event[k]), numbers[k]) for k in order]
+        order = np.lexsort((later * event, later * at, whole))
+        return [(int(whole[k]), at.item(k), int(event[k]), numbers[k]) for k in order[~jumps[order]].tolist()]
 
     def _plainly(self, piece: Any, body: int, first: int) -> Zero | None:
-        """Find zeros in the steps of a body from this one on, one event after another."""
+        """Find zeros in the steps of a body from this one on, look by look."""
         watch, run = self.each[body], self.run
+
+        def values(points: np.ndarray, times: np.ndarray) -> np.ndarray:
+            states = [run.view.small(x) for x in points]
+            given = list(zip(times.tolist(), states, strict=True))
+            return np.array([[self._value(body, event, t, x) for t, x in given] for event in self.events])
+
         for k in range(first, len(piece)):
             if piece.body[k] != body:
                 break
-            some, a, b = np.array([k]), piece.a.item(k), piece.b.item(k)
+            some = np.array([k])
 
             def inside(t: float, some: np.ndarray = some) -> np.ndarray:
                 found: np.ndarray = run.inside(piece, some, np.array([t]))[0]
                 return found
 
             try:
-                hits, state = [], run.view.small(piece.rows(some)[0, run.head][1:])
-                for i, (event, old) in enumerate(zip(self.events, watch.values, strict=True)):
-                    new = self._value(body, event, b, state)
-                    watch.values[i] = new
-                    if crossed(event, old, new):
+                _, *looks = self._looks(piece, some, run.looks(piece, some), values)
+                for a, b, numbers in zip(*looks, strict=True):
+                    hits = []
+                    for i, (event, old) in enumerate(zip(self.events, watch.values, strict=True)):
+                        new = self._value(body, event, float(b), run.view.small(numbers))
+                        watch.values[i] = new
+                        if crossed(event, old, new):
 
-                        def value(_: Any, times: np.ndarray, event: Any = event) -> np.ndarray:
-                            return np.array(
-                                [self._value(body, event, t, run.view.small(inside(t))) for t in times.tolist()]
-                            )
+                            def value(_: Any, times: np.ndarray, event: Any = event) -> np.ndarray:
+                                return np.array(
+                                    [self._value(body, event, t, run.view.small(inside(t))) for t in times.tolist()]
+                                )
 
-                        given = [np.array([x]) for x in (a, b, old, new)]
-                        hits.append((float(roots(value, *given).item()), i))
-                ordered = sorted(hits, reverse=b < a)
-                hit = watch.meet([(k, at, i, inside(at)) for at, i in ordered])
+                            at, jump = roots(value, *[np.array([x]) for x in (a, b, old, new)])
+                            if jump.item():
+                                self._jumped(body, i, at.item())
+                            else:
+                                hits.append((at.item(), i))
+                    ordered = sorted(hits, reverse=bool(b < a))
+                    hit = watch.meet([(k, at, i, inside(at)) for at, i in ordered])
+                    if hit is not None:
+                        return hit
+                self.fresh.discard(body)
             except BaseException as error:
                 error.step = k  # type: ignore[attr-defined]
                 raise
-            if hit is not None:
-                return hit
         return None
+
+    # ---------------------------------------------------------------- where steps are looked at
+
+    def _looks(self, piece: Any, steps: np.ndarray, counts: np.ndarray, values: Any) -> Any:
+        """Looks into some steps: of each the step, the times of the last look and of this one, and the numbers of the
+        state, (m, width).
+
+        counts : how many there are in each step.  values : finds those of events.
+        """
+        run, closer = self.run, getattr(self.run.between, "closer", False)
+        step, a, b, numbers = steps, piece.a[steps], piece.b[steps], piece.rows(steps)[:, run.head][:, 1:]
+        while (counts > 1).any():
+            place = np.repeat(np.arange(len(step)), counts)
+            part = np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
+            step, spans, begun, end = step[place], (b - a)[place] / counts[place], a[place], b[place]
+            a, b = begun + part * spans, np.where(part + 1 == counts[place], end, begun + (part + 1) * spans)
+            numbers, counts = run.inside(piece, step, b), np.ones(1)
+            if closer:  # the states there may move faster
+                before = np.concatenate([numbers[:1], numbers[:-1]])
+                first = a == piece.a[step]
+                before[first] = run.inside(piece, step[first], a[first])
+                counts = run.between.looks(
+                    np.column_stack([a, before]), np.column_stack([b, numbers]), piece.body[step]
+                )
+        early = self._at_zero(piece, step, b, numbers, values)
+        if len(early):
+            times = a[early] + EARLY * (b - a)[early]
+            numbers = np.insert(numbers, early, run.inside(piece, step[early], times), axis=0)
+            step, b = np.insert(step, early, step[early]), np.insert(b, early, times)
+            a = np.insert(a, early + 1, times)
+        return step, a, b, numbers
+
+    def _at_zero(self, piece: Any, step: np.ndarray, b: np.ndarray, numbers: np.ndarray, values: Any) -> np.ndarray:
+        """First looks at bodies that begin where an event is zero up to rounding; such values become zero.
+
+        Rounding is that of the numbers of the state, of which a change shows what it does, and that of the time.
+        """
+        body = piece.body[step]
+        first = np.flatnonzero(np.append(True, body[1:] != body[:-1]))
+        first = first[[i in self.fresh for i in body[first].tolist()]] if self.fresh else first[:0]
+        if self.run.plan.method.noisy or not len(first):
+            return first[:0]
+        news, found = values(numbers[first], b[first]).T, []
+        for k, new in zip(first.tolist(), news, strict=True):
+            watch, own = self.each[int(body[k])], self.run.here[:, body[k]]
+            old = np.array(watch.values)
+            small = (old != 0.0) & (np.abs(old) <= EARLY * np.abs(new))
+            if small.any():
+                t, end = own.item(0), b.item(k)
+                at = np.array([t, t + EARLY * (end - t)])
+                changed = own[1:] * (1.0 + EARLY**2 * np.linspace(1.0, 2.0, len(own) - 1))
+                points = np.stack([changed, self.run.inside(piece, step[k : k + 1], at[1:])[0]])
+                by_state, by_time = np.abs(values(points, at) - old[:, None]).T
+                rounding = by_state / EARLY**2 + by_time / abs(at[1] - t) * max(abs(t), abs(end))
+                old[small & (np.abs(old) <= 64.0 * EPSILON * rounding)] = 0.0
+                watch.values = old.tolist()
+            if (old == 0.0).any():
+                found.append(k)
+        return np.array(found, dtype=int)
+
+    def _jumped(self, body: int, event: int, t: float) -> None:
+        """Keep where an event jumps over zero."""
+        self.jumps.setdefault(event, (name_of(self.events[event]), body, t))
 
     # ---------------------------------------------------------------- what came of it
 
     def tell(self) -> None:
-        """Warn of events that were nan, next to which no zero is seen."""
+        """Warn of events that were nan, next to which no zero is seen, and of those that jumped over zero."""
         for name, body, t in self.blind.values():
             of = f" of body {body}" if self.run.bodies else ""
             warn(
@@ -292,6 +408,9 @@ class Events:
                 "seen in steps that begin or end so. Give it a number everywhere",
                 RuntimeWarning,
             )
+
+        for name, body, t in self.jumps.values():
+            warn_of_jump(name, t, f" of body {body}" if self.run.bodies else "")
 
     def forget(self) -> None:
         """Forget zeros beyond the places where the bodies stand."""
@@ -309,18 +428,29 @@ class Events:
         ])  # fmt: skip
 
 
+def warn_of_jump(name: str, t: float, of: str = "") -> None:
+    """Warn of an event that jumps over zero."""
+    warn(
+        f"integrate: the event {name} jumps over zero at t = {t:.10g}{of}, as an angle does where it begins anew, or a "
+        "pole: that is no zero. Give a function that goes through zero, such as the sine of the angle from there",
+        RuntimeWarning,
+    )
+
+
 def roots(
     function: Callable[[np.ndarray, np.ndarray], np.ndarray],
     a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Roots of many functions, each between a and b, where its values fa and fb have not the same
     sign, to four units in the last place: inverse quadratic interpolation where that is safe, or
-    else bisection.
+    else bisection.  With them which ones are none, but jumps: there the function changes by no less than STEEP of
+    fb - fa.
 
     function : by the numbers of some functions, and a place for each, their values.
     Source: Chandrupatla, Advances in Engineering Software 28 (1997), 145.
     """
     x1, f1, x2, f2, x3, f3 = b, fb, a, fa, a, fa
+    change = np.zeros(len(a))
     found, left = np.where(fb == 0.0, b, a), np.flatnonzero((fb != 0.0) & (fa != 0.0))
     x1, f1, x2, f2, x3, f3 = (x[left] for x in (x1, f1, x2, f2, x3, f3))
     part, least = np.full(len(left), 0.5), 2.0 * EPSILON * np.maximum(np.abs(a), np.abs(b))[left]
@@ -331,6 +461,7 @@ def roots(
         x3, f3, x2, f2 = np.where(same, (x1, f1, x2, f2), (x2, f2, x1, f1))
         x1, f1 = x, f
         found[left] = np.where(np.abs(f1) < np.abs(f2), x1, x2)
+        change[left] = np.where(f1 == 0.0, 0.0, np.abs(f2 - f1))
         bound = least / np.abs(x2 - x1)
         going = (bound <= 0.5) & (f1 != 0.0)
         left, least, bound = left[going], least[going], bound[going]
@@ -340,4 +471,4 @@ def roots(
             inner = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)  # fmt: skip
         safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
         part = np.minimum(1.0 - bound, np.maximum(bound, np.where(safe, inner, 0.5)))
-    return found
+    return found, (change != 0.0) & (change >= STEEP * np.abs(fb - fa))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -57,6 +57,11 @@ def arrivals(
     return evaluated(arrive, arguments, given, reached.width, wanted, what, body)
 
 
+def velocity_in_time(system: Any, t: float, state: Any) -> Any:
+    """The velocity in physical time of a state with a clock."""
+    return rounded(system.system.rate(t, system.system.essential_part(state.without_clock())))
+
+
 @frozen(eq=False)
 class FictiveMotion(Between):
     """The motion between the samples of a run: from the last one before, steps of the method, the
@@ -76,6 +81,7 @@ class FictiveMotion(Between):
     rows: Any
     wanted: bool | None
     begun: np.ndarray | None = None
+    closer: ClassVar[bool] = True
 
     @property
     def points(self) -> np.ndarray:
@@ -99,6 +105,11 @@ class FictiveMotion(Between):
         found = arrivals(*own)
         found[:, -1] = given[:, -2] + (found[:, -1] - given[:, -1])
         return found
+
+    def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
+        """By the velocities at both ends, in physical time."""
+        (system,) = kernel.examples([self.system])
+        return self._by_velocities(velocity_in_time, system.system.group, before, after, body)
 
     def apart(self, numbers: np.ndarray) -> tuple[Any, dict[str, np.ndarray]]:
         own = unpacked(layout_of(self.example), numbers[:, : self.width])

@@ -29,6 +29,7 @@ from ...systems.system import State, System, small_state
 from ..between.dense import DenseOutput, DenseOutputs
 from ..between.events import Met
 from ..carry import Carry, SiteCarry
+from ..checkpoint import require_ending
 from ..compiled.control import CLOCK
 from ..compiled.systems import Methods, OfBodies, Systems, each_of, of_body
 from ..fictive_time.arrival import FictiveMotion
@@ -38,6 +39,7 @@ from ..sites.states import kind_of
 from ..stopped import Stopped
 from .arrays import read, write
 from .encoding import LARGEST, LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
+from .labelled import to_csv
 
 FORMAT = 4
 READ = 2, 3, 4
@@ -51,6 +53,9 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on
     the disk.
     """
+    if require_ending(path) == ".csv":
+        to_csv(run, path)
+        return
     kind = type(run).__name__
     if kind not in KINDS:
         raise InvalidInput(f"Trajectory.save: a {kind} has more than samples; save the arrays you need, numpy.savez")

@@ -42,7 +42,7 @@ def write(path: Path, arrays: dict[str, Any], about: dict[str, Any]) -> None:
     """Write a file, all of it or nothing: one that is there is replaced when the new one lies on the
     disk.
     """
-    packed = in_hdf5 if path.suffix in (".h5", ".hdf5") else in_npz
+    packed = in_hdf5 if path.suffix.lower() in (".h5", ".hdf5") else in_npz
     text = np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), np.uint8)
     replace(path, packed(arrays | {ABOUT: text}))
 

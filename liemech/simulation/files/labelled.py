@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import MissingExtra
+from ..reports.written_tables import WrittenTable
 
 
 def to_xarray(run: Any) -> Any:
@@ -28,19 +29,40 @@ def to_pandas(run: Any) -> Any:
         import pandas
     except ImportError:
         raise MissingExtra("Trajectory.to_pandas needs pandas", "data") from None
+    time, columns = _columns(run)
+    times = columns.pop(time)
+    if run.bodies is None:
+        return pandas.DataFrame(columns, pandas.Index(times, name=time))
+    del columns["body"]
+    times = times[:: run.bodies]
+    return pandas.DataFrame(columns, pandas.MultiIndex.from_product([times, range(run.bodies)], names=[time, "body"]))
+
+
+def to_csv(run: Any, path: Any) -> None:
+    """Write the samples of a run as comma-separated values, with all digits: a row for each time, or each time and
+    body.
+    """
+    columns = _columns(run)[1]
+    rows = zip(*[x.tolist() for x in columns.values()], strict=True)
+    WrittenTable(tuple(columns), tuple(rows)).to_csv(path)
+
+
+def _columns(run: Any) -> tuple[str, dict[str, np.ndarray]]:
+    """The axis of the samples, and by their names the times, of an ensemble the bodies, and the numbers of the states: a
+    row for each time and body.
+    """
     time, coordinates = _time(run)
-    lead = 1 if run.bodies is None else 2
-    columns: dict[str, np.ndarray] = {}
+    lead, bodies = (1, 1) if run.bodies is None else (2, run.bodies)
+    times = coordinates.pop(time)[1]
+    columns = {time: np.repeat(times, bodies)}
+    if run.bodies is not None:
+        columns["body"] = np.tile(np.arange(bodies), len(times))
     for name, x in run.states.items():
         for at in np.ndindex(x.shape[lead:]):
             columns[f"{name}[{','.join(map(str, at))}]" if at else name] = x[(..., *at)].ravel()
     for name, (axes, x) in coordinates.items():
-        if name not in (time, "body"):
-            columns[name] = x.ravel() if len(axes) == lead else np.repeat(x, run.bodies or 1)
-    times = coordinates[time][1]
-    if run.bodies is None:
-        return pandas.DataFrame(columns, pandas.Index(times, name=time))
-    return pandas.DataFrame(columns, pandas.MultiIndex.from_product([times, range(run.bodies)], names=[time, "body"]))
+        columns[name] = x.ravel() if len(axes) == lead else np.repeat(x, bodies)
+    return time, columns
 
 
 def _time(run: Any) -> tuple[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]:

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ...formulas.sizes import EPSILON
 from ..between.dense import unpacked
-from ..between.events import NO_EVENTS, Event, Watch, crossed, name_of, roots
+from ..between.events import EARLY, NO_EVENTS, Event, Watch, crossed, name_of, roots, warn_of_jump
 from .states import kind_of
 
 
@@ -15,7 +16,7 @@ class Sightings:
     """The zeros that a run of many sites has met."""
 
     def __init__(self, run: Any, events: tuple[Event, ...], begun: Any) -> None:
-        self.run, before = run, getattr(begun, "met", NO_EVENTS)
+        self.run, before, self.fresh = run, getattr(begun, "met", NO_EVENTS), True
         self.watch = Watch(events, [], before)
         # a zero that ended the run before is none of this
         self.known, ended = [name for name, _ in before], getattr(begun, "event", None)
@@ -36,8 +37,23 @@ class Sightings:
                 def value(_: Any, times: np.ndarray, i: int = i) -> np.ndarray:
                     return np.array([run.looked(t, begun, end)[2][i] for t in times.tolist()])
 
-                given = [np.array([x]) for x in (begun, end, old[i], new[i])]
-                found.append((float(roots(value, *given).item()), i))
+                a, first = begun, float(old[i])
+                if self.fresh and abs(first) <= EARLY * abs(
+                    new[i]
+                ):  # is it zero, up to rounding of the time, at the start?
+                    late = begun + EARLY * (end - begun)
+                    sign = run.looked(late, begun, end)[2][i]
+                    rounding = 64.0 * EPSILON * max(abs(begun), abs(end)) * abs(sign - first) / abs(late - begun)
+                    if abs(first) <= rounding:
+                        a, first = late, sign
+                    if not crossed(event, first, new[i]):
+                        continue
+                at, jump = roots(value, *[np.array([x]) for x in (a, end, first, new[i])])
+                if jump.item():
+                    warn_of_jump(name_of(event), at.item())
+                else:
+                    found.append((at.item(), i))
+        self.fresh = False
         found.sort(reverse=end < begun)
         zeros = ((0, at, i, run.kept_of(run.looked(at, begun, end)[0])) for at, i in found)
         hit = watch.meet(zeros)

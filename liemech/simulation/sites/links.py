@@ -31,6 +31,7 @@ from ...systems.constrained_body import BoundBody
 from ...systems.system import small_state
 from ..between.dense import flat, unpacked
 from ..between.events import Events
+from ..between.turning import looks_by_velocity, turning_of
 from ..carry import SiteCarry
 from ..compiled.control import FRESH, GOAL, MARK, TAKEN, TIME
 from ..compiled.parameters import places_of
@@ -200,6 +201,7 @@ class EventsOfLinks:
     """The zeros that a linkage has met: one body among those of `Events`."""
 
     bodies, before, head, sign, cuts = None, SimpleNamespace(cut={}), slice(None), [1.0], ()
+    between, plan = None, property(lambda self: self.run.plan)
 
     def __init__(self, run: LinksRun, start: Any) -> None:
         self.run, self.fresh = run, not isinstance(start, SiteCarry)
@@ -225,6 +227,14 @@ class EventsOfLinks:
         states = flat(self.run.states(piece.seen), len(piece.t))
         piece.rows_of = np.column_stack([piece.t, states])[1:]
         return self.all.see(piece).get(0)
+
+    def looks(self, piece: Piece, steps: np.ndarray) -> np.ndarray:
+        """How many looks into steps are needed, by the velocities at both ends."""
+        system, ends = self.run.plan._one, np.unique([steps, steps + 1])
+        xi = np.array(system.velocity(self.run.states(piece.seen[ends])["mu"])).reshape(len(ends), -1) * self.run.h
+        turned = np.zeros(len(piece.t))
+        turned[ends] = turning_of(system.group.acting)(xi)
+        return looks_by_velocity(np.maximum(turned[steps], turned[steps + 1]))
 
     def inside(self, piece: Piece, steps: np.ndarray, times: np.ndarray) -> np.ndarray:
         """States inside of steps."""
