@@ -159,6 +159,10 @@ class MovedJoint(Joint):
         """The conditions, of what carries the joint."""
         return self.held.value(g, k @ self.place(self.time, True))
 
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which what carries the joint holds it otherwise."""
+        return self.held.askew(g, k @ self.place(self.time, True))
+
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Their derivatives by both bodies."""
         m = self.place(self.time, True)

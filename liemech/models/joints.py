@@ -103,6 +103,12 @@ class Joint(Record):
         """
         return slope
 
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle in rad between directions that the joint holds parallel: 0 where it is closed, half a
+        turn or a third of one where its conditions, cosines, vanish too; 0 by default.
+        """
+        return 0.0
+
     def at_time(self, t: float) -> Any:
         """The joint at time t: of one in no given motion the joint itself."""
         return self
@@ -186,6 +192,10 @@ class RevoluteJoint(Joint):
         """x_1 - x_2, and the components of axis 2 across axis 1."""
         x, axis = place(g, self.at_first) - place(k, self.at_second), turned(k, self.axis_second)
         return vec(*x, *[dot(turned(g, u), axis) for u in across(self.axis_first)])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle between the axes."""
+        return between(turned(g, self.axis_first), turned(k, self.axis_second))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the points, and of the axes."""
@@ -305,6 +315,10 @@ class PrismaticJoint(Joint):
         e, o = [*axes], [*others]
         return vec(*[dot(turned(g, u), d) for u in across(self.axis)], *[dot(e[i], o[j]) for i, j in TURNS])
 
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which the bodies are turned against each other."""
+        return turned_by(g, k, self.attitude)
+
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the connection, and of the axes."""
         d = place(k, self.at_second) - place(g, self.at_first)
@@ -374,6 +388,10 @@ class PlanarJoint(Joint):
         """The height of x_1 over the plane, and the components of axis 2 across axis 1."""
         d, axis = place(g, self.at_first) - place(k, self.at_second), turned(k, self.axis_second)
         return vec(dot(axis, d), *[dot(turned(g, u), axis) for u in across(self.axis_first)])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle between the normals."""
+        return between(turned(g, self.axis_first), turned(k, self.axis_second))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the height, and of the axes."""
@@ -475,6 +493,10 @@ class FixedJoint(Joint):
         x = place(g, self.at_first) - place(k, self.at_second)
         e, o = [turned(g, axis) for axis in AXES], [turned(k, row) for row in self.attitude]
         return vec(*x, *[dot(e[i], o[j]) for i, j in TURNS])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which the bodies are turned against each other."""
+        return turned_by(g, k, self.attitude)
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the points, and of the axes."""
@@ -748,6 +770,19 @@ def turning(g: Mat, e: Vec, n: Vec) -> Vec:
 def crossed(g: Mat, u: Vec, k: Mat, e: Vec) -> tuple[Vec, Vec]:
     """The derivatives of R u . S e by both poses."""
     return turning(g, u, turned(k, e)), turning(k, e, turned(g, u))
+
+
+def between(a: Vec, b: Vec) -> float:
+    """The angle between two unit vectors, from 0 to pi."""
+    n = cross(a, b)
+    return atan2(sqrt(dot(n, n)), dot(a, b))
+
+
+def turned_by(g: Mat, k: Mat, attitude: Mat) -> float:
+    """The angle of the rotation from the first body to where the second one holds it, from 0 to pi."""
+    turn = transpose(rotation(g)) @ rotation(k) @ transpose(attitude)
+    n = vec(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
+    return atan2(sqrt(dot(n, n)), turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
 
 
 def shift(g: Mat, a: Vec, k: Mat, b: Vec, e: Vec) -> tuple[Vec, Vec]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, NoReturn, final
 
 import numpy as np
 
@@ -279,11 +279,16 @@ class BoundBody(System):
                 f"{value[i]:.3g}. `consistent(mu, g)` gives the nearest start on the constraint"
             )
 
-    def _start(self, what: str, mu: Any, g: Any, xi: Any) -> tuple[np.ndarray, Any]:
-        """One start, with independent conditions."""
+    def _one(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
+        """One start, on the constraint or not."""
         state = self._given(what, mu, g, xi)
         if state.bodies is not None:
             raise InvalidInput(f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble")
+        return state
+
+    def _start(self, what: str, mu: Any, g: Any, xi: Any) -> tuple[np.ndarray, Any]:
+        """One start, with independent conditions."""
+        state = self._one(what, mu, g, xi)
         start = small(np.array(state.g))
         self._require_independent(start, f"{type(self).__name__}.{what}")
         return np.array(state.mu), start
@@ -472,9 +477,28 @@ class ConstrainedBody(BoundBody):
         mu, xi : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is
         too far off.
         """
-        momentum, start = self._start("consistent", mu, g, xi)
-        group, inverse = self.configurations, self._inverse
-        x, change = np.zeros(group.dim), np.inf
+        state = self._one("consistent", mu, g, xi)
+        there = self._nearest(small(np.array(state.g)))
+        return self.state(self._projected(np.array(state.mu), there), np.array(there))
+
+    def _nearest(self, start: Any) -> Any:
+        """The configuration on the constraint nearest to one that is close to it."""
+        there = self._reached_from(start, np.zeros(self.configurations.dim))
+        if there is None:
+            self._refuse_far(start)
+        return there
+
+    def _refuse_far(self, start: Any) -> NoReturn:
+        """Say why no configuration on the constraint was found."""
+        name = f"{type(self).__name__}.consistent"
+        self._require_independent(start, name)
+        raise NoConvergence(f"{name}: no configuration on the constraint found near g; start closer")
+
+    def _reached_from(self, start: Any, x: np.ndarray) -> Any:
+        """The configuration start exp(x) on the constraint with the shortest x near this one, (dim,), by
+        Newton's method; None if it does not converge.
+        """
+        group, inverse, change = self.configurations, self._inverse, np.inf
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
             algebras, pieces = (
@@ -487,7 +511,10 @@ class ConstrainedBody(BoundBody):
             ]
             G = self._matrix(bent)
             aim = G @ x - np.array(self.constraint.value(there))
-            new = inverse @ (G.T @ _solved(G @ inverse @ G.T, aim))
+            try:
+                new = inverse @ (G.T @ _solved(G @ inverse @ G.T, aim))
+            except np.linalg.LinAlgError:
+                return None
             change, x = float(np.abs(new - x).max()), new
             if (
                 not change < np.inf
@@ -496,11 +523,8 @@ class ConstrainedBody(BoundBody):
             ):
                 break
         if not change <= CONSISTENT * max(1.0, np.abs(x).max()):
-            raise NoConvergence(
-                f"{type(self).__name__}.consistent: no configuration on the constraint found near g; start closer"
-            )
-        there = group.compose_exp(start, Vec.of(x))
-        return self.state(self._projected(momentum, there), np.array(there))
+            return None
+        return group.compose_exp(start, Vec.of(x))
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
         """Raise InconsistentState for a configuration off the constraint, measured beside the terms
