@@ -115,9 +115,10 @@ class MovedJoint(Joint):
         return int(self.joint.freedoms)
 
     @property
-    def turns(self) -> bool:  # type: ignore[override]
-        """Is its coordinate an angle?"""
-        return bool(self.joint.turns)
+    def turns(self) -> bool | tuple[bool, ...]:  # type: ignore[override]
+        """Are its coordinates angles?"""
+        turns: bool | tuple[bool, ...] = self.joint.turns
+        return turns
 
     @property
     def at_first(self) -> Vec:

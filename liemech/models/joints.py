@@ -35,7 +35,9 @@ class Joint(Record):
 
     1. A subclass writes `value` and `rows` of two poses, and says how many `conditions` there are.
     2. With `freedoms` it writes their `coordinates`, how they move (`motions`) and, for starts from
-    coordinates, `relative`. They tell how the first body moves against the second.
+    coordinates, `relative`. They tell how the first body moves against the second.  Of several coordinates
+    `turns` says of each whether it is the angle about an axis, which is seen modulo a turn, (True, False).
+    3. Where its conditions vanish with its bodies turned over too, it says by how much, `askew`.
 
     Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7;
     Featherstone, Rigid Body Dynamics Algorithms (2008), section 4.4.
@@ -43,7 +45,7 @@ class Joint(Record):
 
     conditions: ClassVar[int]
     freedoms: ClassVar[int] = 0
-    turns: ClassVar[bool] = True
+    turns: ClassVar[bool | tuple[bool, ...]] = True  # are its coordinates angles about axes?
     geared: ClassVar[bool] = False  # may a rotor turn with its coordinate?
 
     first: int
@@ -60,6 +62,11 @@ class Joint(Record):
                 raise InvalidType(
                     f"{name}: {what} is the number of a body, 0 or more (second: None is the ground); got {number!r}"
                 )
+        if self.freedoms > 1 and np.shape(self.turns) != (self.freedoms,):
+            raise InvalidType(
+                f"{name}: turns says of each of its {self.freedoms} coordinates whether it is the angle about an axis, "
+                f"such as {(True, *[False] * (self.freedoms - 1))}; got {self.turns!r}"
+            )
         armature = getattr(self, "armature", 0.0)
         if not 0.0 <= armature < np.inf:
             raise InvalidInput(f"{name}: armature must be 0 or more; got {armature!r}")
@@ -72,6 +79,12 @@ class Joint(Record):
                 if not any(value):
                     raise InvalidInput(f"{name}: {given} must have a direction; got {value}")
                 object.__setattr__(self, given, value / sqrt(dot(value, value)))
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The numbers of the coordinates that are angles about axes, seen modulo a turn."""
+        each = self.turns if isinstance(self.turns, tuple) else (self.turns,) * self.freedoms
+        return tuple([i for i, turns in enumerate(each) if turns])
 
     def value(self, g: Mat, k: Mat) -> Vec:
         """The conditions, (m,), of the poses g of the first and k of the second body."""
@@ -134,6 +147,7 @@ class BallJoint(Joint):
 
     conditions: ClassVar[int] = 3
     freedoms: ClassVar[int] = 3
+    turns: ClassVar[bool | tuple[bool, ...]] = (False, False, False)
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -235,6 +249,7 @@ class UniversalJoint(Joint):
 
     conditions: ClassVar[int] = 4
     freedoms: ClassVar[int] = 2
+    turns: ClassVar[bool | tuple[bool, ...]] = (True, True)
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -293,7 +308,7 @@ class PrismaticJoint(Joint):
 
     conditions: ClassVar[int] = 5
     freedoms: ClassVar[int] = 1
-    turns: ClassVar[bool] = False
+    turns: ClassVar[bool | tuple[bool, ...]] = False
     geared: ClassVar[bool] = True
 
     at_first: Vec = ORIGIN
@@ -378,6 +393,7 @@ class PlanarJoint(Joint):
 
     conditions: ClassVar[int] = 3
     freedoms: ClassVar[int] = 3
+    turns: ClassVar[bool | tuple[bool, ...]] = (False, False, True)
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -437,6 +453,7 @@ class FloatingJoint(Joint):
 
     conditions: ClassVar[int] = 0
     freedoms: ClassVar[int] = 6
+    turns: ClassVar[bool | tuple[bool, ...]] = (False,) * 6
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN

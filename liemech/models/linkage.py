@@ -585,10 +585,10 @@ class Linkage(ConstrainedBody):
         for force in self.forces:
             number = self.number(force.joint)
             joint = self.joints[number]
-            if not isinstance(force, JointPotential) or not joint.turns or joint.freedoms > 2:
+            if not isinstance(force, JointPotential):
                 continue
             middle = force.about(t)
-            for i in acting(force, joint):
+            for i in {*acting(force, joint)} & {*joint.angles}:
                 angle = q.get(number, np.full(joint.freedoms, middle))[i]
                 if abs(angle - middle) > np.pi:
                     turns = 2.0 * np.pi * np.round((angle - middle) / (2.0 * np.pi))

@@ -129,8 +129,9 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
         for number in numbers:
             joint = linkage.joints[number]
             apart = np.array(joint.coordinates(*both(joint, g))) - wanted[number]
-            turning = joint.turns and joint.freedoms < 3
-            off += [*(np.remainder(apart + np.pi, 2 * np.pi) - np.pi if turning else apart)]
+            turning = [*joint.angles]
+            apart[turning] = np.remainder(apart[turning] + np.pi, 2 * np.pi) - np.pi
+            off += [*apart]
         rows = np.concatenate([np.array(linkage.jacobian(g)), rows_of_motions(linkage, g, numbers)])
         x = -root * np.linalg.lstsq(rows * root, np.array(off), rcond=DEPENDENT)[0]
         change = float(np.abs(x).max())

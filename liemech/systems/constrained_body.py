@@ -505,15 +505,15 @@ class ConstrainedBody(BoundBody):
                 [group.algebra for group, _, _ in self.blocks],
                 [Vec.of(x[slice(*place)]) for place in self.places],
             )
-            bent = [
-                [algebras[b].dexp_dual(pieces[b], part) for part, (b, _) in zip(row, ties)]
-                for row, ties in zip(self.rows(there), self.touches)
-            ]
-            G = self._matrix(bent)
-            aim = G @ x - np.array(self.constraint.value(there))
             try:
+                bent = [
+                    [algebras[b].dexp_dual(pieces[b], part) for part, (b, _) in zip(row, ties)]
+                    for row, ties in zip(self.rows(there), self.touches)
+                ]
+                G = self._matrix(bent)
+                aim = G @ x - np.array(self.constraint.value(there))
                 new = inverse @ (G.T @ _solved(G @ inverse @ G.T, aim))
-            except np.linalg.LinAlgError:
+            except (np.linalg.LinAlgError, ArithmeticError):
                 return None
             change, x = float(np.abs(new - x).max()), new
             if (
