@@ -151,8 +151,8 @@ class Linkage(ConstrainedBody):
             object.__setattr__(self, what, tuple(value))
         if not any(joint.conditions for joint in joints):
             raise InvalidInput(
-                "Linkage: no joint takes away a freedom; bodies that move freely are a RigidBody or "
-                "a MechanicalSystem on SE3()"
+                "Linkage: no joint takes away a freedom; a body that moves freely is no linkage: the first is "
+                f"lm.models.FallingBody({np.array(links[0].inertia).tolist()}, {links[0].mass!r})"
             )
         for joint in joints:
             for number in (joint.first, joint.second):
@@ -336,7 +336,8 @@ class Linkage(ConstrainedBody):
         Angles are those of the file: frames of all bodies are parallel to space where they are zero.
         Raises InvalidInput, with the line, for what is wrong in the file, and for mimic joints
         without a rotor that drives them.
-        Warns of meshes that are not there, and of inertias that no body has.
+        Warns of meshes that are not there, of shapes and colours that are wrong, which are left out, and of
+        inertias that no body has.
 
         Source: the URDF specification of ROS, wiki, "urdf/XML".
         """
@@ -371,7 +372,8 @@ class Linkage(ConstrainedBody):
             if not heavy & {leader, *mine}:
                 raise InvalidInput(
                     f"Linkage: {self.label(j)} follows {self.label(leader)} by gears, and their motor has no "
-                    f"rotor: give {self.label(leader)} an armature, in kg m^2 or kg"
+                    f"rotor: give {self.label(leader)} an armature, in kg m^2 or kg; of a URDF file, "
+                    f"from_urdf(armature={{{self.joints[leader].name!r}: ...}})"
                 )
             heavy |= {leader, j}
         object.__setattr__(self, "rotors", tuple(sorted(heavy)))

@@ -30,6 +30,11 @@ INDEPENDENT = 1e-10
 redundant.
 """
 
+CLEAR = 1e-10
+"""Squares of singular values above this part of the largest are told from rounding; others are looked at by
+themselves, such as those of a link far lighter than what it holds.
+"""
+
 DENSE = 20_000
 """Entries of G beyond which it is made without its zeros: chains of more than thirty bodies."""
 
@@ -365,14 +370,18 @@ class BoundBody(System):
                 "change here: its derivative is zero"
             )
         if self._sparse and unit.all():
-            if _pivots(gram, unit).min() > INDEPENDENT:
+            if _pivots(gram, unit).min() > CLEAR:
                 return
             # rows that depend on each other are to be named, whatever it takes
-            gram = gram.toarray()
-        values, directions = np.linalg.eigh(gram / np.outer(unit, unit))
-        rank = int((np.abs(values) > INDEPENDENT * values[-1]).sum())
+            gram, G = gram.toarray(), G.toarray()
+        squares = np.linalg.eigvalsh(gram / np.outer(unit, unit))
+        if np.abs(squares).min() > CLEAR * squares[-1]:
+            return
+        inverse = self._inverse.toarray() if self._sparse else self._inverse
+        directions, sizes, _ = np.linalg.svd(G @ np.linalg.cholesky(inverse) / unit[:, None])
+        rank = int((sizes > INDEPENDENT * sizes[0]).sum())
         if rank < self.conditions:
-            together = np.abs(directions[:, : self.conditions - rank]).max(axis=1)
+            together = np.abs(directions[:, rank:]).max(axis=1)
             raise InvalidInput(
                 f"{name}: the {self.conditions} conditions have rank {rank} here; "
                 f"{self._named(np.flatnonzero(together > 1e-3))} depend on each other. "
