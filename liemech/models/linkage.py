@@ -499,7 +499,11 @@ class Linkage(ConstrainedBody):
         rest = np.zeros(self.configurations.dim)
         there = self._reached_from(start, rest)
         if there is None or self.turned_over(there):
-            q = {j: np.array(joint.coordinates(*both(joint, start))) for j, joint in enumerate(self.joints) if joint.freedoms}
+            q = {
+                j: np.array(joint.coordinates(*both(joint, start)))
+                for j, joint in enumerate(self.joints)
+                if joint.freedoms
+            }
             hung = small(hung_from_each_other(self, q, self.poses(start)).ravel())
             away = self.configurations.log(self.configurations.compose(self.configurations.inverse(start), hung))
             there = self._reached_from(start, np.array(away))
@@ -508,7 +512,9 @@ class Linkage(ConstrainedBody):
         if there is None:
             self._refuse_far(start)
         if told := self.turned_over(there):
-            raise NoConvergence(f"{type(self).__name__}: only poses were found near by at which {told}; give poses that are closer")
+            raise NoConvergence(
+                f"{type(self).__name__}: only poses were found near by at which {told}; give poses that are closer"
+            )
         return there
 
     def turned_over(self, g: Any) -> str:

@@ -68,9 +68,7 @@ def test_a_terminal_angle_of_a_chain_ends_where_it_says(compiled):
     rods = chain(3, axis=Y)
     start = rods.state(angles={0: 1.0}, rates={0: 20.0})
     events = [rods.angle(0, 0.2, terminal=2)]
-    run = lm.integrate(
-        rods, lm.LieRATTLE(), start, h=5e-3, steps=120, events=events, compiled=compiled, progress=False
-    )
+    run = lm.integrate(rods, lm.LieRATTLE(), start, h=5e-3, steps=120, events=events, compiled=compiled, progress=False)
     assert len(run.events[0][0]) == 2
     ends = [float(rods.poses(g)[0, 0, 0]) for g in run.events[0][1].g]
     assert np.allclose(ends, np.cos(0.2), rtol=0.0, atol=1e-9)
@@ -98,8 +96,7 @@ class CylindricalJoint(Joint):
         """The components of x_1 - x_2 across e3, and of the axis of the second body."""
         d, axis = own.place(g, own.ORIGIN) - own.place(k, own.ORIGIN), own.turned(k, own.AXES[2])
         return vec(
-            *[dot(own.turned(k, e), d) for e in own.AXES[:2]],
-            *[dot(own.turned(g, e), axis) for e in own.AXES[:2]],
+            *[dot(own.turned(k, e), d) for e in own.AXES[:2]], *[dot(own.turned(g, e), axis) for e in own.AXES[:2]]
         )
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:

@@ -56,11 +56,7 @@ def test_random_attitudes_are_assembled_and_never_turned_over(kind, count):
 @pytest.mark.parametrize("kind", WELDS)
 @pytest.mark.parametrize(
     ("turn", "degrees"),
-    [
-        (np.roll(np.eye(3), 1, axis=1), "120"),
-        (np.diag([1.0, -1.0, -1.0]), "180"),
-        (np.diag([-1.0, -1.0, 1.0]), "180"),
-    ],
+    [(np.roll(np.eye(3), 1, axis=1), "120"), (np.diag([1.0, -1.0, -1.0]), "180"), (np.diag([-1.0, -1.0, 1.0]), "180")],
 )
 def test_a_weld_or_slider_turned_over_is_refused_by_name(kind, turn, degrees):
     linkage = hanging(WELDS[kind](np.eye(3).tolist()))
@@ -80,15 +76,12 @@ def test_a_quarter_turn_where_conditions_are_dependent_is_assembled(kind):
 
 @pytest.mark.parametrize(
     "joint",
-    [
-        RevoluteJoint(1, 0, TOP, BOTTOM, Z, Z, name="axle"),
-        PlanarJoint(1, 0, TOP, BOTTOM, Z, Z, name="axle"),
-    ],
+    [RevoluteJoint(1, 0, TOP, BOTTOM, Z, Z, name="axle"), PlanarJoint(1, 0, TOP, BOTTOM, Z, Z, name="axle")],
     ids=["hinge", "plane"],
 )
 def test_axes_that_are_opposite_are_refused_by_name(joint):
     linkage, over = hanging(joint), placed(np.diag([1.0, -1.0, -1.0]))
-    with pytest.raises(errors.InconsistentState, match="joint 'axle'.*180 degrees"):
+    with pytest.raises(errors.InconsistentState, match=r"joint 'axle'.*180 degrees"):
         linkage.state(mu=np.zeros(12), g=over.ravel())
     for tilt in (3.1, 2.5, 2.0):
         start = linkage.assembled(placed(Rotation.from_rotvec([tilt, 0.1, 0.0]).as_matrix()))
@@ -108,7 +101,7 @@ def test_joints_that_follow_a_path_begin_where_the_path_says():
     over = np.array(want).reshape(2, 4, 4).copy()
     over[1, :3, :3] = over[1, :3, :3] @ np.diag([1.0, -1.0, -1.0])
     over[1, :3, 3] = [0.0, 0.0, -1.0] - over[1, :3, :3] @ TOP
-    with pytest.raises(errors.InconsistentState, match="joint 'axle'.*180 degrees"):
+    with pytest.raises(errors.InconsistentState, match=r"joint 'axle'.*180 degrees"):
         linkage.state(mu=np.zeros(12), g=over.ravel())
 
 

@@ -322,7 +322,7 @@ def test_a_body_that_flies_is_told_how_to_be_written() -> None:
             Linkage.from_urdf(text, **options)
         assert "floating=True" not in str(refused.value)
         told = str(refused.value)
-        body = eval(told[told.index("lm.models.FallingBody(") :])  # noqa: S307
+        body = eval(told[told.index("lm.models.FallingBody(") :])
         assert np.allclose(np.array(body.inertia), [1.001, 2.001 + arm, 2.501 + arm], rtol=1e-14)
         assert body.mass == pytest.approx(1.1)
 
