@@ -8,7 +8,16 @@ from scipy.spatial.transform import Rotation
 
 import liemech as lm
 from liemech import errors
-from liemech.joints import BallJoint, FixedJoint, Link, Linkage, PlanarJoint, PrismaticJoint, RevoluteJoint
+from liemech.joints import (
+    BallJoint,
+    FixedJoint,
+    Link,
+    Linkage,
+    PlanarJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+    UniversalJoint,
+)
 
 TOP, BOTTOM, Z = [0.0, 0.0, 0.5], [0.0, 0.0, -0.5], [0.0, 0.0, 1.0]
 LINKS = [Link(1.0, [0.1, 0.12, 0.15])] * 2
@@ -142,16 +151,16 @@ def between_heavy_ones(mass):
     y = [0.0, 1.0, 0.0]
     joints = [
         RevoluteJoint(0, None, TOP, [0.0, 0.0, 0.0], y, y),
-        BallJoint(1, 0, [0.0, 0.0, 0.25], BOTTOM),
+        UniversalJoint(1, 0, [0.0, 0.0, 0.25], BOTTOM, [1.0, 0.0, 0.0], y),
         BallJoint(2, 1, TOP, [0.0, 0.0, -0.25]),
     ]
     return Linkage(rods, joints)
 
 
 def swung(linkage):
-    """Where the heavy rods are after 0.12 s."""
-    start = linkage.state(angles={0: 0.6, 1: [0.0, 0.3, 0.0], 2: [0.0, -0.2, 0.0]}, rates={0: 1.0})
-    run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=12, compiled=False, progress=False)
+    """Where the heavy rods are after 0.1 s."""
+    start = linkage.state(angles={0: 0.6, 1: [0.3, 0.0], 2: [0.0, -0.2, 0.0]}, rates={0: 1.0})
+    run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.02, steps=5, compiled=False, progress=False)
     return linkage.poses(run.g[-1])[[0, 2], :3, 3]
 
 
@@ -159,14 +168,13 @@ def test_a_link_far_lighter_than_what_it_holds_moves_as_the_limit_says():
     """Positions are linear in a mass that goes to zero: m = 1e-6 and 2e-6 give the limit, to m^2."""
     one, two = (swung(between_heavy_ones(mass)) for mass in (1e-6, 2e-6))
     limit = 2.0 * one - two
-    for mass in (1e-10, 1e-12):
-        assert np.allclose(swung(between_heavy_ones(mass)), limit, rtol=0.0, atol=2e-9)
+    assert np.allclose(swung(between_heavy_ones(1e-11)), limit, rtol=0.0, atol=2e-9)
 
 
 def test_conditions_that_depend_on_each_other_are_told_from_those_of_light_links():
     linkage = between_heavy_ones(1e-11)
     twice = Linkage(linkage.links, [*linkage.joints, BallJoint(2, 1, TOP, [0.0, 0.0, -0.25], name="again")])
-    with pytest.raises(errors.InvalidInput, match=r"14 conditions have rank 11 here; .*joint 'again'"):
+    with pytest.raises(errors.InvalidInput, match=r"15 conditions have rank 12 here; .*joint 'again'"):
         twice.state(angles={0: 0.6})
     poses = linkage.poses(linkage.state(angles={0: 0.6}).g)
     assert len(twice.independent(poses).dropped) == 3
