@@ -208,3 +208,5 @@ def blame(signature: Signature, owner: Any, args: tuple[Any, ...], error: Except
                 refuse(space, where, name, value)
     except InvalidInput as reason:
         raise reason from error
+    except AttributeError:  # of a system that is still being made: the first error says it
+        return

@@ -115,9 +115,10 @@ class MovedJoint(Joint):
         return int(self.joint.freedoms)
 
     @property
-    def turns(self) -> bool:  # type: ignore[override]
-        """Is its coordinate an angle?"""
-        return bool(self.joint.turns)
+    def turns(self) -> bool | tuple[bool, ...]:  # type: ignore[override]
+        """Are its coordinates angles?"""
+        turns: bool | tuple[bool, ...] = self.joint.turns
+        return turns
 
     @property
     def at_first(self) -> Vec:
@@ -158,6 +159,10 @@ class MovedJoint(Joint):
     def value(self, g: Mat, k: Mat) -> Vec:
         """The conditions, of what carries the joint."""
         return self.held.value(g, k @ self.place(self.time, True))
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which what carries the joint holds it otherwise."""
+        return self.held.askew(g, k @ self.place(self.time, True))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Their derivatives by both bodies."""

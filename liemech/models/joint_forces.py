@@ -269,8 +269,7 @@ class AtJoint(Record):
     def coordinates(self, force: Any, t: float, g: Vec) -> Vec:
         """The coordinates of the joint, in the turn about which a force looks."""
         q = self.angles(t, g)
-        angles = self.joint.turns and self.joint.freedoms < 3
-        return seen_about(q, force.about(t)) if angles else q
+        return seen_about(q, force.about(t), self.joint.angles) if len(self.joint.angles) > 0 else q
 
     def angles(self, t: float, g: Vec) -> Vec:
         """The coordinates, as the joint sees them at time t."""
@@ -370,10 +369,13 @@ def acting(force: Any, joint: Any) -> tuple[int, ...]:
     return tuple(range(joint.freedoms)) if force.freedom is None else (force.freedom,)
 
 
-def seen_about(q: Vec, middle: float) -> Vec:
-    """Angles, from half a turn below `middle` to half a turn above it."""
-    turns = [(x - middle + pi) // (2.0 * pi) for x in q]
-    return vec(*[x - 2.0 * pi * n for x, n in zip(q, turns)])
+def seen_about(q: Vec, middle: float, angles: tuple[int, ...]) -> Vec:
+    """Coordinates, those that are angles from half a turn below `middle` to half a turn above it.
+
+    angles : their numbers.
+    """
+    turns = [(x - middle + pi) // (2.0 * pi) if i in angles else 0.0 for i, x in enumerate(q)]
+    return vec(*[x - 2.0 * pi * n if i in angles else x for i, (x, n) in enumerate(zip(q, turns))])
 
 
 def rates_of(joint: Joint, g: Vec, xi: Vec) -> Vec:

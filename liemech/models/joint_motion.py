@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,14 @@ from ..errors import InvalidInput
 from ..formulas import Record, record, vec
 from .body_forces import AtBody, ForcesOfBodies
 from .joint_forces import AtJoint, seen_about
+from .joints import BallJoint, FloatingJoint
 
 
 @record
 class JointAngle(Record):
     """The angle of a joint less a level, or the shift, as a function of time and state: an event of a run.
 
-    Angles are seen from half a turn below the level to half a turn above it, where they jump.
+    Angles are seen from half a turn below the level to half a turn above it, where they jump by a turn.
     terminal, direction : of the event.
 
     Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
@@ -30,10 +32,16 @@ class JointAngle(Record):
     terminal: int
     direction: float
 
+    @property
+    def jumps_by(self) -> float | None:
+        """How far it jumps where it is no zero: a turn, of an angle, and of a rotation vector about its axis."""
+        joint = self.at.joint
+        own = getattr(joint, "joint", joint)  # of one in a given motion
+        turning = isinstance(own, (BallJoint, FloatingJoint)) and self.freedom < 3
+        return 2.0 * pi if turning or self.freedom in joint.angles else None
+
     def __call__(self, t: float, state: Any) -> float:
-        q, joint = self.at.angles(t, state.g), self.at.joint
-        if joint.turns and joint.freedoms < 3:
-            q = seen_about(q, self.level)
+        q = seen_about(self.at.angles(t, state.g), self.level, self.at.joint.angles)
         return q[self.freedom] - self.level
 
 
@@ -66,15 +74,14 @@ class JointMotion:
         """The angle in rad, of a slider the shift in m.  Angles of hinges and Cardan joints go on
         over whole turns: from sample to sample by the turn that is nearest to what the rates say.
         """
-        q, joint = self.at.angles(self._t, self.run.g), self.at.joint
-        if joint.turns and joint.freedoms < 3:
-            rate = self._rates
-            lead = (len(q), *[1] * (q.ndim - 1))
-            steps = np.diff(np.broadcast_to(self._t.reshape(*self._t.shape, 1), q.shape), axis=0)
+        q, turning = self.at.angles(self._t, self.run.g), [*self.at.joint.angles]
+        if turning:
+            q, rate = np.array(q), self._rates[..., turning]
+            angles = q[..., turning]
+            steps = np.diff(np.broadcast_to(self._t.reshape(*self._t.shape, 1), angles.shape), axis=0)
             told = 0.5 * steps * (rate[1:] + rate[:-1])
-            whole = np.round((told - np.diff(q, axis=0)) / (2.0 * np.pi))
-            turns = np.concatenate([np.zeros((1, *q.shape[1:])), np.cumsum(whole, axis=0)])
-            q = q + 2.0 * np.pi * turns.reshape(lead[0], *q.shape[1:])
+            whole = np.round((told - np.diff(angles, axis=0)) / (2.0 * np.pi))
+            q[1:, ..., turning] += 2.0 * np.pi * np.cumsum(whole, axis=0)
         return self._alone(q)
 
     @cached_property

@@ -35,7 +35,9 @@ class Joint(Record):
 
     1. A subclass writes `value` and `rows` of two poses, and says how many `conditions` there are.
     2. With `freedoms` it writes their `coordinates`, how they move (`motions`) and, for starts from
-    coordinates, `relative`. They tell how the first body moves against the second.
+    coordinates, `relative`. They tell how the first body moves against the second.  Of several coordinates
+    `turns` says of each whether it is the angle about an axis, which is seen modulo a turn, (True, False).
+    3. Where its conditions vanish with its bodies turned over too, it says by how much, `askew`.
 
     Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7;
     Featherstone, Rigid Body Dynamics Algorithms (2008), section 4.4.
@@ -43,7 +45,7 @@ class Joint(Record):
 
     conditions: ClassVar[int]
     freedoms: ClassVar[int] = 0
-    turns: ClassVar[bool] = True
+    turns: ClassVar[bool | tuple[bool, ...]] = True  # are its coordinates angles about axes?
     geared: ClassVar[bool] = False  # may a rotor turn with its coordinate?
 
     first: int
@@ -60,6 +62,11 @@ class Joint(Record):
                 raise InvalidType(
                     f"{name}: {what} is the number of a body, 0 or more (second: None is the ground); got {number!r}"
                 )
+        if self.freedoms > 1 and np.shape(self.turns) != (self.freedoms,):
+            raise InvalidType(
+                f"{name}: turns says of each of its {self.freedoms} coordinates whether it is the angle about an axis, "
+                f"such as {(True, *[False] * (self.freedoms - 1))}; got {self.turns!r}"
+            )
         armature = getattr(self, "armature", 0.0)
         if not 0.0 <= armature < np.inf:
             raise InvalidInput(f"{name}: armature must be 0 or more; got {armature!r}")
@@ -72,6 +79,12 @@ class Joint(Record):
                 if not any(value):
                     raise InvalidInput(f"{name}: {given} must have a direction; got {value}")
                 object.__setattr__(self, given, value / sqrt(dot(value, value)))
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The numbers of the coordinates that are angles about axes, seen modulo a turn."""
+        each = self.turns if isinstance(self.turns, tuple) else (self.turns,) * self.freedoms
+        return tuple([i for i, turns in enumerate(each) if turns])
 
     def value(self, g: Mat, k: Mat) -> Vec:
         """The conditions, (m,), of the poses g of the first and k of the second body."""
@@ -103,6 +116,12 @@ class Joint(Record):
         """
         return slope
 
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle in rad between directions that the joint holds parallel: 0 where it is closed, half a
+        turn or a third of one where its conditions, cosines, vanish too; 0 by default.
+        """
+        return 0.0
+
     def at_time(self, t: float) -> Any:
         """The joint at time t: of one in no given motion the joint itself."""
         return self
@@ -128,6 +147,7 @@ class BallJoint(Joint):
 
     conditions: ClassVar[int] = 3
     freedoms: ClassVar[int] = 3
+    turns: ClassVar[bool | tuple[bool, ...]] = (False, False, False)
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -187,6 +207,10 @@ class RevoluteJoint(Joint):
         x, axis = place(g, self.at_first) - place(k, self.at_second), turned(k, self.axis_second)
         return vec(*x, *[dot(turned(g, u), axis) for u in across(self.axis_first)])
 
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle between the axes."""
+        return between(turned(g, self.axis_first), turned(k, self.axis_second))
+
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the points, and of the axes."""
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
@@ -225,6 +249,7 @@ class UniversalJoint(Joint):
 
     conditions: ClassVar[int] = 4
     freedoms: ClassVar[int] = 2
+    turns: ClassVar[bool | tuple[bool, ...]] = (True, True)
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -283,7 +308,7 @@ class PrismaticJoint(Joint):
 
     conditions: ClassVar[int] = 5
     freedoms: ClassVar[int] = 1
-    turns: ClassVar[bool] = False
+    turns: ClassVar[bool | tuple[bool, ...]] = False
     geared: ClassVar[bool] = True
 
     at_first: Vec = ORIGIN
@@ -304,6 +329,10 @@ class PrismaticJoint(Joint):
         axes, others = (turned(g, e) for e in AXES), self._others(k)
         e, o = [*axes], [*others]
         return vec(*[dot(turned(g, u), d) for u in across(self.axis)], *[dot(e[i], o[j]) for i, j in TURNS])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which the bodies are turned against each other."""
+        return turned_by(g, k, self.attitude)
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the connection, and of the axes."""
@@ -364,6 +393,7 @@ class PlanarJoint(Joint):
 
     conditions: ClassVar[int] = 3
     freedoms: ClassVar[int] = 3
+    turns: ClassVar[bool | tuple[bool, ...]] = (False, False, True)
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -374,6 +404,10 @@ class PlanarJoint(Joint):
         """The height of x_1 over the plane, and the components of axis 2 across axis 1."""
         d, axis = place(g, self.at_first) - place(k, self.at_second), turned(k, self.axis_second)
         return vec(dot(axis, d), *[dot(turned(g, u), axis) for u in across(self.axis_first)])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle between the normals."""
+        return between(turned(g, self.axis_first), turned(k, self.axis_second))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the height, and of the axes."""
@@ -419,6 +453,7 @@ class FloatingJoint(Joint):
 
     conditions: ClassVar[int] = 0
     freedoms: ClassVar[int] = 6
+    turns: ClassVar[bool | tuple[bool, ...]] = (False,) * 6
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -475,6 +510,10 @@ class FixedJoint(Joint):
         x = place(g, self.at_first) - place(k, self.at_second)
         e, o = [turned(g, axis) for axis in AXES], [turned(k, row) for row in self.attitude]
         return vec(*x, *[dot(e[i], o[j]) for i, j in TURNS])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which the bodies are turned against each other."""
+        return turned_by(g, k, self.attitude)
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the points, and of the axes."""
@@ -760,6 +799,19 @@ def turning(g: Mat, e: Vec, n: Vec) -> Vec:
 def crossed(g: Mat, u: Vec, k: Mat, e: Vec) -> tuple[Vec, Vec]:
     """The derivatives of R u . S e by both poses."""
     return turning(g, u, turned(k, e)), turning(k, e, turned(g, u))
+
+
+def between(a: Vec, b: Vec) -> float:
+    """The angle between two unit vectors, from 0 to pi."""
+    n = cross(a, b)
+    return atan2(sqrt(dot(n, n)), dot(a, b))
+
+
+def turned_by(g: Mat, k: Mat, attitude: Mat) -> float:
+    """The angle of the rotation from the first body to where the second one holds it, from 0 to pi."""
+    turn = transpose(rotation(g)) @ rotation(k) @ transpose(attitude)
+    n = vec(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
+    return atan2(sqrt(dot(n, n)), turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
 
 
 def shift(g: Mat, a: Vec, k: Mat, b: Vec, e: Vec) -> tuple[Vec, Vec]:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec
 from ..formulas.pytree import with_fields
 from ..formulas.vectors import small
@@ -27,7 +27,7 @@ from .body_forces import of_bodies
 from .given_motion import MovedJoint, MovingSupport, moved, require_motion
 from .joint_forces import AtJoint, JointForce, JointPotential, LinkageForce, LinkagePotential, acting, rates_of
 from .joint_motion import JointAngle, JointMotion, LinkMotion
-from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors
+from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, both
 from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
@@ -46,6 +46,11 @@ SURVIVES = 1e-9
 is a symmetry.
 """
 
+
+ASKEW = 1.0
+"""Joints whose bodies are turned farther from where it holds them, in rad, are turned over: conditions vanish
+again at a third of a turn.
+"""
 
 SHOWN = 12
 """Joints whose conditions have lines of their own in the structure report."""
@@ -150,8 +155,8 @@ class Linkage(ConstrainedBody):
             object.__setattr__(self, what, tuple(value))
         if not any(joint.conditions for joint in joints):
             raise InvalidInput(
-                "Linkage: no joint takes away a freedom; bodies that move freely are a RigidBody or "
-                "a MechanicalSystem on SE3()"
+                "Linkage: no joint takes away a freedom; a body that moves freely is no linkage: the first is "
+                f"lm.models.FallingBody({np.array(links[0].inertia).tolist()}, {links[0].mass!r})"
             )
         for joint in joints:
             for number in (joint.first, joint.second):
@@ -333,7 +338,8 @@ class Linkage(ConstrainedBody):
         Angles are those of the file: frames of all bodies are parallel to space where they are zero.
         Raises InvalidInput, with the line, for what is wrong in the file, and for mimic joints
         without a rotor that drives them.
-        Warns of meshes that are not there, and of inertias that no body has.
+        Warns of meshes that are not there, of shapes and colours that are wrong, which are left out, and of
+        inertias that no body has.
 
         Source: the URDF specification of ROS, wiki, "urdf/XML".
         """
@@ -368,7 +374,8 @@ class Linkage(ConstrainedBody):
             if not heavy & {leader, *mine}:
                 raise InvalidInput(
                     f"Linkage: {self.label(j)} follows {self.label(leader)} by gears, and their motor has no "
-                    f"rotor: give {self.label(leader)} an armature, in kg m^2 or kg"
+                    f"rotor: give {self.label(leader)} an armature, in kg m^2 or kg; of a URDF file, "
+                    f"from_urdf(armature={{{self.joints[leader].name!r}: ...}})"
                 )
             heavy |= {leader, j}
         object.__setattr__(self, "rotors", tuple(sorted(heavy)))
@@ -502,6 +509,50 @@ class Linkage(ConstrainedBody):
         mu = np.array(self.body.body.lagrangian.momentum(xi.reshape(6 * count)))
         return self.consistent(mu, g.reshape(16 * count))
 
+    def _nearest(self, start: Any) -> Any:
+        """The poses on the constraint nearest to these, joint by joint as its bodies are to be held; where
+        they are not reached from here, looked for from poses of which each hangs from another one.
+        """
+        rest = np.zeros(self.configurations.dim)
+        there = self._reached_from(start, rest)
+        if there is None or self.turned_over(there):
+            q = {
+                j: np.array(joint.coordinates(*both(joint, start)))
+                for j, joint in enumerate(self.joints)
+                if joint.freedoms
+            }
+            hung = small(hung_from_each_other(self, q, self.poses(start)).ravel())
+            away = self.configurations.log(self.configurations.compose(self.configurations.inverse(start), hung))
+            there = self._reached_from(start, np.array(away))
+            if there is None or self.turned_over(there):
+                there = self._reached_from(hung, rest)
+        if there is None:
+            self._refuse_far(start)
+        if told := self.turned_over(there):
+            raise NoConvergence(
+                f"{type(self).__name__}: only poses were found near by at which {told}; give poses that are closer"
+            )
+        return there
+
+    def turned_over(self, g: Any) -> str:
+        """Which joint is closed with its bodies turned over, in words; empty if none is.  g : (16 N,)."""
+        for number, joint in enumerate(self.constraint.joints):
+            angle = float(joint.askew(*both(joint, g)))
+            if angle > ASKEW:
+                return (
+                    f"{self.label(number)}, a {type(getattr(joint, 'joint', joint)).__name__}, has its bodies turned over, "
+                    f"by {np.degrees(angle):.0f} degrees from where it holds them"
+                )
+        return ""
+
+    def _require_consistent(self, mu: Any, g: Any) -> None:
+        """Raise InconsistentState as of a ConstrainedBody, and for bodies that are turned over."""
+        super()._require_consistent(mu, g)
+        if told := self.turned_over(g):
+            raise InconsistentState(
+                f"{type(self).__name__}.state: {told}, where its conditions vanish too. `assembled(poses)` gives a start"
+            )
+
     def state(
         self,
         mu: Any = None,
@@ -559,10 +610,10 @@ class Linkage(ConstrainedBody):
         for force in self.forces:
             number = self.number(force.joint)
             joint = self.joints[number]
-            if not isinstance(force, JointPotential) or not joint.turns or joint.freedoms > 2:
+            if not isinstance(force, JointPotential):
                 continue
             middle = force.about(t)
-            for i in acting(force, joint):
+            for i in {*acting(force, joint)} & {*joint.angles}:
                 angle = q.get(number, np.full(joint.freedoms, middle))[i]
                 if abs(angle - middle) > np.pi:
                     turns = 2.0 * np.pi * np.round((angle - middle) / (2.0 * np.pi))

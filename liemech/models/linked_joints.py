@@ -130,7 +130,7 @@ class GearedJoint(LinkedJoint):
         if not self.joint.geared:
             return 0.0
         far = self.joint.coordinates(g, k) - vec(q)
-        return seen_about(far, 0.0)[0] if self.joint.turns else far[0]
+        return seen_about(far, 0.0, self.joint.angles)[0]
 
 
 def filled(some: list[Any], count: int, blank: Any) -> list[Any]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, NoConvergence
-from ..formulas import vec
+from ..formulas import mat, vec
 from ..formulas.vectors import small
 from .joints import GROUND, both
 from .linked_joints import has_loops
@@ -28,11 +28,11 @@ DEPENDENT = 1e-9
 """Rows of which no more than this part is their own follow from the rows before them."""
 
 
-def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray]) -> np.ndarray:
+def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray], begin: Any = None) -> np.ndarray:
     """Poses along the tree of joints, each body from one that has its pose, (N, 4, 4); joints that
     are left over close loops.
 
-    Bodies without a way to the ground begin with one in the origin.
+    Bodies without a way to the ground begin with one in the origin, or at its pose in `begin`, (N, 4, 4).
     coordinates : by the numbers of joints; others are zero.
     """
     poses: dict[int | None, Any] = {None: GROUND}
@@ -45,7 +45,8 @@ def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray]) -> np
     for root in roots:
         if root is not None and root in poses:
             continue
-        poses[root], near = GROUND, list(at.get(root, []))
+        poses[root] = GROUND if root is None or begin is None else mat(*[vec(*row) for row in begin[root].tolist()])
+        near = list(at.get(root, []))
         heapify(near)
         while near:
             joint = linkage.joints[number := heappop(near)]
@@ -128,8 +129,9 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
         for number in numbers:
             joint = linkage.joints[number]
             apart = np.array(joint.coordinates(*both(joint, g))) - wanted[number]
-            turning = joint.turns and joint.freedoms < 3
-            off += [*(np.remainder(apart + np.pi, 2 * np.pi) - np.pi if turning else apart)]
+            turning = [*joint.angles]
+            apart[turning] = np.remainder(apart[turning] + np.pi, 2 * np.pi) - np.pi
+            off += [*apart]
         rows = np.concatenate([np.array(linkage.jacobian(g)), rows_of_motions(linkage, g, numbers)])
         x = -root * np.linalg.lstsq(rows * root, np.array(off), rcond=DEPENDENT)[0]
         change = float(np.abs(x).max())
@@ -140,10 +142,13 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
             break
         before = change
     missed = float(np.abs(off).max())
-    if not missed <= 1e-9 * max(1.0, np.abs(np.array(g)).max()):
+    told = f"they miss by {missed:.2g}"
+    if missed <= 1e-9 * max(1.0, np.abs(np.array(g)).max()):
+        told = linkage.turned_over(g)
+    if told:
         raise NoConvergence(
             "Linkage: no poses found close by at which the loops are closed and the joints have "
-            f"these coordinates (they miss by {missed:.2g}); give poses that are closer, near=poses"
+            f"these coordinates ({told}); give poses that are closer, near=poses"
         )
     return np.array(g).reshape(-1, 4, 4)
 

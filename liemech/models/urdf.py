@@ -34,6 +34,9 @@ GEARED = ("revolute", "continuous", "prismatic")
 WIDE = 100.0
 """Bodies whose inertia says that they are so many times larger than the robot have other units."""
 
+TOLD = 5
+"""Faults of shapes that one warning tells."""
+
 PARALLEL = 4 * np.finfo(float).eps
 """Products of inertia below this part of the moments are rounding."""
 
@@ -172,7 +175,10 @@ def linkage_of(
         moved[name] = moved[parent] if kind == "fixed" else name
     heads = [name for name in order if moved[name] == name]
     if not heads:
-        raise robot.wrong("has no joint that moves; floating=True lets its root move")
+        told = "has no joint that moves"
+        if any(links[name].one("inertial") for name in order):
+            told += f"; all of it falls as one body, lm.models.{_falling(_body(links, order, poses)[0])}"
+        raise robot.wrong(told)
     numbers: Any = {name: number for number, name in enumerate(heads)} | {None: None}
     bodies = {name: _body(links, [other for other in order if moved[other] == name], poses) for name in heads}
     _require_units(robot, bodies, poses)
@@ -329,6 +335,11 @@ def _body(links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarr
     return Link(total, inertias.tolist(), name=parts[0]), centre
 
 
+def _falling(link: Link) -> str:
+    """How a body that moves freely is written."""
+    return f"FallingBody({np.array(link.inertia).tolist()}, {link.mass!r})"
+
+
 def _require_units(robot: Element, bodies: dict[str, tuple[Link, np.ndarray]], poses: dict[str, np.ndarray]) -> None:
     """Warn of inertias that belong to bodies far larger than the robot."""
     points = np.array([*[pose[:3, 3] for pose in poses.values()], *[c for _, c in bodies.values()]])
@@ -352,6 +363,8 @@ def _mimic(joint: Element, joints: dict[str, Element]) -> Mimic | None:
     leader = mimic.text("joint")
     if leader not in joints:
         raise mimic.wrong(f"follows the joint {leader!r}, which is not there{meant(leader, joints)}")
+    if joints[leader].text("type") == "fixed":
+        raise mimic.wrong(f"follows the joint {leader!r}, which is fixed; make joint {joint.text('name')!r} fixed too")
     ratio, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
     return Mimic(joint.text("name"), leader, ratio, offset)
 
@@ -485,28 +498,31 @@ def _shapes(
     bodies: dict[str, int | None],
     files: _Files,
 ) -> list[LinkShape]:
-    """The visual geometry of all links."""
+    """The visual geometry of all links.  What is wrong with it is warned of: the motion does not need it."""
     known = {one.given.get("name"): one for one in robot.some("material")}
-    found: list[LinkShape] = []
+    shapes: list[LinkShape] = []
+    wrong: list[str] = []
     for name in links:
         for visual in links[name].some("visual"):
-            geometry = visual.one("geometry")
-            if geometry is None or len(geometry.inside) != 1:
-                raise visual.wrong(f"of link {name!r} must have one <geometry> with one shape in it")
-            made = _shape(geometry.inside[0], files)
-            if made is None:
-                continue
-            material = visual.one("material")
-            if material is not None and material.one("color") is None:
-                material = known.get(material.given.get("name"))
-            color = None if material is None else material.one("color")
-            shade = None
-            if color is not None:
-                parts = np.clip(color.numbers("rgba", 4), 0.0, 1.0)[:3]
-                shade = "#" + "".join(f"{round(255 * x):02x}" for x in parts)
-            kind, size, file = made
-            pose = poses[name] @ _origin(visual)
-            found.append(LinkShape(kind, bodies[name], pose.tolist(), size, shade, file))
+            color = None
+            try:
+                color = _color(visual, known)
+            except InvalidInput as refused:
+                wrong.append(f"{refused}: it has no colour of its own")
+            try:
+                geometry = visual.one("geometry")
+                if geometry is None or len(geometry.inside) != 1:
+                    raise visual.wrong(f"of link {name!r} must have one <geometry> with one shape in it")
+                shape = _shape(geometry.inside[0], files)
+                if shape is not None:
+                    kind, size, file = shape
+                    pose = poses[name] @ _origin(visual)
+                    shapes.append(LinkShape(kind, bodies[name], pose.tolist(), size, color, file))
+            except InvalidInput as refused:
+                wrong.append(f"{refused}: it is not shown")
+    if wrong:
+        more = f"; and {len(wrong) - TOLD} more" if len(wrong) > TOLD else ""
+        warn(f"{'; '.join(wrong[:TOLD])}{more}", FileWarning)
     if files.outside:
         warn(
             f"meshes outside of the folders of the robot are not read: {', '.join(sorted(set(files.outside)))}. "
@@ -519,7 +535,19 @@ def _shapes(
             'packages={"name": "folder"} tells where package://name is',
             FileWarning,
         )
-    return found
+    return shapes
+
+
+def _color(visual: Element, known: dict[str | None, Element]) -> str | None:
+    """The colour of a visual, "#rrggbb", its own or that of a material of the robot."""
+    material = visual.one("material")
+    if material is not None and material.one("color") is None:
+        material = known.get(material.given.get("name"))
+    color = None if material is None else material.one("color")
+    if color is None:
+        return None
+    parts = np.clip(color.numbers("rgba", 4), 0.0, 1.0)[:3]
+    return "#" + "".join(f"{round(255 * x):02x}" for x in parts)
 
 
 def _shape(given: Element, files: _Files) -> tuple[str, list[float], str | None] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, NoReturn, final
 
 import numpy as np
 
@@ -28,6 +28,11 @@ mistakes.
 INDEPENDENT = 1e-10
 """Conditions whose derivatives are closer to dependent than this, by singular values, are taken for
 redundant.
+"""
+
+CLEAR = 1e-10
+"""Squares of singular values above this part of the largest are told from rounding; others are looked at by
+themselves, such as those of a link far lighter than what it holds.
 """
 
 DENSE = 20_000
@@ -287,11 +292,16 @@ class BoundBody(System):
                 f"{value[i]:.3g}. `consistent(mu, g)` gives the nearest start on the constraint"
             )
 
-    def _start(self, what: str, mu: Any, g: Any, xi: Any) -> tuple[np.ndarray, Any]:
-        """One start, with independent conditions."""
+    def _one(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
+        """One start, on the constraint or not."""
         state = self._given(what, mu, g, xi)
         if state.bodies is not None:
             raise InvalidInput(f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble")
+        return state
+
+    def _start(self, what: str, mu: Any, g: Any, xi: Any) -> tuple[np.ndarray, Any]:
+        """One start, with independent conditions."""
+        state = self._one(what, mu, g, xi)
         start = small(np.array(state.g))
         self._require_independent(start, f"{type(self).__name__}.{what}")
         return np.array(state.mu), start
@@ -368,14 +378,18 @@ class BoundBody(System):
                 "change here: its derivative is zero"
             )
         if self._sparse and unit.all():
-            if _pivots(gram, unit).min() > INDEPENDENT:
+            if _pivots(gram, unit).min() > CLEAR:
                 return
             # rows that depend on each other are to be named, whatever it takes
-            gram = gram.toarray()
-        values, directions = np.linalg.eigh(gram / np.outer(unit, unit))
-        rank = int((np.abs(values) > INDEPENDENT * values[-1]).sum())
+            gram, G = gram.toarray(), G.toarray()
+        squares = np.linalg.eigvalsh(gram / np.outer(unit, unit))
+        if np.abs(squares).min() > CLEAR * squares[-1]:
+            return
+        inverse = self._inverse.toarray() if self._sparse else self._inverse
+        directions, sizes, _ = np.linalg.svd(G @ np.linalg.cholesky(inverse) / unit[:, None])
+        rank = int((sizes > INDEPENDENT * sizes[0]).sum())
         if rank < self.conditions:
-            together = np.abs(directions[:, : self.conditions - rank]).max(axis=1)
+            together = np.abs(directions[:, rank:]).max(axis=1)
             raise InvalidInput(
                 f"{name}: the {self.conditions} conditions have rank {rank} here; "
                 f"{self._named(np.flatnonzero(together > 1e-3))} depend on each other. "
@@ -480,22 +494,44 @@ class ConstrainedBody(BoundBody):
         mu, xi : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is
         too far off.
         """
-        momentum, start = self._start("consistent", mu, g, xi)
-        group, inverse = self.configurations, self._inverse
-        x, change = np.zeros(group.dim), np.inf
+        state = self._one("consistent", mu, g, xi)
+        there = self._nearest(small(np.array(state.g)))
+        return self.state(self._projected(np.array(state.mu), there), np.array(there))
+
+    def _nearest(self, start: Any) -> Any:
+        """The configuration on the constraint nearest to one that is close to it."""
+        there = self._reached_from(start, np.zeros(self.configurations.dim))
+        if there is None:
+            self._refuse_far(start)
+        return there
+
+    def _refuse_far(self, start: Any) -> NoReturn:
+        """Say why no configuration on the constraint was found."""
+        name = f"{type(self).__name__}.consistent"
+        self._require_independent(start, name)
+        raise NoConvergence(f"{name}: no configuration on the constraint found near g; start closer")
+
+    def _reached_from(self, start: Any, x: np.ndarray) -> Any:
+        """The configuration start exp(x) on the constraint with the shortest x near this one, (dim,), by
+        Newton's method; None if it does not converge.
+        """
+        group, inverse, change = self.configurations, self._inverse, np.inf
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
             algebras, pieces = (
                 [group.algebra for group, _, _ in self.blocks],
                 [Vec.of(x[slice(*place)]) for place in self.places],
             )
-            bent = [
-                [algebras[b].dexp_dual(pieces[b], part) for part, (b, _) in zip(row, ties)]
-                for row, ties in zip(self.rows(there), self.touches)
-            ]
-            G = self._matrix(bent)
-            aim = G @ x - np.array(self.constraint.value(there))
-            new = inverse @ (G.T @ _solved(G @ inverse @ G.T, aim))
+            try:
+                bent = [
+                    [algebras[b].dexp_dual(pieces[b], part) for part, (b, _) in zip(row, ties)]
+                    for row, ties in zip(self.rows(there), self.touches)
+                ]
+                G = self._matrix(bent)
+                aim = G @ x - np.array(self.constraint.value(there))
+                new = inverse @ (G.T @ _solved(G @ inverse @ G.T, aim))
+            except (np.linalg.LinAlgError, ArithmeticError):
+                return None
             change, x = float(np.abs(new - x).max()), new
             if (
                 not change < np.inf
@@ -504,11 +540,8 @@ class ConstrainedBody(BoundBody):
             ):
                 break
         if not change <= CONSISTENT * max(1.0, np.abs(x).max()):
-            raise NoConvergence(
-                f"{type(self).__name__}.consistent: no configuration on the constraint found near g; start closer"
-            )
-        there = group.compose_exp(start, Vec.of(x))
-        return self.state(self._projected(momentum, there), np.array(there))
+            return None
+        return group.compose_exp(start, Vec.of(x))
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
         """Raise InconsistentState for a configuration off the constraint, measured beside the terms

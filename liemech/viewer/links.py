@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InvalidInput
+from ..errors import FileWarning, InvalidInput, warn
 from ..models.even_boxes import principal_box
 from ..models.given_motion import MovedJoint
 from ..models.joints import RigidRod
@@ -81,7 +81,10 @@ class Links(Content):
             pose, node = (np.array(one.pose), f"{names[GROUND if one.body is None else one.body]}/shape {n + 1}")
             turn = quaternions(pose[None, :3, :3])[0]
             drawing.add(node, quaternion=turn, position=pose[:3, 3] / unit)
-            _shape(drawing, node, one, np.array(one.size) / unit, color)
+            try:
+                _shape(drawing, node, one, np.array(one.size) / unit, color)
+            except InvalidInput as refused:  # of one file: the others are shown
+                warn(f"Links: {refused}; it is not shown", FileWarning)
         for name, link in zip(names, () if system.shapes else system.links):
             axes, edges = principal_box(link)
             solid = box(np.maximum(edges / unit, THIN), color)

@@ -140,7 +140,10 @@ def colored(shape: Shape, colors: str | Sequence[str]) -> Shape:
 
 
 def mesh_file(path: str | PathLike[str], color: str) -> Shape:
-    """A body from a file: .stl, .obj or .dae."""
+    """A body from a file: .stl, .obj or .dae.
+
+    Raises InvalidInput for what the page could not read, which would leave it blank.
+    """
     file = Path(path)
     kind = file.suffix.lower()
     if kind not in FORMATS:
@@ -149,8 +152,52 @@ def mesh_file(path: str | PathLike[str], color: str) -> Shape:
         content = file.read_bytes()
     except OSError as refused:
         raise InvalidInput(f"mesh {str(path)!r} cannot be read: {refused}") from None
-    data: Any = np.frombuffer(content, dtype=np.uint8) if kind == ".stl" else content.decode("utf-8")
+    wrong = {".stl": _no_stl, ".obj": _no_obj, ".dae": _no_collada}[kind](content)
+    if content.startswith(b"version https://git-lfs"):
+        wrong = "is a pointer of Git LFS, not the file itself: run `git lfs pull`"
+    if wrong:
+        raise InvalidInput(f"mesh {str(path)!r} {wrong}")
+    data: Any = np.frombuffer(content, dtype=np.uint8) if kind == ".stl" else _text(content)
     return Shape("Mesh", lambda: {"type": "_meshfile_geometry", "format": kind[1:], "data": data}, solid(color))
+
+
+def _text(content: bytes) -> str:
+    """A text in the encoding that it names, or in UTF-8, or in Latin-1, which has every byte."""
+    named = re.match(rb"""\s*<\?xml[^>]*encoding=["']([\w.-]+)["']""", content)
+    for encoding in ([named[1].decode()] if named else []) + ["utf-8-sig"]:
+        try:
+            return content.decode(encoding)
+        except (LookupError, UnicodeDecodeError):
+            continue
+    return content.decode("latin-1")
+
+
+def _no_stl(content: bytes) -> str:
+    """Why bytes are no STL file of triangles; empty if they are one."""
+    count = int.from_bytes(content[80:84], "little")
+    text = content[:5] == b"solid" and b"facet" in content and b"vertex" in content
+    return "" if text or (count > 0 and len(content) >= 84 + 50 * count) else "is no STL file of triangles"
+
+
+def _no_obj(content: bytes) -> str:
+    """Why bytes are no OBJ file of faces; empty if they are one."""
+    found = all(re.search(rb"^\s*" + letter + rb"\s", content, re.MULTILINE) for letter in (b"v", b"f"))
+    return "" if found else "is no OBJ file of faces"
+
+
+def _no_collada(content: bytes) -> str:
+    """Why bytes are no COLLADA file with a scene of triangles; empty if they are one."""
+    from xml.parsers import expat
+
+    tags: set[str] = set()
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda tag, _: tags.add(tag)
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as refused:
+        return f"is no XML: {refused}"
+    shown = {"COLLADA", "visual_scene", "mesh"} <= tags and tags & {"triangles", "polylist", "polygons", "lines"}
+    return "" if shown else "is no COLLADA file with a scene of triangles"
 
 
 # ------------------------------------------------------------------ lines

@@ -650,6 +650,14 @@ def test_joints_that_cannot_follow_are_refused() -> None:
     with pytest.raises(lm.errors.InvalidInput, match="joint 2 follows joint 0 by gears, and their"):
         Linkage(arm.links, arm.joints, mimics=[Mimic(2, 0)])
     arm = turret([0.1, 0.0, 0.0])
+    for mimic, one in (
+        (Mimic("wrst", 0), "'wrst'"),
+        (Mimic(2, "elbw"), "'elbw'"),
+        (Mimic(7, 0), "7"),
+        (Mimic(0, 7), "7"),
+    ):
+        with pytest.raises(lm.errors.InvalidInput, match=f"there is no joint {one}; there are 3, numbered from 0"):
+            Linkage(arm.links, arm.joints, mimics=[mimic])
     for mimics in ([Mimic(0, 0)], [Mimic(1, 0), Mimic(2, 1)], [Mimic(1, 0), Mimic(1, 2)]):
         with pytest.raises(lm.errors.InvalidInput, match="let all follow one that leads"):
             Linkage(arm.links, arm.joints, mimics=mimics)

@@ -249,7 +249,15 @@ BROKEN = {
     "no type": (GOOD.replace(' type="revolute"', ""), "has no type"),
     "a wrong type": (GOOD.replace("revolute", "Revolute"), "the type 'Revolute'; URDF has revolute"),
     "mimic": (GOOD.replace("</joint>", '<mimic joint="k"/></joint>'), "<mimic> follows the joint 'k'"),
-    "nothing moves": (GOOD.replace("revolute", "fixed"), "no joint that moves; floating=True"),
+    "mimic of a weld": (
+        GOOD.replace('<link name="a"/>', '<link name="c"/><link name="a"/>').replace(
+            "</joint>", '<mimic joint="k"/></joint>').replace(
+            "</robot>", '<joint name="k" type="fixed"><parent link="c"/><child link="a"/></joint></robot>'),
+        "<mimic> follows the joint 'k', which is fixed; make joint 'j' fixed too"),
+    "nothing moves": (
+        GOOD.replace("revolute", "fixed"),
+        r"no joint that moves; all of it falls as one body, lm.models.FallingBody\(\[\[0.03.*, 1.0\)"),
+    "nothing there": ("<robot>" + '<link name="a"/></robot>', "has no joint that moves$"),
     "no mass": (GOOD.replace('mass value="1"', 'mass value="0"'), '"b"> moves and has no mass'),
     "no inertial": ("<robot>" + '<link name="a"/><link name="b"/>' + JOINT + "</robot>", "no mass"),
     "negative mass": (GOOD.replace('mass value="1"', 'mass value="-1"'), "a mass is not negative"),
@@ -265,13 +273,6 @@ BROKEN = {
         GOOD.replace("</joint>", "<origin/><origin/></joint>"), "second <origin> of one <joint>"),
     "negative damping": (
         GOOD.replace("</joint>", '<dynamics damping="-1"/></joint>'), "would drive the joint"),
-    "a shape": (
-        GOOD.replace('<link name="a"/>', '<link name="a"><visual><geometry><cone/></geometry></visual></link>'),
-        "<cone> is no shape"),
-    "a size": (
-        GOOD.replace('<link name="a"/>',
-                     '<link name="a"><visual><geometry><sphere radius="0"/></geometry></visual></link>'),
-        "positive lengths"),
 }  # fmt: skip
 
 
@@ -281,6 +282,49 @@ def test_what_is_wrong_in_a_file_is_said(name: str) -> None:
     assert Linkage.from_urdf(GOOD)
     with pytest.raises(InvalidInput, match=words):
         Linkage.from_urdf(text)
+
+
+BOX = '<geometry><box size="1 1 1"/></geometry>'
+ODD_SHAPES = {
+    "five numbers": (BOX + '<material name=""><color rgba="0.15 0.15 0.15 0 1"/></material>', "must be 4 numbers", 1),
+    "three numbers": (BOX + '<material name=""><color rgba="0.1 0.2 0.3"/></material>', "must be 4 numbers", 1),
+    "no shape": ("<geometry/>", "one shape in it", 0),
+    "an unknown shape": ("<geometry><cone/></geometry>", "<cone> is no shape", 0),
+    "a flat box": ('<geometry><box size="1 1 0"/></geometry>', "positive lengths", 0),
+    "a point": ('<geometry><sphere radius="0"/></geometry>', "positive lengths", 0),
+    "one scale": ('<geometry><mesh filename="a.stl" scale="0.001"/></geometry>', "must be 3 numbers", 0),
+    "degrees": ('<origin rpy="0 0 90"/>' + BOX, "in rad, not in degrees", 0),
+}
+
+
+@pytest.mark.filterwarnings("ignore:meshes that are not there")
+@pytest.mark.parametrize("name", ODD_SHAPES)
+def test_what_only_the_picture_needs_is_warned_of(name: str) -> None:
+    """The motion is that of the file, and the other shapes are shown."""
+    visual, words, shown = ODD_SHAPES[name]
+    text = GOOD.replace('<link name="a"/>', f'<link name="a"><visual>{visual}</visual><visual>{BOX}</visual></link>')
+    with pytest.warns(FileWarning, match=words):
+        robot = Linkage.from_urdf(text)
+    assert robot.links == Linkage.from_urdf(GOOD).links
+    assert [one.kind for one in robot.shapes] == ["box"] * (shown + 1)
+
+
+def test_a_body_that_flies_is_told_how_to_be_written() -> None:
+    """Links that are welded together are one body, by the sums of their masses and moments."""
+    hull = '<inertial><mass value="1"/><inertia ixx="1" iyy="2" izz="2.5"/></inertial>'
+    camera = '<inertial><mass value="0.1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3"/></inertial>'
+    drone = f"""<robot name="drone"><link name="hull">{hull}</link><link name="camera">{camera}</link>
+    <joint name="screw" type="fixed"><parent link="hull"/><child link="camera"/><origin xyz="0.1 0 0"/></joint></robot>"""
+    free = '<link name="world"/><joint name="free" type="floating"><parent link="world"/><child link="hull"/></joint>'
+    arm = 1.0 * 0.1 / 1.1 * 0.1**2  # m1 m2/(m1 + m2) d^2
+    for text, options in ((drone, {}), (drone, {"floating": True}), (drone.replace("</robot>", free + "</robot>"), {})):
+        with pytest.raises(InvalidInput, match=r"lm\.models\.FallingBody\(.*\)") as refused:
+            Linkage.from_urdf(text, **options)
+        assert "floating=True" not in str(refused.value)
+        told = str(refused.value)
+        body = eval(told[told.index("lm.models.FallingBody(") :])
+        assert np.allclose(np.array(body.inertia), [1.001, 2.001 + arm, 2.501 + arm], rtol=1e-14)
+        assert body.mass == pytest.approx(1.1)
 
 
 def test_what_is_odd_in_a_file_is_warned_of(tmp_path: Path) -> None:

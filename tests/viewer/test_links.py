@@ -5,6 +5,7 @@ rods keep their length.
 from __future__ import annotations
 
 import struct
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import pytest
 
 import liemech as lm
 from liemech.command_line.scenes import SCENES
-from liemech.errors import InvalidInput
+from liemech.errors import FileWarning, InvalidInput
 from liemech.models.even_boxes import principal_box
 from liemech.viewer import Links, Motion, Scene
 
@@ -141,3 +142,45 @@ def test_a_joint_in_a_given_motion_is_where_its_first_body_is() -> None:
     found = joints.moving["cloud"][:, 0]
     wanted = panel.inside(np.array([[0.0, 0.0, 0.1 * np.sin(20.0 * t)] for t in run.t]))
     assert np.abs(found - wanted).max() < 1e-12
+
+
+ONE_TRIANGLE = bytes(80) + struct.pack("<I", 1) + struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+COLLADA = """<?xml version="1.0" encoding="iso-8859-1"?><COLLADA><asset><author>\u00e9</author></asset>
+<library_geometries><geometry id="g"><mesh><triangles count="0"/></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"/></library_visual_scenes></COLLADA>"""
+MESHES = {
+    "good.stl": (ONE_TRIANGLE, ""),
+    "words.stl": (b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n", ""),
+    "pointer.stl": (b"version https://git-lfs.github.com/spec/v1\noid sha256:0000\nsize 12\n", "pointer of Git LFS"),
+    "empty.stl": (b"", "no STL file of triangles"),
+    "cut.stl": (ONE_TRIANGLE[:-1], "no STL file of triangles"),
+    "latin.obj": ("# \u00e9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".encode("latin-1"), ""),
+    "points.obj": (b"v 0 0 0\nv 1 0 0\n", "no OBJ file of faces"),
+    "latin.dae": (COLLADA.encode("latin-1"), ""),
+    "no_scene.dae": (b'<?xml version="1.0"?><COLLADA></COLLADA>', "no COLLADA file with a scene"),
+    "no_xml.dae": (b"<COLLADA>", "is no XML"),
+    "part.glb": (b"glTF", "must be a file that ends in"),
+    "missing.stl": (None, "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_a_mesh_that_is_none_is_named_and_the_others_are_shown(tmp_path: Path, name: str) -> None:
+    content, reason = MESHES[name]
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    motion, pose = rods(2), np.eye(4).tolist()
+    shapes = [
+        library.joints.LinkShape("mesh", 0, pose, [1.0, 1.0, 1.0], file=str(tmp_path / name)),
+        library.joints.LinkShape("box", 1, pose, [0.1, 0.2, 0.3]),
+    ]
+    motion = replace(motion, system=replace(motion.system, shapes=shapes))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        (panel,) = Scene(motion).panels()
+    nodes = {path.partition("run 1/")[2] for path, node in panel.nodes.items() if node.shape is not None}
+    assert "link 2/shape 2/box" in nodes
+    assert ("link 1/shape 1/mesh" in nodes) is (reason == "")
+    assert [(one.category, name in str(one.message), reason in str(one.message)) for one in told] == (
+        [(FileWarning, True, True)] if reason else []
+    )

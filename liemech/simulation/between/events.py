@@ -115,8 +115,10 @@ def crossed(event: Event, old: Any, new: Any) -> Any:
     the first is none.
     """
     direction = float(getattr(event, "direction", None) or 0.0)
+    jump = float(getattr(event, "jumps_by", None) or np.inf)  # of angles: the way through zero is the shorter one
     least, most = np.minimum(old, new), np.maximum(old, new)
-    return (least <= 0.0) & (most >= 0.0) & (old != 0.0) & (direction * (new - old) >= 0.0)
+    zero = (least <= 0.0) & (most >= 0.0) & (old != 0.0) & (most - least <= 0.5 * jump)
+    return zero & (direction * (new - old) >= 0.0)
 
 
 class Events:
