@@ -18,7 +18,6 @@ from ..solvers import correction, fixed_point, unit_of
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
-from ..systems.system import System
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit
@@ -86,7 +85,7 @@ class GalerkinVariational(Implicit):
     def require(self, system: Any) -> None:
         """A body with a Lagrangian, free or in a field, on a group that has the retraction."""
         body: Any = _body(system)
-        if not isinstance(body, System) or body.lie_poisson is None:
+        if getattr(body, "lie_poisson", None) is None:
             raise IncompatibleSystem(
                 f"{self!r} needs a body, free as RigidBody([1.0, 1.5, 2.0]) or in a field, a "
                 f"MechanicalSystem; got {system!r}. RKMK accepts every system"

@@ -247,7 +247,7 @@ class CovariantVariational(Implicit):
         known = (many or isinstance(given, BodyState)) and isinstance(system, System)
         if not (known and type(h) is float and h):
             self._asked("step_warning", system, start, h)
-        one = system.lagrangian.of_one if many else None
+        one: Any = system.lagrangian.of_one if many else None
         if many and not has_inertia(one):
             return None
         if many:

@@ -233,7 +233,7 @@ class AtTime(Term):
         return self.term.energy(*sites, self.time)
 
 
-def at_time(energy: Any, t: float) -> Any:
+def at_time(energy: Any, t: Any) -> Any:
     """An energy with its terms that change with time as they are at time t."""
     changing = inside(energy, AtTime)
     moved = [with_fields(x, time=t) for x in changing]
