@@ -377,7 +377,7 @@ def _rotors(robot: Element, joints: dict[str, Element], armature: Any) -> dict[s
     for transmission in robot.some("transmission"):
         for one in transmission.some("actuator"):
             rotor, gear = one.one("drake:rotor_inertia"), one.one("drake:gear_ratio")
-            held = transmission.one("joint")
+            held = None if rotor is None else transmission.one("joint")  # others may have two, as differentials do
             if rotor is not None and held is not None:
                 ratio = 1.0 if gear is None else gear.number("value")
                 found[held.text("name")] = rotor.number("value") * ratio * ratio

@@ -309,6 +309,12 @@ def test_what_only_the_picture_needs_is_warned_of(name: str) -> None:
     assert [one.kind for one in robot.shapes] == ["box"] * (shown + 1)
 
 
+def test_a_transmission_of_two_joints_without_a_rotor_is_read() -> None:
+    """As of a differential, in the files of TALOS."""
+    both = '<transmission name="d"><joint name="j"/><joint name="k"/><actuator name="m"/></transmission></robot>'
+    assert Linkage.from_urdf(GOOD.replace("</robot>", both)).joints[0].armature == 0.0
+
+
 def test_a_body_that_flies_is_told_how_to_be_written() -> None:
     """Links that are welded together are one body, by the sums of their masses and moments."""
     hull = '<inertial><mass value="1"/><inertia ixx="1" iyy="2" izz="2.5"/></inertial>'
