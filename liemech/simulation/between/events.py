@@ -396,8 +396,9 @@ class Events:
         return np.array(found, dtype=int)
 
     def _jumped(self, body: int, event: int, t: float) -> None:
-        """Keep where an event jumps over zero."""
-        self.jumps.setdefault(event, (name_of(self.events[event]), body, t))
+        """Keep where an event jumps over zero that does not say that it jumps, as an angle does."""
+        if getattr(self.events[event], "jumps_by", None) is None:
+            self.jumps.setdefault(event, (name_of(self.events[event]), body, t))
 
     # ---------------------------------------------------------------- what came of it
 
