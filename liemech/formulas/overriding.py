@@ -24,7 +24,7 @@ class WrongResult(InvalidType):
 
 def theirs(cls: type | types.FunctionType) -> bool:
     """Is it a class, or a method, of a user's?"""
-    return cls.__module__.partition(".")[0] != _LIBRARY
+    return (cls.__module__ or "").partition(".")[0] != _LIBRARY  # None: of a text that was executed
 
 
 def require_signatures(cls: type, formula_of: Any) -> None:

@@ -61,11 +61,11 @@ def test_code_that_is_too_long_goes_direction_by_direction(monkeypatch: Any) -> 
     seen: Any = []
     made: Any = Prepared._blocks
 
-    def blocks(self: Any, *given: Any) -> Any:
-        seen.append(self.directions.side)
-        return made(self, *given)
+    def blocks(directions: Any, *given: Any) -> Any:
+        seen.append(directions.side)
+        return made(directions, *given)
 
-    monkeypatch.setattr(Prepared, "_blocks", blocks)
+    monkeypatch.setattr(Prepared, "_blocks", staticmethod(blocks))
     monkeypatch.setattr(instructions, "LIMIT", SHORT)
     monkeypatch.setattr(instructions, "WITH_SLOPES", 4)
     found = plan.pullback(np.arange(6.0), START, steps=200)["start"]
