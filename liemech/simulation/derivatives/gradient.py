@@ -368,9 +368,9 @@ class Prepared:
 
     def blocks_of(self, way: Steps, forward: Forward, work: int) -> Blocks:
         """The code for the blocks of a run.  work : steps of all blocks and directions."""
-        blocks = self.blocks or self._blocks(self.directions, way, forward)
-        several = blocks.directions.side > 1
+        several = self.directions.side > 1
         try:
+            blocks = self.blocks or self._blocks(self.directions, way, forward)
             own = blocks.of_a_run(forward.t0, work, several)
         except NotCompilable:
             if not several:
