@@ -275,6 +275,36 @@ def test_zeros_in_a_step_come_in_the_order_of_the_motion(sign: float, compiled: 
                 assert len(met["late"]) == (0 if terminal else 1)
 
 
+@WORLDS
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_zero_where_a_step_ends_hides_no_other(sign: float, compiled: bool) -> None:
+    """Steps of a quarter, which are exact: the next zero is inside of the next step, or at its end."""
+    ball = Ball(0.0)  # q = t
+
+    def inside(t: float, state: Any) -> float:
+        return (state.q[0] - sign * 0.5) * (state.q[0] - sign * 0.6)
+
+    def at_end(t: float, state: Any) -> float:
+        return (state.q[0] - sign * 0.5) * (state.q[0] - sign * 0.75)
+
+    def twice(t: float, state: Any) -> float:
+        return (state.q[0] - sign * 0.5) ** 2
+
+    for start in (ball.state(q=[0.0], p=[1.0]), ball.state(q=[[0.0], [0.25 * sign]], p=[[1.0], [1.0]])):
+        run = lm.integrate(
+            ball,
+            lm.StormerVerlet(),
+            start,
+            h=0.25 * sign,
+            t_end=sign,
+            events=[inside, at_end, twice],
+            compiled=compiled,
+        )
+        for of_event, right in zip(run.events, ([0.5, 0.6], [0.5, 0.75], [0.5])):
+            for body, (times, _) in enumerate([of_event] if np.ndim(start.q) == 1 else of_event):
+                assert times == pytest.approx(sign * (np.array(right) - 0.25 * body), abs=1e-12)
+
+
 # ------------------------------------------------------------------ jumps
 
 
