@@ -338,6 +338,41 @@ def test_a_jump_is_no_zero(compiled: bool) -> None:
         assert not len(run.events[2][0])
 
 
+@WORLDS
+@pytest.mark.parametrize(("t0", "h"), [(1.7e9, 1e-5), (1e12, 2.0**-6), (-1e15, 2.0)])
+@pytest.mark.filterwarnings("error")
+def test_steps_of_few_units_of_the_time_have_zeros_and_no_jumps(t0: float, h: float, compiled: bool) -> None:
+    """As in seconds since 1970.  Between two looks there are a few dozen numbers only."""
+    ball = Ball(0.0)  # q = t - t0
+
+    def line(t: float, state: Any) -> float:
+        return state.q[0] - 2.4 * h
+
+    def swing(t: float, state: Any) -> float:
+        return sin(2.0 * state.q[0] / h - 1.0)
+
+    run = lm.integrate(
+        ball, lm.StormerVerlet(), ball.state(q=[0.0], p=[1.0]), t0=t0, h=h, steps=4, events=[line, swing],
+        compiled=compiled,
+    )  # fmt: skip
+    for (times, _), right in zip(run.events, ([2.4 * h], h * (0.5 + 0.5 * np.pi * np.arange(3)))):
+        assert times - t0 == pytest.approx(right, abs=4.0 * np.spacing(abs(t0)))
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_event_may_be_infinite() -> None:
+    ball = Ball(0.0)
+    run = lm.integrate(
+        ball,
+        lm.StormerVerlet(),
+        ball.state(q=[0.0], p=[1.0]),
+        h=0.125,
+        steps=8,
+        events=lambda t, state: float("inf") if state.q[0] > 0.4 else state.q[0] - 0.3,
+    )
+    assert run.events[0][0] == pytest.approx([0.3], abs=1e-12)
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_steep_zero_is_one() -> None:
     """A root with an infinite slope, and a step function that is smooth."""

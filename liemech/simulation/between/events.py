@@ -61,7 +61,9 @@ EARLY = 2.0**-10
 """The part of the way between two looks after which an event that is zero at the first of them has a sign."""
 
 STEEP = 0.01
-"""The change of an event in four units in the last place of the time, over that between two looks, which is a jump."""
+"""The change of an event in four units in the last place of the time, over that between two looks, which is a jump:
+beyond eight times that of a straight line, which counts where looks are few such units apart.
+"""
 
 PORTION = 2**16
 """Looks that are taken together."""
@@ -113,10 +115,11 @@ def crossed(event: Event, old: Any, new: Any) -> Any:
     the first is none.
     """
     direction = float(getattr(event, "direction", None) or 0.0)
-    jump = float(getattr(event, "jumps_by", None) or np.inf)  # of angles: the way through zero is the shorter one
-    least, most = np.minimum(old, new), np.maximum(old, new)
-    zero = (least <= 0.0) & (most >= 0.0) & (old != 0.0) & (most - least <= 0.5 * jump)
-    return zero & (direction * (new - old) >= 0.0)
+    jump = float(getattr(event, "jumps_by", None) or 0.0)  # of angles: the way through zero is the shorter one
+    zero = (np.minimum(old, new) <= 0.0) & (np.maximum(old, new) >= 0.0) & (old != 0.0)
+    if jump:
+        zero = zero & (abs(new - old) <= 0.5 * jump)
+    return zero & (direction * (new - old) >= 0.0) if direction else zero
 
 
 class Events:
@@ -461,8 +464,7 @@ def roots(
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Roots of many functions, each between a and b, where its values fa and fb have not the same
     sign, to four units in the last place: inverse quadratic interpolation where that is safe, or
-    else bisection.  With them which ones are none, but jumps: there the function changes by no less than STEEP of
-    fb - fa.
+    else bisection.  With them which ones are none, but jumps, as `STEEP` says.
 
     function : by the numbers of some functions, and a place for each, their values.
     Source: Chandrupatla, Advances in Engineering Software 28 (1997), 145.
@@ -484,9 +486,10 @@ def roots(
         going = (bound <= 0.5) & (f1 != 0.0)
         left, least, bound = left[going], least[going], bound[going]
         x1, f1, x2, f2, x3, f3 = (x[going] for x in (x1, f1, x2, f2, x3, f3))
-        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
         with np.errstate(all="ignore"):
+            xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
             inner = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)  # fmt: skip
         safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
         part = np.minimum(1.0 - bound, np.maximum(bound, np.where(safe, inner, 0.5)))
-    return found, (change != 0.0) & (change >= STEEP * np.abs(fb - fa))
+    steep = STEEP + 32.0 * EPSILON * np.maximum(np.abs(a), np.abs(b)) / np.abs(b - a)
+    return found, (change != 0.0) & (change >= steep * np.abs(fb - fa))
