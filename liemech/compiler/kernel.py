@@ -102,6 +102,8 @@ def available() -> str | None:
     if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return "compilation is switched off in the environment (LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1)"
     try:
+        import llvmlite  # noqa: F401  # where it is missing, no half of a module is left for other threads
+
         from . import llvm
 
         llvm.processor()

@@ -138,8 +138,12 @@ def require_as_made(record: Any) -> None:
 @functools.cache
 def _taken(cls: Any) -> tuple[str, ...] | None:
     """The fields that the `__init__` of a class of records takes; None if it makes no fields and no checks of
-    its own, or takes other things.
+    its own, or takes other things.  What users wrote alone is no such check: it may turn degrees into radians, and
+    would do so again.
     """
+    ours = [base for base in cls.__mro__ if issubclass(base, Record) and not theirs(base)]
+    if theirs(cls) and all(base.__post_init__ is Record.__post_init__ for base in ours):
+        return None
     taken = tuple([f.name for f in dataclasses.fields(cls) if f.init])
     if cls.__post_init__ is Record.__post_init__ and len(taken) == len(names_of(cls)):
         return None

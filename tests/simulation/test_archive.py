@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import enum
 import inspect
 import io
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -274,6 +276,36 @@ def test_what_a_formula_misses_is_told_and_not_taken_for_a_part_of_the_run(tmp_p
     with pytest.raises(RuntimeError, match=r"Trajectory\.energy could not be made.*'half'"):
         again.energy  # noqa: B018
     assert not hasattr(again, "half")
+
+
+@lm.record
+class Tilted(lm.Hamiltonian):
+    """An energy by an angle in degrees, kept in radians."""
+
+    angle: float
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 10.0 <= self.angle <= 90.0:
+            raise ValueError("angle is in degrees, 10 to 90")
+        object.__setattr__(self, "angle", np.deg2rad(self.angle).item())
+        object.__setattr__(self, "names", ("root", *self.names))
+
+    def energy(self, mu: lm.Vec) -> float:
+        return self.angle * lm.dot(mu, mu)
+
+
+def test_what_a_class_of_a_user_made_of_its_fields_is_not_made_again(tmp_path: Path) -> None:
+    """In files, pickles, copies: radians are no degrees."""
+    system = lm.LiePoissonSystem(lm.SO3(), Tilted(60.0))
+    start = system.state(mu=[1.0, 2.0, 3.0])
+    run = lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=2, compiled=False)
+    run.save(tmp_path / "run.npz")
+    for again in (lm.Trajectory.load(tmp_path / "run.npz"), pickle.loads(pickle.dumps(run)), copy.deepcopy(run)):
+        assert again.system.hamiltonian.angle == np.pi / 3.0
+        assert again.system.hamiltonian.names == ("root",)
+        assert np.array_equal(again.energy, run.energy)
 
 
 def run_holding(value: Any) -> lm.Trajectory:

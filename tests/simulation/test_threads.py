@@ -5,12 +5,15 @@ from __future__ import annotations
 import contextlib
 import sys
 import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pytest
 
 import liemech as lm
+from liemech.compiler import kernel
 from liemech.formulas import blas
 from liemech.systems.potential import Force
 
@@ -348,3 +351,25 @@ def test_blas_stays_on_one_thread_until_the_last_caller_is_done() -> None:
             assert count() == 2
     finally:
         set_count(before)
+
+
+def test_threads_ask_for_native_code_where_llvmlite_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All at once, while an import fails: none sees half a module."""
+    from liemech import compiler
+
+    class Missing:
+        """A search for modules that takes its time and finds no llvmlite."""
+
+        @staticmethod
+        def find_spec(name: str, *_: Any) -> None:
+            if name == "llvmlite":
+                time.sleep(1e-3)
+                raise ModuleNotFoundError(name=name)
+
+    for name in [n for n in sys.modules if n.split(".")[0] == "llvmlite" or n == "liemech.compiler.llvm"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr(compiler, "llvm", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Missing, *sys.meta_path])
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(lambda _: kernel.available(), range(400)))
+    assert set(answers) == {"llvmlite is not installed"}

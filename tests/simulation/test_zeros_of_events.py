@@ -275,6 +275,36 @@ def test_zeros_in_a_step_come_in_the_order_of_the_motion(sign: float, compiled: 
                 assert len(met["late"]) == (0 if terminal else 1)
 
 
+@WORLDS
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_zero_where_a_step_ends_hides_no_other(sign: float, compiled: bool) -> None:
+    """Steps of a quarter, which are exact: the next zero is inside of the next step, or at its end."""
+    ball = Ball(0.0)  # q = t
+
+    def inside(t: float, state: Any) -> float:
+        return (state.q[0] - sign * 0.5) * (state.q[0] - sign * 0.6)
+
+    def at_end(t: float, state: Any) -> float:
+        return (state.q[0] - sign * 0.5) * (state.q[0] - sign * 0.75)
+
+    def twice(t: float, state: Any) -> float:
+        return (state.q[0] - sign * 0.5) ** 2
+
+    for start in (ball.state(q=[0.0], p=[1.0]), ball.state(q=[[0.0], [0.25 * sign]], p=[[1.0], [1.0]])):
+        run = lm.integrate(
+            ball,
+            lm.StormerVerlet(),
+            start,
+            h=0.25 * sign,
+            t_end=sign,
+            events=[inside, at_end, twice],
+            compiled=compiled,
+        )
+        for of_event, right in zip(run.events, ([0.5, 0.6], [0.5, 0.75], [0.5])):
+            for body, (times, _) in enumerate([of_event] if np.ndim(start.q) == 1 else of_event):
+                assert times == pytest.approx(sign * (np.array(right) - 0.25 * body), abs=1e-12)
+
+
 # ------------------------------------------------------------------ jumps
 
 
@@ -306,6 +336,41 @@ def test_a_jump_is_no_zero(compiled: bool) -> None:
         assert run.events[0][0] == pytest.approx([0.5, 6.5], abs=1e-12)
         assert run.events[1][0] == pytest.approx([0.2, 0.2 + np.pi, 0.2 + 2.0 * np.pi], abs=1e-12)
         assert not len(run.events[2][0])
+
+
+@WORLDS
+@pytest.mark.parametrize(("t0", "h"), [(1.7e9, 1e-5), (1e12, 2.0**-6), (-1e15, 2.0)])
+@pytest.mark.filterwarnings("error")
+def test_steps_of_few_units_of_the_time_have_zeros_and_no_jumps(t0: float, h: float, compiled: bool) -> None:
+    """As in seconds since 1970.  Between two looks there are a few dozen numbers only."""
+    ball = Ball(0.0)  # q = t - t0
+
+    def line(t: float, state: Any) -> float:
+        return state.q[0] - 2.4 * h
+
+    def swing(t: float, state: Any) -> float:
+        return sin(2.0 * state.q[0] / h - 1.0)
+
+    run = lm.integrate(
+        ball, lm.StormerVerlet(), ball.state(q=[0.0], p=[1.0]), t0=t0, h=h, steps=4, events=[line, swing],
+        compiled=compiled,
+    )  # fmt: skip
+    for (times, _), right in zip(run.events, ([2.4 * h], h * (0.5 + 0.5 * np.pi * np.arange(3)))):
+        assert times - t0 == pytest.approx(right, abs=4.0 * np.spacing(abs(t0)))
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_event_may_be_infinite() -> None:
+    ball = Ball(0.0)
+    run = lm.integrate(
+        ball,
+        lm.StormerVerlet(),
+        ball.state(q=[0.0], p=[1.0]),
+        h=0.125,
+        steps=8,
+        events=lambda t, state: float("inf") if state.q[0] > 0.4 else state.q[0] - 0.3,
+    )
+    assert run.events[0][0] == pytest.approx([0.3], abs=1e-12)
 
 
 @pytest.mark.filterwarnings("error")

@@ -121,6 +121,29 @@ class Field(lm.Hamiltonian):
         return -50.0 * mu[2]
 
 
+@pytest.mark.parametrize("other", [0.6, 0.75])
+def test_a_zero_where_a_step_ends_hides_no_other(other: float) -> None:
+    """Steps of a quarter, which are exact: the next zero is inside of the next step, or at its end."""
+    plan = lm.Plan(
+        spins(17), lm.RKMK(order=4), h=0.25, compiled=False, record=[SPIN],
+        events=[lambda t, total: (t - 0.5) * (t - other)],
+    )  # fmt: skip
+    run = plan.run(spins(17).state(mu=directions(17)), steps=4)
+    assert run.events[0][0] == pytest.approx([0.5, other], abs=1e-12)
+
+
+@native
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_zero_just_after_the_end_of_a_step_is_no_start(compiled: bool) -> None:
+    """The first that a run meets is taken for the place where it begins only in its first step."""
+    zero = np.nextafter(0.5, 1.0)
+    plan = lm.Plan(
+        spins(17), lm.RKMK(order=4), h=0.25, compiled=compiled, record=[SPIN], events=[lambda t, total: t - zero]
+    )
+    run = plan.run(spins(17).state(mu=directions(17)), steps=4)
+    assert run.events[0][0] == pytest.approx([0.5], abs=1e-12)
+
+
 @pytest.mark.xfail(strict=True, reason="totals of many sites are looked at where steps end alone")
 def test_no_zero_of_a_total_is_missed_in_long_steps() -> None:
     """20 spins that turn together, of which the total has 31 zeros in 2."""

@@ -106,7 +106,6 @@ def test_events_at_one_time_are_all_met() -> None:
     assert [times.tolist() for times, _ in run.events] == [[pytest.approx(0.3, abs=1e-14)]] * 3
 
 
-@pytest.mark.xfail(strict=True, reason="a zero where a step ends exactly hides the next one in the step after it")
 def test_two_zeros_with_one_before_the_next_step_begins() -> None:
     """SciML/DiffEqBase.jl#271: of (t - 0.5)(t - 0.6), with steps of 0.1, one zero was lost."""
     ball = Fall(0.0)

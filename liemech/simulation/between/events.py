@@ -58,12 +58,12 @@ NO_EVENTS = Met()
 
 
 EARLY = 2.0**-10
-"""The part of the first step, or of the way to the first look into it, after which an event that begins at zero has a
-sign.
-"""
+"""The part of the way between two looks after which an event that is zero at the first of them has a sign."""
 
 STEEP = 0.01
-"""The change of an event in four units in the last place of the time, over that between two looks, which is a jump."""
+"""The change of an event in four units in the last place of the time, over that between two looks, which is a jump:
+beyond eight times that of a straight line, which counts where looks are few such units apart.
+"""
 
 PORTION = 2**16
 """Looks that are taken together."""
@@ -115,10 +115,11 @@ def crossed(event: Event, old: Any, new: Any) -> Any:
     the first is none.
     """
     direction = float(getattr(event, "direction", None) or 0.0)
-    jump = float(getattr(event, "jumps_by", None) or np.inf)  # of angles: the way through zero is the shorter one
-    least, most = np.minimum(old, new), np.maximum(old, new)
-    zero = (least <= 0.0) & (most >= 0.0) & (old != 0.0) & (most - least <= 0.5 * jump)
-    return zero & (direction * (new - old) >= 0.0)
+    jump = float(getattr(event, "jumps_by", None) or 0.0)  # of angles: the way through zero is the shorter one
+    zero = (np.minimum(old, new) <= 0.0) & (np.maximum(old, new) >= 0.0) & (old != 0.0)
+    if jump:
+        zero = zero & (abs(new - old) <= 0.5 * jump)
+    return zero & (direction * (new - old) >= 0.0) if direction else zero
 
 
 class Events:
@@ -133,6 +134,7 @@ class Events:
         self.blind: dict[int, tuple[str, int, float]] = {}
         self.jumps: dict[int, tuple[str, int, float]] = {}
         self.each: dict[int, Watch] = {}
+        self.noisy = run.plan._first_of("method").noisy
         met, cut = ({}, {}) if run.fresh else (run.start.met, run.before.cut)  # type: Any, Any
         for i in np.flatnonzero(~run.over).tolist():
             t, state = float(run.here[0, i]), run.view.small(run.here[1:, i])
@@ -225,11 +227,20 @@ class Events:
             new = self._values(numbers, b)
         except Exception:
             return False
+        old = self._before(piece.body[step], new)
+        early = np.flatnonzero((old == 0.0).any(axis=0))
+        if len(early) and not self.noisy:
+            times = a[early] + EARLY * (b - a)[early]
+            try:
+                signs = self._values(self.run.inside(piece, step[early], times), times)
+            except Exception:
+                return False
+            step, b = np.insert(step, early, step[early]), np.insert(b, early, times)
+            a, new = np.insert(a, early + 1, times), np.insert(new, early, signs, axis=1)
+            old = self._before(piece.body[step], new)
         body = piece.body[step]
         begins = np.append(True, body[1:] != body[:-1])
-        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
         bodies = body[begins].tolist()
-        old[:, begins] = np.array([self.each[i].values for i in bodies]).T
         place, starts = np.arange(len(step)), np.flatnonzero(begins)
         # of every body the first look into the first step in which an event failed
         bad = np.where(np.isnan(new).any(axis=0), np.searchsorted(step, step), len(step))
@@ -252,6 +263,13 @@ class Events:
             else:
                 watch.values = new[:, end - 1].tolist()
         return True
+
+    def _before(self, body: np.ndarray, new: np.ndarray) -> np.ndarray:
+        """The values at the look before each of some: of the first ones of a body those where it stands."""
+        first = np.flatnonzero(np.append(True, body[1:] != body[:-1]))
+        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
+        old[:, first] = np.array([self.each[i].values for i in body[first].tolist()]).T
+        return old
 
     def _values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Their values at states, (n, width), and times, (n,): (events, n), nan where one failed."""
@@ -309,7 +327,7 @@ class Events:
 
             try:
                 _, *looks = self._looks(piece, some, run.looks(piece, some), values)
-                for a, b, numbers in zip(*looks, strict=True):
+                for a, b, numbers in self._after_zeros(watch, inside, zip(*looks, strict=True)):
                     hits = []
                     for i, (event, old) in enumerate(zip(self.events, watch.values, strict=True)):
                         new = self._value(body, event, float(b), run.view.small(numbers))
@@ -359,25 +377,29 @@ class Events:
                 counts = run.between.looks(
                     np.column_stack([a, before]), np.column_stack([b, numbers]), piece.body[step]
                 )
-        early = self._at_zero(piece, step, b, numbers, values)
-        if len(early):
-            times = a[early] + EARLY * (b - a)[early]
-            numbers = np.insert(numbers, early, run.inside(piece, step[early], times), axis=0)
-            step, b = np.insert(step, early, step[early]), np.insert(b, early, times)
-            a = np.insert(a, early + 1, times)
+        self._round(piece, step, b, numbers, values)
         return step, a, b, numbers
 
-    def _at_zero(self, piece: Any, step: np.ndarray, b: np.ndarray, numbers: np.ndarray, values: Any) -> np.ndarray:
-        """First looks at bodies that begin where an event is zero up to rounding; such values become zero.
+    def _after_zeros(self, watch: Watch, inside: Any, looks: Any) -> Any:
+        """Looks, and an early one more after each at which an event was zero."""
+        for a, b, numbers in looks:
+            if 0.0 in watch.values and not self.noisy:
+                early = a + EARLY * (b - a)
+                yield a, early, inside(float(early))
+                a = early
+            yield a, b, numbers
+
+    def _round(self, piece: Any, step: np.ndarray, b: np.ndarray, numbers: np.ndarray, values: Any) -> None:
+        """Set events to zero that are zero up to rounding where a run begins.
 
         Rounding is that of the numbers of the state, of which a change shows what it does, and that of the time.
         """
         body = piece.body[step]
         first = np.flatnonzero(np.append(True, body[1:] != body[:-1]))
         first = first[[i in self.fresh for i in body[first].tolist()]] if self.fresh else first[:0]
-        if self.run.plan.method.noisy or not len(first):
-            return first[:0]
-        news, found = values(numbers[first], b[first]).T, []
+        if self.noisy or not len(first):
+            return
+        news = values(numbers[first], b[first]).T
         for k, new in zip(first.tolist(), news, strict=True):
             watch, own = self.each[int(body[k])], self.run.here[:, body[k]]
             old = np.array(watch.values)
@@ -391,9 +413,6 @@ class Events:
                 rounding = by_state / EARLY**2 + by_time / abs(at[1] - t) * max(abs(t), abs(end))
                 old[small & (np.abs(old) <= 64.0 * EPSILON * rounding)] = 0.0
                 watch.values = old.tolist()
-            if (old == 0.0).any():
-                found.append(k)
-        return np.array(found, dtype=int)
 
     def _jumped(self, body: int, event: int, t: float) -> None:
         """Keep where an event jumps over zero that does not say that it jumps, as an angle does."""
@@ -446,8 +465,7 @@ def roots(
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Roots of many functions, each between a and b, where its values fa and fb have not the same
     sign, to four units in the last place: inverse quadratic interpolation where that is safe, or
-    else bisection.  With them which ones are none, but jumps: there the function changes by no less than STEEP of
-    fb - fa.
+    else bisection.  With them which ones are none, but jumps, as `STEEP` says.
 
     function : by the numbers of some functions, and a place for each, their values.
     Source: Chandrupatla, Advances in Engineering Software 28 (1997), 145.
@@ -469,9 +487,10 @@ def roots(
         going = (bound <= 0.5) & (f1 != 0.0)
         left, least, bound = left[going], least[going], bound[going]
         x1, f1, x2, f2, x3, f3 = (x[going] for x in (x1, f1, x2, f2, x3, f3))
-        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
         with np.errstate(all="ignore"):
+            xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
             inner = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)  # fmt: skip
         safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
         part = np.minimum(1.0 - bound, np.maximum(bound, np.where(safe, inner, 0.5)))
-    return found, (change != 0.0) & (change >= STEEP * np.abs(fb - fa))
+    steep = STEEP + 32.0 * EPSILON * np.maximum(np.abs(a), np.abs(b)) / np.abs(b - a)
+    return found, (change != 0.0) & (change >= steep * np.abs(fb - fa))

@@ -383,7 +383,7 @@ OVERFLOW = "the step overflowed or left the domain of a formula; a smaller h may
 MARCH = layout_of(March(0.0, 0.0, 0.0))
 
 CROSSED, UNWATCHED = 1.0, 2.0
-"""In the last step an event changed its sign; or its formula failed."""
+"""In the last step an event changed its sign, or was zero where it began; or its formula failed."""
 
 
 @record
@@ -453,7 +453,7 @@ def advance_sites(
                     failures.append(reason(trial))
             else:
                 for a, b in zip(read(values, 0, sighted.values), trial):
-                    if min(a, b) <= 0.0 and max(a, b) >= 0.0 and a != 0.0:
+                    if min(a, b) <= 0.0 and max(a, b) >= 0.0:
                         why = CROSSED
                 write(values, 0 if why == 0.0 else 1, trial, sighted.values)
         moved = False

@@ -16,7 +16,7 @@ class Sightings:
     """The zeros that a run of many sites has met."""
 
     def __init__(self, run: Any, events: tuple[Event, ...], begun: Any) -> None:
-        self.run, before, self.fresh = run, getattr(begun, "met", NO_EVENTS), True
+        self.run, before = run, getattr(begun, "met", NO_EVENTS)
         self.watch = Watch(events, [], before)
         # a zero that ended the run before is none of this
         self.known, ended = [name for name, _ in before], getattr(begun, "event", None)
@@ -28,32 +28,29 @@ class Sightings:
         """
         run, watch = self.run, self.watch
         old, new = run.values
-        if self.over is not None and np.isfinite(old[self.over]):
-            old[self.over], self.over = 0.0, None
+        fresh = begun == run.begun
+        if fresh and self.over is not None and np.isfinite(old[self.over]):
+            old[self.over] = 0.0
         found = []
         for i, event in enumerate(watch.events):
-            if crossed(event, old[i], new[i]):
+            # what is zero at the start of the step, up to rounding of the time where the run begins, has a sign later
+            a, first = begun, float(old[i])
+            if first == 0.0 or (fresh and abs(first) <= EARLY * abs(new[i]) and crossed(event, first, new[i])):
+                late = begun + EARLY * (end - begun)
+                sign = float(run.looked(late, begun, end)[2][i])
+                rounding = 64.0 * EPSILON * max(abs(begun), abs(end)) * abs(sign - first) / abs(late - begun)
+                if abs(first) <= rounding:
+                    a, first = late, sign
+            if crossed(event, first, new[i]):
 
                 def value(_: Any, times: np.ndarray, i: int = i) -> np.ndarray:
                     return np.array([run.looked(t, begun, end)[2][i] for t in times.tolist()])
 
-                a, first = begun, float(old[i])
-                if self.fresh and abs(first) <= EARLY * abs(
-                    new[i]
-                ):  # is it zero, up to rounding of the time, at the start?
-                    late = begun + EARLY * (end - begun)
-                    sign = run.looked(late, begun, end)[2][i]
-                    rounding = 64.0 * EPSILON * max(abs(begun), abs(end)) * abs(sign - first) / abs(late - begun)
-                    if abs(first) <= rounding:
-                        a, first = late, sign
-                    if not crossed(event, first, new[i]):
-                        continue
                 at, jump = roots(value, *[np.array([x]) for x in (a, end, first, new[i])])
                 if jump.item():
                     warn_of_jump(name_of(event), at.item())
                 else:
                     found.append((at.item(), i))
-        self.fresh = False
         found.sort(reverse=end < begun)
         zeros = ((0, at, i, run.kept_of(run.looked(at, begun, end)[0])) for at, i in found)
         hit = watch.meet(zeros)

@@ -380,7 +380,7 @@ class TurnsRun(SiteRun):
             if begun is None:
                 self.values[0] = self.values[1]
             a, b = self.values
-            met = (np.minimum(a, b) <= 0.0) & (np.maximum(a, b) >= 0.0) & (a != 0.0)
+            met = (np.minimum(a, b) <= 0.0) & (np.maximum(a, b) >= 0.0)
             self.march[2] = CROSSED if met.any() and begun is not None else 0.0
         if begun is not None:
             self.march[1] = begun
