@@ -417,3 +417,9 @@ def test_the_page_for_contributors_names_what_is_there() -> None:
     assert len(named) > 40
     roots = PACKAGE.parent, PACKAGE
     complain([path for path in named if not any((root / path).exists() for root in roots)], "Named, and not there:")
+
+
+def test_files_of_tests_have_names_of_their_own() -> None:
+    """Two of one name cannot be collected together."""
+    names = [path.name for path in Path(__file__).parent.rglob("test_*.py")]
+    complain([name for name in names if names.count(name) > 1], "Files of tests of one name:")
