@@ -261,8 +261,10 @@ def _read_of(code: types.CodeType, owner: str, read: set[str]) -> bool:
         )
         loaded = loads and values[-1] == owner
         away = away or (loads and owner in values[:-1])
-    inner = [x for x in code.co_consts if isinstance(x, types.CodeType) and owner in x.co_freevars]
-    return any([_read_of(x, owner, read) for x in inner]) or away
+    for inner in code.co_consts:
+        if isinstance(inner, types.CodeType) and owner in inner.co_freevars:
+            away = _read_of(inner, owner, read) or away
+    return away
 
 
 def _written_in(code: types.CodeType) -> tuple[set[str], set[str]]:
