@@ -4,8 +4,10 @@ class has, and which of them are those of an energy that a subclass has replaced
 
 from __future__ import annotations
 
+import dataclasses
 import dis
 import functools
+import inspect
 import types
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
@@ -126,11 +128,12 @@ def _overruled(cls: type) -> Iterator[tuple[str, type, type | None]]:
 
 def _written_anew(cls: type, home: type, member: Any) -> set[str]:
     """The methods that a method reads, or that these call in turn, of which a class has another version
-    than `home`.  What is abstract in `home` may be any, unless the method reads it itself.
+    than `home`.  What is abstract in `home` may be any, unless the method reads it itself; fields are
+    parameters, for any values of which the method was written.
     """
     direct = _reads(_function(member))
     changed = set()
-    for name in _reached(cls, direct):
+    for name in _reached(cls, direct) - _fields(home):
         own, known = _definer(cls, name), _definer(home, name)
         if known is None and name in direct:  # `home` is a mixin, or leaves it to subclasses
             if own is not None and cls.__mro__.index(own) < cls.__mro__.index(home):
@@ -138,6 +141,11 @@ def _written_anew(cls: type, home: type, member: Any) -> set[str]:
         elif own is not known and known and (name in direct or not _is_abstract(_function(vars(known)[name]))):
             changed.add(name)
     return changed
+
+
+@functools.cache
+def _fields(cls: type) -> frozenset[str]:
+    return frozenset(field.name for field in dataclasses.fields(cls)) if dataclasses.is_dataclass(cls) else frozenset()
 
 
 def written_together(cls: type, *names: str) -> bool:
@@ -160,7 +168,8 @@ def _definer(cls: type, name: str) -> type | None:
 def _is_abstract(formula: Any) -> bool:
     """Does it only say that a subclass has to write it?"""
     names = getattr(getattr(formula, "__code__", None), "co_names", ())
-    return not {"undefined", "NotDefined"}.isdisjoint(names)
+    known = {"undefined", "NotDefined", "NotImplementedError"}
+    return getattr(formula, "__isabstractmethod__", False) or not known.isdisjoint(names)
 
 
 def _reached(cls: type, names: frozenset[str]) -> set[str]:
@@ -196,8 +205,10 @@ def _called(cls: type, names: frozenset[str]) -> set[str]:
 
 
 def _function(member: Any) -> Any:
-    """The function behind a method or a property."""
-    return bare(getattr(member, "fget", None) or getattr(member, "func", None) or member)
+    """The function behind a method, of an object or of its class, or a property."""
+    for name in ("fget", "func", "__func__"):
+        member = getattr(member, name, None) or member
+    return bare(member)
 
 
 def _reads(formula: Any) -> frozenset[str]:
@@ -209,17 +220,58 @@ def _reads(formula: Any) -> frozenset[str]:
 
 @functools.cache
 def _read_by(formula: types.FunctionType) -> frozenset[str]:
-    if not formula.__code__.co_argcount:
+    """The attributes of the first argument that a function reads; all names in it, and in the functions of
+    users that it may call, if that argument goes elsewhere: into another name, a function, a decorator.
+    """
+    code = formula.__code__
+    if not code.co_argcount and not code.co_flags & inspect.CO_VARARGS:
         return frozenset()
-    found: set[str] = set()
-    waiting, owner = [formula.__code__], formula.__code__.co_varnames[0]
+    read: set[str] = set()
+    if code.co_argcount and not _read_of(code, code.co_varnames[0], read):
+        return frozenset(read)
+    known, waiting = {formula}, [formula]
     while waiting:
-        code = waiting.pop()
-        waiting.extend(x for x in code.co_consts if isinstance(x, types.CodeType))
-        loaded: Any = None
-        for instruction in dis.get_instructions(code):
-            if instruction.opname in ("LOAD_ATTR", "LOAD_METHOD") and loaded == owner:
-                found.add(instruction.argval)
-            value = instruction.argval
-            loaded = value[-1] if value and isinstance(value, tuple) else value  # two at once, since 3.13
-    return frozenset(found)
+        function = waiting.pop()
+        names, constants = _written_in(function.__code__)
+        read |= names | constants
+        cells = [cell.cell_contents for cell in function.__closure__ or () if cell != _EMPTY]
+        for called in map(_function, (*cells, *[function.__globals__.get(name) for name in names])):
+            if isinstance(called, types.FunctionType) and theirs(called) and called not in known:
+                known.add(called)
+                waiting.append(called)
+    return frozenset(read)
+
+
+_EMPTY = types.CellType()
+
+
+def _read_of(code: types.CodeType, owner: str, read: set[str]) -> bool:
+    """Add the attributes of a local value that a code reads; does the value go elsewhere?"""
+    away, loaded = False, False
+    for instruction in dis.get_instructions(code):
+        name, value = instruction.opname, instruction.argval
+        if loaded and name in ("LOAD_ATTR", "LOAD_METHOD"):
+            read.add(value)
+            away = away or value == "__class__"
+        elif loaded:
+            away = True
+        values = value if isinstance(value, tuple) else (value,)  # two at once, since 3.13
+        loads = name.startswith(("LOAD_FAST", "LOAD_DEREF")) and not (
+            name.startswith("LOAD_FAST") and owner in code.co_cellvars  # which closures are made of, since 3.13
+        )
+        loaded = loads and values[-1] == owner
+        away = away or (loads and owner in values[:-1])
+    for inner in code.co_consts:
+        if isinstance(inner, types.CodeType) and owner in inner.co_freevars:
+            away = _read_of(inner, owner, read) or away
+    return away
+
+
+def _written_in(code: types.CodeType) -> tuple[set[str], set[str]]:
+    """The names, and the texts, in a code."""
+    names, texts = {*code.co_names}, {x for x in code.co_consts if isinstance(x, str)}
+    for inner in code.co_consts:
+        if isinstance(inner, types.CodeType):
+            more = _written_in(inner)
+            names, texts = names | more[0], texts | more[1]
+    return names, texts

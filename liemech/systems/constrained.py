@@ -25,7 +25,7 @@ from ..formulas import (
     where,
 )
 from ..formulas.derivatives import tangent
-from ..formulas.derived import derived, derived_from
+from ..formulas.derived import closed_form_of, derived, derived_from
 from ..formulas.numbers import Pair
 from ..formulas.series import Series
 from ..formulas.vectors import Vec as SmallVec
@@ -436,7 +436,11 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.1.
     """
 
-    linear_velocity: ClassVar[bool] = True
+    @property
+    @closed_form_of("energy")
+    def linear_velocity(self) -> bool:
+        """Yes, whatever the mass: the kinetic energy is quadratic."""
+        return True
 
     def mass(self, q: Vec) -> Mat:
         """M(q), (n, n), symmetric and positive.  q : (n,)."""

@@ -26,13 +26,8 @@ mistakes.
 """
 
 INDEPENDENT = 1e-10
-"""Conditions whose derivatives are closer to dependent than this, by singular values, are taken for
-redundant.
-"""
-
-CLEAR = 1e-10
-"""Squares of singular values above this part of the largest are told from rounding; others are looked at by
-themselves, such as those of a link far lighter than what it holds.
+"""Conditions are redundant if a square of a singular value of their derivatives is less than this part of the
+largest, though all bodies were of equal weight.
 """
 
 DENSE = 20_000
@@ -378,16 +373,21 @@ class BoundBody(System):
                 "change here: its derivative is zero"
             )
         if self._sparse and unit.all():
-            if _pivots(gram, unit).min() > CLEAR:
+            if _pivots(gram, unit).min() > INDEPENDENT:
                 return
             # rows that depend on each other are to be named, whatever it takes
             gram, G = gram.toarray(), G.toarray()
         squares = np.linalg.eigvalsh(gram / np.outer(unit, unit))
-        if np.abs(squares).min() > CLEAR * squares[-1]:
+        if np.abs(squares).min() > INDEPENDENT * squares[-1]:
             return
+        # bodies as if they were of equal weight
         inverse = self._inverse.toarray() if self._sparse else self._inverse
-        directions, sizes, _ = np.linalg.svd(G @ np.linalg.cholesky(inverse) / unit[:, None])
-        rank = int((sizes > INDEPENDENT * sizes[0]).sum())
+        lightness = np.ones(len(inverse))
+        for start, end in self.places:
+            lightness[start:end] = inverse.diagonal()[start:end].max()
+        rows = G @ (np.linalg.cholesky(inverse) / np.sqrt(lightness)[:, None])
+        directions, sizes, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+        rank = int((sizes**2 > INDEPENDENT * sizes[0] ** 2).sum())
         if rank < self.conditions:
             together = np.abs(directions[:, rank:]).max(axis=1)
             raise InvalidInput(

@@ -283,3 +283,74 @@ def test_of_two_bases_the_derivative_of_the_energy_that_counts() -> None:
     for bases in ((Energy, Force), (Force, Energy)):
         both = lm.record(type("Both", bases, {"__module__": "mine"}))()
         assert np.allclose(np.array(both.force(q, p)), 2.0 * np.array(lm.Kepler().force(q, p)), rtol=1e-12)
+
+
+def test_another_default_of_a_field_keeps_all_closed_forms() -> None:
+    """Fields are parameters, for any values of which a closed form was written."""
+
+    @lm.record
+    class Heavier(lm.Kepler):
+        attraction: float = 2.0
+
+    assert not {"force", "exact", "period"} & set(vars(Heavier))
+    system = Heavier()
+    assert np.allclose(
+        system.exact(system.state([1.0, 0.0], [0.0, 2.0**0.5]), 0.5).q, [np.cos(0.5**0.5), np.sin(0.5**0.5)]
+    )
+
+
+def test_masses_that_a_user_writes_leave_a_kinetic_energy_quadratic() -> None:
+    @lm.record
+    class Bead(lm.ConstrainedLagrangianSystem):
+        degrees = 2
+
+        def mass(self, q: Any) -> Any:
+            return lm.mat(lm.vec(1.0 + q[0] ** 2, 0.0), lm.vec(0.0, 2.0))
+
+        def potential(self, q: Any) -> Any:
+            return q[1]
+
+        def constraint(self, q: Any) -> Any:
+            return lm.vec(lm.dot(q, q) - 1.0)
+
+    assert Bead().linear_velocity
+
+
+def doubled(formula: Any) -> Any:
+    return lambda self, q: 2.0 * formula(self, q)
+
+
+def by_function(one: Any, q: Any) -> Any:
+    return 2.0 * one.strength(q) * q[0]
+
+
+def by_alias(self: Any, q: Any) -> Any:
+    me = self
+    return 2.0 * me.strength(q) * q[0]
+
+
+HELPED = {
+    "alias": by_alias,
+    "function": lambda self, q: by_function(self, q),
+    "decorator": doubled(lambda self, q: self.strength(q) * q[0]),
+    "class": lambda self, q: 2.0 * self.__class__.strength(self, q) * q[0],
+    "type": lambda self, q: 2.0 * type(self).strength(self, q) * q[0],
+    "getattr": lambda self, q: 2.0 * getattr(self, "strength")(q) * q[0],  # noqa: B009
+    "arguments": lambda *args: 2.0 * args[0].strength(args[1]) * args[1][0],
+}
+
+
+@pytest.mark.parametrize("how", HELPED)
+def test_a_helper_that_an_energy_calls_in_another_way(how: str) -> None:
+    """Of V = 2 s(q) x with another s than the one of which the force was written."""
+
+    def unit(self: Any, q: Any) -> Any:
+        return 1.0
+
+    def place(self: Any, q: Any) -> Any:
+        return q[0]
+
+    own = {"potential": HELPED[how], "strength": unit, "force": lambda self, q, p: lm.vec(-2.0, 0.0)}
+    base = lm.record(type("Base", (lm.Kepler,), {**own, "__module__": "mine"}))
+    mine = lm.record(type("Mine", (base,), {"strength": place, "__module__": "mine"}))
+    assert np.allclose(np.array(mine().force(lm.vec(0.7, 0.4), lm.vec(0.0, 0.0))), [-2.8, 0.0])

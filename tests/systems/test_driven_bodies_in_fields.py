@@ -50,7 +50,7 @@ class Push(lm.Force):
 class Pulse(lm.Term):
     field: lm.Vec
 
-    def energy(self, t: float, a: Any) -> Any:
+    def energy(self, a: Any, t: float) -> Any:
         return -t * lm.dot(self.field, a.mu)
 
 
