@@ -23,7 +23,7 @@ for k, (name, angles) in enumerate(plans.items()):  # in rad, at 0, 1 and 2 s
     plan = lm.PiecewisePolynomial.cubic([0.0, 1.0, 2.0], angles, outside="hold")
     forces += [PD(name, gains[k], gains[k] / 20.0, plan), Damper(name, 0.2)]
 arm = Linkage([Link.rod(2.0 * x, x, 0.03) for x in lengths], joints, forces=forces)
-run = lm.integrate(arm, lm.LieRATTLE(), arm.state(angles={}), h=0.01, steps=250)
+run = lm.integrate(arm, lm.LieRATTLE(), arm.state(angles={}), h=0.0025, steps=1000)
 figure, (upper, lower) = lm.plots.subplots(2, figsize=(5.2, 4.6), sharex=True)
 for joint, force in zip(map(run.joint, plans), forces[::2]):
     (line,) = upper.plot(run.t, joint.angle, label=force.joint)

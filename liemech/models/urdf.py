@@ -195,7 +195,8 @@ def linkage_of(
         joint = parents[name][0]
         made["joints"].append(_joint(joint, ends, poses[name][:3, :3], rotors))
         made["forces"] += _forces(joint, stops, speed)
-    made["forces"] += [_within(joints, force) if limits else force for force in forces]
+    numbered = [joint.name for joint in made["joints"]]
+    made["forces"] += [_within(joints, numbered, force) if limits else force for force in forces]
     seen = {name: poses[name].copy() for name in order}
     for name in order:
         seen[name][:3, 3] -= centres[moved[name]]
@@ -395,19 +396,23 @@ def _rotors(robot: Element, joints: dict[str, Element], armature: Any) -> dict[s
     return found if armature is None else dict.fromkeys(turning, float(armature))
 
 
-def _within(joints: dict[str, Element], force: Any) -> Any:
-    """A motor or a controller, within the limits of the file."""
+def _within(joints: dict[str, Element], numbered: list[str], force: Any) -> Any:
+    """A motor or a controller, within the limits of the file.  numbered : the names of the joints, by number."""
     own = isinstance(force, (JointPotential, Damper, DryFriction, Limited))
-    if own or not isinstance(force, JointForce) or force.joint not in joints:
+    if own or not isinstance(force, JointForce):
         return force
-    joint = joints[force.joint]
+    at = force.joint
+    name = at if isinstance(at, str) else numbered[at] if 0 <= at < len(numbered) else None
+    if name not in joints:
+        return force
+    joint = joints[name]
     limit = joint.one("limit")
     if limit is None or joint.text("type") not in GEARED:
         return force
     effort, speed = limit.number("effort"), limit.number("velocity")
     if not (effort > 0.0 and speed > 0.0):
         raise limit.wrong(
-            f"of joint {force.joint!r} has effort={effort:g} and velocity={speed:g}, by which {force!r} "
+            f"of joint {name!r} has effort={effort:g} and velocity={speed:g}, by which {force!r} "
             "moves nothing; write what the drive can do, or leave limits= out"
         )
     return Limited(force.joint, force, effort, speed, freedom=force.freedom)

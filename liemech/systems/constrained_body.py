@@ -496,6 +496,7 @@ class ConstrainedBody(BoundBody):
         """
         state = self._one("consistent", mu, g, xi)
         there = self._nearest(small(np.array(state.g)))
+        self._require_independent(there, f"{type(self).__name__}.consistent")
         return self.state(self._projected(np.array(state.mu), there), np.array(there))
 
     def _nearest(self, start: Any) -> Any:

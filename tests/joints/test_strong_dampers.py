@@ -248,3 +248,23 @@ def test_motors_in_a_row_hold_their_speeds() -> None:
         moved = lm.integrate(system, lm.LieRATTLE(), system.state(angles={}), h=1e-3, steps=200, compiled=False)
         for k in range(4):
             assert moved.joint(k).rate.max() < speed + 1e-3 * torque / 0.001
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_an_ensemble_runs_and_ends_where_one_of_it_would_be_thrown_back(count: int) -> None:
+    # free wheels on one axis, each with its own damper: I w' = -c w, ((1 - x)/(1 + x))^n with x = c h/(2 I)
+    links = [Link(1.0, [0.1, 0.1, 0.1]) for _ in range(count)]
+    joints = [RevoluteJoint(k, None, ORIGIN, [float(k), 0.0, 0.0], UP, UP) for k in range(count)]
+    for damping in (1.0, 50.0):
+        system = Linkage(links, joints, 0.0, forces=[Damper(k, damping) for k in range(count)])
+        starts = [system.state(angles={}, rates={0: rate}) for rate in (1.0, -2.0, 3.0)]
+        several = system.state(np.stack([one.mu for one in starts]), np.stack([one.g for one in starts]))
+        if damping > 20.0:
+            with pytest.warns(RuntimeWarning, match="throws back"):
+                ran = lm.integrate(system, lm.LieRATTLE(), several, h=0.02, steps=5, compiled=False)
+            assert np.all(ran.mu[-1] == ran.mu[0])
+        else:
+            ran = lm.integrate(system, lm.LieRATTLE(), several, h=0.02, steps=5, compiled=False)
+            x = damping * 0.02 / (2.0 * 0.1)
+            rates = np.array([1.0, -2.0, 3.0]) * ((1.0 - x) / (1.0 + x)) ** 5
+            assert ran.mu[-1].reshape(3, -1)[:, 2] == pytest.approx(0.1 * rates, rel=1e-12)

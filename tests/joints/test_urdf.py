@@ -154,6 +154,8 @@ def test_a_gripper_with_a_motor_that_drives_both_fingers() -> None:
     assert [joint.armature for joint in hand.joints] == [0.05, 0.0]
     motor = lm.joints.Limited("grip", lm.joints.Motor("grip", 8.0), 3.0, 2.0)
     assert hand.forces == (motor, forces[1])
+    by_number = Linkage.from_urdf(GRIPPER, forces=[lm.joints.Motor(0, 8.0)], limits=True)
+    assert by_number.forces == (lm.joints.Limited(0, lm.joints.Motor(0, 8.0), 3.0, 2.0),)
     start = hand.state(angles={"grip": 0.2})
     run = lm.integrate(hand, lm.LieRATTLE(), start, h=0.002, steps=30, compiled=False)
     grip, other = run.joint("grip"), run.joint("other")
