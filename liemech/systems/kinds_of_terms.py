@@ -82,13 +82,13 @@ def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving:
 
     sizes : of the states.  of_moving : may the formula compare numbers of them?
     """
-    if not part.graph.some_edges(1):
+    first = [ends for _, ends in part.graph.some_edges(1)]
+    if not first:
         return True
     own = [x for x in terms.own if isinstance(x, Each)]
     rng = np.random.default_rng(7)
     try:
-        ends, _ = next(_edges(part, None))
-        if _holds(terms, part, test, of_moving, _numbers(terms, part, ends[:1], None, sizes, rng))[0].all():
+        if _holds(terms, part, test, of_moving, _numbers(terms, part, np.array(first), None, sizes, rng))[0].all():
             return True
     except Exception:  # floats can do more
         pass
