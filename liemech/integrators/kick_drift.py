@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
 from ..formulas.pytree import exchanged
-from ..formulas.ways import AnyFunction, Number, Ways, values_of
+from ..formulas.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of
 from ..solvers import newton
 from ..systems.energy_of_species import energies_of
 from ..systems.kinds_of_terms import feels_velocity
@@ -174,12 +174,10 @@ def _feels_velocity(system: Any, start: BodyState) -> bool:
     g, ways, rng = member(start, 0).g, Ways(True), np.random.default_rng(3)
     try:
         for _ in ways.all():
-            xi = vec(*[Number(x, ways, True) for x in rng.normal(size=(system.body.group.dim, 2))])
-            tables = [AnyFunction(x.size, rng) for x in inputs(system.load)]
+            xi = vec(*[Number(x, ways, MOVING) for x in rng.normal(size=(system.body.group.dim, 2))])
+            tables = [AnyFunction(x.size, lambda: Number(rng.normal(size=2), ways, ANY)) for x in inputs(system.load)]
             load = exchanged(system.load, PiecewisePolynomial, tables)
-            found = [
-                np.broadcast_to(values_of(x), 2) for x in load.covector(Number(np.full(2, 0.3), ways, False), xi, g)
-            ]
+            found = [np.broadcast_to(values_of(x), 2) for x in load.covector(Number(np.full(2, 0.3), ways, ANY), xi, g)]
             if any(one != other for one, other in found):
                 return True
     except Exception:  # of a formula that asks for more it is not known

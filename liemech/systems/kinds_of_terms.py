@@ -1,8 +1,8 @@
 """Kinds of energies of coupled sites: those whose ends are alike, and those whose motion is known.
 
 A kind is proved for all edges and sites.  Energy and derivatives are formed at states by chance, on every way
-through the branches of the formula: first with parameters by chance, between the least and the largest of all
-edges and sites; if an identity fails there, with those of each edge.
+through the branches of the formula: first of residues, whatever the parameters are; if an identity fails there, of
+floats with the parameters of each edge, on the ways that these take.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..formulas import dot, jacobian, vec
 from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.remembered import Remembered
-from ..formulas.ways import APART, AnyFunction, Number, Ways, values_of
+from ..formulas.ways import ANY, APART, MOVING, AnyFunction, Number, Residue, Ways, values_of
 from .among import Among, has_places, is_all_pairs
 from .bound_terms import BoundTerm, Kind
 from .graphs import places_of
@@ -26,11 +26,14 @@ from .tabulated import PiecewisePolynomial
 from .terms import at_time
 from .terms_in_arrays import OfEdge
 
-SIZES = np.array([1.0, 1e-30, 1e30])
+SIZES = 10.0 ** np.arange(-45, 46, 3)
 """Sizes of momenta: a part that counts in some units is seen at one of them."""
 
-DISTANCES = np.array([1.0, 0.1, 10.0])
+DISTANCES = 10.0 ** np.arange(-12, 13, 3)
 """Sizes of places; those of pairs within a cutoff are times this one."""
+
+LEAST = 1e-280
+"""Floats that are smaller have lost digits."""
 
 FEW, TOGETHER, MANY = 64, 2**12, 2**22
 """So many edges are looked at first, and then at a time; of more kinds of pairs among all nothing is told."""
@@ -79,21 +82,20 @@ def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving:
 
     sizes : of the states.  of_moving : may the formula compare numbers of them?
     """
-    if not part.graph.some_edges(1):
+    first = [ends for _, ends in part.graph.some_edges(1)]
+    if not first:
         return True
     own = [x for x in terms.own if isinstance(x, Each)]
-    by_edge = inside(part.term, Each)
     rng = np.random.default_rng(7)
     try:
-        blocks = _edges(part, np.concatenate([x.values.reshape(len(x), -1) for x in own], axis=1) if own else None)
-        if own or by_edge:
-            ends, numbers = next(_edges(part, None))
-            some = _numbers(terms, part, ends[:1], numbers[:1], sizes, rng, True)
-            if all(_holds(terms, part, test, of_moving, some)[0]):
-                return True
-        for ends, numbers in blocks:
-            some = _numbers(terms, part, ends, numbers, sizes, rng, False)
-            found, branches = _holds(terms, part, test, of_moving, some)
+        if _holds(terms, part, test, of_moving, _numbers(terms, part, np.array(first), None, sizes, rng))[0].all():
+            return True
+    except Exception:  # floats can do more
+        pass
+    try:
+        values = np.concatenate([x.values.reshape(len(x), -1) for x in own], axis=1) if own else None
+        for ends, numbers in _edges(part, values):
+            found, branches = _holds(terms, part, test, of_moving, _numbers(terms, part, ends, numbers, sizes, rng))
             if not found.all():
                 at = int(found.argmin())
                 return None if branches else (int(numbers[at]), ends[at].tolist())
@@ -132,32 +134,29 @@ def _numbers(
     terms: Any,
     part: BoundTerm,
     ends: np.ndarray,
-    numbers: np.ndarray,
+    numbers: np.ndarray | None,
     sizes: np.ndarray,
     rng: np.random.Generator,
-    between: bool,
-) -> np.ndarray:
-    """The numbers of edges as `OfEdge` takes them, at states of all sizes, (n, sizes, edges).
+) -> list[np.ndarray]:
+    """The numbers of edges as `OfEdge` takes them, at states of all sizes: each (sizes, 1) or (1, edges).
 
-    between : are parameters by chance, between those of all?
+    numbers : those of the edges; None for residues, whatever the parameters are.
     """
-
-    def parameter(x: Each, which: Any) -> np.ndarray:
-        rows = x.values.reshape(len(x), -1)
-        if not between:
-            return rows[which]
-        low, high = rows.min(axis=0), rows.max(axis=0)
-        return low + (high - low) * rng.uniform(0.1, 0.9, (len(sizes), len(which), len(low)))
-
-    of_edge, count = _of_edge(terms, part), len(ends)
-    columns: list[Any] = []
+    of_edge = _of_edge(terms, part)
+    found: list[np.ndarray] = []
     for k in range(ends.shape[1]):
-        states = [_states(terms, part, int(ends[0, k]), count, size, rng) for size in sizes]
-        columns.append(np.pad(states, ((0, 0), (0, 0), (0, of_edge.width - np.shape(states)[2]))))
-        columns += [parameter(x, ends[:, k]) for x in of_edge.own if isinstance(x, Each)]
-    columns += [parameter(x, numbers) for x in inside(of_edge.term, Each)]
-    shape = len(sizes), count
-    return np.concatenate([np.broadcast_to(x, (*shape, x.shape[-1])) for x in columns], axis=2).transpose(2, 0, 1)
+        states = np.array([_states(terms, part, int(ends[0, k]), 1, size, rng)[0] for size in sizes])
+        found += [*np.pad(states, ((0, 0), (0, of_edge.width - states.shape[1]))).T[..., None]]
+        for x in of_edge.own:
+            if isinstance(x, Each):
+                found += [*x.values.reshape(len(x), -1)[ends[:, k]].T[:, None]]
+    for x in inside(of_edge.term, Each):
+        found += [*x.values.reshape(len(x), -1)[numbers if numbers is not None else [0]].T[:, None]]
+    return found if numbers is not None else [_residues(rng, 1) for _ in found]
+
+
+def _residues(rng: np.random.Generator, size: int) -> np.ndarray:
+    return np.array([[Residue(int.from_bytes(rng.bytes(16), "big"))] for _ in range(size)])
 
 
 def _states(terms: Any, part: BoundTerm, site: int, count: int, size: float, rng: np.random.Generator) -> np.ndarray:
@@ -182,33 +181,45 @@ def _of_edge(terms: Any, part: BoundTerm) -> OfEdge:
     return OfEdge(*given, terms.names, terms.own, terms.species, part.of)
 
 
-def _holds(terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Does an identity hold on each of some edges, on all ways?  And are there branches?
+def _holds(
+    terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: list[np.ndarray]
+) -> tuple[np.ndarray, bool]:
+    """Does an identity hold on each of some edges, on all ways?  And are there branches that may not be gone?
 
-    numbers : (n, sizes, edges).
+    numbers : residues, or floats, each (sizes, 1) or (1, edges).
     """
-    of_edge, ways, shape = _of_edge(terms, part), Ways(of_moving), numbers.shape[1:]
+    of_edge, ways = _of_edge(terms, part), Ways(of_moving)
+    shape = np.broadcast_shapes(*[x.shape for x in numbers])
+    exact = numbers[0].dtype == object
     step = of_edge.width + sum(len(x.numbers) // len(x) for x in of_edge.own if isinstance(x, Each))
     found, branches = np.ones(shape[1], dtype=bool), False
     rng = np.random.default_rng(5)
     species = terms.species
     groups = [terms.group.base if species is None else species.groups[k] for k in part.of or (0,) * part.graph.arity]
+    moves = [
+        MOVING if i < step * of_edge.arity and i % step < of_edge.width else ANY * exact for i in range(len(numbers))
+    ]
 
     def some() -> Number:
-        return Number(rng.normal(size=numbers[0].size), ways, False)
+        return Number(
+            _residues(rng, 1)
+            if exact
+            else rng.normal(size=(shape[0], 1)) * 10.0 ** rng.uniform(-20.0, 20.0, (shape[0], 1)),
+            ways,
+            ANY,
+        )
 
     with np.errstate(all="ignore"):
         for _ in ways.all():
-            moves = [i < step * of_edge.arity and i % step < of_edge.width for i in range(len(numbers))]
-            given = [Number(x.ravel(), ways, own) for x, own in zip(numbers, moves)]
-            term, sites = of_edge.sites(vec(*given))
+            term, sites = of_edge.sites(vec(*[Number(x, ways, own) for x, own in zip(numbers, moves)]))
             term = at_time(term, some())
-            tables = [AnyFunction(x.size, rng) for x in inside(term, PiecewisePolynomial)]
+            tables = [AnyFunction(x.size, some) for x in inside(term, PiecewisePolynomial)]
             term = exchanged(term, PiecewisePolynomial, tables)
             for error, size in test(groups, term, sites, some):
-                rest, whole = (np.broadcast_to(x, numbers[0].size).reshape(shape) for x in (error, size))
-                known = np.isfinite(rest) & np.isfinite(whole)
-                found &= ((rest <= APART * whole) | ~known).all(axis=0) & known.any(axis=0)
+                rest, whole = (np.broadcast_to(np.asarray(x, dtype=float), shape) for x in (error, size))
+                known = np.isfinite(rest) & np.isfinite(whole) & ((whole > LEAST) | (whole == 0.0))
+                holds = ((rest <= APART * whole) | ~known).all(axis=0) & known.any(axis=0)
+                found &= holds | ~np.broadcast_to(ways.there, (1, shape[1]))[0]
             branches = branches or ways.branch
     return found, branches
 

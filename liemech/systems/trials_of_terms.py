@@ -71,18 +71,22 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
         a, b = max(pairs, key=lambda pair: abs(pair[0] - pair[1]))
         if abs(a - b) > APART * size:
             if graph.ordered is False:
-                i, j = ends
-                raise InvalidInput(
-                    f"{name}: its energy is not the same with its sites exchanged, {a:.6g} of ({i}, "
-                    f"{j}) and {b:.6g} of ({j}, {i}) at sample points, and the edges of {graph!r} do "
-                    "not say which is the first: give them one by one, neighbours.edges(pairs, "
-                    "ordered=True)"
-                )
+                raise _one_sided(name, graph, ends, f", {a:.6g} and {b:.6g} at sample points")
             return part
+    if other and graph.ordered is False:
+        raise _one_sided(name, graph, other[0][1])
     merged = two_ends and proof is True
     if merged and graph.ordered is None:
         require_no_duplicates(graph, np.sort(graph.edges, axis=1))
     return with_fields(part, merged=merged, first=force)
+
+
+def _one_sided(name: str, graph: Any, ends: Any, values: str = "") -> InvalidInput:
+    i, j = ends
+    return InvalidInput(
+        f"{name}: its energy is not the same with its sites exchanged, that of ({i}, {j}) and of ({j}, {i}){values}, and "
+        f"the edges of {graph!r} do not say which is the first: give them one by one, neighbours.edges(pairs, ordered=True)"
+    )
 
 
 def require_apart(name: str, terms: Any, g: np.ndarray) -> None:

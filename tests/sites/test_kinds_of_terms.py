@@ -239,3 +239,85 @@ def test_a_pulse_is_known_before_it_begins() -> None:
     table = lm.PiecewisePolynomial.linear([0.0, 600.0, 700.0], [0.0, 0.0, 1.0], outside="hold")
     terms = lm.Terms(Exchange(1.0).over(near.ring(6)), Field([0.3, 0.1, 0.2], table))
     lm.SublatticeSplitting().require(lm.DrivenLiePoissonSystem(lm.SO3() ** 6, terms))
+
+
+@lm.record
+class OfSign(lm.Term):
+    """Antisymmetric where the parameter is neither positive nor negative."""
+
+    q: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        if self.q > 0.0:
+            return -lm.dot(a.mu, b.mu)
+        if self.q < 0.0:
+            return lm.dot(a.mu, b.mu)
+        return a.mu[0] * b.mu[1] - a.mu[1] * b.mu[0]
+
+
+@lm.record
+class Local(lm.Term):
+    """Antisymmetric near one place."""
+
+    x: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return -lm.dot(a.mu, b.mu) + (a.mu[0] * b.mu[1] - a.mu[1] * b.mu[0]) / (1.0 + (self.x - 1.51e8) ** 2)
+
+
+@lm.record
+class Beside(lm.Term):
+    """Its antisymmetric part is small beside one huge exchange, and large beside the others."""
+
+    J: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return -self.J * lm.dot(a.mu, b.mu) + 1e-3 * (a.mu[0] * b.mu[1] - a.mu[1] * b.mu[0])
+
+
+@lm.record
+class InUnits(lm.Term):
+    """Between two parts of other degrees, in joules and joule seconds."""
+
+    J: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        twist = a.mu[0] * b.mu[1] - a.mu[1] * b.mu[0]
+        return 1e11 * (a.mu[2] + b.mu[2]) + 1e44 * twist + self.J * lm.dot(a.mu, b.mu) ** 2
+
+
+@pytest.mark.parametrize(
+    "term",
+    [
+        OfSign(lm.each(np.where(np.arange(N) == 151, 0.0, (-1.0) ** np.arange(N)))),
+        Local(lm.each(1e6 * np.arange(N))),
+        Beside(lm.each(np.where(np.arange(N) == 151, 1e12, 1e-3))),
+        InUnits(1e114),
+    ],
+    ids=lambda term: type(term).__name__,
+)
+def test_what_is_small_elsewhere_is_seen(term: Any) -> None:
+    """No edge and no unit hides that a term is not symmetric."""
+    given = near.edges([(i, (i + 1) % N) for i in range(N)])
+    assert not spins(term.over(given)).hamiltonian.parts[0].merged
+    with pytest.raises(InvalidInput, match="its energy is not the same"):
+        spins(term.over(near.ring(N)))
+
+
+def test_ways_that_no_edge_takes_count_for_nothing() -> None:
+    """A branch for parameters that are not there, which would be no exchange, or would fail."""
+
+    @lm.record
+    class OfKind(lm.Term):
+        k: float
+
+        def energy(self, a: Any, b: Any) -> float:
+            if self.k < 0.0:
+                raise ValueError("k is negative")
+            if self.k == 3.0:
+                return a.mu[0] * b.mu[1]
+            return -(2.0 if self.k == 2.0 else 1.0) * lm.dot(a.mu, b.mu)
+
+    lm.BondSplitting().require(spins(OfKind(lm.each(1.0 + np.arange(N) % 2)).over(near.ring(N))))
+    with pytest.raises(InvalidInput, match=r"\(151, 152\)"):
+        spins(OfKind(lm.each(np.where(np.arange(N) == 151, 3.0, 2.0))).over(near.ring(N)))

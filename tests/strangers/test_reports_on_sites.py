@@ -256,3 +256,77 @@ def test_motion_in_a_plane_stays_in_it_exactly() -> None:
     start = system.state(mu=directions(7, 10) * flat, g=3.0 * directions(7, 11) * flat)
     run = lm.integrate(system, lm.KickDrift(order=4), start, h=0.005, steps=200)
     assert not run.g[:, :, 2].any() and not run.mu[:, :, 2].any() and run.mu[:, :, :2].all()
+
+
+@lm.record
+class Coulomb(lm.Term):
+    def energy(self, a, b):
+        d = a.g - b.g
+        return a.q * b.q / lm.formulas.sqrt(lm.dot(d, d))
+
+
+def test_an_antisymmetric_exchange_that_fades_along_a_ring() -> None:
+    """fidimag#155: an antisymmetric exchange that varies in space was not taken.  Here it is some bonds of 200."""
+
+    @lm.record
+    class Fading(lm.Term):
+        x: float
+
+        def energy(self, a: Any, b: Any) -> float:
+            D = lm.formulas.exp(-((self.x - 151.0) ** 2))
+            return -lm.dot(a.mu, b.mu) + D * (a.mu[0] * b.mu[1] - a.mu[1] * b.mu[0])
+
+    n = 200
+    pairs = [(i, (i + 1) % n) for i in range(n)]
+    system = spins(n, Fading(lm.each(1.0 * np.arange(n))).over(lm.neighbours.edges(pairs)))
+    D = np.exp(-((np.arange(n) - 151.0) ** 2))[:, None] * [0.0, 0.0, 1.0]
+
+    def slope(m: Any) -> Any:
+        after = np.roll(m, -1, axis=0)
+        return -after - np.roll(m, 1, axis=0) + np.cross(after, D) + np.roll(np.cross(D, m), 1, axis=0)
+
+    mu = directions(n, 4)
+    run = lm.integrate(system, lm.RKMK(order=4), system.state(mu=mu), h=0.02, steps=20)
+    assert np.allclose(run.mu[-1], reference(slope, mu, 0.4), rtol=0.0, atol=1e-6)
+
+
+def test_an_antisymmetric_bond_between_one_pair_of_atoms() -> None:
+    """tsdev/spinw#28: one pair has a known D; (a, b) with D is (b, a) with -D."""
+    D, mu, ends = np.array([0.3, -0.2, 0.9]), directions(8, 5), []
+    for pair, sign in (((2, 6), 1.0), ((6, 2), -1.0)):
+        system = spins(8, DzyaloshinskiiMoriya(sign * D).over(lm.neighbours.edges([pair], sites=8, ordered=True)))
+        ends.append(lm.integrate(system, lm.RKMK(order=4), system.state(mu=mu), h=0.05, steps=20).mu[-1])
+    assert np.allclose(*ends, rtol=0.0, atol=1e-14)
+    assert np.abs(ends[0][[2, 6]] - mu[[2, 6]]).min() > 1e-3
+
+
+def test_spins_of_different_size() -> None:
+    """lammps#5097: the rate of a spin with a larger moment.  Two of 7.63 and 2.2 turn about their sum at J |S|."""
+    mu = directions(6, 6) * np.array([7.63, 2.2, 7.63, 2.2, 7.63, 2.2])[:, None]
+    system = spins(6, Exchange(-0.2).over(lm.neighbours.edges([(0, 1), (2, 3), (4, 5)], sites=6)))
+    run = lm.integrate(system, lm.BondSplitting(order=2), system.state(mu=mu), h=0.5, steps=4)
+    for k in (0, 2, 4):
+        turn = Rotation.from_rotvec(-0.2 * (mu[k] + mu[k + 1]) * 2.0).as_matrix()
+        assert np.allclose(run.mu[-1, k : k + 2], mu[k : k + 2] @ turn.T, rtol=0.0, atol=1e-13)
+
+
+def test_charges_of_other_signs_attract() -> None:
+    """espressomd/espresso#870: opposite charges repelled each other; Mjolnir#13: and one without a charge goes
+    straight on, among all pairs.
+    """
+    q, g = np.array([1.0, -1.0, 0.0, 2.0, 0.0]), np.random.default_rng(7).normal(size=(5, 3)) * 3.0
+    system = masses(5, Coulomb().over(lm.neighbours.all_pairs()), q=lm.each(q))
+    mu = np.zeros((5, 3))
+    mu[2] = [1.0, 2.0, 3.0]
+    run = lm.integrate(system, lm.LieVerlet(), system.state(mu=mu, g=g), h=0.01, steps=100)
+
+    def law(_: float, y: Any) -> Any:
+        x, p = y.reshape(2, 5, 3)
+        d = x[:, None] - x
+        r = np.sqrt((d**2).sum(-1)) + np.eye(5)
+        return np.concatenate([p, ((np.outer(q, q) / r**3)[..., None] * d).sum(axis=1)]).ravel()
+
+    wanted = solve_ivp(law, (0.0, 1.0), np.ravel([g, mu]), "DOP853", rtol=1e-11, atol=1e-12).y[:, -1].reshape(2, 5, 3)
+    assert np.allclose(run.g[-1], wanted[0], rtol=0.0, atol=1e-4)
+    assert np.allclose(run.g[-1, 2], g[2] + mu[2], rtol=0.0, atol=1e-12)
+    assert np.array_equal(run.mu[-1, 4], np.zeros(3))
