@@ -13,9 +13,32 @@ import pytest
 
 LIBRARY = Path(__file__).parent.parent / "liemech"
 
-BUDGETS = {}
-"""Lines and nodes of syntax, as `ast.walk` counts them, of each folder of the library; its loose files are `.`, and
-the folders of simulation/ count apart.
+BUDGETS = {
+    ".": (1_160, 4_600),
+    "checks": (5_220, 30_400),
+    "command_line": (1_740, 9_600),
+    "compiler": (12_380, 72_400),
+    "estimation": (1_920, 9_200),
+    "formulas": (9_840, 50_400),
+    "groups": (9_940, 53_600),
+    "integrators": (12_400, 71_600),
+    "models": (12_700, 75_000),
+    "plots": (2_300, 13_000),
+    "simulation": (6_180, 35_200),
+    "simulation/at_work": (1_720, 9_000),
+    "simulation/between": (1_140, 7_800),
+    "simulation/compiled": (1_580, 8_400),
+    "simulation/derivatives": (3_560, 23_400),
+    "simulation/fictive_time": (460, 3_000),
+    "simulation/files": (1_280, 8_600),
+    "simulation/reports": (500, 2_800),
+    "simulation/sites": (3_720, 21_800),
+    "systems": (12_500, 61_400),
+    "tableaus": (2_500, 9_200),
+    "viewer": (3_080, 15_800),
+}
+"""Lines and nodes of syntax, those of `ast.walk` but Load and Store, of each folder of the library; its loose files
+are `.`, and the folders of simulation/ count apart.
 """
 
 SPARE = 0.98
@@ -34,7 +57,7 @@ def sizes() -> dict[str, tuple[int, int]]:
     for file in sorted(LIBRARY.rglob("*.py")):
         text = file.read_text(encoding="utf-8")
         lines, nodes = totals.get(part_of(file), (0, 0))
-        syntax = sum(1 for _ in ast.walk(ast.parse(text)))
+        syntax = sum(not isinstance(node, ast.expr_context) for node in ast.walk(ast.parse(text)))
         totals[part_of(file)] = lines + text.count("\n"), nodes + syntax
     return totals
 
