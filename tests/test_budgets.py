@@ -31,7 +31,7 @@ BUDGETS = {
     "simulation/compiled": (1_580, 8_400),
     "simulation/derivatives": (3_560, 23_400),
     "simulation/fictive_time": (460, 3_000),
-    "simulation/files": (1_280, 8_600),
+    "simulation/files": (1_300, 8_600),
     "simulation/reports": (500, 2_800),
     "simulation/sites": (3_720, 21_800),
     "systems": (12_500, 61_400),

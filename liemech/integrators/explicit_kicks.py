@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import NoConvergence
 from ..formulas import Element, Mat, Vec, derivative, identity_matrix, mat, vec, where
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import has_inertia
 
 
 def negative_pivots(m: Mat, conditions: float = 0.0) -> float:
@@ -37,7 +37,7 @@ def throws_back(system: Any, t: float, mu: Vec, g: Element, h: float) -> bool:
     than J^-1.
     """
     xi, body = system.velocity(mu, t), system.body
-    quadratic = isinstance(getattr(body, "lagrangian", None), KineticEnergy)
+    quadratic = has_inertia(getattr(body, "lagrangian", None))
     still, turned = [], []  # type: list[Any], list[Any]
     for unit in identity_matrix(len(mu)):
         if quadratic:
@@ -55,7 +55,8 @@ def refusal(what: str, ratio: float, h: float) -> NoConvergence:
     """The error of a step h whose first kick throws back.  ratio : of (h/2) C to the inertia, the largest one."""
     return NoConvergence(
         f"{what}: c h/(2 I) is {ratio:.4g}, with the damping c there and the inertia I that it slows, and an explicit "
-        f"first kick throws back from 1 on. Steps may be {h / ratio:.3g} long at most"
+        f"first kick throws back from 1 on. Steps may be {h / ratio:.3g} long at most; a bounded force of your own, "
+        "such as friction, says by `resistance` what damps"
     )
 
 

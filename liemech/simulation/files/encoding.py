@@ -46,6 +46,8 @@ OF_TABLES = PiecewisePolynomial, SiteTable, SiteArray, Each
 """Classes of the library whose tables come from files: they compare them with their numbers."""
 LARGEST = 10**6
 """Sizes that a file may ask for that holds fewer numbers: those of its systems would fill the memory."""
+MOVED = {"liemech.systems.kinds_of_terms:Kind": "liemech.systems.bound_terms:Kind"}
+"""Where classes are now that files name by the module in which they were."""
 
 
 class Pool:
@@ -211,7 +213,7 @@ class Decoder:
         """The class of this name, among the records that are known here."""
         if not isinstance(path, str) or path.count(":") != 1:
             self._refuse(path)
-        module, _, name = path.partition(":")
+        module, _, name = MOVED.get(path, path).partition(":")
         ours = module.partition(".")[0] == LIBRARY
         if ours and module not in sys.modules and _has_records(module):
             importlib.import_module(module)
