@@ -21,7 +21,7 @@ from liemech.models.effectors import Place
 from liemech.systems.terms import Site, site_class
 
 for module in pkgutil.walk_packages(lm.__path__, "liemech."):
-    if "__main__" not in module.name:
+    if "__main__" not in module.name and not module.name.startswith("liemech.compiler"):  # which may be missing
         importlib.import_module(module.name)
 
 
