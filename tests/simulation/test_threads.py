@@ -17,6 +17,8 @@ from liemech.compiler import kernel
 from liemech.formulas import blas
 from liemech.systems.potential import Force
 
+pytestmark = pytest.mark.compiled  # plain Python holds the interpreter's lock
+
 THREADS = 4
 EYE = np.eye(3)
 
