@@ -163,3 +163,16 @@ def test_a_run_of_a_single_sample_is_a_picture(samples: int) -> None:
     assert all(
         np.isfinite(np.asarray(track["values"], dtype=float)).all() for track in shown["tracks"] if "values" in track
     )
+
+
+def test_a_small_orbit_beside_a_large_one_is_in_the_picture() -> None:
+    """design-automation/mobius-parametric-modeller#189: objects vanished beside a very large one."""
+    scene = Scene(orbit(1e6), name="large").add(orbit(), name="small")
+    shown = [
+        node.moving["position"]
+        for panel in scene.panels()
+        for node in panel.nodes.values()
+        if "position" in node.moving
+    ]
+    assert len(shown) >= 2 and all(np.abs(places).max() < 1.5 for places in shown)
+    assert max(np.ptp(places, axis=0).max() for places in shown) > 0.5
