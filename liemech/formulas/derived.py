@@ -176,32 +176,36 @@ def _reached(cls: type, names: frozenset[str]) -> set[str]:
     """These names of methods, and those of what they call in turn, by every version that a class
     inherits, for `super` may call any.
     """
-    found: set[str] = set()
-    waiting = [*names]
-    while waiting:
-        name = waiting.pop()
-        if name not in found:
-            found.add(name)
-            for base in cls.__mro__:
-                waiting.extend(_reads(_function(vars(base).get(name))))
-    return found
+    return _in_turn(names, lambda name: [_function(vars(base).get(name)) for base in cls.__mro__])
 
 
 def _called(cls: type, names: frozenset[str]) -> set[str]:
     """These methods, as a class has them, and those that they call in turn."""
-    found: set[str] = set()
+
+    def versions(name: str) -> Iterator[Any]:
+        for base in cls.__mro__:
+            if name in vars(base):
+                yield (formula := _function(vars(base)[name]))
+                if "super" not in getattr(getattr(formula, "__code__", None), "co_names", ()):
+                    return
+
+    return _in_turn(names, versions)
+
+
+def _in_turn(names: Iterable[str], versions: Callable[[str], Iterable[Any]]) -> set[str]:
+    """Names of methods, and all names that their formulas read, theirs read, and so on.
+
+    versions : the formulas that a name stands for.
+    """
+    reached: set[str] = set()
     waiting = [*names]
     while waiting:
         name = waiting.pop()
-        if name not in found:
-            found.add(name)
-            for base in cls.__mro__:
-                if name in vars(base):
-                    formula = _function(vars(base)[name])
-                    waiting.extend(_reads(formula))
-                    if "super" not in getattr(getattr(formula, "__code__", None), "co_names", ()):
-                        break
-    return found
+        if name not in reached:
+            reached.add(name)
+            for formula in versions(name):
+                waiting.extend(_reads(formula))
+    return reached
 
 
 def _function(member: Any) -> Any:

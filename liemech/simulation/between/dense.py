@@ -157,9 +157,8 @@ class Between:
         turning, (method,) = turning_of(group), kernel.examples([self.method])  # type: ignore[attr-defined]
         if method.noisy or not turning.parts:
             return np.ones(len(after), dtype=int)
-        new = np.append(True, (before[1:] != after[:-1]).any(axis=1))[
-            : len(after)
-        ]  # steps that do not go on from the last
+        # steps that do not go on from the last
+        new = np.append(True, (before[1:] != after[:-1]).any(axis=1))[: len(after)]
         rows, place = np.concatenate([before[new], after]), int(new.sum())
         given = np.concatenate([rows[:, 1 : 1 + self.width], rows[:, :1]], axis=1)
         arguments = velocity, self.system, layout_of(self.example), layout_of(Vec(*[0.0] * group.dim))  # type: ignore[attr-defined]
