@@ -115,7 +115,7 @@ def test_no_step_is_shortened_and_the_advised_ones_have_the_variance_of_their_ti
     """SciML/OrdinaryDiffEq.jl#4095, #4097: a shortened step took the increment of the whole one."""
     system, paths = turning(5, sigma=0.3), 4000
     start = system.state(mu=[[1.0, 0.0, 0.0]] * paths)
-    with pytest.raises(lm.errors.InvalidInput, match="fixed steps end there with h = 0.625, 2 of them"):
+    with pytest.raises(lm.errors.InvalidInput, match=r"fixed steps end there with h = 0\.625, 2 of them"):
         lm.integrate(system, lm.WongZakai(), start, h=1.0, t_end=1.25, progress=False)
     run = lm.integrate(system, lm.WongZakai(), start, h=0.625, t_end=1.25, progress=False)
     assert run.t[-1] == 1.25
