@@ -13,10 +13,12 @@ The public names are listed in the stub beside this file, and in those of `model
 `charts` and others; docs/names.md says what each is.
 """
 
+import sys
 from typing import Any
 
-from .formulas import batches, one_row
+from .formulas.calls import batches, one_row
 from .names import lazily
+from .names.finder import Finder
 
 
 def _evaluate_rows(batch: batches.Batch) -> Any:
@@ -38,5 +40,7 @@ def _prepare(row: one_row.OneRow, args: tuple[Any, ...], result: Any) -> None:
 batches.evaluate_rows, one_row.prepare = _evaluate_rows, _prepare
 
 __version__ = "0.1.0"
+
+sys.meta_path[:] = Finder(), *(finder for finder in sys.meta_path if type(finder).__name__ != "Finder")
 
 __getattr__, __dir__, __all__ = lazily(__name__)

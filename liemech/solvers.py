@@ -10,11 +10,11 @@ from typing import Any
 
 from .errors import NoConvergence
 from .formulas import Mat, Record, Vec, cross, dot, jacobian, mat, record, solve, solve3, sqrt, sum, vec, where
-from .formulas.double_double import is_long
-from .formulas.dual import constant, value_of
-from .formulas.pytree import double_double, layout_of, moving_as, rounded
+from .formulas.classes.pytree import double_double, layout_of, moving_as, rounded
+from .formulas.numbers.double_double import is_long
+from .formulas.numbers.dual import constant, value_of
+from .formulas.numbers.sizes import EPSILON
 from .formulas.sites import repeated, total
-from .formulas.sizes import EPSILON
 from .formulas.vectors import Vec as SmallVec
 
 TOLERANCE = 2.0**-30

@@ -29,7 +29,7 @@ from liemech.joints import (
     Spring,
     UniversalJoint,
 )
-from liemech.models import andrews
+from liemech.models.swinging import andrews
 
 lib: Any = lm
 G = 9.81

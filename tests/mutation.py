@@ -2,7 +2,7 @@
 it must notice.
 
 `python tests/mutation.py 200 --seed 1` tries two hundred changes in a copy of the tree; `--list`
-only shows them, `--under groups compiler/guard_words.py` takes those of some folders and files.  Numbers
+only shows them, `--under groups compiler/machine/guard_words.py` takes those of some folders and files.  Numbers
 of all kinds (sizes, indices, thresholds), signs, operators, comparisons, guards (`and`, `or`,
 `not`), truth values, what ends loops, and `min`, `max`, `any`, `all` are changed; of groups,
 methods, tableaus, systems, models and formulas, if nothing else is asked for.

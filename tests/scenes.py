@@ -13,7 +13,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import cos, sin, sqrt, vec
-from liemech.systems.group_equation import GroupEquation, LinearGroupEquation
+from liemech.systems.equations.group_equation import GroupEquation, LinearGroupEquation
 
 REFERENCES = Path(__file__).parent / "reference"
 

@@ -22,69 +22,60 @@ import liemech
 
 PACKAGE = Path(liemech.__file__).parent
 
-LAYERS = (
+CORE = (
     "names",  # the public ones, which are imported when they are asked for
     "errors",
     "formulas",
     "compiler",
-    "groups",
     "solvers",  # Newton's method
-    "retractions",
+    "groups",
     "tableaus",  # numbers and their laws, which know no mechanics
     "systems",
     "integrators",
-    "models",
     "simulation",
-    "estimation",
-    "checks",
-    "plots",
-    "viewer",
-    "command_line",
-    "__main__",
-    *("actions", "charts", "class_functions", "joints", "loops", "neighbours", "parts"),
-    *("structures", "time_scales"),
 )
-"""From the ground up: a module imports from its own layer and from those before it, never from
-those after it.
+"""From the ground up: a module imports from its own layer and from those before it, never from those after it.  The
+words of many sites belong to it: `formulas/sites.py`, `compiler/sites/`, `systems/many/`.
 """
 
-DOORS = {("simulation", "plots"), ("simulation", "viewer")}
-"""The exceptions: `run.plot_momentum()` opens a door upwards, inside the method, when it is called."""
-
-ROOMS = (
-    "reports",
-    "compiled",
-    "between",
-    "",  # simulation/ itself: a run, from its options to its result
-    "fictive_time",
-    "sites",
-    "derivatives",
-    "at_work",
-    "files",
-)
-"""The folders of simulation/, in the order of the layers: most of a run stands between what it is made of,
-and what is made of it.
-"""
-
-INNER_DOORS = {
-    ("plan", "fictive_time"),
-    ("plan", "sites"),
-    ("plan", "derivatives"),
-    ("plan", "at_work"),
-    ("plan", "files"),
-    ("trajectory", "files"),
-    ("trajectory", "sites"),
-    ("sites.plan", "derivatives"),
+ROOMS: dict[str, tuple[str, ...]] = {
+    "rooms.constraints": (),
+    "rooms.hamilton_jacobi": (),
+    "rooms.poisson": (),
+    "rooms.noise": (),
+    "rooms.fictive_time": ("rooms.constraints",),
+    "rooms.at_work": ("rooms.fictive_time",),
+    "rooms.sites": ("rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson"),
+    "rooms.derivatives": ("rooms.fictive_time", "rooms.hamilton_jacobi", "rooms.sites"),
+    "joints": ("rooms.constraints", "rooms.sites"),
+    "rooms.files": ("joints", "rooms.fictive_time", "rooms.poisson", "rooms.sites"),
+    "models": ("joints", "rooms.constraints", "rooms.noise", "rooms.poisson", "rooms.sites"),
+    "estimation": ("rooms.constraints", "rooms.derivatives"),
+    "checks": ("rooms.constraints", "rooms.fictive_time", "rooms.noise", "rooms.poisson", "rooms.sites"),
+    "plots": ("joints", "models", "rooms.at_work", "rooms.constraints"),
+    "viewer": ("joints", "models", "plots"),
+    "command_line": ("checks", "plots", "rooms.at_work", "rooms.files", "viewer"),
 }
-"""The modules of simulation/ that open rooms above their own, inside a function: a plan makes runs of every
-kind, a trajectory is saved and looked at.
-"""
+"""What stands on the core, each with the rooms that it imports; none imports another one."""
+
+DOORS = {
+    ("simulation.plan", "rooms.fictive_time"): "a plan of a method with a time scale makes runs in fictive time",
+    ("simulation.plan", "rooms.derivatives"): "`plan.tangent` and `plan.gradient`",
+    ("simulation.plan", "rooms.at_work"): "`plan.stepper`, `plan.export`, runs by executors",
+    ("simulation.trajectory", "rooms.files"): "`run.save`, tables of xarray and pandas",
+    ("simulation.trajectory", "plots"): "`run.plot`",
+    ("simulation.trajectory", "viewer"): "`run.view`",
+}
+"""The modules of the core that open a room, inside a function, when they are asked for what it has."""
 
 HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat": "viewer"}
 """The one layer that may know an optional package; None: nobody."""
 
-SOURCED = ("groups", "retractions", "models", "integrators", "estimation")
-"""The layers made of other people's mathematics: a public docstring says where the formula stands
+SOURCED = (
+    *("groups", "integrators", "joints", "models", "estimation"),
+    *("rooms.constraints", "rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson"),
+)
+"""The parts made of other people's mathematics: a public docstring says where the formula stands
 in print.
 """
 
@@ -109,12 +100,18 @@ class Import:
         return f"{self.module}, line {self.line}: imports {self.target}"
 
     @property
-    def layers(self) -> tuple[str, str]:
-        return layer(self.module), layer(self.target)
+    def parts(self) -> tuple[str, str]:
+        return part(self.module), part(self.target)
+
+
+def part(module: str) -> str:
+    """The layer of the core or the room that a module is of: liemech.rooms.noise.stochastic is of `rooms.noise`."""
+    names = module.split(".")[1:]
+    return ".".join(names[: 2 if names[:1] == ["rooms"] else 1])
 
 
 def layer(module: str) -> str:
-    """liemech.groups.so3 is of the layer `groups`, and so is the package itself; `liemech` is above
+    """liemech.groups.rigid.so3 is of the layer `groups`, and so is the package itself; `liemech` is above
     all layers.
     """
     return module.partition(".")[2].partition(".")[0]
@@ -200,11 +197,11 @@ def test_the_reader_of_imports_sees_through_every_spelling() -> None:
     inside = (
         "from ..formulas import Vec\nfrom .ad import hat\nimport liemech.errors\nfrom liemech import formulas, SO3\n"
     )
-    found = [target for node in ast.parse(inside).body for target in targets("liemech.groups.so3", node)]
+    found = [target for node in ast.parse(inside).body for target in targets("liemech.groups.rigid.so3", node)]
     assert found == ["liemech.formulas", "liemech.groups.ad", "liemech.errors", "liemech.formulas", "liemech"]
     package = ast.parse("from .so3 import SO3\nfrom ..errors import LawViolation\n").body
     found = [target for node in package for target in targets("liemech.groups", node)]
-    assert found == ["liemech.groups.so3", "liemech.errors"]
+    assert found == ["liemech.groups.rigid.so3", "liemech.errors"]
     hidden = "if TYPE_CHECKING:\n    import a\nelse:\n    import b\ndef f():\n    import c\nclass C:\n    import d\n"
     seen = [(statement.names[0].name, lazy) for statement, lazy in executed(ast.parse(hidden))]
     assert seen == [("b", False), ("c", True), ("d", False)]
@@ -214,80 +211,77 @@ def test_the_reader_of_imports_sees_through_every_spelling() -> None:
 # ------------------------------------------------------------------------------------
 
 
-def test_every_module_belongs_to_a_layer() -> None:
-    strangers = [module for module in trees() if module != "liemech" and layer(module) not in LAYERS]
-    complain(strangers, "Modules that no layer knows; add a layer to LAYERS, in its place:")
-
-
-def test_imports_point_down_the_layers() -> None:
-    height = {name: number for number, name in enumerate(LAYERS)} | {"": len(LAYERS)}
-    upward = [
-        one
-        for one in inside()
-        if one.module != "liemech"
-        and height.get(one.layers[0], -1) < height.get(one.layers[1], -1)
-        and not (one.lazy and one.layers in DOORS)
-        and one.layers != ("command_line", "")
-    ]
-    complain(upward, f"Imports that point up the layers {' < '.join(LAYERS)}:")
-
-
-def test_imports_for_typing_point_down_too() -> None:
-    """A layer that names what stands above it, if only in an annotation, cannot be read without it."""
-    height = {name: number for number, name in enumerate(LAYERS)} | {"": len(LAYERS)}
-    named = [
+@functools.cache
+def for_typing_inside() -> tuple[Import, ...]:
+    return tuple(
         Import(module, statement.lineno, target, lazy=True)
         for module, tree in trees().items()
         if module != "liemech"
         for statement in for_typing(tree)
         for target in targets(module, statement)
         if target.partition(".")[0] == "liemech"
-    ]
-    assert named
-    upward = [
-        one
-        for one in named
-        if height.get(one.layers[0], -1) < height.get(one.layers[1], -1) and one.layers not in DOORS
-    ]
-    complain(upward, f"Imports for typing that point up the layers {' < '.join(LAYERS)}:")
+    )
 
 
-def room(module: str) -> tuple[str, str]:
-    """A module of simulation/ by its name there, and the room that it is in."""
-    name = module.removeprefix("liemech.simulation").removeprefix(".")
-    first = name.partition(".")[0]
-    folder = (PACKAGE / "simulation" / first).is_dir()
-    return name, first if folder else ""
+def is_a_door(one: Import) -> bool:
+    return one.lazy and (one.module.removeprefix("liemech."), one.parts[1]) in DOORS
 
 
-def opens_a_room(one: Import) -> bool:
-    """Is this one of the INNER_DOORS?"""
-    inside = all(x.startswith("liemech.simulation.") for x in (one.module, one.target))
-    return inside and one.lazy and (room(one.module)[0], room(one.target)[1]) in INNER_DOORS
+def within() -> list[Import]:
+    """Imports between files of the library, also those for type checkers."""
+    faces = ("liemech", "liemech.__main__")
+    return [one for one in (*inside(), *for_typing_inside()) if one.module not in faces and one.parts[1]]
 
 
-def test_imports_between_the_rooms_of_simulation_go_one_way() -> None:
-    prefix = "liemech.simulation."
-    within = [x for x in inside() if x.module.startswith(prefix) and x.target.startswith(prefix)]
-    upward = [
-        one
-        for one in within
-        if ROOMS.index(room(one.module)[1]) < ROOMS.index(room(one.target)[1]) and not opens_a_room(one)
-    ]
-    complain(upward, "Imports that point up the rooms of simulation/:")
-    opened = {(room(x.module)[0], room(x.target)[1]) for x in within if opens_a_room(x)}
-    assert opened == INNER_DOORS
+def test_every_module_belongs_to_the_core_or_to_a_room() -> None:
+    known = {*CORE, *ROOMS, "", "__main__", "rooms"}
+    complain(
+        [module for module in trees() if part(module) not in known], "Modules of no layer in CORE and no room in ROOMS:"
+    )
+
+
+def test_imports_point_down_the_layers_of_the_core() -> None:
+    height = {name: number for number, name in enumerate(CORE)}
+    upward = [one for one in within() if {*one.parts} <= height.keys() and height[one.parts[0]] < height[one.parts[1]]]
+    complain(upward, f"Imports that point up the layers {' < '.join(CORE)}:")
+
+
+def test_the_core_imports_no_room_but_by_doors() -> None:
+    entered = [one for one in within() if one.parts[0] in CORE and one.parts[1] in ROOMS]
+    complain([one for one in entered if not is_a_door(one)], "Imports of rooms from the core:")
+    assert {(one.module.removeprefix("liemech."), one.parts[1]) for one in entered} == DOORS.keys()
+    assert len(DOORS) <= 6
+
+
+def test_rooms_import_the_rooms_of_their_line() -> None:
+    between = [one for one in within() if one.parts[0] in ROOMS and one.parts[1] in ROOMS and len({*one.parts}) == 2]
+    complain(
+        [one for one in between if one.parts[1] not in ROOMS[one.parts[0]]], "Imports that no line of ROOMS allows:"
+    )
+    for room, others in ROOMS.items():
+        assert {one.parts[1] for one in between if one.parts[0] == room} == {*others}, f"the line of {room} names more"
+
+
+@pytest.mark.parametrize("folder", [PACKAGE, *sorted({file.parent for file in PACKAGE.rglob("*.py")} - {PACKAGE})])
+def test_a_folder_is_a_table_of_contents(folder: Path) -> None:
+    entries = [path for path in folder.iterdir() if path.name != "__pycache__"]
+    assert len(entries) <= (25 if folder == PACKAGE else 20)
+
+
+@pytest.mark.parametrize("room", [*(name for name in ROOMS if name.startswith("rooms."))])
+def test_a_room_begins_with_a_map_of_its_files(room: str) -> None:
+    folder = PACKAGE.joinpath(*room.split("."))
+    map_ = (ast.get_docstring(trees()[f"liemech.{room}"]) or "").replace("/", " ")
+    names = [path.stem for path in folder.iterdir() if path.stem not in ("__init__", "__pycache__")]
+    complain(
+        [name for name in names if name not in re.findall(r"\w+", map_)], f"Files of {room} that its map leaves out:"
+    )
 
 
 def test_no_circles() -> None:
     graph: dict[str, set[str]] = {module: set() for module in trees()}
     for one in inside():
-        if (
-            one.module != "liemech"
-            and one.target != one.module
-            and not (one.lazy and one.layers in DOORS)
-            and not opens_a_room(one)
-        ):
+        if one.module != "liemech" and one.target != one.module and not is_a_door(one):
             graph[one.module].add(one.target)
     try:
         tuple(graphlib.TopologicalSorter(graph).static_order())
@@ -361,7 +355,7 @@ def test_public_formulas_name_their_source() -> None:
         f"{thing.__module__}.{name}"
         for name in liemech.__all__
         if (inspect.isclass(thing := getattr(liemech, name)) or inspect.isroutine(thing))
-        and layer(thing.__module__) in SOURCED
+        and part(thing.__module__) in SOURCED
         and name not in UNSOURCED
         and "Source:" not in (thing.__doc__ or "")
     ]
@@ -373,7 +367,8 @@ def test_modules_of_formulas_name_their_source() -> None:
     silent = [
         module
         for module, tree in trees().items()
-        if layer(module) in SOURCED
+        if part(module) in SOURCED
+        and not module.endswith((".plan", ".runs"))  # which hold no mathematics
         and any(isinstance(node, ast.ClassDef | ast.FunctionDef) for node in tree.body)
         and not any("Source:" in (ast.get_docstring(n) or "") for n in ast.walk(tree) if isinstance(n, documented))
     ]

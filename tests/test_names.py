@@ -109,7 +109,7 @@ def test_tools_that_look_for_names_of_their_own_load_nothing() -> None:
         "liemech.__all__, dir(liemech)\n"
         "assert set(sys.modules) == before\n"
         "liemech.models.HeavyTop\n"
-        "assert 'liemech.models.planetary_system' not in sys.modules\n"
+        "assert 'liemech.models.planets.planetary_system' not in sys.modules\n"
         "assert 'liemech.simulation.integrate' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT, timeout=120)

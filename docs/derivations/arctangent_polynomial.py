@@ -1,4 +1,4 @@
-"""The polynomial of `liemech.models.carlson`: atan(r)/r in w = r^2, interpolated in the Chebyshev
+"""The polynomial of `liemech.models.bodies.carlson`: atan(r)/r in w = r^2, interpolated in the Chebyshev
 points of 0 <= w <= 0.172.
 
 Each term of Carlson's R_J has the factor atan(r)/r, where r^2 is the product of

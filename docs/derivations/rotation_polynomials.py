@@ -1,4 +1,4 @@
-"""The polynomials of `liemech.groups.rotation_coefficients`, computed from scratch in 60-digit
+"""The polynomials of `liemech.groups.rigid.rotation_coefficients`, computed from scratch in 60-digit
 arithmetic.
 
 Seven coefficients for f(x) = c_0 + c_1 x + ... on [0, L]: keep c_0 .. c_{j-1}, interpolate the
@@ -20,7 +20,7 @@ from fractions import Fraction
 
 from mpmath import mp, mpf
 
-from liemech.groups import rotation_coefficients as code
+from liemech.groups.rigid import rotation_coefficients as code
 
 Function = Callable[[mpf], mpf]
 TERMS = 7

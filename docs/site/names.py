@@ -19,7 +19,7 @@ sys.path[:0] = [str(DOCS.parent), str(DOCS / "site")]
 import typeset  # noqa: E402
 from contents import groups  # noqa: E402
 
-from liemech.formulas import annotations  # noqa: E402
+from liemech.formulas.classes import annotations  # noqa: E402
 from liemech.names import everything, public, sentence  # noqa: E402
 
 APART = ("errors", "formulas", "neighbours", "plots", "tableaus", "viewer")

@@ -5,9 +5,9 @@ The checks go through the tables of laws, at several points, and report.
 """
 
 from .check import check_action, check_group, check_method, check_retraction, check_system
+from .laws.poisson_laws import check_poisson
 from .poisson_defect import poisson_defect
 from .poisson_field import check_poisson_field
-from .poisson_laws import check_poisson
 from .report import Finding, Observation, Report
 
 __all__ = [

@@ -13,32 +13,32 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from ..formulas import check_finite
 from ..formulas.arrays import real_array
-from ..formulas.signatures import spelt
+from ..formulas.classes.signatures import spelt
 from ..formulas.vectors import small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
+from ..groups.retractions import Cayley, Exponential, Retraction
 from ..integrators.method import Method
-from ..integrators.stochastic_steps import NoisySteps
-from ..retractions import Cayley, Exponential, Retraction
+from ..rooms.noise.stochastic_steps import NoisySteps
 from ..simulation.arguments import matching
-from ..systems.sums_of_terms import released
+from ..systems.many.energies import released
 from ..systems.system import State, System
-from .action_laws import ACTION, arguments, named
-from .algebra_laws import ALGEBRA
-from .closed_forms import laws_of_closed_forms
-from .group_laws import GROUP, NATIVE, PLACE
-from .law import replaced, verdicts
-from .like_units import in_like_units
+from .laws.action_laws import ACTION, arguments, named
+from .laws.algebra_laws import ALGEBRA
+from .laws.closed_forms import laws_of_closed_forms
+from .laws.group_laws import GROUP, NATIVE, PLACE
+from .laws.law import replaced, verdicts
+from .laws.map_laws import CAYLEY, EXPONENTIAL, Map
+from .laws.system_laws import RUNS, laws_of
 from .local_claims import is_reversible, look_around
-from .map_laws import CAYLEY, EXPONENTIAL, Map
 from .method_claims import Trial, claims
 from .noisy_claims import noisy_claims
-from .places import Place
+from .points.like_units import in_like_units
+from .points.places import Place
+from .points.sample_points import At, sample_points
+from .points.sample_states import at_times, members, pace, sample_states
+from .points.special_points import SPECIAL
 from .report import Finding, Observation, Report, finished, require
-from .sample_points import At, sample_points
-from .sample_states import at_times, members, pace, sample_states
-from .special_points import SPECIAL
-from .system_laws import RUNS, laws_of
 
 SURELY = 1e-9
 """A relative difference of short motions that is none."""

@@ -13,17 +13,17 @@ import numpy as np
 
 from ..errors import LiemechError
 from ..formulas import vec
+from ..rooms.constraints.constrained_body import BoundBody, ConstrainedBody
+from ..rooms.fictive_time.clocked import Clocked
+from ..rooms.fictive_time.time_transformed import ExtendedSystem
 from ..simulation.reports.drift import constants_and_terms
 from ..systems.canonical import CanonicalState
-from ..systems.clocked import Clocked
-from ..systems.constrained_body import BoundBody, ConstrainedBody
 from ..systems.lie_poisson import BodyState
-from ..systems.time_transformed import ExtendedSystem
 from .method_claims import BRACKET, kept_brackets, relative_defect
-from .places import SOME, Place, places
+from .points.places import SOME, Place, places
+from .points.sample_points import flat, size
 from .reference import CLEAR
 from .report import ROUNDING, Observation
-from .sample_points import flat, size
 
 MOST = 24
 """How many steps are tried until the error of one is rounding."""

@@ -21,17 +21,17 @@ from ..compiler import kernel
 from ..errors import IntegrationFailure, InvalidInput
 from ..formulas.vectors import small
 from ..integrators.rkmk import RKMK
+from ..rooms.constraints.constrained import ConstrainedSystem
+from ..rooms.constraints.constrained_body import BoundBody, ConstrainedBody
+from ..rooms.poisson.poisson import PoissonSystem
 from ..simulation.integrate import integrate
-from ..systems.constrained import ConstrainedSystem
-from ..systems.constrained_body import BoundBody, ConstrainedBody
 from ..systems.lie_poisson import LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
-from ..systems.poisson import PoissonSystem
-from .phase_space_charts import FREE_OF_CONSTRAINTS, BoundCharts, Charts, ConstrainedCharts
+from .points.phase_space_charts import FREE_OF_CONSTRAINTS, BoundCharts, Charts, ConstrainedCharts
+from .points.sample_points import STEP, Units, size
+from .points.sample_states import CENTRAL, as_accepted
 from .reference import CLEAR, settled
 from .report import ROUNDING, Observation
-from .sample_points import STEP, Units, size
-from .sample_states import CENTRAL, as_accepted
 
 COUNTS = 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256
 """Numbers of steps over the same time."""

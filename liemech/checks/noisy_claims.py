@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Vec, record, vec
-from ..formulas.pytree import with_fields
-from ..integrators.stochastic_steps import NoisySteps
+from ..formulas.classes.pytree import with_fields
+from ..rooms.noise.stochastic import Stochastic
+from ..rooms.noise.stochastic_steps import NoisySteps
 from ..simulation.integrate import integrate
-from ..systems.stochastic import Stochastic
+from .points.sample_states import pace
 from .report import Observation
-from .sample_states import pace
 
 PATHS, FINEST = 400, 256
 """Paths and steps of the finest of them, from which the strong order is observed."""

@@ -12,15 +12,15 @@ from ..formulas import Vec, jacobian, vec
 from ..formulas.vectors import small
 from ..groups.poisson_structure import Canonical, LiePoissonStructure, PoissonStructure
 from ..integrators.method import Method
+from ..rooms.constraints.constrained import ConstrainedSystem
+from ..rooms.poisson.local_coordinates import InducedStructure, LocalChart
+from ..rooms.poisson.poisson import PoissonState, PoissonSystem
 from ..systems.canonical import CanonicalState, HamiltonianSystem
-from ..systems.constrained import ConstrainedSystem
-from ..systems.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
+from ..systems.in_time.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
-from ..systems.local_coordinates import InducedStructure, LocalChart
-from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
-from .sample_points import STEP, size
-from .sample_states import CENTRAL
+from .points.sample_points import STEP, size
+from .points.sample_states import CENTRAL
 
 NEAR = 2.0**-26
 """How far the coordinates of a state may lead from it, relative to its size: it is then on the

@@ -12,13 +12,13 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import derivative, jacobian
+from ..groups.matrices.skew_matrices import null_vectors
 from ..groups.poisson_structure import PoissonStructure
-from ..groups.skew_matrices import null_vectors
 from ..systems.vector_field import VectorField
-from .law import Law, Same, axiom, shaped, verdicts
-from .poisson_points import AtPoint, given_points, own_formulas, random_points
+from .laws.law import Law, Same, axiom, shaped, verdicts
+from .points.poisson_points import AtPoint, given_points, own_formulas, random_points
+from .points.sample_points import flat
 from .report import Report, finished, require
-from .sample_points import flat
 
 PLACES = 6
 """How many points are drawn."""

@@ -16,8 +16,8 @@ import numpy as np
 
 import liemech as lm
 
-from ..checks.sample_states import random_state
-from ..simulation.at_work.measured_orders import order_of
+from ..checks.points.sample_states import random_state
+from ..rooms.at_work.measured_orders import order_of
 from .constructors import imported, read
 from .numbers import duration, short
 from .options import Parser, count, number

@@ -22,10 +22,10 @@ import numpy as np
 
 import liemech as lm
 
-from ..formulas.pytree import inside
-from ..groups.matrix_group import MatrixLieGroup
+from ..formulas.classes.pytree import inside
+from ..groups.matrices.matrix_group import MatrixLieGroup
 from ..names import everything, meant
-from ..simulation.files.encoding import LARGEST, require_sizes
+from ..rooms.files.encoding import LARGEST, require_sizes
 
 
 def read(text: str, kind: type, where: str, own: bool = True) -> Any:

@@ -61,7 +61,7 @@ class Scene:
         ensemble = self.start.bodies is not None
         if viewed:
             from ..viewer.choice import KNOWN, suited
-            from ..viewer.content import chosen
+            from ..viewer.contents.content import chosen
 
             have = frozenset(known)
             contents = suited(self.system, have, ensemble) if self.view is None else chosen(self.view, KNOWN)

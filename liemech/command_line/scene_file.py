@@ -35,8 +35,8 @@ import numpy as np
 import liemech as lm
 
 from ..names import meant
+from ..rooms.files.arrays import opened
 from ..simulation.arguments import chooses_steps
-from ..simulation.files.arrays import opened
 from .constructors import build
 from .scene import Scene
 

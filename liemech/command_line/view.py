@@ -8,7 +8,7 @@ from pathlib import Path
 
 import liemech as lm
 
-from ..simulation.files.archive import meshes_outside
+from ..rooms.files.archive import meshes_outside
 from .constructors import imported, modules_of_the_folder
 from .options import Parser, output
 

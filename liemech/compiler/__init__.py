@@ -4,15 +4,15 @@ The compiler knows what formulas are made of and nothing of mechanics; only `llv
 binding.  Its files, in the order in which a formula comes through them:
 
 * kernel, driver, buffers: native code for a driver, kept while what it has read is unchanged.
-* source, dependencies, content_hashes, staleness: the text of a formula, what it reads from
-  outside, and whether that has changed.  cache: object code on disk.
-* translation, statements, expressions, loops, branches, joins, scopes, iterators, aliases: the
-  syntax tree, translated with numbers of the run in place of floats.  state: where the translation
-  is, and snapshots.  advice: a cure for what is refused.
-* ir_numbers, arrays, python_functions, memory_loops, lookups: the numbers and what is done to them.
-* inlining, call_forms, native_functions, instructions: which calls become functions of their own.
-* llvm, callbacks, interrupts, stop_checks, gc_pause, guard_words: machine code and its company.
-* batch: formulas on many arguments at once.
+* changes/: what a formula reads from outside, and whether that has changed (dependencies, content_hashes, staleness);
+  object code on disk (cache).
+* translation/: the syntax tree (source), walked with numbers of the run in place of floats (translator, statements,
+  expressions, loops, branches, joins, scopes); which calls become functions (inlining, call_forms, native_functions);
+  where the translation is, and snapshots (state); a cure for what is refused (advice).
+* numbers/: the numbers and what is done to them.
+* sites/: loops over the sites of one system (loops_over_sites), in passes between their meetings (fission), on threads.
+* machine/: LLVM, object files, Ctrl-C, guard words.
+* batch, one_row: formulas on many arguments at once.
 """
 
 import time

@@ -27,15 +27,15 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
-from ..formulas.batches import MEMBERSHIP, Batch, row_of
-from ..formulas.complex_numbers import Complex
-from ..formulas.frozen import frozen
-from ..formulas.pytree import NUMBER, Layout, is_any_number, layout_of, leaves, vector_layout
+from ..formulas.calls.batches import MEMBERSHIP, Batch, row_of
+from ..formulas.classes.frozen import frozen
+from ..formulas.classes.pytree import NUMBER, Layout, is_any_number, layout_of, leaves, vector_layout
+from ..formulas.numbers.complex_numbers import Complex
 from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec
 from . import kernel
 from .driver import accepted, any_body, attempt, itself, numbers, read, write
-from .interrupts import in_threads
+from .machine.interrupts import in_threads
 
 SHARE = 50_000
 """Rows that are worth a thread of their own."""

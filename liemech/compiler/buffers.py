@@ -7,12 +7,12 @@ from typing import Any
 from llvmlite import ir
 
 from ..errors import NotCompilable
+from ..formulas.classes.pytree import Layout, build, carried_layout, fits, leaves
 from ..formulas.large import size_of
-from ..formulas.pytree import Layout, build, carried_layout, fits, leaves
 from ..formulas.sites import TOGETHER
 from .driver import refusal
-from .ir_numbers import F64, I32, I64, Emitter, Num
-from .large_arrays import in_places, spans
+from .numbers.ir_numbers import F64, I32, I64, Emitter, Num
+from .numbers.large_arrays import in_places, spans
 
 POINTER = F64.as_pointer()
 

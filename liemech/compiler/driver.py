@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
+from ..formulas.classes.pytree import Layout, build, carried_layout, difference, fits, is_any_number, layout_of, leaves
 from ..formulas.large import sum_of
-from ..formulas.pytree import Layout, build, carried_layout, difference, fits, is_any_number, layout_of, leaves
 from ..formulas.vectors import Vec
 
 

@@ -25,11 +25,12 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas.blas import on_one_thread
-from ..formulas.frozen import frozen
-from ..formulas.pytree import Layout, gatherer, layout_of
-from . import driver, guard_words, interrupts
-from .gc_pause import gc_paused
-from .planes import Planes
+from ..formulas.classes.frozen import frozen
+from ..formulas.classes.pytree import Layout, gatherer, layout_of
+from . import driver
+from .machine import guard_words, interrupts
+from .machine.gc_pause import gc_paused
+from .sites.planes import Planes
 
 Kind = Layout | str | tuple[str, Layout]
 """Of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
@@ -104,7 +105,7 @@ def available() -> str | None:
     try:
         import llvmlite  # noqa: F401  # where it is missing, no half of a module is left for other threads
 
-        from . import llvm
+        from .machine import llvm
 
         llvm.processor()
     except ImportError:
@@ -131,8 +132,9 @@ class Kernel:
         args: Sequence[Any] | None = None,
         make: bool = True,
     ) -> None:
-        from . import cache, llvm
-        from .dependencies import Reads
+        from .changes import cache
+        from .changes.dependencies import Reads
+        from .machine import llvm
 
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
         key = _key(entry, kinds, lanes)
@@ -224,7 +226,7 @@ class Kernel:
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""
-        from . import llvm
+        from .machine import llvm
 
         return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
 
@@ -283,7 +285,7 @@ def _imported() -> None:
     would wait for ever.
     """
     with _importing:
-        from . import cache, content_hashes, dependencies, llvm  # noqa: F401
+        from .machine import llvm  # noqa: F401
 
 
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
@@ -382,7 +384,8 @@ def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str 
     """
     import hashlib
 
-    from . import cache, content_hashes, llvm
+    from .changes import cache, content_hashes
+    from .machine import llvm
 
     own = cache.own_source()
     if own is None:
@@ -393,7 +396,7 @@ def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str 
 
 def width() -> int:
     """How many doubles a vector register of this processor holds."""
-    from . import llvm
+    from .machine import llvm
 
     return llvm.width()
 
@@ -436,8 +439,8 @@ def _translated(
     other.
     """
     with _importing:
-        from . import llvm
-        from .instructions import LIMIT, SHORT, SIDE_BY_SIDE, WITH_SLOPES, TooLong
+        from .machine import llvm
+        from .translation.instructions import LIMIT, SHORT, SIDE_BY_SIDE, WITH_SLOPES, TooLong
 
     with gc_paused():
         if "planes" in kinds:
@@ -457,16 +460,16 @@ def _translation(
     with _importing:
         from llvmlite import ir
 
-        from ..formulas.taken_back import journal
-        from . import llvm
+        from ..formulas.classes.taken_back import journal
         from .buffers import Array, arguments, entrance, hidden, unchanged
-        from .dependencies import Reads
-        from .instructions import Builder, Names, drop_unused
-        from .ir_numbers import F64, I64, Emitter
-        from .large_arrays import LargeArrays
-        from .rows_in_lanes import RowsInLanes
-        from .sites import SiteLoops
-        from .translation import Interpreter
+        from .changes.dependencies import Reads
+        from .machine import llvm
+        from .numbers.ir_numbers import F64, I64, Emitter
+        from .numbers.large_arrays import LargeArrays
+        from .numbers.rows_in_lanes import RowsInLanes
+        from .sites.loops_over_sites import SiteLoops
+        from .translation.instructions import Builder, Names, drop_unused
+        from .translation.translator import Interpreter
 
     module = ir.Module("liemech", ir.Context())
     module.triple = llvm.triple()

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas.one_row import MADE, OneRow
-from ..formulas.pytree import gatherer, layout_of
+from ..formulas.calls.one_row import MADE, OneRow
+from ..formulas.classes.pytree import gatherer, layout_of
 from ..formulas.vectors import small
 from . import batch, kernel
 

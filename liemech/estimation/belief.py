@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas.arrays import real_array
-from ..formulas.frozen import frozen
+from ..formulas.classes.frozen import frozen
 from ..groups.lie_group import LieGroup
 from .errors_of_elements import check_side
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas.arrays import real_array
-from ..formulas.frozen import frozen
+from ..formulas.classes.frozen import frozen
 
 
 @frozen(eq=False)

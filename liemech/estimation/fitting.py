@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas.frozen import frozen
-from ..groups.product import ProductGroup
+from ..formulas.classes.frozen import frozen
+from ..groups.composed.product import ProductGroup
 from ..groups.vector_space import VectorSpace
+from ..rooms.constraints.constrained import ConstrainedSystem
+from ..rooms.constraints.constrained_body import BoundBody
+from ..rooms.derivatives.frames import group_of
+from ..rooms.derivatives.tangent import frames_of
 from ..simulation.compiled.parameters import parameter, with_parameter
-from ..simulation.derivatives.tangent import frames_of, group_of
 from ..simulation.plan import Plan
-from ..systems.constrained import ConstrainedSystem
-from ..systems.constrained_body import BoundBody
 from .least_squares import minimise
 from .sensors import Sensor
 from .smoothing import Mover, Prior, Sight, half_squares, observed, over

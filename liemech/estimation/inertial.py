@@ -6,10 +6,10 @@ from functools import cached_property
 from typing import Any
 
 from ..formulas import Element, Vec, record, sqrt, vec
-from ..groups.product import ProductGroup
-from ..groups.se23 import SE23, extended, parts
-from ..groups.sgal3 import SGal3
-from ..groups.so3 import SO3
+from ..groups.composed.product import ProductGroup
+from ..groups.rigid.se23 import SE23, extended, parts
+from ..groups.rigid.sgal3 import SGal3
+from ..groups.rigid.so3 import SO3
 from ..groups.vector_space import VectorSpace
 from .noise import check_noise
 from .processes import Process

@@ -11,7 +11,7 @@ from ..formulas import Element, Mat, Record, Vec, derivative, mat, record, sqrt,
 from ..formulas.derivatives import axes
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
-from ..systems.group_equation import GroupEquation, Position
+from ..systems.equations.group_equation import GroupEquation, Position
 from .errors_of_elements import velocity
 from .noise import check_noise
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InvalidInput, undefined
 from ..formulas import Ambient, Element, Mat, Record, Vec, mat, record, vec
+from ..groups.composed.product import ProductGroup
 from ..groups.lie_group import LieGroup
-from ..groups.product import ProductGroup
 from .errors_of_elements import check_side, error
 from .noise import INFINITY, TINY, check_noise
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Ambient, Element, Mat, Record, Vec, mat, record, sqrt, transpose, vec
 from ..formulas.arrays import real_array
-from ..formulas.frozen import frozen
+from ..formulas.classes.frozen import frozen
 from ..groups.lie_group import LieGroup
 from .belief import Belief
 from .block_tridiagonal import BlockTridiagonal

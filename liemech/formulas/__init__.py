@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import of_numpy  # noqa: F401 (NumPy's functions become formulas)
 from .arrays import check_finite, real_array
-from .complex_numbers import Complex
+from .classes.pytree import plain
+from .classes.records import Record, record
 from .derivatives import derivative, gradient, jacobian
-from .dual import Dual, constant
 from .elimination import determinant, inverse, solve, solve3
 from .functions import (
     acos,
@@ -46,8 +46,8 @@ from .functions import (
     tanh,
     where,
 )
-from .pytree import plain
-from .records import Record, record
+from .numbers.complex_numbers import Complex
+from .numbers.dual import Dual, constant
 from .removable import (
     atan_over,
     coshm1_over,
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     Element: TypeAlias = Any
     Ambient: TypeAlias = Any
 else:
-    from .annotations import Ambient, Element
+    from .classes.annotations import Ambient, Element
     from .vectors import Mat, Vec
 
 __all__ = [

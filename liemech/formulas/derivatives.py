@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from .complex_numbers import Complex
-from .dual import ALONE, DEPTH, Dual, value_of
-from .numbers import InMemory, Pair, StandIn
+from .classes.pytree import fields_of, fill
+from .classes.records import Record
+from .numbers.bases import InMemory, Pair, StandIn
+from .numbers.complex_numbers import Complex
+from .numbers.dual import ALONE, DEPTH, Dual, value_of
 from .of_math import run
-from .pytree import fields_of, fill
-from .records import Record
 from .vectors import Mat, Vec, mat, transpose, vec
 
 

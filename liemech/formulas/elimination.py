@@ -7,16 +7,20 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from .complex_numbers import Complex
-from .double_double import DoubleDouble, is_long
-from .dual import constant
+from .classes.pytree import plain
 from .functions import where
-from .numbers import InMemory
-from .pytree import plain
+from .numbers.bases import InMemory
+from .numbers.complex_numbers import Complex
+from .numbers.double_double import DoubleDouble, is_long
+from .numbers.dual import constant
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec
 
 INFINITE = float("inf")
+
+DEPENDENT = 1e-12
+"""A pivot below this part of its diagonal entry says that an equation follows from those before it."""
+
 _SEQUENCES = (tuple, list, np.ndarray)
 
 
@@ -171,3 +175,52 @@ def determinant(m: Mat) -> Any:
         for i in range(k + 1, n):
             rows[i] = rows[i] - rows[k] * (rows[i][k] * head)
     return product
+
+
+def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
+    """m^-1, by cofactors of three rows at a time; the sign of its determinant beside that of a
+    positive matrix times `sign`; and whether no pivot is below DEPENDENT times what it was before.
+    """
+    n = len(m)
+    if n > 3:
+        A, B, C, D = quarters(m)
+        first, same, far = inverted(A, before[:3], sign)
+        left, right = C @ first, first @ B
+        last, turned, apart = inverted(D - C @ right, before[3:], sign)
+        corner = right @ last
+        whole = of_quarters(first + corner @ left, -corner, -(last @ left), last)
+        return whole, same * turned, far and apart
+    minors, cofactors = of_three(m)
+    far = abs(m[0][0]) > DEPENDENT * before[0]
+    for k in range(1, n):
+        far = far and abs(minors[k]) > DEPENDENT * before[k] * abs(minors[k - 1])
+    det = minors[n - 1]
+    same = where((sign * det if n % 2 == 1 else det) > 0.0, 1.0, -1.0)
+    return mat(*[(1.0 / det) * row for row in cofactors]), same, far
+
+
+def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
+    """The leading minors of up to three rows, and the transposed cofactors."""
+    if len(m) == 1:
+        return [m[0][0]], [vec(1.0)]
+    (a, b), (d, e) = m[0][:2], m[1][:2]
+    minor = a * e - b * d
+    if len(m) == 2:
+        return [a, minor], [vec(e, -b), vec(-d, a)]
+    c, f, (g, h, i) = m[0][2], m[1][2], m[2]
+    x, y, z = e * i - f * h, f * g - d * i, d * h - e * g
+    rows = vec(x, c * h - b * i, b * f - c * e), vec(y, a * i - c * g, c * d - a * f)
+    return [a, minor, a * x + b * y + c * z], [*rows, vec(z, b * g - a * h, minor)]
+
+
+def quarters(m: Mat) -> tuple[Mat, Mat, Mat, Mat]:
+    """The blocks A, B, C, D of [[A, B], [C, D]], of which A is of three rows and columns."""
+    return (
+        mat(*[row[:3] for row in m[:3]]), mat(*[row[3:] for row in m[:3]]),
+        mat(*[row[:3] for row in m[3:]]), mat(*[row[3:] for row in m[3:]]),
+    )  # fmt: skip
+
+
+def of_quarters(A: Mat, B: Mat, C: Mat, D: Mat) -> Mat:
+    """[[A, B], [C, D]]."""
+    return mat(*[vec(*a, *b) for a, b in zip(A, B)], *[vec(*c, *d) for c, d in zip(C, D)])

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from .numbers import ByValue, StandIn
+from .numbers.bases import ByValue, StandIn
 
 LOG_2, LOG_10 = math.log(2.0), math.log(10.0)
 DEGREE, RADIAN = math.pi / 180.0, 180.0 / math.pi

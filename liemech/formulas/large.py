@@ -16,8 +16,8 @@ import numpy as np
 
 from ..errors import InvalidType
 from . import blas
-from .complex_numbers import Complex
-from .numbers import InMemory, StandIn
+from .numbers.bases import InMemory, StandIn
+from .numbers.complex_numbers import Complex
 from .vectors import Mat, Vec
 
 TOGETHER = 16

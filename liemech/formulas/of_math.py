@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from . import functions
-from .numbers import ByValue, CarriesMore, Operand, StandIn
+from .numbers.bases import ByValue, CarriesMore, Operand, StandIn
 
 
 def _log(x: Any, *base: Any) -> Any:

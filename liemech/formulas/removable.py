@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from .double_double import DoubleDouble, is_long, quotient
-from .dual import constant, is_series
 from .functions import atan, expm1, log1p, sin, sinh, sqrt, where
+from .numbers.double_double import DoubleDouble, is_long, quotient
+from .numbers.dual import constant, is_series
 from .vectors import horner
 
 NEAR, HALF = 2.0, 0.5

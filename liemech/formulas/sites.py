@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from .classes.pytree import as_others_see, build, carried_layout, leaves
+from .classes.records import Record, record
 from .functions import where
-from .pytree import as_others_see, build, carried_layout, leaves
-from .records import Record, record
-from .series_of_sites import SeriesMeeting, company, has_series
+from .numbers.series_of_sites import SeriesMeeting, company, has_series
 from .tables import Table
 from .vectors import Vec
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .complex_numbers import Complex
+from .numbers.complex_numbers import Complex
 from .vectors import Vec
 
 Terms = tuple[tuple[Any, ...], ...]

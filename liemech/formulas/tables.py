@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .numbers import StandIn
+from .numbers.bases import StandIn
 
 
 class Table:

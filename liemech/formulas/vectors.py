@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from .complex_numbers import Complex
 from .functions import sqrt
-from .numbers import InMemory, Operand, StandIn, of_an_int
+from .numbers.bases import InMemory, Operand, StandIn, of_an_int
+from .numbers.complex_numbers import Complex
 
 MANY = 1024
 """An array of more numbers is none of a formula, but samples."""

@@ -8,12 +8,12 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Ambient, Element, Vec, derivative, dot, identity_matrix, record, vec
-from .classical import SO
 from .group_action import GroupAction as GroupAction
 from .lie_group import LieGroup
+from .matrices.classical import SO
 from .representations import LinearAction as LinearAction
 from .representations import Representation, standard_action
-from .so3 import SO3
+from .rigid.so3 import SO3
 from .vector_space import VectorSpace
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..formulas import Mat, Vec, identity_matrix, mat
-from ..formulas.double_double import is_long
-from ..formulas.sizes import EPSILON, one_norm
+from ..formulas.numbers.double_double import is_long
+from ..formulas.numbers.sizes import EPSILON, one_norm
 from .bernoulli import BERNOULLI
 
 ROUGH = 2.0**-72

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import InvalidType, NotDefined, undefined
 from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec, vectors
-from ..formulas.batches import MEMBERSHIP
-from ..formulas.derived import derived
+from ..formulas.calls.batches import MEMBERSHIP
+from ..formulas.classes.derived import derived
 from .lie_group import LieGroup
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from ..errors import InvalidType, LawViolation, NotDefined, undefined
 from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, vec
-from ..formulas.derived import derived
-from ..formulas.dual import value_of
-from ..formulas.signatures import bare
+from ..formulas.classes.derived import derived
+from ..formulas.classes.signatures import bare
+from ..formulas.numbers.dual import value_of
 from .ad_series import bernoulli_series, exponential_series, mean
 from .bernoulli import TERMS
-from .matrix_functions import expm, phi1m
+from .matrices.matrix_functions import expm, phi1m
 
 SHORT = 4.0
 """Series of ad_xi are summed as they stand where |ad_xi| is no larger; beyond, their terms cancel.
@@ -299,7 +299,7 @@ class LieAlgebra(Record):
         that of -Killing; otherwise what the linear equations for a form leave: the Klein form w.v
         on se(3), any form on an abelian algebra, nothing on the Heisenberg algebra.
         """
-        from .matrix_invariants import null_space  # which builds on algebras of matrices
+        from .matrices.matrix_invariants import null_space  # which builds on algebras of matrices
 
         n, killing, given = self.dim, self.killing_form, self._ad_matrices
         units = like_units(given)

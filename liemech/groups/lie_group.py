@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Ambient, Element, Mat, Record, Vec, derivative, dot, identity_matrix, mat, record, sqrt, vec
 from ..formulas.arrays import check_finite, real_array
-from ..formulas.batches import MEMBERSHIP as MEMBERSHIP
-from ..formulas.derived import derived
+from ..formulas.calls.batches import MEMBERSHIP as MEMBERSHIP
+from ..formulas.classes.derived import derived
 from ..formulas.vectors import small
 from .lie_algebra import LieAlgebra, objection, sided
 
@@ -246,7 +246,7 @@ class LieGroup(Record):
     def __pow__(self, copies: int) -> Any:
         """The product of copies of the group: the configurations of as many sites."""
         # which is built on this class
-        power: Any = import_module(".power", __package__)
+        power: Any = import_module(".composed.power", __package__)
         return power.PowerGroup(self, copies)
 
     @final
@@ -256,7 +256,7 @@ class LieGroup(Record):
         """
         if not isinstance(other, LieGroup):
             return NotImplemented
-        species: Any = import_module(".species", __package__)
+        species: Any = import_module(".composed.species", __package__)
         return species.times(self, other)
 
     @final

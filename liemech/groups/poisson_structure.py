@@ -13,10 +13,10 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined, undefined
 from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
 from ..formulas.arrays import check_finite, real_array
-from ..formulas.derived import derived, derived_from
+from ..formulas.classes.derived import derived, derived_from
 from .lie_group import LieGroup
-from .matrix_group import whole_number
-from .skew_matrices import null_vectors, pairs
+from .matrices.matrix_group import whole_number
+from .matrices.skew_matrices import null_vectors, pairs
 
 Observable = Callable[[Any], Any]
 """A formula from points y, (n,), to numbers."""

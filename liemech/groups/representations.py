@@ -7,14 +7,14 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, undefined
 from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec, where
-from ..formulas.derived import derived
-from ..formulas.dual import value_of
-from ..formulas.sizes import one_norm
+from ..formulas.classes.derived import derived
+from ..formulas.numbers.dual import value_of
+from ..formulas.numbers.sizes import one_norm
 from .group_action import GroupAction
 from .lie_group import LieGroup
-from .matrix_functions import digits
-from .so3 import SO3
-from .unit_quaternions import UnitQuaternions
+from .matrices.matrix_functions import digits
+from .rigid.so3 import SO3
+from .rigid.unit_quaternions import UnitQuaternions
 
 INFINITY, NAN = float("inf"), float("nan")
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, mat, record, vec
-from .algebra_of_parts import AlgebraOfParts
+from .composed.algebra_of_parts import AlgebraOfParts
 from .lie_algebra import Constants
 from .lie_group import LieGroup
-from .matrix_group import named_by_size, whole_number
+from .matrices.matrix_group import named_by_size, whole_number
 
 
 @record

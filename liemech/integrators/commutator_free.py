@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Vec, record
-from ..retractions import Exponential
+from ..groups.retractions import Exponential
 from ..systems.system import System
 from ..tableaus.flows import CF3, CF4, CG3, CG4, LIE_EULER, LIE_MIDPOINT, FlowTableau
 from .method import Method

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 from ..errors import InvalidInput, undefined
 from ..formulas import Element, Mat, Record, Vec, gradient, jacobian, record, vec, vectors
-from ..formulas.derived import derived
+from ..formulas.classes.derived import derived
 from ..groups.lie_group import LieGroup
-from ..retractions import Exponential, Retraction
+from ..groups.retractions import Exponential, Retraction
 from ..solvers import correction
 from ..tableaus.collocation import gauss
 

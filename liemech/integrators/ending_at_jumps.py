@@ -7,9 +7,9 @@ from typing import Any
 
 from ..errors import IncompatibleSystem
 from ..formulas import record, where
-from ..formulas.pytree import fields_of, fitted, layout_of, with_fields
+from ..formulas.classes.pytree import fields_of, fitted, layout_of, with_fields
 from ..formulas.tables import Table, entry
-from ..systems.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
+from ..systems.in_time.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
 from .method import Method, Wrapping
 
 AT_ENDS = "its noise is known at the ends of steps only. Let steps end there: t0 + n h"

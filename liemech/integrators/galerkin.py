@@ -12,8 +12,8 @@ import numpy as np
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
 from ..formulas.derivatives import tangent
-from ..formulas.sizes import one_norms
-from ..retractions import Exponential, Retraction
+from ..formulas.numbers.sizes import one_norms
+from ..groups.retractions import Exponential, Retraction
 from ..solvers import correction, fixed_point, unit_of
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState

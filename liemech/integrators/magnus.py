@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Vec, record
-from ..retractions import Exponential
+from ..groups.retractions import Exponential
 from ..systems.system import System
 from .method import Method
 

@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidType, undefined
 from ..formulas import Record, Vec, dot, record, sqrt, vec
-from ..formulas.numbers import InMemory
-from ..formulas.pytree import fields_of
+from ..formulas.classes.pytree import fields_of
+from ..formulas.numbers.bases import InMemory
 from ..formulas.sites import mean
-from ..retractions import Retraction
+from ..groups.retractions import Retraction
 from ..systems.system import State, System, lies_in_memory
 
 
@@ -40,6 +40,8 @@ class Method(Record):
     analytic: ClassVar[bool] = False
     # does it need every number written out, for derivatives or Jacobians?
     writes_out: ClassVar[bool] = False
+    # does a step see that the energy changes within it?
+    timed: ClassVar[bool] = False
     # does a step draw random numbers, which are known at its ends only?
     noisy: ClassVar[bool] = False
     # does a step move what a system loses by damping, too?

@@ -15,11 +15,11 @@ from collections.abc import Callable
 from typing import Any
 
 from ..formulas import Vec, vec
-from ..formulas.numbers import InMemory
-from ..formulas.series import Series, SeriesInMemory
+from ..formulas.numbers.bases import InMemory
+from ..formulas.numbers.series import Series, SeriesInMemory
 from ..groups.bernoulli import BERNOULLI
 from ..groups.lie_group import LieGroup
-from ..retractions import Exponential, Retraction
+from ..groups.retractions import Exponential, Retraction
 from ..systems.lie_poisson import BodyState
 
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, vec, where
-from ..formulas.numbers import InMemory
+from ..formulas.numbers.bases import InMemory
+from ..formulas.numbers.sizes import one_norms
 from ..formulas.sites import mean
-from ..formulas.sizes import one_norms
 from ..groups.bernoulli import BERNOULLI, TERMS
 from ..groups.lie_algebra import sided
+from ..groups.retractions import Exponential, Retraction
 from ..groups.vector_space import VectorSpace
-from ..retractions import Exponential, Retraction
 from ..solvers import fixed_point
 from ..systems.system import System
 from ..tableaus.butcher import BY_ORDER
@@ -58,6 +58,8 @@ class RKMK(Method):
     Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999); Hairer, Lubich, Wanner, IV.8.2, algorithm
     8.4.
     """
+
+    timed: ClassVar[bool] = True
 
     order: int = 4
     tableau: ButcherTableau = None  # type: ignore[assignment]  # None: the one of this order

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ..formulas import Mat, Vec, acos, cos, dot, sqrt, vec, vectors, where
-from ..groups.so3 import SO3Algebra
-from ..retractions import Cayley, CayleyAdjoint, Exponential, Retraction
+from ..groups.retractions import Cayley, CayleyAdjoint, Exponential, Retraction
+from ..groups.rigid.so3 import SO3Algebra
 from ..solvers import TOLERANCE, correction
 from ..systems.kinetic_energy import has_inertia
 
@@ -28,6 +28,14 @@ than foreseen.
 
 SHORTEST = 2.0**-24
 """The part of a step below which a branch that cannot be followed is said to have ended."""
+
+ROUNDING = 2.0**-100
+"""A displacement below this, squared, relative to the size of a configuration, is rounding: four
+units in the last place.
+"""
+
+LEAST = 2.0**-104
+"""An error below this, squared, relative to the displacement, is rounding."""
 
 INFINITY = math.inf
 

@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 from ..errors import InvalidInput
 from ..formulas import Vec, derivative, exp, log, plain, record, sqrt, vec, where
-from ..formulas.numbers import InMemory
-from ..formulas.products import Products
-from ..formulas.series import Series, SeriesInMemory
+from ..formulas.numbers.bases import InMemory
+from ..formulas.numbers.products import Products
+from ..formulas.numbers.series import Series, SeriesInMemory
 from ..formulas.sites import mean, met_through
 from ..groups.bernoulli import TERMS
 from ..groups.lie_algebra import sided
-from ..retractions import Cayley, Exponential, Retraction
+from ..groups.retractions import Cayley, Exponential, Retraction
 from ..systems.system import System, lies_in_memory
 from .method import LEAST, Method, larger, mean_square_of_parts
 from .motion_series import begun, series

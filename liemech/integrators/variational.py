@@ -10,12 +10,12 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
-from ..formulas.double_double import is_long
-from ..retractions import Exponential, Retraction
+from ..formulas.numbers.double_double import is_long
+from ..groups.retractions import Exponential, Retraction
 from ..solvers import leading_power, narrow, newton, refined
 from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState
-from ..systems.site_state import StateOfSites
+from ..systems.many.site_state import StateOfSites
 from ..systems.system import System, lies_in_memory
 from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit

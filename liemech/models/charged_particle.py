@@ -29,12 +29,12 @@ from ..formulas import (
     vec,
     where,
 )
-from ..formulas.derived import closed_form_of, derived_from
+from ..formulas.classes.derived import closed_form_of, derived_from
 from ..groups.poisson_structure import PoissonStructure
+from ..rooms.poisson.poisson import PoissonSystem
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.parts import Part, SplitHamiltonian, StraightLineFlow
-from ..systems.poisson import PoissonSystem
-from .maxwell_bloch import HalfSquare
+from .lattices.maxwell_bloch import HalfSquare
 
 
 @record

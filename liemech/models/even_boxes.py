@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..systems.constrained_body import BoundBody
+from ..joints.link import Link
+from ..rooms.constraints.constrained_body import BoundBody
 from ..systems.mechanical import MechanicalSystem
-from .link import Link
 
 Array = NDArray[np.float64]
 

@@ -10,20 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..groups.classical import SO
+from ..groups.composed.product import ProductGroup
 from ..groups.lie_group import LieGroup
-from ..groups.product import ProductGroup
-from ..groups.se2 import SE2
-from ..groups.se3 import SE3
-from ..groups.so3 import SO3
-from ..groups.unit_quaternions import UnitQuaternions
+from ..groups.matrices.classical import SO
+from ..groups.rigid.se2 import SE2
+from ..groups.rigid.se3 import SE3
+from ..groups.rigid.so3 import SO3
+from ..groups.rigid.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
-from ..systems.constrained_body import BoundBody
+from ..rooms.constraints.constrained_body import BoundBody
 from ..systems.mechanical import MechanicalSystem
-from .constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
-from .heavy_top import ReducedHeavyTop
-from .n_body import NBody
-from .pendulums import DoublePendulum, Pendulum
+from .bodies.heavy_top import ReducedHeavyTop
+from .planets.n_body import NBody
+from .swinging.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
+from .swinging.pendulums import DoublePendulum, Pendulum
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,10 @@ Every picture takes `ax=`, plane axes to draw on, and returns the axes; without 
 figure that no window system knows of. Nothing touches Matplotlib's settings.
 """
 
-from ..simulation.at_work.measured_orders import order_of
+from ..rooms.at_work.measured_orders import order_of
 from .attitude import euler_angles, quaternion
 from .choice import plot
-from .cloud import cloud
 from .components import components
-from .energy_curves import energy_levels, principal_moments, separatrix
 from .field import field
 from .figure_one import Panel, figure_one
 from .invariants import drift, invariants
@@ -22,8 +20,10 @@ from .path import path
 from .phase import phase_portrait
 from .poincare import poincare_section, section
 from .polhode import herpolhode, herpolhode_points, polhode
-from .projection import VIEW, split_at_horizon, view_frame
-from .sphere import momentum_sphere
+from .spheres.cloud import cloud
+from .spheres.energy_curves import energy_levels, principal_moments, separatrix
+from .spheres.projection import VIEW, split_at_horizon, view_frame
+from .spheres.sphere import momentum_sphere
 from .spins import spins
 from .style import COLORS, DIRECTIONS, MOST_DOTS, legend, save, subplots
 from .vertical import vertical

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..models.heavy_top import HeavyTop, ReducedHeavyTop
-from ..models.linkage import Linkage
+from ..joints.linkage import Linkage
+from ..models.bodies.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.poses import configurations, flies, is_pose, turns
 from ..systems.canonical import CanonicalSystem, HamiltonianSystem
 from .attitude import quaternion
-from .cloud import cloud
 from .components import components
 from .path import has_path, path
 from .phase import phase_portrait
-from .sphere import momentum_sphere
+from .spheres.cloud import cloud
+from .spheres.sphere import momentum_sphere
 from .spins import has_spins, spins
 from .style import needs_run
 from .vertical import vertical

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..models.pendulums import DoublePendulum, Pendulum
 from ..models.poses import configurations, turns
+from ..models.swinging.pendulums import DoublePendulum, Pendulum
 from .style import legend, look, needs_run, part, plane_axes, thinned, time_label, time_unit
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InvalidInput
-from .globe import LIMB, bare
-from .projection import VIEW, view_frame
+from .spheres.globe import LIMB, bare
+from .spheres.projection import VIEW, view_frame
 from .style import COLORS, new_figure, require_matplotlib
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from numpy.typing import ArrayLike
 
 from ..errors import InvalidInput
-from .energy_curves import separatrix
-from .globe import EXACT, LAST, LEVEL, RING, SEPARATRIX, limits
-from .projection import VIEW, view_frame
-from .sphere import momentum_sphere
+from .spheres.energy_curves import separatrix
+from .spheres.globe import EXACT, LAST, LEVEL, RING, SEPARATRIX, limits
+from .spheres.projection import VIEW, view_frame
+from .spheres.sphere import momentum_sphere
 from .style import COLORS, GREY, INK, new_figure, require_matplotlib
 
 if TYPE_CHECKING:

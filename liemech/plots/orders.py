@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
-from ..simulation.at_work.measured_orders import falling, order_of
+from ..rooms.at_work.measured_orders import falling, order_of
 from .style import GREY, legend, marked, plane_axes
 
 if TYPE_CHECKING:

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..models.constrained_pendulums import ChainPendulum, FourBarLinkage
-from ..models.kepler import Kepler
-from ..models.linkage import Linkage
-from ..models.n_body import NBody
-from ..models.pendulums import Pendulum
+from ..joints.linkage import Linkage
+from ..models.planets.kepler import Kepler
+from ..models.planets.n_body import NBody
 from ..models.poses import flies, place, places, rods
-from ..models.space_bodies import OrbitingBody
-from ..models.spacecraft import Spacecraft
+from ..models.space.space_bodies import OrbitingBody
+from ..models.space.spacecraft import Spacecraft
+from ..models.swinging.constrained_pendulums import ChainPendulum, FourBarLinkage
+from ..models.swinging.pendulums import Pendulum
 from ..systems.canonical import CanonicalSystem
-from .cloud import colors
-from .projection import VIEW, view_frame
+from .spheres.cloud import colors
+from .spheres.projection import VIEW, view_frame
 from .style import COLORS, GREY, INK, needs_run, part, plane_axes, thinned, time_unit
 
 if TYPE_CHECKING:

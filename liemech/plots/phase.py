@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..models.pendulums import DoublePendulum, Pendulum
+from ..models.swinging.pendulums import DoublePendulum, Pendulum
 from ..systems.canonical import CanonicalSystem
-from .cloud import colors
 from .components import unit_of
+from .spheres.cloud import colors
 from .style import COLORS, needs_run, part, plane_axes, thinned
 
 if TYPE_CHECKING:

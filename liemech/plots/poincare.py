@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..systems.constrained import ConstrainedSystem
+from ..rooms.constraints.constrained import ConstrainedSystem
 from .phase import canonical
 from .style import COLORS, plane_axes
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..models.bodies.rigid_body import RigidBody
 from ..models.poses import attitude, rotated
-from ..models.rigid_body import RigidBody
 from .components import one_body
-from .energy_curves import energy_levels, separatrix
-from .globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, directions, halves
-from .projection import VIEW, split_at_horizon, view_frame
+from .spheres.energy_curves import energy_levels, separatrix
+from .spheres.globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, directions, halves
+from .spheres.projection import VIEW, split_at_horizon, view_frame
 from .style import COLORS, GREY, INK, needs_run, new_figure, part, plane_axes, require_matplotlib, thinned
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from ..formulas import real_array
-from ..models.sites import base_of, by_site, fixed_places, is_spin, lattice_of
+from ..models.many.sites import base_of, by_site, fixed_places, is_spin, lattice_of
 from .style import DIRECTIONS, GREY, needs_run, part, plane_axes
 
 if TYPE_CHECKING:

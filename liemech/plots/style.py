@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType, MissingExtra
-from ..models.sites import base_of, is_spin
+from ..models.many.sites import base_of, is_spin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..models.heavy_top import ReducedHeavyTop
+from ..models.bodies.heavy_top import ReducedHeavyTop
 from ..models.poses import attitude, configurations, is_pose, rotated
-from .globe import directions, dots, globe, line
-from .projection import VIEW
-from .sphere import GAMMA
+from .spheres.globe import directions, dots, globe, line
+from .spheres.projection import VIEW
+from .spheres.sphere import GAMMA
 from .style import COLORS, needs_run, part
 
 if TYPE_CHECKING:

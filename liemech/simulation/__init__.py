@@ -4,20 +4,20 @@ A run in ten lines, from `lm.integrate(...)` to samples:
 
      1. integrate.py            takes a plan that it has made before, or makes one, and calls its `run`
      2. plan.py, options.py     the plan has checked system, method and options once (arguments.py)
-     3. starts.py               checks the start: its parts, its bodies
-     4. short.py                a short run that nothing looks into: one native call, and the result
-     5. equal.py, tolerance.py  any other run: `aim` sets goals and h, `begin` writes a column for each body
-     6. course.py               the loop: pieces of some steps, between them the bar, the file, Ctrl-C
-     7. run.py                  a piece: bodies side by side, until they are at their goals or fail
+     3. runs/starts.py          checks the start: its parts, its bodies
+     4. runs/short.py           a short run that nothing looks into: one native call, and the result
+     5. runs/equal, tolerance   any other run: `aim` sets goals and h, `begin` writes a column for each body
+     6. runs/course.py          the loop: pieces of some steps, between them the bar, the file, Ctrl-C
+     7. runs/run.py             a piece: bodies side by side, until they are at their goals or fail
      8. compiled/driver.py      its steps: `advance` under a control, as native code or plain Python
      9. keep.py, between/       after each piece: samples, states inside of steps, events
-    10. result.py, carry.py     the `Trajectory` (trajectory.py), and where every body stands
+    10. result.py, runs/carry   the `Trajectory` (trajectory.py), and where every body stands
 
 Kinds of runs, by the steps:
 
                                     all bodies to one end, no event   each to an end of its own
        fixed steps (equal.py)       StraightRun                       EqualRun
-       in fictive time              StraightFictiveRun                FictiveRun (both: fictive_time/run.py)
+       in fictive time              StraightFictiveRun                FictiveRun (both: rooms/fictive_time/runs.py)
        adaptive (tolerance.py)                                        ToleranceRun
 
 In a `Run` a body is a column of numbers: what the method carries along, its `Clock` (time, step h, number of
@@ -30,10 +30,7 @@ decides whether native code or plain Python does it: both give the same bits.
 Observers (keep.py) keep `Every` n-th state, states `At` given times, `Straight` samples that native code writes
 where they stay, `Dense` rows for the motion between steps, `Quantities` for functions of states (recorded.py).
 
-The rooms beside it, of which each imports only from those before it and from here, but for a plan that opens
-them when they are asked for (tests/test_architecture.py):
-
-    reports/ compiled/ between/     a run is made of them
-    fictive_time/ sites/            runs of other kinds
-    derivatives/ at_work/ files/    what is done with plans and runs
+Folders: reports/, compiled/ and between/ are what a run is made of; runs/ are the runs.  Runs by the sites of one
+system are in `rooms/sites/runs`, those of linkages in `joints/in_memory`, those in fictive time in `rooms/fictive_time`;
+what is done with plans and runs in `rooms/derivatives`, `rooms/at_work`, `rooms/files`.
 """

@@ -8,8 +8,8 @@ from datetime import timedelta
 from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
-from ..formulas.pytree import exact, layout_of, leaves
-from ..formulas.signatures import spelt
+from ..formulas.classes.pytree import exact, layout_of, leaves
+from ..formulas.classes.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas.frozen import frozen
+from ..formulas.classes.frozen import frozen
 from . import arguments
 
 EQUAL, TOLERANCE, FICTIVE = "equal", "tolerance", "fictive"

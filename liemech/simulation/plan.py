@@ -12,29 +12,28 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegrationInterrupted, InvalidInput, StepWarning, warn
-from ..formulas.pytree import Layout, layout_of
-from ..formulas.signatures import spelt
+from ..formulas.classes.pytree import Layout, layout_of
+from ..formulas.classes.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .carry import Carry, SiteCarry
 from .checkpoint import Checkpoint
 from .compiled.execution import like
 from .compiled.prepared import Steps
 from .compiled.systems import OfBodies, each_of, methods_of, of_body, systems_of
-from .equal import Advance, EqualRun, StraightRun
-from .going_on import carry_of
 from .options import EQUAL, FICTIVE, TOLERANCE, ErrorControl, FixedSteps, Options, Save, words_of
-from .origin import FictiveCarry
 from .recorded import recorder_of
-from .short import advanced, short_run, short_steps
-from .starts import started
-from .tolerance import AdaptiveSteps, ToleranceRun
-from .trajectory import TangentTrajectory, Trajectory
+from .runs.carry import Carry, SiteCarry
+from .runs.equal import Advance, EqualRun, StraightRun
+from .runs.going_on import carry_of
+from .runs.short import advanced, short_run, short_steps
+from .runs.starts import started
+from .runs.tolerance import AdaptiveSteps, ToleranceRun
+from .trajectory import TangentTrajectory, Trajectory, require_savable
 
 if TYPE_CHECKING:
-    from .at_work.stepper import Stepper
-    from .derivatives.gradient import Gradient
+    from ..rooms.at_work.stepper import Stepper
+    from ..rooms.derivatives.gradient import Gradient
 
 
 class Plan:
@@ -184,11 +183,8 @@ class Plan:
 
     def _of_sites(self) -> Any:
         """The runs of a system of many sites; None for all others."""
-        if self._one.site_form is None:
-            return None
-        from .sites.plan import SitesOfPlan
-
-        return SitesOfPlan.of(self)
+        site = self._one.site_form
+        return None if site is None else site.runs_by_sites.of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the arguments; layouts and native code are made or found again where the plan arrives."""
@@ -226,7 +222,7 @@ class Plan:
         Returns and raises what `integrate` does.
         """
         if executor is not None:
-            from .at_work.spread import spread
+            from ..rooms.at_work.spread import spread
 
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
@@ -335,7 +331,7 @@ class Plan:
         apart = self._apart(start, t_end, t_eval)
         if not self.fictive:
             return EqualRun if apart else StraightRun
-        from .fictive_time.run import FictiveRun, StraightFictiveRun
+        from ..rooms.fictive_time.runs import FictiveRun, StraightFictiveRun
 
         return FictiveRun if apart else StraightFictiveRun
 
@@ -353,12 +349,10 @@ class Plan:
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint:
         """Where the run is saved; what cannot be saved is refused now, and not after a minute."""
-        from .files.encoding import encoded
-
         kept = arguments.checkpoint(path, seconds)
         for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
             try:
-                encoded(value)
+                require_savable(value)
             except InvalidInput as error:
                 raise InvalidInput(f"integrate: checkpoint: the {name} cannot be saved. {error}") from None
         return kept
@@ -465,7 +459,7 @@ class Plan:
         Raises what `integrate` does, for a body of an ensemble too; InvalidInput for what is no
         parameter, IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
-        from .derivatives.tangent import tangent_of
+        from ..rooms.derivatives.tangent_runs import tangent_of
 
         return tangent_of(self, start, steps, t_end, t0, by, along=along, against=against)
 
@@ -499,7 +493,7 @@ class Plan:
         Warns by a GradientWarning where the motion is so sensitive that few digits are left.
         Raises what `integrate` and `tangent` do.
         """
-        from .derivatives.gradient import backwards
+        from ..rooms.derivatives.gradient import backwards
 
         return backwards(self, "gradient", start, steps, t_end, t0, by, every, loss, along)
 
@@ -523,7 +517,7 @@ class Plan:
         end among them, with a leading axis for these.
         by, and what is returned and raised : as of `gradient`; `value` is None.
         """
-        from .derivatives.gradient import backwards
+        from ..rooms.derivatives.gradient import backwards
 
         return backwards(self, "pullback", start, steps, t_end, t0, by, every, cotangent=cotangent)
 
@@ -565,9 +559,8 @@ class Plan:
             run.advance(steps)
             after: Any = run.standing
             return after
-        if isinstance(given, FictiveCarry):
-            inner = self.in_fictive_time(given.origin)._advanced(given.inner, steps)
-            made: Any = FictiveCarry(given.origin, inner, met=given.met)
+        if given.fictive:
+            made: Any = given.moved(self.in_fictive_time(given.origin)._advanced(given.inner, steps))
             return made
         return self._advanced(given, steps)
 
@@ -602,7 +595,7 @@ class Plan:
         What formulas read counts as it is now, until `body.refresh()`.
         Raises what `step` and `resume` raise.
         """
-        from .at_work.stepper import Stepper
+        from ..rooms.at_work.stepper import Stepper
 
         self._one_length("stepper")
         if isinstance(start, State):
@@ -635,7 +628,7 @@ class Plan:
         fixed ones of one body, InvalidInput for a name that is none in C and for inputs of which
         other numbers are made.
         """
-        from .at_work.export import export
+        from ..rooms.at_work.export import export
 
         return export(self, path, start, inputs, target)
 

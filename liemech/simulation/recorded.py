@@ -15,8 +15,8 @@ import numpy as np
 from ..compiler.driver import attempt, reason
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, failure, is_mistake
 from ..formulas import Record
-from ..formulas.frozen import frozen
-from ..formulas.pytree import layout_of
+from ..formulas.classes.frozen import frozen
+from ..formulas.classes.pytree import layout_of
 from ..formulas.vectors import small
 from ..systems.system import State
 from .between.dense import evaluated, flat, observe

@@ -13,16 +13,15 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Record
-from ..formulas.frozen import frozen
-from ..formulas.pytree import fields_of
+from ..formulas.classes.frozen import frozen
+from ..formulas.classes.pytree import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
-from ..systems.site_state import StateOfSites
+from ..systems.many.site_state import StateOfSites
 from ..systems.system import State, System, small_state
-from .between.dense import Between, DenseOutput, DenseOutputs, ShortSteps, flat
-from .carry import SiteCarry
+from .between.dense import DenseOutput, DenseOutputs, ShortSteps, flat
 from .compiled.systems import OfBodies, Systems, of_body
-from .origin import Origin
 from .reports.drift import RECORDED, Drift
+from .runs.carry import SiteCarry
 from .stopped import NONE, Stop
 
 if TYPE_CHECKING:
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 
     from ..integrators.method import Method
     from ..viewer import Scene
-    from .sites.between import SitesBetween
 
 
 @frozen(eq=False, repr=False)
@@ -202,9 +200,7 @@ class Trajectory:
         if name in self.observed:
             return self.states[name]
         if name == "energy" and self._is_of_sites:
-            from .sites.totals import energy
-
-            return energy(self.system, self.t, self.states)
+            return self._by_sites.energy(self.system, self.t, self.states)
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
@@ -264,9 +260,9 @@ class Trajectory:
         """The attitudes as SciPy rotations, body to space; on a product those of its one rotation."""
         from scipy.spatial.transform import Rotation
 
-        from ..groups.product import ProductGroup
-        from ..groups.so3 import SO3
-        from ..groups.unit_quaternions import UnitQuaternions
+        from ..groups.composed.product import ProductGroup
+        from ..groups.rigid.so3 import SO3
+        from ..groups.rigid.unit_quaternions import UnitQuaternions
 
         g: Any = self._attitude("rotation")
         group: Any = getattr(self.system, "configurations", self.system.group)
@@ -315,7 +311,7 @@ class Trajectory:
         return self._motion(t)
 
     @cached_property
-    def _motion(self) -> Between | DenseOutputs | SitesBetween:
+    def _motion(self) -> Any:
         """The motion between the samples."""
         if self.dense is not None:
             return self.dense
@@ -324,9 +320,7 @@ class Trajectory:
         example = system.state(**{name: x[0] for name, x in self.states.items()}) if kept else None
         if isinstance(self.carry, SiteCarry) or isinstance(example, StateOfSites):
             if kept and self.rejected is None:
-                from .sites.between import SitesBetween
-
-                return SitesBetween(self, type(example))
+                return self._by_sites.between(self, type(example))
             example = None
         far = abs(self.h) * (1.0 + 1e-6)
         if example is None or self.rejected is not None or np.abs(np.diff(self.t)).max() > far:
@@ -349,7 +343,7 @@ class Trajectory:
         Raises InvalidInput for another ending, and if a parameter of the system or the method is no number, vector,
         matrix, text or record.
         """
-        from .files.archive import save
+        from ..rooms.files.archive import save
 
         save(self, path)
 
@@ -366,7 +360,7 @@ class Trajectory:
         not there.  Without `trusted` a file chooses among the records of the library and of your
         program; it names nothing that is called, and nothing of it is imported or evaluated.
         """
-        from .files.archive import load
+        from ..rooms.files.archive import load
 
         kept = load(path, modules, trusted)
         if "tangent" in kept:
@@ -377,7 +371,7 @@ class Trajectory:
         """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble
         with `body` behind t.
         """
-        from .files.labelled import to_xarray
+        from ..rooms.files.labelled import to_xarray
 
         return to_xarray(self)
 
@@ -385,7 +379,7 @@ class Trajectory:
         """The samples as a pandas.DataFrame: a row for each time t, or each t and body; columns
         mu[0], g[0,1], ...
         """
-        from .files.labelled import to_pandas
+        from ..rooms.files.labelled import to_pandas
 
         return to_pandas(self)
 
@@ -470,9 +464,13 @@ class Trajectory:
     def _is_of_sites(self) -> bool:
         if self.bodies is not None or self.system.site_form is None:
             return False
-        from .sites.totals import of_sites
+        return self._by_sites.of_samples(self.system, self.states) is not None
 
-        return of_sites(self.system, self.states) is not None
+    @property
+    def _by_sites(self) -> Any:
+        """The class that makes the runs of the sites, which knows totals of their samples, too."""
+        site: Any = self.system.site_form
+        return site.runs_by_sites
 
     @cached_property
     def _constants(self) -> dict[str, np.ndarray]:
@@ -480,9 +478,7 @@ class Trajectory:
         if self.observed:
             return {name: self.states[name] for name in self.observed if name in RECORDED}
         if self._is_of_sites:
-            from .sites.totals import constants
-
-            return constants(self.system, self.t, self.states)
+            return self._by_sites.constants(self.system, self.t, self.states)
         return self.system.constants(self._at_times)
 
     def _attitude(self, what: str) -> np.ndarray:
@@ -498,6 +494,13 @@ class Trajectory:
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
+
+
+def require_savable(value: Any) -> None:
+    """Raise InvalidInput for a system or a method that a file cannot hold."""
+    from ..rooms.files.encoding import encoded
+
+    encoded(value)
 
 
 class _Promised:
@@ -542,7 +545,7 @@ class TransformedTrajectory(Trajectory):
 
     tau: np.ndarray = None  # type: ignore[assignment]
     z: np.ndarray | None = None
-    origin: Origin = None  # type: ignore[assignment]
+    origin: Any = None
 
     @property
     def sigma(self) -> Any:

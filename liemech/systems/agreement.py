@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Vec, derivative, dot
-from ..formulas.overriding import WrongResult
+from ..formulas.classes.overriding import WrongResult
 from ..groups.lie_group import LieGroup
 from .hamiltonian import Hamiltonian
 from .kinetic_energy import KineticEnergy

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..errors import InvalidInput, undefined
 from ..formulas import Vec, gradient, record, vec
-from ..formulas.derived import derived
-from ..formulas.remembered import common
+from ..formulas.classes.derived import derived
+from ..formulas.classes.remembered import common
+from ..groups.retractions import Retraction
 from ..groups.vector_space import VectorSpace
-from ..retractions import Retraction
 from .system import State, System, frozen, points
 
 

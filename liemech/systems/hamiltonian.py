@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import undefined
 from ..formulas import Mat, Record, Vec, gradient, record
-from ..formulas.derived import derived
+from ..formulas.classes.derived import derived
 
 
 @record
@@ -24,6 +24,11 @@ class Hamiltonian(Record):
     def energy(self, mu: Vec) -> float:
         """H(mu).  mu : (dim,)."""
         raise undefined(self, "energy")
+
+    @property
+    def of_species(self) -> tuple[Any, ...]:
+        """The energies of a body, one for each species of sites: itself, unless a site has several."""
+        return (self,)
 
     @derived
     def gradient(self, mu: Vec) -> Vec:

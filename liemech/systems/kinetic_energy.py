@@ -10,10 +10,10 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, dot, real_array, record, vectors
-from ..formulas.fields import OfEach
+from ..formulas.classes.fields import OfEach
+from ..formulas.classes.of_each import Each, each
+from ..formulas.classes.pytree import fields_of, fill, laid_out
 from ..formulas.large import Large
-from ..formulas.of_each import Each, each
-from ..formulas.pytree import fields_of, fill, laid_out
 from ..formulas.vectors import small
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..errors import undefined
 from ..formulas import Mat, Record, Vec, gradient, jacobian, record
-from ..formulas.derived import derived
+from ..formulas.classes.derived import derived
 
 
 @record

@@ -10,26 +10,26 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
-from ..formulas.derived import closed_form_of, written_together
+from ..formulas.classes.derived import closed_form_of, written_together
+from ..formulas.classes.pytree import fields_of, fill, laid_out
+from ..formulas.classes.remembered import Remembered
 from ..formulas.large import Large
-from ..formulas.numbers import InMemory
-from ..formulas.pytree import fields_of, fill, laid_out
-from ..formulas.remembered import Remembered
+from ..formulas.numbers.bases import InMemory
 from ..formulas.vectors import Mat
 from ..formulas.vectors import Vec as SmallVec
+from ..groups.composed.power import PowerGroup
+from ..groups.composed.product import ProductGroup
+from ..groups.composed.species import SpeciesGroup
 from ..groups.lie_group import LieGroup
-from ..groups.matrix_group import MatrixLieGroup
-from ..groups.power import PowerGroup
-from ..groups.product import ProductGroup
-from ..groups.species import SpeciesGroup
-from ..retractions import Retraction
+from ..groups.matrices.matrix_group import MatrixLieGroup
+from ..groups.retractions import Retraction
 from .agreement import require_one_body
-from .common_momentum import momenta_of_symmetry
 from .hamiltonian import Hamiltonian
 from .kinetic_energy import by_entries
 from .lagrangian import Lagrangian
-from .site_state import SiteState, rows_of_species, site_state, velocities_of_sites
-from .sums_of_terms import KineticTerms, hamiltonian_of, released
+from .many.common_momentum import momenta_of_symmetry
+from .many.energies import OfManySites, on_group, released
+from .many.site_state import SiteState, rows_of_species, site_state, velocities_of_sites
 from .system import (
     State,
     System,
@@ -71,6 +71,7 @@ class LiePoissonMotion(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
+    along_orbits: ClassVar[bool] = False  # is `velocity` a function of the momentum alone?
 
     @final
     def casimirs(self, mu: Vec) -> Vec:
@@ -156,6 +157,8 @@ class LiePoissonSystem(LiePoissonMotion):
     and 13.7.
     """
 
+    along_orbits: ClassVar[bool] = True
+
     group: LieGroup
     hamiltonian: Hamiltonian
     lagrangian: Lagrangian | None = None
@@ -168,7 +171,7 @@ class LiePoissonSystem(LiePoissonMotion):
 
     def __post_init__(self) -> None:
         name = type(self).__name__
-        energy = hamiltonian_of(name, self.group, self.hamiltonian)
+        energy = on_group(self.hamiltonian, Hamiltonian, name, self.group)
         if lies_in_memory(self.group):
             energy = enlarged(by_entries(energy, self.group))
         if energy is not self.hamiltonian:
@@ -279,8 +282,9 @@ class LiePoissonSystem(LiePoissonMotion):
             )
         if isinstance(self.group, SpeciesGroup) and self.lagrangian is not None:
             return self.lagrangian.momentum(rows_of_species(f"{name}: xi", self.group, xi, "Vec"))
-        if isinstance(self.group, PowerGroup) and isinstance(self.lagrangian, KineticTerms):
-            return self.lagrangian.momenta(velocities_of_sites(f"{name}: xi", self.group, xi))
+        if isinstance(self.group, PowerGroup) and isinstance(self.lagrangian, OfManySites):
+            many: Any = self.lagrangian
+            return many.momenta(velocities_of_sites(f"{name}: xi", self.group, xi))
         dim = self.group._sizes[0]
         return self.lagrangian.momentum(points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}"))
 

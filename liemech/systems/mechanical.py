@@ -10,19 +10,18 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, derivative, dot, record, vec
-from ..formulas.remembered import common
+from ..formulas.classes.remembered import common
 from ..groups.coadjoint import CoadjointAction
+from ..groups.composed.product import ProductGroup
+from ..groups.composed.semidirect import SemidirectProduct
 from ..groups.lie_group import LieGroup
-from ..groups.product import ProductGroup
-from ..groups.semidirect import SemidirectProduct
+from ..groups.retractions import Exponential, Retraction
 from ..groups.vector_space import VectorSpace
-from ..retractions import Exponential, Retraction
-from .driven import DrivenLiePoissonSystem
+from .in_time.driven import DrivenLiePoissonSystem
 from .lie_poisson import BodyState, LiePoissonSystem, as_users_see, body_state, by_site, in_a_row, of_group
+from .many.energies import OfManySites, on_group
 from .potential import Force, Potential
-from .sums_of_terms import PlaceTerms, held_together, load_of, potential_of
 from .system import System, as_precise
-from .trials_of_terms import require_apart
 
 _NO_FORCE = Force()
 
@@ -63,8 +62,16 @@ class MechanicalSystem(System):
     def __post_init__(self) -> None:
         if isinstance(self.body, (LiePoissonSystem, DrivenLiePoissonSystem)):
             name, group = type(self).__name__, self.body.group
-            field, load = potential_of(name, group, self.potential), load_of(name, group, self.load)
-            for part, value in zip(("body", "potential", "load"), held_together(name, self.body, field, load)):
+            parts: Any = (
+                self.body,
+                on_group(self.potential, Potential, name, group),
+                on_group(self.load, Force, name, group),
+            )
+            for many in (self.body.hamiltonian, *parts[1:]):
+                if isinstance(many, OfManySites):
+                    parts = many.held_together(name, *parts)
+                    break
+            for part, value in zip(("body", "potential", "load"), parts):
                 if value is not getattr(self, part):
                     object.__setattr__(self, part, value)
         body = DrivenLiePoissonSystem if self.driven else LiePoissonSystem
@@ -277,11 +284,7 @@ class MechanicalSystem(System):
         body: Any = self.body
         momentum = mu if xi is None and mu is not None else body._momentum_of(name, mu, xi)
         state = body_state(name, self.body.group, momentum, g)
-        if isinstance(self.potential, PlaceTerms):
-            require_apart(name, self.potential, state.g)
-            mu, field = np.asarray(state.mu), self.potential
-            _require_rest(name, self.body.group, field.held, mu, "held: its momentum")
-            _require_rest(name, self.body.group, field.pinned, mu, "pinned: its linear momentum", 3)
+        self.potential.require_start(name, self.body.group, state.mu, state.g)
         return self._vouched(state)
 
     # elements are those of the configurations
@@ -310,13 +313,3 @@ class MechanicalSystem(System):
 
     def _objection(self, argument: str, value: Any) -> str | None:
         return self.body.group._objection(argument, value)
-
-
-def _require_rest(name: str, group: Any, held: tuple[int, ...], mu: np.ndarray, what: str, first: int = 0) -> None:
-    """Raise InvalidInput for a site that is held, and has a momentum, from a component on."""
-    if not held:
-        return
-    mu = group.by_site(mu, "Vec") if mu.shape[-1:] == (group.dim,) else mu
-    moving = np.flatnonzero(mu[..., list(held), first:].any(axis=-1).reshape(-1, len(held)).any(axis=0))
-    if len(moving):
-        raise InvalidInput(f"{name}: site {group.named(held[moving[0]])} is {what} must be zero")

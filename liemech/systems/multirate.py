@@ -8,7 +8,7 @@ from typing import Any, ClassVar, final
 
 from ..errors import InvalidInput
 from ..formulas import Vec, gradient, record
-from ..formulas.derived import derived
+from ..formulas.classes.derived import derived
 from .separable import SeparableSystem
 
 

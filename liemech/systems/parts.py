@@ -9,10 +9,10 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
-from ..formulas.anything import Anything, degree, looked_at, made_of
-from ..formulas.derived import derived_from
+from ..formulas.classes.derived import derived_from
+from ..formulas.numbers.anything import Anything, degree, looked_at, made_of
 from ..formulas.vectors import Vec as SmallVector
-from ..groups.matrix_functions import phi1m
+from ..groups.matrices.matrix_functions import phi1m
 from ..groups.poisson_structure import PoissonStructure
 from .hamiltonian import Hamiltonian
 from .system import System

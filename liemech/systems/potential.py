@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import undefined
 from ..formulas import Element, Record, Vec, derivative, gradient, record, vec
-from ..formulas.derived import derived, derived_from
+from ..formulas.classes.derived import derived, derived_from
 from ..groups.lie_group import LieGroup
 
 
@@ -35,6 +35,9 @@ class Potential(Record):
         g : an element.  Returns (dim,).
         """
         return -gradient(lambda eta: self.energy(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)]))
+
+    def require_start(self, name: str, group: LieGroup, mu: Any, g: Any) -> None:
+        """Raise InvalidInput for a start where there is no such energy; name : who asks, for messages."""
 
     @derived_from("energy")
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:

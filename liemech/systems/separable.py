@@ -9,9 +9,9 @@ from typing import Any, ClassVar, final
 
 from ..errors import InvalidTimeScale, undefined
 from ..formulas import Vec, gradient, record, vec
-from ..formulas.anything import choice
-from ..formulas.derived import derived
-from ..formulas.series import Series
+from ..formulas.classes.derived import derived
+from ..formulas.numbers.anything import choice
+from ..formulas.numbers.series import Series
 from .canonical import CanonicalSystem, HamiltonianSystem
 
 

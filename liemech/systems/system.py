@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
@@ -10,19 +11,21 @@ import numpy as np
 from ..errors import InvalidInput, undefined
 from ..formulas import Complex, Record, Vec, check_finite, real_array, record, vec
 from ..formulas.arrays import at_a_glance
-from ..formulas.batches import MEMBERSHIP
-from ..formulas.double_double import DoubleDouble, is_long
-from ..formulas.fields import array_held, frozen_array
+from ..formulas.calls.batches import MEMBERSHIP
+from ..formulas.classes.fields import array_held, frozen_array
+from ..formulas.classes.pytree import exact, fields_of, names_of
+from ..formulas.classes.remembered import Remembered
+from ..formulas.classes.signatures import bare
 from ..formulas.large import Large
-from ..formulas.pytree import exact, fields_of, names_of
-from ..formulas.remembered import Remembered
-from ..formulas.signatures import bare
+from ..formulas.numbers.double_double import DoubleDouble, is_long
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
-from ..groups.matrix_group import MatrixLieGroup
-from ..retractions import Retraction
+from ..groups.matrices.matrix_group import MatrixLieGroup
+from ..groups.retractions import Retraction
 from .trial import require_results
+
+LIBRARY = __name__.partition(".")[0]
 
 
 @record
@@ -126,6 +129,8 @@ class System(Record):
     alternatives: ClassVar[str] = "RKMK accepts every system"
     small: ClassVar[int] = 12  # up to so many numbers many sites are written out, as one body
     bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
+    jointed: ClassVar[bool] = False  # are its sites bodies held together by joints?
+    run_by: ClassVar[str] = "rooms.sites.runs.plan:SitesOfPlan"  # of a site form: what makes its runs
     noisy: ClassVar[bool] = False  # are there random numbers in its velocity?
     dissipative: ClassVar[bool] = False  # is there more in its motion than its velocity, a damping?
     time_unit: ClassVar[str] = "s"  # in pictures; "" for systems without units
@@ -170,6 +175,21 @@ class System(Record):
         unrecorded.
         """
         return state
+
+    @property
+    def runs_by_sites(self) -> Any:
+        """Of a site form the class that makes its runs."""
+        module, _, name = self.run_by.partition(":")
+        return getattr(import_module(f"{LIBRARY}.{module}"), name)
+
+    @property
+    def turning_group(self) -> Any:
+        """The group in whose algebra `turning_velocity` is."""
+        return self.group
+
+    def turning_velocity(self, t: float, state: Any) -> Vec:
+        """The velocity by which a step is judged to span turns."""
+        return self.rate(t, self.essential_part(state))
 
     @property
     def site_form(self) -> System | None:

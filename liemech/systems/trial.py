@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..formulas.overriding import WrongResult, theirs
-from ..formulas.pytree import fields_of
-from ..formulas.records import Record
-from ..formulas.signatures import bare
+from ..formulas.classes.overriding import WrongResult, theirs
+from ..formulas.classes.pytree import fields_of
+from ..formulas.classes.records import Record
+from ..formulas.classes.signatures import bare
 from ..formulas.vectors import small
 
 if TYPE_CHECKING:

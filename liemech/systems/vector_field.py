@@ -11,16 +11,16 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
-from ..formulas.anything import looked_at
-from ..formulas.derived import derived_from
-from ..formulas.remembered import common
+from ..formulas.classes.derived import derived_from
+from ..formulas.classes.remembered import common
+from ..formulas.numbers.anything import looked_at
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
-from ..groups.matrix_functions import phi1m
-from ..groups.matrix_group import whole_number
+from ..groups.matrices.matrix_functions import phi1m
+from ..groups.matrices.matrix_group import whole_number
 from ..groups.poisson_structure import require_formula
+from ..groups.retractions import Retraction
 from ..groups.vector_space import VectorSpace
-from ..retractions import Retraction
 from .parts import LEAST, OfParts, affine, special_nowhere, straight, where_defined
 from .system import State, System, frozen, points
 

@@ -10,18 +10,18 @@ The page is written here, around meshcat's file for browsers; its Python side is
 """
 
 from .animate import animate, live
-from .body import Body
-from .content import Content
+from .contents.body import Body
+from .contents.content import Content
+from .contents.field import Field
+from .contents.links import Links
+from .contents.points import Points
+from .contents.rods import Rod
+from .contents.sites import Sites, Spins
+from .contents.vectors import Momentum, SpatialMomentum, Vertical
 from .drawing import Drawing
-from .field import Field
-from .links import Links
 from .live import Live
 from .motion import Motion
-from .points import Points
-from .rods import Rod
 from .scene import Scene
-from .sites import Sites, Spins
-from .vectors import Momentum, SpatialMomentum, Vertical
 
 __all__ = [
     "Body",

@@ -5,22 +5,22 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import InvalidInput
-from ..models.cosserat_rod import CosseratRod
-from ..models.heavy_top import HeavyTop, ReducedHeavyTop
-from ..models.linkage import Linkage
+from ..joints.linkage import Linkage
+from ..models.bodies.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.lattices.zeitlin_sphere import ZeitlinSphere
+from ..models.many.cosserat_rod import CosseratRod
+from ..models.many.sites import base_of, is_place, is_spin
 from ..models.poses import configurations, is_pose, turns
-from ..models.sites import base_of, is_place, is_spin
-from ..models.zeitlin_sphere import ZeitlinSphere
 from ..systems.canonical import CanonicalSystem
 from ..systems.system import System
-from .body import Body
-from .content import Content, chosen, require
-from .field import Field
-from .links import Links
-from .points import Points
-from .rods import Rod
-from .sites import Sites, Spins
-from .vectors import Momentum, SpatialMomentum, Vertical
+from .contents.body import Body
+from .contents.content import Content, chosen, require
+from .contents.field import Field
+from .contents.links import Links
+from .contents.points import Points
+from .contents.rods import Rod
+from .contents.sites import Sites, Spins
+from .contents.vectors import Momentum, SpatialMomentum, Vertical
 
 KNOWN: dict[str, type[Content]] = {
     "body": Body,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import check_finite, real_array
-from ..models.sites import by_site, turn
+from ..models.many.sites import by_site, turn
 from ..simulation.trajectory import Trajectory
 from ..systems.system import State, System
 from .thinning import FAR, shown_samples, shown_sites

@@ -19,7 +19,7 @@ from ..models.curves import ASIDE
 from ..plots import COLORS
 from ..plots.style import time_unit
 from .choice import contents_of
-from .content import Content
+from .contents.content import Content
 from .drawing import Drawing, Panel
 from .live import Live
 from .motion import Motion

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..models.sites import lattice_of, of_sites
+from ..models.many.sites import lattice_of, of_sites
 
 Numbers = NDArray[np.intp]
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import liemech as lm
-from liemech.simulation.derivatives.of_sites.adjoint import BackwardRun
+from liemech.rooms.derivatives.of_sites.adjoint import BackwardRun
 
 
 @lm.record

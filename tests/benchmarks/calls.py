@@ -31,9 +31,9 @@ import numpy as np
 
 import liemech as lm
 from liemech.compiler import kernel
-from liemech.models.gravity import FixedPointGravity
-from liemech.models.heavy_top import HeavyTop
-from liemech.systems.time_scales import DistancePower
+from liemech.models.bodies.gravity import FixedPointGravity
+from liemech.models.bodies.heavy_top import HeavyTop
+from liemech.rooms.fictive_time.time_scales import DistancePower
 
 Call = Callable[[], Any]
 

@@ -285,7 +285,7 @@ import sys, time
 import numpy as np
 import liemech as lm
 from liemech.joints import BallJoint, Damper, Linkage, Spring, chain
-import liemech.compiler.translation, liemech.compiler.sites, llvmlite.binding
+import liemech.compiler.translation.translator, liemech.compiler.sites.loops_over_sites, llvmlite.binding
 turn, n = [0.0, 1.0, 0.0], int(sys.argv[2])
 hinges, balls = chain(n, axis=turn), chain(n)
 made = {

@@ -24,12 +24,13 @@ import numpy as np
 from stepping import plan_of
 
 import liemech as lm
-from liemech.compiler import kernel, llvm
+from liemech.compiler import kernel
+from liemech.compiler.machine import llvm
 from liemech.formulas import sqrt
 from liemech.integrators.taylor import Taylor
+from liemech.rooms.fictive_time.clocked import Clocked
 from liemech.simulation.compiled.prepared import Steps
-from liemech.simulation.equal import StraightRun
-from liemech.systems.clocked import Clocked
+from liemech.simulation.runs.equal import StraightRun
 
 LIMIT = {"cold": 4.0, "SO(16)": 10.0}
 """Seconds that a cold compilation may take: by default, and for the group named."""

@@ -21,7 +21,7 @@ import numpy as np
 
 import liemech as lm
 from liemech.formulas.blas import one_thread
-from liemech.integrators import isospectral_matrices
+from liemech.integrators.free_body import isospectral_matrices
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 DURATION = 0.15

@@ -19,7 +19,7 @@ from harness import cost
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-from liemech.formulas import broadcasting, one_row
+from liemech.formulas.calls import broadcasting, one_row
 
 GROUPS = (lm.SO3(), lm.SE3(), lm.SU(2), lm.UnitQuaternions(), lm.SE2(), lm.SE23(), lm.SGal3(), lm.SO(4))
 

@@ -234,7 +234,7 @@ def implicit(chosen: Any) -> dict[str, Any]:
 COMPILED = """
 import sys, time
 import liemech as lm
-import liemech.compiler.translation, liemech.compiler.sites, llvmlite.binding
+import liemech.compiler.translation.translator, liemech.compiler.sites.loops_over_sites, llvmlite.binding
 section = lm.models.RodSection.round(0.02, 1e6, 1000.0)
 rod = lm.models.CosseratRod(section, 1.0, int(sys.argv[2]), gravity=9.81)
 method = {"KickDrift()": lm.KickDrift(), "GalerkinVariational(order=2)": lm.GalerkinVariational(order=2)}[sys.argv[1]]

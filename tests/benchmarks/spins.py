@@ -23,9 +23,9 @@ from baseline import FLAGS
 from harness import table, write
 
 import liemech as lm
-from liemech.formulas.pytree import inside
+from liemech.formulas.classes.pytree import inside
 from liemech.formulas.sites import EIGHT, SiteTable
-from liemech.systems.sublattices import Sublattices
+from liemech.rooms.sites.parts_of_spins import Sublattices
 
 SOURCE = Path(__file__).with_name("spins.cpp")
 

@@ -11,9 +11,9 @@ import harness
 import numpy as np
 
 from liemech.simulation.compiled.prepared import Steps
-from liemech.simulation.equal import StraightRun
 from liemech.simulation.options import Options
-from liemech.simulation.short import LONGEST, advanced, place_of
+from liemech.simulation.runs.equal import StraightRun
+from liemech.simulation.runs.short import LONGEST, advanced, place_of
 
 
 class Native:

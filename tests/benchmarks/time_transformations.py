@@ -18,7 +18,7 @@ import numpy as np
 from stepping import Native, agreeing, measure
 
 import liemech as lm
-from liemech.systems.clocked import Clocked
+from liemech.rooms.fictive_time.clocked import Clocked
 from liemech.tableaus import KAHAN_LI8, STRANG, SplittingTableau
 
 SOURCE = Path(__file__).with_name("time_transformations.c")

@@ -29,7 +29,7 @@ import harness
 import numpy as np
 
 import liemech as lm
-from liemech.simulation.sites.lists import SKIN
+from liemech.rooms.sites.runs.lists import SKIN
 
 BOLTZMANN = 0.8314462618  # u A^2/(ps^2 K)
 SPACING = 3.104  # A, of water at 1 g/cm^3

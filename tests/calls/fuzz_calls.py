@@ -24,8 +24,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-from liemech.formulas.signatures import bare
-from liemech.formulas.signatures import class_text as _class_text
+from liemech.formulas.classes.signatures import bare
+from liemech.formulas.classes.signatures import class_text as _class_text
 
 PATIENCE = 2.0
 """Seconds of the processor that a call may take."""

@@ -76,7 +76,7 @@ def test_a_glance_is_enough_for_what_people_write(monkeypatch: pytest.MonkeyPatc
     body = lm.RigidBody([1.0, 1.5, 2.0])
     for module in ("system", "lie_poisson"):
         monkeypatch.setattr(f"liemech.systems.{module}.points", lambda *_: pytest.fail("the long way"))
-    monkeypatch.setattr("liemech.models.inertia.real_array", lambda *_: pytest.fail("the long way"))
+    monkeypatch.setattr("liemech.systems.inertia.real_array", lambda *_: pytest.fail("the long way"))
     monkeypatch.setattr("liemech.systems.kinetic_energy.real_array", lambda *_: pytest.fail("the long way"))
     start = body.state(mu=[0.5, 0, 0.75**0.5], g=np.eye(3))
     assert start == body.state(np.array([0.5, 0.0, 0.75**0.5]), g=np.eye(3))
@@ -99,5 +99,5 @@ def test_refusals_and_warnings_are_the_same_for_lists_and_for_other_forms(moment
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("error")
         quick = said(moments)
-        patch.setattr("liemech.models.inertia.at_a_glance", lambda *_: None)
+        patch.setattr("liemech.systems.inertia.at_a_glance", lambda *_: None)
         assert quick and quick == said(moments)

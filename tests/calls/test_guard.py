@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler.content_hashes import Known, digest
-from liemech.compiler.dependencies import Reads
-from liemech.compiler.staleness import Guard, Step, asked
+from liemech.compiler.changes.content_hashes import Known, digest
+from liemech.compiler.changes.dependencies import Reads
+from liemech.compiler.changes.staleness import Guard, Step, asked
 
 TEXT = """
 import functools

@@ -11,10 +11,10 @@ from scenes import PlaneAlgebra, PlaneMotions
 
 import liemech as lm
 from liemech.checks import Report, check_action, check_group, check_retraction
-from liemech.checks.map_laws import Map
-from liemech.checks.sample_points import phi1, sample_points
+from liemech.checks.laws.map_laws import Map
+from liemech.checks.points.sample_points import phi1, sample_points
 from liemech.formulas import acos, cos, sin, sqrt, vec
-from liemech.groups.so3 import SO3Algebra
+from liemech.groups.rigid.so3 import SO3Algebra
 
 # ---------------------------------------------------------------- a second group, whose Ad is not
 # orthogonal

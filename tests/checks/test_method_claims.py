@@ -27,8 +27,8 @@ from scenes import (
 import liemech as lm
 from liemech.checks import Report, check_method
 from liemech.checks.method_claims import Trial
-from liemech.integrators.class_functions import CayleySquare, TraceOfAd
 from liemech.names import everything
+from liemech.rooms.hamilton_jacobi.class_functions import CayleySquare, TraceOfAd
 from liemech.tableaus import KAHAN_LI6, SplittingTableau, gauss
 
 EXP, CAYLEY = lm.Exponential(), lm.Cayley()

@@ -17,8 +17,8 @@ import liemech as lm
 from liemech.checks import check_action, check_group, check_method, check_poisson, check_system
 from liemech.checks.check import check_retraction
 from liemech.formulas import cos, cross, dot, sin, sqrt, vec, where
-from liemech.groups.so3 import SO3Algebra
-from liemech.systems.constraint import parts_of
+from liemech.groups.rigid.so3 import SO3Algebra
+from liemech.rooms.constraints.constraint import parts_of
 
 J = vec(1.0, 1.6, 2.3)
 BODY, START = asymmetric_body()

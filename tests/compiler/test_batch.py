@@ -19,10 +19,11 @@ from scenes import same_bits
 import liemech as lm
 from liemech.compiler import batch
 from liemech.errors import InvalidInput, NotCompiledWarning, OutsideChart
-from liemech.formulas import Complex, Mat, Record, Vec, batches, record, sqrt, vec
-from liemech.formulas.signatures import bare
+from liemech.formulas import Complex, Mat, Record, Vec, record, sqrt, vec
+from liemech.formulas.calls import batches
+from liemech.formulas.classes.signatures import bare
 from liemech.formulas.vectors import Vec as SmallVec
-from liemech.groups.so3 import SO3Algebra
+from liemech.groups.rigid.so3 import SO3Algebra
 
 pytestmark = pytest.mark.compiled
 

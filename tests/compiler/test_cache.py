@@ -22,7 +22,8 @@ import pytest
 import worlds  # noqa: F401 -- with all that it needs, for the copies of this process
 
 import liemech
-from liemech.compiler import cache, kernel
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
 
 pytestmark = pytest.mark.compiled
 

@@ -13,7 +13,9 @@ pytest.importorskip("llvmlite")
 import worlds
 from test_inlining import ROWS, TEXT, no_kernels
 
-from liemech.compiler import branches, inlining, instructions, kernel, llvm
+from liemech.compiler import kernel
+from liemech.compiler.machine import llvm
+from liemech.compiler.translation import branches, inlining, instructions
 
 pytestmark = pytest.mark.compiled
 

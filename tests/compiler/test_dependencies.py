@@ -17,10 +17,11 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import content_hashes, kernel
+from liemech.compiler import kernel
+from liemech.compiler.changes import content_hashes
 from liemech.errors import NotCompilable
-from liemech.groups.product import ProductAlgebra
-from liemech.groups.so3 import SO3Algebra
+from liemech.groups.composed.product import ProductAlgebra
+from liemech.groups.rigid.so3 import SO3Algebra
 from liemech.simulation.compiled import execution
 
 pytestmark = pytest.mark.compiled
@@ -251,7 +252,7 @@ def test_a_change_is_seen_and_a_change_back_needs_no_compiler(what: str, world: 
 
 def test_constants_that_come_and_go_are_compiled_once_each(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     # not what an earlier run of the tests has left
-    monkeypatch.setattr("liemech.compiler.cache.load", lambda *_: None)
+    monkeypatch.setattr("liemech.compiler.changes.cache.load", lambda *_: None)
     compiled: list[Any] = []
     translated = kernel._translated
     monkeypatch.setattr(kernel, "_translated", lambda *a: compiled.append(a) or translated(*a))

@@ -12,7 +12,9 @@ import pytest
 import liemech as lm
 
 pytest.importorskip("llvmlite")
-from liemech.compiler import expressions, kernel, llvm
+from liemech.compiler import kernel
+from liemech.compiler.machine import llvm
+from liemech.compiler.translation import expressions
 
 pytestmark = pytest.mark.compiled
 

@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import interrupts, kernel
+from liemech.compiler import kernel
 from liemech.compiler.driver import write
+from liemech.compiler.machine import interrupts
 from liemech.errors import IntegrationInterrupted
-from liemech.formulas.pytree import NUMBER
+from liemech.formulas.classes.pytree import NUMBER
 
 pytestmark = [pytest.mark.compiled, pytest.mark.skipif(os.name == "nt", reason="os.kill ends a process there")]
 

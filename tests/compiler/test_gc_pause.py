@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from liemech.compiler import gc_pause as module
-from liemech.compiler.gc_pause import gc_paused
+from liemech.compiler.machine import gc_pause as module
+from liemech.compiler.machine.gc_pause import gc_paused
 
 
 @pytest.fixture(autouse=True)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import guard_words, kernel
+from liemech.compiler import kernel
 from liemech.compiler.driver import read, write
+from liemech.compiler.machine import guard_words
 from liemech.errors import BufferOverrun, NotCompilable
-from liemech.formulas.pytree import NUMBER, vector_layout
+from liemech.formulas.classes.pytree import NUMBER, vector_layout
 
 pytestmark = pytest.mark.compiled
 

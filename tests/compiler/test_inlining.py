@@ -17,7 +17,11 @@ pytest.importorskip("llvmlite")
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache, inlining, instructions, kernel, llvm, memory_loops, native_functions, state
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
+from liemech.compiler.machine import llvm
+from liemech.compiler.numbers import memory_loops
+from liemech.compiler.translation import inlining, instructions, native_functions, state
 from liemech.errors import NotCompilable
 from liemech.simulation.compiled import execution
 

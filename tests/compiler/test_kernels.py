@@ -18,11 +18,12 @@ import pytest
 
 import liemech
 import liemech as lm
-from liemech.compiler import cache, kernel
-from liemech.compiler.cache_lines import LINE, WORTH, in_lines
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
 from liemech.compiler.driver import read, write
+from liemech.compiler.machine.cache_lines import LINE, WORTH, in_lines
 from liemech.formulas import Vec, vec
-from liemech.formulas.pytree import layout_of
+from liemech.formulas.classes.pytree import layout_of
 
 pytestmark = pytest.mark.compiled
 
@@ -67,7 +68,7 @@ def test_a_sweep_over_static_values_does_not_leak(monkeypatch: pytest.MonkeyPatc
 def test_compiling_keeps_no_memory(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
     """Before, 0.27 KB for each instruction: the passes' tables were never freed."""
     texts: list[str] = []
-    from liemech.compiler import llvm
+    from liemech.compiler.machine import llvm
 
     made = llvm.object_code
     monkeypatch.setattr(llvm, "object_code", lambda text: texts.append(text) or made(text))
@@ -188,7 +189,7 @@ def test_an_instance_made_anew_is_not_looked_at_as_another(no_disk: None) -> Non
 def test_one_file_binds_llvm() -> None:
     package = Path(liemech.__file__).parent
     binding = [f.relative_to(package).as_posix() for f in package.rglob("*.py") if "llvmlite.binding" in f.read_text()]
-    assert binding == ["compiler/llvm.py"]
+    assert binding == ["compiler/machine/llvm.py"]
 
 
 @pytest.mark.parametrize("shape", [(3, 5), (101, 12, 256), (7, 5008), (2**14,), (0, 8)])

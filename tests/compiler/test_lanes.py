@@ -21,7 +21,7 @@ import liemech as lm
 from liemech.compiler import kernel
 from liemech.compiler.driver import accepted, attempt, itself
 from liemech.formulas import Record, Vec, dot, record, sin, vec
-from liemech.formulas.pytree import layout_of
+from liemech.formulas.classes.pytree import layout_of
 from liemech.simulation.compiled.driver import advance
 
 pytestmark = pytest.mark.compiled
@@ -33,7 +33,7 @@ def instructions(formula: Any, lanes: int = 1) -> list[str]:
     """The instructions of LLVM's language that a formula ends up as, names left out."""
     array = np.zeros((4, lanes))
     args = formula, (), layout_of(Vec(0.0, 0.0, 0.0, 0.0)), 3, array, array, array
-    from liemech.compiler import llvm
+    from liemech.compiler.machine import llvm
 
     text = llvm.optimised(
         kernel._translated(worlds.drive, kernel.kernel(worlds.drive, *args, lanes=lanes).kinds, lanes)[1]

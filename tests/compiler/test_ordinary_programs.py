@@ -17,7 +17,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache
+from liemech.compiler.changes import cache
 from liemech.errors import NotCompilable
 
 pytestmark = pytest.mark.compiled

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("llvmlite")
-from liemech.compiler import kernel, llvm
+from liemech.compiler import kernel
+from liemech.compiler.machine import llvm
 from liemech.errors import InvalidInput
 
 pytestmark = [

@@ -22,9 +22,10 @@ import pytest
 import liemech as lm
 from liemech.compiler import batch
 from liemech.errors import InvalidInput, InvalidType
-from liemech.formulas import Mat, Record, Vec, batches, dot, mat, outer, record, sin, vec
-from liemech.formulas.fields import FrozenDict
-from liemech.formulas.pytree import Layout, exact, layout_of
+from liemech.formulas import Mat, Record, Vec, dot, mat, outer, record, sin, vec
+from liemech.formulas.calls import batches
+from liemech.formulas.classes.fields import FrozenDict
+from liemech.formulas.classes.pytree import Layout, exact, layout_of
 
 
 @record

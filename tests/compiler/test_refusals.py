@@ -18,7 +18,8 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache, kernel
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
 from liemech.errors import NotCompilable, NotCompiledWarning
 from liemech.simulation.compiled import execution
 
@@ -385,7 +386,7 @@ def test_a_compiler_that_fails_is_no_reason_to_stop(gyrostat, monkeypatch: pytes
     def broken(*_):
         raise RuntimeError("LLVM does not know this processor")
 
-    from liemech.compiler import llvm
+    from liemech.compiler.machine import llvm
 
     monkeypatch.setattr(llvm, "object_code", broken)
     monkeypatch.setattr(cache, "load", lambda key, fits: None)

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import cache, kernel
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
 
 pytestmark = pytest.mark.compiled
 
 
 @pytest.mark.slow
 def test_one_register_or_two_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    from liemech.compiler import instructions
+    from liemech.compiler.translation import instructions
 
     monkeypatch.setattr(cache, "load", lambda *_: None)
     monkeypatch.setattr(cache, "store", lambda *_: None)

@@ -11,7 +11,7 @@ import worlds
 
 import liemech as lm
 from liemech.formulas import dot, norm, sqrt, vec, where
-from liemech.formulas.lanes import in_lanes
+from liemech.formulas.calls.lanes import in_lanes
 
 pytestmark = pytest.mark.compiled
 

@@ -13,7 +13,8 @@ import fuzz
 import pytest
 import worlds
 
-from liemech.compiler import cache, kernel
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
 from liemech.errors import NotCompilable
 
 HONEST = (

@@ -14,10 +14,10 @@ import pytest
 import liemech as lm
 from liemech.errors import InvalidInput
 from liemech.formulas import Complex, Dual, functions, vec
-from liemech.formulas.numbers import StandIn
-from liemech.formulas.products import FIRST, LEAST, PAIR, Products
-from liemech.formulas.series import Series
-from liemech.formulas.taken_back import back, journal
+from liemech.formulas.classes.taken_back import back, journal
+from liemech.formulas.numbers.bases import StandIn
+from liemech.formulas.numbers.products import FIRST, LEAST, PAIR, Products
+from liemech.formulas.numbers.series import Series
 from liemech.formulas.vectors import Vec
 
 X = (0.3, -0.7, 0.4, 0.25, -0.1)

@@ -11,8 +11,10 @@ import pytest
 
 pytest.importorskip("llvmlite")
 import liemech as lm
-from liemech.compiler import cache, kernel, llvm
-from liemech.compiler.content_hashes import digest
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
+from liemech.compiler.changes.content_hashes import digest
+from liemech.compiler.machine import llvm
 
 pytestmark = pytest.mark.compiled
 

@@ -10,7 +10,10 @@ import pytest
 import liemech as lm
 
 pytest.importorskip("llvmlite")
-from liemech.compiler import cache, inlining, kernel, llvm, state
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
+from liemech.compiler.machine import llvm
+from liemech.compiler.translation import inlining, state
 
 pytestmark = pytest.mark.compiled
 

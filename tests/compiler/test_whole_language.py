@@ -28,7 +28,9 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache, guard_words, kernel
+from liemech.compiler import kernel
+from liemech.compiler.changes import cache
+from liemech.compiler.machine import guard_words
 from liemech.errors import InvalidInput, NotCompilable
 
 ROWS = 12

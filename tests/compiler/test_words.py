@@ -5,8 +5,8 @@ import types
 import pytest
 
 import liemech as lm
-from liemech.compiler import words
-from liemech.compiler.staleness import LOOKS, Guard
+from liemech.compiler.changes import words
+from liemech.compiler.changes.staleness import LOOKS, Guard
 
 pytest.importorskip("llvmlite")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.models import andrews
+from liemech.models.swinging import andrews
 
 MECHANISM = lm.models.AndrewsMechanism()
 END = [15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948, 0.5244099658805304]

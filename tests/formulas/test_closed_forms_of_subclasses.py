@@ -15,10 +15,10 @@ import pytest
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidType, NotDefined
 from liemech.formulas import Record, cos
-from liemech.formulas.derived import _function, _overruled, _reads, stale_forms
+from liemech.formulas.classes.derived import _function, _overruled, _reads, stale_forms
 from liemech.formulas.vectors import Mat, Vec
-from liemech.models.effectors import Place
-from liemech.systems.terms import Site, site_class
+from liemech.models.space.effectors import Place
+from liemech.rooms.sites.terms.terms import Site, site_class
 
 for module in pkgutil.walk_packages(lm.__path__, "liemech."):
     if "__main__" not in module.name and not module.name.startswith("liemech.compiler"):  # which may be missing

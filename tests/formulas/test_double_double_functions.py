@@ -11,8 +11,8 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import Mat, cos, sin, tan
-from liemech.formulas.double_double import DoubleDouble
-from liemech.groups.matrix_functions import expm, logm, sqrtm
+from liemech.formulas.numbers.double_double import DoubleDouble
+from liemech.groups.matrices.matrix_functions import expm, logm, sqrtm
 
 
 def exactly(x: Any) -> mp.mpf:

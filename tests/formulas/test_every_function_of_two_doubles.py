@@ -11,7 +11,7 @@ import mpmath as mp
 import pytest
 
 from liemech import formulas as f
-from liemech.formulas.double_double import COSINE, EXPONENTIAL, HALF_PI, LN_2, SINE, DoubleDouble, quotient
+from liemech.formulas.numbers.double_double import COSINE, EXPONENTIAL, HALF_PI, LN_2, SINE, DoubleDouble, quotient
 
 EVERYWHERE = -40.3, -2.7, -1.0, -0.61, -1e-3, -1e-9, 1e-9, 1e-3, 0.34, 0.35, 0.61, 1.0, 2.7, 40.3
 ABOVE_ZERO = tuple([x for x in EVERYWHERE if x > 0.0] + [0.49, 0.51, 1e-30, 1e30])

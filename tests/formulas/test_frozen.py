@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.formulas.frozen import frozen
+from liemech.formulas.classes.frozen import frozen
 
 Decorator = Callable[[type], type]
 T = TypeVar("T")

@@ -14,15 +14,15 @@ import pytest
 from liemech import formulas as f
 from liemech.errors import InvalidInput
 from liemech.formulas import Complex, Mat, Vec, derivative, record, vec
-from liemech.formulas.anything import Anything, choice, degree, made_of
-from liemech.formulas.compensated import Compensated
+from liemech.formulas.classes.pytree import build, double_double, fitted, layout_of, leaves, rounded, with_slopes
+from liemech.formulas.classes.records import Record
 from liemech.formulas.derivatives import tangent
-from liemech.formulas.dual import Dual
 from liemech.formulas.functions import fma
-from liemech.formulas.pytree import build, double_double, fitted, layout_of, leaves, rounded, with_slopes
-from liemech.formulas.records import Record
-from liemech.formulas.series import Series
-from liemech.formulas.sizes import one_norm
+from liemech.formulas.numbers.anything import Anything, choice, degree, made_of
+from liemech.formulas.numbers.compensated import Compensated
+from liemech.formulas.numbers.dual import Dual
+from liemech.formulas.numbers.series import Series
+from liemech.formulas.numbers.sizes import one_norm
 
 ARITHMETIC = operator.add, operator.sub, operator.mul, operator.truediv
 COMPARISONS = operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne

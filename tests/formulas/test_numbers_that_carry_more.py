@@ -10,9 +10,9 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import asinh, sqrt
-from liemech.formulas.double_double import DoubleDouble
-from liemech.formulas.dual import Dual, size_of
 from liemech.formulas.functions import fma
+from liemech.formulas.numbers.double_double import DoubleDouble
+from liemech.formulas.numbers.dual import Dual, size_of
 
 
 def exactly(x: DoubleDouble) -> mp.mpf:

@@ -17,7 +17,7 @@ import liemech as lm
 from liemech import formulas
 from liemech.errors import InvalidType
 from liemech.formulas import Dual, Mat, Vec, of_numpy, vec
-from liemech.formulas.double_double import DoubleDouble
+from liemech.formulas.numbers.double_double import DoubleDouble
 
 TABLE, FIELD = np.array([[2.0, -1.0, 0.5], [0.25, 3.0, 1.0]]), np.array([0.5, -2.0, 1.5])
 X, STEP = 0.4, 1e-3

@@ -12,7 +12,7 @@ import pytest
 
 import liemech as lm
 from liemech.errors import LiemechError
-from liemech.formulas import one_row
+from liemech.formulas.calls import one_row
 from liemech.formulas.vectors import small
 
 GROUPS = [lm.SO3(), lm.SE3(), lm.UnitQuaternions(), lm.SE2(), lm.SE23(), lm.SGal3(), lm.SO(4), lm.SU(2)]

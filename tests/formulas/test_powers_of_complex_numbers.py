@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from liemech.formulas.complex_numbers import Complex
+from liemech.formulas.numbers.complex_numbers import Complex
 
 
 def test_powers_are_products() -> None:

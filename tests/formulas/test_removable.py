@@ -16,8 +16,8 @@ from compiler.worlds import same_in_all_worlds
 import liemech as lm
 from liemech import formulas as f
 from liemech.errors import InvalidInput
-from liemech.formulas.double_double import DoubleDouble
-from liemech.formulas.series import Series
+from liemech.formulas.numbers.double_double import DoubleDouble
+from liemech.formulas.numbers.series import Series
 
 mp = mpmath.mp.clone()
 mp.dps = 50

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from liemech.formulas.compensated import Compensated
+from liemech.formulas.numbers.compensated import Compensated
 
 
 def test_both_rests_are_added() -> None:

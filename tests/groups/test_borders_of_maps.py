@@ -11,10 +11,10 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import Vec
-from liemech.formulas.double_double import DoubleDouble
+from liemech.formulas.numbers.double_double import DoubleDouble
 from liemech.groups.ad_series import bernoulli_series, exponential_series, mean, mean_slope
 from liemech.groups.bernoulli import BERNOULLI, TERMS
-from liemech.groups.skew_matrices import like_sizes, null_vectors
+from liemech.groups.matrices.skew_matrices import like_sizes, null_vectors
 
 TURNING = (
     lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SE3(), lm.SE23(), lm.SGal3(), lm.SemidirectProduct(lm.SO3()),

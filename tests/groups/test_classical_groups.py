@@ -12,9 +12,9 @@ import pytest
 from scipy.linalg import expm, polar
 
 import liemech as lm
-from liemech.groups.classical import GL, SL, SO, SU, Sp, U
-from liemech.groups.heisenberg import Heisenberg
-from liemech.groups.matrix_group import MatrixLieGroup
+from liemech.groups.matrices.classical import GL, SL, SO, SU, Sp, U
+from liemech.groups.matrices.heisenberg import Heisenberg
+from liemech.groups.matrices.matrix_group import MatrixLieGroup
 
 
 def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:

@@ -13,10 +13,10 @@ from scipy.linalg import expm
 
 import liemech as lm
 from liemech.formulas import Vec, derivative, plain
-from liemech.groups.heisenberg import Heisenberg
+from liemech.groups.composed.opposite import OppositeGroup
 from liemech.groups.lie_algebra import sided
-from liemech.groups.matrix_group import MatrixLieGroup
-from liemech.groups.opposite import OppositeGroup
+from liemech.groups.matrices.heisenberg import Heisenberg
+from liemech.groups.matrices.matrix_group import MatrixLieGroup
 from liemech.groups.representations import AdjointAction
 
 EPS = 2.0**-52

@@ -22,7 +22,7 @@ from scipy.linalg import expm
 import liemech as lm
 from liemech.formulas import derivative, dot, vec
 from liemech.groups.lie_algebra import sided
-from liemech.groups.so3 import SO3Algebra
+from liemech.groups.rigid.so3 import SO3Algebra
 
 EPS = np.finfo(float).eps
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.groups import matrix_basis
-from liemech.groups.heisenberg import Heisenberg
-from liemech.groups.matrix_group import MatrixLieGroup
+from liemech.groups.matrices import matrix_basis
+from liemech.groups.matrices.heisenberg import Heisenberg
+from liemech.groups.matrices.matrix_group import MatrixLieGroup
 
 SMALL_ONES = {
     "SO(3)": lm.SO(3),

@@ -10,9 +10,9 @@ import pytest
 from scipy.linalg import expm, logm, sqrtm
 
 from liemech.formulas import Mat, elimination
-from liemech.groups import matrix_functions as functions
-from liemech.groups.matrix_basis import clean
-from liemech.groups.matrix_functions import expm1
+from liemech.groups.matrices import matrix_functions as functions
+from liemech.groups.matrices.matrix_basis import clean
+from liemech.groups.matrices.matrix_functions import expm1
 
 EPS = np.finfo(float).eps
 SIZES = (1e-8, 0.1, 1.0, 10.0)

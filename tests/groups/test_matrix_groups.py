@@ -16,11 +16,11 @@ from scipy.linalg import expm
 import liemech as lm
 from liemech.formulas import jacobian
 from liemech.formulas.sums import antisymmetric_map, bilinear_map
-from liemech.groups.classical import SL, SO, SU, Sp
-from liemech.groups.heisenberg import Heisenberg
-from liemech.groups.matrix_basis import clean
-from liemech.groups.matrix_group import MatrixLieGroup
-from liemech.groups.so3 import SO3Algebra
+from liemech.groups.matrices.classical import SL, SO, SU, Sp
+from liemech.groups.matrices.heisenberg import Heisenberg
+from liemech.groups.matrices.matrix_basis import clean
+from liemech.groups.matrices.matrix_group import MatrixLieGroup
+from liemech.groups.rigid.so3 import SO3Algebra
 
 
 def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:

@@ -16,8 +16,8 @@ from scipy.linalg import expm
 
 import liemech as lm
 from liemech.groups.lie_algebra import sided
-from liemech.groups.se2 import SE2
-from liemech.groups.se3 import SE3
+from liemech.groups.rigid.se2 import SE2
+from liemech.groups.rigid.se3 import SE3
 
 EPS = np.finfo(float).eps
 SIZES = {

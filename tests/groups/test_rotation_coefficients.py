@@ -16,7 +16,7 @@ from mpmath import mp, mpf
 
 from liemech.errors import OutsideChart
 from liemech.formulas import Vec, dot
-from liemech.groups import rotation_coefficients as code
+from liemech.groups.rigid import rotation_coefficients as code
 
 EPS = 2.0**-52
 DERIVATION = Path(__file__).parents[2] / "docs" / "derivations" / "rotation_polynomials.py"

@@ -11,7 +11,7 @@ import pytest
 from mpmath import mp, mpf
 
 from liemech.formulas.vectors import Mat
-from liemech.groups.rotation_logarithm import rotation_quaternion, rotation_vector
+from liemech.groups.rigid.rotation_logarithm import rotation_quaternion, rotation_vector
 
 EPS = 2.0**-52
 DIGITS = 50

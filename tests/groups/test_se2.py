@@ -11,9 +11,9 @@ from scenes import named, same_bits
 
 import liemech as lm
 from liemech.formulas import jacobian
-from liemech.groups.se2 import SE2
-from liemech.groups.se3 import SE3
-from liemech.retractions import CayleyAdjoint
+from liemech.groups.retractions import CayleyAdjoint
+from liemech.groups.rigid.se2 import SE2
+from liemech.groups.rigid.se3 import SE3
 from liemech.systems.kinetic_energy import KineticEnergy
 
 G = SE2()

@@ -15,8 +15,8 @@ import pytest
 from scenes import hat, named, rotation, same_bits
 
 import liemech as lm
-from liemech.groups.se3 import SE3
-from liemech.retractions import CayleyAdjoint
+from liemech.groups.retractions import CayleyAdjoint
+from liemech.groups.rigid.se3 import SE3
 from liemech.systems.kinetic_energy import KineticEnergy
 
 G, R3 = SE3(), lm.SO3()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import mpmath as mp
 import pytest
 
-from liemech.formulas.double_double import DoubleDouble
-from liemech.groups.stumpff import stumpff
+from liemech.formulas.numbers.double_double import DoubleDouble
+from liemech.groups.rigid.stumpff import stumpff
 
 
 @pytest.mark.parametrize("x", [1e-20, 0.01, 0.5, 1.0, 1.5, 30.0])

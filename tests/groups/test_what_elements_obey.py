@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.groups.heisenberg import Heisenberg
-from liemech.groups.matrix_basis import linear_terms, products
-from liemech.groups.matrix_group import MatrixLieGroup
-from liemech.groups.matrix_invariants import null_space, objections
-from liemech.groups.nearest import nearest_unitary
+from liemech.groups.matrices.heisenberg import Heisenberg
+from liemech.groups.matrices.matrix_basis import linear_terms, products
+from liemech.groups.matrices.matrix_group import MatrixLieGroup
+from liemech.groups.matrices.matrix_invariants import null_space, objections
+from liemech.groups.matrices.nearest import nearest_unitary
 
 PLANE = lm.SE2().algebra.basis
 TRIANGULAR = [[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.integrators.class_functions import CayleySquare, InvariantForm
+from liemech.rooms.hamilton_jacobi.class_functions import CayleySquare, InvariantForm
 
 
 @pytest.mark.parametrize("size", [1e-9, 0.3, 4.0, 1e5])

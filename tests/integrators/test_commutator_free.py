@@ -26,7 +26,7 @@ from liemech.formulas import cos, sin, vec
 from liemech.groups.vector_space import VectorSpace
 from liemech.integrators import commutator_free
 from liemech.integrators.commutator_free import CommutatorFree, CrouchGrossman
-from liemech.systems.group_equation import GroupEquation
+from liemech.systems.equations.group_equation import GroupEquation
 from liemech.tableaus import flows
 from liemech.tableaus.explicit import HEUN3, RK4
 from liemech.tableaus.flows import (

@@ -22,9 +22,9 @@ from scipy.linalg import expm
 
 import liemech as lm
 from liemech.integrators.composition import Composition
-from liemech.integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
-from liemech.integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
-from liemech.integrators.splitting import ThreeRotations
+from liemech.integrators.free_body.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
+from liemech.integrators.free_body.moser_veselov import ExactMoserVeselov, MoserVeselov
+from liemech.integrators.free_body.splitting import ThreeRotations
 from liemech.tableaus import DOP853, gauss
 
 IMPLICIT, SPHERICAL, VESELOV, ROTATIONS = (ImplicitMidpoint(), SphericalMidpoint(), MoserVeselov(), ThreeRotations())

@@ -27,9 +27,9 @@ from scenes import (
 
 import liemech as lm
 from liemech.integrators.composition import Composition
+from liemech.integrators.free_body.midpoint import Isospectral, SphericalMidpoint
+from liemech.integrators.free_body.splitting import ThreeRotations
 from liemech.integrators.magnus import Magnus
-from liemech.integrators.midpoint import Isospectral, SphericalMidpoint
-from liemech.integrators.splitting import ThreeRotations
 from liemech.tableaus.compositions import (
     COMPOSITIONS,
     KAHAN_LI6,

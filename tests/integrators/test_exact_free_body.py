@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.formulas import Vec, dot
-from liemech.integrators.exact_free_body import Orbit
+from liemech.integrators.free_body.exact_free_body import Orbit
 
 J = np.array([1.0, 1.5, 2.0])
 FLOW, BODY = lm.ExactFreeBody(), lm.RigidBody(J)

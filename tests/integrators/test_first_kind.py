@@ -14,9 +14,9 @@ from scenes import asymmetric_body, poisson_defect, same_bits, seed_body, slope,
 
 import liemech as lm
 from liemech.groups.lie_algebra import sided
-from liemech.integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
-from liemech.integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from liemech.integrators.motion_series import first_kind
+from liemech.rooms.hamilton_jacobi.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
+from liemech.rooms.hamilton_jacobi.lie_poisson_first_kind import FirstKindHamiltonJacobi
 
 pytestmark = pytest.mark.compiled
 

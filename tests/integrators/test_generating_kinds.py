@@ -13,7 +13,7 @@ import pytest
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, NoConvergence, OutsideChart
 from liemech.formulas import Vec, cos, record, sin
-from liemech.integrators.hamilton_jacobi import HamiltonJacobi, SymmetricHamiltonJacobi
+from liemech.rooms.hamilton_jacobi.hamilton_jacobi import HamiltonJacobi, SymmetricHamiltonJacobi
 
 
 @record

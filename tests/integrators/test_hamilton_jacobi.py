@@ -15,10 +15,10 @@ from scenes import named, same_bits, slope
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence, NotFinite
 from liemech.formulas import Vec, cos, record, sin, sqrt
-from liemech.integrators.hamilton_jacobi import HamiltonJacobi
-from liemech.models.henon_heiles import HenonHeiles
-from liemech.models.kepler import Kepler
-from liemech.models.pendulums import DoublePendulum, Pendulum
+from liemech.models.planets.henon_heiles import HenonHeiles
+from liemech.models.planets.kepler import Kepler
+from liemech.models.swinging.pendulums import DoublePendulum, Pendulum
+from liemech.rooms.hamilton_jacobi.hamilton_jacobi import HamiltonJacobi
 from liemech.systems.canonical import CanonicalState, HamiltonianSystem
 
 if TYPE_CHECKING:

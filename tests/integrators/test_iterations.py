@@ -17,7 +17,9 @@ import liemech as lm
 from liemech import solvers
 from liemech.errors import NoConvergence
 from liemech.formulas import sqrt, vec
-from liemech.integrators import hamilton_jacobi, lie_rattle, variational
+from liemech.integrators import variational
+from liemech.rooms.constraints import lie_rattle
+from liemech.rooms.hamilton_jacobi import hamilton_jacobi
 
 WIDE = np.array([[2.0, 0.3, 0.1], [0.3, 2.5, -0.2], [0.1, -0.2, 1.8]])
 

@@ -34,11 +34,11 @@ from scenes import (
 import liemech as lm
 from liemech.formulas import sin
 from liemech.integrators.composition import Composition
-from liemech.integrators.exact_free_body import ExactFreeBody
-from liemech.integrators.kick_drift import KickDrift
-from liemech.integrators.moser_veselov import ExactMoserVeselov
-from liemech.integrators.splitting import ThreeRotations
-from liemech.models.heavy_top import HeavyTop
+from liemech.integrators.free_body.exact_free_body import ExactFreeBody
+from liemech.integrators.free_body.moser_veselov import ExactMoserVeselov
+from liemech.integrators.free_body.splitting import ThreeRotations
+from liemech.integrators.kicks.kick_drift import KickDrift
+from liemech.models.bodies.heavy_top import HeavyTop
 from liemech.systems.mechanical import MechanicalSystem
 from liemech.systems.potential import Force, NoPotential
 from liemech.tableaus.splittings import (
@@ -163,7 +163,7 @@ def test_the_angle_about_the_momentum_is_the_same_all_along_an_orbit() -> None:
     """By the closed form: g is the least rotation from e(h) to e, (1 + e.e(h), e(h) x e), and then
     (cos, sin e)(psi/2) about e.
     """
-    from liemech.models.exact_rigid_body import exact_rigid_body
+    from liemech.models.bodies.exact_rigid_body import exact_rigid_body
 
     J, h, mu0 = [1.0, 1.6, 2.3], 0.8, np.array([0.4, 0.9, -0.3])
     along, _ = exact_rigid_body(J, mu0, None, np.linspace(0.0, 7.0, 9))

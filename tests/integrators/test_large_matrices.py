@@ -83,7 +83,7 @@ def test_native_code_has_the_bits_of_plain_python(group: Any, method: Any) -> No
 
 def test_small_and_large_steps_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """SO(6) written out, and in memory."""
-    from liemech.groups import matrix_basis
+    from liemech.groups.matrices import matrix_basis
 
     def final(method: Any) -> np.ndarray:
         system = body(lm.SO(6))
@@ -128,7 +128,7 @@ def test_methods_with_derivatives_are_the_same_small_and_large(method: Any, monk
     """SO(4) written out, where Newton's method solves and derivatives go by components, and in
     memory, where matrices are iterated and series have matrices as terms.
     """
-    from liemech.groups import matrix_basis
+    from liemech.groups.matrices import matrix_basis
 
     def final() -> np.ndarray:
         system = lm.LiePoissonSystem(lm.SO(4), Quartic(np.linspace(1.0, 2.0, 6)))
@@ -184,7 +184,7 @@ def test_adaptive_steps(group: Any, method: Any) -> None:
 
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), pytest.param(lm.Taylor(6), marks=pytest.mark.slow)], ids=repr)
 def test_adaptive_steps_small_and_large_are_the_same(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from liemech.groups import matrix_basis
+    from liemech.groups.matrices import matrix_basis
 
     def run() -> Any:
         system = body(lm.SO(4))
@@ -243,7 +243,7 @@ def test_a_step_that_is_too_long_says_so() -> None:
 
 def test_algorithm_1_on_symplectic_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sp(4), whose matrices are not antihermitian, small and in memory."""
-    from liemech.groups import matrix_basis
+    from liemech.groups.matrices import matrix_basis
 
     def final() -> np.ndarray:
         system = body(lm.Sp(4))
@@ -363,7 +363,7 @@ def test_exponentials_of_large_matrices(rows: int, norm: float) -> None:
     """
     import mpmath
 
-    from liemech.groups.matrix_functions import expm1
+    from liemech.groups.matrices.matrix_functions import expm1
 
     rng = np.random.default_rng(rows)
     turns = np.append(1.0, rng.uniform(-0.1, 0.1, rows - 1))  # its norm is nearly that of one eigenvalue
@@ -385,7 +385,7 @@ def test_pade_coefficients() -> None:
     from fractions import Fraction
     from math import factorial
 
-    from liemech.groups.matrix_functions import pade_coefficients
+    from liemech.groups.matrices.matrix_functions import pade_coefficients
 
     for m in (7, 13):
         b = [

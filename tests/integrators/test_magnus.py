@@ -12,10 +12,10 @@ from scenes import asymmetric_body, hat, rotation, same_bits, slope
 
 import liemech as lm
 from liemech.formulas import cos, sin, vec
-from liemech.groups.se3 import SE3
+from liemech.groups.rigid.se3 import SE3
 from liemech.integrators.commutator_free import CommutatorFree
 from liemech.integrators.magnus import Magnus
-from liemech.systems.group_equation import GroupEquation, LinearGroupEquation
+from liemech.systems.equations.group_equation import GroupEquation, LinearGroupEquation
 
 METHODS = [Magnus(order=p) for p in (2, 4, 6)]
 COUNTS = {2: (80, 160, 320), 4: (20, 40, 80), 6: (10, 20, 40)}

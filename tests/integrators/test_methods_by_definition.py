@@ -11,10 +11,11 @@ from scenes import Oscillator, asymmetric_body, heavy_top, quiet_body, rotation
 
 import liemech as lm
 from liemech.formulas import vec
-from liemech.integrators import class_functions, lie_poisson_hj, moser_veselov
-from liemech.integrators.class_functions import CayleySquare, InvariantForm, TraceOfAd
 from liemech.integrators.discrete_lagrangian import GroupLagrangian, _body_velocity
+from liemech.integrators.free_body import moser_veselov
 from liemech.integrators.motion_series import _bernoulli
+from liemech.rooms.hamilton_jacobi import class_functions, lie_poisson_hj
+from liemech.rooms.hamilton_jacobi.class_functions import CayleySquare, InvariantForm, TraceOfAd
 
 SO3, SE3, EXP, CAY = lm.SO3(), lm.SE3(), lm.Exponential(), lm.Cayley()
 

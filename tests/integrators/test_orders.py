@@ -20,7 +20,7 @@ from scenes import Driven, SteeredFromSpace, rotation
 
 import liemech as lm
 from liemech.formulas import vec
-from liemech.groups.se3 import SE3
+from liemech.groups.rigid.se3 import SE3
 from liemech.integrators.commutator_free import CommutatorFree, CrouchGrossman
 from liemech.integrators.magnus import Magnus
 from liemech.tableaus import (

@@ -17,7 +17,7 @@ from orders import Problem, Rotating, Smooth, Table
 from scenes import kirchhoff_body, pose, rotation
 
 import liemech as lm
-from liemech.groups.matrix_group import MatrixLieGroup
+from liemech.groups.matrices.matrix_group import MatrixLieGroup
 from liemech.tableaus import gauss
 
 EXP, CAYLEY = lm.Exponential(), lm.Cayley()

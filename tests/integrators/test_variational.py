@@ -26,8 +26,8 @@ from scenes import (
 )
 
 import liemech as lm
-from liemech.formulas.double_double import is_long
-from liemech.formulas.pytree import double_double, rounded
+from liemech.formulas.classes.pytree import double_double, rounded
+from liemech.formulas.numbers.double_double import is_long
 from liemech.integrators.variational import first_size
 from liemech.names import everything
 from liemech.solvers import leading_power

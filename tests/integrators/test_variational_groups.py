@@ -11,7 +11,7 @@ import pytest
 from scenes import CAYLEY, EXP, asymmetric_body, kirchhoff_body, named, poisson_defect, slope, slow
 
 import liemech as lm
-from liemech.groups.matrix_group import MatrixLieGroup
+from liemech.groups.matrices.matrix_group import MatrixLieGroup
 
 Scene = tuple[lm.LiePoissonSystem, lm.BodyState]
 

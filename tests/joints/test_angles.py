@@ -22,8 +22,8 @@ from liemech.joints import (
     UniversalJoint,
     chain,
 )
-from liemech.models import joints as own
-from liemech.models.joints import Joint
+from liemech.joints import joints as own
+from liemech.joints.joints import Joint
 
 O, X, Y, Z = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
 SPUN: dict[str, tuple[Any, Any, int]] = {

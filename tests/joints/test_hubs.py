@@ -10,9 +10,8 @@ from test_links_in_memory import BLOCK, LUMP, ROD, TOP, TURN, by_loops, ladder, 
 
 import liemech as lm
 from liemech.formulas.sites import padded
-from liemech.joints import BallJoint, Damper, Link, Linkage, PrismaticJoint, RevoluteJoint, chain
-from liemech.models import linked_joints
-from liemech.models.linked_joints import hubs_in, tables_of
+from liemech.joints import BallJoint, Damper, Link, Linkage, PrismaticJoint, RevoluteJoint, chain, linked_joints
+from liemech.joints.linked_joints import hubs_in, tables_of
 
 
 def wheel(m: int, light: float = 1.0, damped: bool = False) -> tuple[Linkage, Any]:

@@ -11,12 +11,12 @@ from scipy.linalg import block_diag
 
 import liemech as lm
 from liemech import errors
-from liemech.models.joints import Joints, across
-from liemech.models.link import Link
-from liemech.models.linkage import _inertia
-from liemech.systems.conditions import connections, pulled, speeds
-from liemech.systems.constrained_body import _separate
-from liemech.systems.constraint import Constraint
+from liemech.joints.joints import Joints, across
+from liemech.joints.link import Link
+from liemech.joints.linkage import _inertia
+from liemech.rooms.constraints.conditions import connections, pulled, speeds
+from liemech.rooms.constraints.constrained_body import _separate
+from liemech.rooms.constraints.constraint import Constraint
 
 A, B = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
 JOINTS = {

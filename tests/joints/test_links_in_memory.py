@@ -26,8 +26,8 @@ from liemech.joints import (
     UniversalJoint,
     chain,
 )
-from liemech.models.linked_joints import eliminated_in, has_loops
-from liemech.simulation.carry import SiteCarry
+from liemech.joints.linked_joints import eliminated_in, has_loops
+from liemech.simulation.runs.carry import SiteCarry
 
 TURN = [0.0, 1.0, 0.0]
 TOP, BOTTOM = [0.0, 0.0, 0.5], [0.0, 0.0, -0.5]

@@ -12,7 +12,7 @@ from test_links_in_memory import BOTTOM, LUMP, ROD, TOP, TURN, by_loops, needs_c
 import liemech as lm
 from liemech.formulas import dot, sin, sqrt, vec
 from liemech.joints import BallJoint, Damper, Link, Linkage, Motor, Spring, chain
-from liemech.simulation.carry import SiteCarry
+from liemech.simulation.runs.carry import SiteCarry
 
 library: Any = lm
 

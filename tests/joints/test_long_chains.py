@@ -12,8 +12,8 @@ import pytest
 
 import liemech as lm
 from liemech.errors import InconsistentState, InvalidInput
-from liemech.systems import constrained_body
-from liemech.systems.conditions import connections, joint, led, solved_sparse, speeds
+from liemech.rooms.constraints import constrained_body
+from liemech.rooms.constraints.conditions import connections, joint, led, solved_sparse, speeds
 
 library: Any = lm
 

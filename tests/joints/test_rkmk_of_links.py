@@ -6,7 +6,7 @@ from orders import slope
 
 import liemech as lm
 from liemech.joints import Damper, DryFriction, Spring
-from liemech.models.linkage import Linkage
+from liemech.joints.linkage import Linkage
 
 TURN = [0.0, 1.0, 0.0]
 

@@ -14,7 +14,7 @@ import pytest
 
 import liemech as lm
 from liemech.compiler import kernel
-from liemech.joints import (
+from liemech.joints import (  # fmt: skip
     BallJoint,
     Damper,
     DryFriction,
@@ -26,7 +26,7 @@ from liemech.joints import (
     PrismaticJoint,
     RevoluteJoint,
     Spring,
-)  # fmt: skip
+)
 
 UP, ACROSS, ORIGIN = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]
 INERTIA, DAMPING = 5.1e-5, 21.75

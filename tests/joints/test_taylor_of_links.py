@@ -8,7 +8,7 @@ from test_rkmk_of_links import TURN, Linkage, arm
 import liemech as lm
 from liemech.errors import IncompatibleSystem
 from liemech.formulas import mat, vec
-from liemech.formulas.series import Series
+from liemech.formulas.numbers.series import Series
 from liemech.joints import BallJoint, Damper, Link, Motor, Shaking, Spring
 
 

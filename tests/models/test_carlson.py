@@ -8,8 +8,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from liemech.models import carlson
-from liemech.models.carlson import ARCTANGENT, duplications, elliprf, elliprj
+from liemech.models.bodies import carlson
+from liemech.models.bodies.carlson import ARCTANGENT, duplications, elliprf, elliprj
 
 EPS = 2.0**-52
 

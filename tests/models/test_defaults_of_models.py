@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import liemech as lm
+from liemech.joints.linkage import Linkage, chain
 from liemech.models.charged_particle import GuidingCentreStructure, MagneticStructure
-from liemech.models.linkage import Linkage, chain
-from liemech.models.maxwell_bloch import HalfSquare, MaxwellBlochStructure
+from liemech.models.lattices.maxwell_bloch import HalfSquare, MaxwellBlochStructure
 
 STANDARD_GRAVITY, E1, E2, E3 = 9.80665, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)

@@ -12,7 +12,7 @@ import pytest
 
 import liemech as lm
 from liemech.errors import InvalidInput
-from liemech.models import exact_kepler, universal_variables
+from liemech.models.planets import exact_kepler, universal_variables
 
 EPS = 2.0**-52
 CIRCLES = 0.0, 1e-16, 1e-9, 0.01

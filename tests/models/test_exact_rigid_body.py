@@ -15,9 +15,9 @@ import pytest
 
 import liemech as lm
 from liemech.compiler import batch, kernel
-from liemech.models import exact_rigid_body as exact
-from liemech.models import polhode
-from liemech.models.exact_rigid_body import exact_rigid_body, momentum_period
+from liemech.models.bodies import exact_rigid_body as exact
+from liemech.models.bodies import polhode
+from liemech.models.bodies.exact_rigid_body import exact_rigid_body, momentum_period
 
 EPS = np.finfo(float).eps
 REFERENCE = Path(__file__).parent.parent / "reference"
@@ -393,7 +393,7 @@ def test_finite_in_finite_out(J):
 
 @pytest.mark.slow
 def test_scipy_is_loaded_only_when_needed():
-    code = "import sys, liemech.models.exact_rigid_body; assert 'scipy' not in sys.modules"
+    code = "import sys, liemech.models.bodies.exact_rigid_body; assert 'scipy' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
 
 

@@ -130,7 +130,7 @@ def test_the_separatrix_itself() -> None:
     """A start whose numbers lie on it exactly: upright, not turning about a horizontal axis, all
     roots at 1 or below.
     """
-    from liemech.models.exact_top import lagrange_top
+    from liemech.models.bodies.exact_top import lagrange_top
 
     half = math.sqrt(0.5)
     # u_0 = 0, u_1 = -1/2: C = 1/2, p_3 = 1, a = 1, energy M; mu . Gamma = 1

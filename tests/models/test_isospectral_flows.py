@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import liemech as lm
-from liemech.groups import matrix_basis
+from liemech.groups.matrices import matrix_basis
 
 SIZES = [4, pytest.param(10, marks=pytest.mark.sample(1))]
 

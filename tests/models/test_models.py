@@ -10,13 +10,13 @@ import pytest
 from scenes import TOP, heavy_top, numbers, reference, slope
 
 import liemech as lm
-from liemech.groups.se3 import SE3
-from liemech.integrators.lie_verlet import LieVerlet
-from liemech.models.gravity import FixedPointGravity, UniformGravity
-from liemech.models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
-from liemech.models.kirchhoff import KirchhoffBody
+from liemech.groups.rigid.se3 import SE3
+from liemech.integrators.kicks.lie_verlet import LieVerlet
+from liemech.models.bodies.gravity import FixedPointGravity, UniformGravity
+from liemech.models.bodies.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
+from liemech.models.bodies.kirchhoff import KirchhoffBody
 from liemech.models.poses import attitude, places
-from liemech.models.space_bodies import FallingBody, OrbitingBody
+from liemech.models.space.space_bodies import FallingBody, OrbitingBody
 from liemech.names import everything
 from liemech.systems.lie_poisson import BodyState
 

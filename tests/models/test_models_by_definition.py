@@ -11,7 +11,9 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-from liemech.models import exact_top, planetary_system, poses, universal_variables
+from liemech.models import poses
+from liemech.models.bodies import exact_top
+from liemech.models.planets import planetary_system, universal_variables
 
 RNG = np.random.default_rng(3)
 PLACES = RNG.normal(size=(4, 3))

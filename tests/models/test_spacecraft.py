@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import liemech as lm
 from liemech.formulas import Mat, gradient, vec
-from liemech.models.effectors import ConservativeEffector, Place
-from liemech.models.space_forces import SUN_RADIUS, sunlight
+from liemech.models.space.effectors import ConservativeEffector, Place
+from liemech.models.space.space_forces import SUN_RADIUS, sunlight
 from liemech.systems.kinetic_energy import KineticEnergy
 
 M = lm.models

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.formulas.philox import normals, uniforms, words
+from liemech.formulas.numbers.philox import normals, uniforms, words
 
 KNOWN = [  # Random123 1.14, tests/kat_vectors, philox4x32 10
     ((0, 0, 0, 0), (0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.models.planetary_system import kepler_step
+from liemech.models.planets.planetary_system import kepler_step
 from liemech.tableaus.splittings import ABA1064, STRANG
 
 EIGHT_PERIOD = 6.325913982926211677589000333967

@@ -11,7 +11,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import copysign, cos, exp, sqrt, where
-from liemech.formulas.anything import degree, looked_at, made_of
+from liemech.formulas.numbers.anything import degree, looked_at, made_of
 from liemech.systems.parts import Affine, FunctionOfCoordinate, StraightLineFlow, recognised, second_degree
 
 NARROW = 1e-9

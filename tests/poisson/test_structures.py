@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.groups.skew_matrices import null_vectors, pairs
+from liemech.groups.matrices.skew_matrices import null_vectors, pairs
 from liemech.models.charged_particle import GuidingCentreStructure, MagneticStructure
-from liemech.models.maxwell_bloch import MaxwellBlochStructure
-from liemech.models.toda import FlaschkaStructure
+from liemech.models.lattices.maxwell_bloch import MaxwellBlochStructure
+from liemech.models.lattices.toda import FlaschkaStructure
 
 SKEW3 = [[0.0, 1.0, -2.0], [-1.0, 0.0, 3.0], [2.0, -3.0, 0.0]]
 MOTIONS = lm.coadjoint(lm.SE3()).poisson_structure

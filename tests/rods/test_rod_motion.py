@@ -5,11 +5,11 @@ import pytest
 from scenes import slope
 
 import liemech as lm
-import liemech.simulation.sites.plan as sites_plan
-from liemech.compiler.planes import Planes
+import liemech.rooms.sites.runs.plan as sites_plan
+from liemech.compiler.sites.planes import Planes
 from liemech.formulas.tables import Table
-from liemech.integrators.galerkin_of_chain import ChainRows, GalerkinOfChain, factored, solved
 from liemech.models import CosseratRod, RodSection
+from liemech.rooms.sites.galerkin_of_chain import ChainRows, GalerkinOfChain, factored, solved
 
 SOFT = RodSection([1.0, 1.2, 0.8, 30.0, 30.0, 40.0], [0.1, 0.12, 0.2, 1.0, 1.0, 1.0])
 IMPLICIT = lm.GalerkinVariational(order=2)

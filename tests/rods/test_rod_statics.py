@@ -8,7 +8,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc, jv
 
 import liemech as lm
 from liemech.models import CosseratRod, RodSection, RodStrain
-from liemech.systems.terms import Site, Term
+from liemech.rooms.sites.terms.terms import Site, Term
 
 SECTION = RodSection.round(0.02, young=1e6, density=1000.0)
 RETRACTIONS = lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()

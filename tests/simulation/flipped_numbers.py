@@ -26,7 +26,7 @@ from terms_of_spins import Exchange, Zeeman
 
 import liemech as lm
 from liemech.command_line.scene_file import scene_file
-from liemech.simulation.files import arrays as files
+from liemech.rooms.files import arrays as files
 
 ROOM = 10**9
 """Bytes beyond the file and the process that a trial may take."""

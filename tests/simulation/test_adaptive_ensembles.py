@@ -12,9 +12,10 @@ from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, StepTooSmall
-from liemech.simulation import keep, run
+from liemech.simulation import keep
 from liemech.simulation.compiled import lanes
 from liemech.simulation.compiled.execution import Execution
+from liemech.simulation.runs import run
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
 pytestmark = pytest.mark.compiled

@@ -27,8 +27,8 @@ from liemech.command_line.constructors import names, read
 from liemech.command_line.lists import EXAMPLES
 from liemech.command_line.scenes import SCENES
 from liemech.names import everything
-from liemech.simulation.files import arrays as files
-from liemech.simulation.files.encoding import encoded
+from liemech.rooms.files import arrays as files
+from liemech.rooms.files.encoding import encoded
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
@@ -91,7 +91,7 @@ def test_whatever_the_library_has_can_be_in_files() -> None:
     made += [read(EXAMPLES.get(name, name), lm.Method, name) for name in names(lm.Method)
              if name in EXAMPLES or not inspect.signature(everything()[name]).parameters]  # fmt: skip
     program = (
-        "import sys, json, liemech as lm\nfrom liemech.simulation.files.encoding import Decoder\n"
+        "import sys, json, liemech as lm\nfrom liemech.rooms.files.encoding import Decoder\n"
         "print(*(repr(Decoder('file')(x)) for x in json.load(sys.stdin)), sep='\\n')"
     )
     done = subprocess.run(
@@ -396,7 +396,7 @@ def test_files_are_like_other_files(tmp_path: Path) -> None:
     finally:
         os.umask(before)
     program = (  # killed while it writes
-        "import os, sys, liemech as lm\nfrom liemech.simulation.files import arrays as files\n"
+        "import os, sys, liemech as lm\nfrom liemech.rooms.files import arrays as files\n"
         "os.fsync = lambda handle: os.kill(os.getpid(), 9)\n"
         f"lm.Trajectory.load({str(path)!r}).save({str(path)!r})"
     )

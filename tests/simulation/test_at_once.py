@@ -15,10 +15,10 @@ import pytest
 from scenes import Fenced
 
 import liemech as lm
-from liemech.compiler.staleness import Guard
+from liemech.compiler.changes.staleness import Guard
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput
-from liemech.formulas.pytree import compensated, gatherer, layout_of, leaves
-from liemech.simulation.equal import StraightRun
+from liemech.formulas.classes.pytree import compensated, gatherer, layout_of, leaves
+from liemech.simulation.runs.equal import StraightRun
 
 RKMK4 = lm.RKMK(order=4)
 MOMENTA = ([0.5, 0.0, 0.75**0.5], [0.1, -0.9, 0.3])

@@ -378,7 +378,7 @@ def test_an_interrupt_between_events_loses_and_repeats_none(
     method: Any, stepping: Any, end: dict[str, Any], of: Any, nth: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("liemech.simulation.run.LONGEST", 16 if "rtol" in stepping else 100)
+    monkeypatch.setattr("liemech.simulation.runs.run.LONGEST", 16 if "rtol" in stepping else 100)
     starts = KEPLER.state(MANY_Q[6:], MANY_P[6:])
     plan = lm.Plan(KEPLER, method, **stepping, events=(rising, third), compiled=True)
     whole = plan.run(starts, **end)

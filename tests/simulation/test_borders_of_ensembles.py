@@ -12,7 +12,7 @@ import pytest
 
 import liemech as lm
 from liemech.errors import InvalidInput, InvalidType
-from liemech.simulation.at_work import spread
+from liemech.rooms.at_work import spread
 
 KEPLER = lm.Kepler()
 BODY = lm.RigidBody([1.0, 1.5, 2.0])

@@ -17,9 +17,9 @@ from scenes import CAYLEY, EXP, asymmetric_body, heavy_top, named, same_bits, sl
 import liemech as lm
 from liemech.errors import InvalidInput, InvalidType
 from liemech.formulas import acos, asin, atan2, cbrt, cos, cosh, exp, log, pow, sin, sqrt, tanh
-from liemech.formulas.double_double import DoubleDouble
-from liemech.formulas.pytree import build, double_double, layout_of, leaves
-from liemech.groups import rotation_coefficients
+from liemech.formulas.classes.pytree import build, double_double, layout_of, leaves
+from liemech.formulas.numbers.double_double import DoubleDouble
+from liemech.groups.rigid import rotation_coefficients
 
 PENDULUM = json.loads((Path(__file__).parent.parent / "reference" / "pendulum.json").read_text())
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation import run as runs
 from liemech.simulation.compiled.execution import Execution
 from liemech.simulation.keep import At
-from liemech.simulation.tolerance import ToleranceRun
+from liemech.simulation.runs import run as runs
+from liemech.simulation.runs.tolerance import ToleranceRun
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
 METHOD = lm.RKMK(tableau=BOGACKI_SHAMPINE3)

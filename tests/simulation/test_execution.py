@@ -19,9 +19,9 @@ from scenes import asymmetric_body
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.formulas import dot
-from liemech.simulation import equal
 from liemech.simulation.compiled import execution
 from liemech.simulation.reports import progress as progress_module
+from liemech.simulation.runs import equal
 
 pytestmark = pytest.mark.compiled
 

@@ -218,7 +218,7 @@ def test_what_is_refused(tmp_path: Path) -> None:
 
 def test_the_bound_is_the_longest_way() -> None:
     """A step with two branches, by hand: 3 + max(2, 5) + 2 instructions; and one with a loop in it."""
-    from liemech.compiler.object_files import bound_of
+    from liemech.compiler.machine.object_files import bound_of
 
     step = """
 define void @k(ptr %p) {

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation.files import archive
-from liemech.simulation.files import arrays as files
-from liemech.simulation.files.encoding import Decoder, Pool, encoded, encoded_each
+from liemech.rooms.files import archive
+from liemech.rooms.files import arrays as files
+from liemech.rooms.files.encoding import Decoder, Pool, encoded, encoded_each
 
 OLD = Path(__file__).parent / "old_files"
 """Of liemech 0.1.0 in November 2026, format 2."""

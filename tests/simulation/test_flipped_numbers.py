@@ -19,15 +19,15 @@ from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech.command_line.scene_file import scene_file
-from liemech.compiler import guard_words
+from liemech.compiler.machine import guard_words
 from liemech.errors import FileWarning, InvalidInput
 from liemech.formulas.sites import SiteArray, SiteTable
 from liemech.formulas.tables import Table
 from liemech.integrators.ending_at_jumps import EndingAtJumps
 from liemech.joints import BallJoint, Damper, Linkage, LinkShape, Spring, chain
-from liemech.simulation.files import arrays as files
-from liemech.simulation.files.encoding import encoded
-from liemech.systems.graphs import Graph
+from liemech.rooms.files import arrays as files
+from liemech.rooms.files.encoding import encoded
+from liemech.rooms.sites.graphs import Graph
 
 if hasattr(os, "fork"):
     from flipped_numbers import faults, fuzz, fuzz_texts, scenes

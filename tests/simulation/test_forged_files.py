@@ -26,7 +26,7 @@ from scenes import slow
 
 import liemech as lm
 from liemech.command_line.scene_file import scene_file
-from liemech.simulation.files import arrays as files
+from liemech.rooms.files import arrays as files
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
@@ -140,10 +140,10 @@ def test_a_function_that_a_file_names_is_not_called(written: dict[str, Any], tmp
     for function in (
         "liemech.viewer.chromium:subprocess.Popen",
         "subprocess:Popen",
-        "liemech.systems.time_scales:OfState.value",
+        "liemech.rooms.fictive_time.time_scales:OfState.value",
     ):
         given["fields"]["sigma"] = {
-            "class": "liemech.systems.time_scales:OfState",
+            "class": "liemech.rooms.fictive_time.time_scales:OfState",
             "fields": {"function": {"type": function}, "names": {"tuple": ["q"]}},
         }
         files.write(path, arrays, about)
@@ -187,14 +187,14 @@ HOSTILE_CLASSES = (
     "subprocess:Popen",
     "builtins:eval",
     "builtins:type",
-    "liemech.formulas.records:Record",
+    "liemech.formulas.classes.records:Record",
     "liemech.viewer.chromium:subprocess.Popen",
     "liemech.__main__:main",
     "liemech.command_line.main:main",
     "liemech.models.../../evil:Body",
     "liemech.models:../evil",
     "liemech:os",
-    "liemech.models.kepler:Kepler.__init__",
+    "liemech.models.planets.kepler:Kepler.__init__",
     "liemech.simulation.trajectory:Trajectory",
     "liemech.formulas.tables:Table",
     "../evil:Body",
@@ -227,14 +227,15 @@ HOSTILE = (None, True, -1, 0, 3, 10**12, 2**63, -(10**30), 1e300, -1e-320, float
            {"array": [1.0], "dtype": "O", "shape": [1]}, {"array": ["a"], "dtype": "U9", "shape": [1]},
            {"array": [1.0], "dtype": "<f8", "shape": [-1]}, {"array": [1.0, 2.0], "dtype": "<c8", "shape": [1]},
            {"table": 10**9}, {"table": [[1.0]]}, {"table": []}, {"tuple": "abc"}, {"list": [1.0]}, {"dict": [[{"dict": []}, 1]]},
-           {"dict": [1]}, {"type": "liemech.groups.so3:SO3"}, {"type": "subprocess:Popen"}, {"type": 3}, {"call": "os"},
-           {"class": "liemech.groups.classical:SO", "fields": {"n": 10**6}},
+           {"dict": [1]}, {"type": "liemech.groups.rigid.so3:SO3"}, {"type": "subprocess:Popen"}, {"type": 3}, {"call": "os"},
+           {"class": "liemech.groups.matrices.classical:SO", "fields": {"n": 10**6}},
            {"class": "liemech.groups.vector_space:VectorSpace", "fields": {"n": 10**12}},
            {"class": "liemech.integrators.rkmk:RKMK", "fields": {}},
-           {"class": "liemech.systems.time_scales:OfState",
+           {"class": "liemech.rooms.fictive_time.time_scales:OfState",
             "fields": {"function": {"type": "os:system"}, "names": {"tuple": ["q"]}}},
-           {"class": "liemech.groups.so3:SO3", "fields": {}}, {"class": "liemech.groups.so3:SO3", "fields": {"__class__": 1}},
-           {"class": "liemech.groups.so3:SO3", "fields": []}, {"class": ["a"], "fields": {}},
+           {"class": "liemech.groups.rigid.so3:SO3", "fields": {}},
+           {"class": "liemech.groups.rigid.so3:SO3", "fields": {"__class__": 1}},
+           {"class": "liemech.groups.rigid.so3:SO3", "fields": []}, {"class": ["a"], "fields": {}},
            {"array": {"at": 0}, "dtype": "<f8", "shape": [10**9]}, {"array": {"at": -5}, "dtype": "<f8", "shape": [2]},
            {"table": {"at": 10**9, "count": 3}}, {"table": {"at": 0, "count": -1}}, {"at": 0, "count": 20, "first": {}},
            {"fields": {}, "class": 1})  # fmt: skip

@@ -14,9 +14,9 @@ from simulation.test_gradient import AT_REST, BODY, KNOTS, START, VALUES, driven
 import liemech as lm
 from liemech import errors
 from liemech.formulas import derivative, where
-from liemech.formulas.dual import Dual
 from liemech.formulas.functions import RULES
-from liemech.simulation.derivatives.gradient import Prepared, side_by_side
+from liemech.formulas.numbers.dual import Dual
+from liemech.rooms.derivatives.gradient import Prepared, side_by_side
 
 LEVEL = 0.5
 
@@ -54,7 +54,7 @@ def test_how_many_directions_share_a_value() -> None:
 @pytest.mark.compiled
 def test_code_that_is_too_long_goes_direction_by_direction(monkeypatch: Any) -> None:
     """One that fits only where a number carries one derivative."""
-    from liemech.compiler import instructions
+    from liemech.compiler.translation import instructions
 
     plan = lm.Plan(BODY, lm.RKMK(order=4, retraction=lm.Cayley()), h=0.05, compiled=True)
     wanted = plan.replace(compiled=False).pullback(np.arange(6.0), START, steps=200)["start"]

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidInput
-from liemech.simulation.at_work.stepper import BodiesInPlace, InPlace
+from liemech.rooms.at_work.stepper import BodiesInPlace, InPlace
 from liemech.simulation.compiled.parameters import Input
 
 WORLDS = pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: p
     run = lm.integrate(body, CAYLEY if method is EXP else method, starts, h=0.1, steps=60, compiled=compiled)
     whole = lm.integrate(body, method, start, h=0.1, steps=60, compiled=compiled)
     # every piece counts as too long
-    monkeypatch.setattr(sys.modules["liemech.simulation.equal"], "PATIENCE", 0.0)
+    monkeypatch.setattr(sys.modules["liemech.simulation.runs.equal"], "PATIENCE", 0.0)
     in_steps = lm.integrate(body, method, start, h=0.1, steps=60, compiled=compiled)
     assert same_run(whole, in_steps)
     assert same_run(run, lm.integrate(body, run.method, starts, h=0.1, steps=60, compiled=compiled))
@@ -527,7 +527,7 @@ class Window(lm.Method):
 def test_a_body_that_stopped_does_not_start_again(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even where the next piece of the run begins at a time at which its step would succeed."""
     body, _ = asymmetric_body()
-    monkeypatch.setattr(sys.modules["liemech.simulation.equal"], "PATIENCE", 0.0)
+    monkeypatch.setattr(sys.modules["liemech.simulation.runs.equal"], "PATIENCE", 0.0)
     starts = body.state([[0.0, 0.0, 0.0], [0.0, 1e10, 0.0]])
     with pytest.warns(RuntimeWarning, match="body 1 after 3 steps"):
         run = lm.integrate(body, Window(), starts, h=1.0, steps=200, compiled=compiled)

@@ -13,7 +13,7 @@ import scenes_of_runs
 
 import liemech as lm
 from liemech import errors
-from liemech.simulation import equal
+from liemech.simulation.runs import equal
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))

@@ -15,7 +15,8 @@ import pytest
 import liemech as lm
 from liemech import errors
 from liemech.compiler import kernel
-from liemech.simulation import equal, keep
+from liemech.simulation import keep
+from liemech.simulation.runs import equal
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state(mu=[0.5, 0.1, 0.75**0.5], g=np.eye(3))

@@ -18,7 +18,7 @@ import pytest
 
 import liemech as lm
 from liemech import errors
-from liemech.simulation.at_work import spread
+from liemech.rooms.at_work import spread
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 RNG = np.random.default_rng(4)
@@ -226,7 +226,7 @@ from concurrent import futures
 import numpy as np
 import liemech as lm
 from liemech import errors
-from liemech.simulation.at_work import spread
+from liemech.rooms.at_work import spread
 
 body = lm.RigidBody([1.0, 1.5, 2.0])
 plan = lm.Plan(body, lm.RKMK(order=2), h=1e-3, every=10**6)

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation.at_work import spread
+from liemech.rooms.at_work import spread
 
 SCRIPT = """
 import os
 import numpy as np
 import liemech as lm
-from liemech.simulation.at_work import spread
+from liemech.rooms.at_work import spread
 from mpi4py.futures import MPIPoolExecutor
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ from scenes import Fenced
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput, InvalidType
-from liemech.simulation import short
-from liemech.simulation.at_work.stepper import InPlace
+from liemech.rooms.at_work.stepper import InPlace
+from liemech.simulation.runs import short
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation import run
 from liemech.simulation.compiled.lanes import Lanes
+from liemech.simulation.runs import run
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
 pytestmark = pytest.mark.compiled

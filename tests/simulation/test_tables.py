@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation.at_work.measured_orders import order_of
+from liemech.rooms.at_work.measured_orders import order_of
 from liemech.simulation.reports.written_tables import WrittenTable, latex, latex_label, latex_number
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])

@@ -368,7 +368,7 @@ def test_threads_ask_for_native_code_where_llvmlite_is_missing(monkeypatch: pyte
                 time.sleep(1e-3)
                 raise ModuleNotFoundError(name=name)
 
-    for name in [n for n in sys.modules if n.split(".")[0] == "llvmlite" or n == "liemech.compiler.llvm"]:
+    for name in [n for n in sys.modules if n.split(".")[0] == "llvmlite" or n == "liemech.compiler.machine.llvm"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.delattr(compiler, "llvm", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Missing, *sys.meta_path])

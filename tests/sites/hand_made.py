@@ -8,16 +8,16 @@ import numpy as np
 
 import liemech as lm
 from liemech.compiler import kernel
-from liemech.compiler.planes import Planes, load
-from liemech.compiler.site_calls import SiteCalls
+from liemech.compiler.sites.planes import Planes, load
+from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.formulas import sqrt
-from liemech.formulas.pytree import carried_layout, fitted, layout_of, leaves, rounded
+from liemech.formulas.classes.pytree import carried_layout, fitted, layout_of, leaves, rounded
 from liemech.formulas.sites import SiteTable, meet, one_site, padded, rows_of
 from liemech.formulas.vectors import small
+from liemech.rooms.sites.runs.driver import PLACE, Shown, Sighted, advance_sites, begin_sites
 from liemech.simulation.compiled.control import FRESH, LIMIT
 from liemech.simulation.compiled.prepared import Steps
-from liemech.simulation.equal import Equal
-from liemech.simulation.sites.driver import PLACE, Shown, Sighted, advance_sites, begin_sites
+from liemech.simulation.runs.equal import Equal
 from liemech.systems.lie_poisson import BodyState
 
 

@@ -94,7 +94,7 @@ class Tilt(lm.Term):
 @native
 def test_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of plain Python, natively, and with any number of workers; of times that nobody asked for."""
-    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 2**11)
+    monkeypatch.setattr("liemech.compiler.sites.site_calls.SHARE", 2**11)
     times = [0.013, 0.04]
     plain, quick = (run(17, 0.04, times, compiled=c) for c in (False, True))
     assert quick.compiled

@@ -15,8 +15,9 @@ from test_runs_by_sites import chain, directions, native, spins
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
-from liemech.simulation.derivatives.of_sites import adjoint as sites_adjoint
-from liemech.simulation.derivatives.reversal import go_back, repetitions
+from liemech.rooms.derivatives.of_sites import adjoint as sites_adjoint
+from liemech.rooms.derivatives.of_sites.adjoint import BackwardRun
+from liemech.rooms.derivatives.reversal import go_back, repetitions
 
 edges = lm.neighbours.edges
 
@@ -70,7 +71,7 @@ def by_sites(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def back(plan: Any, start: Any, given: Any, names: tuple[str, ...] = ()) -> Any:
-    return plan._sites.back_through(plan._sites.started(plan, start), max(given), 0.0, given, names)
+    return BackwardRun(plan._sites, plan._sites.started(plan, start), max(given), 0.0, names).back(given)
 
 
 def require_transposed(plan: Any, start: Any, steps: int) -> None:

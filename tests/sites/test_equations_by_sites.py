@@ -58,7 +58,7 @@ METHODS: tuple[Any, ...] = (
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_bits(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those of plain Python, of 8 and 16 lanes, and of two workers."""
-    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 8)
+    monkeypatch.setattr("liemech.compiler.sites.site_calls.SHARE", 8)
     system, s = spins(), directions(N)
     site = system.site_form
     plain = run(method, site, s, None, 0.1, 2, 0)

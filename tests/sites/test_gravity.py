@@ -50,7 +50,7 @@ def test_a_leapfrog_is_the_one_written_in_numpy(dimension: int) -> None:
 def test_workers_share_all_pairs(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     if lm.compiler.kernel.available() is not None:
         pytest.skip("needs llvmlite")
-    monkeypatch.setattr("liemech.compiler.site_calls.PAIRS", 64)  # blocks of one, two or three eights
+    monkeypatch.setattr("liemech.compiler.sites.site_calls.PAIRS", 64)  # blocks of one, two or three eights
     system, start = cloud(n)
     one, *more = [
         lm.integrate(system, lm.StormerVerlet(), start, h=0.01, steps=3, compiled=True, workers=w) for w in (1, 2, 3, 8)

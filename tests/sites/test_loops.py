@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.compiler import kernel
-from liemech.compiler.planes import Planes
-from liemech.compiler.site_calls import SiteCalls, needs
+from liemech.compiler.sites.planes import Planes
+from liemech.compiler.sites.site_calls import SiteCalls, needs
 from liemech.errors import InvalidInput, NotCompilable
 from liemech.formulas.sites import (
     FAR,
@@ -177,9 +177,9 @@ def test_one_kernel_for_every_number() -> None:
 @native
 def test_rows_of_scratch_memory() -> None:
     system, none = field(), np.empty(0)
-    from liemech.formulas.pytree import carried_layout, layout_of
-    from liemech.simulation.equal import Equal
-    from liemech.simulation.sites.driver import PLACE, Shown, Sighted, advance_sites
+    from liemech.formulas.classes.pytree import carried_layout, layout_of
+    from liemech.rooms.sites.runs.driver import PLACE, Shown, Sighted, advance_sites
+    from liemech.simulation.runs.equal import Equal
     from liemech.systems.lie_poisson import BodyState
 
     memory = carried_layout(BodyState(lm.vec(0.0, 0.0, 0.0)))

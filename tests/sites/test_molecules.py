@@ -9,8 +9,8 @@ import pytest
 
 import liemech as lm
 from liemech.errors import InvalidInput
-from liemech.simulation.sites import lists
-from liemech.systems.point_terms import PointTerm
+from liemech.rooms.sites.runs import lists
+from liemech.rooms.sites.terms.point_terms import PointTerm
 
 SPC = lm.models.SPC()
 

@@ -10,7 +10,7 @@ import pytest
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.errors import IncompatibleSystem
-from liemech.simulation.carry import SiteCarry
+from liemech.simulation.runs.carry import SiteCarry
 
 
 @lm.record

@@ -235,7 +235,7 @@ def test_many_sites() -> None:
 
 @native
 def test_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 2**11)
+    monkeypatch.setattr("liemech.compiler.sites.site_calls.SHARE", 2**11)
     n = 7000
     system = spins(n)
     start, way = system.state(mu=directions(n)), {"h": 0.05, "steps": 3, "every": 3}

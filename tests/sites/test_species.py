@@ -230,7 +230,7 @@ def test_lists_saving_and_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         assert same([x[-1] for x in (*run.mu, *run.g)], [x[-1] for x in (*rest.mu, *rest.g)])
     few = lm.Plan(system, lm.KickDrift(), h=0.004, every=3, record=("energy",)).run(start, steps=10)
     assert np.array_equal(few.energy, run.energy)
-    monkeypatch.setattr("liemech.simulation.sites.lists.LEAST", 10**9)
+    monkeypatch.setattr("liemech.rooms.sites.runs.lists.LEAST", 10**9)
     again = lm.Plan(system, lm.KickDrift(), h=0.004, every=3).run(start, steps=10)
     assert same([*run.mu, *run.g], [*again.mu, *again.g])
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from liemech.compiler import kernel
-from liemech.compiler.planes import Planes, each, load
-from liemech.compiler.site_calls import SiteCalls
-from liemech.compiler.square_blocks import block_at, lead_block, lessen_block, put_block, save_block, wide
+from liemech.compiler.numbers.square_blocks import block_at, lead_block, lessen_block, put_block, save_block, wide
+from liemech.compiler.sites.planes import Planes, each, load
+from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.formulas import mat, vec
-from liemech.formulas.pytree import Layout, layout_of
+from liemech.formulas.classes.pytree import Layout, layout_of
 
 SIZES = (1, 3, 6, 9)
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")

@@ -13,10 +13,10 @@ from scipy.integrate import solve_ivp
 from terms_of_spins import Chiral, Exchange, Twist, Zeeman
 
 import liemech as lm
-from liemech.compiler.site_calls import shares
+from liemech.compiler.sites.site_calls import shares
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput, InvalidType
-from liemech.simulation.carry import SiteCarry
-from liemech.systems.colouring import Places, colours_of, colours_of_bonds, colours_of_edges
+from liemech.rooms.sites.colouring import Places, colours_of, colours_of_bonds, colours_of_edges
+from liemech.simulation.runs.carry import SiteCarry
 from liemech.tableaus.splittings import BLANES_MOAN4, STRANG, SYMPLECTIC_EULER
 
 near = lm.neighbours
@@ -552,7 +552,7 @@ def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
 def test_workers_share_the_sites_of_every_colour(method: Any, lattice: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     if lm.compiler.kernel.available() is not None:
         pytest.skip("needs llvmlite")
-    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 1)
+    monkeypatch.setattr("liemech.compiler.sites.site_calls.SHARE", 1)
     sites = lattice.sites or 70
     system = spins(sites, Exchange(1.0).over(lattice), EasyAxis(0.5, AXIS))
     start = system.state(mu=directions(sites))

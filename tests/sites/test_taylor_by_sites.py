@@ -17,7 +17,7 @@ from test_sublattices import triangle
 
 import liemech as lm
 from liemech.formulas import cos
-from liemech.simulation.sites import plan as plans
+from liemech.rooms.sites.runs import plan as plans
 
 FIELD = lm.Exponential()
 
@@ -136,7 +136,7 @@ def test_adaptive_steps_against_scipy(order: int, rtol: float) -> None:
 @native
 def test_adaptive_bits(only_sites: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of plain Python, natively, with any number of workers; and backwards to the start."""
-    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 2**11)
+    monkeypatch.setattr("liemech.compiler.sites.site_calls.SHARE", 2**11)
     given: dict[str, Any] = {"rtol": 1e-6, "atol": 1e-6}
     start, times = spins(5).state(mu=directions(5)), [0.02, 0.3]
     runs = [

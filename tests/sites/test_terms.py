@@ -12,8 +12,8 @@ from terms_of_spins import Chiral, Exchange, Twist
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
 from liemech.formulas.sites import each_site, present_site, total
-from liemech.systems.near_pairs import NearPairs
-from liemech.systems.terms import Site
+from liemech.rooms.sites.terms.near_pairs import NearPairs
+from liemech.rooms.sites.terms.terms import Site
 
 RNG = np.random.default_rng(3)
 
@@ -306,7 +306,7 @@ def test_pairs_within_a_cutoff_are_those_of_numpy() -> None:
 
 
 def test_lists_of_neighbours_leave_the_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    from liemech.simulation.sites import lists as sites_lists
+    from liemech.rooms.sites.runs import lists as sites_lists
 
     made: list[Any] = []
     listed = sites_lists._listed

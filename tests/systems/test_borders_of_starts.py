@@ -11,7 +11,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import vec
-from liemech.systems.constrained import eliminated, independent
+from liemech.rooms.constraints.constrained import eliminated, independent
 
 SIDES = pytest.mark.parametrize(("part", "refused"), [(0.9, False), (1.1, True)])
 

@@ -15,9 +15,9 @@ from scenes import same_bits
 import liemech as lm
 from liemech.errors import InvalidInput, InvalidType
 from liemech.formulas import Vec, cos, record, sin
-from liemech.models.henon_heiles import HenonHeiles
-from liemech.models.kepler import Kepler
-from liemech.models.pendulums import DoublePendulum, Pendulum
+from liemech.models.planets.henon_heiles import HenonHeiles
+from liemech.models.planets.kepler import Kepler
+from liemech.models.swinging.pendulums import DoublePendulum, Pendulum
 from liemech.systems.canonical import CanonicalState, HamiltonianSystem
 
 REFERENCE = Path(__file__).parent.parent / "reference"

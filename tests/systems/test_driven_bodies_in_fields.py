@@ -12,7 +12,7 @@ from scipy.integrate import simpson, solve_ivp
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType
-from liemech.models.gravity import FixedPointGravity
+from liemech.models.bodies.gravity import FixedPointGravity
 
 
 @lm.record

@@ -28,11 +28,11 @@ from scenes import (
 
 import liemech as lm
 from liemech.formulas import exp, sin
-from liemech.groups.se3 import SE3
-from liemech.integrators.kick_drift import KickDrift
-from liemech.integrators.lie_verlet import LieVerlet
-from liemech.models.gravity import CentralGravity, FixedPointGravity, UniformGravity
-from liemech.models.heavy_top import HeavyTop
+from liemech.groups.rigid.se3 import SE3
+from liemech.integrators.kicks.kick_drift import KickDrift
+from liemech.integrators.kicks.lie_verlet import LieVerlet
+from liemech.models.bodies.gravity import CentralGravity, FixedPointGravity, UniformGravity
+from liemech.models.bodies.heavy_top import HeavyTop
 from liemech.systems.mechanical import MechanicalSystem
 from liemech.systems.potential import Force, NoPotential, Potential
 

@@ -11,8 +11,8 @@ from scipy.interpolate import BPoly, CubicSpline, make_interp_spline
 
 import liemech as lm
 from liemech.formulas import sin, vec
+from liemech.rooms.fictive_time.time_scales import EqualArc, EqualChange, EqualPath, OfState
 from liemech.systems.parts import FunctionOfCoordinate, recognised, second_degree
-from liemech.systems.time_scales import EqualArc, EqualChange, EqualPath, OfState
 
 # ---------------------------------------------------------------- time scales
 

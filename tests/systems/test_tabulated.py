@@ -15,7 +15,7 @@ import pytest
 import liemech as lm
 from liemech import errors
 from liemech.compiler import kernel
-from liemech.formulas.pytree import build, gatherer, layout_of, leaves
+from liemech.formulas.classes.pytree import build, gatherer, layout_of, leaves
 
 RNG = np.random.default_rng(14)
 KNOTS = np.concatenate([[0.0], np.sort(RNG.uniform(0.0, 10.0, 18)), [10.0]])
@@ -632,7 +632,7 @@ ODD_TIMES = (0.0, -0.0, 1e-300, 1e300, np.inf, -np.inf, np.nan)
 def test_no_formula_reads_beyond_a_table(monkeypatch, outside):
     """Native code does not look where a table ends, and computes the same indices as plain Python."""
     from liemech.integrators import ending_at_jumps
-    from liemech.systems import tabulated
+    from liemech.systems.in_time import tabulated
 
     def looked_at(table, i):
         assert type(i) is int and 0 <= i < len(table)

@@ -16,7 +16,7 @@ import pytest
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType, StepTooSmall
 from liemech.formulas import cos
-from liemech.systems.clocked import Clocked
+from liemech.rooms.fictive_time.clocked import Clocked
 
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)

@@ -14,7 +14,7 @@ import pytest
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, NoConvergence
-from liemech.systems.time_transformed import ExtendedSystem
+from liemech.rooms.fictive_time.time_transformed import ExtendedSystem
 from liemech.tableaus import KAHAN_LI6, SplittingTableau
 
 KEPLER = lm.Kepler()

@@ -21,9 +21,9 @@ from liemech.plots import COLORS
 from liemech.plots.style import GREY, INK
 from liemech.viewer import Body, Momentum, Motion, Scene
 from liemech.viewer.chromium import Chromium
+from liemech.viewer.contents.vectors import AXES, LEVEL, SEPARATRIX
 from liemech.viewer.page import part
 from liemech.viewer.shapes import rgb
-from liemech.viewer.vectors import AXES, LEVEL, SEPARATRIX
 
 VISIONS = {
     "usual": np.eye(3),

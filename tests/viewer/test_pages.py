@@ -24,7 +24,7 @@ from liemech.command_line.scenes import SCENES
 from liemech.errors import InvalidInput, InvalidType, MissingExtra
 from liemech.models.even_boxes import box_of_inertia
 from liemech.models.poses import quaternions, rotated
-from liemech.plots.contours import contours, sphere
+from liemech.plots.spheres.contours import contours, sphere
 from liemech.viewer import Body, Momentum, Motion, Points, Scene, animate
 from liemech.viewer.drawing import Drawing, Panel
 from liemech.viewer.page import described

@@ -14,10 +14,9 @@ from ...compiler import kernel
 from ...compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ...errors import IncompatibleSystem, InvalidInput, failure, is_mistake
 from ...formulas import Vec, real_array, where
-from ...formulas.frozen import frozen
-from ...formulas.pytree import NUMBER, build, layout_of, leaves, rounded
+from ...formulas.classes.frozen import frozen
+from ...formulas.classes.pytree import NUMBER, build, layout_of, leaves, rounded
 from ...integrators.ending_at_jumps import AT_ENDS
-from ...systems.constrained_body import ConstrainedBody
 from ...systems.system import state_of
 from ..compiled.driver import on_the_way
 from ..compiled.execution import COLUMNS, Execution, like, numbers_of
@@ -57,14 +56,9 @@ def velocity_of(velocity: Any, system: Any, point: Any, moving: Any, given: Any,
     write(out, moving.width, 1.0, NUMBER)
 
 
-def _rate(system: Any, t: float, state: Any) -> Any:
-    """The velocity in the Lie algebra."""
-    return rounded(system.rate(t, system.essential_part(state)))
-
-
-def _by_momentum(system: Any, t: float, state: Any) -> Any:
-    """The velocity that belongs to a momentum under constraints, without the rate of the momentum."""
-    return rounded(system.velocity(state.mu))
+def _turning(system: Any, t: float, state: Any) -> Any:
+    """The velocity with which a step turns."""
+    return rounded(system.turning_velocity(t, state))
 
 
 def report(moved: Any, point: Any, out: Any, failures: Any) -> None:
@@ -307,9 +301,7 @@ class ShortSteps(Between):
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
         """By the velocities at both ends."""
         (system,) = kernel.examples([self.system])
-        if isinstance(system, ConstrainedBody):
-            return self._by_velocities(_by_momentum, system.group.acting, before, after, body)
-        return self._by_velocities(_rate, system.group, before, after, body)
+        return self._by_velocities(_turning, system.turning_group, before, after, body)
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         (method,) = kernel.examples([self.method])

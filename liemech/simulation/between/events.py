@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidType, warn
-from ...formulas.pytree import NUMBER
-from ...formulas.sizes import EPSILON
+from ...formulas.classes.pytree import NUMBER
+from ...formulas.numbers.sizes import EPSILON
 from .dense import execution_of, natively, observe
 
 Event = Callable[[float, Any], float]

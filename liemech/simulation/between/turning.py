@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput, NotDefined
-from ...formulas.sizes import EPSILON
+from ...formulas.numbers.sizes import EPSILON
 
 QUARTER = 0.5 * math.pi
 """A quarter of a turn."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from ...compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ...formulas import Record, horner, record, where
-from ...formulas.pytree import NUMBER, fitted, layout_of
+from ...formulas.classes.pytree import NUMBER, fitted, layout_of
 from .control import ASKED, CLOCK, GOAL, STUCK, begun, observed, with_mark
 
 

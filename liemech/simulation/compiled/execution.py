@@ -14,7 +14,7 @@ import numpy as np
 
 from ...compiler import kernel
 from ...errors import NotCompilable, NotCompiledWarning, warn
-from ...formulas.pytree import gatherer, layout_of
+from ...formulas.classes.pytree import gatherer, layout_of
 from ..reports.progress import notice
 
 LOOK = 0.02

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.interrupts import in_threads
 from ...compiler.kernel import Several
-from ...formulas.pytree import Layout, layout_of
+from ...compiler.machine.interrupts import in_threads
+from ...formulas.classes.pytree import Layout, layout_of
 from .control import ASKED, CLOCK, GOAL, MARK, STUCK, TAKEN, Equal, Fictive
 from .driver import advance
 from .execution import COLUMNS, Execution, like, numbers_of

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import Record
-from ...formulas.pytree import Layout, build, gatherer, layout_of, leaves
+from ...formulas.classes.pytree import Layout, build, gatherer, layout_of, leaves
 from ...formulas.tables import Table
 
 named: Callable[[Any], tuple[str, ...]] = functools.cache(lambda kind: tuple(inspect.signature(kind).parameters))

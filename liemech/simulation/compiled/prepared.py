@@ -11,8 +11,17 @@ import numpy as np
 
 from ...compiler import kernel
 from ...errors import IncompatibleSystem
-from ...formulas.frozen import frozen
-from ...formulas.pytree import Layout, build, carried_layout, compensated, double_double, fitted, layout_of, leaves
+from ...formulas.classes.frozen import frozen
+from ...formulas.classes.pytree import (
+    Layout,
+    build,
+    carried_layout,
+    compensated,
+    double_double,
+    fitted,
+    layout_of,
+    leaves,
+)
 from ...integrators.ending_at_jumps import ending_at_jumps
 from ...integrators.method import Method
 from ...systems.system import State, System

@@ -11,10 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas.of_each import Each
-from ...formulas.pytree import exchanged, inside, layout_of
-from ...formulas.remembered import Remembered
+from ...formulas.classes.of_each import Each
+from ...formulas.classes.pytree import exchanged, inside, layout_of
+from ...formulas.classes.remembered import Remembered
 from ...integrators.method import Method
+from ...systems.many.energies import OfManySites
 from ...systems.system import System
 
 BY_MEMBER = ("energy", "velocity", "momentum", "casimirs", "multipliers")
@@ -114,9 +115,7 @@ def _of_members(system: Any) -> Any:
     if not isinstance(system, System) or _alike.get(system):
         return system
     varied = inside(system, Each)
-    from ...systems.sums_of_terms import OfTerms  # here, as few programs need it
-
-    if not varied or inside(system, OfTerms):
+    if not varied or inside(system, OfManySites):
         _alike.set(system, True)
         return system
     counts = sorted({len(x) for x in varied})

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas.frozen import frozen
+from ...formulas.classes.frozen import frozen
 from ...systems.system import System
 from .written_tables import WrittenTable
 

@@ -8,7 +8,7 @@ import os
 import re
 from typing import Any
 
-from ...formulas.frozen import frozen
+from ...formulas.classes.frozen import frozen
 
 SIGNS = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",

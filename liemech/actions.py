@@ -1,7 +1,0 @@
-"""Group actions and representations that are ready.  One of your own is a subclass of
-`lm.GroupAction`.
-"""
-
-from .names import lazily
-
-__getattr__, __dir__, __all__ = lazily(__name__)

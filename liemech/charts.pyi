@@ -1,9 +1,0 @@
-from .integrators.darboux_lie import DarbouxLieChart as DarbouxLieChart
-from .systems.canonical_transformation import CanonicalTransformation as CanonicalTransformation
-from .systems.darboux import Andoyer as Andoyer
-from .systems.darboux import DarbouxChart as DarbouxChart
-from .systems.darboux import InDarbouxChart as InDarbouxChart
-from .systems.darboux import LinearDarboux as LinearDarboux
-from .systems.darboux import LogarithmicDarboux as LogarithmicDarboux
-from .systems.local_coordinates import LocalChart as LocalChart
-from .systems.local_coordinates import in_coordinates as in_coordinates

@@ -1,0 +1,1 @@
+"""The laws, one small function for each."""

@@ -1,0 +1,53 @@
+"""Independence of Casimirs: each changes somewhere, and none is a function of others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from ..points.sample_points import flat
+from .law import Same
+
+INDEPENDENT = 1e-8
+"""Gradients of length one that are closer to dependent than this, by singular values, are so."""
+
+
+class Independent(Same):
+    """The number of Casimirs beside the number of directions that their gradients have."""
+
+    def slips(self, allowed: float) -> str:
+        """The number of independent gradients, in words."""
+        return (
+            f"of {flat(self.right)[0]:.0f} Casimirs only {flat(self.left)[0]:.0f} have gradients "
+            "that are independent: one of them is a constant, or a function of others"
+        )
+
+
+def independence(values: Callable[[Any], Any], slopes: Callable[[Any], np.ndarray], points: Iterable[Any]) -> Same:
+    """The rank of the gradients at the best of some points, beside the number of Casimirs; no
+    Casimirs are independent.
+
+    values : the Casimirs at a point, (number,).  slopes : their gradients as rows, (number, n).
+    """
+    best, number = 0, 0
+    for y in points:
+        try:
+            with np.errstate(all="ignore"):
+                C = flat(values(y))
+                G = np.asarray(slopes(y), dtype=float) if C.size else None
+        except (ArithmeticError, ValueError):  # it is not defined here
+            continue
+        if G is None:
+            continue
+        number = max(number, C.size)
+        # each coordinate in units of its own size
+        G = G.reshape(C.size, -1) * np.abs(flat(y))
+        largest = np.abs(G).max(axis=1, initial=0.0)
+        moving = largest > INDEPENDENT * np.abs(C)
+        rows = G[moving] / largest[moving, None]
+        rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+        sizes = np.linalg.svd(rows, compute_uv=False) if len(rows) else np.zeros(0)
+        best = max(best, int((sizes > INDEPENDENT).sum()))
+    return Independent(np.array([float(best)]), np.array([float(number)]))

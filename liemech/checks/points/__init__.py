@@ -1,0 +1,1 @@
+"""Where laws and claims are looked at: points, states, starts."""

@@ -1,0 +1,302 @@
+"""Staleness: is what a translation has read what is there now?
+
+In this process the values are compared with the present ones by identity, which takes microseconds;
+where they are other objects, their tokens tell.
+"""
+
+from __future__ import annotations
+
+import collections
+import decimal
+import functools
+import keyword
+import operator
+import threading
+import types
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
+
+from ...errors import NotCompilable
+from . import content_hashes
+from .content_hashes import ATOMS, Known, digest, is_mutable, same
+from .words import Word, Words, words_of
+
+Step = tuple[int, str, Any]
+"""The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
+
+MISSING = object()
+
+
+LOOKS = 8
+"""How often words of a read may have changed for other reasons before they are given up: where a class counts
+its objects, or a loop sets names of its module, they always do.
+"""
+
+_settling = threading.Lock()
+
+RELATIONS: dict[str, Callable[[Any, Any], bool]] = {"is": operator.is_, "isinstance": isinstance}
+"""Reads of two things, each known by its number."""
+
+
+class Guard:
+    """Compares the values of reads with the present ones: by the words of memory that change with them,
+    and of the others by one expression of all comparisons, written and compiled for them.
+
+    Where it does not hold, every read is asked for anew, one after the other, which tells what is
+    different.
+    """
+
+    def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str], known: Known) -> None:
+        self.steps, self.values, self.tokens, self.known = steps, values, all_tokens, known
+        # relations: the reads that lead to the two
+        self.pairs: list[tuple[tuple[int, int], int]] = []
+        self.compared: list[int] = []
+        self.mutable: list[int] = []
+        self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
+        self.parents = collections.Counter(parent for parent, *_ in steps)
+        # from the arguments, of what is a part of them
+        self.paths: list[list[tuple[str, Any]] | None] = []
+        paths = self.paths
+        # by properties: only `_glance` looks at what Python computed from them
+        made: set[int] = set()
+        for i, (parent, how, name) in enumerate(steps):
+            above = [] if how == "argument" else paths[parent] if parent >= 0 else None
+            if how in RELATIONS:
+                self.pairs.append(((parent, name), i))
+                paths.append(None)
+                continue
+            named = isinstance(values[i], (type, types.FunctionType))
+            if how == "property" or (parent in made and not named):
+                made.add(i)
+                paths.append(None)
+                continue
+            part = above is not None and not all_tokens[i] and not named
+            paths.append([*above, (how, name)] if part and above is not None else None)
+            if all_tokens[i] and above is not None and parent >= 0:
+                self.of_arguments.append(([*above, (how, name)], i))
+            elif all_tokens[i] or (
+                parent >= 0 and above is None and how in ("item", "value") and is_mutable(values[parent])
+            ):
+                self.compared.append(i)
+            if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
+                self.mutable.append(i)
+        # words, and expressions of the reads that these do not show
+        self.glance: tuple[Words, list[Callable[[Sequence[Any], list[Any]], bool]]] | None = None
+        self.words: dict[int, list[Word]] = {}
+        self.restless: collections.Counter[int] = collections.Counter()
+        self.others: list[Any] = []  # what the expressions need beside the values
+
+    def _words(self) -> dict[int, list[Word]]:
+        """The words that change with reads, as they are now; none of those that often change otherwise."""
+        found = {}
+        for i in self.compared:
+            parent, how, name = self.steps[i]
+            if parent >= 0 and self.restless[i] <= LOOKS:
+                words = words_of(self.values[parent], how, name, self.values[i])
+                if words:
+                    found[i] = words
+        return found
+
+    def _expressions(self, shown: Collection[int]) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
+        """One for each module, which sees its names as any function there does, and one for
+        everything else.
+
+        shown : reads that are compared by words.
+        """
+        general: dict[int, str] = {}
+        modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
+        known = {f"v{i}": value for i, value in enumerate(self.values)}
+        for i in self.compared:
+            if i in shown:
+                continue
+            parent, how, name = self.steps[i]
+            holder = self.values[parent]
+            if how == "global" and "__builtins__" in holder.__globals__:
+                space = id(holder.__globals__), id(holder.__builtins__)
+                modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
+            # a method has its formula for ever
+            elif name != "__formula__" or not (parent in general or parent in shown):
+                general[i] = self._comparison(i, holder, how, name)
+        found = [*general.values()]
+        for path, i in self.of_arguments:
+            found.append(f"{self._along(path)} is _values[{i}]")
+        for pair, i in self.pairs:
+            left, right = [f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k]) for k in pair]
+            related = self._other(RELATIONS[self.steps[i][1]])
+            found.append(f"{related}({left}, {right}) is {self.values[i]}")
+        same = [_expression(found, known | {f"o{i}": value for i, value in enumerate(self.others)})]
+        for holder, names in modules.values():
+            made = _expression(names, holder.__globals__)
+            same.append(made if made.__builtins__ is holder.__builtins__ else _never)
+        return same
+
+    def _along(self, path: Any) -> str:
+        """An expression for the value at the end of a path from the arguments."""
+        now = "_args"
+        for how, name in path:
+            now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
+        return now
+
+    def _comparison(self, i: int, holder: Any, how: str, name: Any) -> str:
+        """An expression that is true while read number i gives what it gave."""
+        now, then = f"v{self.steps[i][0]}", f" is v{i}"
+        if how == "cell":
+            return f"{self._other(holder.__closure__[holder.__code__.co_freevars.index(name)])}.cell_contents{then}"
+        if how.startswith("member"):
+            after = int(how.partition(" ")[2])
+            # Python code answers for it, and takes its time
+            if isinstance(self.values[i], functools.cached_property):
+                spaces = [self._other(vars(c)) for c in holder.__mro__[after:]]
+                home = next(k for k, c in enumerate(holder.__mro__[after:]) if name in vars(c))
+                hidden = [f"{name!r} not in {space} and " for space in spaces[:home]]
+                return f"{now}.__mro__ is {self._other(holder.__mro__)} and {''.join(hidden)}{spaces[home]}[{name!r}]{then}"
+            seen = super(holder.__mro__[after - 1], holder) if after else holder
+            if getattr(seen, name, MISSING) is self.values[i]:
+                return self._asked(self._other(seen) if after else now, "attribute", name) + then
+        return self._asked(now, how, name) + then
+
+    def _other(self, value: Any) -> str:
+        """A value that is no read, as a text."""
+        self.others.append(value)
+        return f"o{len(self.others) - 1}"
+
+    def _asked(self, holder: str, how: str, name: Any) -> str:
+        """A question to a holder, as a text."""
+        if how == "attribute" and name.isidentifier() and not keyword.iskeyword(name):
+            return f"{holder}.{name}"
+        return f"{self._other(asked)}({holder}, {how!r}, {name!r})"
+
+    def verdict(self, args: Sequence[Any]) -> bool | None:
+        """Is everything the same?  None: there are other objects, and their tokens must tell."""
+        glance, words = self.glance, None
+        if glance is None or not glance[0].same():
+            words = self._words()  # before they can change
+        else:
+            try:
+                for holds in glance[1]:
+                    if not holds(args, self.values):
+                        break
+                else:
+                    return not self.mutable or self._content()
+            except Exception:  # something is no longer there; which, does not matter yet
+                pass
+        try:
+            verdict = self._by_parts(args)
+        except Exception:
+            return False
+        if verdict and words is not None:
+            self._settle(words)
+        return verdict
+
+    def _settle(self, words: dict[int, list[Word]]) -> None:
+        """Look at these words from now on, and at what they do not show."""
+        with _settling:
+            before, self.words = self.words, words
+            self.restless.update([i for i in before if before[i] != words.get(i)])
+            if self.glance is None or before.keys() != words.keys():
+                self.others = []
+                expressions = self._expressions(words)
+            else:
+                expressions = self.glance[1]
+            self.glance = Words([x for own in words.values() for x in own]), expressions
+
+    def _content(self) -> bool:
+        """Is what can change in place as it was?"""
+        return all(digest(self.values[i], self.known) == self.tokens[i] for i in self.mutable)
+
+    def _by_parts(self, args: Sequence[Any]) -> bool | None:
+        unknown = False
+        for i in self.compared:
+            parent, how, name = self.steps[i]
+            now, then = asked(self.values[parent], how, name), self.values[i]
+            if now is not then:
+                if type(now) in ATOMS and not same(now, then):
+                    return False
+                unknown = unknown or type(now) not in ATOMS
+        if unknown:
+            return None
+        if not self._content():
+            return False
+        for path, i in self.of_arguments:
+            value = self._now(path, args)
+            if value is not self.values[i]:
+                if i in self.parents or digest(value, self.known) != self.tokens[i]:
+                    return None
+                self.values[i] = value
+        for pair, i in self.pairs:
+            left, right = [self.values[k] if self.paths[k] is None else self._now(self.paths[k], args) for k in pair]
+            if RELATIONS[self.steps[i][1]](left, right) is not self.values[i]:
+                return False
+        return True
+
+    @staticmethod
+    def _now(path: Any, args: Sequence[Any]) -> Any:
+        value: Any = (None, args)
+        for how, name in path:
+            value = asked(value, how, name)
+        return value
+
+
+def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
+    """A function that says whether all of these hold, where a text sees these names.
+
+    A module that has one of the names of its arguments is compared with them, in vain: then
+    everything is asked for anew.
+    """
+    return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
+
+
+def _never(*_: Any) -> bool:
+    return False
+
+
+def member_of(cls: type, after: int, name: str) -> Any:
+    """The member of a class, or of its bases, from this one of the resolution order on."""
+    for c in cls.__mro__[after:]:
+        if name in vars(c):
+            return vars(c)[name]
+    return MISSING
+
+
+def asked(holder: Any, how: str, name: Any) -> Any:
+    """The present answer of a holder to a read."""
+    match how.partition(" ")[0]:
+        case "attribute" | "property":
+            return getattr(holder, name)
+        case "global":
+            for names in (holder.__globals__, holder.__builtins__):
+                if name in names:
+                    return names[name]
+            raise NotCompilable(f"the name `{name}` is not defined")
+        case "cell":
+            try:
+                return holder.__closure__[holder.__code__.co_freevars.index(name)].cell_contents
+            except ValueError:
+                raise NotCompilable(f"`{name}` has no value yet") from None
+        case "member":
+            value = member_of(holder, int(how.partition(" ")[2]), name)
+            if value is MISSING:
+                raise AttributeError(name)
+            return value
+        case "item":
+            return holder[name]
+        case "value":
+            return list(holder.values())[name]
+        case "class":
+            return type(holder)
+        case "has":
+            return hasattr(holder, name)
+        case "defines":
+            return member_of(holder, 0, name) is not MISSING
+        case "plain":
+            return not content_hashes.has_operators(holder)
+        case "own":
+            return name in vars(holder)
+        case "argument":
+            return holder[1][name]
+        case "entry":
+            return holder[0]
+        case "decimals":  # how they are rounded
+            now = decimal.getcontext()
+            return f"{now.prec} {now.rounding} {now.Emin} {now.Emax} {now.clamp}"
+    raise NotCompilable(f"a read of an unknown kind, {how}")

@@ -1,0 +1,1 @@
+"""Machine code and its company: LLVM, object files, Ctrl-C, guard words."""

@@ -1,0 +1,135 @@
+"""LIEMECH_GUARD=1: every buffer that native code gets lies between guard words, which are looked at
+after every call.
+
+For tests: each call copies its buffers, there and back.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import inspect
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import BufferOverrun
+
+ON = os.environ.get("LIEMECH_GUARD", "0") not in ("", "0")
+
+WORD = 0x7FF0DEADBEEF0001
+"""A guard word; read as a float it is no number, so that what is read there shows, too."""
+
+LEAST, MOST = 2**7, 2**14
+"""Guard words on each side: as many as the buffer has, but no fewer and no more than these."""
+
+Buffer = np.ndarray | tuple[int, int]
+"""An array, or the address and the number of floats."""
+
+
+def checked(kernel: Any, block: bytes, buffers: Sequence[Buffer]) -> None:
+    """One call of a kernel on this block of memory, which names these buffers.  Raises
+    BufferOverrun.
+    """
+    before, names = _head(kernel)
+    fences = [Fence(x) for x in buffers]
+    words = np.frombuffer(block, np.int64).copy()
+    words[before : before + len(fences)] = [fence.place for fence in fences]
+    own, given = Fence(words), words.copy()
+    kernel.call(ctypes.c_char_p(own.place))
+    if not own.back() or not np.array_equal(words, given):
+        raise BufferOverrun(_told(kernel, "arguments"))
+    for name, fence in zip(names, fences, strict=True):
+        if not fence.back():
+            raise BufferOverrun(_told(kernel, f"buffer `{name}`"))
+
+
+def _told(kernel: Any, what: str) -> str:
+    given = ", ".join(map(repr, kernel.kinds[:2]))
+    return (
+        f"native code of {kernel.entry.__name__}, for {given[:300]}, has written outside of its {what}: "
+        "please report this with the program that did it"
+    )
+
+
+def _head(kernel: Any) -> tuple[int, list[str]]:
+    """How many words lie before the addresses in the block of a kernel, and the names of the
+    buffers.
+    """
+    names = iter(inspect.signature(kernel.entry).parameters.values())
+    before, found, name = 3, [], ""
+    for kind in kernel.kinds:
+        parameter = next(names, None)
+        name = name if parameter is None else parameter.name  # of *rows the last one stays
+        before += kind in ("integer", "rows", "planes")
+        if isinstance(kind, tuple) or kind in ("columns", "shared", "rows", "planes"):
+            found.append(name)
+    return before, found + ["scratch memory", "notes", "crew"] * ("planes" in kernel.kinds)
+
+
+class Fence:
+    """A copy of a buffer between guard words.
+
+    inside : the copy, with the strides of the buffer.  memory : all words around it.
+    """
+
+    def __init__(self, buffer: Buffer) -> None:
+        if isinstance(buffer, tuple):
+            place, count = buffer
+            buffer = np.ctypeslib.as_array((ctypes.c_double * count).from_address(place))
+        elif np.iscomplexobj(buffer):
+            buffer = _parts(buffer)
+        self.buffer = buffer
+        low, high = self._bounds()
+        margin = min(max(LEAST, (high - low) // 8), MOST)
+        self.memory = np.full((high - low) // 8 + 2 * margin, WORD, np.int64)
+        self.at = 8 * margin + buffer.ctypes.data - low
+        self.inside = self._in(self.memory)
+        self.inside[...] = _words(buffer)
+        self.before = self.memory.copy()
+
+    @property
+    def place(self) -> int:
+        """The address of the copy."""
+        return self.memory.ctypes.data + self.at
+
+    def _in(self, memory: np.ndarray) -> np.ndarray:
+        """The buffer in a memory like this."""
+        shape, strides = self.buffer.shape, self.buffer.strides
+        return np.ndarray(shape, np.int64, memory.data, self.at, strides)
+
+    def _bounds(self) -> tuple[int, int]:
+        """The first address of the buffer, and the one after its last."""
+        low = high = self.buffer.ctypes.data
+        if not self.buffer.size:
+            return low, high
+        for n, stride in zip(self.buffer.shape, self.buffer.strides, strict=True):
+            low, high = low + min(0, (n - 1) * stride), high + max(0, (n - 1) * stride)
+        return low, high + 8
+
+    def back(self) -> bool:
+        """Take what was written back to the buffer; is all around it as it was?
+
+        Other threads write to other parts of it: only what has changed is taken.
+        """
+        then = self._in(self.before)
+        changed = self.inside != then
+        if changed.any():
+            if not self.buffer.flags.writeable:
+                return False
+            _words(self.buffer)[changed] = self.inside[changed]
+            self.inside[...] = then
+        return np.array_equal(self.memory, self.before)
+
+
+def _words(numbers: np.ndarray) -> np.ndarray:
+    """Floats as words of 64 bits, in place."""
+    words: np.ndarray = numbers.view(np.int64)
+    return words
+
+
+def _parts(numbers: np.ndarray) -> np.ndarray:
+    """The real and imaginary parts of complex numbers, in place."""
+    shape, strides = (*numbers.shape, 2), (*numbers.strides, 8)
+    return np.lib.stride_tricks.as_strided(numbers.real, shape, strides)

@@ -1,0 +1,259 @@
+"""Object files for C: kernels that run without Python, and how much their steps do at most."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from ...errors import NotCompilable
+from ...formulas.classes.frozen import frozen
+from ...formulas.functions import LIBM
+from . import llvm
+from .stop_checks import KEEPING, LOOK
+
+_C = {f"liemech_{f.__name__}": f.__name__ for f in (*LIBM, pow)}
+"""The functions of the C library by the names under which LLVM knows nothing about them."""
+
+_ASKED = re.compile(r"liemech_((?:math|numpy)_\w+?)_[12](?!\w)")
+
+_NEVER = f"\ndefine internal {KEEPING} i1 @look() {{\n  ret i1 false\n}}\n"
+"""Nobody interrupts C code."""
+
+_DECLARED = re.compile(r'^declare double @"(liemech_\w+)"\(([^)]*)\).*$', re.MULTILINE)
+
+
+WORDS = (
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
+    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while alignas alignof "
+    "and and_eq asm bitand bitor bool catch class co_await co_return co_yield compl concept const_cast consteval constexpr "
+    "constinit decltype delete dynamic_cast explicit export false friend mutable namespace new noexcept not not_eq nullptr "
+    "operator or or_eq private protected public reinterpret_cast requires static_assert static_cast template this "
+    "thread_local throw true try typeid typename typeof typeof_unqual using virtual xor xor_eq "
+    "main linux unix FILE NULL EOF NAN INFINITY"
+)
+"""The keywords of C and C++, `main`, and what their headers define that is no function."""
+
+
+def is_taken(name: str) -> bool:
+    """Is that a word of C or C++, or of their libraries?"""
+    return name in WORDS.split() or name.endswith("_t") or hasattr(llvm.c_library(), name)
+
+
+def object_file(kernels: dict[str, str], target: str | None) -> tuple[bytes, str, str, Bound | None]:
+    """Machine code of kernels, by the names that C calls them by, the platform and processor that it
+    is for, and a bound on the steps of the first one, None if there is none.
+
+    kernels : in LLVM's language.  target : None, "native", or LLVM's words for another platform.
+    Raises NotCompilable for formulas that ask Python.
+    """
+    texts = [_alone(text, name) for name, text in kernels.items()]
+    code, text, triple, processor = llvm.portable(texts, target)
+    endless = '@"look"' in next(iter(kernels.values()))
+    bound = None if endless else bound_of(text, next(iter(kernels)))
+    return code, triple, processor, bound
+
+
+def _alone(text: str, name: str) -> str:
+    """A kernel that asks nothing but the C library."""
+    asked = sorted({f.replace("_", ".", 1) for f in _ASKED.findall(text)})
+    if asked:
+        raise NotCompilable(
+            f"Plan.export: formulas ask Python for {', '.join(asked)}, and C code runs without it; "
+            "take the functions of liemech.formulas, which are those of the C library"
+        )
+    text = text.replace(LOOK, _NEVER)
+    text = text.replace('define void @"loop"', 'define internal void @"loop"')
+    text = text.replace('@"kernel"', f'@"{name}"')
+    needed: set[str] = set()
+
+    def defined(match: re.Match[str]) -> str:
+        inner, count = match[1], match[2].count("double")
+        if inner not in _C:
+            raise NotCompilable(f"Plan.export: native code needs {inner}, which C does not have")
+        needed.add(f"declare double @{_C[inner]}({', '.join(['double'] * count)})\n")
+        given = ", ".join(f"double %x{i}" for i in range(count))
+        return (
+            f'define internal double @"{inner}"({given}) noinline nounwind {{\n'
+            f"  %y = call double @{_C[inner]}({given}) nobuiltin\n  ret double %y\n}}"
+        )
+
+    text = _DECLARED.sub(defined, text)
+    return text + "".join(sorted(needed))
+
+
+# ------------------------------------------------------------------ how much a step does
+
+
+@frozen
+class Bound:
+    """The most operations of a step of a kernel, whatever its numbers are, and of a call beside its steps.
+
+    instructions : of LLVM, each of which is one of the processor or a few.  arithmetic : sums,
+    products and comparisons of doubles among them.  divisions : with square roots.  calls : of the C
+    library.  overhead : instructions of a call beside those of its steps.
+    """
+
+    instructions: int
+    arithmetic: int
+    divisions: int
+    calls: int
+    overhead: int
+
+
+_ARITHMETIC = re.compile(r"= (?:tail |fast )*(?:fadd|fsub|fmul|fneg|fcmp)\b|@llvm\.(?:fabs|copysign)")
+_DIVISION = re.compile(r"= (?:fdiv|frem)\b|@llvm\.sqrt")
+_CALL = re.compile(r'call [^@]*@"?(liemech_\w+)')
+_OTHER_CALL = re.compile(r'call [^@]*@(?:"([^"]+)"|([\w.$-]+))\(')
+_FUNCTION = re.compile(r"^define [^\n]*?@(?:\"([^\"]+)\"|([\w.$-]+))\([^\n]*\{\n(.*?)^\}", re.M | re.S)
+_LABEL = re.compile(r'^(?:"([^"]+)"|([\w.$-]+)):')
+_TARGET = re.compile(r'label %(?:"([^"]+)"|([\w.$-]+))')
+
+Blocks = dict[str, tuple[list[str], list[str]]]
+"""Of a function by name: its instructions, and the blocks that follow."""
+
+
+def bound_of(text: str, name: str) -> Bound | None:
+    """The bound of a kernel in LLVM's language, after its passes; None if there are loops in its
+    steps.
+    """
+    functions = {a or b: _blocks(body) for a, b, body in _FUNCTION.findall(text)}
+    weights: list[Callable[[str], int]] = [
+        lambda line: 1,
+        lambda line: bool(_ARITHMETIC.search(line)),
+        lambda line: bool(_DIVISION.search(line)),
+        lambda line: bool(_CALL.search(line)),
+    ]
+    found: list[tuple[int, int]] = []
+    try:
+        for weigh in weights:
+            steps: list[int] = []
+            total = _most(functions, name, weigh, steps, 0, [])
+            found.append((steps[0], total))
+    except (_Loops, IndexError):
+        return None
+    (instructions, total), *others = found
+    arithmetic, divisions, calls = (step for step, _ in others)
+    return Bound(instructions, arithmetic, divisions, calls, total - instructions)
+
+
+class _Loops(Exception):
+    """There are loops in a step."""
+
+
+STEPS = 3
+"""How many loops there are around a step: over bodies, samples, and the steps of each."""
+
+
+def _blocks(body: str) -> Blocks:
+    found: Blocks = {}
+    lines: list[str] = []
+    follow: list[str] = []
+    name = ""
+    for line in body.splitlines():
+        label = _LABEL.match(line)
+        if label:
+            if lines or name:
+                found[name] = lines, follow
+            name, lines, follow = label[1] or label[2], [], []
+        elif line.strip() and not line.strip().startswith(";"):
+            lines.append(line)
+            follow += [a or b for a, b in _TARGET.findall(line)]
+    found[name] = lines, follow
+    return found
+
+
+def _most(
+    functions: dict[str, Blocks], name: str, weigh: Callable[[str], int], steps: list[int], deep: int, loops: list[int]
+) -> int:
+    """The most that a call of a function weighs, with one turn of each loop.
+
+    steps : gets the weight of one turn of the loop of steps.  deep : loops around the call.
+    loops : gets how deep each loop is that was met.
+    """
+    blocks = functions[name]
+
+    def alone(block: str) -> int:
+        total = 0
+        for line in blocks[block][0]:
+            total += weigh(line)
+            called = _OTHER_CALL.search(line)
+            inner = called and (called[1] or called[2])
+            if inner in functions and not inner.startswith("liemech_"):
+                # a function that all calls share has no loops of its own, but the kernel has
+                total += _most(functions, str(inner), weigh, steps, deep, loops)
+        return total
+
+    def region(inside: set[str], entries: set[str], deep: int) -> int:
+        """The longest way through some blocks."""
+        parts = _components(inside, lambda b: [x for x in blocks[b][1] if x in inside])
+        of = {block: i for i, part in enumerate(parts) for block in part}
+        most: list[int] = []
+        for i, part in enumerate(parts):  # those that follow come first
+            first = next(iter(part))
+            loop = len(part) > 1 or first in blocks[first][1]
+            if loop:
+                loops.append(deep)
+                if deep >= STEPS or loops.count(deep) > 1:
+                    raise _Loops  # others than those around the steps
+                outside = (set(blocks) - part) if deep == 0 else (inside - part)
+                heads = {x for b in outside for x in blocks[b][1] if x in part} or (entries & part)
+                weight = turn(part, heads, deep + 1)
+            else:
+                weight = alone(first)
+            after = {of[x] for b in part for x in blocks[b][1] if x in inside} - {i}
+            most.append(weight + max((most[k] for k in after), default=0))
+        return max(most, default=0)
+
+    def turn(part: set[str], heads: set[str], deep: int) -> int:
+        """The longest way through one turn of a loop."""
+        if len(heads) != 1:
+            raise _Loops
+        (head,) = heads
+        weight = alone(head) + region(part - {head}, set(blocks[head][1]) & part, deep)
+        if deep == STEPS:
+            steps.append(weight)
+        return weight
+
+    return region(set(blocks), {next(iter(blocks))}, deep)
+
+
+def _components(nodes: Iterable[str], follow: Callable[[str], list[str]]) -> list[set[str]]:
+    """Strongly connected components, those that follow before those they follow from.
+
+    Source: Tarjan, SIAM J. Comput. 1 (1972), 146.
+    """
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    on: set[str] = set()
+    found: list[set[str]] = []
+    for root in nodes:
+        if root in index:
+            continue
+        work: list[tuple[str, Any]] = [(root, iter(follow(root)))]
+        index[root] = low[root] = len(index)
+        stack.append(root)
+        on.add(root)
+        while work:
+            node, rest = work[-1]
+            for other in rest:
+                if other not in index:
+                    index[other] = low[other] = len(index)
+                    stack.append(other)
+                    on.add(other)
+                    work.append((other, iter(follow(other))))
+                    break
+                if other in on:
+                    low[node] = min(low[node], index[other])
+            else:
+                work.pop()
+                if work:
+                    low[work[-1][0]] = min(low[work[-1][0]], low[node])
+                if low[node] == index[node]:
+                    part: set[str] = set()
+                    while node not in part:
+                        part.add(stack.pop())
+                    on -= part
+                    found.append(part)
+    return found

@@ -1,0 +1,1 @@
+"""Numbers of the run, and what is done to them: functions, arrays, tables, large matrices."""

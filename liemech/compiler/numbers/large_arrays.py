@@ -1,0 +1,712 @@
+"""Vectors and matrices in memory as native code has them: loops over their numbers, and calls of BLAS
+and LAPACK.
+
+Every result has a piece of memory of its own, known while translating: what is found in a turn of a
+loop is overwritten in the next one, and what the loop carries on is copied at the end of the turn.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import operator
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from llvmlite import ir
+
+from ...errors import NotCompilable
+from ...formulas.classes.pytree import Layout
+from ...formulas.large import TOGETHER, DiagonalSolver, Large, LinearMap, size_of
+from ...formulas.numbers.complex_numbers import Complex
+from .ir_numbers import F64, I32, I64, Emitter, Num
+from .lookups import constants
+
+WIDE = 8
+"""Numbers that are worked on side by side."""
+
+TILE = 8
+"""Rows and columns of the blocks in which a matrix is transposed, so that they stay in the cache."""
+
+_INSTRUCTIONS = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}  # fmt: skip
+BYTE, POINTER = ir.IntType(8), F64.as_pointer()
+
+
+class Deferred(Large):
+    """Number by number an operator of others, computed when somebody asks where it lies."""
+
+    __slots__ = ("_place", "engine", "node")
+    _place: Any
+    engine: LargeArrays
+    node: tuple[Any, ...]
+
+    @classmethod
+    def made(cls, engine: LargeArrays, node: tuple[Any, ...], form: tuple[Any, ...]) -> Deferred:
+        made = object.__new__(cls)
+        made.shape, made.is_complex = form
+        made.numbers, made._place, made.engine, made.node = None, None, engine, node
+        return made
+
+    @property
+    def place(self) -> Any:
+        if self._place is None:
+            self._place = self.engine.computed(self.node, self.form)
+        return self._place
+
+    @property
+    def _engine(self) -> Any:
+        return self.engine
+
+
+class LargeArrays:
+    """Operations of native code on vectors and matrices in memory.
+
+    used : numbers of the memory so far.  widest : of the largest piece.
+    """
+
+    def __init__(self, emitter: Emitter) -> None:
+        self.e, self.used, self.widest, self.nested = emitter, 0, 0, 0
+        self.results: list[ir.Value] = []  # where results lie, which are not carried from turn to turn
+        b = emitter.builder
+        self.size, self.spare = ir.Constant(I64, 0), ir.Constant(I64, 0)
+        self.raw = b.call(self._function("malloc", BYTE.as_pointer(), [I64]), [self.size])
+        begin = b.add(b.ptrtoint(self.raw, I64), ir.Constant(I64, 63))
+        self.begin = b.and_(begin, ir.Constant(I64, -64))
+        self.blank = b.add(self.begin, self.spare)
+
+    def finish(self) -> None:
+        """The memory is as large as it has turned out to be, and is given back."""
+        self.spare.constant = 8 * self.used
+        self.size.constant = 8 * (self.used + self.widest) + 64
+        free = self._function("free", ir.VoidType(), [BYTE.as_pointer()])
+        self.e.builder.call(free, [self.raw])
+
+    # ---------------------------------------------------------------- memory
+
+    def allocate(self, count: int) -> Num:
+        """Memory for so many numbers."""
+        at, self.used = self.used, self.used + -(-count // WIDE) * WIDE
+        self.widest = max(self.widest, count)
+        place = self.e.builder.add(self.begin, ir.Constant(I64, 8 * at))
+        self.results.append(place)
+        return self.e.num([place])
+
+    def anywhere(self) -> Num:
+        """Memory for any of the vectors and matrices, whose numbers nobody asks for."""
+        return self.e.num([self.blank])
+
+    def new(self, form: tuple[Any, ...]) -> Large:
+        """One of this form in memory of its own."""
+        return Large.at(self.allocate(size_of(form)), form)
+
+    def stored(self, x: Any) -> Large:
+        """The numbers of a vector that is written out, in memory."""
+        found = self.new(((len(x),), False))
+        target = self.address(found)
+        for i, c in enumerate(x):
+            self.store(self.e.cast(c, "f", False)[0], target, ir.Constant(I64, i))
+        return found
+
+    def address(self, x: Large) -> ir.Value:
+        """Where the first number is."""
+        if x.numbers is not None:
+            return constants(self.e, x.numbers.ravel(), F64)
+        return self.e.builder.inttoptr(x.place.value, POINTER)
+
+    def pointer(self, place: Num) -> ir.Value:
+        return self.e.builder.inttoptr(place.value, POINTER)
+
+    def copied(self, place: Num, form: tuple[Any, ...], to: Num | None = None) -> Num:
+        """The numbers that lie at a place, in memory of their own or at another place."""
+        to = self.allocate(size_of(form)) if to is None else to
+        self.move(self.pointer(place), self.pointer(to), size_of(form))
+        return to
+
+    def carried(self, moves: list[tuple[Num, Any]]) -> list[Num]:
+        """Copies of what a loop carries on, given by place and form, at the end of a turn.
+
+        What lies where another one is going to lie is first brought out of the way.
+        """
+        at = [
+            place if any(place.value is x for x in self.results) else self.copied(place, form) for place, form in moves
+        ]
+        return [self.copied(place, form) for place, (_, form) in zip(at, moves)]
+
+    def move(self, source: ir.Value, target: ir.Value, count: int) -> None:
+        """Copy so many numbers."""
+        move = self._function("memmove", BYTE.as_pointer(), [BYTE.as_pointer()] * 2 + [I64])
+        b = self.e.builder
+        both = [b.bitcast(x, BYTE.as_pointer()) for x in (target, source)]
+        b.call(move, [*both, ir.Constant(I64, 8 * count)])
+
+    def _function(self, name: str, result: ir.Type, arguments: list[ir.Type]) -> ir.Function:
+        module = self.e.builder.module
+        known = module.globals.get(name)
+        if known is None:
+            known = ir.Function(module, ir.FunctionType(result, arguments), name)
+            known.attributes.add("nounwind")
+        return known
+
+    # ---------------------------------------------------------------- loops
+
+    @contextlib.contextmanager
+    def turns(self, count: int, step: int = 1) -> Iterator[ir.Value]:
+        """A loop over 0, step, ... below count."""
+        if count <= step:
+            yield ir.Constant(I64, 0)
+            return
+        with self._range(ir.Constant(I64, 0), ir.Constant(I64, count), step) as i:
+            yield i
+
+    def wide(self, count: int, body: Callable[[ir.Value, int], None]) -> None:
+        """A loop over numbers, `WIDE` at once, and what is left over one by one."""
+        whole = count // WIDE * WIDE
+        if whole:
+            with self.turns(whole, WIDE) as i:
+                body(i, WIDE)
+        if count > whole:
+            with self.turns(count - whole) as i:
+                body(self.e.builder.add(i, ir.Constant(I64, whole)), 1)
+
+    def load(self, first: ir.Value, i: ir.Value, width: int) -> ir.Value:
+        b = self.e.builder
+        type_ = F64 if width == 1 else ir.VectorType(F64, width)
+        return b.load(b.gep(first, [i], source_etype=F64), typ=type_, align=8)
+
+    def store(self, value: ir.Value, first: ir.Value, i: ir.Value) -> None:
+        b = self.e.builder
+        place = b.gep(first, [i], source_etype=F64)
+        b.store(value, b.bitcast(place, value.type.as_pointer()), align=8)
+
+    # ---------------------------------------------------------------- number by number
+
+    def by_numbers(self, op: Any, a: Any, b: Any) -> Large:
+        """An operator, number by number."""
+        form = next(x.form for x in (a, b) if isinstance(x, Large))
+        found = Deferred.made(self, (_INSTRUCTIONS[op], self._operand(a), self._operand(b)), form)
+        if not self.nested:
+            found.place  # noqa: B018
+        return found
+
+    @contextlib.contextmanager
+    def whole(self, nested: bool) -> Iterator[None]:
+        """Inside of an expression (nested) operators wait for those around them; elsewhere not."""
+        before, self.nested = self.nested, self.nested + 1 if nested else 0
+        try:
+            yield
+        finally:
+            self.nested = before
+
+    def _operand(self, x: Any) -> Any:
+        if isinstance(x, Deferred) and x._place is None:
+            return x.node
+        if isinstance(x, Large):
+            return x
+        if isinstance(x, (int, float, Num)):
+            return self.e.num(self.e.cast(x, "f", False))
+        return self.stored(x) if any(isinstance(c, Num) for c in x) else Large(x)
+
+    def absolute(self, a: Large) -> Large:
+        """|a_i|, number by number."""
+        return Large.at(self.computed(("abs", a), a.form), a.form)
+
+    def computed(self, node: tuple[Any, ...], form: tuple[Any, ...]) -> Num:
+        """The place of what an expression gives, number by number."""
+        place = self.allocate(size_of(form))
+        leaves: dict[int, ir.Value] = {}
+        pattern = self._pattern(node, leaves)
+
+        def body(target: ir.Value, *given: ir.Value) -> None:
+            sources = dict(zip(leaves, given))
+            self.wide(size_of(form), lambda i, width: self.store(self._value(node, sources, i, width, {}), target, i))
+
+        self.apart((pattern, size_of(form)), [self.pointer(place), *leaves.values()], body)
+        return place
+
+    def _pattern(self, node: Any, leaves: dict[int, ir.Value]) -> Any:
+        """The form of an expression; its leaves are added: where vectors and matrices lie, and numbers."""
+        if isinstance(node, tuple):
+            return node[0], *[self._pattern(x, leaves) for x in node[1:]]
+        if id(node) not in leaves:
+            leaves[id(node)] = self.address(node) if isinstance(node, Large) else node.value
+        return [*leaves].index(id(node)), isinstance(node, Large)
+
+    def apart(
+        self,
+        key: tuple[Any, ...],
+        values: list[ir.Value],
+        body: Callable[..., ir.Value | None],
+        result: ir.Type | None = None,
+    ) -> ir.Value:
+        """A call of a native function that does this work wherever it occurs, so that code stays short.
+
+        key : tells it from others.  body : gives the result from the values inside.
+        """
+        b = self.e.builder
+        name = f"large.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}"
+        function = b.module.globals.get(name)
+        if function is None:
+            kind = ir.FunctionType(result or ir.VoidType(), [v.type for v in values])
+            function = ir.Function(b.module, kind, name)
+            function.linkage = "internal"
+            for attribute in ("noinline", "nounwind"):
+                function.attributes.add(attribute)
+            with b.inside(function, False):
+                b.position_at_end(function.append_basic_block("entry"))
+                made = body(*function.args)
+                b.ret_void() if made is None else b.ret(made)
+        return b.call(function, values)
+
+    def _value(
+        self, node: Any, sources: dict[int, ir.Value], i: ir.Value, width: int, known: dict[int, Any]
+    ) -> ir.Value:
+        if id(node) not in known:
+            b = self.e.builder
+            if isinstance(node, Large):
+                known[id(node)] = self.load(sources[id(node)], i, width)
+            elif isinstance(node, Num):
+                known[id(node)] = self.e.spread(sources[id(node)], width)
+            else:
+                parts = [self._value(x, sources, i, width, known) for x in node[1:]]
+                if node[0] == "abs":
+                    type_ = parts[0].type
+                    name = "llvm.fabs.f64" if width == 1 else f"llvm.fabs.v{width}f64"
+                    known[id(node)] = b.call(self._function(name, type_, [type_]), parts)
+                else:
+                    known[id(node)] = getattr(b, node[0])(*parts)
+        return known[id(node)]
+
+    # ---------------------------------------------------------------- sums
+
+    def inner(self, a: Large, b: Large) -> Num:
+        """The sum of the products of numbers, in the order of `formulas.large.total`."""
+        build = self.e.builder
+
+        def product(i: ir.Value, w: int, first: ir.Value, second: ir.Value) -> ir.Value:
+            return build.fmul(self.load(first, i, w), self.load(second, i, w))
+
+        return self._sum("inner", product, a, b)
+
+    def distance2(self, a: Large, b: Large) -> Num:
+        """The sum of squared differences."""
+        build = self.e.builder
+
+        def square(i: ir.Value, w: int, first: ir.Value, second: ir.Value) -> ir.Value:
+            off = build.fsub(self.load(first, i, w), self.load(second, i, w))
+            return build.fmul(off, off)
+
+        return self._sum("distance", square, a, b)
+
+    def sum(self, a: Large) -> Num:
+        """The sum of all numbers."""
+        return self._sum("sum", lambda i, w, first: self.load(first, i, w), a)
+
+    def _sum(self, name: str, term: Callable[..., ir.Value], *of: Large) -> Num:
+        """The sum of terms made of the numbers of some vectors."""
+        count = of[0].size
+
+        def body(*places: ir.Value) -> ir.Value:
+            return self._summed(count, lambda i, w: term(i, w, *places))
+
+        given = [self.address(x) for x in of]
+        return self.e.num([self.apart((name, count), given, body, F64)])
+
+    def _summed(self, count: int, term: Callable[[ir.Value, int], ir.Value]) -> ir.Value:
+        b = self.e.builder
+        whole, total = count // TOGETHER * TOGETHER, ir.Constant(F64, 0.0)
+        if whole:
+            halves = range(0, TOGETHER, WIDE)
+            at = lambda i, k: b.add(i, ir.Constant(I64, k))  # noqa: E731
+            sums = [term(ir.Constant(I64, k), WIDE) for k in halves]
+            if whole > TOGETHER:
+                before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
+                b.branch(head)
+                b.position_at_end(head)
+                i = b.phi(I64)
+                i.add_incoming(ir.Constant(I64, TOGETHER), before)
+                phis = [b.phi(s.type) for s in sums]
+                for phi, s in zip(phis, sums):
+                    phi.add_incoming(s, before)
+                sums = [b.fadd(phi, term(at(i, k), WIDE)) for phi, k in zip(phis, halves)]
+                following = at(i, TOGETHER)
+                i.add_incoming(following, b.block)
+                for phi, s in zip(phis, sums):
+                    phi.add_incoming(s, b.block)
+                b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, whole)), head, done)
+                b.position_at_end(done)
+            numbers = [b.extract_element(s, ir.Constant(I32, k)) for s in sums for k in range(WIDE)]
+            while len(numbers) > 1:
+                half = len(numbers) // 2
+                numbers = [b.fadd(x, y) for x, y in zip(numbers[:half], numbers[half:])]
+            total = numbers[0]
+        for k in range(whole, count):
+            total = b.fadd(total, term(ir.Constant(I64, k), 1))
+        return total
+
+    # ---------------------------------------------------------------- matrices
+
+    def product(self, a: Large, b: Large) -> Large:
+        """A B, by BLAS: stored by columns, B^T A^T."""
+        found = self.new(((a.shape[0], b.shape[1]), a.is_complex))
+        self.apart(
+            ("product", a.form, b.form),
+            [self.address(x) for x in (a, b, found)],
+            lambda *places: self._multiply(a, b, *places),
+        )
+        return found
+
+    def _multiply(self, a: Large, b: Large, left: ir.Value, right: ir.Value, found: ir.Value) -> None:
+        (m, k), n = a.shape, b.shape[1]
+        kind = "z" if a.is_complex else "d"
+        no, sizes = self._known(BYTE, ord("N")), [self._known(I32, x) for x in (n, m, k)]
+        one, zero = (constants(self.e, [x, 0.0], F64) for x in (1.0, 0.0))
+        self._call(
+            f"{kind}gemm", no, no, *sizes, one, right, sizes[0], left, sizes[2], zero, found, sizes[0],
+        )  # fmt: skip
+
+    def over(self, b: Large, a: Large) -> Large:
+        """B A^-1, by LAPACK; nan if A is singular."""
+        build, n, m = self.e.builder, len(a), len(b)
+        found, factors = self.new(b.form), self.new(a.form)
+        for source, target in ((b, found), (a, factors)):
+            self.move(self.address(source), self.address(target), source.size)
+        pivots, kind = self.allocate(n), "z" if a.is_complex else "d"
+        with build.goto_entry_block():
+            info = build.alloca(I32)
+        build.store(ir.Constant(I32, 0), info)
+        sizes = [self._known(I32, x) for x in (n, m)]
+        self._call(
+            f"{kind}gesv", *sizes, self.address(factors), sizes[0], self.pointer(pivots),
+            self.address(found), sizes[0], info,
+        )  # fmt: skip
+        singular = build.icmp_signed("!=", build.load(info, typ=I32), ir.Constant(I32, 0))
+        with build.if_then(singular):
+            nan, target = self.e.constant(float("nan")).value, self.address(found)
+            self.wide(found.size, lambda i, w: self.store(self.e.spread(nan, w), target, i))
+        return found
+
+    def determinant(self, a: Large) -> Any:
+        """det A, the product of LAPACK's pivots."""
+        both = self.allocate(2)
+        factors, pivots = self.new(a.form), self.allocate(len(a))
+        places = [self.address(a), self.address(factors), self.pointer(pivots), self.pointer(both)]
+        self.apart(("determinant", a.form), places, lambda *given: self._pivots(a, *given))
+        parts = [self.e.num([self.load(self.pointer(both), ir.Constant(I64, k), 1)]) for k in range(2)]
+        return Complex(*parts) if a.is_complex else parts[0]
+
+    def _pivots(self, a: Large, source: ir.Value, factors: ir.Value, pivots: ir.Value, both: ir.Value) -> None:
+        b, n, width = self.e.builder, len(a), 2 if a.is_complex else 1
+        self.move(source, factors, a.size)
+        info, size = b.alloca(I32), self._known(I32, n)
+        self._call(f"{'z' if a.is_complex else 'd'}getrf", size, size, factors, size, pivots, info)
+        zero, one = (ir.Constant(I64, k) for k in (0, 1))
+        for k, value in ((zero, 1.0), (one, 0.0)):
+            self.store(ir.Constant(F64, value), both, k)
+        with self._range(zero, ir.Constant(I64, n)) as k:
+            at = b.load(b.gep(b.bitcast(pivots, I32.as_pointer()), [k], source_etype=I32), typ=I32)
+            own = b.icmp_signed("==", b.sext(at, I64), b.add(k, one))
+            s = b.select(own, ir.Constant(F64, 1.0), ir.Constant(F64, -1.0))
+            place = b.mul(k, ir.Constant(I64, width * (n + 1)))
+            x = b.fmul(s, self.load(factors, place, 1))
+            y = b.fmul(s, self.load(factors, b.add(place, one), 1) if width == 2 else ir.Constant(F64, 0.0))
+            re, im = self.load(both, zero, 1), self.load(both, one, 1)
+            self.store(b.fsub(b.fmul(re, x), b.fmul(im, y)), both, zero)
+            self.store(b.fadd(b.fmul(re, y), b.fmul(im, x)), both, one)
+
+    def turned(self, a: Large, conjugate: bool) -> Large:
+        """The transpose, of complex matrices perhaps of the conjugate, block by block."""
+        found = self.new((a.shape[::-1], a.is_complex))
+        self.apart(
+            ("turned", a.form, conjugate),
+            [self.address(a), self.address(found)],
+            lambda source, target: self._turn(a, conjugate, source, target),
+        )
+        return found
+
+    def _turn(self, a: Large, conjugate: bool, source: ir.Value, target: ir.Value) -> None:
+        b, (m, n) = self.e.builder, a.shape
+        parts = 2 if a.is_complex else 1
+        signs = ir.Constant(ir.VectorType(F64, 2), [1.0, -1.0])
+
+        def place(i: ir.Value, j: ir.Value, columns: int) -> ir.Value:
+            at = b.add(b.mul(i, ir.Constant(I64, columns)), j)
+            return b.mul(at, ir.Constant(I64, parts)) if parts > 1 else at
+
+        with self.turns(m, TILE) as i0, self.turns(n, TILE) as j0, self._until(i0, m) as i, self._until(j0, n) as j:
+            x = self.load(source, place(i, j, n), parts)
+            if conjugate:
+                x = b.fmul(x, signs)
+            self.store(x, target, place(j, i, m))
+
+    def without_adjoint(self, a: Large) -> Large:
+        """A - A^H, an entry and its mirror image at a time, block by block."""
+        found = self.new(a.form)
+        self.apart(
+            ("without adjoint", a.form),
+            [self.address(a), self.address(found)],
+            lambda source, target: self._less_adjoint(a, source, target),
+        )
+        return found
+
+    def _less_adjoint(self, a: Large, source: ir.Value, target: ir.Value) -> None:
+        b, n = self.e.builder, len(a)
+        parts = 2 if a.is_complex else 1
+        signs = ir.Constant(ir.VectorType(F64, 2), [1.0, -1.0])
+
+        def place(i: ir.Value, j: ir.Value) -> ir.Value:
+            at = b.add(b.mul(i, ir.Constant(I64, n)), j)
+            return b.mul(at, ir.Constant(I64, parts)) if parts > 1 else at
+
+        def conjugate(x: ir.Value) -> ir.Value:
+            return b.fmul(x, signs) if a.is_complex else x
+
+        with self.turns(n) as i:
+            own = self.load(source, place(i, i), parts)
+            self.store(b.fsub(own, conjugate(own)), target, place(i, i))
+        zero, one = (ir.Constant(I64, x) for x in (0, 1))
+        with (
+            self.turns(n, TILE) as i0,
+            self._range(zero, b.add(i0, one), TILE) as j0,
+            self._until(i0, n) as i,
+            b.if_then(b.icmp_signed(">", i, j0)),
+        ):
+            end: ir.Value = b.add(j0, ir.Constant(I64, TILE))
+            end = b.select(b.icmp_signed("<", end, i), end, i)
+            with self._range(j0, end) as j:
+                x, y = (self.load(source, at, parts) for at in (place(i, j), place(j, i)))
+                self.store(b.fsub(x, conjugate(y)), target, place(i, j))
+                self.store(b.fsub(y, conjugate(x)), target, place(j, i))
+
+    @contextlib.contextmanager
+    def _range(self, begin: ir.Value, end: ir.Value, step: int = 1) -> Iterator[ir.Value]:
+        """A loop from one number to another one, which is larger."""
+        b = self.e.builder
+        before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
+        b.branch(head)
+        b.position_at_end(head)
+        i = b.phi(I64)
+        i.add_incoming(begin, before)
+        yield i
+        following = b.add(i, ir.Constant(I64, step))
+        i.add_incoming(following, b.block)
+        b.cbranch(b.icmp_signed("<", following, end), head, done)
+        b.position_at_end(done)
+
+    @contextlib.contextmanager
+    def _until(self, begin: ir.Value, count: int) -> Iterator[ir.Value]:
+        """A loop over the rows of a block that begins here."""
+        b = self.e.builder
+        end: ir.Value = b.add(begin, ir.Constant(I64, TILE))
+        most = ir.Constant(I64, count)
+        end = b.select(b.icmp_signed("<", end, most), end, most)
+        with self._range(begin, end) as i:
+            yield i
+
+    def plus(self, a: Large, s: Any) -> Large:
+        """A + s 1."""
+        found, b = self.new(a.form), self.e.builder
+        self.move(self.address(a), self.address(found), a.size)
+        added, target = self.e.cast(s, "f", False)[0], self.address(found)
+        step = (len(a) + 1) * (2 if a.is_complex else 1)
+        with self.turns(len(a)) as i:
+            at = b.mul(i, ir.Constant(I64, step))
+            self.store(b.fadd(self.load(target, at, 1), added), target, at)
+        return found
+
+    def mapped(self, known: LinearMap, x: Large) -> Large:
+        """The image of a linear map."""
+        found = self.new(known.target)
+        self.apart(
+            ("mapped", known.content),
+            [self.address(x), self.address(found)],
+            lambda source, target: self._map(known, source, target),
+        )
+        return found
+
+    def _map(self, known: LinearMap, source: ir.Value, target: ir.Value) -> None:
+        b, size = self.e.builder, size_of(known.target)
+        if sum(len(rows) for rows, *_ in known.groups) < size:
+            zero = ir.Constant(F64, 0.0)
+            self.wide(size, lambda i, w: self.store(self.e.spread(zero, w), target, i))
+        for k, (rows, coefficients, _) in enumerate(known.groups):
+            terms = coefficients.shape[1]
+            places, factors, at = (self._table(known, k, part) for part in range(3))
+            with self.turns(len(rows)) as i:
+                first = b.mul(i, ir.Constant(I64, terms))
+                if terms <= 2:
+                    total = self._term(places, factors, source, first)
+                    for t in range(1, terms):
+                        total = b.fadd(total, self._term(places, factors, source, b.add(first, ir.Constant(I64, t))))
+                else:
+                    total = self._terms(places, factors, source, first, terms)
+                self.store(total, target, self._integer(at, i))
+
+    def along_diagonals(self, known: DiagonalSolver, x: Large) -> Large:
+        """The solution of tridiagonal equations along the diagonals, row by row."""
+        found = self.new(x.form)
+        self.apart(
+            ("along diagonals", known.content),
+            [self.address(x), self.address(found)],
+            lambda source, target: self._along(known, source, target),
+        )
+        return found
+
+    def _along(self, known: DiagonalSolver, source: ir.Value, target: ir.Value) -> None:
+        b, n = self.e.builder, known.shape[0]
+        self.move(source, target, 2 * n * n)
+        if known.singular:
+            self._without_trace(target, n)
+        down, up, inverse = (self._global(known.symbol(k), F64) for k in range(3))
+        row, inner = ir.Constant(I64, 2 * n), 2 * (n - 1)
+
+        def at(first: ir.Value, i: ir.Value, back: int = 0) -> ir.Value:
+            return b.add(b.add(first, i), ir.Constant(I64, back))
+
+        def eliminate(first: ir.Value, to: int, factor: ir.Value, other: int) -> None:
+            """x_i - factor_i x_i+other for the numbers of a row from `to` on."""
+
+            def body(i: ir.Value, w: int) -> None:
+                own = at(first, i, to)
+                product = b.fmul(self.load(factor, own, w), self.load(target, at(own, ir.Constant(I64, 0), other), w))
+                self.store(b.fsub(self.load(target, own, w), product), target, own)
+
+            self.wide(inner, body)
+
+        def scale(first: ir.Value) -> None:
+            def body(i: ir.Value, w: int) -> None:
+                own = at(first, i)
+                value = b.fmul(self.load(target, own, w), self.load(inverse, own, w))
+                self.store(value, target, own)
+
+            self.wide(2 * n, body)
+
+        with self.turns(n - 1) as j:
+            eliminate(b.mul(b.add(j, ir.Constant(I64, 1)), row), 2, down, -2 * n - 2)
+        scale(ir.Constant(I64, 2 * n * (n - 1)))
+        with self.turns(n - 1) as j:
+            first = b.mul(b.sub(ir.Constant(I64, n - 2), j), row)
+            eliminate(first, 0, up, 2 * n + 2)
+            scale(first)
+        if known.singular:
+            self._without_trace(target, n)
+
+    def _without_trace(self, target: ir.Value, n: int) -> None:
+        """Subtract from the main diagonal of a complex matrix its mean."""
+        b = self.e.builder
+        zero = ir.Constant(ir.VectorType(F64, 2), [0.0, 0.0])
+        step, before, head, done = (
+            ir.Constant(I64, 2 * n + 2), b.block, b.append_basic_block(), b.append_basic_block(),
+        )  # fmt: skip
+        b.branch(head)
+        b.position_at_end(head)
+        i, trace = b.phi(I64), b.phi(zero.type)
+        i.add_incoming(ir.Constant(I64, 0), before)
+        trace.add_incoming(zero, before)
+        more = b.fadd(trace, self.load(target, b.mul(i, step), 2))
+        following = b.add(i, ir.Constant(I64, 1))
+        i.add_incoming(following, head)
+        trace.add_incoming(more, head)
+        b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, n)), head, done)
+        b.position_at_end(done)
+        mean = b.fmul(more, ir.Constant(zero.type, [1.0 / n] * 2))
+        with self.turns(n) as k:
+            at = b.mul(k, step)
+            self.store(b.fsub(self.load(target, at, 2), mean), target, at)
+
+    def _terms(self, places: ir.Value, factors: ir.Value, source: ir.Value, first: ir.Value, terms: int) -> ir.Value:
+        """The sum of many terms, from left to right."""
+        b = self.e.builder
+        begun = self._term(places, factors, source, first)
+        before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
+        b.branch(head)
+        b.position_at_end(head)
+        t, total = b.phi(I64), b.phi(F64)
+        t.add_incoming(ir.Constant(I64, 1), before)
+        total.add_incoming(begun, before)
+        more = b.fadd(total, self._term(places, factors, source, b.add(first, t)))
+        following = b.add(t, ir.Constant(I64, 1))
+        t.add_incoming(following, b.block)
+        total.add_incoming(more, b.block)
+        b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, terms)), head, done)
+        b.position_at_end(done)
+        return more
+
+    def _term(self, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value) -> ir.Value:
+        b = self.e.builder
+        return b.fmul(self.load(factors, at, 1), self.load(source, self._integer(places, at), 1))
+
+    def _integer(self, table: ir.Value, at: ir.Value) -> ir.Value:
+        b = self.e.builder
+        return b.load(b.gep(table, [at], source_etype=I64), typ=I64, align=8)
+
+    def _table(self, known: LinearMap, group: int, part: int) -> ir.Value:
+        """A table of a linear map, which lies in the memory of this process: the places, the
+        coefficients, the rows of a group.
+        """
+        return self._global(known.symbol(group, part), F64 if part == 1 else I64)
+
+    def _global(self, name: str, type_: ir.Type) -> ir.Value:
+        """A table in the memory of this process."""
+        module = self.e.builder.module
+        table = module.globals.get(name)
+        if table is None:
+            table = ir.GlobalVariable(module, type_, name)
+            table.global_constant, table.linkage = True, "external"
+        return table
+
+    def entry(self, a: Large, index: Any) -> Any:
+        """A number of a vector or matrix."""
+        indices = index if isinstance(index, tuple) else (index,)
+        if len(indices) != a.axes or not all(isinstance(i, int) for i in indices):
+            raise NotCompilable("an entry of a large vector or matrix by indices known at run time")
+        at = 0
+        for i, n in zip(indices, a.shape):
+            at = at * n + i % n
+        first = self.address(a)
+        if not a.is_complex:
+            return self.e.num([self.load(first, ir.Constant(I64, at), 1)])
+        both = (self.load(first, ir.Constant(I64, 2 * at + k), 1) for k in (0, 1))
+        return Complex(*[self.e.num([x]) for x in both])
+
+    # ---------------------------------------------------------------- calls
+
+    def _known(self, type_: ir.Type, value: int) -> ir.Value:
+        """The address of a number that routines are told."""
+        module, name = self.e.builder.module, f"told.{type_}.{value}"
+        found = module.globals.get(name)
+        if found is None:
+            found = ir.GlobalVariable(module, type_, name)
+            found.global_constant, found.linkage = True, "internal"
+            found.initializer = ir.Constant(type_, value)
+        return found
+
+    def _call(self, routine: str, *arguments: ir.Value) -> None:
+        b, byte = self.e.builder, BYTE.as_pointer()
+        function = self._function(f"liemech_{routine}", ir.VoidType(), [byte] * len(arguments))
+        b.call(function, [b.bitcast(x, byte) for x in arguments])
+
+
+# ------------------------------------------------------------------ layouts
+
+
+def spans(layout: Layout, at: int = 0) -> Iterator[tuple[str, int, Any]]:
+    """Of every number, and of what lies in memory as a whole, the kind, where it begins among the
+    numbers of the layout, and its form.
+    """
+    if layout.kind == "large":
+        yield "large", at, layout.detail
+    elif layout.parts:
+        for part in layout.parts:
+            yield from spans(part, at)
+            at += part.width
+    elif layout.width:
+        yield layout.kind, at, layout.detail
+
+
+def in_places(layout: Layout) -> Layout:
+    """The layout of the same value in native code, which knows places only."""
+    if not layout.in_memory:
+        return layout
+    if layout.kind == "large":
+        return Layout("place", (), layout.detail)
+    return Layout(layout.kind, tuple(map(in_places, layout.parts)), layout.detail)

@@ -1,0 +1,115 @@
+"""Square blocks in native code: a row of one is a vector.  The sum over k of a_ik B_k is added up for all
+entries of row i at once, each in the order that formulas have, so the bits are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+
+from ...formulas.vectors import Mat, Vec
+from .ir_numbers import F64, I32, I64
+from .square_blocks import block_at, lead_block, lessen_block, put_block, save_block, wide
+
+
+class SquareBlocks:
+    """The words in native code."""
+
+    def __init__(self, loops: Any) -> None:
+        self.loops, self.e, self.b = loops, loops.e, loops.b
+        self.intrinsics: dict[Any, Callable[..., Any]] = {
+            block_at: self.at,
+            put_block: self.put,
+            save_block: self.save,
+            lead_block: self.lead,
+            lessen_block: self.lessen,
+        }
+
+    def _place(self, sites: Any, i: Any, n: int) -> ir.Value:
+        """Where a block lies."""
+        size = self.b.mul(self.e.cast(i, "i", False)[0], I64(n * wide(n)))
+        return self.b.gep(sites.pointer, [size], source_etype=F64)
+
+    def _row(self, place: ir.Value, i: int, n: int) -> tuple[ir.Value, Any]:
+        """Where a row of a block lies, and the type of it."""
+        type_ = ir.VectorType(F64, wide(n))
+        row = self.b.gep(place, [I64(i * wide(n))], source_etype=F64)
+        return self.b.bitcast(row, type_.as_pointer()), type_
+
+    def _load_row(self, place: ir.Value, i: int, n: int) -> ir.Value:
+        row, type_ = self._row(place, i, n)
+        return self.b.load(row, align=8, typ=type_)
+
+    def _number(self, place: ir.Value, i: int, j: int, n: int) -> ir.Value:
+        at = self.b.gep(place, [I64(i * wide(n) + j)], source_etype=F64)
+        return self.b.load(at, align=8, typ=F64)
+
+    def at(self, sites: Any, i: Any, n: int) -> Mat:
+        """Its numbers."""
+        place = self._place(sites, i, n)
+        return Mat(*[Vec(*[self.e.num([self._number(place, k, j, n)]) for j in range(n)]) for k in range(n)])
+
+    def put(self, sites: Any, i: Any, block: Mat) -> None:
+        """Its numbers, one by one."""
+        n, place = len(block), self._place(sites, i, len(block))
+        for k, row in enumerate(block):
+            for j, x in enumerate(row):
+                at = self.b.gep(place, [I64(k * wide(n) + j)], source_etype=F64)
+                self.b.store(self.e.cast(x, "f", False)[0], at, align=8)
+
+    def save(self, sites: Any, count: int, k: int, block: Mat) -> None:
+        """Rows of the sites that run side by side, each a vector, from vectors of one number of all."""
+        b, e, n = self.b, self.e, len(block)
+        over = self.loops._over("save_block")
+        over.saved, width = True, wide(n)
+        first = b.add(b.mul(over.passes[-1].index, I64(count)), I64(k))
+        several = e.lanes > 1
+        zero = e.cast(0.0, "f", several)
+        for i, row in enumerate(block):
+            numbers = [e.cast(x, "f", several) for x in row]
+            numbers += [zero] * (width - n)
+            for r in range(len(zero)):
+                some = [x[r] for x in numbers]
+                lanes = e.width if several else 1
+                if not several:
+                    some = [self.e.spread(x, 2) for x in some]
+                while len(some) > 1:  # of each lane its numbers come side by side
+                    half = len(some) // 2
+                    size = some[0].type.count
+                    turn = [x for l in range(size) for x in (l, size + l)]
+                    mask = ir.Constant(ir.VectorType(I32, 2 * size), turn)
+                    some = [b.shuffle_vector(x, y, mask) for x, y in zip(some[:half], some[half:])]
+                for lane in range(lanes):
+                    mine = [lane * width + j for j in range(width)]
+                    mask = ir.Constant(ir.VectorType(I32, width), mine)
+                    site = b.add(first, I64((r * lanes + lane) * count))
+                    begin = b.gep(sites.pointer, [b.mul(site, I64(n * width))], source_etype=F64)
+                    found = b.shuffle_vector(some[0], some[0], mask)
+                    b.store(found, self._row(begin, i, n)[0], align=8)
+
+    def _combined(self, a: list[ir.Value], rows: list[ir.Value]) -> ir.Value:
+        """The sum of a_k B_k."""
+        width, total = rows[0].type.count, None
+        for x, row in zip(a, rows):
+            term = self.b.fmul(self.e.spread(x, width), row)
+            total = term if total is None else self.b.fadd(total, term)
+        return total
+
+    def lead(self, sites: Any, i: Any, a: Mat) -> None:
+        """Row by row."""
+        n, place = len(a), self._place(sites, i, len(a))
+        rows = [self._load_row(place, k, n) for k in range(n)]
+        found = [self._combined([self.e.cast(x, "f", False)[0] for x in row], rows) for row in a]
+        for k, row in enumerate(found):
+            self.b.store(row, self._row(place, k, n)[0], align=8)
+
+    def lessen(self, sites: Any, i: Any, j: Any, k: Any, n: int) -> None:
+        """Row by row."""
+        place, left, right = [self._place(sites, x, n) for x in (i, j, k)]
+        rows = [self._load_row(right, m, n) for m in range(n)]
+        for m in range(n):
+            a = [self._number(left, m, l, n) for l in range(n)]
+            row = self.b.fsub(self._load_row(place, m, n), self._combined(a, rows))
+            self.b.store(row, self._row(place, m, n)[0], align=8)

@@ -1,0 +1,49 @@
+"""Square blocks of numbers, each in one piece of memory with its rows one behind the other, for elimination
+block by block: a loop over sites writes those of every site, and products are made row by row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...formulas.sites import present_site
+from ...formulas.vectors import Mat, Vec
+from ..sites.planes import Planes
+
+
+def wide(n: int) -> int:
+    """The numbers from one row of n to the next: whole registers of four or eight."""
+    return 4 if n <= 4 else 8 * -(-n // 8)
+
+
+def _rows(planes: Planes, i: int, n: int) -> np.ndarray:
+    """The rows of block number i, (n, n)."""
+    begin, width = i * n * wide(n), wide(n)
+    found: np.ndarray = planes.array.reshape(-1)[begin : begin + n * width].reshape(n, width)
+    return found[:, :n]
+
+
+def block_at(planes: Planes, i: int, n: int) -> Mat:
+    """Block number i."""
+    return Mat(*[Vec(*row) for row in _rows(planes, i, n).tolist()])
+
+
+def put_block(planes: Planes, i: int, block: Mat) -> None:
+    """Set block number i, outside of loops over sites."""
+    _rows(planes, i, len(block))[:] = [[*row] for row in block]
+
+
+def save_block(planes: Planes, count: int, k: int, block: Mat) -> None:
+    """Set number k of the blocks of this site, of which it has so many, after the last meeting."""
+    put_block(planes, count * present_site() + k, block)
+
+
+def lead_block(planes: Planes, i: int, a: Mat) -> None:
+    """Multiply block number i by a matrix from the left, outside of loops over sites."""
+    put_block(planes, i, a @ block_at(planes, i, len(a)))
+
+
+def lessen_block(planes: Planes, i: int, j: int, k: int, n: int) -> None:
+    """Subtract from block number i the product of two others, outside of loops over sites."""
+    product = block_at(planes, j, n) @ block_at(planes, k, n)
+    put_block(planes, i, block_at(planes, i, n) - product)

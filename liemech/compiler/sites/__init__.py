@@ -1,0 +1,1 @@
+"""Loops over the sites of one system, in native code and on threads."""

@@ -1,0 +1,265 @@
+"""The form of a call: what is known of its arguments while translating, and the numbers among them.
+
+Calls of one form share a native function.  The numbers of vectors, records, lists, ... are passed
+and returned; the caller puts the result together again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+import types
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from ...errors import NotCompilable
+from ...formulas.classes.pytree import PAIRS, Layout, build, fill, is_any_number, layout_of, leaves
+from ...formulas.classes.records import Record
+from ...formulas.tables import Table
+from ...formulas.vectors import Mat, Vec
+from ..numbers.ir_numbers import F64, I64, Num
+from .aliases import lists
+
+
+class Unknown(Exception):
+    """An argument whose form cannot be told: the call is written out."""
+
+
+@dataclasses.dataclass(eq=False)
+class Call:
+    """The arguments of a call: what is known now, and numbers."""
+
+    known: tuple[Any, ...]
+    # the same, the constants inside vectors, matrices and pairs passed like numbers
+    general: tuple[Any, ...]
+    numbers: list[Num]  # without those that occur before and those of the kernel's arguments
+    all_numbers: list[Num]  # those of the general form
+    constants: list[int]  # which of them are constants
+    parts: list[Any]  # the vectors, records, ... among the arguments and in them
+
+    def passed(self, general: bool) -> list[Num]:
+        """The numbers that a function of this form is given."""
+        return self.all_numbers if general else self.numbers
+
+
+class CallForms:
+    """Takes the arguments and results of calls apart and puts them together again."""
+
+    def __init__(self, translator: Any) -> None:
+        self.t, self.e = translator, translator.emitter
+        # by its identity, a constant and what tells it from others
+        self.kept: dict[int, tuple[Any, Any]] = {}
+
+    def of(self, function: Any, given: dict[str, Any]) -> Call | None:
+        """None if there is an argument whose form cannot be told."""
+        active = self.t.active(self.t.frames[-1].env) if self.t.frames else None
+        seen: dict[Any, int] = {}
+        numbers: list[Num] = []
+        constants: list[int] = []
+        parts: list[Any] = []
+        places: dict[int, int] = {}
+
+        def form(x: Any, inside: bool, general: bool) -> Any:
+            if isinstance(x, Num):
+                place = self._parameter(x)
+                if place is not None:
+                    return "parameter", place
+                if x.values not in seen:
+                    seen[x.values] = len(numbers)
+                    numbers.append(x)
+                return x.kind, x.varying, x.mixed, seen[x.values]
+            if type(x) is float:
+                if general and inside:
+                    constants.append(len(numbers))
+                    numbers.append(self.e.constant(x))
+                    return "f", False, False, constants[-1]
+                return self._told(x)
+            if x is None or isinstance(x, (bool, int, str, bytes)) or self._whole(x):
+                return self._told(x)
+            if not isinstance(x, _STRUCTURES):
+                raise Unknown
+            if id(x) in places:
+                return "again", places[id(x)]
+            places[id(x)] = len(parts)
+            parts.append(x)
+            inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
+            kind = x.form if isinstance(x, PAIRS) else type(x)
+            return kind, tuple([form(y, inside, general) for y in _parts(x)])
+
+        try:
+            items = [*given.items(), ("<mask>", active)]
+            known = tuple([(name, form(x, False, False)) for name, x in items])
+            of_known, all_parts = [*numbers], [*parts]
+            for container in (numbers, seen, places, parts):
+                container.clear()
+            general = tuple([(name, form(x, False, True)) for name, x in items])
+        except Unknown:
+            return None
+        here = function, self.e.lanes, bool(self.t.state.escapes)
+        return Call((*here, known), (*here, general), of_known, numbers, constants, all_parts)
+
+    def _told(self, x: Any) -> Any:
+        """The key of a constant: of records and tuples that formulas made the content, else the
+        identity.
+        """
+        if x is None or isinstance(x, (bool, int, str, bytes)):
+            return type(x), x
+        if type(x) is float:
+            return "float", struct.pack("<d", x)
+        if id(x) not in self.kept:
+            told: Any = "object", id(x)
+            if (type(x) is tuple or isinstance(x, Record)) and self.t.reads.made(x):
+                told = type(x), tuple([self._told(y) for y in _parts(x)])
+            self.kept[id(x)] = x, told
+        return self.kept[id(x)][1]
+
+    def _whole(self, x: Any) -> bool:
+        """A constant that has no parts for a run: a function, an array, a record or tuple of nothing
+        but constants.
+        """
+        if id(x) in self.kept or isinstance(x, _OBJECTS) or (isinstance(x, Table) and x.content is not None):
+            return True
+        if type(x) is tuple:
+            return all(
+                y is None or isinstance(y, (bool, int, float, str)) or (type(y) is tuple and self._whole(y)) for y in x
+            )
+        return isinstance(x, Record) and not layout_of(x).width
+
+    def _parameter(self, x: Num) -> int | None:
+        """Which of the kernel's arguments a number is: the functions read these themselves."""
+        v = x.values[0]
+        place = self._parameter_of(x)
+        return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None
+
+    def _parameter_of(self, x: Num) -> int | None:
+        v = x.values[0]
+        if isinstance(v, ir.LoadInstr) and isinstance(v.operands[0], ir.GEPInstr) and v.type == F64:
+            pointer = v.operands[0]
+            if isinstance(pointer.pointer, ir.Argument) and isinstance(pointer.indices[0], ir.Constant):
+                return pointer.indices[0].constant
+        return None
+
+    def _loaded(self, place: int) -> Num:
+        """This argument of the kernel, in the present function."""
+        b = self.e.builder
+        return self.e.num([b.load(b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64)])
+
+    def inside(
+        self, given: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool
+    ) -> tuple[dict[str, Any], list[Any]]:
+        """The arguments as the function sees them, and their parts."""
+        of = {x.values: y for x, y in zip(call.passed(general), inner)}
+        constants = iter([inner[i] for i in call.constants] if general else [])
+        loaded: dict[int, Num] = {}
+        parts: list[Any] = []
+        places: dict[int, int] = {}
+
+        def seen(x: Any, inside: bool) -> Any:
+            if isinstance(x, Num):
+                if x.values in of:
+                    return of[x.values]
+                place = self._parameter_of(x)
+                assert place is not None
+                if place not in loaded:
+                    loaded[place] = self._loaded(place)
+                return loaded[place]
+            if type(x) is float:
+                return next(constants) if general and inside else x
+            if self._whole(x) or not isinstance(x, _STRUCTURES):
+                return x
+            if id(x) in places:
+                return parts[places[id(x)]]
+            place = places[id(x)] = len(parts)
+            parts.append(None)
+            inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
+            parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
+            self.t.reads.copied(parts[place], x)
+            if isinstance(x, list):  # the caller has it too
+                self.t.aliases.share([parts[place]])
+            return parts[place]
+
+        return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
+
+    def pattern(self, result: Any, inner: list[Num], parts: list[Any]) -> tuple[tuple[str, Any], list[Num]]:
+        """How a caller puts a result together, of arguments, constants and numbers that the function
+        returns; and these numbers.  inner, parts : the arguments as the function sees them.
+        """
+        arguments = {x.values: i for i, x in enumerate(inner)}
+        whole_arguments = {id(x): i for i, x in enumerate(parts)}
+        numbers: list[Num] = []
+        at: dict[Any, int] = {}
+        made: list[list[Any]] = []  # lists in the result
+
+        def pattern(x: Any) -> tuple[str, Any]:
+            if isinstance(x, Num):
+                place = self._parameter(x)
+                if place is not None:
+                    return "parameter", place
+                if x.values in arguments:
+                    return "argument", arguments[x.values]
+                if x.values not in at:
+                    at[x.values] = len(numbers)
+                    numbers.append(x)
+                return "result", at[x.values]
+            if x is None or isinstance(x, (bool, int, float, str, bytes)) or self._whole(x):
+                return "constant", x
+            if id(x) in whole_arguments:
+                return "part", whole_arguments[id(x)]
+            if isinstance(x, list):
+                if self.t.reads.from_outside(x) or any(x is y for y in made):
+                    raise NotCompilable("a list that has another name")
+                made.append(x)
+            if not isinstance(x, _STRUCTURES):
+                raise NotCompilable(f"a result that holds {type(x).__name__}")
+            return "structure", (x, [pattern(y) for y in _parts(x)])
+
+        return pattern(result), numbers
+
+    def restored(self, pattern: tuple[str, Any], call: Call, passed: list[Num], numbers: list[Num]) -> Any:
+        """The result of a call, put together by its pattern."""
+        kind, x = pattern
+        match kind:
+            case "structure":
+                whole = _of_parts(x[0], [self.restored(y, call, passed, numbers) for y in x[1]])
+                self.t.reads.made_again(whole, x[0])
+                if id(x[0]) in self.t.aliases.shared:
+                    self.t.aliases.share([whole, *lists(call.parts)])
+                return whole
+            case "parameter":
+                return self._loaded(x)
+            case "argument":
+                return passed[x]
+            case "part":
+                return call.parts[x]
+            case "result":
+                return numbers[x]
+        return x
+
+
+_STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record, Table)
+_OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)
+
+
+def _parts(x: Any) -> list[Any]:
+    """The parts of a vector, a record, a list, ..."""
+    if isinstance(x, Record):
+        return [getattr(x, f.name) for f in dataclasses.fields(x)]  # type: ignore[arg-type]
+    if isinstance(x, Table):
+        return [x.place]
+    return list(x.parts if isinstance(x, PAIRS) else x)
+
+
+def _of_parts(x: Any, parts: list[Any]) -> Any:
+    """A thing like x, made of these parts."""
+    if isinstance(x, PAIRS):
+        layout = dataclasses.replace(
+            layout_of(x, is_any_number), parts=tuple([layout_of(y, is_any_number) for y in parts])
+        )
+        return build(layout, iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]))
+    if isinstance(x, Record):
+        return fill(type(x), {f.name: y for f, y in zip(dataclasses.fields(x), parts)})  # type: ignore[arg-type]
+    if isinstance(x, Table):
+        return Table.at(*parts)
+    return type(x)(parts) if type(x) in (tuple, list) else type(x)(*parts)

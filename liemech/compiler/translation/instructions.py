@@ -1,0 +1,167 @@
+"""Instructions, counted while they are made: a kernel that would take LLVM too long is refused at
+once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from llvmlite import ir
+
+from ...errors import NotCompilable
+
+LIMIT = 80_000
+"""Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
+
+WITH_SLOPES = 2
+"""How many times as many there may be where numbers carry a derivative along one direction, in tangent
+maps and gradients: steps of such numbers have about three times as many instructions as plain ones.
+"""
+
+SIDE_BY_SIDE = 9000
+"""Instructions up to which each number of an ensemble takes two registers: one works while the
+other waits for a result.
+"""
+
+SHORT = 5500
+"""Instructions of a kernel of one register a number up to which it is also made with two."""
+
+EFFORT = 2.5
+"""How many times the limit may be translated, where formulas and loops are tried in several ways."""
+
+
+class TooLong(NotCompilable):
+    """There is no other way to translate that would be shorter."""
+
+
+class Growing(Exception):
+    """A formula that is being written out is too large for it."""
+
+
+class Builder(ir.IRBuilder):
+    """Counts the instructions of a kernel while they are made."""
+
+    emitted = 0  # in the present native function, without what was taken back
+    room: float = math.inf  # up to which the formula that is being written out may make it grow
+    finished = 0  # in the other ones
+    made = 0  # in all, with what was taken back
+
+    def __init__(self, block: ir.Block, limit: int) -> None:
+        super().__init__(block)
+        self.limit = limit
+        # the native functions that are not finished, each made while making the one before
+        self.within = [block.function]
+
+    def _insert(self, instruction: Any) -> None:
+        self.made += 1
+        self.grow(1)
+        self._block.instructions.insert(self._anchor, instruction)
+        self._anchor += 1
+
+    def grow(self, count: int) -> None:
+        """Count instructions.  Raises Growing, TooLong."""
+        self.emitted += count
+        if self.emitted > self.room:
+            raise Growing
+        if self.emitted + self.finished > self.limit:
+            self.finished = _reachable(self.within) - self.emitted
+        most = max(self.limit, LIMIT)
+        if self.emitted + self.finished > self.limit or self.made > EFFORT * most:
+            tries = f"{self.made} instructions, all tries counted,"
+            size = tries if self.made > EFFORT * most else f"more than {self.limit} instructions"
+            raise TooLong(
+                f"the native code would be too long: {size} take more than about ten seconds to "
+                "make. Take fewer stages or a lower order, a smaller group, closed forms for what "
+                "is derived, or compiled=False"
+            )
+
+    @contextlib.contextmanager
+    def inside(self, function: ir.Function, copied: bool) -> Iterator[None]:
+        """Instructions go into another native function; one that LLVM copies counts as written out."""
+        block, outer, room = self.block, self.emitted, self.room
+        if not copied:
+            self.finished, self.emitted, self.room = self.finished + outer, 0, math.inf
+        self.within.append(function)
+        try:
+            yield
+        except Growing:
+            outer = self.emitted  # the formula that becomes a function is found by that
+            raise
+        finally:
+            self.within.pop()
+            self.room = room
+            if not copied:
+                self.finished -= outer
+            self.emitted = outer
+            self.position_at_end(block)
+
+    def floats(self, op: str, a: ir.Value, b: ir.Value) -> ir.Value:
+        """Arithmetic of two floats of one type."""
+        made = Arithmetic(self._block, op, a, b)
+        self._insert(made)
+        return made
+
+
+class Arithmetic(ir.Instruction):
+    """Two floats added, subtracted, multiplied or divided: most instructions are such, and this
+    makes them in half the time.
+    """
+
+    def __init__(self, block: ir.Block, op: str, a: ir.Value, b: ir.Value) -> None:
+        self.parent, self.type, self.opname, self.operands = block, a.type, op, (a, b)
+        self._name = block.scope.register("")
+
+    def _to_string(self) -> str:
+        a, b = self.operands
+        return f"{self.get_reference()} = {self.opname} {self.type} {a.get_reference()}, {b.get_reference()}"
+
+
+class Names:
+    """The names in a native function: numbers, quicker than those of llvmlite."""
+
+    def __init__(self, function: ir.Function) -> None:
+        self.count = len(function.args)
+
+    def register(self, name: str, deduplicate: bool = False) -> str:
+        """A name that no other value or block has."""
+        self.count += 1
+        return f"{name}.{self.count}"
+
+
+def _called(function: ir.Function) -> set[ir.Function]:
+    """The functions of the module that a function calls."""
+    calls = (i.callee for block in function.blocks for i in block.instructions if isinstance(i, ir.CallInstr))
+    return {f for f in calls if isinstance(f, ir.Function) and f.blocks}
+
+
+def _alive(functions: list[ir.Function]) -> set[ir.Function]:
+    """These functions and those that are called by them, by these, ..."""
+    found, open_ = set(functions), list(functions)
+    while open_:
+        new = _called(open_.pop()) - found
+        found |= new
+        open_ += new
+    return found
+
+
+def _reachable(functions: list[ir.Function]) -> int:
+    """The instructions of functions and of what they call, copies counted as often as they are
+    made.
+    """
+    whole = (f for f in _alive(functions) if f in functions or not hasattr(f, "size"))
+    instructions = (i for f in whole for block in f.blocks for i in block.instructions)
+    return sum(getattr(getattr(i, "callee", None), "size", 1) for i in instructions)
+
+
+def drop_unused(module: ir.Module, kernel: ir.Function) -> int:
+    """Remove the functions that nobody calls any more: their calls were taken back.  The number of
+    instructions that are left.
+    """
+    alive = _alive([kernel])
+    for name, value in [*module.globals.items()]:
+        if isinstance(value, ir.Function) and value.blocks and value not in alive:
+            del module.globals[name]
+    return _reachable([kernel])

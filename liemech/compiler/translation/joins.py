@@ -1,0 +1,326 @@
+"""Phi nodes: how the variables of a formula come together where ways of control meet, for one body
+or for many in lanes.
+
+In an ensemble a condition may differ from lane to lane; then both ways run under a mask.  Values in
+lanes that a piece of code does not run for are arbitrary: where two pieces meet, the value of each
+lane is picked.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from llvmlite import ir
+
+from ...formulas.classes.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
+from ...formulas.classes.taken_back import back
+from ...formulas.numbers.compensated import Compensated
+from ...formulas.numbers.complex_numbers import Complex
+from ...formulas.numbers.dual import at_rest
+from ...formulas.vectors import Mat, Vec
+from ..changes.dependencies import Reads
+from ..numbers.ir_numbers import Emitter, Num, Values
+from .aliases import Aliases
+from .iterators import Stream
+from .scopes import RETURN, Env, Frame, Undefined, has
+from .state import State
+
+# lanes still running at this point, where some have left (absent: all for which the code was
+# entered)
+ACTIVE = "<active>"
+BROKEN = "<broken>"  # lanes that left the present loop by `break`
+CONTINUED = "<continued>"  # lanes that left the present turn of a written-out loop by `continue`
+LEFT = (BROKEN, CONTINUED)
+NO_LANE = "no lane is running"  # value of ACTIVE when every lane has left
+
+
+class Retype(Exception):
+    """A loop turns out to need another type for a number it carries (an int becomes a float), or a
+    mask.
+    """
+
+    def __init__(self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False) -> None:
+        self.number, self.type = number, (kind, varying, mixed)
+
+
+@dataclasses.dataclass
+class Open:
+    """A place where control is still to be led on, and the variables there."""
+
+    block: ir.Block
+    env: Env
+    end: Callable[[ir.Block], Any] | None = None  # emits the terminator, given the block to go to
+
+
+@dataclasses.dataclass
+class Loop:
+    """The loop being translated: where `break` and `continue` go."""
+
+    dynamic: bool
+    depth: int
+    masked: bool = False
+    breaks: list[Open] = dataclasses.field(default_factory=list)
+    continues: list[Open] = dataclasses.field(default_factory=list)
+
+
+class Returns(Exception):
+    """A loop turns out to have a `return`: the variable for its value, before there is one."""
+
+    def __init__(self, blank: Any) -> None:
+        self.blank = blank
+
+
+class Promote(Exception):
+    """A loop turns out to need other structures for variables it carries: numbers that get a
+    derivative in it.
+    """
+
+    def __init__(self, variables: Env) -> None:
+        self.variables = variables  # as they are at the end of a turn
+
+
+class Joins:
+    """The state of a translation, and where branches meet; what statements mean is the business of
+    those who build on it.
+    """
+
+    def __init__(self, emitter: Emitter, reads: Reads) -> None:
+        self.emitter, self.builder, self.reads = emitter, emitter.builder, reads
+        self.outliner: Any = None  # makes functions of formulas
+        # of loops met before: whether they are masked, and the types that changed
+        self.loop_forms: dict[Any, Any] = {}
+        # `while` loops met before whose number of turns the run decides
+        self.lasting: set[Any] = set()
+        # `and` and `or` met before whose second operand needs a branch
+        self.branching: set[ast.expr] = set()
+        # of more than two operands, those after the first
+        self.others: dict[ast.BoolOp, ast.expr] = {}
+        self.frames: list[Frame] = []
+        self.aliases = Aliases(self.frames, reads)
+        self.state = State()
+        self.regions = 0
+        self.streams: list[Stream] = []
+        self.worked = 0  # expressions so far, with those that were taken back
+
+    def block(self, statements: list[ast.stmt], env: Env) -> bool:
+        raise NotImplementedError
+
+    # -------------------------------------------------------------- values
+
+    def blend(self, mask: Any, new: Any, old: Any) -> Any:
+        """`new` in the lanes of the mask, `old` elsewhere, number by number."""
+        if isinstance(mask, bool):
+            return new if mask else old
+        return self._numberwise([new, old], lambda x, y: self.emitter.select(mask, x, y))
+
+    def blended(self, name: str, mask: Any, new: tuple[Any, Env], old: tuple[Any, Env]) -> Any:
+        """`blend` of two values of a variable, each with the variables around it, of which some may
+        hold the same lists.
+        """
+        result = self.blend(mask, new[0], old[0])
+        if not isinstance(mask, bool):
+            self.aliases.meet(name, result, (new, old))
+        return result
+
+    def blank(self, value: Any) -> Any:
+        """A value of the same structure whose numbers are arbitrary: those known now what they are."""
+        e = self.emitter
+
+        def arbitrary(x: Any) -> Any:
+            if not isinstance(x, Num):
+                return x
+            return e.each(lambda v: ir.Constant(v.type, ir.Undefined), x.values)
+
+        if isinstance(value, Undefined):
+            return value
+        layout = layout_of(value, is_any_number)
+        if "place" not in layout.kinds:
+            return self._numberwise([value], arbitrary)
+        numbers = zip(leaves(value, layout), layout.kinds, strict=True)
+        return build(layout, iter([e.large.anywhere() if kind == "place" else arbitrary(x) for x, kind in numbers]))
+
+    def zeros(self, value: Any) -> Any:
+        """A value of the same structure whose numbers are 0: those known now what they are."""
+        return self._numberwise(
+            [value], lambda x: self.emitter.constant(0, x.kind, x.varying) if isinstance(x, Num) else x
+        )
+
+    def _numberwise(self, items: list[Any], combine: Callable[..., Any]) -> Any:
+        """Combine values of one structure number by number; numbers that agree stay as they are."""
+        if len(items) > 1 and all(v is items[0] for v in items):
+            return items[0]
+        for v in items:
+            if isinstance(v, Undefined):
+                return v
+        items = leveled(items)
+        layouts = [layout_of(v, is_any_number) for v in items]
+        if any(layout != layouts[0] for layout in layouts):
+            shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
+            shapes += ": write float(x) of NumPy's numbers" if "np." in shapes else ""
+            shapes += ": write liemech.formulas.where" if "power series" in shapes else ""
+            if len({shape.count(",") for shape in map(repr, layouts) if "list(" in shape}) > 1:
+                shapes += ": choose the item, and `append` it after the branch"
+            if "Complex(" in shapes:
+                shapes += ": write liemech.formulas.Complex(x, 0.0) on every way"
+            if "None" in shapes or "'" in shapes:
+                shapes += ": let it be a number on every way, such as 0 or 1"
+            return Undefined(f"it is one thing on one way and another on the other: {shapes}")
+        rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
+        return build(layouts[0], iter([row[0] if len(row) > 1 and _alike(row) else combine(*row) for row in rows]))
+
+    def active(self, env: Env) -> Any:
+        """The mask of lanes running here; None for all."""
+        live = env.get(ACTIVE)
+        return self.emitter.constant(False, "b", True) if live is NO_LANE else self.state.base if live is None else live
+
+    @contextlib.contextmanager
+    def apart(self, loop: bool = False) -> Iterator[None]:
+        """Code that control may pass by, or pass several times."""
+        outer = self.state.region
+        self.regions += 1
+        self.state.region = (*outer, (self.regions, loop))
+        take_back = back()  # what is first computed here is not there elsewhere
+        yield
+        take_back()
+        self.state.region = outer
+
+    def fail_if(self, condition: Any, everywhere: bool = False) -> None:
+        """Python raises here if the condition holds: the attempt has failed, in the lanes that run
+        or `everywhere`.  Outside of attempts numbers go on as they are.
+        """
+        if condition is False or not self.state.escapes:
+            return
+        self.state.raises, self.state.marks = self.state.raises + 1, self.state.marks + 1
+        mask = None if everywhere else self.active(self.frames[-1].env)
+        lanes = self.emitter.logic("and_", condition, self.everyone(mask))
+        self.emitter.store(self.emitter.logic("or_", self.emitter.load(self.state.failed), lanes), self.state.failed)
+
+    def everyone(self, mask: Any) -> Any:
+        return True if mask is None else mask
+
+    # -------------------------------------------------------------- where ways meet
+
+    def join(self, opens: list[Open], env: Env, into: ir.Block | None = None) -> bool:
+        """Lead control from all open places to one, leaving there in `env` what the variables may
+        be; False if none is open.
+        """
+        if not opens:
+            return False
+        if len(opens) == 1 and into is None and opens[0].end is None:
+            self.builder.position_at_end(opens[0].block)
+            replace(env, opens[0].env)
+            return True
+        into = into or self.builder.append_basic_block()
+        self._align_masks(opens)
+        merged: Env = {}
+        blocks = [o.block for o in opens]
+        for name in dict.fromkeys(name for o in opens for name in o.env if not name.startswith("<has ")):
+            there = [o.env[name] for o in opens if name in o.env]
+            certain = [o.env.get(has(name), name in o.env) for o in opens]
+            if len(there) < len(opens):
+                if name.startswith("<"):
+                    continue
+                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(there[0])
+                there = [o.env.get(name, blank) for o in opens]
+            merged[name] = self._together(into, blocks, there)
+            if any(v is not merged[name] for v in there):
+                ways = [(o.env[name], o.env) for o in opens if name in o.env]
+                self.aliases.meet(name, merged[name], ways)
+            if not all(c is True for c in certain):
+                merged[has(name)] = self._together(into, blocks, certain)
+        for o in opens:
+            self.builder.position_at_end(o.block)
+            (o.end or self.builder.branch)(into)
+        self.builder.position_at_end(into)
+        replace(env, merged)
+        return True
+
+    def _together(self, into: ir.Block, blocks: list[ir.Block], items: list[Any]) -> Any:
+        """The value of a variable where these blocks come together, in each of which it is one of
+        the items.
+        """
+        return (
+            items[0] if len(items) == 1 else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
+        )
+
+    def _phi(self, into: ir.Block, blocks: list[ir.Block], numbers: Iterable[Any]) -> Num:
+        lifted = [self.emitter.lift(x) for x in numbers]
+        kind = max((x.kind for x in lifted), key="bif".index)
+        varying = any(x.varying for x in lifted)
+        incoming = []
+        for block, x in zip(blocks, lifted, strict=True):
+            self.builder.position_at_end(block)
+            self.fail_if(self.emitter.rounded(x, kind), everywhere=True)
+            incoming.append((self.emitter.cast(x, kind, varying), block))
+        self.builder.position_at_end(into)
+        phi = self.phi(kind, varying)
+        phi.mixed = kind == "f" and any(x.kind != "f" or x.mixed for x in lifted)
+        for values, block in incoming:
+            come_from(phi, values, block)
+        return phi
+
+    def phi(self, kind: str, varying: bool) -> Num:
+        """A number whose value depends on where control comes from; `come_from` says how."""
+        e = self.emitter
+        return e.num([self.builder.phi(e.type(kind, varying)) for _ in range(e.registers(varying))])
+
+    def _align_masks(self, opens: list[Open]) -> None:
+        """Give every open place the masks that any of them has."""
+        if any(ACTIVE in o.env for o in opens) and not all(o.env.get(ACTIVE) is NO_LANE for o in opens):
+            for o in opens:
+                mask = self.active(o.env)
+                o.env[ACTIVE] = self.emitter.constant(True, "b", True) if mask is None else mask
+        for name in LEFT:
+            if any(name in o.env for o in opens):
+                for o in opens:
+                    o.env.setdefault(name, False)
+        returned = next((o.env[RETURN] for o in opens if RETURN in o.env), None)
+        if returned is not None:
+            for o in opens:
+                o.env.setdefault(RETURN, self.blank(returned))
+
+
+def leveled(items: list[Any]) -> list[Any]:
+    """These values at one level: a number becomes a pair (of derivative, of what it remembers, zero) where it
+    meets one.
+    """
+    makers: dict[Any, Any] = {Vec: lambda v: Vec(*v), Mat: lambda v: Mat(*v), tuple: tuple, list: list}
+    kind = type(items[0])
+    if kind in makers and len(items[0]) and all(type(v) is kind and len(v) == len(items[0]) for v in items):
+        return [makers[kind](v) for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)]
+    pairs = [v for v in items if isinstance(v, PAIRS)]
+    if pairs and all(isinstance(v, PAIRS) or is_any_number(v) for v in items):
+        form = max(pairs, key=lambda v: v.level).form
+        if form[0] is Complex and any(form != getattr(v, "form", None) for v in items):
+            return items  # its quotients round otherwise than a float's
+        parts = [v.parts if isinstance(v, PAIRS) and v.form == form else (v, 0) for v in items]
+        # a slope on one way at least; what is remembered on one way only stays 0 on the other
+        if form[0] is not Compensated and not all(type(second) is int for _, second in parts):
+            still = at_rest(next(second for _, second in parts if type(second) is not int))
+            parts = [(first, still if type(second) is int else second) for first, second in parts]
+        return [paired(form, p) for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)]
+    return items
+
+
+def come_from(phi: Num, values: Values, block: ir.Block) -> None:
+    """Let a phi have these values when control comes from this block."""
+    for register, value in zip(phi.values, values, strict=True):
+        register.add_incoming(value, block)
+
+
+def _alike(numbers: tuple[Any, ...]) -> bool:
+    first = numbers[0]
+    return all(
+        x is first or (type(x) is type(first) and not isinstance(x, Num) and repr(x) == repr(first)) for x in numbers
+    )
+
+
+def replace(env: Env, new: Env) -> None:
+    if new is not env:
+        new = dict(new)
+        env.clear()
+        env.update(new)

@@ -1,0 +1,283 @@
+"""Native functions made of formulas, and calls of them."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+from llvmlite import ir
+
+from ...errors import NotCompilable
+from ...formulas.classes.taken_back import back
+from ..numbers.ir_numbers import I32, TYPES, Num
+from .call_forms import Call, CallForms
+from .instructions import Names, TooLong
+from .joins import Open
+from .scopes import Frame
+
+RETURNED = 64
+"""Registers of results up to which a native function returns them; more it writes into memory."""
+
+
+class Small(Exception):
+    """A formula has so few instructions that it is no function of its own."""
+
+
+@dataclasses.dataclass(eq=False)
+class NativeFunction:
+    """A native function made of a formula.
+
+    memory : the type of its results, where they are too many for registers.  pattern : how the
+    result is put together.  kinds : of the returned numbers.  failed : does it return which lanes
+    have failed.  escapes : and whether all have.  raises, calls : how many places may raise, and
+    call the C library.  size, spent : of one that LLVM copies, its instructions, and what formulas
+    in it have cost.
+    """
+
+    function: ir.Function
+    memory: ir.Type | None
+    pattern: tuple[str, Any]
+    kinds: list[tuple[str, bool, bool]]
+    failed: bool
+    escapes: bool
+    raises: int
+    calls: int
+    size: int = 1
+    spent: list[tuple[Any, int]] = dataclasses.field(default_factory=list)
+
+
+class NativeFunctions:
+    """Makes native functions of formulas, and calls them."""
+
+    def __init__(self, translator: Any, forms: CallForms) -> None:
+        self.t, self.e, self.forms = translator, translator.emitter, forms
+        self.structures: dict[Any, int] = {}  # of results, by their types
+        # of native functions, for the results of those they call
+        self.buffers: dict[ir.Function, dict[str, ir.Value]] = {}
+
+    # -------------------------------------------------------------- the function
+
+    def make(
+        self, name: str, call: Call, frame: Frame, given: dict[str, Any], general: bool, least: int, copied: bool
+    ) -> NativeFunction | None:
+        """The native function for calls of this form; None if the formula must be written out.
+        Raises Small if it has fewer instructions than `least`.
+
+        copied : LLVM puts a copy of it in the place of each call.  It counts as written out.
+        """
+        t, e, b = self.t, self.e, self.e.builder
+        active, failed = t.active(t.frames[-1].env), t.state.failed if t.state.escapes else []
+        passed = call.passed(general)
+        function = self._declared(b.module.get_unique_name(name), passed, len(failed), copied)
+        made = None
+        try:
+            with self._within(function, copied):
+                b.position_at_end(function.append_basic_block("entry"))
+                values = iter(function.args[1:])
+                inner = [Num(e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed]
+                arguments, parts = self.forms.inside(given, active, call, inner, general)
+                t.state.base = arguments.pop("<mask>")
+                if failed:
+                    t.state.failed, t.state.escapes = e.slot(), [[]]
+                    e.store(e.num(tuple(values)), t.state.failed)
+                start = function.append_basic_block("start")
+                b.branch(start)
+                b.position_at_end(start)
+                # between the variables of two native functions
+                t.frames.append(Frame(frame.source, frame.scope, {}))
+                before = b.emitted
+                result = t.enter(Frame(frame.source, frame.scope, arguments))
+                size = b.emitted - before
+                if b.emitted < least:
+                    raise Small
+                made = self._finished(function, result, inner, parts, copied)
+                if copied:
+                    function.size, made.size, made.spent = size, size, t.state.spent
+                else:
+                    b.finished += b.emitted
+        except TooLong:
+            raise
+        except NotCompilable:
+            pass
+        finally:
+            if made is None:
+                del b.module.globals[function.name]
+        return made
+
+    def _declared(self, name: str, passed: list[Num], failed: int, copied: bool) -> ir.Function:
+        """A function of these numbers, and of so many registers that say which lanes have failed."""
+        b, e = self.e.builder, self.e
+        of_kernel = b.function.args[0].type
+        types = [of_kernel, *(e.type(x.kind, x.varying) for x in passed for _ in x.values)]
+        types += [e.type("b", e.lanes > 1)] * failed
+        function = ir.Function(b.module, ir.FunctionType(ir.VoidType(), types), name)
+        function.linkage, function.calling_convention = "internal", "fastcc"
+        function.scope = Names(function)
+        for fact in ("alwaysinline" if copied else "noinline", "nounwind"):
+            function.attributes.add(fact)
+        if not copied:
+            function.args[0].add_attribute("noalias")
+            if e.lanes > 1:
+                function.attributes.alignstack = 8 * e.width
+        return function
+
+    @contextlib.contextmanager
+    def _within(self, function: ir.Function, copied: bool) -> Iterator[None]:
+        """The translation goes on in another native function, and comes back."""
+        t, e = self.t, self.e
+        outer, calls, frames, take_back = t.state, e.calls, len(t.frames), back()
+        t.state, e.calls = outer.of_function(copied), 0
+        try:
+            with e.builder.inside(function, copied):
+                yield
+        finally:
+            take_back()
+            del t.frames[frames:]
+            t.state, e.calls = outer, calls
+
+    def _finished(
+        self, function: ir.Function, result: Any, inner: list[Num], parts: list[Any], copied: bool
+    ) -> NativeFunction:
+        """Let the function return its numbers, the lanes that have failed, and whether all have."""
+        e, state = self.e, self.t.state
+        pattern, numbers = self.forms.pattern(result, inner, parts)
+        registers = [v for x in numbers for v in x.values]
+        escapes = state.escapes[0] if state.escapes else []
+        failed = state.raises > 0
+        kinds = [v.type for v in registers]
+        kinds += [e.type("b", e.lanes > 1)] * (len(state.failed) if failed else 0)
+        kinds += [TYPES["b"]] * bool(escapes)
+        type_ = self._structure(kinds)
+        buffer = None
+        if len(kinds) > RETURNED and not copied:
+            buffer = ir.Argument(function, type_.as_pointer())
+            buffer.add_attribute("noalias")
+        self._returns(type_, buffer, registers, failed, [False] * bool(escapes))
+        if escapes:
+            self._gather(escapes)
+            # of a call that all lanes have left nobody takes results
+            self._returns(type_, buffer, registers, failed, [True], without=len(registers))
+        self._retyped(function, type_ if kinds else None, buffer)
+        return NativeFunction(
+            function,
+            type_ if buffer is not None else None,
+            pattern,
+            [(x.kind, x.varying, x.mixed) for x in numbers],
+            failed,
+            bool(escapes),
+            state.raises,
+            e.calls,
+        )
+
+    def _returns(
+        self,
+        type_: ir.Type,
+        buffer: ir.Value | None,
+        registers: list[ir.Value],
+        failed: bool,
+        escaped: list[bool],
+        without: int = 0,
+    ) -> None:
+        """Return these values, but for the first so many."""
+        b, e = self.e.builder, self.e
+        lanes = e.load(self.t.state.failed).values if failed else ()
+        values = [*registers, *lanes, *[ir.Constant(TYPES["b"], x) for x in escaped]]
+        given = [*enumerate(values)][without:]
+        if buffer is not None:
+            for i, v in given:
+                b.store(v, _field(b, buffer, i))
+            b.ret_void()
+            return
+        structure = ir.Constant(type_, ir.Undefined)
+        for i, v in given:
+            structure = b.insert_value(structure, v, i)
+        b.ret(structure) if given else b.ret_void()
+
+    def _gather(self, opens: list[Open]) -> None:
+        """Control comes from all of these places to one."""
+        b = self.e.builder
+        gone = b.append_basic_block()
+        for o in opens:
+            b.position_at_end(o.block)
+            b.branch(gone)
+        b.position_at_end(gone)
+
+    @staticmethod
+    def _retyped(function: ir.Function, type_: ir.Type | None, buffer: ir.Value | None) -> None:
+        """The function gets the type that it has turned out to have."""
+        result, more = (ir.VoidType(), [buffer]) if buffer is not None else (type_, [])
+        if result is None:
+            return
+        arguments = [*function.ftype.args, *(x.type for x in more)]
+        function.ftype = ir.FunctionType(result, arguments)
+        function.type = function.ftype.as_pointer()
+        function.args = (*function.args, *more)
+        if buffer is None:
+            function.return_value = ir.values.ReturnValue(function, result)
+
+    def _structure(self, kinds: list[ir.Type]) -> ir.Type:
+        """The type of results of these types; it has a name, because its text would stand at every
+        use.
+        """
+        name = f"results {self.structures.setdefault(tuple(map(str, kinds)), len(self.structures))}"
+        type_ = self.e.builder.module.context.get_identified_type(name)
+        if type_.is_opaque:
+            type_.set_body(*kinds)
+        return type_
+
+    # -------------------------------------------------------------- the call
+
+    def emit(self, made: NativeFunction, call: Call, general: bool) -> Any:
+        """A call of the function, and its value."""
+        t, b, e = self.t, self.e.builder, self.e
+        passed = call.passed(general)
+        arguments = [b.function.args[0], *(v for x in passed for v in x.values)]
+        if t.state.escapes:
+            arguments += e.load(t.state.failed).values
+        if made.memory is not None:
+            arguments.append(self._buffer(made.memory))
+        results = self._results(made, b.call(made.function, arguments, cconv="fastcc"), arguments)
+
+        def number(kind: str, varying: bool, mixed: bool = False) -> Num:
+            values = tuple([next(results) for _ in range(e.registers(varying))])
+            return Num(e, values, kind, mixed)
+
+        numbers = [number(*kind) for kind in made.kinds]
+        if made.failed:
+            e.store(number("b", e.lanes > 1), t.state.failed)
+        if made.escapes:
+            escaped = next(results)
+            gone, on = b.append_basic_block(), b.append_basic_block()
+            b.cbranch(escaped, gone, on)
+            t.state.escapes[-1].append(Open(gone, {}))
+            b.position_at_end(on)
+        t.state.raises += made.raises
+        e.calls += made.calls
+        return self.forms.restored(made.pattern, call, passed, numbers)
+
+    def _results(self, made: NativeFunction, structure: ir.Value, arguments: list[ir.Value]) -> Iterator[ir.Value]:
+        """The values that a call has returned, or written into memory, one after the other."""
+        b = self.e.builder
+        for i in itertools.count():
+            if made.memory is None:
+                yield b.extract_value(structure, i)
+            else:
+                place = _field(b, arguments[-1], i)
+                yield b.load(place, typ=made.memory.elements[i])
+
+    def _buffer(self, type_: ir.Type) -> ir.Value:
+        """Where functions leave results of this form for the present one."""
+        b = self.e.builder
+        places = self.buffers.setdefault(b.function, {})
+        if str(type_) not in places:
+            with b.goto_entry_block():
+                places[str(type_)] = b.alloca(type_)
+        return places[str(type_)]
+
+
+def _field(b: ir.IRBuilder, place: ir.Value, i: int) -> ir.Value:
+    """The address of a result."""
+    return b.gep(place, [ir.Constant(I32, 0), ir.Constant(I32, i)], inbounds=True)

@@ -1,0 +1,91 @@
+"""The state of a translation, and snapshots of it: a piece of a formula may be translated in one way,
+taken back and translated in another.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+from ...formulas.classes.taken_back import back
+from .iterators import Region
+
+if TYPE_CHECKING:
+    from .joins import Open
+    from .scopes import Env
+
+HUGE = 3000
+"""Formulas of more instructions are never written out in a native function that has been made of a
+formula.
+"""
+
+
+@dataclasses.dataclass(eq=False)
+class State:
+    """Where the translation of one native function is.
+
+    base : the lanes for which the present code was entered, None for all.  depth : conditions
+    around it in the present call that differ between lanes.  escapes : for each attempt around it,
+    from where control goes to its end.  failed : where a formula that raises in the present attempt
+    says so.  outcome : the same of the last attempt that is over.  raises : places so far in the
+    present attempt where a formula may raise.  marks : those among them where control goes on.
+    region : the branches and loops of unknown length around it.  spent : what formulas have cost,
+    by form of the call.  patience : how many times LONG is written out in any case.  huge :
+    instructions from which a formula is not written out.  begun : where the formulas begin that are
+    being written out.  over : the loop over sites that is being translated.
+    """
+
+    base: Any = None
+    depth: int = 0
+    escapes: list[list[Open]] = dataclasses.field(default_factory=list)
+    failed: Any = None
+    outcome: Any = None
+    raises: int = 0
+    marks: int = 0
+    region: Region = ()
+    spent: list[tuple[Any, int]] = dataclasses.field(default_factory=list)
+    patience: int = 1
+    huge: int = dataclasses.field(default_factory=lambda: HUGE)
+    begun: list[int] = dataclasses.field(default_factory=list)
+    over: Any = None
+
+    def of_function(self, copied: bool) -> State:
+        """The state in which the translation of another native function begins.  copied : it is one
+        that LLVM copies, which counts as written out here.
+        """
+        if not copied:
+            return State(region=self.region)
+        return State(region=self.region, patience=self.patience, huge=self.huge, begun=self.begun)
+
+
+class Snapshot:
+    """A point of a translation, with the variables there."""
+
+    def __init__(self, translator: Any, env: Env) -> None:
+        b, state, frame = translator.builder, translator.state, translator.frames[-1]
+        self.translator, self.block, self.emitted = translator, b.block, b.emitted
+        loops = [state.over] if state.over is not None else []
+        memory = [translator.emitter.large] if translator.emitter.large is not None else []
+        self.attributes = [(x, vars(x).copy()) for x in (state, frame, *loops, *memory)]
+        self.env, self.variables = env, dict(env)
+        grow = translator.frames, frame.loops, frame.returns, state.escapes, state.spent
+        code = b.function.blocks, b.block.instructions
+        passes = [items for loop in loops for items in (loop.passes, loop.loops)]
+        self.lengths = [(items, len(items)) for items in (*grow, *state.escapes, *code, *passes)]
+        self.streams = [(stream, stream.taken, stream.region) for stream in translator.streams]
+        self.take_back = back()
+
+    def restore(self) -> None:
+        """Take back what was emitted since."""
+        self.take_back()
+        for items, length in self.lengths:
+            del items[length:]
+        for x, before in self.attributes:
+            vars(x).update(before)
+        self.env.clear()
+        self.env.update(self.variables)
+        for stream, taken, region in self.streams:
+            stream.back_to(taken, region)
+        b = self.translator.builder
+        self.block.terminator, b.emitted = None, self.emitted
+        b.position_at_end(self.block)

@@ -1,0 +1,1 @@
+"""Formulas called with arrays: which rows, which axes, and when one row is worth a preparation."""

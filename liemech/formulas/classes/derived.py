@@ -1,0 +1,281 @@
+"""Formulas that follow from others: what a class may overrule by a closed form, which closed forms a
+class has, and which of them are those of an energy that a subclass has replaced.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import dis
+import functools
+import inspect
+import types
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, TypeVar
+
+from ...errors import InvalidType, NotDefined
+from .overriding import theirs
+from .signatures import bare
+
+Formula = TypeVar("Formula", bound=Callable[..., Any])
+
+
+def derived(formula: Formula) -> Formula:
+    """Mark a method that follows from what a subclass must write, the methods of `self` that it calls:
+    an own version of it is a closed form, which has to give the same numbers.
+
+    A closed form counts beside those methods only: a subclass that writes one of them anew, and no
+    closed form, has the derived method again.
+    """
+    formula.__derived__ = True  # type: ignore[attr-defined]
+    return formula
+
+
+def derived_from(*sources: str) -> Callable[[Formula], Formula]:
+    """Mark a method that says what holds for any versions of these methods: None, nothing, or an error.
+    An own version of it knows more, of the versions beside it, and counts as long as a closed form.
+    """
+
+    def mark(formula: Formula) -> Formula:
+        formula.__sources__ = sources  # type: ignore[attr-defined]
+        return derived(formula)
+
+    return mark
+
+
+def closed_form_of(*sources: str) -> Callable[[Formula], Formula]:
+    """Mark a closed form of what cannot be derived, such as the exact motion: a subclass that writes
+    one of these methods anew has the version of the next base, or none, and NotDefined says so.
+    """
+
+    def mark(formula: Formula) -> Formula:
+        formula.__sources__ = sources  # type: ignore[attr-defined]
+        return formula
+
+    return mark
+
+
+def closed_forms(cls: type) -> Iterator[tuple[str, Any, Any]]:
+    """The derived methods that a class has its own version of: the name, that version, and the derived
+    method whose numbers it gives.
+    """
+    for name, home, base in _overruled(cls):
+        follows = bare(vars(base)[name]) if base else None
+        if isinstance(follows, types.FunctionType) and is_derived(follows) and not hasattr(follows, "__sources__"):
+            yield name, bare(vars(home)[name]), follows
+
+
+def is_derived(member: Any) -> bool:
+    """Was it marked?"""
+    return getattr(_function(member), "__derived__", False)
+
+
+def stale_forms(cls: type) -> Iterator[tuple[str, type, type | None]]:
+    """The closed forms that a class inherits although a method that they abbreviate was written anew:
+    the name, the class that wrote it, and the base whose method is to stand for it, if there is one.
+    """
+    for name, home, base in _overruled(cls):
+        own = _function(vars(home)[name])
+        if home is cls or getattr(own, "__final__", False):
+            continue
+        changed = _written_anew(cls, home, own if hasattr(own, "__sources__") or not base else vars(base)[name])
+        if changed and not _is_of_the_library(cls, (name, *changed)):
+            yield name, home, base
+
+
+def follow_anew(cls: type) -> None:
+    """Put derived methods in the place of closed forms that a class inherits, where it, or a base before
+    theirs, writes anew what they abbreviate.
+
+    Raises InvalidType where that calls the closed form, so that the derived method would call itself.
+    """
+    while stale := list(stale_forms(cls)):
+        for name, home, base in stale:
+            sources = _reads(_function(vars(base)[name])) - {name} if base else frozenset()
+            if name in _called(cls, sources):
+                raise InvalidType(
+                    f"{cls.__name__} writes anew what {home.__name__}.{name} is a closed form of, and goes by way of "
+                    f"that closed form, as {home.__name__} does: write `{name}` too"
+                )
+            setattr(cls, name, vars(base)[name] if base else _missing(name, home))
+
+
+def _missing(name: str, home: type) -> property:
+    """A property that says why there is no closed form."""
+
+    def missing(self: Any) -> Any:
+        raise NotDefined(
+            f"{type(self).__name__}.{name}: {home.__name__} knows it of its own formulas, and {type(self).__name__} "
+            "writes others; write it too, or integrate"
+        )
+
+    return property(missing)
+
+
+def _overruled(cls: type) -> Iterator[tuple[str, type, type | None]]:
+    """Each closed form of a class: its name, the class that wrote it, and the base with the method that
+    is to stand for it elsewhere.
+    """
+    for name in sorted({name for base in cls.__mro__ for name in vars(base)}):
+        homes = [base for base in cls.__mro__ if name in vars(base)]
+        own = _function(vars(homes[0])[name])
+        if is_derived(own) or name.startswith("__"):
+            continue
+        if hasattr(own, "__sources__"):
+            yield name, homes[0], homes[1] if len(homes) > 1 else None
+        elif base := next((base for base in homes if is_derived(vars(base)[name])), None):
+            yield name, homes[0], base
+
+
+def _written_anew(cls: type, home: type, member: Any) -> set[str]:
+    """The methods that a method reads, or that these call in turn, of which a class has another version
+    than `home`.  What is abstract in `home` may be any, unless the method reads it itself; fields are
+    parameters, for any values of which the method was written.
+    """
+    direct = _reads(_function(member))
+    changed = set()
+    for name in _reached(cls, direct) - _fields(home):
+        own, known = _definer(cls, name), _definer(home, name)
+        if known is None and name in direct:  # `home` is a mixin, or leaves it to subclasses
+            if own is not None and cls.__mro__.index(own) < cls.__mro__.index(home):
+                changed.add(name)
+        elif own is not known and known and (name in direct or not _is_abstract(_function(vars(known)[name]))):
+            changed.add(name)
+    return changed
+
+
+@functools.cache
+def _fields(cls: type) -> frozenset[str]:
+    return frozenset(field.name for field in dataclasses.fields(cls)) if dataclasses.is_dataclass(cls) else frozenset()
+
+
+def written_together(cls: type, *names: str) -> bool:
+    """Are the methods of these names of one class, or together from one of the library?"""
+    own = len({_definer(cls, name) for name in names}) == 1
+    return own or _is_of_the_library(cls, names)
+
+
+def _is_of_the_library(cls: type, names: Iterable[str]) -> bool:
+    """Has a class the methods of these names together from one class of the library?"""
+    return any(
+        all(_definer(base, name) is _definer(cls, name) for name in names) for base in cls.__mro__ if not theirs(base)
+    )
+
+
+def _definer(cls: type, name: str) -> type | None:
+    return next((base for base in cls.__mro__ if name in vars(base)), None)
+
+
+def _is_abstract(formula: Any) -> bool:
+    """Does it only say that a subclass has to write it?"""
+    names = getattr(getattr(formula, "__code__", None), "co_names", ())
+    known = {"undefined", "NotDefined", "NotImplementedError"}
+    return getattr(formula, "__isabstractmethod__", False) or not known.isdisjoint(names)
+
+
+def _reached(cls: type, names: frozenset[str]) -> set[str]:
+    """These names of methods, and those of what they call in turn, by every version that a class
+    inherits, for `super` may call any.
+    """
+    return _in_turn(names, lambda name: [_function(vars(base).get(name)) for base in cls.__mro__])
+
+
+def _called(cls: type, names: frozenset[str]) -> set[str]:
+    """These methods, as a class has them, and those that they call in turn."""
+
+    def versions(name: str) -> Iterator[Any]:
+        for base in cls.__mro__:
+            if name in vars(base):
+                yield (formula := _function(vars(base)[name]))
+                if "super" not in getattr(getattr(formula, "__code__", None), "co_names", ()):
+                    return
+
+    return _in_turn(names, versions)
+
+
+def _in_turn(names: Iterable[str], versions: Callable[[str], Iterable[Any]]) -> set[str]:
+    """Names of methods, and all names that their formulas read, theirs read, and so on.
+
+    versions : the formulas that a name stands for.
+    """
+    reached: set[str] = set()
+    waiting = [*names]
+    while waiting:
+        name = waiting.pop()
+        if name not in reached:
+            reached.add(name)
+            for formula in versions(name):
+                waiting.extend(_reads(formula))
+    return reached
+
+
+def _function(member: Any) -> Any:
+    """The function behind a method, of an object or of its class, or a property."""
+    for name in ("fget", "func", "__func__"):
+        member = getattr(member, name, None) or member
+    return bare(member)
+
+
+def _reads(formula: Any) -> frozenset[str]:
+    """The attributes of `self` that a formula reads, or those of which it is said to be."""
+    if hasattr(formula, "__sources__"):
+        return frozenset(formula.__sources__)
+    return _read_by(formula) if isinstance(formula, types.FunctionType) else frozenset()
+
+
+@functools.cache
+def _read_by(formula: types.FunctionType) -> frozenset[str]:
+    """The attributes of the first argument that a function reads; all names in it, and in the functions of
+    users that it may call, if that argument goes elsewhere: into another name, a function, a decorator.
+    """
+    code = formula.__code__
+    if not code.co_argcount and not code.co_flags & inspect.CO_VARARGS:
+        return frozenset()
+    read: set[str] = set()
+    if code.co_argcount and not _read_of(code, code.co_varnames[0], read):
+        return frozenset(read)
+    known, waiting = {formula}, [formula]
+    while waiting:
+        function = waiting.pop()
+        names, constants = _written_in(function.__code__)
+        read |= names | constants
+        cells = [cell.cell_contents for cell in function.__closure__ or () if cell != _EMPTY]
+        for called in map(_function, (*cells, *[function.__globals__.get(name) for name in names])):
+            if isinstance(called, types.FunctionType) and theirs(called) and called not in known:
+                known.add(called)
+                waiting.append(called)
+    return frozenset(read)
+
+
+_EMPTY = types.CellType()
+
+
+def _read_of(code: types.CodeType, owner: str, read: set[str]) -> bool:
+    """Add the attributes of a local value that a code reads; does the value go elsewhere?"""
+    away, loaded = False, False
+    for instruction in dis.get_instructions(code):
+        name, value = instruction.opname, instruction.argval
+        if loaded and name in ("LOAD_ATTR", "LOAD_METHOD"):
+            read.add(value)
+            away = away or value == "__class__"
+        elif loaded:
+            away = True
+        values = value if isinstance(value, tuple) else (value,)  # two at once, since 3.13
+        loads = name.startswith(("LOAD_FAST", "LOAD_DEREF")) and not (
+            name.startswith("LOAD_FAST") and owner in code.co_cellvars  # which closures are made of, since 3.13
+        )
+        loaded = loads and values[-1] == owner
+        away = away or (loads and owner in values[:-1])
+    for inner in code.co_consts:
+        if isinstance(inner, types.CodeType) and owner in inner.co_freevars:
+            away = _read_of(inner, owner, read) or away
+    return away
+
+
+def _written_in(code: types.CodeType) -> tuple[set[str], set[str]]:
+    """The names, and the texts, in a code."""
+    names, texts = {*code.co_names}, {x for x in code.co_consts if isinstance(x, str)}
+    for inner in code.co_consts:
+        if isinstance(inner, types.CodeType):
+            more = _written_in(inner)
+            names, texts = names | more[0], texts | more[1]
+    return names, texts

@@ -1,0 +1,119 @@
+"""A number without a value: what a formula does with it, it does at every point, for it cannot ask.
+
+Beside that it tells of which numbers a result is made, and of what degree it is, if it is a
+polynomial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import Any
+
+from ..vectors import Vec
+from .bases import Operand, StandIn
+
+ASKED = "it depends on a comparison, a sign or a rounding"
+
+
+class Asked(TypeError):
+    """A formula asked for a value, or for a sign."""
+
+
+def _asked(self: Anything, *others: Any) -> Any:
+    raise Asked(ASKED)
+
+
+class Anything(Operand, StandIn):
+    """Some number, nobody knows which.
+
+    degree : as a polynomial of the numbers that count; 0 for what does not depend on them, infinite
+    for what is no polynomial.
+    of : the numbers of which it is made.
+    """
+
+    __slots__ = ("degree", "of")
+
+    def __init__(self, degree: float = inf, of: frozenset[int] = frozenset()) -> None:
+        self.degree, self.of = degree, of
+
+    def __add__(self, other: Any) -> Any:
+        if isinstance(other, Anything):
+            return Anything(max(self.degree, other.degree), self.of | other.of)
+        return self if isinstance(other, (int, float)) else NotImplemented
+
+    __radd__ = __sub__ = __rsub__ = __add__
+
+    def __mul__(self, other: Any) -> Any:
+        if isinstance(other, Anything):
+            return Anything(self.degree + other.degree, self.of | other.of)
+        if isinstance(other, (int, float)):
+            return self if other else 0.0
+        return NotImplemented
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        if isinstance(other, Anything):
+            return Anything(inf if other.degree else self.degree, self.of | other.of)
+        return self if isinstance(other, (int, float)) else NotImplemented
+
+    def __rtruediv__(self, other: Any) -> Any:
+        if isinstance(other, (int, float)):
+            return self._function() if other else 0.0
+        return NotImplemented
+
+    def __pow__(self, n: Any) -> Any:
+        if isinstance(n, int) and n >= 0:
+            return Anything(self.degree * n, self.of) if n else 1.0
+        return self._function(n) if isinstance(n, (int, float, Anything)) else NotImplemented
+
+    def __rpow__(self, base: Any) -> Any:
+        return self._function() if isinstance(base, (int, float)) else NotImplemented
+
+    def __neg__(self) -> Anything:
+        return self
+
+    __pos__ = __neg__
+
+    def _function(self, *others: Any) -> Anything:
+        """Some function of this number and others."""
+        numbers = [self, *(x for x in others if isinstance(x, Anything))]
+        return Anything(inf if any(x.degree for x in numbers) else 0, frozenset().union(*(x.of for x in numbers)))
+
+    def elementary(self, name: str, *x: Any) -> Any:
+        """A function of the number, except `copysign`, which looks at a sign."""
+        return _asked(self) if name == "copysign" else self._function(*x)
+
+    __lt__ = __le__ = __gt__ = __ge__ = __bool__ = __abs__ = _asked
+    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __divmod__ = __rdivmod__ = _asked
+    __int__ = __float__ = __index__ = __round__ = __floor__ = __ceil__ = __trunc__ = _asked
+    __eq__ = __ne__ = _asked
+    __hash__ = None  # type: ignore[assignment]
+
+
+def looked_at(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, str]:
+    """The result of a formula of numbers that count as 1 or 0; and why it may do one thing here and
+    another thing there.
+    """
+    try:
+        return formula(Vec(*[Anything(d, frozenset([i])) for i, d in enumerate(degrees)])), ""
+    except (ArithmeticError, AttributeError, ValueError, TypeError) as refusal:
+        return None, str(refusal)
+
+
+def choice(formula: Callable[[Vec], Any], n: int) -> str:
+    """Why a formula of n numbers may do one thing at one point and another thing at another; empty
+    if it cannot.
+    """
+    return looked_at(formula, [1] * n)[1]
+
+
+def degree(x: Any) -> float:
+    """The degree of a result as a polynomial."""
+    return x.degree if isinstance(x, Anything) else 0
+
+
+def made_of(x: Any) -> frozenset[int]:
+    """The numbers of which a result is made."""
+    return x.of if isinstance(x, Anything) else frozenset()

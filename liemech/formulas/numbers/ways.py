@@ -1,0 +1,273 @@
+"""Numbers at many points at once, whose comparisons are answered in all ways, one after the other.
+
+A formula without comparisons is one expression, so that an identity which it has at a point by chance it has
+everywhere.  With comparisons it is one on every way through its branches, and all of these are gone: where values
+are known, with the points that go there, and else with all of them.
+
+Floats lose what is small beside the rest at a point.  Residues by a prime are exact, and functions of them are any
+functions: an identity that they have by chance holds for all numbers, in all units.
+
+Source: Schwartz, J. ACM 27 (1980) (identities tested at points by chance).
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import operator
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from .. import functions
+from ..vectors import vec
+from .bases import CarriesMore, Operand, StandIn
+
+MOST = 64
+"""Of more ways nothing is told, or of so many comparisons on one."""
+
+APART = 1e-9
+"""Two numbers that should be equal and differ by more than this, relative to their terms, are two."""
+
+
+PRIME = 2**127 - 1
+"""By which residues are taken."""
+
+KNOWN, ANY, MOVING = 0, 1, 2
+"""What a number is made of: parameters whose values are known, what may have any value, the state."""
+
+
+class Undecided(TypeError):
+    """A formula asked for more than can be answered in all ways."""
+
+
+class Ways:
+    """The ways through the branches of formulas.
+
+    of_moving : may there be comparisons of numbers that move?
+    """
+
+    def __init__(self, of_moving: bool) -> None:
+        self.of_moving = of_moving
+        self.there: Any = np.array(True)  # the points that go this way
+        self.branch = False  # was anything asked that is not known?
+        self._answers: list[bool] = []
+        self._asked: list[tuple[str, Any]] = []
+
+    def all(self) -> Iterator[None]:
+        """One way after the other; on each, what is asked again is answered as before."""
+        for _ in range(MOST):
+            self._asked, self.there, self.branch = [], np.array(True), False
+            yield
+            while self._answers and not self._answers[-1]:
+                self._answers.pop()
+            if not self._answers:
+                return
+            self._answers[-1] = False
+        raise Undecided("a formula has too many branches")
+
+    def answer(self, kind: str, x: Number) -> bool:
+        """Is x positive, or, of the other kind, zero?"""
+        if x.moves == MOVING and not self.of_moving and np.any(x.at):
+            raise Undecided("a formula compares numbers that move")
+        if x.moves == KNOWN:
+            holds = x.at > 0.0 if kind == "positive" else x.at == 0.0
+            some = np.broadcast_arrays(self.there, holds)[0]
+            if not (some & holds).any() or not (some & ~holds).any():
+                return bool((some & holds).any())
+            answer = self._next(kind, x)
+            self.there = some & (holds == answer)
+            return answer
+        if not np.any(x.at):
+            return kind == "zero"
+        for (other, seen), answer in zip(self._asked, self._answers):
+            if other == kind and self.equal(seen, x.at):
+                return answer
+            opposite = other == kind and (kind == "zero" or answer or x.moves == MOVING)
+            if opposite and self.equal(seen, -x.at):
+                return answer if kind == "zero" else not answer
+        self.branch = True
+        return self._next(kind, x)
+
+    def equal(self, one: Any, other: Any) -> bool:
+        """Are numbers equal wherever points go this way and they are finite?"""
+        return not ((np.abs(one - other) > APART * (np.abs(one) + np.abs(other))) & self.there).any()
+
+    def _next(self, kind: str, x: Number) -> bool:
+        """The answer on this way to what was not asked before."""
+        if len(self._asked) == len(self._answers):
+            if len(self._asked) == MOST:
+                raise Undecided("a formula has too many branches")
+            self._answers.append(True)
+        self._asked.append((kind, x.at))
+        return self._answers[len(self._asked) - 1]
+
+
+def values_of(x: Any) -> Any:
+    """The values of a number at the points."""
+    return x.at if isinstance(x, Number) else x
+
+
+def _operation(of_values: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    def operation(self: Number, other: Any) -> Any:
+        if not isinstance(other, (Number, int, float, np.number)):
+            return NotImplemented
+        return self.made(of_values(self.at, values_of(other)), other)
+
+    return operation
+
+
+def _undecided(self: Number, *others: Any) -> Any:
+    raise Undecided("a formula rounds a number")
+
+
+class Number(Operand, StandIn):
+    """A number at many points.
+
+    at : its values, or residues.  ways : the ways through branches.  moves : of what it is made, KNOWN to MOVING.
+    """
+
+    __slots__ = ("at", "moves", "ways")
+
+    def __init__(self, at: np.ndarray, ways: Ways, moves: int) -> None:
+        self.at, self.ways, self.moves = at, ways, moves
+
+    def made(self, at: np.ndarray, *others: Any) -> Number:
+        """A number that is made of this one and others."""
+        return Number(at, self.ways, max([self.moves, *[x.moves for x in others if isinstance(x, Number)]]))
+
+    __add__ = __radd__ = _operation(operator.add)
+    __mul__ = __rmul__ = _operation(operator.mul)
+    __sub__, __rsub__ = _operation(operator.sub), _operation(lambda x, y: y - x)
+    __truediv__, __rtruediv__ = _operation(operator.truediv), _operation(lambda x, y: y / x)
+    __pow__, __rpow__ = _operation(operator.pow), _operation(lambda x, y: np.power(float(y), x))
+
+    def __neg__(self) -> Number:
+        return self.made(-self.at)
+
+    def __pos__(self) -> Number:
+        return self
+
+    def elementary(self, name: str, *x: Any) -> Any:
+        """The function of this name."""
+        if name == "copysign":
+            return abs(x[0]) if x[1] > 0.0 else -abs(x[0])
+        values = [values_of(y) for y in x]
+        found = values[0] * values[1] + values[2] if name == "fma" else getattr(functions, name)(*values)
+        return self.made(found, *x)
+
+    def __gt__(self, other: Any) -> bool:
+        return self.ways.answer("positive", self - other)
+
+    def __lt__(self, other: Any) -> bool:
+        return self.ways.answer("positive", other - self)
+
+    def __ge__(self, other: Any) -> bool:
+        return not self.__lt__(other)
+
+    def __le__(self, other: Any) -> bool:
+        return not self.__gt__(other)
+
+    def __eq__(self, other: object) -> bool:
+        return self.ways.answer("zero", self - other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self.__eq__(other)
+
+    def __bool__(self) -> bool:
+        return self != 0.0
+
+    def __abs__(self) -> Number:
+        return self if self > 0.0 else -self
+
+    def __float__(self) -> float:
+        raise CarriesMore("a number at many points")
+
+    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __divmod__ = __rdivmod__ = _undecided
+    __int__ = __index__ = __round__ = __floor__ = __ceil__ = __trunc__ = _undecided
+    __hash__ = None  # type: ignore[assignment]
+
+
+class Residue:
+    """A number by a prime, in arrays: sums, products and quotients are exact, and a function is any function."""
+
+    def __init__(self, n: int) -> None:
+        self.n = n % PRIME
+
+    @staticmethod
+    def of(x: Any) -> Residue:
+        """That of a float, or one itself."""
+        if isinstance(x, Residue):
+            return x
+        above, below = float(x).as_integer_ratio()
+        return Residue(above * pow(below, -1, PRIME))
+
+    def __add__(self, other: Any) -> Residue:
+        return Residue(self.n + Residue.of(other).n)
+
+    def __mul__(self, other: Any) -> Residue:
+        return Residue(self.n * Residue.of(other).n)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self) -> Residue:
+        return Residue(-self.n)
+
+    def __sub__(self, other: Any) -> Residue:
+        return self + -Residue.of(other)
+
+    def __rsub__(self, other: Any) -> Residue:
+        return -self + other
+
+    def __truediv__(self, other: Any) -> Residue:
+        return Residue(self.n * pow(Residue.of(other).n, -1, PRIME))
+
+    def __rtruediv__(self, other: Any) -> Residue:
+        return Residue.of(other) / self
+
+    def __pow__(self, other: Any) -> Residue:
+        if not isinstance(other, Residue) and float(other).is_integer():
+            return Residue(pow(self.n, int(other), PRIME))
+        return self._any("pow", Residue.of(other).n)
+
+    def __rpow__(self, other: Any) -> Residue:
+        return Residue.of(other)._any("pow", self.n)
+
+    def __abs__(self) -> float:
+        """How far it is from zero: as far as anything else that is not zero."""
+        return float(self.n != 0)
+
+    def __bool__(self) -> bool:
+        return self.n != 0
+
+    def __getattr__(self, name: str) -> Callable[[], Residue]:
+        if name.startswith("_") or not hasattr(functions, name):
+            raise AttributeError(name)
+        return functools.partial(self._any, name)
+
+    def _any(self, name: str, *others: int) -> Residue:
+        return Residue(int.from_bytes(hashlib.sha256(repr((name, self.n, *others)).encode()).digest(), "big"))
+
+
+class AnyFunction:
+    """In place of a table: some function of a number, or, of so many components, a vector.
+
+    some : makes a number by chance.
+    """
+
+    def __init__(self, size: int, some: Callable[[], Number]) -> None:
+        self.size, self.some = size, some
+        self._known: list[tuple[np.ndarray, Any]] = []
+
+    def __call__(self, x: Any) -> Any:
+        """Its value, equal for equal arguments."""
+        if not isinstance(x, Number) or (x.moves == MOVING and not x.ways.of_moving):
+            raise Undecided("a table of a number that moves")
+        for seen, value in self._known:
+            if x.ways.equal(seen, x.at):
+                return value
+        found = [y.made(y.at, x) for y in [self.some() for _ in range(max(self.size, 1))]]
+        value = vec(*found) if self.size else found[0]
+        self._known.append((x.at, value))
+        return value

@@ -1,0 +1,1 @@
+"""Groups put together from others: products, powers, semidirect products, species."""

@@ -1,0 +1,103 @@
+"""Algebras put together from others: every map of the exponential and of the Cayley map is asked of
+the parts, in one place.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...errors import undefined
+from ...formulas import Mat, Vec, record
+from ..lie_algebra import LieAlgebra
+
+
+@record
+class AlgebraOfParts(LieAlgebra):
+    """An algebra whose maps are those of its parts: direct sums, the opposite algebra, extended
+    poses.
+
+    must:     `dim`, and what takes a map of the parts to the whole: `_of_velocities`, `_of_momenta`,
+              `_of_equations`, `is_exp_chart`
+    follows:  all maps, of both charts
+
+    Each of these calls the method of a part by its name, `getattr(part, name)(x, y, ...)`.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 3.12 (direct
+    sums).
+    """
+
+    def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+        """A map of the velocity eta at xi, such as "dexp".  xi, eta : (dim,)."""
+        raise undefined(self, "_of_velocities")
+
+    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+        """A map of the momentum mu at xi, such as "ad_star".  xi, mu : (dim,)."""
+        raise undefined(self, "_of_momenta")
+
+    def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """A residual and its derivatives, "exp_residual" or "cayley_residual".  xi, p, mu : (dim,)."""
+        raise undefined(self, "_of_equations")
+
+    def bracket(self, xi: Vec, eta: Vec) -> Vec:
+        """[xi, eta]."""
+        return self._of_velocities("bracket", xi, eta)
+
+    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """ad*_xi mu."""
+        return self._of_momenta("ad_star", xi, mu)
+
+    # the exponential
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_exp(xi) mu."""
+        return self._of_momenta("exp_Ad_star", xi, mu)
+
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """dexp_xi eta."""
+        return self._of_velocities("dexp", xi, eta)
+
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """(dexp_xi)* mu."""
+        return self._of_momenta("dexp_dual", xi, mu)
+
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """dexp_xi^-1 eta.  Raises OutsideChart where a part does."""
+        return self._of_velocities("dexp_inv", xi, eta)
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """(dexp_xi^-1)* mu.  Raises OutsideChart where a part does."""
+        return self._of_momenta("dexp_inv_dual", xi, mu)
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
+        """The series of dexp_xi^-1 eta, cut after ad_xi^terms."""
+        return self._of_velocities("dexp_inv_series", xi, eta, terms)
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """The residual of the exponential."""
+        return self._of_equations("exp_residual", xi, p, mu)
+
+    # the Cayley map
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_cay(xi) mu."""
+        return self._of_momenta("cayley_Ad_star", xi, mu)
+
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """dcay_xi eta."""
+        return self._of_velocities("dcayley", xi, eta)
+
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """(dcay_xi)* mu."""
+        return self._of_momenta("dcayley_dual", xi, mu)
+
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """dcay_xi^-1 eta."""
+        return self._of_velocities("dcayley_inv", xi, eta)
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """(dcay_xi^-1)* mu."""
+        return self._of_momenta("dcayley_inv_dual", xi, mu)
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """The residual of the Cayley map."""
+        return self._of_equations("cayley_residual", xi, p, mu)

@@ -1,0 +1,242 @@
+"""One of several groups, which of them is a parameter of the site: the group of a site in a system of
+several species.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+from ...formulas import Ambient, Element, Mat, Vec, mat, record, vec, vectors
+from ...formulas.sites import SiteArray, own
+from ..lie_group import LieGroup
+from .algebra_of_parts import AlgebraOfParts
+from .product import entries, shaped
+
+
+def chosen(which: SiteArray, kinds: tuple[Any, ...], formula: Callable[[int], Any]) -> Any:
+    """formula(k) for the kind k of this site."""
+    return _from(0, own(which), len(kinds), formula)
+
+
+def _from(k: int, mine: float, count: int, formula: Callable[[int], Any]) -> Any:
+    if k < count - 1:
+        if mine == k:
+            return formula(k)
+        return _from(k + 1, mine, count, formula)
+    return formula(k)
+
+
+def lengthened(x: Any, like: Vec) -> Vec:
+    """A vector, with the rest of a longer one behind it."""
+    return vec(*x, *like[len(x) :])
+
+
+def filled(x: Any, width: int) -> Vec:
+    """A vector, with zeros behind it."""
+    return vec(*x, *[0.0 for _ in range(width - len(x))])
+
+
+def widened(x: Any, n: int, width: int, rest: float) -> Mat:
+    """A matrix (n, n), or one that is told by its diagonal or a factor of the unit matrix, in the corner
+    of a larger one with this number on the rest of its diagonal.
+    """
+    if isinstance(x, vectors.Mat):
+        rows = [[*row] for row in x]
+    else:
+        diagonal = [*x] if isinstance(x, vectors.Vec) else [x for _ in range(n)]
+        rows = [[diagonal[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
+    more = [0.0 for _ in range(width - n)]
+    unit = [[rest if i == j else 0.0 for j in range(width)] for i in range(n, width)]
+    return mat(*[vec(*row, *more) for row in rows], *[vec(*row) for row in unit])
+
+
+@record
+class AlgebraOfOne(AlgebraOfParts):
+    """The algebra of `OneOf`: vectors of fewer components end in zeros.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 3.12.
+    """
+
+    kinds: tuple[Any, ...]
+    which: SiteArray
+    size: int
+
+    @property
+    def dim(self) -> int:
+        """The largest."""
+        return self.size
+
+    def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+        """The map of its kind.  xi, eta : (dim,)."""
+
+        def of(k: int) -> Vec:
+            kind = self.kinds[k]
+            return lengthened(getattr(kind, name)(xi[: kind.dim], eta[: kind.dim], *more), eta)
+
+        return chosen(self.which, self.kinds, of)
+
+    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+        """The map of its kind.  xi, mu : (dim,)."""
+        return self._of_velocities(name, xi, mu)
+
+    def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
+        """The equations of its kind, and p = mu for what is behind.  xi, p, mu : (dim,)."""
+
+        def of(k: int) -> tuple[Vec, Mat, Mat]:
+            kind = self.kinds[k]
+            n = kind.dim
+            r, by_p, by_xi = getattr(kind, name)(xi[:n], p[:n], mu[:n])
+            return (lengthened(r, p - mu), widened(by_p, n, self.dim, 1.0), widened(by_xi, n, self.dim, 0.0))
+
+        return chosen(self.which, self.kinds, of)
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """Is it that of its kind?"""
+        kinds = self.kinds
+        return chosen(self.which, kinds, lambda k: kinds[k].is_exp_chart(xi[: kinds[k].dim]))
+
+
+@record
+class OneOf(LieGroup):
+    """One of several groups, by a parameter of the site: elements are their entries in a row, matrices
+    row by row and complex entries as two, and end in zeros where others have more; so do velocities
+    and momenta.
+
+    kinds : the groups.  those : of their algebras.  Make it by `OneOf.of`.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
+    """
+
+    kinds: tuple[LieGroup, ...]
+    those: AlgebraOfOne
+
+    @classmethod
+    def of(cls, kinds: tuple[Any, ...], which: SiteArray) -> OneOf:
+        """That of these groups.  which : of every site the number of its group."""
+        algebras = tuple([kind.algebra for kind in kinds])
+        return cls(kinds, AlgebraOfOne(algebras, which, max([kind.dim for kind in kinds])))
+
+    @property
+    def algebra(self) -> AlgebraOfOne:
+        """That of one of them."""
+        return self.those
+
+    @cached_property
+    def widths(self) -> tuple[int, ...]:
+        """How many real numbers an element of each is."""
+        return tuple([width_of(kind) for kind in self.kinds])
+
+    @cached_property
+    def element_shape(self) -> tuple[int, ...]:
+        """One vector."""
+        return (max(self.widths),)
+
+    @cached_property
+    def is_complex(self) -> bool:
+        """Complex entries are two real ones."""
+        return False
+
+    def chosen(self, formula: Callable[[int, Any], Any]) -> Any:
+        """formula(k, group) for the kind of this site."""
+        kinds = self.kinds
+        return chosen(self.those.which, kinds, lambda k: formula(k, kinds[k]))
+
+    def element(self, k: int, g: Element) -> Any:
+        """The element of kind k.  g : an element."""
+        return shaped(self.kinds[k], g[: self.widths[k]])
+
+    # ---------------------------------------------------------------- maps to elements
+
+    def identity(self) -> Element:
+        """That of its kind."""
+        return self.chosen(lambda k, kind: self._filled(kind.identity()))
+
+    def compose(self, g: Element, h: Element) -> Element:
+        """g h."""
+        return self.chosen(lambda k, kind: self._like(kind.compose(self.element(k, g), self.element(k, h)), g))
+
+    def inverse(self, g: Element) -> Element:
+        """g^-1."""
+        return self.chosen(lambda k, kind: self._like(kind.inverse(self.element(k, g)), g))
+
+    def exp(self, xi: Vec) -> Element:
+        """exp xi."""
+        return self.chosen(lambda k, kind: self._filled(kind.exp(xi[: kind.dim])))
+
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
+        """g exp xi."""
+        return self.chosen(lambda k, kind: self._like(kind.compose_exp(self.element(k, g), xi[: kind.dim]), g))
+
+    def why_no_cayley(self) -> str | None:
+        """The first kind that has none."""
+        for kind in self.kinds:
+            if kind.why_no_cayley() is not None:
+                return f"{kind!r} has none: {kind.why_no_cayley()}"
+        return None
+
+    def cayley(self, xi: Vec) -> Element:
+        """cay xi."""
+        return self.chosen(lambda k, kind: self._filled(kind.cayley(xi[: kind.dim])))
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """g cay xi."""
+        return self.chosen(lambda k, kind: self._like(kind.compose_cayley(self.element(k, g), xi[: kind.dim]), g))
+
+    def nearest(self, g: Ambient) -> Element:
+        """That of its kind."""
+        return self.chosen(lambda k, kind: self._like(kind.nearest(self.element(k, g)), g))
+
+    def _filled(self, g: Any) -> Vec:
+        return filled(entries(g), self.element_shape[0])
+
+    def _like(self, g: Any, other: Vec) -> Vec:
+        return lengthened(entries(g), other)
+
+    # ---------------------------------------------------------------- maps to vectors
+
+    def Ad(self, g: Element, xi: Vec) -> Vec:
+        """Ad_g xi."""
+        return self.chosen(lambda k, kind: lengthened(kind.Ad(self.element(k, g), xi[: kind.dim]), xi))
+
+    def Ad_star(self, g: Element, mu: Vec) -> Vec:
+        """Ad*_g mu."""
+        return self.chosen(lambda k, kind: lengthened(kind.Ad_star(self.element(k, g), mu[: kind.dim]), mu))
+
+    def body_velocity(self, g: Element, rate: Ambient) -> Vec:
+        """The xi with g' = g xi."""
+        return self.chosen(
+            lambda k, kind: self._velocity(kind.body_velocity(self.element(k, g), self.element(k, rate)))
+        )
+
+    def log(self, g: Element) -> Vec:
+        """log g."""
+        return self.chosen(lambda k, kind: self._velocity(kind.log(self.element(k, g))))
+
+    def scale(self, g: Element | None) -> Vec:
+        """That of its kind."""
+        if g is None:
+            return self.chosen(lambda k, kind: self._velocity(kind.scale(None)))
+        return self.chosen(lambda k, kind: self._velocity(kind.scale(self.element(k, g))))
+
+    def defect(self, g: Ambient) -> float:
+        """That of its kind."""
+        return self.chosen(lambda k, kind: kind.defect(self.element(k, g)))
+
+    def _velocity(self, xi: Vec) -> Vec:
+        return filled(xi, self.dim)
+
+    @property
+    def by_adjoint(self) -> LieGroup | None:
+        """One of those of the kinds."""
+        found: list[Any] = [kind.by_adjoint for kind in self.kinds]
+        return None if None in found else OneOf.of(tuple(found), self.those.which)
+
+
+def width_of(group: LieGroup) -> int:
+    """How many real numbers an element is."""
+    count = 2 if group.is_complex else 1
+    for n in group.element_shape:
+        count = count * n
+    return count

@@ -1,0 +1,225 @@
+"""Powers of a Lie group: many copies of one, the configurations of many like sites."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidInput, InvalidType
+from ...formulas import Element, Vec, record
+from ..lie_group import LieGroup
+from .product import DirectProduct, DirectSum, shaped
+
+WRITTEN_OUT = 300
+"""Powers of more dimensions than this are not written out: arrays are taken site by site."""
+
+ELEMENTS = "g", "h", "rate"
+"""The names of arguments that are elements, in the methods of groups."""
+
+SITE_BY_SITE = frozenset(
+    {
+        *("compose", "inverse", "Ad", "Ad_star", "K", "ad", "ad_star", "exp_Ad_star", "exp", "log"),
+        *("dexp", "dexp_inv", "compose_exp", "cayley", "cayley_inv", "compose_cayley"),
+        *("body_velocity", "casimirs", "nearest", "defect", "contains"),
+    }
+)
+"""Methods that do in each copy what they do."""
+
+
+@record
+class PowerAlgebra(DirectSum):
+    """The direct sum of copies of one Lie algebra.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 3.12.
+    """
+
+    base: Any
+    copies: int
+
+    @property
+    def factors(self) -> tuple[Any, ...]:
+        """The algebra, as often as it is there."""
+        return tuple([self.base for _ in range(self.copies)])
+
+    @property
+    def dim(self) -> int:
+        """The dimension of all copies."""
+        return self.copies * self.base.dim
+
+    def parts(self, xi: Vec) -> tuple[Vec, ...]:
+        """The coordinates of each copy.  xi : (dim,)."""
+        n = self.base.dim
+        return tuple([xi[n * i : n * (i + 1)] for i in range(self.copies)])
+
+
+@record
+class PowerGroup(DirectProduct):
+    """Many copies of one group, `SO3() ** 100`: the configurations of as many sites.
+
+    An element is one vector, the entries of the elements of the copies one after another; arrays
+    may have an axis of sites as well, velocities and momenta (copies, dim) and elements (copies, n,
+    n), and give back what is shaped so.  A system on a power shows its states in that shape.
+
+    base : the group, which is no power itself.  copies : how many.  Raises InvalidType, InvalidInput
+    for what is none.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
+    """
+
+    base: LieGroup
+    copies: int
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        base: Any = self.base
+        if not isinstance(base, LieGroup):
+            cure = "; write it with brackets" if isinstance(self.base, type) else ""
+            raise InvalidType(f"PowerGroup: base must be a LieGroup; got {self.base!r}{cure}")
+        if hasattr(base, "copies"):
+            raise InvalidInput(f"PowerGroup: base is the group of one site, and {base!r} is one of {base.copies}")
+        if isinstance(self.copies, bool) or self.copies < 1:
+            raise InvalidInput(
+                f"{self.base!r} ** {self.copies!r}: the exponent is how many sites there are, a whole number from 1 on"
+            )
+
+    def __repr__(self) -> str:
+        return f"{self.base!r} ** {self.copies}"
+
+    @property
+    def factors(self) -> tuple[Any, ...]:
+        """The group, as often as it is there."""
+        return tuple([self.base for _ in range(self.copies)])
+
+    @cached_property
+    def algebra(self) -> PowerAlgebra:
+        """The direct sum."""
+        return PowerAlgebra(self.base.algebra, self.copies)
+
+    @property
+    def by_adjoint(self) -> LieGroup | None:
+        """The power of that of the base."""
+        found = self.base.by_adjoint
+        return None if found is None else PowerGroup(found, self.copies)
+
+    def why_no_cayley(self) -> str | None:
+        """That of the base."""
+        return self.base.why_no_cayley()
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """The blocks of equal units of the copies."""
+        return self.base.unit_blocks * self.copies
+
+    # ---------------------------------------------------------------- sites
+
+    @cached_property
+    def width(self) -> int:
+        """How many real numbers an element of the base is."""
+        return math.prod(self.base.element_shape) * (2 if self.base.is_complex else 1)
+
+    @cached_property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """Where the entries of each copy's element begin and end."""
+        return tuple([(self.width * i, self.width * (i + 1)) for i in range(self.copies)])
+
+    @cached_property
+    def element_shape(self) -> tuple[int, ...]:
+        """One vector."""
+        return (self.copies * self.width,)
+
+    @cached_property
+    def is_complex(self) -> bool:
+        """Complex entries are two real ones."""
+        return False
+
+    @property
+    def examples(self) -> tuple[int, ...]:
+        """A site of every species, of which there is one."""
+        return (0,)
+
+    def named(self, i: int) -> str:
+        """How a site is called."""
+        return str(i)
+
+    def base_of(self, i: int) -> LieGroup:
+        """The group of one copy."""
+        return self.base
+
+    def momentum_of(self, mu: Vec, i: int) -> Vec:
+        """The momentum of one copy, or its velocity.  mu : (dim,)."""
+        n = self.base.dim
+        return mu[n * i : n * (i + 1)]
+
+    def site(self, g: Element, i: int) -> Any:
+        """The element of one copy.  g : an element."""
+        return shaped(self.base, g[self.width * i : self.width * (i + 1)])
+
+    def in_a_row(self, value: Any, kind: str) -> Any:
+        """An array with an axis of sites as one without, (..., copies, dim) as (..., copies dim);
+        anything else as it is.  kind : "Vec", or "Element".
+        """
+        one = (self.base.dim,) if kind == "Vec" else self.base.element_shape
+        try:
+            array = np.asarray(value)
+        except ValueError:
+            return value
+        axes = 1 + len(one)
+        if array.shape[-axes:] != (self.copies, *one):
+            return value
+        lead = array.shape[:-axes]
+        if kind != "Vec" and self.base.is_complex:
+            array = np.ascontiguousarray(array, dtype=complex).view(float)
+        return array.reshape(*lead, self.copies * (one[0] if kind == "Vec" else self.width))
+
+    def by_site(self, array: Any, kind: str | None = None) -> Any:
+        """An array (..., copies dim) of momenta or velocities with an axis of sites, (..., copies,
+        dim), one of elements too; anything else as it is.
+
+        kind : "Vec", or "Element"; None: told from its length.
+        """
+        n, lead = array.shape[-1:], array.shape[:-1]
+        if n == (self.copies * self.base.dim,) and kind != "Element":
+            return array.reshape(*lead, self.copies, self.base.dim)
+        if n != self.element_shape or kind == "Vec":
+            return array
+        if self.base.is_complex:
+            array = np.ascontiguousarray(array).view(complex)
+        return array.reshape(*lead, self.copies, *self.base.element_shape)
+
+    def without_sites(self, array: Any, kind: str) -> Any:
+        """The inverse of `by_site`."""
+        return self.in_a_row(array, kind)
+
+    # ---------------------------------------------------------------- many sites, on arrays
+
+    @property
+    def is_large(self) -> bool:
+        """Are there more sites than formulas would be written out for?"""
+        return self.dim > WRITTEN_OUT
+
+    def objection(self, g: np.ndarray) -> str | None:
+        """The objection of the first site that has one."""
+        elements = self.by_site(np.asarray(g), "Element")
+        outside = np.flatnonzero(~np.atleast_1d(self.base.contains(elements)))
+        return f"at site {outside[0]} {self.base.objection(elements[outside[0]])}" if len(outside) else None
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        kinds = {name: "Element" if name in ELEMENTS else "Vec" for name in arguments}
+        if method not in SITE_BY_SITE:
+            return None
+        given = [self.by_site(x, kinds[name]) for name, x in arguments.items()]
+        found = np.asarray(getattr(self.base, method)(*given))
+        if method in ("defect", "contains"):
+            return found.max(axis=1) if method == "defect" else found.all(axis=1)
+        if np.iscomplexobj(found):
+            found = np.ascontiguousarray(found).view(float)
+        return found.reshape(len(found), math.prod(found.shape[1:]))
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.in_a_row(value, "Vec" if kind == "Vec" else "Element")
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.by_site(results, kind)

@@ -1,0 +1,1 @@
+"""Groups of matrices, of which every map follows from the generators."""

@@ -1,0 +1,150 @@
+"""Isospectral steps of momenta as matrices, W' = [W, X]: the stages of `Isospectral` on groups of
+matrices.
+
+W = M^H belongs to the momentum mu, <mu, xi> = Re tr(M^H hat(xi)), and X = hat(dH/dmu).  What is
+found of a stage is what it adds to W, so that a step rounds by that alone.
+
+Source: Modin and Viviani, Lie-Poisson methods for isospectral flows, Found. Comput. Math. 20 (2020).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...formulas import Complex, Mat, atan2, cos, exp, log, plain, sin, sqrt
+from ...formulas.elimination import determinant, solve_matrix
+from ...formulas.large import Large, distance2
+from ...groups.matrices.matrix_algebra import adjoint
+from ...groups.matrices.matrix_functions import frobenius2, plus
+from ...solvers import fixed_point
+from ...tableaus.trees import Row
+from ..rkmk import combination
+
+
+def matrix_of(system: Any, mu: Any) -> Mat:
+    """W of a momentum; of antihermitian matrices M itself, which moves like -M = M^H."""
+    m = system.group.algebra.covector(mu)
+    return m if system.group.keeps_lengths else adjoint(m)
+
+
+def momentum_of(system: Any, w: Mat) -> Any:
+    """The momentum of W: of a matrix outside of the algebra that of its orthogonal projection."""
+    return system.group.algebra.pairing(w if system.group.keeps_lengths else adjoint(w))
+
+
+def velocity_of(system: Any, w: Mat) -> Mat:
+    """X = hat(dH/dmu)."""
+    m = w if system.group.keeps_lengths else adjoint(w)
+    return system.velocity_matrix(m)
+
+
+def midpoint(system: Any, w0: Mat, guess: Mat, method: Any, h: float) -> tuple[Mat, Mat]:
+    """The matrix W in the middle of a step from W_0, and what is subtracted twice over the step:
+
+        W_0 = (1 + P) W (1 - P),   W_1 = (1 - P) W (1 + P),   P = h X(W)/2
+
+    that is, W = W_0 - [P, W] + P W P and W_1 = W_0 - 2 [P, W].  Raises NoConvergence.
+    """
+    sweep = lambda both: midpoint_sweep(system, w0, both[0], h)  # noqa: E731
+    found: tuple[Mat, Mat] = fixed_point(sweep, (guess, plain(guess)), method, h)
+    return found
+
+
+def midpoint_sweep(system: Any, w0: Mat, w: Mat, h: float) -> tuple[tuple[Mat, Mat], float, float]:
+    """W anew, and [P, W]; its change and its size.  Where all matrices are antihermitian W P is the
+    adjoint of P W, and the new W is antihermitian to the bit.
+    """
+    p = (0.5 * h) * velocity_of(system, w)
+    pw = p @ w
+    pwp = pw @ p
+    if system.group.keeps_lengths:
+        turned = antihermitian(pw)
+        new = (w0 - turned) + 0.5 * antihermitian(pwp)
+    else:
+        turned = pw - w @ p
+        new = (w0 - turned) + pwp
+    return (new, turned), sqrt(apart2(new, w)), sqrt(frobenius2(new))
+
+
+def midpoint_turn(system: Any, w: Mat, h: float) -> Mat:
+    """(1 + P)(1 - P)^-1 - 1: how an element turns in the step whose middle is W."""
+    p = (0.5 * h) * velocity_of(system, w)
+    return on_group(system.group, solve_matrix(plus(-p, 1.0), 2.0 * p))
+
+
+def on_group(group: Any, turn: Mat) -> Mat:
+    """The turn t of elements of a group without Cayley map, SU(n) or SL(n), whose momenta move like
+    those of U(n) and GL(n): (1 + t) det(1 + t)^(-1/n) - 1.
+
+    Multiples of the unit matrix move no momentum.
+    """
+    if group.why_no_cayley() is None:
+        return turn
+    full = plus(turn, 1.0)
+    n, d = len(full), determinant(full)
+    if not group.generated.complex:
+        return plus(exp(log(d) * (-1.0 / n)) * full, -1.0)
+    angle = atan2(d.im, d.re) * (-1.0 / n)
+    if isinstance(full, Large):
+        full = cos(angle) * full + sin(angle) * (full @ group.times_i)
+    else:
+        full = Complex(cos(angle), sin(angle)) * full
+    return plus(full, -1.0)
+
+
+def stages(
+    system: Any, rows: tuple[Row, ...], w0: Mat, guess: tuple[Any, ...], method: Any, h: float
+) -> tuple[Any, ...]:
+    """Z_j = h B_j Q_j and Y_j = -h R_j B_j of all stages, B = -X:
+
+        Q_i = 1 + sum_j a_ij Z_j,   R_i = 1 + sum_j a_ij Y_j,   W_i = Q_i W_0 R_i
+
+    Where all matrices are antihermitian R_i is the adjoint of Q_i.  Raises NoConvergence.
+    """
+    sweep = lambda found: stages_sweep(system, rows, w0, found, h)  # noqa: E731
+    found: tuple[Any, ...] = fixed_point(sweep, guess, method, h)
+    return found
+
+
+def stages_sweep(
+    system: Any, rows: tuple[Row, ...], w0: Mat, found: tuple[Any, ...], h: float
+) -> tuple[tuple[Any, ...], float, float]:
+    """Every stage anew, each from the new ones before it; their change and their size."""
+    change, size = 0.0, 0.0
+    for i, row in enumerate(rows):
+        q, r = increments(system, row, found)
+        b = (-h) * velocity_of(system, w0 + conjugated(system, w0, q, r))
+        new: tuple[Mat, ...] = (b + b @ q,)
+        if not system.group.keeps_lengths:
+            new = (*new, -(b + r @ b))
+        for a, c in zip(new, found[i]):
+            change, size = change + apart2(a, c), size + frobenius2(a)
+        found = (*found[:i], new, *found[i + 1 :])
+    return found, sqrt(change), sqrt(size)
+
+
+def increments(system: Any, row: Row, found: tuple[Any, ...]) -> tuple[Mat, Mat]:
+    """Q - 1 and R - 1 for the weights of a row."""
+    q = combination(row, [one[0] for one in found])
+    if system.group.keeps_lengths:
+        return q, adjoint(q)
+    return q, combination(row, [one[1] for one in found])
+
+
+def conjugated(system: Any, w: Mat, q: Mat, r: Mat) -> Mat:
+    """(1 + q) W (1 + r) - W."""
+    left = q @ w
+    both = left @ r
+    if system.group.keeps_lengths:
+        return antihermitian(left) + 0.5 * antihermitian(both)
+    return (left + w @ r) + both
+
+
+def antihermitian(m: Mat) -> Mat:
+    """m - m^H."""
+    return m.without_adjoint() if isinstance(m, Large) else m - adjoint(m)
+
+
+def apart2(a: Mat, b: Mat) -> Any:
+    """|a - b|^2."""
+    return distance2(a, b) if isinstance(a, Large) else frobenius2(a - b)

@@ -1,0 +1,1 @@
+"""Bodies in fields: kicks by forces, and drifts without them."""

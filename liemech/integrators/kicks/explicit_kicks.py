@@ -1,0 +1,91 @@
+"""How strong damping may be under an explicit half kick: it throws a body back where (h/2) C exceeds the inertia.
+
+A half kick of damping C leads from the velocity xi to (1 - (h/2) J^-1 C) xi.  Where J - (h/2) C is not positive on
+the velocities that conditions allow, some of them change their sign in every step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...errors import NoConvergence
+from ...formulas import Element, Mat, Vec, derivative, identity_matrix, mat, vec, where
+from ...systems.kinetic_energy import has_inertia
+
+
+def negative_pivots(m: Mat, conditions: float = 0.0) -> float:
+    """The number of negative pivots of a matrix, those of its first rows, of so many conditions, counted as -1: how many
+    eigenvalues are negative on what the conditions leave.
+
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 8.1.5 (Sylvester's law of inertia).
+    """
+    total, rows = 0.0, [*m]
+    for k in range(len(m)):
+        pivot = rows[k][k]
+        total = total + where(pivot < 0.0, where(k < conditions, -1.0, 1.0), 0.0)
+        share = 1.0 / where(pivot == 0.0, 1.0, pivot)
+        rows = [row if i <= k else row - (share * row[k]) * rows[k] for i, row in enumerate(rows)]
+    return total
+
+
+def throws_back(system: Any, t: float, mu: Vec, g: Element, h: float) -> bool:
+    """Does a kick of length h by the load of a free body, as it is at its start, turn a velocity round?
+
+    J - h C has a negative eigenvalue then; where the energy is not quadratic, J^-1 - h J^-1 C J^-1 has more of them
+    than J^-1.
+    """
+    xi, body = system.velocity(mu, t), system.body
+    quadratic = has_inertia(getattr(body, "lagrangian", None))
+    still, turned = [], []  # type: list[Any], list[Any]
+    for unit in identity_matrix(len(mu)):
+        if quadratic:
+            turned = [*turned, body.lagrangian.momentum(unit) - h * system.load.resistance(t, xi, g, unit)]
+        else:
+            answer = derivative(lambda m: system.velocity(m, t), mu, unit)
+            damped = derivative(lambda m: system.velocity(m, t), mu, system.load.resistance(t, xi, g, answer))
+            still, turned = [*still, answer], [*turned, answer - h * damped]
+    if quadratic:
+        return negative_pivots(mat(*turned)) > 0.0
+    return negative_pivots(mat(*turned)) > negative_pivots(mat(*still))
+
+
+def refusal(what: str, ratio: float, h: float) -> NoConvergence:
+    """The error of a step h whose first kick throws back.  ratio : of (h/2) C to the inertia, the largest one."""
+    return NoConvergence(
+        f"{what}: c h/(2 I) is {ratio:.4g}, with the damping c there and the inertia I that it slows, and an explicit "
+        f"first kick throws back from 1 on. Steps may be {h / ratio:.3g} long at most; a bounded force of your own, "
+        "such as friction, says by `resistance` what damps"
+    )
+
+
+def free_refusal(method: Any, system: Any, t: float, mu: Vec, g: Element, kick: float, h: float) -> NoConvergence:
+    """That of a load on a free body, under a kick of this length in a step h."""
+    xi, units = system.velocity(mu, t), np.eye(len(mu)).tolist()
+    slopes = np.array([derivative(lambda m: system.velocity(m, t), mu, vec(*unit)) for unit in units])
+    damping = np.array([system.load.resistance(t, xi, g, vec(*unit)) for unit in units])
+    ratio = kick * float(np.linalg.eigvals(0.5 * (damping + damping.T) @ slopes).real.max())
+    return refusal(f"{method!r}: {system.load!r}", ratio, h)
+
+
+def bound_refusal(method: Any, system: Any, t: float, mu: Vec, g: Element, h: float) -> NoConvergence:
+    """That of bodies under conditions, in a step of length h: it names the joint, where it is one of a Linkage."""
+    from scipy.linalg import eigh, null_space
+
+    whole, load = system._with_rotors if getattr(system, "geared", False) else system, system.body.load
+    rows, inverse = (
+        one.toarray() if hasattr(one, "toarray") else np.array(one)
+        for one in (whole._matrix(whole.rows_at(t, g)), system._inverse)
+    )
+    yields = np.array([*whole.constraint.yields] or [0.0] * len(rows))
+    J = np.linalg.inv(inverse)
+    for row, light in zip(rows[yields > 0.0], yields[yields > 0.0]):  # a rotor
+        J = J + np.outer(row, row) / light
+    rigid = rows[yields == 0.0]
+    free = null_space(rigid / np.linalg.norm(rigid, axis=1)[:, None])
+    xi, units = system.velocity(mu), np.eye(len(mu)).tolist()
+    damping = np.array([load.resistance(t, xi, g, vec(*unit)) for unit in units])
+    values, modes = eigh(0.5 * free.T @ (damping + damping.T) @ free, free.T @ J @ free)
+    mode = vec(*(free @ modes[:, -1]).tolist())
+    return refusal(f"{method!r}: {system.strongest_damper(t, xi, g, mode)}", 0.5 * h * float(values[-1]), h)

@@ -1,0 +1,146 @@
+"""Fields and loads on single bodies of a linkage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..errors import InvalidInput, InvalidType
+from ..formulas import Mat, Record, Vec, record, vec
+from ..groups.lie_group import LieGroup
+from ..groups.rigid.se3 import SE3
+from ..systems.potential import Force, Potential
+from .joints import REST6, pose
+
+
+@record
+class PotentialsOfBodies(Potential):
+    """The energies of single bodies of a linkage, V = sum V_b(g_b).
+
+    bodies : their numbers.  each : of each a Potential on SE(3).
+
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 1.3.
+    """
+
+    bodies: tuple[int, ...]
+    each: tuple[Any, ...]
+
+    def energy(self, g: Vec) -> float:
+        """The sum."""
+        total = 0.0
+        for b, one in zip(self.bodies, self.each):
+            total = total + one.energy(pose(g, b))
+        return total
+
+    def force(self, group: LieGroup, g: Any) -> Vec:
+        """Of each body its own."""
+        parts = [REST6 for _ in range(group.dim // 6)]
+        for b, one in zip(self.bodies, self.each):
+            parts[b] = parts[b] + one.force(SE3(), pose(g, b))
+        return vec(*[x for part in parts for x in part])
+
+
+@record
+class ForcesOfBodies(Force):
+    """Loads on single bodies of a linkage.
+
+    bodies : their numbers.  each : of each a Force on SE(3).
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 2.7.
+    """
+
+    bodies: tuple[int, ...]
+    each: tuple[Any, ...]
+
+    def covector(self, t: float, xi: Vec, g: Any) -> Vec:
+        """Of each body its own."""
+        parts = [REST6 for _ in range(len(g) // 16)]
+        for b, one in zip(self.bodies, self.each):
+            parts[b] = parts[b] + one.covector(t, xi[6 * b : 6 * b + 6], pose(g, b))
+        return vec(*[x for part in parts for x in part])
+
+    def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
+        """Of each body its own."""
+        parts = [REST6 for _ in range(len(g) // 16)]
+        for b, one in zip(self.bodies, self.each):
+            end = 6 * b + 6
+            parts[b] = parts[b] + one.resistance(t, xi[6 * b : end], pose(g, b), along[6 * b : end])
+        return vec(*[x for part in parts for x in part])
+
+
+@record
+class AtBody(Record):
+    """Field and load on one body, beside joints and weight: a Potential and a Force on SE(3), if any.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 2.7.
+    """
+
+    potentials: tuple[Any, ...]
+    loads: tuple[Any, ...]
+
+    def pull(self, g: Mat) -> Vec:
+        """The force of the potential."""
+        total = REST6
+        for one in self.potentials:
+            total = total + one.force(SE3(), g)
+        return total
+
+    def push(self, t: float, xi: Vec, g: Mat) -> Vec:
+        """The load at this velocity."""
+        total = REST6
+        for one in self.loads:
+            total = total + one.covector(t, xi, g)
+        return total
+
+    def resistance(self, t: float, xi: Vec, g: Mat, along: Vec) -> Vec:
+        """The damping of the load along a velocity."""
+        total = REST6
+        for one in self.loads:
+            total = total + one.resistance(t, xi, g, along)
+        return total
+
+
+@record
+class OnAll(Record):
+    """A field and a load on all bodies by one formula, as loops over memory need them: a Potential and a Force
+    on the product of their groups, or None.  count : of bodies.  derived : does the force of the
+    potential follow from its energy?
+    """
+
+    group: Any
+    count: int
+    potential: Any
+    load: Any
+    derived: bool
+
+
+def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:
+    """potential or load of a linkage: one of all bodies as it is, or those of single bodies, by
+    their names or numbers.  Raises InvalidType, InvalidInput.
+    """
+    kind, many, words = {  # type: Any, Any, str
+        "potential": (Potential, PotentialsOfBodies, "an `energy(g)`"),
+        "load": (Force, ForcesOfBodies, "a `covector(t, xi, g)`"),
+    }[name]
+    if isinstance(given, many):
+        for body in given.bodies:
+            number(body)
+        if len(given.bodies) != len(given.each):
+            raise InvalidInput(f"Linkage: {name} names {len(given.bodies)} bodies for {len(given.each)} of it")
+    if given is None or isinstance(given, kind):
+        return given
+    if not isinstance(given, Mapping):
+        raise InvalidType(
+            f"Linkage: {name} must be a {kind.__name__}, a subclass with {words}, or such of single "
+            f'bodies, {{"hand": ...}}; got {given!r}'
+        )
+    found: dict[int, Any] = {}
+    for body, one in given.items():
+        if not isinstance(one, kind):
+            raise InvalidType(
+                f"Linkage: {name}[{body!r}] must be a {kind.__name__}, a subclass with {words}; got {one!r}"
+            )
+        if number(body) in found:
+            raise InvalidInput(f"Linkage: {name} names body {number(body)} twice")
+        found[number(body)] = one
+    return many(tuple(found), tuple(found.values())) if found else None

@@ -1,0 +1,266 @@
+"""Joints that move in a given way: a support that is shaken or carried along, and joints whose angles
+follow a plan.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, undefined
+from ..formulas import Mat, Record, Vec, cross, derivative, mat, record, sin, vec
+from ..formulas.classes.pytree import with_fields
+from ..groups.rigid.se3 import join
+from ..systems.in_time.tabulated import PiecewisePolynomial
+from .joints import GROUND, FixedJoint, Joint, turned
+
+
+@record
+class MovingSupport(Record):
+    """A motion of what holds a joint, the ground or its second body's place for it; abstract.
+
+    1. A subclass writes `pose`, as a formula.  Its fields are the parameters.
+
+    Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), section 4.2.7 (driving
+    links).
+    """
+
+    def pose(self, t: float) -> Mat:
+        """[[R, p], [0, 1]], (4, 4), at time t: where the place is, seen from the body that carries it,
+        or from space.
+        """
+        raise undefined(self, "pose")
+
+
+@record
+class Shaking(MovingSupport):
+    """A support that swings to and fro, p = amplitude sin(frequency t + phase).
+
+    amplitude : (3,), in m.  frequency : in rad/s.  phase : in rad.
+
+    Source: Landau and Lifshitz, Mechanics, 3rd ed., section 30 (Kapitza's pendulum).
+    """
+
+    amplitude: Vec
+    frequency: float
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.amplitude) != 3 or not np.isfinite(np.array(self.amplitude)).all():
+            raise InvalidInput(f"Shaking: amplitude must be a vector in space, (3,), in m; got {self.amplitude}")
+
+    def pose(self, t: float) -> Mat:
+        """The shift."""
+        p = sin(self.frequency * t + self.phase) * self.amplitude
+        return mat(*[vec(*GROUND[i][:3], p[i]) for i in range(3)], GROUND[3])
+
+
+@record
+class JointPath(Record):
+    """The coordinates that a joint follows; abstract.
+
+    1. A subclass writes `coordinates`, as a formula.  Its fields are the parameters.
+
+    Source: Nikravesh (1988), section 4.2.7.
+    """
+
+    def coordinates(self, t: float) -> Any:
+        """The angle in rad, or the shift in m, at time t; of joints that leave several motions free a
+        vec of all, as `angle` of `run.joint` has them.
+        """
+        raise undefined(self, "coordinates")
+
+
+@record
+class TablePath(JointPath):
+    """A table that a joint follows.  table : a PiecewisePolynomial of the time."""
+
+    table: PiecewisePolynomial
+
+    def coordinates(self, t: float) -> Any:
+        """The value at time t."""
+        return self.table(t)
+
+
+@record
+class MovedJoint(Joint):
+    """A joint in a given motion: held by a place that moves, on a path that it follows, or both.
+
+        c(g, k m(t)) = 0,   hence   G xi + dc/dt = 0
+
+    joint : that moves so.  held : whose conditions count, of a joint that follows a path all six.
+    support, path : the motions; empty if there is none.  time : t, at which formulas see it.
+
+    Source: Nikravesh (1988), section 4.2.7; Hairer and Wanner, Solving Ordinary Differential Equations
+    II, section VII.1 (constraints that depend on time).
+    """
+
+    joint: Any
+    held: Any
+    support: tuple[Any, ...]
+    path: tuple[Any, ...]
+    time: float = 0.0
+
+    @property
+    def conditions(self) -> int:  # type: ignore[override]
+        """Those of `held`."""
+        return int(self.held.conditions)
+
+    @property
+    def freedoms(self) -> int:  # type: ignore[override]
+        """Coordinates of the joint, whether it follows a path or not."""
+        return int(self.joint.freedoms)
+
+    @property
+    def turns(self) -> bool | tuple[bool, ...]:  # type: ignore[override]
+        """Are its coordinates angles?"""
+        turns: bool | tuple[bool, ...] = self.joint.turns
+        return turns
+
+    @property
+    def at_first(self) -> Vec:
+        """The point in the first body."""
+        return self.joint.at_first
+
+    def at_time(self, t: float) -> MovedJoint:
+        """The joint at time t."""
+        found: MovedJoint = with_fields(self, time=t)
+        return found
+
+    # ---------------------------------------------------------------- what moves
+
+    def place(self, t: float, whole: bool) -> Mat:
+        """m(t): what carries the joint, seen from the second body; the whole of it where it ends on the
+        path.
+        """
+        m = GROUND
+        for one in self.support:
+            m = m @ one.pose(t)
+        if whole:
+            for one in self.path:
+                q = one.coordinates(t)
+                m = m @ self.joint.relative(q if self.joint.freedoms > 1 else vec(q))
+        return m
+
+    def pace(self, whole: bool) -> Vec:
+        """The velocity m^-1 m', (6,)."""
+        m = self.place(self.time, whole)
+        slope = derivative(lambda s: vec(*[x for row in self.place(s, whole)[:3] for x in row]), self.time)
+        R = [vec(m[0, j], m[1, j], m[2, j]) for j in range(3)]  # by columns
+        S = [vec(slope[j], slope[4 + j], slope[8 + j]) for j in range(4)]
+        parts = [sum_of(R[2], S[1]), sum_of(R[0], S[2]), sum_of(R[1], S[0])]
+        return vec(*parts, *[sum_of(column, S[3]) for column in R])
+
+    # ---------------------------------------------------------------- as a joint
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """The conditions, of what carries the joint."""
+        return self.held.value(g, k @ self.place(self.time, True))
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which what carries the joint holds it otherwise."""
+        return self.held.askew(g, k @ self.place(self.time, True))
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Their derivatives by both bodies."""
+        m = self.place(self.time, True)
+        return tuple([(one, carried_by(m, two)) for one, two in self.held.rows(g, k @ m)])
+
+    def paces(self, g: Mat, k: Mat) -> list[Any]:
+        """dc/dt of the conditions, by the given motion alone."""
+        m, u = self.place(self.time, True), self.pace(True)
+        return [sum_of(two, u) for _, two in self.held.rows(g, k @ m)]
+
+    def paces_by_coordinates(self, g: Mat, k: Mat) -> list[Any]:
+        """dc/dq of the conditions, for each coordinate of the path."""
+        given = self.path[0].coordinates(self.time)
+        q = vec(*given) if self.joint.freedoms > 1 else vec(given)
+        m, n = k @ self.place(self.time, False), self.joint.freedoms
+        units = [vec(*[1.0 if j == i else 0.0 for j in range(n)]) for i in range(n)]
+        return [derivative(lambda x: self.held.value(g, m @ self.joint.relative(x)), q, unit) for unit in units]
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """Those of the joint, against what carries it."""
+        return self.joint.coordinates(g, k @ self.place(self.time, False))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Those of the joint, by both bodies."""
+        m = self.place(self.time, False)
+        return tuple([(one, carried_by(m, two)) for one, two in self.joint.motions(g, k @ m)])
+
+    def paces_of_motions(self, g: Mat, k: Mat) -> list[Any]:
+        """Their rates by the given motion of the support alone."""
+        m, u = self.place(self.time, False), self.pace(False)
+        return [sum_of(two, u) for _, two in self.joint.motions(g, k @ m)]
+
+    def relative(self, q: Vec) -> Mat:
+        """The pose of the first body; on a path that of the time, whatever q is."""
+        if len(self.path) > 0:
+            return self.place(self.time, True)
+        return self.place(self.time, False) @ self.joint.relative(q)
+
+    def slopes(self, q: Vec, slope: Vec) -> Vec:
+        """Those of the joint."""
+        return self.joint.slopes(q, slope)
+
+
+def sum_of(a: Any, b: Any) -> Any:
+    """The sum of products."""
+    total = a[0] * b[0]
+    for i in range(1, len(a)):
+        total = total + a[i] * b[i]
+    return total
+
+
+def carried_by(m: Mat, row: Vec) -> Vec:
+    """A row by the velocity of k m, as one by that of k: (R a + p x R b, R b)."""
+    b = turned(m, row[3:])
+    p = vec(m[0, 3], m[1, 3], m[2, 3])
+    return join(turned(m, row[:3]) + cross(p, b), b)
+
+
+def moved(joint: Any, support: Any, path: Any, label: str) -> Any:
+    """A joint of a linkage in its given motion."""
+    if joint.geared and joint.armature > 0.0:
+        raise InvalidInput(
+            f"Linkage: {label} has an armature and is in a given motion, which do not go together; give "
+            "its rotor as a link of its own, or leave armature= out there"
+        )
+    own = replace(joint, first=0, second=1, name=None)
+    at: Any = getattr(joint, "at_first", vec(0.0, 0.0, 0.0))
+    held: Any = own
+    if path is not None:
+        if joint.freedoms == 0:
+            raise InvalidInput(
+                f"Linkage: {label}, a {type(joint).__name__}, has no coordinates that could follow a path"
+            )
+        path = TablePath(path) if isinstance(path, PiecewisePolynomial) else path
+        found = np.shape(np.asarray(path.coordinates(0.0)))
+        if found != (() if joint.freedoms == 1 else (joint.freedoms,)):
+            raise InvalidInput(
+                f"Linkage: the path of {label} has coordinates of shape {found}; a "
+                f"{type(joint).__name__} leaves {joint.freedoms} free"
+            )
+        held = FixedJoint(0, 1, at, at)
+    given: Any = MovedJoint
+    return given(
+        joint.first,
+        joint.second,
+        own,
+        held,
+        () if support is None else (support,),
+        () if path is None else (path,),
+        name=joint.name,
+    )
+
+
+def require_motion(label: str, given: Any) -> None:
+    """Refuse what is no motion."""
+    if not isinstance(given, (MovingSupport, JointPath, PiecewisePolynomial)):
+        raise InvalidType(
+            f"Linkage: motions[{label!r}] is a MovingSupport such as Shaking([0.0, 0.0, 0.1], 50.0), a "
+            f"JointPath, or a PiecewisePolynomial of the time; got {given!r}"
+        )

@@ -1,0 +1,1 @@
+"""Methods of linkages of any size: loops over bodies and joints, whose numbers lie in memory."""

@@ -1,0 +1,491 @@
+"""Runs of linkages of any size: steps of all bodies and joints together, in memory."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from ...compiler.sites.planes import Planes
+from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
+from ...formulas.classes.pytree import layout_of
+from ...formulas.sites import rows_of
+from ...formulas.tables import Table
+from ...groups.retractions import Exponential
+from ...integrators.composition import Composition
+from ...integrators.ending_at_jumps import EndingAtJumps, cuts
+from ...integrators.kicks.explicit_kicks import bound_refusal
+from ...integrators.kicks.multiple_time_steps import MultipleTimeSteps
+from ...integrators.rkmk import RKMK
+from ...integrators.taylor import Taylor
+from ...rooms.constraints.constrained_body import BoundBody
+from ...rooms.constraints.lie_rattle import LieRATTLE, near_a_dead_point
+from ...rooms.constraints.rattle import RATTLE
+from ...rooms.sites.runs.run import SiteRun, aside
+from ...rooms.sites.runs.states import as_users_see, one_of, state_of_rows
+from ...simulation.between.dense import flat, unpacked
+from ...simulation.between.events import Events
+from ...simulation.between.turning import looks_by_velocity, turning_of
+from ...simulation.compiled.control import FRESH, GOAL, MARK, TAKEN, TIME
+from ...simulation.compiled.parameters import places_of
+from ...simulation.result import AsItIs
+from ...simulation.runs.carry import SiteCarry
+from ...systems.system import small_state
+from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
+from .rattle_of_links import BROKEN, THROWN, Links, RattleOfLinks
+from .rkmk_of_links import FREE, RkmkOfLinks
+from .taylor_of_links import SeriesRows, TaylorOfLinks
+
+NOTHING = np.zeros(0)
+"""Totals over sites, of which there are none."""
+
+SEEN = 256
+"""Steps between two looks at events."""
+
+SHORT, LOW = 3, 4
+"""Conditions of a joint, and orders, up to which the formulas of joints are written out once for each
+order.
+"""
+
+FEW = 600
+"""Conditions among which those are found that depend on each other, where a step has failed."""
+
+
+def linked_method(plan: Any) -> Any:
+    """The method of a plan as that of many bodies and joints; None if there is none, or the system has no
+    such form.
+    """
+    system, site = plan._one, plan._one.site_form
+    if not isinstance(site, Links) or plan.fictive:
+        return None
+    if plan.adaptive:
+        return written_out(plan._steps.method, "adaptive steps")
+    method = plan._steps.way_of(0)
+    ending = None
+    if isinstance(method, EndingAtJumps):
+        ending = method if cuts(method, system) else None
+        method = method.method
+    shares: Any = [(1.0, 0.0)]
+    base = method
+    if isinstance(method, Composition):
+        base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
+    if type(base) is RKMK and base is method and base.tableau.explicit:
+        special = site.rheonomic or site.geared
+        return rkmk_of(base, site) if ending is None and not special else None
+    if type(base) is Taylor and base is method:
+        if ending is not None:
+            return written_out(base, "steps that end where inputs jump")
+        if site.rheonomic:
+            return written_out(base, "joints in a given motion")
+        if site.geared:
+            return written_out(base, "rotors")
+        if site.on_all is not None:
+            return written_out(base, "potential or load of all bodies by one formula")
+        return taylor_of(base, site)
+    if type(base) is MultipleTimeSteps and base is method and ending is None and not site.geared:
+        table, ratio = Table(np.array([1.0, 0.0])), float(base.ratios[0])
+        fast = RattleOfLinks(Exponential(), table, 1.0, 1, site.most)
+        return MultipleTimeStepsOfLinks(fast, ratio, repr(method))
+    if not isinstance(base, (LieRATTLE, RATTLE)):
+        return None
+    retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
+    rows = [(share, node) for share, node in shares]
+    table = Table(np.ravel(rows))
+    return RattleOfLinks(retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending)
+
+
+def written_out(method: Any, what: str) -> None:
+    """Nothing: the equation is written out for all bodies.  Raises IncompatibleSystem for a Taylor method
+    in a chart that this equation has not.
+    """
+    if type(method) is Taylor and not isinstance(method.retraction, Exponential):
+        raise IncompatibleSystem(
+            f"{method!r}: by loops over bodies and joints there are no {what}. RKMK(order=5) may have them; "
+            f"Taylor(order={min(method.order, 14)}, retraction=Exponential()) writes the equation out for all bodies, slowly"
+        )
+
+
+def rkmk_of(method: RKMK, site: Links) -> RkmkOfLinks:
+    """An explicit RKMK method as that of many bodies and joints."""
+    tableau = method.tableau
+    count = tableau.stages
+    rows = [[*row, *[0.0] * (count - len(row))] for row in (*tableau.A, tableau.b)]
+    nothing = RattleOfLinks(method.retraction, Table(np.zeros(2)), 1.0, 1, site.most)
+    made: Any = RkmkOfLinks
+    found: RkmkOfLinks = made(
+        method, Table(np.ravel(rows)), Table(np.array(tableau.c)), count, float(count), nothing, FREE, repr(method)
+    )
+    return found
+
+
+def taylor_of(method: Taylor, site: Links) -> TaylorOfLinks:
+    """A Taylor series method as that of many bodies and joints."""
+    order = method.order
+    rows = SeriesRows.of(order, site.most)
+    short = site.most <= SHORT or order <= LOW
+    spans = range(2, order + 2) if short else (order // 2 + 1, order + 1)
+    return TaylorOfLinks(method, order, float(order), tuple(spans), rows, repr(method))
+
+
+def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
+    """The first row, among the numbers that do not change, and the column of an input that is a
+    parameter of a force at a joint; None for others.
+    """
+    head, _, rest = one.name.partition(".")
+    k, _, rest = rest.partition(".")
+    if head != "forces" or not rest:
+        return None
+    form, force = linkage.linked, linkage.forces[int(k)]
+    number = linkage.number(force.joint)
+    before = [
+        x for x in linkage.forces[: int(k)]
+        if linkage.number(x.joint) == number
+        and linkage._has_potential(x) is linkage._has_potential(force)
+    ]  # fmt: skip
+    side = "springs" if linkage._has_potential(force) else "loads"
+    column = number
+    joint = form.joints[column]
+    found = places_of(joint, f"{side}.{len(before)}.{rest}", one.layout)
+    if found is None or len(found) != 1:
+        return None
+    kinds, own = form.links.kinds, layout_of(joint)
+    above = sum(kind.width for kind in kinds[: kinds.index(own)])
+    return form.links.rows.own + above + found[0], column
+
+
+class Piece:
+    """Some steps of a linkage, as events look at them: t, (n + 1,), and the numbers of places there.
+
+    Source of its names: a piece of a run of bodies (run.py), here of one.
+    """
+
+    def __init__(self, t: np.ndarray, seen: np.ndarray) -> None:
+        self.t, self.seen, self.a, self.b = t, seen, t[:-1], t[1:]
+        self.body = np.zeros(len(self.a), dtype=int)
+        self.begins = np.arange(len(self.a)) == 0
+        self.rows_of: Any = None
+
+    def __len__(self) -> int:
+        return len(self.a)
+
+    def rows(self, some: Any) -> np.ndarray:
+        """Time and state where steps end."""
+        found: np.ndarray = self.rows_of[some]
+        return found
+
+    def inside(self, run: LinksRun, t: float) -> np.ndarray:
+        """The numbers of places at a time, (width, places)."""
+        k = int(np.searchsorted(self.t if run.h > 0.0 else -self.t, t if run.h > 0.0 else -t))
+        if self.t[k] == t:
+            found: np.ndarray = self.seen[k]
+            return found
+        return run.inside(self.seen[k - 1], self.t.item(k - 1), t)
+
+
+class EventsOfLinks:
+    """The zeros that a linkage has met: one body among those of `Events`."""
+
+    bodies, before, head, sign, cuts = None, SimpleNamespace(cut={}), slice(None), [1.0], ()
+    between, plan = None, property(lambda self: self.run.plan)
+
+    def __init__(self, run: LinksRun, start: Any) -> None:
+        self.run, self.fresh = run, not isinstance(start, SiteCarry)
+        self.start, self.over = (SimpleNamespace(met={0: getattr(start, "met", None)}), np.array([False]))
+        self.asked_for = run.plan._steps.compiled
+        arrays = run.states(run.shape.shown_rows(run._memory)[None])
+        self.view = AsItIs(small_state(one_of(arrays), {name: x[0] for name, x in arrays.items()}))
+        self.here = np.append(run.begun, flat(arrays, 1)[0])[:, None]
+        self.all = Events(self, run.plan.events)
+
+    @property
+    def watch(self) -> Any:
+        """Its zeros so far."""
+        return self.all.each[0]
+
+    @property
+    def shown(self) -> Any:
+        """Of every event the times and the states."""
+        return self.all.shown(0)
+
+    def see(self, piece: Piece) -> Any:
+        """Look at some steps; the zero that ends the run, or None."""
+        states = flat(self.run.states(piece.seen), len(piece.t))
+        piece.rows_of = np.column_stack([piece.t, states])[1:]
+        return self.all.see(piece).get(0)
+
+    def looks(self, piece: Piece, steps: np.ndarray) -> np.ndarray:
+        """How many looks into steps are needed, by the velocities at both ends."""
+        system, ends = self.run.plan._one, np.unique([steps, steps + 1])
+        xi = np.array(system.velocity(self.run.states(piece.seen[ends])["mu"])).reshape(len(ends), -1) * self.run.h
+        turned = np.zeros(len(piece.t))
+        turned[ends] = turning_of(system.group.acting)(xi)
+        return looks_by_velocity(np.maximum(turned[steps], turned[steps + 1]))
+
+    def inside(self, piece: Piece, steps: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """States inside of steps."""
+        run = self.run
+        rows = [run.inside(piece.seen[k], piece.t.item(k), t) for k, t in zip(steps, times.tolist())]
+        return flat(run.states(np.array(rows)), len(rows))
+
+
+class LinksRun(SiteRun):
+    """One run of a linkage of many bodies.  What is asked of the state of all of them, events and
+    functions that are recorded, looks at the states that steps lead to.
+    """
+
+    def __init__(self, plan: Any, site: Any, start: Any, *given: Any) -> None:
+        super().__init__(plan, site, start, *given)
+        self.known_places: dict[str, Any] = {}  # of inputs
+        self.found: dict[str, np.ndarray] = {}
+        self.told_of = -1  # samples of which it is
+        self.kept_all = True  # are all steps of the last call looked at?
+        if plan.events:
+            self.events: Any = EventsOfLinks(self, start)
+
+    def _room_for(self, width: int) -> Planes:
+        """Two copies of what the method carries along, and what a step works with.  Elimination goes
+        from joint to joint, so that one thread makes a step.
+        """
+        self.workers = 1
+        form = self.plan._one.linked
+        before = 2 * width + self.shape.method.room
+        made = Planes.of_rows(before + len(form.fixed) + form.more, self.count)
+        self.work = made.array[before:]
+        self.work[: len(form.fixed), : self.count] = form.fixed
+        return made
+
+    def become(self, plan: Any, anew: bool) -> None:
+        """Go on with the plan of another linkage, of the same joints and kinds of forces.
+
+        anew : the method begins with it at this state.
+        """
+        form = plan._one.linked
+        if form.links.kinds != self.site.kinds or form.fixed.shape != self.plan._one.linked.fixed.shape:
+            raise InvalidInput(
+                "Stepper.step: an input of another kind, such as a table in the place of a number, "
+                "makes another linkage; go on with plan.replace(system=...).stepper(loop.state, loop.t)"
+            )
+        self.plan, self.site = plan, form.links
+        self.work[: len(form.fixed), : self.count] = form.fixed
+        if anew:
+            self._begin_here()
+
+    def take(self, new: list[tuple[Any, list[float]]]) -> bool:
+        """Write down new values of parameters of forces at joints; False for others."""
+        places = [self._places(one) for one, _ in new]
+        if None in places:
+            return False
+        for (row, column), (_, numbers) in zip(places, new):
+            self.work[row : row + len(numbers), column] = numbers
+        self._begin_here()
+        return True
+
+    def _places(self, one: Any) -> Any:
+        """The first row and the column of a parameter of a force at a joint; None for others."""
+        if one.name not in self.known_places:
+            self.known_places[one.name] = place_of(self.plan._one, one)
+        return self.known_places[one.name]
+
+    def _begin_here(self) -> None:
+        """Let the method begin with the state here."""
+        self.work[len(self.plan._one.linked.fixed) :] = 0.0
+        self.starts = Planes(rows_of(self.shape.shown_rows(self._memory)), self.count)
+        self.place[:] = 0.0
+        self._begin()
+
+    def states(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """States as users see them, of the numbers of places, (n, width, places)."""
+        arrays = unpacked(self.shape.state, np.moveaxis(rows, 1, -1))
+        seen: dict[str, np.ndarray] = self.plan._one.as_users_see(arrays)
+        return seen
+
+    # ---------------------------------------------------------------- events
+
+    def _call(self, turns: int) -> None:
+        """Some more steps; with events up to the first that ends the run.  Ctrl-C while they are looked
+        at leaves the run where it was.
+        """
+        if self.events is None or not turns:
+            self._settled(turns)
+            return
+        width, watch, made = 2 * self.shape.memory.width, self.events.watch, self.made
+        before = self.sites.array[:width].copy(), self.place.copy(), self.clocks.copy()
+        march, values = self.march.copy(), watch.values
+        try:
+            self._watched(turns)
+        except KeyboardInterrupt:
+            if self.kept_all:
+                raise
+            self.sites.array[:width], self.place[:], self.clocks[:] = before
+            self.march[:], self.made, watch.values = march, made, values
+            self.work[self.site.rows.note : self.site.rows.note + 3] = 0.0
+            watch.forget(float(self.clocks[TIME, 0]), np.sign(self.h), False)
+            raise
+
+    def _settled(self, turns: int) -> None:
+        """Some more steps; what is shown of the state to which they have led is found after Ctrl-C and
+        after a step that has failed, too.
+        """
+        stopped = None
+        try:
+            super()._call(turns)
+        except KeyboardInterrupt as caught:
+            stopped = caught
+            super()._call(0)
+        if self.shape.method.settles and self.work[self.site.rows.note + 2, 0] == BROKEN:
+            shape, (t, copy) = self.shape, (float(self.clocks[TIME, 0]), self._copy)
+            with shape.stepping.plain():
+                shape.method.settle_anew(self.site, t, self.sites, copy, shape.memory)
+        if stopped is not None:
+            raise stopped
+
+    def _watched(self, turns: int) -> None:
+        """Some steps, and a look at them."""
+        self.kept_all = False
+        times, made, steps = self.times, self.made, self.steps
+        begun, first = float(self.clocks[TIME, 0]), self.taken
+        turns = min(turns, SEEN, self.first + steps - first)
+        rows = [self.shape.shown_rows(self._memory)[None]]
+        ends = self.t0 + np.arange(first + 1, first + turns + 1) * self.h
+        seen = Planes.of_rows(turns * self.wide, self.count)
+        none = np.zeros((turns, 0))
+        stopped, after = None, {}  # type: Any, dict[str, Any]
+        try:
+            with aside(self, times=ends, made=0, seen=seen, room=turns, totals=none) as after:
+                self._settled(turns)
+        except KeyboardInterrupt as caught:  # after some of the steps
+            stopped = caught
+        found = seen.array[: after["made"] * self.wide, : self.count]
+        rows.append(found.reshape(after["made"], self.wide, self.count))
+        error = hit = None
+        piece = Piece(np.append(begun, ends[: after["made"]]), np.concatenate(rows))
+        try:
+            hit = self.events.see(piece)
+        except Exception as caught:
+            error = caught
+            ends, hit = ends[: getattr(caught, "step", 0)], None
+        end = float(piece.t[min(len(ends), len(piece))]) if hit is None else hit[1]
+        sign = np.sign(self.h)
+        while self.made < len(times) and sign * (times[self.made] - end) <= 0.0:
+            self._keep(piece.inside(self, times.item(self.made)), NOTHING)
+        if error is not None:
+            raise self._with_run(error, None)
+        if hit is not None:
+            self.ended, self.clocks[TAKEN] = hit[2], first + hit[0] + 1
+            if not self.fixed_times and not (made < self.made and times[self.made - 1] == end):
+                self.asked = np.append(self.asked[: self.made], end)
+                self._keep(piece.inside(self, end), NOTHING)
+            self.t_end = end
+        self.kept_all = True
+        if stopped is not None:
+            raise stopped
+
+    def _attend(self) -> None:
+        """As without events; a run that one has ended has its samples."""
+        if self.ended is None:
+            super()._attend()
+
+    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, Any, Any]:
+        """The states at a time in the last step, and no totals."""
+        shape, width = self.shape, self.shape.memory.width
+        if at == end:
+            return shape.shown_rows(self._memory), NOTHING, NOTHING
+        before = self.sites.array[width * (1 - self._copy) :][:width, : self.count]
+        return self.inside(shape.shown_rows(before), begun, at), NOTHING, NOTHING
+
+    def inside(self, rows: np.ndarray, begun: float, at: float) -> np.ndarray:
+        """The states to which a shorter step leads, from such at its beginning."""
+        if at == begun:
+            return rows
+        goals = np.zeros((GOAL.width, 1))
+        goals[:, 0] = np.copysign(np.inf, self.h), 0.0, 0.0, 0.0, 1.0, begun
+        clocks = np.array([[begun, at - begun, *FRESH]]).T
+        clocks[TAKEN] = 0.0
+        if not hasattr(self, "spare"):
+            work = self.work
+            self.spare = self._room_for(self.shape.memory.width), self.work
+            self.work = work
+        sites, work = self.spare
+        work[len(self.plan._one.linked.fixed) :] = 0.0
+        with aside(
+            self, sites=sites, work=work, starts=Planes(rows_of(rows), self.count), goals=goals,
+            clocks=clocks, place=np.zeros((2, 1)), march=np.array([0.0, np.nan, 0.0]), h=at - begun,
+            times=self.times[:0], made=0, begun=begun, first=0, steps=1,
+        ):  # fmt: skip
+            self._begin()
+            self._settled(1)
+            if clocks[MARK, 0] != 0.0:
+                self._fail()
+            found: np.ndarray = self.shape.shown_rows(self._memory).copy()
+        return found
+
+    # ---------------------------------------------------------------- functions of the state
+
+    def require_ends(self) -> None:
+        """Find what is recorded."""
+        super().require_ends()
+        try:
+            self.recorded(self.made)
+        except (Exception, KeyboardInterrupt) as caught:
+            error: Any = caught
+            self.made, found = error.kept
+            self.found = {name: found[name] for name in self.plan.recorder.quantities}
+            self.told_of = self.made
+            raise self._with_run(error, None) from error.__cause__
+
+    def recorded(self, n: int) -> dict[str, np.ndarray]:
+        """The functions that are recorded, at the first n samples."""
+        recorder = self.plan.recorder
+        if recorder is None or not recorder.quantities:
+            return {}
+        if self.told_of != n:
+            seen = self.seen.array[: n * self.wide, : self.count]
+            states, of = self.states(seen.reshape(n, self.wide, self.count)), self.plan._one
+            one, asked = SimpleNamespace(bodies=None, system=of), self.plan._steps.compiled
+            found = recorder.values(one, one_of(states), self.asked[:n], states, asked)
+            self.found = {name: found[name] for name in recorder.quantities}
+            self.told_of = n
+        return self.found
+
+    def _why(self, failures: list[Any], first: int, again: Any) -> Any:
+        """The reason for which a step failed, and at which joint."""
+        if failures and not isinstance(failures[-1], NoConvergence):
+            return failures[-1]
+        rows, system = self.site.rows, self.plan._one  # type: Any, Any
+        joint, reached, _ = self.work[rows.note : rows.note + 3, 0].tolist()
+        self.work[rows.note] = 0.0
+        method = repr(self.plan.method)
+        if joint == THROWN:
+            seen, h = self.shape.shown_rows(self._memory), abs(reached)
+            state = as_users_see(system, state_of_rows(self.shape.state, seen))
+            t = float(self.clocks[TIME, 0])
+            return bound_refusal(self.plan.method, system, t, state.mu, state.g, h)
+        if joint < 0.0:
+            return NoConvergence(
+                f"{method}: no velocity found that fits the loads at the end of a step; try h = {0.25 * self.h:g}"
+            )
+        label = system.label(int(joint))
+        if reached < 0.0:
+            return NoConvergence(
+                f"{method}: at {label} conditions depend on those of other joints, so that there are no "
+                f"multipliers: a dead point{self._left}"
+            )
+        why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
+        if isinstance(system, BoundBody) and system.conditions <= FEW:
+            seen = self.shape.shown_rows(self._memory)
+            state = as_users_see(system, state_of_rows(self.shape.state, seen))
+            why = near_a_dead_point(system, state.g) or why
+        return NoConvergence(
+            f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at {label}. {why}"
+        )
+
+    @property
+    def _left(self) -> str:
+        """Another reason for it, of methods that leave the conditions."""
+        keeps = isinstance(self.shape.method, (RattleOfLinks, MultipleTimeStepsOfLinks))
+        return "" if keeps else f", or steps too long to stay near them; try h = {0.25 * self.h:g}"
+
+    def _origin(self, error: Any, t: float) -> Any:
+        """The error itself, which knows the joint."""
+        return error

@@ -1,0 +1,848 @@
+"""Joints between rigid bodies, and between a body and the ground: conditions on two poses, with
+their derivatives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, NotDefined
+from ..formulas import Mat, Record, Vec, atan2, cross, dot, mat, record, sqrt, transpose, vec
+from ..formulas.classes.pytree import with_fields
+from ..groups.lie_group import LieGroup
+from ..groups.rigid.se3 import join
+from ..groups.rigid.so3 import SO3
+from ..rooms.constraints.constraint import Constraint, Rows
+
+GROUND = mat(vec(1.0, 0.0, 0.0, 0.0), vec(0.0, 1.0, 0.0, 0.0), vec(0.0, 0.0, 1.0, 0.0), vec(0.0, 0.0, 0.0, 1.0))
+AXES = vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0)
+ORIGIN = Vec(0.0, 0.0, 0.0)
+REST = vec(0.0, 0.0, 0.0)
+
+
+@record
+class Joint(Record):
+    """A joint, which holds two rigid bodies together; abstract.
+
+    first : the number of a body.  second : that of another one, or None for the ground.
+    Points and axes are given in the axes of the body that they belong to, points from its centre of
+    mass; those of the ground in space.
+
+    name : what it is called in messages, and by `Linkage.joint` and forces; None: its number.
+
+    1. A subclass writes `value` and `rows` of two poses, and says how many `conditions` there are.
+    2. With `freedoms` it writes their `coordinates`, how they move (`motions`) and, for starts from
+    coordinates, `relative`. They tell how the first body moves against the second.  Of several coordinates
+    `turns` says of each whether it is the angle about an axis, which is seen modulo a turn, (True, False).
+    3. Where its conditions vanish with its bodies turned over too, it says by how much, `askew`.
+
+    Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7;
+    Featherstone, Rigid Body Dynamics Algorithms (2008), section 4.4.
+    """
+
+    conditions: ClassVar[int]
+    freedoms: ClassVar[int] = 0
+    turns: ClassVar[bool | tuple[bool, ...]] = True  # are its coordinates angles about axes?
+    geared: ClassVar[bool] = False  # may a rotor turn with its coordinate?
+
+    first: int
+    second: int | None
+    name: str | None = field(default=None, kw_only=True, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        name = type(self).__name__
+        if self.name is not None and (type(self.name) is not str or not self.name):
+            raise InvalidType(f"{name}: name must be a text; got {self.name!r}")
+        for what, number in (("first", self.first), ("second", 0 if self.second is None else self.second)):
+            if type(number) is not int or number < 0:
+                raise InvalidType(
+                    f"{name}: {what} is the number of a body, 0 or more (second: None is the ground); got {number!r}"
+                )
+        if self.freedoms > 1 and np.shape(self.turns) != (self.freedoms,):
+            raise InvalidType(
+                f"{name}: turns says of each of its {self.freedoms} coordinates whether it is the angle about an axis, "
+                f"such as {(True, *[False] * (self.freedoms - 1))}; got {self.turns!r}"
+            )
+        armature = getattr(self, "armature", 0.0)
+        if not 0.0 <= armature < np.inf:
+            raise InvalidInput(f"{name}: armature must be 0 or more; got {armature!r}")
+        if self.first == self.second:
+            raise InvalidInput(f"{name}: a joint holds two bodies together; first and second are both {self.first}")
+        for given, value in vars(self).items():
+            if given.startswith(("at_", "axis")) and (len(value) != 3 or not np.isfinite(np.array(value)).all()):
+                raise InvalidInput(f"{name}: {given} must be a vector in space, (3,), and finite; got {value}")
+            if given.startswith("axis"):
+                if not any(value):
+                    raise InvalidInput(f"{name}: {given} must have a direction; got {value}")
+                object.__setattr__(self, given, value / sqrt(dot(value, value)))
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The numbers of the coordinates that are angles about axes, seen modulo a turn."""
+        each = self.turns if isinstance(self.turns, tuple) else (self.turns,) * self.freedoms
+        return tuple([i for i, turns in enumerate(each) if turns])
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """The conditions, (m,), of the poses g of the first and k of the second body."""
+        raise NotDefined(f"{type(self).__name__} must define `value`")
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Their left-trivialised derivatives, for each condition by the first and by the second
+        pose, (6,) each.
+        """
+        raise NotDefined(f"{type(self).__name__} must define `rows`")
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The angles in rad, from -pi to pi, and shifts in m that the joint leaves free, (freedoms,)."""
+        raise NotDefined(f"{type(self).__name__} has no coordinates")
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Their rates as rows, for each by the velocity of the first and of the second body, (6,)
+        each; a torque or force along one acts on the bodies by these rows.
+        """
+        raise NotDefined(f"{type(self).__name__} has no coordinates")
+
+    def relative(self, q: Vec) -> Mat:
+        """The pose of the first body, seen from the second, at these coordinates.  q : (freedoms,)."""
+        raise NotDefined(f"{type(self).__name__} has no coordinates")
+
+    def slopes(self, q: Vec, slope: Vec) -> Vec:
+        """The derivative of a function of the coordinates along `motions`, from that by the
+        coordinates.  q, slope : (freedoms,).
+        """
+        return slope
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle in rad between directions that the joint holds parallel: 0 where it is closed, half a
+        turn or a third of one where its conditions, cosines, vanish too; 0 by default.
+        """
+        return 0.0
+
+    def at_time(self, t: float) -> Any:
+        """The joint at time t: of one in no given motion the joint itself."""
+        return self
+
+    def paces(self, g: Mat, k: Mat) -> list[Any]:
+        """The rates of the conditions by a given motion alone; none where there is no such motion."""
+        return []
+
+    def paces_of_motions(self, g: Mat, k: Mat) -> list[Any]:
+        """The rates of `motions` by a given motion alone; none where there is no such motion."""
+        return []
+
+
+@record
+class BallJoint(Joint):
+    """A point of one body stays on a point of the other one: x_1 = x_2, three conditions, in m.
+
+    at_first, at_second : the point in each body, (3,), in m.  `BallJoint(body, None, at, point)` holds
+    a point of a body at a point of space.
+
+    Source: Nikravesh (1988), section 7.2 (spherical joint).
+    """
+
+    conditions: ClassVar[int] = 3
+    freedoms: ClassVar[int] = 3
+    turns: ClassVar[bool | tuple[bool, ...]] = (False, False, False)
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """x_1 - x_2."""
+        return place(g, self.at_first) - place(k, self.at_second)
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Of the points."""
+        return tuple([(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES])
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The rotation vector of the first body, seen from the second."""
+        return SO3().log(transpose(rotation(k)) @ rotation(g))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """The relative angular velocity, in the axes of the first body."""
+        return tuple([(join(e, REST), join(-seen(k, turned(g, e)), REST)) for e in AXES])
+
+    def relative(self, q: Vec) -> Mat:
+        """The rotation by q about the point."""
+        return hung(SO3().exp(q), self.at_first, self.at_second)
+
+    def slopes(self, q: Vec, slope: Vec) -> Vec:
+        """By the derivative of the logarithm."""
+        return SO3().algebra.dexp_inv_dual(-q, slope)
+
+
+@record
+class RevoluteJoint(Joint):
+    """A hinge: a BallJoint whose axis has the same direction in both bodies; five conditions.
+
+    at_first, at_second : a point on the axis, (3,), in m.  axis_first, axis_second : its direction,
+    (3,), of any length.
+    Its angle is 0 where the vectors `across` the axes are parallel: if both axes have the same
+    numbers, where both frames are parallel.
+    armature : A, in kg m^2, the inertia of a motor's rotor as the joint feels it, that about its own
+    axis times the gear ratio squared; the kinetic energy has A q'^2/2 more.
+
+    Source: Nikravesh (1988), section 7.2; Featherstone, Rigid Body Dynamics Algorithms (2008),
+    section 9.6 (rotors behind gears).
+    """
+
+    conditions: ClassVar[int] = 5
+    freedoms: ClassVar[int] = 1
+    geared: ClassVar[bool] = True
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+    axis_first: Vec = AXES[2]
+    axis_second: Vec = AXES[2]
+    armature: float = field(default=0.0, kw_only=True, repr=False)
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """x_1 - x_2, and the components of axis 2 across axis 1."""
+        x, axis = place(g, self.at_first) - place(k, self.at_second), turned(k, self.axis_second)
+        return vec(*x, *[dot(turned(g, u), axis) for u in across(self.axis_first)])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle between the axes."""
+        return between(turned(g, self.axis_first), turned(k, self.axis_second))
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Of the points, and of the axes."""
+        points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
+        axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
+        return (*points, *axes)
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The angle by which the first body is turned about the axis."""
+        u = turned(g, across(self.axis_first)[0])
+        one, two = across(self.axis_second)
+        return vec(atan2(dot(u, turned(k, two)), dot(u, turned(k, one))))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Turning about the axis."""
+        return ((join(self.axis_first, REST), join(-self.axis_second, REST)),)
+
+    def relative(self, q: Vec) -> Mat:
+        """The turn by q about the axis."""
+        one, two = across(self.axis_first), across(self.axis_second)
+        mounted = carrying((*one, self.axis_first), (*two, self.axis_second))
+        return hung(SO3().exp(q[0] * self.axis_second) @ mounted, self.at_first, self.at_second)
+
+
+@record
+class UniversalJoint(Joint):
+    """A Cardan joint: a BallJoint with an axis in each body, at right angles; four conditions.
+
+    at_first, at_second : where the axes meet, (3,), in m.  axis_first, axis_second : their
+    directions, (3,), of any length.
+    Its coordinates are the angle of the cross about the axis of the second body, and that of the
+    first body about its own axis; both are 0 where the frames are parallel, if the numbers of the
+    axes are at right angles.
+
+    Source: Nikravesh (1988), section 7.2.
+    """
+
+    conditions: ClassVar[int] = 4
+    freedoms: ClassVar[int] = 2
+    turns: ClassVar[bool | tuple[bool, ...]] = (True, True)
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+    axis_first: Vec = AXES[0]
+    axis_second: Vec = AXES[1]
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """x_1 - x_2, and the cosine of the angle between the axes."""
+        x = place(g, self.at_first) - place(k, self.at_second)
+        return vec(*x, dot(turned(g, self.axis_first), turned(k, self.axis_second)))
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Of the points, and of the axes."""
+        points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
+        return (*points, crossed(g, self.axis_first, k, self.axis_second))
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The angle of the cross about axis 2, and that of the first body about axis 1."""
+        a, b = turned(g, self.axis_first), turned(k, self.axis_second)
+        u, w = (
+            turned(g, beside(self.axis_first, self.axis_second)),
+            turned(k, beside(self.axis_second, self.axis_first)),
+        )
+        return vec(atan2(dot(a, cross(b, w)), dot(a, w)), -atan2(dot(b, cross(a, u)), dot(b, u)))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Turning about both axes."""
+        a, b = turned(g, self.axis_first), turned(k, self.axis_second)
+        return (
+            (join(seen(g, b), REST), join(-self.axis_second, REST)),
+            (join(self.axis_first, REST), join(-seen(k, a), REST)),
+        )
+
+    def relative(self, q: Vec) -> Mat:
+        """Both turns, one after the other."""
+        a, b = self.axis_first, self.axis_second
+        u, w = beside(a, b), beside(b, a)
+        mounted = carrying((a, u, cross(a, u)), (w, b, cross(w, b)))
+        turn = SO3().exp(q[0] * b) @ mounted @ SO3().exp(q[1] * a)
+        return hung(turn, self.at_first, self.at_second)
+
+
+@record
+class PrismaticJoint(Joint):
+    """A slider: the second body moves along an axis of the first one and does not turn against it;
+    five conditions.
+
+    at_first, at_second : points whose connection stays along the axis, (3,), in m.  axis : in the
+    first body, (3,).  Both bodies have parallel axes when they are mounted; `attitude` is the
+    rotation from the second body to the first, (3, 3), if they have not.  Its coordinate is the
+    shift of the first body's point along the axis.
+    armature : A, in kg, the inertia of a motor's rotor as the slider feels it.
+
+    Source: Nikravesh (1988), section 7.2 (translational joint).
+    """
+
+    conditions: ClassVar[int] = 5
+    freedoms: ClassVar[int] = 1
+    turns: ClassVar[bool | tuple[bool, ...]] = False
+    geared: ClassVar[bool] = True
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+    axis: Vec = AXES[2]
+    attitude: Mat = mat(*AXES)
+    armature: float = field(default=0.0, kw_only=True, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_attitude(self)
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """The components of x_2 - x_1 across the axis, and three cosines of axes that stay at right
+        angles.
+        """
+        d = place(k, self.at_second) - place(g, self.at_first)
+        axes, others = (turned(g, e) for e in AXES), self._others(k)
+        e, o = [*axes], [*others]
+        return vec(*[dot(turned(g, u), d) for u in across(self.axis)], *[dot(e[i], o[j]) for i, j in TURNS])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which the bodies are turned against each other."""
+        return turned_by(g, k, self.attitude)
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Of the connection, and of the axes."""
+        d = place(k, self.at_second) - place(g, self.at_first)
+        slides: list[Any] = []
+        for u in across(self.axis):
+            n = turned(g, u)
+            slides = [*slides, (turning(g, u, d) - along(g, self.at_first, n), along(k, self.at_second, n))]
+        return (*slides, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """x_1 - x_2 along the axis."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        return vec(dot(turned(g, self.axis), d))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Moving along the axis."""
+        n = turned(g, self.axis)
+        return ((along(g, self.at_first, n), -along(k, self.at_second, n)),)
+
+    def relative(self, q: Vec) -> Mat:
+        """The shift by q along the axis."""
+        turn = transpose(self.attitude)
+        return hung(turn, self.at_first, self.at_second + q[0] * (turn @ self.axis))
+
+    def _others(self, k: Mat) -> tuple[Vec, ...]:
+        """The axes of the first body as the second one carries them."""
+        return tuple([turned(k, row) for row in self.attitude])
+
+
+def require_attitude(joint: Any) -> None:
+    """Refuse an attitude that is no rotation."""
+    attitude = np.array(joint.attitude)
+    if attitude.shape != (3, 3) or not SO3().contains(joint.attitude):
+        raise InvalidInput(
+            f"{type(joint).__name__}: attitude must be a rotation from the second body to the first, "
+            f"(3, 3), R^T R = 1 and det R = 1; got {attitude.tolist()}. SO3().exp(rotation vector) "
+            "gives one"
+        )
+
+
+TURNS = (0, 1), (1, 2), (2, 0)
+"""Pairs of axes whose cosines vanish, to first order independently, where two bodies are parallel."""
+
+
+@record
+class PlanarJoint(Joint):
+    """A point of the first body stays in a plane of the second one, and an axis of it across the
+    plane; three conditions.
+
+    at_first, at_second : the point, and one of the plane, (3,), in m.  axis_first, axis_second : the
+    normal of the plane in each body, (3,), of any length.
+    Its coordinates are the shifts along the two vectors `across` the normal of the second body, in
+    m, and the angle about the normal, from -pi to pi, 0 as that of a RevoluteJoint.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), table 4.1 (planar joint).
+    """
+
+    conditions: ClassVar[int] = 3
+    freedoms: ClassVar[int] = 3
+    turns: ClassVar[bool | tuple[bool, ...]] = (False, False, True)
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+    axis_first: Vec = AXES[2]
+    axis_second: Vec = AXES[2]
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """The height of x_1 over the plane, and the components of axis 2 across axis 1."""
+        d, axis = place(g, self.at_first) - place(k, self.at_second), turned(k, self.axis_second)
+        return vec(dot(axis, d), *[dot(turned(g, u), axis) for u in across(self.axis_first)])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle between the normals."""
+        return between(turned(g, self.axis_first), turned(k, self.axis_second))
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Of the height, and of the axes."""
+        axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
+        return (shift(g, self.at_first, k, self.at_second, self.axis_second), *axes)
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The components of x_1 - x_2 in the plane, and the angle."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        one, two = across(self.axis_second)
+        u = turned(g, across(self.axis_first)[0])
+        angle = atan2(dot(u, turned(k, two)), dot(u, turned(k, one)))
+        return vec(dot(turned(k, one), d), dot(turned(k, two), d), angle)
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Moving in the plane, and turning about its normal."""
+        one, two = across(self.axis_second)
+        return (
+            shift(g, self.at_first, k, self.at_second, one),
+            shift(g, self.at_first, k, self.at_second, two),
+            (join(self.axis_first, REST), join(-self.axis_second, REST)),
+        )
+
+    def relative(self, q: Vec) -> Mat:
+        """The turn by q[2] about the normal, and the shifts."""
+        one, two = across(self.axis_first), across(self.axis_second)
+        mounted = carrying((*one, self.axis_first), (*two, self.axis_second))
+        moved = self.at_second + q[0] * two[0] + q[1] * two[1]
+        return hung(SO3().exp(q[2] * self.axis_second) @ mounted, self.at_first, moved)
+
+
+@record
+class FloatingJoint(Joint):
+    """A joint that leaves all motions free, no conditions: it names where a body begins, and carries
+    springs and dampers between two bodies.
+
+    at_first, at_second : a point in each body, (3,), in m.
+    Its coordinates are the rotation vector of the first body, and x_1 - x_2 in the axes of the
+    second, (6,).
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), table 4.1 (6-DoF joint).
+    """
+
+    conditions: ClassVar[int] = 0
+    freedoms: ClassVar[int] = 6
+    turns: ClassVar[bool | tuple[bool, ...]] = (False,) * 6
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """Nothing."""
+        return vec()
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """None."""
+        return ()
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The rotation vector, and the shift."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        return join(SO3().log(transpose(rotation(k)) @ rotation(g)), seen(k, d))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """The relative angular velocity in the axes of the first body, and the rates of the shift."""
+        turns = [(join(e, REST), join(-seen(k, turned(g, e)), REST)) for e in AXES]
+        return (*turns, *[shift(g, self.at_first, k, self.at_second, e) for e in AXES])
+
+    def relative(self, q: Vec) -> Mat:
+        """The rotation and the shift."""
+        return hung(SO3().exp(q[:3]), self.at_first, self.at_second + q[3:])
+
+    def slopes(self, q: Vec, slope: Vec) -> Vec:
+        """By the derivative of the logarithm."""
+        return join(SO3().algebra.dexp_inv_dual(-q[:3], slope[:3]), slope[3:])
+
+
+@record
+class FixedJoint(Joint):
+    """A weld: a BallJoint between bodies that do not turn against each other; six conditions.
+
+    at_first, at_second : the same point in each body, (3,), in m.  Both bodies have parallel axes;
+    `attitude` is the rotation from the second body to the first, (3, 3), if they have not.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 4.4.
+    """
+
+    conditions: ClassVar[int] = 6
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+    attitude: Mat = mat(*AXES)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_attitude(self)
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """x_1 - x_2, and three cosines of axes that stay at right angles."""
+        x = place(g, self.at_first) - place(k, self.at_second)
+        e, o = [turned(g, axis) for axis in AXES], [turned(k, row) for row in self.attitude]
+        return vec(*x, *[dot(e[i], o[j]) for i, j in TURNS])
+
+    def askew(self, g: Mat, k: Mat) -> float:
+        """The angle by which the bodies are turned against each other."""
+        return turned_by(g, k, self.attitude)
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Of the points, and of the axes."""
+        points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
+        return (*points, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
+
+    def relative(self, q: Vec) -> Mat:
+        """The pose that is held.  q : (0,)."""
+        return hung(transpose(self.attitude), self.at_first, self.at_second)
+
+
+@record
+class RigidRod(Joint):
+    """A point of one body stays at a distance of a point of the other:
+    (|x_1 - x_2|^2 - L^2)/(2 L) = 0, one condition, in m.
+
+    at_first, at_second : the points, (3,), in m.  length : L > 0, in m.
+
+    Source: Nikravesh (1988), section 7.2 (spherical-spherical joint).
+    """
+
+    conditions: ClassVar[int] = 1
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+    length: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0.0 < self.length < np.inf:
+            raise InvalidInput(
+                f"RigidRod: length must be positive; got {self.length!r} (two points in one place are a BallJoint)"
+            )
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """(|d|^2 - L^2)/(2 L), by factors."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        return vec((dot(d, d) - self.length * self.length) / (2.0 * self.length))
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Along the rod."""
+        n = (place(g, self.at_first) - place(k, self.at_second)) / self.length
+        return ((along(g, self.at_first, n), -along(k, self.at_second, n)),)
+
+
+@record
+class Mimic(Record):
+    """A hinge or slider that follows another one by gears: q = ratio q_leader + offset.
+
+    joint, leader : the names or numbers of joints.  ratio : in rad/rad, m/rad, rad/m or m/m.
+    offset : in rad or m.  One rotor drives both: the armature of the leader.
+
+    Source: the URDF specification of ROS, wiki, "urdf/XML/joint", mimic.
+    """
+
+    joint: Any
+    leader: Any
+    ratio: float = 1.0
+    offset: float = 0.0
+
+
+@record
+class Joints(Constraint):
+    """The conditions of several joints, on a product of SE(3)s: a pose [[R, p], [0, 1]], p the
+    centre of mass, for each body.
+
+    joints : of bodies numbered as the factors of the group.  kept : for each joint the numbers of
+    the conditions that count, where others follow from them; None: all of all joints.
+
+    Source: Nikravesh (1988), chapter 7.
+    """
+
+    joints: tuple[Any, ...]
+    kept: tuple[tuple[int, ...], ...] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.kept is None:
+            return
+        if len(self.kept) != len(self.joints):
+            raise InvalidInput(f"Joints: kept is of {len(self.kept)} joints, and there are {len(self.joints)}")
+        for joint, kept in self.counted:
+            if not {*kept} <= {*range(joint.conditions)} or len({*kept}) < len(kept):
+                raise InvalidInput(
+                    f"Joints: kept names conditions {kept} of {joint!r}, which has {joint.conditions}, numbered from 0"
+                )
+
+    def at_time(self, t: float) -> Joints:
+        """These conditions at time t."""
+        return with_fields(self, joints=tuple([joint.at_time(t) for joint in self.joints]))
+
+    @property
+    def rheonomic(self) -> bool:
+        """Do they change with time?"""
+        return any(joint.at_time(1.0) is not joint for joint in self.joints)
+
+    def paces(self, g: Vec) -> list[Any]:
+        """dc/dt, (m,); nothing if conditions do not change with time."""
+        found: list[Any] = []
+        if self.rheonomic:
+            for joint, kept in self.counted:
+                own = joint.paces(*both(joint, g))
+                found = [*found, *[own[i] if len(own) > 0 else 0.0 for i in kept]]
+        return found
+
+    @property
+    def counted(self) -> list[tuple[Any, Any]]:
+        """Each joint with the numbers of its conditions that count."""
+        if self.kept is None:
+            return [(joint, range(joint.conditions)) for joint in self.joints]
+        return [*zip(self.joints, self.kept)]
+
+    def value(self, g: Vec) -> Vec:
+        """Those of the joints, one after another.  g : an element of the product, (16 N,)."""
+        return vec(*[value for joint, kept in self.counted for value in some(joint.value(*both(joint, g)), kept)])
+
+    def rows(self, group: LieGroup, g: Vec) -> Rows:
+        """Those of the joints; of the ground none."""
+        rows = [row for joint, kept in self.counted for row in some(_rows(joint, g), kept)]
+        return tuple(rows)
+
+    def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
+        """The two bodies of each joint, or the one."""
+        return tuple(
+            (joint.first,) if joint.second is None else (joint.first, joint.second)
+            for joint, kept in self.counted
+            for _ in kept
+        )
+
+    def jacobian(self, group: LieGroup, g: Any) -> Mat:
+        """The rows, with zeros for the other bodies."""
+        made: list[Any] = []
+        for parts, bodies in zip(self.rows(group, g), self.touches(group, 0)):
+            row = [REST6 for _ in range(group.dim // 6)]
+            for body, part in zip(bodies, parts):
+                row[body] = part
+            made = [*made, vec(*[x for part in row for x in part])]
+        return mat(*made)
+
+
+REST6 = vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@record
+class WithRotors(Constraint):
+    """The conditions of joints and, behind them, the coordinates along which rotors turn with joints: by their
+    impulses momentum goes to the rotors, A q'' = lam.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 9.6.
+    """
+
+    held: Joints
+    rotors: tuple[tuple[Any, ...], ...]
+    lightness: Vec
+
+    def at_time(self, t: float) -> WithRotors:
+        """These conditions at time t; joints with rotors follow no path."""
+        return with_fields(self, held=self.held.at_time(t))
+
+    @property
+    def rheonomic(self) -> bool:
+        """Do those of the joints change with time?"""
+        return self.held.rheonomic
+
+    def paces(self, g: Vec) -> list[Any]:
+        """dc/dt of the joints; rotors turn with what they find."""
+        found = self.held.paces(g)
+        return [*found, *[0.0 for _ in self.rotors]] if len(found) > 0 else found
+
+    @property
+    def yields(self) -> tuple[Any, ...]:
+        """1/A of each condition; 0 of those of joints, and of those that follow another one."""
+        hard = sum([len(kept) for _, kept in self.held.counted])
+        return (*[0.0] * hard, *self.lightness)
+
+    def value(self, g: Vec) -> Vec:
+        """The conditions, and the coordinates: of one that follows less what it follows."""
+        found: list[Any] = []
+        for some in self.rotors:
+            total = 0.0
+            for joint, ratio in some:
+                total = total + ratio * joint.coordinates(*both(joint, g))[0]
+            found = [*found, total]
+        return vec(*self.held.value(g), *found)
+
+    def rows(self, group: LieGroup, g: Vec) -> Rows:
+        """Those of the joints, and those of the motions."""
+        return (*self.held.rows(group, g), *[_motions(some, g) for some in self.rotors])
+
+    def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
+        """The bodies of each joint, and of the one that it follows."""
+        mine = tuple([_held_by(some) for some in self.rotors])
+        return (*self.held.touches(group, conditions), *mine)
+
+
+def _held_by(some: Any) -> tuple[int, ...]:
+    """The bodies of joints, each of them once."""
+    found: list[int] = []
+    for joint, _ in some:
+        for b in (joint.first, joint.second):
+            found = found if b is None or b in found else [*found, b]
+    return tuple(found)
+
+
+def _motions(some: Any, g: Vec) -> tuple[Any, ...]:
+    """The row of the motions of joints, times their ratios, body by body."""
+    parts = [REST6 for _ in _held_by(some)]
+    for joint, ratio in some:
+        (row,) = joint.motions(*both(joint, g))
+        for b, part in zip((joint.first, joint.second), row):
+            parts = [x + ratio * part if b == body else x for body, x in zip(_held_by(some), parts)]
+    return tuple(parts)
+
+
+def some(items: Any, numbers: Any) -> list[Any]:
+    """Those with these numbers."""
+    return [items[i] for i in numbers]
+
+
+def _rows(joint: Joint, g: Vec) -> list[Any]:
+    rows = joint.rows(*both(joint, g))
+    return [(row[0],) for row in rows] if joint.second is None else [(row[0], row[1]) for row in rows]
+
+
+def both(joint: Joint, g: Vec) -> tuple[Mat, Mat]:
+    """The poses of a joint's bodies."""
+    return pose(g, joint.first), GROUND if joint.second is None else pose(g, joint.second)
+
+
+def pose(g: Vec, body: int) -> Mat:
+    """The pose of a body, from the entries of all, row by row."""
+    return mat(*[vec(*[g[16 * body + 4 * i + j] for j in range(4)]) for i in range(4)])
+
+
+# ------------------------------------------------------------------ poses of one body, seen from another
+
+
+def rotation(g: Mat) -> Mat:
+    """R of a pose."""
+    return mat(*[vec(g[i, 0], g[i, 1], g[i, 2]) for i in range(3)])
+
+
+def hung(turn: Mat, at_first: Vec, at_second: Vec) -> Mat:
+    """The pose of a body that is turned so, with its point `at_first` at a point of the other one."""
+    p = at_second - turn @ at_first
+    return mat(*[vec(*turn[i], p[i]) for i in range(3)], vec(0.0, 0.0, 0.0, 1.0))
+
+
+def carrying(axes: tuple[Vec, ...], others: tuple[Vec, ...]) -> Mat:
+    """The rotation that carries three axes to three others."""
+    return transpose(mat(*others)) @ mat(*axes)
+
+
+# ------------------------------------------------------------------ points and axes
+
+
+def turned(g: Mat, e: Vec) -> Vec:
+    """R e: a direction of the body, seen from space."""
+    return vec(*[g[i, 0] * e[0] + g[i, 1] * e[1] + g[i, 2] * e[2] for i in range(3)])
+
+
+def place(g: Mat, a: Vec) -> Vec:
+    """p + R a: a point of the body, in space."""
+    return vec(g[0, 3], g[1, 3], g[2, 3]) + turned(g, a)
+
+
+def seen(g: Mat, n: Vec) -> Vec:
+    """R^T n: a direction of space, seen from the body."""
+    return vec(*[g[0, i] * n[0] + g[1, i] * n[1] + g[2, i] * n[2] for i in range(3)])
+
+
+def along(g: Mat, a: Vec, n: Vec) -> Vec:
+    """The derivative of n . (p + R a), (a x R^T n, R^T n).  n : fixed in space."""
+    f = seen(g, n)
+    return join(cross(a, f), f)
+
+
+def turning(g: Mat, e: Vec, n: Vec) -> Vec:
+    """The derivative of n . R e, (e x R^T n, 0)."""
+    return join(cross(e, seen(g, n)), REST)
+
+
+def crossed(g: Mat, u: Vec, k: Mat, e: Vec) -> tuple[Vec, Vec]:
+    """The derivatives of R u . S e by both poses."""
+    return turning(g, u, turned(k, e)), turning(k, e, turned(g, u))
+
+
+def between(a: Vec, b: Vec) -> float:
+    """The angle between two unit vectors, from 0 to pi."""
+    n = cross(a, b)
+    return atan2(sqrt(dot(n, n)), dot(a, b))
+
+
+def turned_by(g: Mat, k: Mat, attitude: Mat) -> float:
+    """The angle of the rotation from the first body to where the second one holds it, from 0 to pi."""
+    turn = transpose(rotation(g)) @ rotation(k) @ transpose(attitude)
+    n = vec(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
+    return atan2(sqrt(dot(n, n)), turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
+
+
+def shift(g: Mat, a: Vec, k: Mat, b: Vec, e: Vec) -> tuple[Vec, Vec]:
+    """The derivatives of S e . (x_1 - x_2) by both poses, e an axis of the second body."""
+    n, d = turned(k, e), place(g, a) - place(k, b)
+    return along(g, a, n), turning(k, e, d) - along(k, b, n)
+
+
+def across(axis: Vec) -> tuple[Vec, Vec]:
+    """Two unit vectors at right angles to a unit vector and to each other.
+
+    Source: Duff et al., Building an orthonormal basis, revisited, J. Comput. Graph. Tech. 6 (2017).
+    """
+    x, y, z = axis
+    sign = 1.0 if z >= 0.0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return vec(1.0 + sign * x * x * a, sign * b, -sign * x), vec(b, sign + y * y * a, -y)
+
+
+PARALLEL = 2.0**-40
+"""Directions whose difference is shorter than this, squared, have no direction across them."""
+
+
+def beside(axis: Vec, other: Vec) -> Vec:
+    """The unit vector across an axis that is nearest to another direction; any of two that are
+    parallel.
+    """
+    d = other - dot(axis, other) * axis
+    square = dot(d, d)
+    far = square > PARALLEL
+    length = 1.0 / sqrt(square if far else 1.0)
+    u = across(axis)[0]
+    return vec(*[(length * x if far else y) for x, y in zip(d, u)])

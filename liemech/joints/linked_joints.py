@@ -1,0 +1,528 @@
+"""A linkage as loops over memory need it: the joints by kinds, and the order in which they are
+eliminated.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..compiler.numbers.square_blocks import wide
+from ..formulas import Mat, Record, Vec, record, vec
+from ..formulas.classes.derived import is_derived
+from ..formulas.classes.pytree import layout_of, leaves, with_fields
+from ..formulas.classes.signatures import bare
+from ..formulas.sites import EIGHT, padded
+from ..formulas.tables import Table, of_whole
+from ..groups.rigid.se3 import SE3
+from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
+from .in_memory.rattle_of_links import BLOCKS, Links, Rows
+from .joint_forces import AtJoint, seen_about
+from .joints import REST6
+
+SHARED = 1 << 40
+"""Numbers from here on are those of rotors that joints share, behind those of bodies."""
+
+FEW = 4
+"""Places in memory of the smallest linkages; those of others go by eights, as many as run side by side."""
+
+
+@record
+class LinkedJoint(Record):
+    """A joint, with what acts at it, as a formula of the poses of its two bodies.
+
+    springs : forces that have a potential.  loads : others.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+    """
+
+    joint: Any
+    springs: tuple[Any, ...]
+    loads: tuple[Any, ...]
+
+    def at_time(self, t: float) -> Any:
+        """The joint at time t."""
+        return with_fields(self, joint=self.joint.at_time(t))
+
+    def paces(self, g: Mat, k: Mat, most: int, freedoms: int) -> Vec:
+        """The rates of conditions, and of motions along which loads act, by a given motion alone."""
+        moving = self.joint.paces_of_motions(g, k) if freedoms > 0 and len(self.loads) > 0 else []
+        own = filled(self.joint.paces(g, k), most, 0.0)
+        return vec(*own, *filled(moving, freedoms, 0.0))
+
+    def value(self, g: Mat, k: Mat, most: int) -> list[Any]:
+        """The conditions, and zeros."""
+        return filled([*self.joint.value(g, k)], most, 0.0)
+
+    def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
+        """Their rows by the first and by the second body, and those of motions along which loads
+        act; both with zeros.
+        """
+        found = self.joint.rows(g, k)
+        moving = self.joint.motions(g, k) if freedoms > 0 and len(self.loads) > 0 else ()
+        sides: list[Any] = []
+        for side in range(2):
+            own = filled([row[side] for row in found], most, REST6)
+            sides = [*sides, [*own, *filled([row[side] for row in moving], freedoms, REST6)]]
+        return sides[0], sides[1]
+
+    def springs_push(self, g: Mat, k: Mat) -> Vec:
+        """The forces of springs on both bodies, (12,)."""
+        if len(self.springs) == 0:
+            return vec(*REST6, *REST6)
+        _, motions, efforts = AtJoint(self.joint, self.springs).push(0.0, both(g, k), REST6)
+        first, second = REST6, REST6
+        for (one, two), effort in zip(motions, efforts):
+            first, second = first + effort * one, second + effort * two
+        return vec(*first, *second)
+
+    def seen(self, t: float, g: Mat, k: Mat) -> list[Vec]:
+        """The coordinates of the joint, as each of the loads sees them."""
+        at, poses = AtJoint(self.joint, self.loads), both(g, k)
+        return [at.coordinates(load, t, poses) for load in self.loads]
+
+    def efforts(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
+        """The torques of loads at these rates, (freedoms,), and zeros."""
+        at, own = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
+        total = vec(*[0.0] * freedoms)
+        for load, q in zip(self.loads, seen):
+            found = at.effort_at(load, t, q, own)
+            total = total + vec(*filled([*found], freedoms, 0.0))
+        return total
+
+    def resistances(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
+        """The damping of each motion by loads, (freedoms,), and zeros."""
+        at, own = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
+        total = vec(*[0.0] * freedoms)
+        for load, q in zip(self.loads, seen):
+            total = total + vec(*filled([*at.resistance_at(load, t, q, own)], freedoms, 0.0))
+        return total
+
+
+@record
+class GearedJoint(LinkedJoint):
+    """A joint of a linkage of which some have rotors: behind its conditions stands its coordinate.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 9.6.
+    """
+
+    def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
+        """Those of conditions, of the coordinate, and of motions along which loads act."""
+        found, motions = self.joint.rows(g, k), ()  # type: Any, Any
+        if self.joint.geared or (freedoms > 0 and len(self.loads) > 0):
+            motions = self.joint.motions(g, k)
+        moving = motions if freedoms > 0 and len(self.loads) > 0 else ()
+        turning = motions if self.joint.geared else ()
+        sides: list[Any] = []
+        for side in range(2):
+            own = filled([row[side] for row in found], most - 1, REST6)
+            last = filled([row[side] for row in turning], 1, REST6)
+            others = filled([row[side] for row in moving], freedoms, REST6)
+            sides = [*sides, [*own, *last, *others]]
+        return sides[0], sides[1]
+
+    def turned(self, g: Mat, k: Mat, q: float) -> float:
+        """How far the coordinate is from q, an angle within half a turn."""
+        if not self.joint.geared:
+            return 0.0
+        far = self.joint.coordinates(g, k) - vec(q)
+        return seen_about(far, 0.0, self.joint.angles)[0]
+
+
+def filled(some: list[Any], count: int, blank: Any) -> list[Any]:
+    """Some values, and blanks up to so many."""
+    return [*some, *[blank for _ in range(count - len(some))]]
+
+
+def both(g: Mat, k: Mat) -> Vec:
+    """The entries of two poses, one after the other."""
+    return vec(*[x for row in (*g, *k) for x in row])
+
+
+@dataclass(frozen=True, eq=False)
+class LinkedForm:
+    """A linkage in memory.
+
+    links : for the formulas.  fixed : the rows of numbers that do not change, (rows, places).  more :
+    how many rows there are behind them.  joints : the formulas of the joint in each place.
+    has_loops : do joints close loops?
+    """
+
+    links: Links
+    fixed: np.ndarray
+    more: int
+    joints: tuple[LinkedJoint, ...]
+    has_loops: bool
+
+    @property
+    def places(self) -> int:
+        """Places in a row."""
+        return int(self.fixed.shape[1])
+
+
+def linked(linkage: Any) -> LinkedForm:
+    """The form of a linkage."""
+    given: Any = linkage
+    acts, on_all = on_bodies(given)
+    fields = tuple(dict.fromkeys(map(layout_of, acts)))
+    if not any(one.potentials or one.loads for one in acts):
+        fields = ()
+    counted = given.constraint.counted
+    springs, loads = given._at_joints()
+    acting: list[list[tuple[Any, ...]]] = [[(), ()] for _ in counted]
+    for which, some in enumerate((springs, loads)):
+        for one in some:
+            number = next(j for j, joint in enumerate(given.joints) if joint is one.joint)
+            acting[number][which] = tuple(replace(force, joint=0) for force in one.forces)
+    ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
+    geared: bool = getattr(given, "geared", False)
+    made: Any = GearedJoint if geared else LinkedJoint
+    joints = [made(replace(joint, first=0, second=1, name=None), *some) for (joint, _), some in zip(counted, acting)]
+    layouts = [layout_of(joint) for joint in joints]
+    kinds = tuple(dict.fromkeys(layouts))
+    most = max(joint.joint.conditions for joint in joints) + int(geared)
+    freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
+    full = any(np.ndim(np.array(link.inertia)) == 2 for link in given.links)
+    own = sum(kind.width for kind in kinds)
+    bent = on_all is not None and on_all.load is not None
+    pushed = bent or any(one.loads for one in acts)
+    moving = given.constraint.rheonomic
+    meshes: dict[tuple[int, int], float] = given.meshes if geared else {}
+    hubs = hubs_in(ends)
+    if any(all(b < 0 or b in hubs for b in ends[j]) for j, _ in meshes):
+        hubs = []  # a joint of hubs alone has no block before them, and would be needed by what shares its rotor
+    parts = -(-6 // most) if hubs else 0  # nodes of a hub
+    rows = Rows.of(
+        full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent, moving, parts > 0, geared
+    )
+    most_places = max(len(given.links), len(joints) + parts * len(hubs))
+    places = FEW if most_places <= FEW else EIGHT * -(-most_places // EIGHT)
+    fixed = np.zeros((rows.note, places))
+    bodies = [given.links[b if b < len(given.links) else 0] for b in range(places)]
+    for b, link in enumerate(bodies):
+        J = inertia_of(link, full)
+        inverse = np.linalg.inv(J) if full else 1.0 / J
+        fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
+    fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
+    shared = {j: (SHARED + min(j, *[k for i, k in meshes if i == j]),) for j, _ in meshes}
+    tables, blocks, ties, at_blocks = tables_of(
+        [(*bodies_of, *shared.get(j, ())) for j, bodies_of in enumerate(ends)], hubs, parts, places
+    )
+    mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
+    more: list[int] = []
+    for j, bodies_of in enumerate(ends):
+        for side, b in enumerate(bodies_of):
+            if b >= 0 and (b, side) in mine:
+                more += [b, j, side]
+            elif b >= 0:
+                mine[b, side] = j, 1.0
+    ahead = 0
+    for place in range(places):
+        j = place if place < len(joints) else 0
+        first, second = ends[j]
+        kept = counted[j][1]
+        head = [first, max(second, 0), float(second >= 0), kinds.index(layouts[j])]
+        touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
+        alive = [float(i in kept) for i in range(most)]
+        if geared:
+            light = given.lightness.get(j, 0.0)
+            alive = [*alive[:-1], float(light > 0.0), light]
+        shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
+        tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
+        ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
+        field = acts[place if place < len(acts) else 0]
+        theirs = [field if layout_of(field) == kind
+                  else next(one for one in acts if layout_of(one) == kind) for kind in fields]  # fmt: skip
+        numbers: list[Any] = [
+            *head,
+            *alive,
+            *([float(b not in hubs) for b in ends[j]] if hubs else []),
+            *touch,
+            *tie,
+            *[x for i in shown for x in leaves(joints[i], layouts[i])],
+            *([fields.index(layout_of(field))] if fields else []),
+            *[x for one, kind in zip(theirs, fields) for x in leaves(one, kind)],
+        ]
+        for row, x in enumerate(numbers, rows.ends):
+            (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
+    size = most + freedoms
+    form: Any = Links
+    links = form(
+        SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
+        any(joint.springs for joint in joints), pushed, True, float(len(given.links)), float(len(joints)),
+        float(len(joints) + parts * len(hubs)), parts, sides_of(ties),
+        of_whole([len(more) // 3, *more]), *tables, len(meshes) > 0,
+        of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
+        Table(np.array([*meshes.values(), 0.0])),
+        float(max(len({k for k, other in enumerate(ends) if _sides(one, other)}) for one in ends) - 1),
+    )  # fmt: skip
+    return LinkedForm(
+        links,
+        fixed,
+        rows.block - rows.note - (-blocks * size * wide(size) // padded(places)),
+        tuple(joints),
+        has_loops(ends),
+    )
+
+
+def on_bodies(linkage: Any) -> tuple[list[AtBody], OnAll | None]:
+    """Fields and loads on each body alone, and those on all of them by one formula."""
+    parts: list[list[tuple[Any, ...]]] = [[(), ()] for _ in linkage.links]
+    rest: list[Any] = [None, None]
+    for which, given in enumerate((linkage.potential, linkage.load)):
+        if isinstance(given, (PotentialsOfBodies, ForcesOfBodies)):
+            for b, one in zip(given.bodies, given.each):
+                parts[b][which] = (one,)
+        else:
+            rest[which] = given
+    acts = [AtBody(*part) for part in parts]
+    if rest == [None, None]:
+        return acts, None
+    derived = rest[0] is not None and is_derived(bare(type(rest[0]).force))
+    return acts, OnAll(linkage.configurations, len(acts), rest[0], rest[1], derived)
+
+
+def inertia_of(link: Any, full: bool) -> np.ndarray:
+    """The moments of a body, (6,), or the matrix, (6, 6)."""
+    J = np.array(link.inertia)
+    if not full:
+        return np.array([*J, *[link.mass] * 3])
+    whole = link.mass * np.eye(6)
+    whole[:3, :3] = J if J.ndim == 2 else np.diag(J)
+    return whole
+
+
+# ------------------------------------------------------------------ the order of elimination
+
+
+def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[list[int]]]:
+    """An order in which joints are eliminated: first, again and again, one of which one body alone has
+    other joints left, which ties no others together, those at all ends of a tree in turn, for what
+    follows from one end waits for nothing at the others; of loops one that is tied to the fewest others.
+    And for each place in it the later joints that it is tied to then.
+
+    ends : of each joint its bodies; -1 is the ground.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.5 (trees); Duff, Erisman
+    and Reid, Direct Methods for Sparse Matrices, 2nd ed., section 9.2 (minimum degree).
+    """
+    at: dict[int, set[int]] = {}
+    for j, bodies in enumerate(ends):
+        for b in bodies:
+            if b >= 0:
+                at.setdefault(b, set()).add(j)
+    order: list[int] = []
+    left: list[set[int]] = []
+    free = [(0, j) for j, bodies in enumerate(ends) if _is_free(bodies, at)]
+    known = {j for _, j in free}
+    while free:
+        turn, j = heapq.heappop(free)
+        near = set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
+        order.append(j)
+        left.append(near)
+        for b in ends[j]:
+            if b >= 0:
+                at[b].discard(j)
+        # a joint becomes free when it is the last one of a body
+        for k in near:
+            if k not in known and any(len(at[b]) == 1 for b in ends[k] if b >= 0) and _is_free(ends[k], at):
+                known.add(k)
+                heapq.heappush(free, (turn + 1, k))
+    loops = {j: set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
+             for j in range(len(ends)) if j not in known}  # fmt: skip
+    heap = [(len(some), j) for j, some in loops.items()]
+    heapq.heapify(heap)
+    while heap:
+        degree, j = heapq.heappop(heap)
+        if j not in loops or degree != len(loops[j]):
+            continue
+        near = loops.pop(j)
+        order.append(j)
+        left.append(near)
+        for k in near:
+            loops[k] |= near
+            loops[k] -= {j, k}
+            heapq.heappush(heap, (len(loops[k]), k))
+    place = {j: p for p, j in enumerate(order)}
+    return tuple(order), [sorted(some, key=place.__getitem__) for some in left]
+
+
+def _is_free(bodies: tuple[int, int], at: dict[int, set[int]]) -> bool:
+    """Has at most one of the bodies of a joint other joints?"""
+    return sum(b >= 0 and len(at[b]) > 1 for b in bodies) <= 1
+
+
+def has_loops(ends: list[tuple[int, int]]) -> bool:
+    """Do joints, the ground among what they hold, close loops?"""
+    root: dict[int, int] = {}
+
+    def top(b: int) -> int:
+        while root.setdefault(b, b) != b:
+            b = root[b]
+        return b
+
+    for first, second in ends:
+        one, two = top(first), top(second)
+        if one == two:
+            return True
+        root[one] = two
+    return False
+
+
+HUB = 8
+"""Joints from which a body counts as a hub.  Of fewer ones it is quicker that they tie each other."""
+
+
+def hubs_in(ends: list[tuple[int, int]]) -> list[int]:
+    """The bodies with so many joints that their motion is an unknown, beside the impulses."""
+    count = Counter(b for bodies in ends for b in bodies if b >= 0)
+    return sorted(b for b, joints in count.items() if joints >= HUB)
+
+
+def eliminated_with_hubs(
+    ends: list[tuple[int, int]], hubs: list[int], parts: int
+) -> tuple[tuple[int, ...], list[list[int]]]:
+    """As `eliminated_in`: first joints, as if hubs were the ground, then the motions of hubs, the nodes
+    behind those of joints, then joints that hold hubs alone; of both one that is tied to the fewest.
+    """
+    count = len(ends)
+    nodes = {b: {count + parts * i + k for k in range(parts)} for i, b in enumerate(hubs)}
+    near = [set().union(*[nodes.get(b, set()) for b in bodies]) for bodies in ends]
+    tied: dict[int, set[int]] = {v: set(of) - {v} for of in nodes.values() for v in of}
+    order, left = eliminated_in(apart_from(ends, hubs))
+    found: dict[int, set[int]] = {}
+    last = {j for j in order if not any(b >= 0 and b not in nodes for b in ends[j])}
+    for j, later in zip(order, left):
+        if j not in last:
+            found[j] = {*later, *near[j]}
+            for k in later:
+                near[k] |= near[j]
+            for v in near[j]:
+                tied[v] |= near[j] - {v}
+    tied |= {j: near[j] for j in last}
+    for j in last:
+        for v in near[j]:
+            tied[v].add(j)
+    for some in ({v for v in tied if v >= count}, last):
+        while some:
+            k = min(some, key=lambda v: (len(tied[v]), v))
+            some.discard(k)
+            found[k] = tied.pop(k)
+            for v in found[k]:
+                tied[v] |= found[k]
+                tied[v] -= {k, v}
+    place = {k: p for p, k in enumerate(found)}
+    return tuple(found), [sorted(some, key=place.__getitem__) for some in found.values()]
+
+
+def apart_from(ends: list[Any], hubs: list[int]) -> list[Any]:
+    """The ends of joints with hubs in the place of the ground."""
+    return [(*[-1 if b in hubs else b for b in bodies[:2]], *bodies[2:]) for bodies in ends]
+
+
+def tables_of(
+    ends: list[Any], hubs: list[int], parts: int, places: int
+) -> tuple[list[Table], int, dict[int, Tie], dict[tuple[int, int], int]]:
+    """The plan of elimination, as lists of numbers: borders, couplings, pivots, belows and updates of
+    `Links`; how many blocks there are; of each joint the tie to another one, of which the place has
+    the blocks; and where the blocks are.
+
+    ends : of each joint its bodies, and behind them the rotor that it shares with others, if there is one.
+
+    borders : how many joints there are at hubs; of each the joint, the side on which it has the hub, and
+    for each part of the motion of the hub the places of the blocks, of the joint by it, and of it by the
+    joint.
+    couplings : how many; of each the joints j and k, the sides of j and k on which they have a body
+    in common, where the block is, and 0, 1 if it is added to what is there, -1 if it is zero.
+    pivots : the joints in turn, each with where its belows begin, and where they end.
+    belows : of each the later joint i, where the blocks (i, k) and (k, i) are, and where its updates
+    begin and end.  updates : of each where the block (k, j) is, and (i, j), which loses (i, k) (k, j).
+    """
+    given = ends
+    order, filling = eliminated_with_hubs(ends, hubs, parts) if hubs else eliminated_in(ends)
+    ends = [*(apart_from(ends, hubs) if hubs else ends), *[(-1, -1)] * (parts * len(hubs))]
+    blocks = {(k, k): BLOCKS * k for k in range(len(ends))}
+    pairs = [(k, i) for k, later in zip(order, filling) for i in later]
+    ties = ties_of(ends, pairs)
+    count = BLOCKS * padded(places)
+    for k, i in pairs:
+        owner, other = (k, i) if ties.get(k, NO_TIE)[0] == i else (i, k)
+        if ties.get(owner, NO_TIE)[0] == other:
+            blocks[other, owner], blocks[owner, other] = BLOCKS * owner + 1, BLOCKS * owner + 2
+            continue
+        blocks[i, k], blocks[k, i], count = count, count + 1, count + 2
+    couplings: list[list[int]] = []
+    borders: list[list[int]] = []
+    direct: set[tuple[int, int]] = set()
+    for j, bodies in enumerate(given):
+        for side, b in enumerate(bodies[:2]):
+            if b in hubs:
+                nodes = [len(given) + parts * hubs.index(b) + k for k in range(parts)]
+                direct |= {(j, v) for v in nodes} | {(v, j) for v in nodes}
+                borders.append([j, side, *[blocks[at] for v in nodes for at in ((j, v), (v, j))]])
+    for (j, k), there in blocks.items():
+        if j == k or (j, k) in direct:
+            continue
+        common = _sides(ends[j], ends[k])
+        mine, theirs = ties.get(j, NO_TIE), ties.get(k, NO_TIE)
+        if k == mine[0] or j == theirs[0]:
+            known = [*map(int, mine[1:3] if k == mine[0] else theirs[2:0:-1])]
+            couplings += [[j, k, *s, there, 1] for s in common if [*s] != known]
+            continue
+        for turn, sides in enumerate(common or [(0, 0)]):
+            couplings.append([j, k, *sides, there, min(turn, 1) if common else -1])
+    pivots, belows, updates = [], [], []  # type: list[int], list[list[int]], list[list[int]]
+    for k, later in zip(order, filling):
+        pivots += [k, len(belows), len(belows) + len(later)]
+        for i in later:
+            begin = len(updates)
+            updates += [[blocks[k, j], blocks[i, j]] for j in later]
+            belows.append([i, blocks[i, k], blocks[k, i], begin, len(updates)])
+    found = (
+        [len(borders), *np.ravel(borders)],
+        [len(couplings), *np.ravel(couplings)],
+        pivots,
+        np.ravel(belows),
+        np.ravel(updates),
+    )
+    return [of_whole([*some, 0]) for some in found], count, ties, blocks
+
+
+Tie = tuple[int, float, float, float]
+"""Another joint, the sides of both on which they have a body in common, and 1."""
+
+NO_TIE: Tie = (-1, 0.0, 0.0, 0.0)
+
+
+def ties_of(ends: list[tuple[int, int]], pairs: list[tuple[int, int]]) -> dict[int, Tie]:
+    """For each joint at most one of the pairs that it is in.  Where all pairs of joints that a body
+    ties together have the body as the first of one and the second of the other, as in chains and
+    trees, either all of the ones or all of the others have the ties.
+    """
+    tied = [(*pair, sides) for pair in pairs for sides in _sides(ends[pair[0]], ends[pair[1]])[:1]]
+    choices: list[dict[int, Tie]] = []
+    for wanted in ((0, 1), (1, 0), None):
+        ties: dict[int, Tie] = {}
+        for k, i, sides in tied:
+            for owner, other, (s, t) in ((k, i, sides), (i, k, sides[::-1])):
+                if wanted in (None, (s, t)) and owner not in ties:
+                    ties[owner] = other, float(s), float(t), 1.0
+                    break
+        choices.append(ties)
+    return max(choices, key=len)
+
+
+def sides_of(ties: dict[int, Tie]) -> tuple[int, int]:
+    """The sides on which ties have their body, where they are the same for all; else -1."""
+    found = [{int(tie[side]) for tie in ties.values()} for side in (1, 2)]
+    one, two = (some.pop() if len(some) == 1 else -1 for some in found)
+    return one, two
+
+
+def _sides(one: tuple[int, int], other: tuple[int, int]) -> list[tuple[int, int]]:
+    """The sides of two joints on which they have a body in common."""
+    return [(s, t) for s, b in enumerate(one[:2]) for t, c in enumerate(other[:2]) if b == c and b >= 0]

@@ -1,0 +1,576 @@
+"""Robots from URDF files: links with inertias, joints, limits, damping, friction, and what is seen.
+
+The file is read by expat, the XML reader of Python's library, which refuses what URDF has no use for:
+document types, and with them entities. Readers of other packages bring lxml, trimesh and networkx along.
+
+Source: the URDF specification of ROS, wiki, "urdf/XML"; Featherstone, Rigid Body Dynamics Algorithms
+(2008), section 2.13 (inertias of bodies that are joined).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import FileWarning, InertiaWarning, InvalidInput, InvalidType, warn
+from ..formulas import real_array
+from ..groups.rigid.se3 import SE3
+from ..names import meant
+from .joint_forces import Damper, DryFriction, JointForce, JointPotential, Limited, Stops
+from .joints import FloatingJoint, Mimic, PlanarJoint, PrismaticJoint, RevoluteJoint
+from .link import Frame, Link, LinkShape
+
+KINDS = ("revolute", "continuous", "prismatic", "planar", "floating", "fixed")
+"""The joints of URDF."""
+
+GEARED = ("revolute", "continuous", "prismatic")
+"""Those that a motor drives."""
+
+WIDE = 100.0
+"""Bodies whose inertia says that they are so many times larger than the robot have other units."""
+
+TOLD = 5
+"""Faults of shapes that one warning tells."""
+
+PARALLEL = 4 * np.finfo(float).eps
+"""Products of inertia below this part of the moments are rounding."""
+
+
+# ------------------------------------------------------------------ XML
+
+
+@dataclass(eq=False)
+class Element:
+    """An element of the file, with the line where it begins."""
+
+    tag: str
+    given: dict[str, str]
+    line: int
+    file: str
+    inside: list[Element] = field(default_factory=list)
+
+    def some(self, tag: str) -> list[Element]:
+        """The elements in it of this kind."""
+        return [one for one in self.inside if one.tag == tag]
+
+    def one(self, tag: str) -> Element | None:
+        """The one element of this kind, or None."""
+        found = self.some(tag)
+        if len(found) > 1:
+            raise found[1].wrong(f"is the second <{tag}> of one <{self.tag}>")
+        return found[0] if found else None
+
+    def text(self, name: str) -> str:
+        """An attribute that must be there."""
+        if not self.given.get(name, "").strip():
+            raise self.wrong(f"has no {name}")
+        return self.given[name].strip()
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """An attribute that is one number."""
+        return float(self.numbers(name, 1, None if default is None else [default])[0])
+
+    def numbers(self, name: str, count: int, default: Any = None) -> np.ndarray:
+        """An attribute of several numbers."""
+        if default is not None and name not in self.given:
+            return np.array(default, dtype=float)
+        words = self.text(name)
+        try:
+            if "_" in words:
+                raise ValueError
+            found = np.array([float(x) for x in words.split()])
+        except ValueError:
+            found = np.zeros(0)
+        if found.shape != (count,) or not np.isfinite(found).all():
+            many = "a number" if count == 1 else f"{count} numbers"
+            raise self.wrong(f'has {name}="{words}", which must be {many}')
+        return found
+
+    def wrong(self, said: str) -> InvalidInput:
+        """The error of this element."""
+        name = f' name="{self.given["name"]}"' if "name" in self.given else ""
+        return InvalidInput(f"{self.file}, line {self.line}: <{self.tag}{name}> {said}")
+
+
+def parsed(data: bytes, file: str) -> Element:
+    """The elements of an XML text.
+
+    Raises InvalidInput for what is no XML, and for document types, by which a small file can grow to
+    gigabytes or read others.
+    """
+    from xml.parsers import expat
+
+    parser, top = expat.ParserCreate(), Element("", {}, 0, file)
+    open_ones, text = [top], data.lstrip()  # others take a blank line before <?xml ?>
+    blank = data[: len(data) - len(text)].count(b"\n")
+
+    def begin(tag: str, given: dict[str, str]) -> None:
+        if tag.startswith("xacro:") or "${" in "".join(given.values()):
+            raise InvalidInput(
+                f"{file}, line {blank + parser.CurrentLineNumber}: <{tag}> is xacro, from which URDF is "
+                "made: run `xacro robot.urdf.xacro > robot.urdf`"
+            )
+        new = Element(tag, given, blank + parser.CurrentLineNumber, file)
+        open_ones[-1].inside.append(new)
+        open_ones.append(new)
+
+    def document_type(*given: Any) -> None:
+        raise InvalidInput(
+            f"{file}, line {blank + parser.CurrentLineNumber}: URDF has no document type or entities; "
+            "delete <!DOCTYPE ...>"
+        )
+
+    parser.StartElementHandler = begin
+    parser.EndElementHandler = lambda tag: open_ones.pop()
+    parser.StartDoctypeDeclHandler = document_type
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as refused:
+        raise InvalidInput(f"{file} is no XML: {refused}") from None
+    (robot,) = top.inside
+    if robot.tag != "robot":
+        raise robot.wrong("is no robot: a URDF file is one <robot>")
+    return robot
+
+
+# ------------------------------------------------------------------ the tree
+
+
+def linkage_of(
+    path: Any,
+    *,
+    floating: bool = False,
+    at: Any = None,
+    stops: float | None = None,
+    speed: float = 0.01,
+    packages: Mapping[str, Any] | None = None,
+    forces: Any = (),
+    limits: bool = False,
+    armature: Any = None,
+) -> dict[str, Any]:
+    """The arguments of a `Linkage`: links, joints, forces, frames and shapes; see `from_urdf`."""
+    robot, folder = _opened(path)
+    links = _by_name(robot, "link")
+    if not links:
+        raise robot.wrong("has no links")
+    joints = _by_name(robot, "joint")
+    parents = _parents(joints, links)
+    order = _ordered(robot, links, parents)
+    root = np.eye(4) if at is None else real_array(at, "Linkage.from_urdf: at")
+    if root.shape != (4, 4) or not SE3().contains(root):
+        raise InvalidInput(f"Linkage.from_urdf: at is the pose of the root, [[R, p], [0, 1]]; got {root.tolist()}")
+    # in the zero position: the pose of each link, and the link that it is fixed to, None: the ground
+    poses, moved = {order[0]: root}, {order[0]: order[0] if floating else None}  # type: Any, Any
+    for name in order[1:]:
+        joint, parent = parents[name]
+        kind = joint.text("type")
+        if kind not in KINDS:
+            raise joint.wrong(f"has the type {kind!r}; URDF has {', '.join(KINDS)}")
+        poses[name] = poses[parent] @ _origin(joint)
+        moved[name] = moved[parent] if kind == "fixed" else name
+    heads = [name for name in order if moved[name] == name]
+    if not heads:
+        told = "has no joint that moves"
+        if any(links[name].one("inertial") for name in order):
+            told += f"; all of it falls as one body, lm.models.{_falling(_body(links, order, poses)[0])}"
+        raise robot.wrong(told)
+    numbers: Any = {name: number for number, name in enumerate(heads)} | {None: None}
+    bodies = {name: _body(links, [other for other in order if moved[other] == name], poses) for name in heads}
+    _require_units(robot, bodies, poses)
+    centres: Any = {name: centre for name, (_, centre) in bodies.items()} | {None: np.zeros(3)}
+    made: dict[str, Any] = {"links": [body for body, _ in bodies.values()], "joints": []}
+    made["forces"] = []
+    rotors = _rotors(robot, joints, armature)
+    for name in heads:
+        point, second = poses[name][:3, 3], moved[parents[name][1]] if name in parents else None
+        ends: Any = numbers[name], numbers[second], point - centres[name], point - centres[second]
+        if name not in parents:
+            made["joints"].append(FloatingJoint(*ends, name=name))
+            continue
+        joint = parents[name][0]
+        made["joints"].append(_joint(joint, ends, poses[name][:3, :3], rotors))
+        made["forces"] += _forces(joint, stops, speed)
+    numbered = [joint.name for joint in made["joints"]]
+    made["forces"] += [_within(joints, numbered, force) if limits else force for force in forces]
+    seen = {name: poses[name].copy() for name in order}
+    for name in order:
+        seen[name][:3, 3] -= centres[moved[name]]
+    made["mimics"] = [_mimic(one, joints) for one in joints.values() if one.one("mimic")]
+    made["mimics"] = [one for one in made["mimics"] if one is not None]
+    made["frames"] = [Frame(name, numbers[moved[name]], seen[name].tolist()) for name in order]
+    made["shapes"] = _shapes(robot, links, seen, {n: numbers[moved[n]] for n in order}, _Files(folder, packages))
+    return made
+
+
+def _opened(path: Any) -> tuple[Element, Path]:
+    """The robot of a file or a text, and the folder of its meshes."""
+    if isinstance(path, str) and path.lstrip().startswith("<"):
+        return parsed(path.lstrip().encode(), "URDF"), Path()
+    if not isinstance(path, (str, os.PathLike)):
+        raise InvalidType(f"Linkage.from_urdf: path is a file, or its text; got {path!r}")
+    try:
+        data = Path(path).read_bytes()
+    except OSError as refused:
+        raise InvalidInput(f"Linkage.from_urdf: {str(path)!r} cannot be read: {refused}") from None
+    return parsed(data, Path(path).name), Path(path).resolve().parent
+
+
+def _by_name(robot: Element, tag: str) -> dict[str, Element]:
+    """The links or joints by their names."""
+    found: dict[str, Element] = {}
+    for one in robot.some(tag):
+        name = one.text("name")
+        if name in found:
+            raise one.wrong(f"has the name of the <{tag}> in line {found[name].line}")
+        found[name] = one
+    return found
+
+
+def _parents(joints: dict[str, Element], links: dict[str, Element]) -> dict[str, tuple[Element, str]]:
+    """Of each link that hangs from another one the joint and that link."""
+    parents: dict[str, tuple[Element, str]] = {}
+    for joint in joints.values():
+        ends = []
+        for side in ("parent", "child"):
+            end = joint.one(side)
+            name = "" if end is None else end.text("link")
+            if name not in links:
+                raise joint.wrong(f"has the {side} link {name!r}, which is not there{meant(name, links)}")
+            ends.append(name)
+        parent, child = ends
+        if child in parents:
+            raise joint.wrong(
+                f"holds the link {child!r}, as the joint {parents[child][0].given['name']!r} does: a "
+                "URDF is a tree. Close loops by joints of your own, Linkage(links, joints)"
+            )
+        parents[child] = joint, parent
+    return parents
+
+
+def _ordered(robot: Element, links: dict[str, Element], parents: dict[str, tuple[Element, str]]) -> list[str]:
+    """The links, each after the one that it hangs from."""
+    roots = [name for name in links if name not in parents]
+    children: dict[str, list[str]] = {}
+    for child, (_, parent) in parents.items():
+        children.setdefault(parent, []).append(child)
+    order = roots[:1]
+    for name in order:
+        order += children.get(name, [])
+    left = [name for name in links if name not in order]
+    if len(roots) > 1:
+        raise robot.wrong(f"has several roots, links that hang from no other: {', '.join(roots)}")
+    if left:
+        raise robot.wrong(f"has links that hang from each other in a circle: {', '.join(left)}")
+    return order
+
+
+# ------------------------------------------------------------------ bodies and joints
+
+
+def _origin(element: Element) -> np.ndarray:
+    """The pose [[R, p], [0, 1]] of <origin xyz rpy>, R = R_z(yaw) R_y(pitch) R_x(roll)."""
+    pose, origin = np.eye(4), element.one("origin")
+    if origin is None:
+        return pose
+    turns = origin.numbers("rpy", 3, np.zeros(3))
+    if np.abs(turns).max() > 4.0 * np.pi:
+        raise origin.wrong(f'has rpy="{origin.given["rpy"]}": angles are in rad, not in degrees')
+    (a, b, c), (x, y, z) = np.cos(turns), np.sin(turns)
+    pose[:3, :3] = [
+        [c * b, c * y * x - z * a, c * y * a + z * x],
+        [z * b, z * y * x + c * a, z * y * a - c * x],
+        [-y, b * x, b * a],
+    ]
+    pose[:3, 3] = origin.numbers("xyz", 3, np.zeros(3))
+    return pose
+
+
+def _body(links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarray]) -> tuple[Link, np.ndarray]:
+    """The body of links that are fixed to each other, and its centre of mass in the zero position.
+
+    Its axes are those of space in that position, so that all frames are parallel where all angles
+    are zero.
+    """
+    found = []
+    for name in parts:
+        inertial = links[name].one("inertial")
+        if inertial is None:
+            continue
+        mass, inertia = inertial.one("mass"), inertial.one("inertia")
+        if mass is None or inertia is None:
+            raise inertial.wrong("must have a <mass> and an <inertia>")
+        xx, yy, zz = (inertia.number(k) for k in ("ixx", "iyy", "izz"))
+        xy, xz, yz = (inertia.number(k, 0.0) for k in ("ixy", "ixz", "iyz"))
+        pose = poses[name] @ _origin(inertial)
+        J = pose[:3, :3] @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ pose[:3, :3].T
+        m = mass.number("value")
+        if m < 0.0:
+            raise mass.wrong(f'has value="{mass.given["value"]}"; a mass is not negative')
+        found.append((m, pose[:3, 3], J))
+    total = sum(m for m, _, _ in found)
+    if not total > 0.0:
+        raise links[parts[0]].wrong("moves and has no mass: give it an <inertial>, or make its joint fixed")
+    centre = sum(m * p for m, p, _ in found) / total
+    whole = sum(J + m * ((p - centre) @ (p - centre) * np.eye(3) - np.outer(p - centre, p - centre))
+                for m, p, J in found)  # fmt: skip
+    whole = 0.5 * (whole + whole.T)
+    moments = np.linalg.eigvalsh(whole)
+    if not moments[0] > PARALLEL * moments[2]:
+        raise links[parts[0]].wrong(
+            f"has the principal moments of inertia {moments.tolist()} kg m^2; all must be positive"
+        )
+    if moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
+        warn(
+            f"link {parts[0]!r}: no body made of positive masses has the principal moments "
+            f"{moments.tolist()}; the motion is computed all the same",
+            InertiaWarning,
+        )
+    diagonal = np.diag(whole)
+    off = np.abs(whole - np.diag(diagonal)).max()
+    inertias: Any = diagonal if off <= PARALLEL * diagonal.max() else whole
+    return Link(total, inertias.tolist(), name=parts[0]), centre
+
+
+def _falling(link: Link) -> str:
+    """How a body that moves freely is written."""
+    return f"FallingBody({np.array(link.inertia).tolist()}, {link.mass!r})"
+
+
+def _require_units(robot: Element, bodies: dict[str, tuple[Link, np.ndarray]], poses: dict[str, np.ndarray]) -> None:
+    """Warn of inertias that belong to bodies far larger than the robot."""
+    points = np.array([*[pose[:3, 3] for pose in poses.values()], *[c for _, c in bodies.values()]])
+    size = np.ptp(points, axis=0).max()
+    for name, (link, _) in bodies.items():
+        J = np.array(link.inertia)
+        radius = np.sqrt(float(np.trace(J) if J.ndim == 2 else J.sum()) / (2.0 * link.mass))
+        if radius > WIDE * size > 0.0:
+            warn(
+                f"link {name!r} has a radius of gyration of {radius:.3g} m in a robot of {size:.3g} m: "
+                "inertias are in kg m^2, lengths in m",
+                InertiaWarning,
+            )
+
+
+def _mimic(joint: Element, joints: dict[str, Element]) -> Mimic | None:
+    """The joint that another one follows; None for one that is fixed."""
+    if joint.text("type") == "fixed":
+        return None
+    mimic: Any = joint.one("mimic")
+    leader = mimic.text("joint")
+    if leader not in joints:
+        raise mimic.wrong(f"follows the joint {leader!r}, which is not there{meant(leader, joints)}")
+    if joints[leader].text("type") == "fixed":
+        raise mimic.wrong(f"follows the joint {leader!r}, which is fixed; make joint {joint.text('name')!r} fixed too")
+    ratio, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
+    return Mimic(joint.text("name"), leader, ratio, offset)
+
+
+def _rotors(robot: Element, joints: dict[str, Element], armature: Any) -> dict[str, float]:
+    """The armatures of joints: those that are given, by names or for all, before those of the file, the
+    inertia of a rotor times the square of its gear's ratio.
+    """
+    found: dict[str, float] = {}
+    for transmission in robot.some("transmission"):
+        for one in transmission.some("actuator"):
+            rotor, gear = one.one("drake:rotor_inertia"), one.one("drake:gear_ratio")
+            held = None if rotor is None else transmission.one("joint")  # others may have two, as differentials do
+            if rotor is not None and held is not None:
+                ratio = 1.0 if gear is None else gear.number("value")
+                found[held.text("name")] = rotor.number("value") * ratio * ratio
+    for name in found.keys() - joints.keys():
+        raise robot.wrong(f"has a rotor at the joint {name!r}, which is not there")
+    turning = [name for name, one in joints.items() if one.text("type") in GEARED]
+    if isinstance(armature, Mapping):
+        for name in armature:
+            if name not in turning:
+                raise InvalidInput(
+                    f"Linkage.from_urdf: armature names {name!r}, which is no joint with one coordinate"
+                    f"{meant(name, turning)}"
+                )
+        return found | {name: float(x) for name, x in armature.items()}
+    return found if armature is None else dict.fromkeys(turning, float(armature))
+
+
+def _within(joints: dict[str, Element], numbered: list[str], force: Any) -> Any:
+    """A motor or a controller, within the limits of the file.  numbered : the names of the joints, by number."""
+    own = isinstance(force, (JointPotential, Damper, DryFriction, Limited))
+    if own or not isinstance(force, JointForce):
+        return force
+    at = force.joint
+    name = at if isinstance(at, str) else numbered[at] if 0 <= at < len(numbered) else None
+    if name not in joints:
+        return force
+    joint = joints[name]
+    limit = joint.one("limit")
+    if limit is None or joint.text("type") not in GEARED:
+        return force
+    effort, speed = limit.number("effort"), limit.number("velocity")
+    if not (effort > 0.0 and speed > 0.0):
+        raise limit.wrong(
+            f"of joint {name!r} has effort={effort:g} and velocity={speed:g}, by which {force!r} "
+            "moves nothing; write what the drive can do, or leave limits= out"
+        )
+    return Limited(force.joint, force, effort, speed, freedom=force.freedom)
+
+
+def _joint(joint: Element, ends: Any, R: np.ndarray, rotors: dict[str, float]) -> Any:
+    """The joint of a link, whose frame is turned by R in the zero position."""
+    kind, name, axis = joint.text("type"), joint.text("name"), joint.one("axis")
+    made: Any = {"floating": FloatingJoint, "prismatic": PrismaticJoint, "planar": PlanarJoint}
+    made = made.get(kind, RevoluteJoint)
+    if kind == "floating":
+        return made(*ends, name=name)
+    along = np.array([1.0, 0.0, 0.0]) if axis is None else axis.numbers("xyz", 3, [1.0, 0.0, 0.0])
+    if not along.any():
+        raise joint.wrong("has an axis without a direction")
+    along = (R @ along / np.linalg.norm(along)).tolist()
+    axes = [along] * (1 if kind == "prismatic" else 2)
+    if kind == "planar":
+        return made(*ends, *axes, name=name)
+    return made(*ends, *axes, armature=rotors.get(name, 0.0), name=name)
+
+
+def _forces(joint: Element, stops: float | None, speed: float) -> list[Any]:
+    """The damper, the dry friction and the stops of a joint."""
+    name, found = joint.text("name"), []  # type: Any, list[Any]
+    dynamics, limit = joint.one("dynamics"), joint.one("limit")
+    if dynamics is not None:
+        damping, friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
+        if min(damping, friction) < 0.0:
+            raise dynamics.wrong("has negative damping or friction, which would drive the joint")
+        found += [Damper(name, damping)] if damping else []
+        found += [DryFriction(name, friction, speed)] if friction else []
+    if stops is not None and limit is not None and joint.text("type") in ("revolute", "prismatic"):
+        low, high = limit.number("lower", 0.0), limit.number("upper", 0.0)
+        if not low < high:
+            raise limit.wrong(f"of joint {name!r} has lower = {low:g}, upper = {high:g}")
+        if joint.text("type") == "revolute" and high - low >= 2.0 * np.pi:
+            raise limit.wrong(
+                f"of joint {name!r} goes from {low:g} to {high:g} rad: poses do not tell angles a whole "
+                'turn apart; make the joint type="continuous", or leave stops= out'
+            )
+        found += [Stops(name, low, high, stops)]
+    return found
+
+
+# ------------------------------------------------------------------ shapes
+
+
+class _Files:
+    """Where mesh files are, and those that are not there, or lie outside of the folders of the robot: that of
+    the URDF file, the one above it, and those of packages.
+    """
+
+    def __init__(self, folder: Path, packages: Mapping[str, Any] | None) -> None:
+        self.folder, self.missing, self.outside = folder, [], []  # type: Any, list[str], list[str]
+        self.packages = {name: Path(one) for name, one in (packages or {}).items()}
+        self.of_ros = [Path(one) for one in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if one]
+        home = Path.home()  # neither it nor what it lies in belongs to a robot
+        self.above = [folder, *[one for one in folder.resolve().parents if not home.is_relative_to(one)]]
+
+    def find(self, name: str) -> str | None:
+        """A file by its name: beside the URDF file, file:// or package://."""
+        head, scheme, rest = name.partition("://")
+        if scheme and head != "file":
+            package, _, inside = rest.partition("/")
+            roots = [self.packages[package]] if package in self.packages else []
+            roots += [one for one in self.above if one.name == package]
+            roots += [one / package for one in self.above]
+            roots += [one / package for one in self.of_ros]
+            places = [(root / inside, [root]) for root in roots]
+        else:
+            place = Path(rest) if scheme else self.folder / name
+            places = [(place, [*self.above[:2], *self.packages.values(), *self.of_ros])]
+        for place, roots in places:
+            if place.is_file():
+                if any(place.resolve().is_relative_to(root.resolve()) for root in roots):
+                    return str(place)
+                self.outside.append(name)
+                return None
+        self.missing.append(name)
+        return None
+
+
+def _shapes(
+    robot: Element,
+    links: dict[str, Element],
+    poses: dict[str, np.ndarray],
+    bodies: dict[str, int | None],
+    files: _Files,
+) -> list[LinkShape]:
+    """The visual geometry of all links.  What is wrong with it is warned of: the motion does not need it."""
+    known = {one.given.get("name"): one for one in robot.some("material")}
+    shapes: list[LinkShape] = []
+    wrong: list[str] = []
+    for name in links:
+        for visual in links[name].some("visual"):
+            color = None
+            try:
+                color = _color(visual, known)
+            except InvalidInput as refused:
+                wrong.append(f"{refused}: it has no colour of its own")
+            try:
+                geometry = visual.one("geometry")
+                if geometry is None or len(geometry.inside) != 1:
+                    raise visual.wrong(f"of link {name!r} must have one <geometry> with one shape in it")
+                shape = _shape(geometry.inside[0], files)
+                if shape is not None:
+                    kind, size, file = shape
+                    pose = poses[name] @ _origin(visual)
+                    shapes.append(LinkShape(kind, bodies[name], pose.tolist(), size, color, file))
+            except InvalidInput as refused:
+                wrong.append(f"{refused}: it is not shown")
+    if wrong:
+        more = f"; and {len(wrong) - TOLD} more" if len(wrong) > TOLD else ""
+        warn(f"{'; '.join(wrong[:TOLD])}{more}", FileWarning)
+    if files.outside:
+        warn(
+            f"meshes outside of the folders of the robot are not read: {', '.join(sorted(set(files.outside)))}. "
+            'packages={"name": "folder"} names a folder that may be read',
+            FileWarning,
+        )
+    if files.missing:
+        warn(
+            f"meshes that are not there are not shown: {', '.join(sorted(set(files.missing)))}. "
+            'packages={"name": "folder"} tells where package://name is',
+            FileWarning,
+        )
+    return shapes
+
+
+def _color(visual: Element, known: dict[str | None, Element]) -> str | None:
+    """The colour of a visual, "#rrggbb", its own or that of a material of the robot."""
+    material = visual.one("material")
+    if material is not None and material.one("color") is None:
+        material = known.get(material.given.get("name"))
+    color = None if material is None else material.one("color")
+    if color is None:
+        return None
+    parts = np.clip(color.numbers("rgba", 4), 0.0, 1.0)[:3]
+    return "#" + "".join(f"{round(255 * x):02x}" for x in parts)
+
+
+def _shape(given: Element, files: _Files) -> tuple[str, list[float], str | None] | None:
+    """Kind, size and file of a geometry; None: its mesh is not there."""
+    if given.tag == "mesh":
+        file = files.find(given.text("filename"))
+        scale = given.numbers("scale", 3, np.ones(3)).tolist()
+        return None if file is None else ("mesh", scale, file)
+    if given.tag == "box":
+        size = given.numbers("size", 3).tolist()
+    elif given.tag in ("cylinder", "capsule"):
+        width = 2.0 * given.number("radius")
+        size = [width, width, given.number("length")]
+    elif given.tag == "sphere":
+        size = [2.0 * given.number("radius")] * 3
+    else:
+        raise given.wrong("is no shape; URDF has box, cylinder, sphere, mesh")
+    if not min(size) > 0.0:
+        raise given.wrong("must have positive lengths")
+    kind = {"box": "box", "sphere": "ball"}.get(given.tag, "cylinder")
+    return kind, size, None

@@ -1,0 +1,1 @@
+"""Rigid bodies: free, under gravity, in fluids, in closed form."""

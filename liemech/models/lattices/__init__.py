@@ -1,0 +1,1 @@
+"""Lattices, populations, light, quantum levels, vorticity: Poisson and isospectral systems."""

@@ -1,0 +1,1 @@
+"""Planets and stars as points."""

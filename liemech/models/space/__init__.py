@@ -1,0 +1,1 @@
+"""Spacecraft: orbits and attitude, and what acts on them."""

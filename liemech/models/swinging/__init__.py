@@ -1,0 +1,1 @@
+"""Pendulums and points on surfaces."""

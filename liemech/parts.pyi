@@ -1,2 +1,0 @@
-from .systems.parts import FunctionOfCoordinate as FunctionOfCoordinate
-from .systems.parts import StraightLineFlow as StraightLineFlow

@@ -1,0 +1,158 @@
+"""Blocks between a controller and a stepper: what becomes of commands on their way to the body."""
+
+from __future__ import annotations
+
+import collections
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidInput
+from ...formulas import check_finite, real_array
+from ...formulas.classes.pytree import fill
+from ...formulas.vectors import small
+from ...simulation import arguments
+from .ramp import Ramp
+
+
+class ZeroOrderHold:
+    """A command that is taken at every n-th look, and held until then: a slow controller in a fast
+    loop.
+
+        hold = lm.loops.ZeroOrderHold(10)
+        loop.step(4, torque=hold(lambda: controller(loop)))
+
+    every : n.
+    Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed., section 4.3.
+    """
+
+    def __init__(self, every: int) -> None:
+        self.every = arguments.count(every, "every", 1)
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the next command."""
+        self._looks, self._command = 0, None
+
+    def __call__(self, command: Any) -> Any:
+        """The command that holds now.  command : a value, or a function without arguments, which is
+        called when a command is taken.
+        """
+        if self._looks % self.every == 0:
+            self._command = command() if callable(command) else command
+        self._looks += 1
+        return self._command
+
+    def __repr__(self) -> str:
+        return f"ZeroOrderHold({self.every})"
+
+
+class FirstOrderHold:
+    """Commands joined by straight lines, as `Ramp`s: u(t) = u_k + (u_k - u_(k-1)) (t - t_k)/T from
+    t_k on, or, one period later and without jumps, u_(k-1) + (u_k - u_(k-1)) (t - t_k)/T.
+
+        hold = lm.loops.FirstOrderHold(0.01, delayed=True)
+        loop.step(10, torque=hold(loop.t, u))
+
+    period : T, in s, from one look to the next.  delayed : lead from the last command to this one?
+    first : the command before the first one; left out, it is the first one.
+    Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed., section 5.2.
+    """
+
+    def __init__(self, period: float, delayed: bool = False, first: Any = None) -> None:
+        self.period, self.delayed, self.first = positive(period, "period"), bool(delayed), first
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last command."""
+        self._last = None if self.first is None else command_of(self.first, "first")
+
+    def __call__(self, t: float, command: Any) -> Any:
+        """The command from the time t on; of an ensemble, (bodies, dim), a list of them."""
+        now = command_of(command, "command")
+        last = now if self._last is None else self._last
+        slope, begin = (now - last) / self.period, last if self.delayed else now
+        self._last = now
+        if now.ndim > 1:
+            return [ramp(t, *both) for both in zip(begin, slope, strict=True)]
+        return ramp(t, begin, slope)
+
+    def __repr__(self) -> str:
+        return f"FirstOrderHold({self.period}{', delayed=True' if self.delayed else ''})"
+
+
+class Latency:
+    """Commands that arrive some looks later.
+
+    looks : how many.  first : what arrives until then.
+    Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed., section 4.3.2.
+    """
+
+    def __init__(self, looks: int, first: Any) -> None:
+        self.looks, self.first = arguments.count(looks, "looks", 0), first
+        self.reset()
+
+    def reset(self) -> None:
+        """Let nothing be on its way."""
+        self._on_the_way = collections.deque([self.first] * self.looks)
+
+    def __call__(self, command: Any) -> Any:
+        """The command that arrives as this one is given."""
+        self._on_the_way.append(np.array(command) if type(command) is np.ndarray else command)
+        return self._on_the_way.popleft()
+
+    def __repr__(self) -> str:
+        return f"Latency({self.looks}, {self.first!r})"
+
+
+class RateLimit:
+    """Commands that follow others as fast as an actuator can: |u_k - u_(k-1)| <= rate T.
+
+    rate : per s, one for all components or one for each.  period : T, in s, from one look to the next.
+    first : where the actuator begins.
+    Source: Astrom and Murray, Feedback Systems, 2nd ed., section 11.4.
+    """
+
+    def __init__(self, rate: Any, period: float, first: Any) -> None:
+        self.rate, self.period = command_of(rate, "rate"), positive(period, "period")
+        if not (self.rate > 0.0).all():
+            raise InvalidInput(f"RateLimit: rate must be positive; got {rate!r}")
+        self.first = command_of(first, "first")
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the first command."""
+        self._last = self.first
+
+    def __call__(self, command: Any) -> Any:
+        """Where the actuator is as this command is given."""
+        most = self.rate * self.period
+        away = command_of(command, "command") - self._last
+        # reached without a rest
+        self._last = np.where(np.abs(away) <= most, command, self._last + np.copysign(most, away))
+        return self._last.copy() if self._last.ndim else self._last.item()
+
+    def __repr__(self) -> str:
+        return f"RateLimit({self.rate.tolist()}, {self.period}, {self.first.tolist()})"
+
+
+def ramp(t: float, value: np.ndarray, slope: np.ndarray) -> Ramp:
+    """A ramp from the time t on, whose numbers are checked already."""
+    both = (small(value), small(slope)) if value.ndim else (float(value), float(slope))
+    made: Ramp = fill(Ramp, {"value": both[0], "slope": both[1], "t0": float(t)})
+    return made
+
+
+def command_of(value: Any, name: str) -> np.ndarray:
+    """A command as an array, checked."""
+    array = real_array(value, name)
+    check_finite(array, name)
+    return array
+
+
+def positive(value: Any, name: str) -> float:
+    """A positive number."""
+    number = arguments.real(value, name)
+    if not number > 0.0:
+        raise InvalidInput(f"{name} must be positive; got {value!r}")
+    return number

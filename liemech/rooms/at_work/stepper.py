@@ -1,0 +1,650 @@
+"""One run that is advanced by hand: for control loops, filters and live pictures."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import math
+import struct
+import threading
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...compiler.kernel import Kernel, Several
+from ...errors import IntegrationInterrupted, InvalidInput
+from ...formulas.classes.pytree import build, gatherer, layout_of
+from ...simulation import arguments
+from ...simulation.between.dense import unpacked
+from ...simulation.compiled.control import FRESH, MARK, ORIGIN, STEP, STRAIGHT, TAKEN
+from ...simulation.compiled.execution import like
+from ...simulation.compiled.parameters import Input, full_name, parameter
+from ...simulation.compiled.prepared import Steps
+from ...simulation.compiled.systems import OfBodies, each_of
+from ...simulation.runs import short
+from ...simulation.runs.carry import Carry, SiteCarry
+from ...simulation.runs.equal import WORTH
+from ...simulation.runs.short import ENDLESS, Place, place_of
+from ...simulation.stopped import Stopped
+from ...systems.system import State
+from ..fictive_time.origin import FictiveCarry
+
+
+class Stepper:
+    """One run with fixed steps, advanced by hand; `Plan.stepper` makes it.
+
+    It stands at a time and in a state, whose parts are attributes, arrays: `mu`, `g`, ...  All of
+    it is what `Plan.run` gives, to the bit.
+
+    Parameters of the system may change between steps, as the inputs of `step`: those steps are what
+    they are for a system made with these values, and `plan` is the plan of it.
+
+    What formulas read from outside counts as it is when the run begins, as in any other, and not
+    anew at every step, of which it would be the larger part.  `refresh` looks at it again.
+
+    Threads may share it: one steps at a time.  It can be pickled, and goes on where it stood.
+    """
+
+    def __init__(self, plan: Any, carry: Any) -> None:
+        self._given, self._begun = plan, carry
+        self._plan, self._lock = plan, threading.RLock()
+        self._known: dict[str, Input] = {}
+        self._held: dict[str, Any] = {}  # values that `_plan` does not have yet
+        self._stand(carry)
+
+    def step(self, steps: int = 1, **inputs: Any) -> None:
+        """Go on by so many steps.
+
+        inputs : new values of parameters of the system, by their names, `torque=u` or
+        `**{"load.torque": u}`; they stay until they are given anew.  Of an ensemble one value for
+        all bodies, or (bodies, ...).
+        Raises what `integrate` raises.  Then it stands before the step that failed, and after
+        Ctrl-C where it has come to.  InvalidInput for an input that is unknown, of another shape or
+        not finite; then nothing has changed.
+        """
+        if type(steps) is not int or steps < 1:
+            steps = arguments.count(steps, "steps", 1)
+        with self._lock:
+            if inputs:
+                self._set(inputs)
+            here = self._here
+            while here is not None and steps:
+                some = steps if steps < here.most else here.most
+                try:
+                    made = here.advance(some)
+                except KeyboardInterrupt:
+                    raise IntegrationInterrupted(
+                        f"Stepper.step: interrupted after {here.taken} steps, where it stands now"
+                    ) from None
+                steps -= made
+                if made < some:
+                    break
+            if steps:
+                self._slowly(steps)
+
+    def reset(self, start: Any = None, t0: float | None = None, **inputs: Any) -> None:
+        """Begin anew, at a state and a time, or where the stepper began; inputs that are not given
+        are those of the plan that it was made of.
+
+        Raises InvalidInput as `Plan.stepper` and `step` do.
+        """
+        with self._lock:
+            other = (self._begun if start is None and t0 is None
+                     else self._given.stepper(self.start if start is None else start, t0).carry)  # fmt: skip
+            self._plan, self._begun, self._held = self._given, other, {}
+            self._stand(other)
+            if inputs:
+                self._set(inputs)
+
+    def at(self, t: float) -> State:
+        """The state at a time in the step to come, from this time to the next one; the stepper stays
+        where it is.
+
+        For sensors that read between two steps.  Raises InvalidInput for other times.
+        """
+        with self._lock:
+            if self._fictive or isinstance(self._carry, SiteCarry):
+                raise InvalidInput("Stepper.at is for fixed steps in time, and of few sites")
+            h, now, t = self._plan._steps.h, self.t, arguments.real(t, "t")
+            if not isinstance(h, float) or not min(now, now + h) <= t <= max(now, now + h):
+                raise InvalidInput(
+                    f"Stepper.at: t = {t!r} is not in the step to come, from {now!r} by {h!r}; step there first"
+                )
+            if t == now:
+                return self.state
+            found = self._here.at(t - now) if isinstance(self._here, InPlace) else None
+            if found is not None:
+                return found
+            plan = self.plan
+            if plan.recorder is not None or plan.record is not None or plan._steps.every != 1:
+                plan = plan.replace(record=None, every=1)
+            run = plan.resume(self, steps=1, t_eval=[t])
+            state: State = run.last
+            return state
+
+    @property
+    def inputs(self) -> dict[str, Any]:
+        """The values of all inputs that were given, by their full names."""
+        with self._lock:
+            systems, found = each_of(self.plan.system), {}
+            for one in {x.name: x for x in self._known.values()}.values():
+                values = [parameter(system, one.name) for system in systems]
+                alone = len(values) == 1 or one.shape is None
+                found[one.name] = values[0] if alone else np.array(values)
+            return found
+
+    @property
+    def start(self) -> State:
+        """The state in which it began."""
+        begun: State = self._begun.state
+        return begun
+
+    @property
+    def plan(self) -> Any:
+        """The plan of the system with the inputs as they are: what `resume` goes on with."""
+        with self._lock:
+            self._settle()
+            return self._plan
+
+    def refresh(self) -> None:
+        """Look again at what formulas read from outside: the next steps are made with what is there
+        now.
+        """
+        with self._lock:
+            self._stand(self.carry)
+
+    @property
+    def carry(self) -> Any:
+        """A copy of where it stands, for `Plan.step` of `plan`."""
+        with self._lock:
+            self._settle()
+            return self._standing
+
+    @property
+    def _standing(self) -> Any:
+        if self._here is None:
+            return self._carry
+        inner, given = self._here.carry, self._carry
+        if isinstance(inner, Carry) and self._fictive:
+            return FictiveCarry(given.origin, inner, met=given.met)
+        return inner
+
+    @property
+    def t(self) -> Any:
+        """The time, in s: t0 + n h after n steps; in fictive time the physical one."""
+        here = self._here
+        if here is None:
+            return self._carry.t
+        if not self._fictive:
+            return here.t
+        with self._lock:
+            whole = self._carry.origin.whole
+            times = whole.apart({name: x[None] for name, x in here.parts.items()})[0][0]
+            return times if np.ndim(times) else float(times)
+
+    @property
+    def steps(self) -> int:
+        """How many steps were taken, from the start on."""
+        here = self._here
+        return int(self._carry.step) if here is None else here.taken
+
+    @property
+    def stopped(self) -> Stopped:
+        """The bodies of an ensemble that go no further: after how many steps, and why."""
+        carry: Any = self._standing
+        stopped: Stopped = (carry.inner if self._fictive else carry).stopped
+        return stopped
+
+    @property
+    def state(self) -> State:
+        """The state at this time."""
+        with self._lock:
+            state: State = self._standing.state
+            return state
+
+    def __getattr__(self, name: str) -> Any:
+        """A part of the state, an array of its own."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        with self._lock:
+            if self._here is not None and not self._fictive and name in self._here.parts:
+                return self._here.parts[name].copy()
+            parts = self.state.parts
+        if name not in parts:
+            raise AttributeError(f"a Stepper has no {name!r}; its state has {', '.join(parts)}")
+        return None if parts[name] is None else np.array(parts[name])
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_"):
+            raise AttributeError(f"{name} of a Stepper cannot be set; begin anew: plan.stepper(start, t0)")
+        object.__setattr__(self, name, value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        with self._lock:
+            return _again, (self._given, self._begun, self.plan, self.carry, [*self._known])
+
+    def __repr__(self) -> str:
+        return f"Stepper({self._plan.method!r}: {self.steps} steps to t = {self.t})"
+
+    # ---------------------------------------------------------------- inputs
+
+    def _set(self, inputs: dict[str, Any]) -> None:
+        """Give parameters other values, all of them or none."""
+        bodies, known, new = self._carry.bodies, self._known, []
+        held, here = self._held.copy(), self._here
+        for name, value in inputs.items():
+            one = known.get(name) or self._input(name)
+            numbers = one.numbers(value) if bodies is None else one.columns(value, bodies)
+            new.append(Held(one, numbers, value))
+            held[one.name] = new[-1]
+        try:
+            if here is not None and here.take(new, held):
+                self._held = held
+                return
+            self._become(self._plan_with(held), anew=True)
+        except BaseException:
+            if here is not None and self._here is here:
+                here.take([*self._held.values()], self._held)
+            raise
+
+    def _input(self, name: str) -> Input:
+        """The input of this name, perhaps known by a longer one.  Raises InvalidInput."""
+        links = isinstance(self._here, SitesInPlace) and self._here.renewable
+        if self._fictive or (isinstance(self._carry, SiteCarry) and not links):
+            kind = "steps in fictive time" if self._fictive else "systems of many sites"
+            raise InvalidInput(
+                f"Stepper.step: {kind} take no inputs; go on with plan.replace(system=...).stepper(loop.state, loop.t)"
+            )
+        system = each_of(self._plan.system)[0]
+        full = full_name(system, name, "Stepper.step")
+        known = next((one for one in self._known.values() if one.name == full), None)
+        self._known[name] = one = known or Input(system, full, "Stepper.step")
+        return one
+
+    def _plan_with(self, held: dict[str, Held]) -> Any:
+        """The plan of the system with these values, or of those of all bodies."""
+        systems, bodies = each_of(self._plan.system), self._carry.bodies
+        apart = isinstance(self._plan.system, OfBodies)
+        if bodies and (apart or any(x.numbers.shape[1] > 1 for x in held.values())):
+            apart, systems = True, systems if apart else systems * bodies
+        for x in held.values():
+            rows = np.reshape(x.numbers, (x.input.width, -1)).T
+            systems = [x.input.in_system(s, rows[i % len(rows)]) for i, s in enumerate(systems)]
+        return self._plan.replace(system=systems if apart else systems[0])
+
+    def _settle(self) -> None:
+        """Let the plan have the values that inputs have."""
+        if self._held:
+            self._become(self._plan_with(self._held), anew=False)
+
+    def _become(self, plan: Any, anew: bool) -> None:
+        """Go on with the plan of another system.
+
+        anew : is what the method carries along beside the state another system's?
+        """
+        if isinstance(self._here, SitesInPlace):
+            self._here.run.become(plan, anew)
+            self._plan, self._held = plan, {}
+            return
+        carry, old = self._standing, self._plan._steps.shapes
+        state = carry.state
+        key = next((key for key, shape in [*old.items()] if shape is carry.shape), None)
+        shape = plan._steps.shapes.get(key)
+        if shape is None or (anew and shape.order is None):
+            begun = plan.begin(state, carry.t0)  # no method begins by the time
+            shape = begun.shape
+            if shape.order is None and anew:
+                carry = dataclasses.replace(carry, numbers=begun.numbers)
+        carry = dataclasses.replace(carry, shape=shape)
+        vars(carry)["state"] = state
+        self._plan, self._held = plan, {}
+        self._stand(carry)
+
+    # ---------------------------------------------------------------- how it steps
+
+    def _stand(self, carry: Any) -> None:
+        """Stand where this carry does; if there is native code, it goes on from there in place."""
+        self._carry, self._fictive = carry, isinstance(carry, FictiveCarry)
+        self._here: InPlace | BodiesInPlace | SitesInPlace | None = None
+        if isinstance(carry, SiteCarry):
+            self._here = SitesInPlace(self._plan, carry)
+            return
+        inner: Carry = carry.inner if self._fictive else carry
+        steps = carry.origin.steps(self._plan._steps) if self._fictive else self._plan._steps
+        if not steps.owns(inner.shape):
+            return
+        if inner.bodies is None:
+            place = place_of(steps, inner.shape)  # type: ignore[arg-type]
+            native = place.native(1)
+            if native is not None:
+                self._here = InPlace(place, native, inner)
+        elif not (self._fictive or inner.ended) and type(inner.h) is float:
+            lanes = inner.shape.lanes_of(steps, STRAIGHT, (), inner.shape.side)  # type: ignore[union-attr]
+            if lanes.stepping.native is not None:
+                self._here = BodiesInPlace(steps, lanes, inner, self._plan.options.workers)
+
+    def _slowly(self, steps: int) -> None:
+        """Go on by `Plan.step`: in plain Python, and for a step that fails."""
+        self._settle()
+        while steps:
+            carry, some = self.carry, steps
+            try:
+                there = self._plan.step(carry, some)
+            except (Exception, KeyboardInterrupt) as error:
+                run = getattr(error, "trajectory", None)
+                if run is None or not 0 < run.steps < steps:
+                    raise
+                if isinstance(error, KeyboardInterrupt):
+                    there = run.carry
+                    if self._fictive and there is not None:
+                        there = FictiveCarry(carry.origin, there, met=carry.met)
+                    self._stand(there or carry)
+                    raise
+                some = run.steps  # to the last one that can be made, and fail there
+                there = self._plan.step(carry, some)
+            self._stand(there)
+            steps -= some
+
+
+def _again(given: Any, begun: Any, plan: Any, carry: Any, names: list[str]) -> Stepper:
+    """A stepper from a file or another process."""
+    made = Stepper(given, begun)
+    made._plan = plan
+    made._stand(carry)
+    for name in names:
+        made._input(name)
+    return made
+
+
+class Held(NamedTuple):
+    """The value of an input.
+
+    numbers : (width,) or, of an ensemble, (width, 1) or (width, bodies).  value : as it was given,
+    whose tables stay in memory as long as this does.
+    """
+
+    input: Input
+    numbers: Any
+    value: Any
+
+
+class SitesInPlace:
+    """Where the sites of one system stand, in memory in which they go on.
+
+    most : so many steps at once.
+    """
+
+    most = arguments.MOST
+
+    def __init__(self, plan: Any, begun: SiteCarry) -> None:
+        self.run = plan._sites.by_hand(begun)
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken."""
+        return int(self.run.taken)
+
+    @property
+    def t(self) -> float:
+        """The time, in s."""
+        return float(self.run.t)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """The arrays of the state."""
+        arrays: dict[str, Any] = self.carry.state.arrays
+        return arrays
+
+    def advance(self, steps: int) -> int:
+        """Go on by so many steps.  Raises what `integrate` raises."""
+        self.run.advance(steps)
+        return steps
+
+    def take(self, new: list[Held], held: dict[str, Held]) -> bool:
+        """Take the new inputs; False if that is more than to write them down."""
+        write = getattr(self.run, "take", None)
+        return write is not None and write([(x.input, x.numbers) for x in new])
+
+    @property
+    def renewable(self) -> bool:
+        """Can it go on with another system?"""
+        return hasattr(self.run, "become")
+
+    @property
+    def carry(self) -> SiteCarry:
+        """A copy."""
+        found: SiteCarry = self.run.standing
+        return found
+
+
+class InPlace:
+    """Where one body stands, in memory that native code advances in place.
+
+    memory : as of a short run; the last numbers are the sample.  parts : views of the sample.
+    most : so many steps come back in milliseconds.
+    native, beginning : the code that steps, and who begins, as formulas are read by this stepper.
+    block : the arguments of native code.  again : those of the code that begins, and its buffers, if
+    the method carries more than the state.  blocks : both, and where the numbers of the system begin.
+    system : as it was last made.
+    """
+
+    __slots__ = (
+        *("again", "begun", "block", "blocks", "buffers", "memory", "most", "parts", "place"),
+        *("beginning", "native", "system"),
+    )
+
+    def __init__(self, place: Place, native: Kernel, begun: Carry) -> None:
+        self.place, self.native, self.begun = place, native, begun
+        self.beginning = None if place.beginning is None else place.beginning.of_a_run()
+        self.memory = np.empty(place.kept + place.sampled)
+        place.go_on(begun, self.memory)
+        self.most = short.LONGEST // place.carried**2
+        self.parts = unpacked(place.shape.shown, self.memory[place.kept :])
+        self.buffers = place.prepared(self.memory, 1, place.kept)
+        self.system: Any = place.lanes.arguments[1]
+        self.again: Any = None
+        begin = 8 * layout_of(place.lanes.arguments[0]).width
+        self.block = changing(place.block(self.buffers, 1, 1))
+        self.blocks = [(self.block, place.words + begin)]
+        if place.shape.order is None:
+            _, (states, _), (clock, _), rows = self.buffers
+            words = 1, 0, 1, rows[0], clock, states, rows[0]
+            block = changing(struct.pack(f"7q{len(place.constants)}s", *words, place.constants))
+            self.again = block, (rows, self.buffers[2], self.buffers[1], rows)
+            self.blocks.append((block, 8 * len(words) + begin))
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken."""
+        return int(self.memory.item(self.place.taken))
+
+    @property
+    def t(self) -> float:
+        """The time, in s."""
+        return float(self.begun.t0 + self.taken * self.begun.h)
+
+    def advance(self, steps: int) -> int:
+        """Go on by so many steps, as far as they can be made; how many were?"""
+        taken, at = self.memory.item, self.place.taken
+        before = taken(at)
+        _STEPS(self.block, _AT_STEPS, steps)
+        self.native.on_memory(self.block, self.buffers)
+        return int(taken(at) - before)
+
+    def at(self, length: float) -> State | None:
+        """The state a step of this length further; None if it is to be found in another way."""
+        place, memory, block = self.place, self.memory.copy(), changing(bytes(self.block))
+        if self.again is not None:
+            return None
+        memory[place.clock + STEP], memory[place.taken] = length, 0.0
+        memory[place.goal + ORIGIN] = self.t
+        buffers = place.prepared(memory, 1, place.kept)
+        goal, states, clock, rows = [begin for begin, _ in buffers]
+        struct.pack_into("5q", block, _AT_STEPS, 1, goal, states, clock, rows)
+        self.native.on_memory(block, buffers)
+        if memory.item(place.taken) != 1.0:
+            return None
+        found: State = build(place.shape.shown, iter(memory[place.kept :].tolist()))
+        return found
+
+    def take(self, new: list[Held], held: dict[str, Held]) -> bool:
+        """Take the new ones of all inputs; False if that is more than to write them down."""
+        made = self.system
+        for one, numbers, _ in new:
+            if one.places is None:
+                made = one.in_system(made, numbers)
+        if made is not self.system:
+            numbers = gatherer(layout_of(made))(made)
+            for block, at in self.blocks:
+                struct.pack_into(f"{len(numbers)}d", block, at, *numbers)
+            self.system, new = made, [*held.values()]
+        for one, numbers, _ in new:
+            for place in one.places or ():
+                for block, at in self.blocks:
+                    one.pack(block, at + 8 * place, *numbers)
+        return self.again is None or self._begin_again()
+
+    def _begin_again(self) -> bool:
+        """Let the method begin with the state here, as far as it carries more along."""
+        place, memory = self.place, self.memory
+        beginning: Any = self.beginning
+        if beginning.native is None:
+            beginning.compile()  # commands come often
+        if beginning.native is None or place.shape.given != place.shape.shown:
+            return False
+        beginning.native.on_memory(*self.again)
+        mark = place.clock + MARK
+        good = memory.item(mark) == 0.0
+        memory[mark] = 0.0
+        return good
+
+    @property
+    def carry(self) -> Carry:
+        """A copy."""
+        begun: Any = self.begun
+        now, place = self.memory.copy(), self.place
+        given = begun.shape, begun.t0, begun.h, self.taken, now[: place.carried], now[place.kept :]
+        return Carry.quickly(*given, begun.met)
+
+
+_STEPS, _AT_STEPS = struct.Struct("q").pack_into, 8 * 4
+"""Where the block has the number of steps."""
+
+
+def changing(block: bytes) -> Any:
+    """Arguments of native code that may be written over."""
+    return (ctypes.c_char * len(block)).from_buffer_copy(block)
+
+
+class BodiesInPlace:
+    """Where the bodies of an ensemble stand, in memory that native code advances in place.
+
+    table : a column for each, as of a run.  rows : two samples, of which number `now` is here.
+    before : the table before a call of native code, to which it goes back if a body fails, and after
+    Ctrl-C.  most : so many steps come back in milliseconds.
+    """
+
+    def __init__(self, steps: Steps, lanes: Any, begun: Carry, workers: int) -> None:
+        shape: Any = begun.shape
+        self.begun, self.lanes, self.workers, self.count = begun, lanes, workers, begun.bodies or 1
+        self.beginning: Any = None if shape.order is not None else shape.beginning(steps, lanes).of_a_run()
+        columns, self.whole = shape.columns(self.count), shape.whole(self.count)
+        self.table, self.now = np.zeros((lanes.height, columns)), 0
+        self.rows = np.zeros((2, 1, shape.shown.width, columns))
+        self.most = max(1, short.LONGEST // (lanes.layout.width**2 * columns))
+        self.numbers, self.clocks, goals, *self.own = lanes.parts(self.table)
+        self.numbers[:, : self.count] = begun.numbers
+        self.rows[0, 0, :, : self.count] = begun.last
+        self.clocks[:] = np.array([begun.t, begun.h, *FRESH])[:, None]
+        self.clocks[TAKEN] = begun.step
+        goals[:] = np.array([math.inf, 0.0, 0.0, 0.0, ENDLESS, begun.t0])[:, None]
+        for mine, given in zip(self.own, lanes.own, strict=True):
+            mine[:, : self.count] = given[:, : self.count]
+        self._fill(self.table)
+        self.before = self.table.copy()
+
+    def _fill(self, table: np.ndarray) -> None:
+        """Lanes that are left over repeat the last body."""
+        table[:, self.count :] = table[:, self.count - 1 : self.count]
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken."""
+        return int(self.clocks.item(TAKEN, 0))
+
+    @property
+    def t(self) -> float:
+        """The time, in s."""
+        return float(self.begun.t0 + self.taken * self.begun.h)
+
+    @property
+    def _sample(self) -> np.ndarray:
+        return self.rows[self.now, 0, :, : self.count]
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """The arrays of the state."""
+        return unpacked(self.begun.shape.shown, self._sample.T)  # type: ignore[union-attr]
+
+    def advance(self, steps: int) -> int:
+        """Go on by so many steps; by none if a body cannot make them."""
+        reached, was = self.taken + steps, self.now
+        np.copyto(self.before, self.table)
+        try:
+            given = self.table, self.rows[1 - was], 1, self.workers, steps, 0, self.whole
+            self.lanes.natively(*given, worth=WORTH)
+            if (self.clocks[TAKEN, : self.whole] == reached).all():
+                self.now = 1 - was
+                return steps
+        except BaseException:
+            self.table[:], self.now = self.before, was
+            raise
+        self.table[:] = self.before
+        return 0
+
+    def take(self, new: list[Held], held: dict[str, Held]) -> bool:
+        """Take the new inputs; False if that is more than to write them down."""
+        if any(x.input.places is None for x in new):
+            return False
+        if isinstance(self.lanes.arguments[1], Several):
+            for x in new:
+                for place in x.input.places:  # type: ignore[union-attr]
+                    self.own[-1][place : place + x.input.width, : self.count] = x.numbers
+            self._fill(self.own[-1])
+            return self._begin_again()
+        if any(x.numbers.shape[1] > 1 for x in new):
+            return False
+        constants = bytearray(self.lanes.constants)
+        way = self.lanes.arguments[0]
+        begin = 0 if isinstance(way, Several) else 8 * layout_of(way).width
+        for x in new:
+            for place in x.input.places:  # type: ignore[union-attr]
+                x.input.pack(constants, begin + 8 * place, *x.numbers[:, 0])
+        self.lanes = like(self.lanes, constants=bytes(constants))
+        return self._begin_again()
+
+    def _begin_again(self) -> bool:
+        """Let the method begin with the states here, as far as it carries more along."""
+        shape: Any = self.begun.shape
+        if shape.order is not None:
+            return True
+        beginning = self.beginning
+        if beginning.native is None:
+            beginning.compile()  # commands come often
+        if beginning.native is None or shape.given != shape.shown:
+            return False
+        here, before = self.rows[self.now, 0], self.table.copy()
+        arrays = *self.own, here, self.clocks, self.numbers, here
+        beginning.run(self.lanes.constants, (), arrays, here.shape[1], 0, self.whole)
+        if self.clocks[MARK, : self.whole].any():
+            self.table[:] = before
+            return False
+        return True
+
+    @property
+    def carry(self) -> Carry:
+        """A copy."""
+        begun: Any = self.begun
+        numbers, last = self.numbers[:, : self.count].copy(), self._sample.copy()
+        given = begun.shape, begun.t0, begun.h, self.taken, numbers, last
+        return Carry.quickly(*given, begun.met, bodies=begun.bodies)

@@ -1,0 +1,388 @@
+"""RATTLE on a Lie group: the covariant variational method under holonomic constraints."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
+from ...formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors, where
+from ...formulas.elimination import DEPENDENT
+from ...formulas.numbers.sizes import EPSILON
+from ...formulas.vectors import small
+from ...groups.retractions import Exponential, Retraction
+from ...integrators.kicks.explicit_kicks import bound_refusal, negative_pivots
+from ...integrators.memory import Memory, Remembering, extrapolated, followed, repeated
+from ...integrators.method import alternatives
+from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, SHORTEST
+from ...integrators.variational import momentum_slope, with_inertia
+from ...solvers import NOISE, newton, newton_of_kicks
+from ...systems.kinetic_energy import times
+from ...systems.lie_poisson import BodyState
+from .conditions import joint, led, pulled, solved_sparse, speeds
+from .constrained_body import ConstrainedBody
+
+MOST = 500.0
+"""Corrections in a step after which its branch is given up."""
+
+
+@record
+class LieRATTLE(Remembering):
+    """RATTLE on a group: one step of Algorithm 1 between two kicks, by the field and by the
+    constraint.
+
+        m = mu_i + (h/2) f(g_i) - G(g_i)* l,   (dtau^-1_x)* J x/h = m,   g_i+1 = g_i tau(x),   c(g_i+1) = 0       for x and l
+        mu_i+1 = Ad*_tau(x) m + (h/2) f(g_i+1) - G(g_i+1)* l',   G(g_i+1) J^-1 mu_i+1 = 0                       for l'
+
+    dtau is the right-trivialised one.  These are the discrete Euler-Lagrange equations of the sum
+    of h l(xi_i) - h (V(g_i) + V(g_i+1))/2 under c(g_i) = 0.
+    retraction : Exponential() is the more accurate one.
+    Order 2, symmetric; both constraints hold to rounding at every step; the two-form on the
+    constrained phase space is kept, and so are momenta of common symmetries of potential and
+    constraint; the energy oscillates without drift. 2 l/h and 2 l'/h are multipliers to first order
+    only: `ConstrainedBody.multipliers` gives those of a state, of second order.
+    A load F, by the principle of Lagrange and d'Alembert, adds (h/2) F to each kick: to the first
+    as it is at the beginning, to the last as it is at the end, an equation for mu_i+1 and l'.  Still
+    of order 2 and symmetric; there is no two-form to be kept then.
+    Raises NoConvergence if the step is too large, also for a damping whose first kick would throw back, or
+    where the conditions become dependent (a dead point): no solution grows out of h = 0 up to this step.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 (RATTLE);
+    Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3; Marsden and West, Acta Numerica 10
+    (2001), section 3.5 (constraints).
+    """
+
+    symmetric: ClassVar[bool] = True
+    symplectic: ClassVar[bool] = True
+    order: ClassVar[int] = 2
+
+    retraction: Retraction = Exponential()
+
+    @property
+    def name(self) -> str:
+        """RATTLE on a group and the retraction."""
+        return f"Lie-RATTLE ({type(self.retraction).__name__})"
+
+    def require(self, system: Any) -> None:
+        """A ConstrainedBody, on a group that has the retraction."""
+        if not isinstance(system, ConstrainedBody):
+            raise IncompatibleSystem(
+                f"{self!r} needs bodies under a constraint, a ConstrainedBody; got {system!r}. {alternatives(system)}"
+            )
+        self.retraction.require(system.configurations)
+
+    def at_node(self, system: Any, state: BodyState, h: float) -> tuple[Vec, Any]:
+        """The force, and the derivative of the constraint by rows."""
+        if system.constraint.rheonomic or getattr(system, "geared", False):
+            raise IncompatibleSystem(
+                f"{self!r}: joints in a given motion, or with an armature, go with steps of fixed length, "
+                "without tangents"
+            )
+        g = plain(state.g)
+        return system.force(g), system.rows(g)
+
+    def beginning(self, system: Any, state: BodyState, h: float) -> tuple[Vec, Vec, Vec]:
+        """Displacement and impulses of the constraint one after another: a past in which every step
+        had the velocity and the multipliers of the start, without the load, whose time is not known.
+        """
+        impulses = (0.5 * h) * system.multipliers_under(system.force(state.g), state.mu, state.g)
+        return repeated(vec(*(h * system.velocity(state.mu)), *impulses))
+
+    def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
+        """Refuse a step that the configuration of a body would not notice, as RATTLE does."""
+        mu, count = np.asarray(start.mu), start.bodies or 1
+        speed = self._speeds(system, mu, count)
+        elements = [start.g] if start.bodies is None else [small(g) for g in np.asarray(start.g)]
+        least = EPSILON * np.sqrt([self._size(system, g) for g in elements])
+        if np.all(abs(h) * speed >= least):
+            return None
+        kicked = self._speeds(system, np.asarray(h * np.asarray(system.force(start.g))), count)
+        moved = abs(h) * (speed + kicked / EPSILON)
+        lost = np.flatnonzero((abs(h) * speed < least) & (moved > 0.0) & (moved < least))
+        if len(lost):
+            which = "" if start.bodies is None else f" (body {lost[0]})"
+            raise InvalidInput(
+                f"{self!r}: in a step of h = {h:g} the configuration moves by less than its "
+                f"rounding{which}; give a larger h"
+            )
+        return None
+
+    def _speeds(self, system: Any, mu: np.ndarray, count: int) -> np.ndarray:
+        """sqrt(xi . J xi) of momenta, (count,)."""
+        xi = np.asarray(system.velocity(mu))
+        return np.sqrt(np.einsum("ij,ij->i", xi.reshape(count, -1), mu.reshape(count, -1)))
+
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
+        """Solve for displacement and impulses, move, kick, and take away what leads off the
+        constraint.
+        """
+        state, (force, rows), free, load = (memory.state, memory.node, system.body.body, system.body.load)
+        if load is not None:
+            self._require_gentle(system, t, state, rows, h)
+            force = force + load.covector(t, system.velocity(plain(state.mu)), plain(state.g))
+            memory = Memory(state, (force, rows), memory.past)
+        unknown = self._solved(system, h, memory, extrapolated(*memory.past))
+        x, impulses = split(unknown, system.configurations.dim)
+        kick = (0.5 * h) * force - pulled(system, rows, impulses)
+        state = free.displaced(self.retraction, BodyState(state.mu + kick, state.g), x)
+        force, rows = self.at_node(system, state, h)
+        mu = state.mu + (0.5 * h) * force
+        if load is not None:
+            mu = mu + self._load_at_the_end(system, t + h, plain(mu), plain(state.g), rows, 0.5 * h)
+        mu = mu - pulled(system, rows, self._excess(system, rows, plain(mu)))
+        past, state = followed(memory.past, unknown), BodyState(mu, state.g)
+        if load is not None:
+            self._require_gentle(system, t + h, state, rows, -h)
+        return Memory(state, (force, rows), past)
+
+    # ---------------------------------------------------------------- the two systems of a step
+
+    def _solved(self, system: Any, h: float, memory: Memory, guess: Vec) -> Vec:
+        """Displacement and impulses: the solution that grows out of zero with h.
+
+        The whole step is tried from the guess.  It counts if Newton's corrections shrink well, if
+        the determinants have the signs that they have on the whole branch, and if the displacement
+        is in the inner half of the chart; else the step is followed from h = 0 on, in pieces to
+        which the same applies.  What is followed is the unknown over the part s of the step.
+        """
+        mu, g, size = (plain(memory.state.mu), plain(memory.state.g), self._size(system, memory.state.g))
+        begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
+        solution, slope, y = 0.0 * guess, begun, guess
+        reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
+        while True:
+            part = min(1.0, reached + piece)
+            change, upright = self._correction(system, part * h, mu, g, memory, part * y)
+            new = part * y - change
+            x, dx = (split(new, system.configurations.dim)[0], split(change, system.configurations.dim)[0])
+            length, whole = self._square(system, dx), self._square(system, x)
+            shrinks, noisy = (length <= CONTRACTION * before, length <= NOISE * NOISE * (whole + size))
+            good = upright and (shrinks or noisy)
+            settled = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
+            done = good and (settled or not shrinks)
+            if not good or (done and not self._is_inside(system, x)):
+                y, piece, before = slope, 0.5 * piece, INFINITY
+            elif done:
+                solution, reached, piece, before = new, part, 2.0 * piece, INFINITY
+                slope = y = new / part
+            else:
+                y, before = new / part, length
+            tried = tried + 1.0
+            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
+                break
+        if reached < 1.0:
+            x = split(solution, system.configurations.dim)[0]
+            raise self._ended(system, h, reached * h, memory, x)
+        return solution
+
+    def _correction(self, system: Any, h: float, mu: Vec, g: Element, memory: Memory, unknown: Vec) -> tuple[Vec, bool]:
+        """The correction of Newton's method, by Schur complement, block for block; and whether
+        determinants have the sign of h = 0.
+
+        With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
+        """
+        x, impulses = split(unknown, system.configurations.dim)
+        rate, upright = 1.0 / h, True
+        force, along = memory.node
+        momentum = mu + ((0.5 * h) * force - pulled(system, along, impulses))
+        inertias, p = system.inertias, system.body.body.lagrangian.momentum(rate * x)
+        c, C = self._condition(system, g, x)
+        free, pushed = [], []  # type: list[Any], list[Any]  # A^-1 r and A^-1 B, block by block
+        for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
+            y = x[start:end]
+            r, by_p, by_x = self.retraction.residual(group, y, p[start:end], momentum[start:end])
+            A = with_inertia(by_x, momentum_slope(by_p, rate * J))
+            B = [carried(self.retraction, group, y, by_p, along[a][i]) for a, i in held]
+            columns, good = eliminated(A, [r, *B], h)
+            upright = upright and good
+            free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
+        through = led(system, C)
+        rest = [
+            vectors.sum([dot(through[b][i], free[b]) for b, i in ties]) - value
+            for ties, value in zip(system.touches, c)
+        ]
+        m = joint(system, through, pushed)
+        dl, pivots = solved_sparse(system, m, rest)
+        dx = [less(y, columns, [dl[a] for a, _ in held]) for y, columns, held in zip(free, pushed, system.held)]
+        return vec(*[x for part in dx for x in part], *dl), upright and regular(system, m, pivots, h)
+
+    def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
+        """c(g tau(x)), and its derivative by x, by rows and blocks."""
+        there = self.retraction.compose_tau(system.configurations, g, x)
+        rows, blocks, parts = (system.rows(there), system.blocks, [x[start:end] for start, end in system.places])
+        bends = [
+            [self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i]) for i, (b, _) in enumerate(ties)]
+            for a, ties in enumerate(system.touches)
+        ]
+        return system.constraint.value(there), bends
+
+    def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
+        """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
+        through = led(system, rows)
+        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, through)]
+        return solved_sparse(system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu)))[0]
+
+    def _require_gentle(self, system: Any, t: float, state: BodyState, rows: Any, h: float) -> None:
+        """Refuse a step from a state whose first kick by a load throws back; backwards in time that is the last one."""
+        mu, g = plain(state.mu), plain(state.g)
+        if h > 0.0 and self._throws_back(system, t, mu, g, rows, 0.5 * h):
+            raise bound_refusal(self, system, t, mu, g, h)
+
+    def _throws_back(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> bool:
+        """Has J - h C a negative eigenvalue on the velocities that the constraint allows?  Of loads at joints
+        1 - h A c, with the rates A by their efforts and the damping c of each.
+        """
+        load, xi = system.body.load, system.velocity(mu)
+
+        def held(pushed: Vec) -> Vec:
+            return pushed - pulled(system, rows, self._excess(system, rows, pushed))
+
+        if load.by_rate:
+            w = load.rates(xi, g)
+            damping = load.resistances(t, w, g)
+            answers = jacobian(lambda k: load.rates(system.velocity(held(load.spread(t, k, g))), g), 0.0 * w)
+            count = range(len(w))
+            kept = [vec(*[(1.0 if i == j else 0.0) - h * answers[i, j] * damping[j] for j in count]) for i in count]
+        else:
+            kept = []
+            for unit in identity_matrix(len(mu)):
+                p = system.body.body.lagrangian.momentum(unit)
+                kept = [*kept, p - h * held(load.resistance(t, xi, g, system.velocity(held(p))))]
+        return negative_pivots(mat(*kept)) > 0.0
+
+    def _load_at_the_end(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> Vec:
+        """The kick h F at the velocity that it leads to, on the constraint.
+
+        Newton's method finds the velocities that the load depends on, `rates`:
+        w = rates(J^-1 P (mu + h F(t, w, g))) with P the projection to momenta on the constraint.
+        """
+        load = system.body.load
+
+        def held_of(pushed: Vec) -> Vec:
+            return pushed - pulled(system, rows, self._excess(system, rows, pushed))
+
+        def led_to(k: Vec) -> tuple[Vec, float]:
+            pushed = mu + load.spread(t, k, g)
+            found = load.rates(system.velocity(held_of(pushed)), g)
+            return found, dot(guess, guess) + dot(found, found)
+
+        def equation(w: Vec) -> tuple[Vec, Mat, float]:
+            def rates(y: Vec) -> Vec:
+                return load.rates(system.velocity(held_of(mu + h * load.at_rates(t, y, g))), g)
+
+            slope = identity_matrix(len(w)) - jacobian(rates, w)
+            return w - rates(w), slope, dot(guess, guess) + dot(w, w)
+
+        guess = load.rates(system.velocity(held_of(mu)), g)
+        if load.by_rate:
+            w, rest, enough = newton_of_kicks(lambda y: h * load.efforts(t, y, g), led_to, guess)
+        else:
+            w, rest, enough, _ = newton(equation, guess)
+        if not rest <= enough:
+            raise NoConvergence(f"{self!r}: no velocity found that fits the load at the end of a step; try h = {h:g}")
+        return h * load.at_rates(t, w, g)
+
+    # ---------------------------------------------------------------- sizes
+
+    def _square(self, system: Any, x: Vec) -> float:
+        """x . J x."""
+        return dot(x, system.body.body.lagrangian.momentum(x))
+
+    def _size(self, system: Any, g: Element) -> float:
+        """The size of a configuration, for rounding: the sum of J_ii s_i^2 with the displacements s_i that count as
+        large there, angles of 1 rad and, of positions, how far away they are.
+        """
+        J, scale = system.body.body.lagrangian.inertia, system.configurations.scale(plain(g))
+        return vectors.sum([(J[i, i] if isinstance(J, vectors.Mat) else J[i]) * x * x for i, x in enumerate(scale)])
+
+    def _is_inside(self, system: Any, x: Vec) -> bool:
+        inside = True
+        for group, start, end in system.blocks:
+            inside = inside and self.retraction.is_chart(group, 2.0 * x[start:end])
+        return inside
+
+    def _ended(self, system: Any, h: float, end: float, memory: Memory, x: Vec) -> NoConvergence:
+        """The error of a step without a solution of its own."""
+        why = near_a_dead_point(system, plain(memory.state.g)) or (
+            f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+        )
+        return NoConvergence(
+            f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, |h xi| = "
+            f"{norm(x):.2g}, in a fold or at the chart's edge. {why}"
+        )
+
+
+def near_a_dead_point(system: Any, g: Element) -> str | None:
+    """Which conditions nearly depend on each other here; None if none do."""
+    if not getattr(system, "has_loops", True):  # a tree has none
+        return None
+    weakest = system.independence(g)
+    if not weakest < 0.1:
+        return None
+    return (
+        f"Near here {system.weakest(g)} depend on each other (the least singular value of G "
+        f"is {weakest:.1e} of what it is for unrelated conditions): the mechanism is close to a "
+        "dead point, where it may go on in several ways, or in none"
+    )
+
+
+# ------------------------------------------------------------------ block by block
+
+
+def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
+    """The share of a unit impulse along a row of G in the mismatch r = by_p (p - dtau_x* m),
+    right-trivialised.
+    """
+    dual = retraction.dtau_dual(group, -x, row)
+    return by_p @ dual if isinstance(by_p, vectors.Mat) else by_p * dual
+
+
+def less(y: Vec, columns: Any, shares: Any) -> Vec:
+    """y without these shares of the columns."""
+    for share, column in zip(shares, columns):
+        y = y - share * column
+    return y
+
+
+def split(unknown: Vec, dim: int) -> tuple[Vec, Vec]:
+    """Displacement and impulses."""
+    return unknown[:dim], unknown[dim:]
+
+
+def entries(g: Element) -> list[Any]:
+    """The numbers of an element."""
+    return [x for row in g for x in row] if isinstance(g, vectors.Mat) else [*g]
+
+
+def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool]:
+    """m^-1 of each column, by elimination in the given order; and whether det m has the sign of
+    that of a positive matrix times `sign`.
+
+    For matrices whose symmetric part is positive, as those of a step that is not too large: they
+    need no exchange of rows.
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.
+    """
+    n, same = len(m), 1.0
+    rows = [vec(*m[i], *[column[i] for column in columns]) for i in range(n)]
+    for k in range(n):
+        same = where(sign * rows[k][k] > 0.0, same, -same)
+        pivot = 1.0 / rows[k][k]
+        rows = [row if i <= k else row - (pivot * row[k]) * rows[k] for i, row in enumerate(rows)]
+    found: list[Any] = []  # from the last row upwards, each of all columns
+    for k in range(n - 1, -1, -1):
+        rest = vec(*rows[k][n:])
+        for i, x in enumerate(found):
+            rest = rest - rows[k][n - 1 - i] * x
+        found = [*found, rest / rows[k][k]]
+    return [vec(*[found[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], same > 0.0
+
+
+def regular(system: Any, m: list[list[Any]], pivots: list[Any], sign: float) -> bool:
+    """Has det m the sign of that of a positive matrix times `sign`, with no pivot below DEPENDENT
+    times what it was before?
+    """
+    same, far = 1.0, True
+    for row, pivot, ends in zip(m, pivots, system.elimination):
+        same = where(sign * pivot > 0.0, same, -same)
+        far = far and abs(pivot) > DEPENDENT * abs(row[ends[0]])
+    return far and same > 0.0

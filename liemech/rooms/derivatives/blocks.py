@@ -1,0 +1,174 @@
+"""Blocks of steps of one run as bodies of one ensemble, whose numbers carry derivatives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...compiler import kernel
+from ...compiler.driver import Rejected, attempt, reason
+from ...errors import NotCompilable, failure, is_mistake
+from ...formulas import Vec
+from ...formulas.classes.pytree import build, carried_layout, fitted, layout_of, leaves, with_slopes
+from ...integrators.ending_at_jumps import EndingAtJumps
+from ...integrators.method import Method
+from ...simulation.compiled.control import ASKED, LAST_TIME, LIMIT, MARK, ORIGIN, STEP, STRAIGHT, TAKEN, TIME, begun
+from ...simulation.compiled.driver import advance, begin
+from ...simulation.compiled.execution import COLUMNS, Execution, like
+from ...simulation.compiled.lanes import Lanes
+from ...simulation.compiled.prepared import Steps
+from .frames import LEVEL
+from .tangent import StepsOfARun, WithStep, dual_of
+
+PLAIN = 2**9
+"""Steps of all blocks together that plain Python may make: they take it half a second."""
+
+WORTH = 2**13
+"""Steps of all blocks together that are worth a thread."""
+
+
+class Blocks:
+    """The code that takes states with derivatives through blocks of steps.
+
+    way : of the steps.  directions : with systems and methods in numbers that carry derivatives, along `side`
+    directions each.  start : a state of one body.
+    """
+
+    def __init__(self, way: Steps, directions: Any, start: Any) -> None:
+        systems, methods = directions.systems, directions.methods
+        self.way, self.systems, self.methods, self.t0 = way, systems, methods, 0.0
+        self.directions = directions
+        still = Vec(*[0.0] * systems.side)
+        dual = dual_of(start, still=still)
+        # without what rounding took, which changes a derivative by as little
+        trial: Any = attempt(begun, methods.example, systems.example, dual, way.h_of(0))
+        if isinstance(trial, Rejected):
+            refused: Any = reason(trial)
+            raise refused
+        # all that the method carries along may come to depend on the start, zeros of guesses too
+        carry, example = with_slopes(trial[0], LEVEL, still), trial[1]
+        given, layout, shown = layout_of(dual), carried_layout(carry), layout_of(example)
+        self.width, self.shown = given.width, shown.width
+        native = way.compiled is not False and kernel.available() is None
+        # a register for each number: there are twice as many numbers as in a step
+        side = kernel.width() if native else 1
+        things = methods.argument, systems.argument
+        self.lanes = Lanes(*things, STRAIGHT, layout, example, (), way.compiled, way.progress, side)
+        self.side = self.lanes.stepping.lanes
+        self.order: np.ndarray | None = None
+        self.beginner = given, given, layout, shown
+        if given == shown and not remembers(methods.example):
+            numbered = build(given, iter([1.0 + i for i in range(given.width)]))
+            order = leaves(with_slopes(fitted(numbered, layout), LEVEL, still), layout)
+            self.order = np.array(order, dtype=int) - 1
+        else:
+            call = begin, *things, *self.beginner, *[COLUMNS] * 4, None
+            self.beginning = Execution(way.compiled, way.progress, *call, lanes=self.side, silent=True)
+
+    def of_a_run(self, t0: float, work: int, else_shorter: bool) -> Blocks:
+        """A copy for one run, whose step 0 is at t0; formulas count as they are now.  work : steps of all
+        blocks and directions.  else_shorter : is there a shorter code?  Raises NotCompilable where that is
+        to be taken.
+        """
+        own: Blocks = like(self, t0=t0, lanes=self.lanes.of_a_run())
+        stepping = own.lanes.stepping
+        stepping.silent = else_shorter
+        if work > PLAIN:
+            stepping.compile()
+        if else_shorter and stepping.wanted is False and stepping.asked is not False:
+            raise NotCompilable("Plan.gradient: too long with several directions in a number")
+        if self.order is None:
+            own.beginning = like(self.beginning, native=self.beginning.used(self.way.compiled))
+        return own
+
+    def run(
+        self, starts: np.ndarray, body: np.ndarray, first: np.ndarray, last: np.ndarray,
+        systems: np.ndarray, methods: np.ndarray, done: float,
+    ) -> np.ndarray:  # fmt: skip
+        """The numbers, with their slopes, to which states lead, (numbers, blocks).
+
+        starts : of the states, (numbers, blocks).  body : whose steps they are.  first, last : the numbers of
+        the steps from which and to which blocks go.  systems, methods : columns of their numbers.
+        done : the part of all blocks that was done before.
+        """
+        lanes, count = self.lanes, starts.shape[1]
+        whole = -(-count // self.side) * self.side
+        some = np.minimum(np.arange(whole), count - 1)  # lanes that are left over repeat the last
+        starts = np.ascontiguousarray(starts[:, some])
+        body, first, last = body[some], first[some], last[some]
+        table = np.zeros((lanes.height, whole))
+        numbers, clocks, goals, *own = lanes.parts(table)
+        varying = [
+            columns
+            for thing, columns in zip(lanes.arguments[:2], (methods, systems))
+            if isinstance(thing, kernel.Several)
+        ]
+        for mine, columns in zip(own, varying, strict=True):
+            mine[:] = columns[:, some]
+        h = np.array([self.way.h_of(i) for i in range(body.max() + 1)])[body]
+        clocks[TIME], clocks[STEP], clocks[TAKEN] = self.t0 + first * h, h, first
+        goals[LAST_TIME], goals[LIMIT], goals[ORIGIN] = np.inf, last, self.t0
+        out = np.zeros((1, self.shown, whole))
+        steps = int((last - first).max())
+        column = 0
+        while column < whole and not self._ready(done, column / whole):
+            for i in range(column, min(column + self.side, count)):
+                self._plainly(starts[:, i], table[:, i], out[:, :, i], steps)
+            column += self.side
+        if column < whole:
+            if self.order is not None:
+                numbers[:, column:] = np.where(self.order[:, None] < 0, 0.0, starts[self.order, column:])
+            else:
+                buffers = *own, starts, clocks, numbers, out[0]
+                self.beginning.run(lanes.constants, (), buffers, whole, column, whole)
+            failed = np.flatnonzero(clocks[MARK, column:] != 0.0) + column
+            lanes.natively(table, out, 1, self.way.workers, steps, column, whole, worth=WORTH)
+            asked = np.flatnonzero(clocks[MARK] == ASKED)
+            for i in np.unique(np.concatenate([failed, asked])).tolist():
+                if i >= count:
+                    break
+                clocks[:, i] = self.t0 + first[i] * h[i], h[i], 0.0, first[i], 0.0, 0.0, 0.0
+                self._plainly(starts[:, i], table[:, i], out[:, :, i], steps)
+        return out[0, :, :count]
+
+    def _ready(self, done: float, part: float) -> bool:
+        """Is there native code for the rest?"""
+        stepping = self.lanes.stepping
+        if not stepping.ready(max(done, part)):
+            return False
+        if self.order is None and self.beginning.native is None:
+            if self.beginning.wanted is False:
+                return False
+            self.beginning.compile()
+        return self.order is not None or self.beginning.native is not None
+
+    def _plainly(self, start: np.ndarray, column: np.ndarray, out: np.ndarray, steps: int) -> None:
+        """Take one state through its block in plain Python."""
+        numbers, clock, goal, *own = [x.copy() for x in self.lanes.parts(column)]
+        things = [
+            varied.thing(own.pop(0)) if isinstance(thing, kernel.Several) else thing
+            for thing, varied in zip(self.lanes.arguments[:2], (self.methods, self.systems))
+        ]
+        raised: list[Any] = []
+        row = np.zeros(self.shown)
+        with self.lanes.stepping.plain():
+            driver: Any = begin
+            driver(*things, *self.beginner, start.copy(), clock, numbers, row, raised)
+            if not raised:
+                driver = advance
+                driver(*things, *self.lanes.arguments[2:], 1, steps, goal, numbers, clock, row, raised)
+        if raised:
+            error = raised[-1]
+            if is_mistake(error):
+                raise error
+            t = clock[TIME]
+            raise failure(error, f"Plan.gradient: {things[0]!r}", f"in the derivative of the step at t = {t:g}")
+        out[0] = row
+
+
+def remembers(method: Any) -> bool:
+    """Does a method carry more along than the state?"""
+    while isinstance(method, (EndingAtJumps, WithStep, StepsOfARun)):
+        method = method.method
+    return any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))

@@ -1,0 +1,269 @@
+"""Runs as functions that JAX and PyTorch differentiate: their derivatives are those of the discrete
+motion, backwards through the run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from ...errors import IncompatibleSystem, InvalidInput, InvalidType, MissingExtra
+from ...simulation.compiled.parameters import full_name, parameter, with_parameter
+from ...simulation.plan import Plan
+from ...systems.in_time.tabulated import PiecewisePolynomial
+from ...systems.system import State, member
+from .tangent import frames_of, real_numbers
+
+Arrays = dict[str, np.ndarray]
+
+SECOND = "{}: second derivatives of runs are not known; differences of gradients tell them"
+
+
+def to_jax(
+    plan: Plan, *, steps: int | None = None, t_end: float | None = None, t0: float = 0.0, every: int | None = None
+) -> Callable[..., dict[str, Any]]:  # fmt: skip
+    """A run as a function of JAX, which `jax.grad`, `jax.jit` and `jax.vmap` know: its derivative is that
+    of the discrete motion, by `Plan.pullback`.
+
+        move = lm.to_jax(plan, steps=1000)
+        end = move({"mu": mu, "g": g}, inertia=J)        # {"mu": (3,), "g": (3, 3)}
+
+    plan : a Plan of one system.  steps, t_end, t0 : as for `run`.  every : steps between the samples that are
+    returned, on a first axis, the start among them; left out, only the last state is.
+    The function takes the parts of the start by name, and by keyword parameters of the system that replace
+    those of the plan, "inertia", "torque.values" as `**{"torque.values": u}`.  `vmap` over starts or
+    parameters runs an ensemble, side by side.
+    The derivative by an element g is a matrix whose product with every dg = g hat(eta) is right; across the
+    group there is none, and that part is zero.  Forward mode (`jax.jvp`) is `Plan.tangent(along=)`; second
+    derivatives are refused.
+    Raises MissingExtra without JAX, InvalidInput with its numbers of single precision, and what `run` and
+    `gradient` do, inside the errors of JAX.
+    """
+    jax = _needed("jax", "lm.to_jax")
+    move = _Move(plan, steps, t_end, t0, every)
+    like = jax.ShapeDtypeStruct
+
+    def called(host: Callable[..., Any], wanted: Any, *given: Any) -> Any:
+        return jax.pure_callback(host, wanted, *given, vmap_method="expand_dims")
+
+    def forwards(parts: dict[str, Any], parameters: dict[str, Any]) -> dict[str, Any]:
+        shapes = _shapes(parts), _shapes(parameters)
+        wanted = {n: like((*move.lead, *x.shape), x.dtype) for n, x in parts.items()}
+        return called(lambda *given: move.value(*given, *shapes), wanted, parts, parameters)
+
+    def kept(parts: dict[str, Any], parameters: dict[str, Any]) -> Any:
+        return once(parts, parameters), (parts, parameters)
+
+    @jax.custom_jvp
+    def backwards(given: Any, cotangent: dict[str, Any]) -> Any:
+        shapes = tuple(map(_shapes, given))
+        wanted = tuple({n: like(x.shape, x.dtype) for n, x in one.items()} for one in given)
+        return called(lambda *values: move.back(*values, *shapes), wanted, *given, cotangent)
+
+    def twice(*_: Any) -> Any:
+        raise IncompatibleSystem(SECOND.format("lm.to_jax"))
+
+    once = jax.custom_jvp(forwards)
+    once.defjvp(twice)
+    backwards.defjvp(twice)
+    differentiable = jax.custom_vjp(forwards)
+    differentiable.defvjp(kept, backwards)
+
+    def run(start: Mapping[str, Any], **parameters: Any) -> dict[str, Any]:
+        both = _mapping(start, "lm.to_jax"), parameters
+        if any(jax.numpy.iscomplexobj(x) for one in both for x in one.values()):
+            raise InvalidInput("lm.to_jax: derivatives are by real numbers; got complex ones")
+        arrays = [{n: jax.numpy.asarray(x, dtype=float) for n, x in one.items()} for one in both]
+        if any(x.dtype != np.float64 for one in arrays for x in one.values()):
+            raise InvalidInput(
+                "lm.to_jax: runs have double precision, and JAX has single unless told otherwise: "
+                'jax.config.update("jax_enable_x64", True)'
+            )
+        return dict(differentiable(*arrays))
+
+    return run
+
+
+def to_torch(
+    plan: Plan, *, steps: int | None = None, t_end: float | None = None, t0: float = 0.0, every: int | None = None
+) -> Callable[..., dict[str, Any]]:  # fmt: skip
+    """A run as a function of PyTorch, through which `backward` goes: its derivative is that of the
+    discrete motion, by `Plan.pullback`.
+
+        move = lm.to_torch(plan, steps=1000)
+        end = move({"mu": mu, "g": g}, inertia=J)        # {"mu": (3,), "g": (3, 3)}, tensors of float64
+        end["mu"].norm().backward()
+
+    Arguments, what the function takes and returns, and derivatives by elements are those of `to_jax`.
+    Raises MissingExtra without PyTorch, InvalidInput for tensors that are not of float64 on the processor,
+    and what `run` and `gradient` do.
+    """
+    torch = _needed("torch", "lm.to_torch")
+    move = _Move(plan, steps, t_end, t0, every)
+
+    class Run(torch.autograd.Function):  # type: ignore[name-defined]
+        @staticmethod
+        def forward(ctx: Any, names: Any, *tensors: Any) -> Any:
+            ctx.names = names
+            ctx.save_for_backward(*tensors)
+            parts, parameters = _split(names, tensors)
+            found = move.value(parts, parameters, _shapes(parts), _shapes(parameters))
+            return tuple(torch.from_numpy(found[name].copy()) for name in names[0])
+
+        @staticmethod
+        def backward(ctx: Any, *cotangents: Any) -> Any:
+            if torch.is_grad_enabled():  # with create_graph, which would take it for a constant
+                raise IncompatibleSystem(SECOND.format("lm.to_torch"))
+            parts, parameters = _split(ctx.names, ctx.saved_tensors)
+            given = dict(zip(ctx.names[0], (c.detach().numpy() for c in cotangents), strict=True))
+            shapes = _shapes(parts), _shapes(parameters)
+            by_parts, by_parameters = move.back(parts, parameters, given, *shapes)
+            found = *by_parts.values(), *by_parameters.values()
+            return (None, *(torch.from_numpy(np.ascontiguousarray(x)) for x in found))
+
+    def run(start: Mapping[str, Any], **parameters: Any) -> dict[str, Any]:
+        both = _mapping(start, "lm.to_torch"), parameters
+        tensors = [torch.as_tensor(x) for one in both for x in one.values()]
+        for x in tensors:
+            if x.dtype != torch.float64 or x.device.type != "cpu":
+                raise InvalidInput(
+                    "lm.to_torch: runs have double precision on the processor; got a tensor of "
+                    f"{x.dtype} on {x.device}: x.double().cpu()"
+                )
+        names = tuple(map(tuple, both))
+        return dict(zip(names[0], Run.apply(names, *tensors), strict=True))
+
+    return run
+
+
+def _split(names: Any, tensors: Any) -> tuple[Arrays, Arrays]:
+    """The arrays of the parts and of the parameters."""
+    arrays, many = [x.detach().numpy() for x in tensors], len(names[0])
+    return dict(zip(names[0], arrays[:many])), dict(zip(names[1], arrays[many:]))
+
+
+def _needed(package: str, caller: str) -> Any:
+    try:
+        return import_module(package)
+    except ImportError as missing:
+        raise MissingExtra(f"{caller} needs {package}", extra=package) from missing
+
+
+def _mapping(start: Any, caller: str) -> dict[str, Any]:
+    """The parts of a start by name."""
+    parts = start.parts if isinstance(start, State) else start
+    if not isinstance(parts, Mapping):
+        raise InvalidType(f'{caller}: the start is a state or its parts by name, {{"mu": mu, "g": g}}; got {start!r}')
+    return {name: part for name, part in parts.items() if part is not None}
+
+
+def _shapes(arrays: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    return {name: tuple(x.shape) for name, x in arrays.items()}
+
+
+class _Move:
+    """A run of a plan as a function of arrays, with its pullback; both for one start, or for several,
+    with leading axes of theirs.
+
+    shapes, of the methods : of one, by name; what arrays have before them are axes of several, of length
+    one where all are alike.
+    """
+
+    def __init__(self, plan: Any, steps: Any, t_end: Any, t0: float, every: Any) -> None:
+        if not isinstance(plan, Plan) or "system" in plan.of_each:
+            raise InvalidType(f"lm.to_jax, lm.to_torch take a Plan of one system; got {plan!r}")
+        if plan.adaptive and every is not None:
+            raise InvalidInput("lm.to_jax, lm.to_torch: samples are of fixed steps; leave out every")
+        self.plan, self.t0, self.every = plan, t0, every
+        self.steps = None if plan.adaptive else plan._count(steps, t_end, t0)
+        self.times = {"t_end": t_end} if self.steps is None else {"steps": self.steps}
+        self.forwards = plan
+        self.lead: tuple[int, ...] = ()
+        if self.steps is not None:
+            self.forwards = plan.replace(every=every or max(1, self.steps))
+            self.lead = () if every is None else (1 + math.ceil(self.steps / every),)
+
+    def value(self, parts: Arrays, parameters: Arrays, *shapes: Any) -> Arrays:
+        """The last state, or the samples."""
+        many, parts, systems = self._given(parts, parameters, shapes)
+        start = self.plan._one.state(**parts)
+        run = self._of(self.forwards, systems).run(start, t0=self.t0, **self.times)
+        states = run.states if self.every is not None else run.last.parts
+        axis = 1 if self.every is not None else 0
+        return {
+            name: np.moveaxis(states[name], axis, 0).reshape(*many, *self.lead, *shapes[0][name])
+            if many
+            else np.asarray(states[name])
+            for name in parts
+        }
+
+    def back(self, parts: Arrays, parameters: Arrays, cotangent: Arrays, *shapes: Any) -> tuple[Arrays, Arrays]:
+        """The products of a cotangent with the derivatives of `value`."""
+        axes = [np.shape(c)[: np.ndim(c) - len(self.lead) - len(shapes[0][name])] for name, c in cotangent.items()]
+        many, parts, systems = self._given(parts, parameters, shapes, axes)
+        start = self.plan._one.state(**parts)
+        by = ["start", *parameters]
+        given = {}
+        for name, c in cotangent.items():
+            whole = np.broadcast_to(c, (*many, *self.lead, *shapes[0][name]))
+            flat = whole.reshape(-1, *whole.shape[len(many) :]) if many else whole
+            given[name] = np.moveaxis(flat, 0, 1) if many and self.every is not None else flat
+        found = self._of(self.plan, systems).pullback(
+            given, start, t0=self.t0, by=by, every=self.every, **self.times
+        ).gradient  # fmt: skip
+        rows, at = np.atleast_2d(found.pop("start")), 0
+        by_parts = {}
+        for name, directions in frames_of(self.plan._one, member(start, 0)).items():
+            points = np.asarray(start.parts[name])
+            points = points.reshape(len(rows), *points.shape[start.bodies is not None :])
+            basis = real_numbers(directions(points)).reshape(len(rows), -1, points[0].size)
+            own = rows[:, at : at + basis.shape[1]]
+            at += basis.shape[1]
+            by_parts[name] = (np.linalg.pinv(basis) @ own[..., None]).reshape(*many, *shapes[0][name])
+        return by_parts, {n: np.reshape(x, (*many, *shapes[1][n])) for n, x in found.items()}
+
+    def _given(self, parts: Arrays, parameters: Arrays, shapes: Any, axes: Any = ()) -> Any:
+        """The axes of several starts, the parts with one in their stead, and the systems.
+        axes : of others, that are to be counted too.
+        """
+        own, of_parameters = shapes
+        arrays = [(np.asarray(x), own[n]) for n, x in parts.items()]
+        arrays += [(np.asarray(x), of_parameters[n]) for n, x in parameters.items()]
+        many = np.broadcast_shapes(*(x.shape[: x.ndim - len(shape)] for x, shape in arrays), *axes)
+        if many and self.plan._one.site_form is not None:
+            raise InvalidInput("lm.to_jax: of a system of many sites one start is run at a time")
+
+        def laid(x: np.ndarray, shape: Any) -> np.ndarray:
+            return np.broadcast_to(x, (*many, *shape)).reshape(-1, *shape) if many else np.asarray(x)
+
+        parts = {name: laid(x, own[name]) for name, x in parts.items()}
+        values = {name: laid(x, of_parameters[name]) for name, x in parameters.items()}
+        if not many:
+            return many, parts, self._with(values)
+        count = math.prod(many)
+        if not values:
+            return many, parts, [self.plan._one] * count
+        return many, parts, [self._with({n: x[k] for n, x in values.items()}) for k in range(count)]
+
+    def _with(self, values: Mapping[str, np.ndarray]) -> Any:
+        """The system with these values of parameters."""
+        system = self.plan._one
+        for name, value in values.items():
+            before, _, last = name.rpartition(".")
+            if last == "values" and before:
+                full = full_name(system, before, "lm.to_jax")
+                table = parameter(system, full)
+                if isinstance(table, PiecewisePolynomial):
+                    system = with_parameter(system, full, table.with_values(value))
+                    continue
+            full = full_name(system, name, "lm.to_jax")
+            system = with_parameter(system, full, value if value.ndim else float(value))
+        return system
+
+    def _of(self, plan: Plan, system: Any) -> Plan:
+        """A plan of another system, or of one for each body."""
+        return plan if system is self.plan._one else plan.replace(system=system)

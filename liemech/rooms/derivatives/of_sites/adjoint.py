@@ -1,0 +1,372 @@
+"""Products with the transposed tangent map of a run of many sites, and derivatives by parameters of
+terms, at a cost that does not depend on how many sites and parameters there are: the run is gone
+through backwards once.
+
+States on the way are made again from few that are kept (`reversal`), a block of steps at a time.
+
+Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapters 3 and 12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ....compiler import kernel
+from ....compiler.sites.planes import Planes
+from ....errors import IncompatibleSystem, IntegrationFailure, NotFinite
+from ....formulas.classes.pytree import carried_layout, layout_of, with_fields
+from ....formulas.sites import padded, rows_of
+from ....groups.composed.species import SpeciesGroup
+from ....integrators.ending_at_jumps import uncut
+from ....simulation.between.dense import unpacked
+from ....systems.in_time.tabulated import inputs
+from ....systems.many.site_state import SiteValues
+from ...sites.parts_of_spins import Bonds, Sublattices
+from ...sites.runs.execution import SiteExecution
+from ...sites.runs.lists import Lists
+from ...sites.runs.states import first_of, site_rows
+from ...sites.spin_splittings import BondSplitting, SublatticeSplitting, terms_of
+from ...sites.terms.sums_of_terms import MomentumTerms, PlaceTerms
+from ..reversal import go_back
+from ..steps_backwards import Asked, BondTurn, Turn, parts_of, refused, released
+from ..tangent import StepsOfARun
+from .backward import PART, WayBack, backward_parts, forward_parts
+from .parameters import OfPart, Parameter, zeros
+
+ROOM = 2**23
+"""Numbers of states that are kept on the way, and of those of a block of steps, at most, if these are
+several.
+"""
+
+NEAR = 2**19
+"""Numbers of states of a block of steps, which stay near the processor."""
+
+LEAST = 16
+"""States that are kept at least."""
+
+
+def why_not(sites: Any, start: Any) -> str:
+    """Why a run by sites cannot be gone through backwards; empty if it can."""
+    plan, one = sites.plan, sites.plan._one
+    group = getattr(one, "configurations", one.group)
+    if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
+        return f"of {type(one).__name__} on {group!r}"
+    return refused(inner_method(plan), sites.site)
+
+
+def inner_method(plan: Any) -> Any:
+    """The method of the steps, wherever they are cut, and whoever has found their lengths."""
+    method = uncut(plan._steps.method if plan.adaptive else plan._steps.way_of(0))
+    return method.method if isinstance(method, StepsOfARun) else method
+
+
+class BackwardRun:
+    """The way back through one run of fixed steps of many sites.
+
+    names : of parameters of terms by which is differentiated, too.
+    """
+
+    def __init__(self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = ()) -> None:
+        plan, why = sites.plan, why_not(sites, start)
+        if why:
+            raise IncompatibleSystem(
+                f"Plan.tangent: there is no way back through runs of many sites {why}; there is one with RKMK, "
+                "CommutatorFree, midpoint rules, KickDrift, LieVerlet, Splitting, "
+                "compositions of them, SublatticeSplitting and BondSplitting"
+            )
+        self.plan, self.start, self.t0 = plan, start, t0
+        self.h, self.sites = plan._steps.h, start.sites
+        way = plan._steps.way_of(0)
+        self.grid: Any = None  # when steps begin, and how long they are, where they are of many lengths
+        if isinstance(way, StepsOfARun):
+            self.grid = way.begun.array[:-1], way.lengths.array[:-1]
+        self.names, self.first = tuple(start.arrays), first_of(start)
+        self.lists = Lists.of(plan._one, sites.site)
+        wanted = [Parameter(plan._one, name) for name in names]
+        self.cut = None if uncut(way) is way else way
+        if wanted and self.cut is not None and inputs(plan._one):
+            raise IncompatibleSystem(
+                "Plan.gradient: there are no derivatives by parameters of many sites where an input is a table; "
+                "there is one by the start"
+            )
+        self._made_of(inner_method(plan), sites.site, bool(wanted))
+        self.count = len(self.order)
+        self.rows = site_rows(start)[:, self.order]
+        self._room(steps, bool(wanted))
+        self.parts = self._parts(wanted)
+        key = "backward", layout_of(self.way)
+        if key not in sites.known:
+            sites.known[key] = self._executions()
+        self.forward, self.backward = [execution.of_a_run() for execution in sites.known[key]]
+
+    # ---------------------------------------------------------------- what it is made of
+
+    def _made_of(self, method: Any, site: Any, kept: bool) -> None:
+        """The motions of a step, and its parts: which motion, when it begins, how long it is, as shares;
+        and where the sites are that turn.
+        """
+        self.order = self.places = np.arange(self.sites)
+        if isinstance(method, SublatticeSplitting):
+            found = Sublattices(terms_of(self.plan._one))
+            if found.lonely and kept:
+                raise IncompatibleSystem(
+                    f"Plan.gradient: {method!r} has no derivative by parameters where terms of one site make "
+                    "parts of their own; RKMK has one"
+                )
+            places = found.places
+            self.order, self.places = places.sites, places.places
+            field, numbers = found.of_site(places)
+            motions: Any = (Turn(field, released(field)),)
+            rows = [(0, at, share, *numbers[k]) for k, share, at in method.turns(found)]
+        elif isinstance(method, BondSplitting):
+            bonds = Bonds(terms_of(self.plan._one))
+            places = bonds.places
+            self.order, self.places = places.sites, places.places
+            forms, numbers = bonds.of_site(places)
+            motions = tuple(map(BondTurn, forms))
+            turns = [(numbers[k], share, at) for k, share, at in method.turns(bonds)]
+            rows = [(term, at, share, 0, 0, colour) for (term, colour, _), share, at in turns]
+        else:
+            motions, some = parts_of(method, site)
+            rows = [(*row, 0, 0, 0) for row in some]
+        # kind, t, h, begin, end, term
+        self.of_step = np.array(rows, dtype=float)
+        first, last = self.of_step[0], self.of_step[-1]
+        joins = motions[int(first[0])].joins and len(rows) > 1
+        self.joined = joins and self.cut is None and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
+        blank = type(self.first)(*[zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts])
+        momentum, element = [
+            carried_layout(Asked(0.0, place, zeros(self.dims[name])) if name else ())
+            for name, place in self._places_asked
+        ]
+        self.way = WayBack(
+            motions, site, self._released(site), layout_of(self.first), carried_layout(blank), momentum,
+            element, carried_layout(zeros(next(iter(self.dims.values())))), kept,
+            self.cut is not None, self.cut and self.cut.beyond,
+        )  # fmt: skip
+
+    def _released(self, site: Any) -> Any:
+        load = getattr(self.plan._one, "load", None)
+        return released(site, load and load.slopes_of_site())
+
+    @property
+    def _places_asked(self) -> list[tuple[str, Any]]:
+        """Of energies of momenta and of potentials the part of the state that they are asked with."""
+        parts = self.first.parts
+        found = [next((n for n in names if n in self.dims), "") for names in (("mu",), ("g", "q"))]
+        return [(name, parts.get(name)) for name in found]
+
+    @property
+    def dims(self) -> dict[str, int]:
+        """How many components a site has, by the parts of its state."""
+        one = self.plan._one
+        group = getattr(one, "configurations", one.group)
+        dim = getattr(group, "base", group).dim
+        parts = self.first.parts
+        return {name: dim if name == "g" else len(parts[name]) for name in self.names}
+
+    @property
+    def components(self) -> int:
+        """How many components all sites have together."""
+        return self.sites * sum(self.dims.values())
+
+    def _room(self, steps: int, kept: bool) -> None:
+        """Memory: for states of a block of steps, and for what some parts of them ask."""
+        way, places = self.way, padded(self.count)
+        parts = len(self.of_step)
+        one = way.state.width * places
+        self.kept = max(LEAST, ROOM // one)
+        block = max(NEAR // (one * parts), -(-steps // self.kept))
+        self.block = max(1, min(steps, block, ROOM // (one * parts)))
+        if self.lists is not None:
+            self.block = 1
+        blocks = range(0, steps, self.block) if self.cut is not None else ()
+        most_parts = max(
+            [self.block, *[len(self._pieces(np.arange(n, min(steps, n + self.block)))[0]) for n in blocks]]
+        )
+        asked = max(x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions)
+        self.some = max(1, ROOM // (8 * max(1, asked) * places)) if kept else most_parts * parts
+        some = min(self.some, most_parts * parts) if kept else 0
+        most = [max(getattr(x, name) for x in way.motions) for name in ("momenta", "elements")]
+        widths = way.state.width, way.felt.width, way.momentum.width, way.element.width
+        counts = most_parts * parts + 1, 1, some * most[0], some * most[1]
+        self.states, self.felt, self.momenta, self.elements = [
+            Planes.of_rows(max(way.along.width, width * count), self.count) for width, count in zip(widths, counts)
+        ]
+
+    def _executions(self) -> tuple[SiteExecution, SiteExecution]:
+        steps, planes = self.plan._steps, Planes.of_rows(1, 1)
+        none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
+        given = steps.compiled, steps.progress
+        return (
+            SiteExecution(*given, forward_parts, self.way, 1, shared, planes, none, None),
+            SiteExecution(*given, backward_parts, self.way, 1, shared, *[planes] * 5),
+        )
+
+    def _parts(self, wanted: list[Parameter]) -> list[OfPart]:
+        found, steps, way = [], self.plan._steps, self.way
+        asked = [(x.energy, k) for x in wanted for k in (range(len(x.energy.parts)) if x.which is None else [x.which])]
+        for energy, which in {(id(e), k): (e, k) for e, k in asked}.values():
+            some = [x for x in wanted if x.energy is energy and x.which in (None, which)]
+            in_momenta = isinstance(energy, MomentumTerms)
+            name = "momenta" if in_momenta else "elements"
+            if not isinstance(energy, (MomentumTerms, PlaceTerms)) or not any(getattr(x, name) for x in way.motions):
+                raise IncompatibleSystem(
+                    f"Plan.gradient: steps of {self.plan.method!r} have no derivative by "
+                    f"{some[0].name} for many sites; RKMK has one by the energies of momenta too"
+                )
+            layout = way.momentum if in_momenta else way.element
+            part = energy.parts[which]
+            found.append(OfPart(energy, part, some, self.places, layout, steps))
+        return found
+
+    # ---------------------------------------------------------------- the way
+
+    def _rows_of(self, components: np.ndarray) -> np.ndarray:
+        """Components, (N,), as numbers of sites at their places, (width, places)."""
+        found, at = np.zeros((self.way.felt.width, self.count)), 0
+        row = 0
+        for size in self.dims.values():
+            some = components[at : at + size * self.sites].reshape(self.sites, size)
+            found[row : row + size, self.places] = some.T
+            row, at = row + size, at + some.size
+        return found
+
+    def _components(self) -> np.ndarray:
+        """The derivative by the state at hand, (N,)."""
+        rows, found, row = self.felt.array[:, self.places], [], 0
+        for size in self.dims.values():
+            found.append(rows[row : row + size].T.ravel())
+            row += size
+        return np.concatenate(found)
+
+    def back(self, given: Mapping[int, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The derivative by the start, (N,), and by the parameters, of a function that has these
+        derivatives by the states after so many steps, (N,) each.
+        """
+        self.given = {n: self._rows_of(np.asarray(w, dtype=float)) for n, w in given.items()}
+        self.last = max(self.given, default=0)
+        self.felt.array[:] = 0.0
+        if self.last in self.given:
+            self.felt.array[:] = rows_of(self.given[self.last])
+        for part in self.parts:
+            part.sums.array[:] = 0.0
+        if self.last:
+            blocks = -(-self.last // self.block)
+            go_back(0, blocks, self.kept, self.rows, self._advance, self._back)
+        found: dict[str, Any] = {}
+        for part in self.parts:
+            for name, own in part.found.items():
+                found[name] = found[name] + own if name in found else own
+        slope = self._components()
+        if not np.isfinite(slope).all():
+            raise NotFinite(
+                f"Plan.tangent: J^T w overflowed on the way back through {self.last} steps: neighbouring motions "
+                "part too fast; take a shorter run"
+            )
+        return slope, found
+
+    def _pieces(self, n: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Of steps, or of the pieces into which they are cut, the number of the step, when they begin, how
+        long they are, and which are first in their step.
+        """
+        if self.grid is not None:
+            return n, self.grid[0][n], self.grid[1][n], np.ones(len(n), dtype=bool)
+        times = self.t0 + n * self.h
+        if self.cut is None:
+            return n, times, np.full(len(n), self.h), np.ones(len(n), dtype=bool)
+        found = [
+            (k, begin, length, i == 0)
+            for k, t in zip(n.tolist(), times.tolist())
+            for i, (begin, length) in enumerate(self.cut.parts(self.plan._one, t, self.h))
+        ]
+        return tuple(map(np.array, zip(*found)))
+
+    def _of_block(self, block: int) -> np.ndarray:
+        """The parts of a block of steps, as rows of `Part`: kicks and turns at a node are one, where no
+        derivative is given in between.
+        """
+        first = block * self.block
+        n = np.arange(first, min(self.last, first + self.block))
+        kind, node, share, begin, end, term = self.of_step.T
+        n, begins, lengths, first_ones = self._pieces(n)
+        shape = len(n), len(kind)
+        rows = np.zeros((*shape, PART.width))
+        rows[..., 0] = kind
+        rows[..., 1] = begins[:, None] + node * lengths[:, None]
+        rows[..., 2] = share * lengths[:, None]
+        rows[..., 10], rows[..., 11] = begins[:, None], lengths[:, None]
+        rows[..., 6], rows[..., 7], rows[..., 8], rows[..., 9] = begin, end, term, self.count
+        rows[:, 0, 3] = [k in self.given and one for k, one in zip(n.tolist(), first_ones)]
+        stay = np.ones(shape, dtype=bool)
+        if self.joined:
+            one = np.flatnonzero(rows[1:, 0, 3] == 0.0)
+            rows[one + 1, 0, 2] += rows[one, -1, 2]
+            stay[one, -1] = False
+        found: np.ndarray = rows[stay]
+        return found
+
+    def _advance(self, rows: np.ndarray, first: int, end: int) -> np.ndarray:
+        """The state before a block, of the one before another."""
+        for block in range(first, end):
+            rows = self._made(rows, self._of_block(block))
+        return rows
+
+    def _made(self, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
+        """The state after some parts of steps, and in memory those in between."""
+        width, count = self.way.state.width, len(parts)
+        self.states.array[:width] = rows_of(rows)
+        if self.lists is not None:
+            site = self.lists.at(unpacked(self.way.state, rows.T)["g"])
+            self.way = with_fields(self.way, system=site, free=self._released(site))
+        done, failures = np.zeros(1), []  # type: Any, list[Any]
+        with self.forward.on_sites(self.count * count, self.count, self.plan.options.workers) as calls:
+            if calls is not None:
+                calls(self.way, count, kernel.Shared(parts), self.states, done, None)
+            else:
+                forward_parts(self.way, count, parts.ravel(), self.states, done, failures)
+        if done[0] != count:
+            raise IntegrationFailure(
+                f"Plan.tangent: the step at t = {parts[int(done[0]), 1]:g} could not be made again"
+            ) from (failures[-1] if failures else None)
+        found: np.ndarray = self.states.array[width * count : width * (count + 1), : self.count]
+        return found.copy()
+
+    def _back(self, rows: np.ndarray, block: int) -> None:
+        """Back through a block, some parts at a time."""
+        parts = self._of_block(block)
+        self._made(rows, parts)
+        first = block * self.block
+        steps = iter([n for n in range(min(self.last, first + self.block) - 1, first - 1, -1) if n in self.given])
+        for end in range(len(parts), 0, -self.some):
+            self._through(parts[max(0, end - self.some) : end].copy(), max(0, end - self.some), steps)
+
+    def _through(self, parts: np.ndarray, first: int, steps: Any) -> None:
+        """Back through some parts.  first : number of the first of them in the block.  steps : at which
+        derivatives are given, last ones first.
+        """
+        way, count = self.way, len(parts)
+        states = Planes(self.states.array[way.state.width * first :], self.count)
+        here = [self.given[next(steps)] for _ in range(int(parts[:, 3].sum()))]
+        given = Planes.of_rows(max(1, len(here)) * way.felt.width, self.count)
+        for k, w in enumerate(here):
+            given.array[k * way.felt.width : (k + 1) * way.felt.width] = rows_of(w)
+        asked = [
+            np.array([getattr(x, name) for x in way.motions])[parts[:, 0].astype(int)]
+            for name in ("momenta", "elements")
+        ]
+        for column, many in zip((4, 5), asked):
+            parts[:, column] = np.cumsum(many) - many
+        arguments = states, self.felt, given, self.momenta, self.elements
+        with self.backward.on_sites(self.count * count, self.count, self.plan.options.workers) as calls:
+            if calls is not None:
+                calls(way, count, kernel.Shared(parts), *arguments)
+            else:
+                backward_parts(way, count, parts.ravel(), *arguments)
+        for part in self.parts:
+            in_momenta = part.edges.in_momenta
+            used = self.momenta if in_momenta else self.elements
+            part.add(int(asked[0 if in_momenta else 1].sum()), used)

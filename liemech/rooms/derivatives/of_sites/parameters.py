@@ -1,0 +1,268 @@
+"""Parameters of the terms of many sites, and of the sites, by which is differentiated on the way back, edge
+by edge.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ....compiler.sites.planes import Planes
+from ....errors import IncompatibleSystem, InvalidInput
+from ....formulas import vec
+from ....formulas.classes.frozen import frozen
+from ....formulas.classes.of_each import Each, each
+from ....formulas.classes.pytree import Layout, carried_layout, exchanged, inside, layout_of, names_of, with_fields
+from ....formulas.sites import SiteArray, SiteTable
+from ....simulation.compiled.parameters import full_name, named, parameter, parameters, shape_of
+from ...sites.graphs import AllPairs
+from ...sites.runs.execution import SiteExecution
+from ...sites.terms.among import is_near
+from ...sites.terms.bound_terms import BoundTerm
+from ...sites.terms.sums_of_terms import MomentumTerms, OfTerms
+from ...sites.terms.terms import site_class
+from ...sites.terms.terms_at_site import EachOfSites
+from .backward import EdgesAsked, Varied, edges_back
+
+WRAPPERS = {"term", "energy_of_one"}
+"""The fields of terms that make something else of a term, or a term of the energy of one body."""
+
+EIGHTH = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
+"""Weights of differences of order 8."""
+
+APART = 2.0**-7
+"""How far values lie from each other there, beside their size."""
+
+
+@frozen(eq=False)
+class Slot:
+    """Numbers of a term by which its energy is differentiated: a parameter, or a field that follows from it.
+
+    path : of the fields that lead to it.  value : one, or one for each edge.  by : (n, numbers of the
+    parameter, own numbers) the derivative by the parameter at all edges, or one for all; None for the
+    parameter itself.
+    """
+
+    parameter: Any
+    path: Any
+    value: Any
+    by: np.ndarray | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """That of one value."""
+        return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
+
+    def at_edges(self, count: int, ends: Any = None) -> Varied:
+        """Its values at so many edges.  ends : of one of sites, which they are."""
+        if isinstance(self.value, Each):
+            values = self.value.values if ends is None else self.value.values[ends]
+            values = values.reshape(count, -1)
+        else:
+            values = np.broadcast_to(np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value))))
+        return Varied(SiteArray.of(values if self.shape else values[:, 0]), self.shape)
+
+    def by_parameter(self, rows: np.ndarray) -> np.ndarray:
+        """The derivative by the parameter of that by the numbers of the slot, (edges, ...)."""
+        if self.by is None:
+            return rows
+        flat = rows.reshape(len(rows), -1)
+        found = np.einsum("nij,nj->ni", np.broadcast_to(self.by, (len(rows), *self.by.shape[1:])), flat)
+        return found.reshape(len(rows), *self.parameter.shape)
+
+
+class Parameter:
+    """A parameter by which is differentiated, of a term or of the sites.
+
+    name : as it was asked for.  energy : the terms among which it is, `which` of them; None: it is one of
+    the sites, which all terms may see.  path : of the fields that lead to it; of sites its number.
+    """
+
+    energy: Any
+    which: int | None
+
+    def __init__(self, system: Any, name: str) -> None:
+        caller = "Plan.gradient"
+        of_sites = terms_of_sites(system, name)
+        if of_sites:
+            same = [x for x in parameters(system) if x.endswith(f".{name}")]
+            if same:
+                raise InvalidInput(
+                    f"{caller}: {name} is a parameter of the sites, and {same[0]} one of a term; give the longer "
+                    "name, or name them differently"
+                )
+            self.name, self.energy, self.which = name, of_sites[0], None
+            self.path: Any = (self.energy.names.index(name),)
+            self.value = self.energy.own[self.path[0]]
+            self.slots = [Slot(self, self.path, self.value)]
+            return
+        self.name, self.full = name, full_name(system, name, caller)
+        parts = self.full.split(".")
+        value: Any = system
+        self.energy = None
+        for i, part in enumerate(parts):
+            if isinstance(value, OfTerms):
+                self.energy, rest = value, parts[i:]
+            value = value[int(part)] if part.isdigit() else getattr(value, part)
+        self.value = value
+        known = self.energy is not None and rest[0] == "parts" and rest[2] == "term"
+        self.path = tuple(rest[3:]) if known else ()
+        inner = {*self.path[:-1]} - WRAPPERS
+        number = isinstance(value, Each) or shape_of(layout_of(value)) is not None
+        if not (number and known and self.path and not inner):
+            raise IncompatibleSystem(
+                f"{caller}: {name} is no field of a term; derivatives by other parameters of many sites "
+                "are found by `along=` of runs with other values, or where the system is written out"
+            )
+        self.which = int(rest[1])
+        owner = parameter(system, ".".join(parts[:-1]))
+        self.slots = [Slot(self, self.path, value), *self._following(owner, parts[-1])]
+
+    def _following(self, owner: Any, field: str) -> list[Slot]:
+        """The fields that follow from the parameter, such as the inverse of an inertia.  Raises
+        IncompatibleSystem where the parameter is not used as it is given.
+        """
+        given = {name: getattr(owner, name) for name in named(type(owner))}
+        start = self.value.values if isinstance(self.value, Each) else np.asarray(self.value, float)
+        count = len(start) if isinstance(self.value, Each) else 1
+        size, width = float(np.abs(start).max()) or 1.0, max(1, int(np.prod(self.shape)))
+
+        def moved(direction: np.ndarray, e: float) -> Any:
+            array = start + e * size * direction.reshape(self.shape)
+            new: Any = each(array) if isinstance(self.value, Each) else array
+            new = new if self.shape or isinstance(self.value, Each) else float(new)
+            return type(owner)(**{**given, field: new})
+
+        units = np.eye(width)
+        if len(self.shape) == 2 and self._symmetric(start):  # such as an inertia, which stays so
+            tilted = units.reshape(width, *self.shape)
+            units = 0.5 * (tilted + np.swapaxes(tilted, 1, 2)).reshape(width, width)
+        near = moved(units.sum(axis=0) * 0.25, 0.5)
+        kind: Any = type(near)
+        own = [x for x in names_of(kind) if x != field]
+        others = [x for x in own if not _same(getattr(near, x), getattr(owner, x))]
+        if (
+            _same(getattr(near, field), self.value)
+            or {*others} & {*given}
+            or not all(
+                isinstance(getattr(owner, x), Each) or shape_of(layout_of(getattr(owner, x))) is not None
+                for x in others
+            )
+        ):
+            raise IncompatibleSystem(
+                f"Plan.gradient: {self.name} of {type(owner).__name__} is not used as it is given; give the "
+                "term the numbers that its energy uses"
+            )
+        found = []
+        for name in others:
+            value = getattr(owner, name)
+            by = np.zeros((count, width, _numbers(value).size // count))
+            for k, unit in enumerate(units):
+                for n, weight in EIGHTH:
+                    a, b = (getattr(moved(unit, sign * n * APART), name) for sign in (1.0, -1.0))
+                    change = (_numbers(a) - _numbers(b)).reshape(count, -1)
+                    by[:, k] += weight * change / (APART * size)
+            found.append(Slot(self, (*self.path[:-1], name), value, by))
+        return found
+
+    def _symmetric(self, values: np.ndarray) -> bool:
+        """Are all matrices symmetric?"""
+        return self.shape[0] == self.shape[1] and np.array_equal(values, np.swapaxes(values, -1, -2))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """That of one value."""
+        return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
+
+    def put(self, term: Any, varied: Varied, path: tuple[str, ...]) -> Any:
+        """The term with it."""
+        first, *rest = path
+        inner = self.put(getattr(term, first), varied, tuple(rest)) if rest else varied
+        return with_fields(term, **{first: inner})
+
+
+class OfPart:
+    """The sums over steps of the derivatives by parameters of one term, for every edge."""
+
+    def __init__(
+        self, energy: OfTerms, part: BoundTerm, wanted: list[Parameter], places: np.ndarray,
+        asked: Layout, steps: Any,
+    ) -> None:  # fmt: skip
+        graph, group = part.graph, energy.group
+        edges = AllPairs(group.copies).edges if is_near(graph) else graph.edges
+        self.count, self.arity = len(edges), edges.shape[1]
+        term: Any = part.term
+        held: list[tuple[Slot, Any, Varied]] = []
+        for one in [slot for x in wanted if x.which is not None for slot in x.slots]:
+            held.append((one, None, one.at_edges(self.count)))
+            term = one.parameter.put(term, held[-1][2], one.path)
+        others = inside(term, Each)
+        term = exchanged(term, Each, [EachOfSites.of_each(x) for x in others])
+        own: list[list[Any]] = []
+        for there in edges.T:
+            own.append([EachOfSites.of_each(each(x.values[there])) if isinstance(x, Each) else x for x in energy.own])
+            for one in [slot for x in wanted if x.which is None for slot in x.slots]:
+                held.append((one, there, one.at_edges(self.count, there)))
+                own[-1][one.path[0]] = held[-1][2]
+        ends = SiteTable.of(places[edges.T])
+        site = site_class(energy.names)()
+        self.edges = EdgesAsked(term, group.base, site, tuple(map(tuple, own)), ends, isinstance(energy, MomentumTerms))
+        order = [next(k for k, y in enumerate(held) if y[2] is x) for x in inside(self.edges, Varied)]
+        self.held = [held[k][:2] for k in order]  # as formulas find them
+        self.sites = group.copies
+        self.asked = asked
+        width = sum(max(1, int(np.prod(one.shape))) for one, _ in self.held)
+        self.total = carried_layout(zeros(width))
+        self.sums = Planes.of_rows(width, self.count)
+        planes = Planes.of_rows(1, 1)
+        self.execution = SiteExecution(
+            steps.compiled, steps.progress, edges_back, self.edges, asked, self.total, 1, planes,
+            planes,
+        )  # fmt: skip
+
+    def add(self, count: int, used: Planes) -> None:
+        """Those of what was asked so often."""
+        given = self.edges, self.asked, self.total, count, used, self.sums
+        with self.execution.on_sites(self.count * count, self.count) as calls:
+            driver: Any = edges_back if calls is None else calls
+            driver(*given)
+
+    @property
+    def found(self) -> dict[str, np.ndarray]:
+        """The derivatives by name: of a parameter that all edges or sites share their sum."""
+        result: dict[str, Any] = {}
+        begin = 0
+        for one, ends in self.held:
+            width = max(1, int(np.prod(one.shape)))
+            rows = self.sums.array[begin : begin + width, : self.count].T.reshape(-1, *one.shape)
+            begin += width
+            if ends is not None:
+                edges, rows = rows, np.zeros((self.sites, *one.shape))
+                np.add.at(rows, ends, edges)
+            each_own, name = one.by_parameter(rows), one.parameter.name
+            own = each_own.copy() if isinstance(one.value, Each) else each_own.sum(axis=0)
+            result[name] = result[name] + own if name in result else own
+        return result
+
+
+def terms_of_sites(system: Any, name: str) -> list[OfTerms]:
+    """The terms whose sites have a parameter of this name."""
+    return [x for x in inside(system, OfTerms) if name in x.names]
+
+
+def _numbers(value: Any) -> np.ndarray:
+    """All numbers of a value, or of one for each edge."""
+    return np.asarray(value.values if isinstance(value, Each) else value, dtype=float).ravel()
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Are two fields of records the same?"""
+    if isinstance(a, Each) and isinstance(b, Each):
+        return np.array_equal(a.values, b.values)
+    return bool(a is b or a == b)
+
+
+def zeros(width: int) -> Any:
+    """A vector of zeros."""
+    return vec(*[0.0] * width)

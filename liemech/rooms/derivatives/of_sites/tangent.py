@@ -1,0 +1,152 @@
+"""The tangent map of a run of many sites, and its products with directions: the numbers of all sites
+carry the derivative along one direction through the same steps, site by site.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ....formulas.classes.pytree import build, layout_of, with_slopes
+from ....simulation import arguments
+from ....simulation.between.dense import unpacked
+from ....simulation.result import of_tangent
+from ....simulation.runs.equal import affordable
+from ...sites.runs.states import first_of, site_rows
+from ..frames import LEVEL, frame
+from .adaptive import steps_of
+from .adjoint import BackwardRun, why_not
+
+
+class Along:
+    """How a run differs when the numbers of its sites carry a derivative.
+
+    slopes : of the numbers of the start, (width, sites).
+    """
+
+    slopes: np.ndarray
+    level = LEVEL
+
+    def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
+        """The state of the first site, and the numbers of all, each with its slope behind it."""
+        both = np.stack([site_rows(state), self.slopes], axis=1)
+        rows = both.reshape(-1, both.shape[-1])
+        dual = layout_of(with_slopes(first_of(state), LEVEL))
+        return build(dual, iter(rows[:, 0].tolist())), rows
+
+    def carry(self, *_: Any) -> None:
+        """A direction is no motion, from which to go on."""
+
+    def elements(self, rows: np.ndarray) -> Any:
+        """Where the sites are."""
+        one: Any = super()
+        return one.elements(rows[0::2])
+
+    def halves(self) -> tuple[np.ndarray, np.ndarray]:
+        """The numbers of samples and their slopes, (n, width, sites)."""
+        run: Any = self
+        rows = run.seen.array[: run.made * run.wide].reshape(run.made, run.wide, -1)
+        return rows[:, 0::2, : run.count], rows[:, 1::2, : run.count]
+
+
+class Frames:
+    """Directions of the states of all sites as components: changes of all momenta, then those of all
+    elements, dg = g hat(eta).
+    """
+
+    def __init__(self, site: Any, state: Any) -> None:
+        first = first_of(state)
+        self.layout, self.frames = layout_of(first), {}  # type: Any, dict[str, Any]
+        for name in state.arrays:
+            self.frames[name] = frame(site, name, first.parts[name])
+        self.start = {name: self._basis(name, np.asarray(x)) for name, x in state.arrays.items()}
+        self.components = sum(x.shape[0] * x.shape[1] for x in self.start.values())
+
+    def _basis(self, name: str, points: np.ndarray) -> np.ndarray:
+        """The directions of a part at points, (n, components, numbers)."""
+        found = np.ascontiguousarray(self.frames[name](points))
+        rows = found.reshape(*found.shape[:2], -1)
+        return rows.view(float) if np.iscomplexobj(rows) else rows
+
+    def numbers(self, direction: np.ndarray) -> np.ndarray:
+        """The slopes of the numbers of the start along a direction, (width, sites)."""
+        found, at = [], 0
+        for basis in self.start.values():
+            sites, components = basis.shape[:2]
+            own = direction[at : at + sites * components].reshape(sites, components)
+            found.append(np.einsum("sc,scn->ns", own, basis))
+            at += own.size
+        return np.concatenate(found)
+
+    def direction(self, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """The components, (n, all), of slopes of the numbers of states, both (n, width, sites)."""
+        found, at, n = [], 0, len(values)
+        for name, x in unpacked(self.layout, np.moveaxis(values, 1, -1)).items():
+            basis = self._basis(name, x.reshape(-1, *x.shape[2:]))
+            size = basis.shape[2]
+            own = np.moveaxis(slopes[:, at : at + size], 1, -1).reshape(-1, 1, size)
+            found.append((own @ np.linalg.pinv(basis)).reshape(n, -1))
+            at += size
+        return np.concatenate(found, axis=1)
+
+
+def tangent_by_sites(sites: Any, start: Any, steps: Any, t_end: Any, t0: float, given: Any) -> Any:
+    """A run of many sites with its tangent map J, of which every direction of the start makes a column;
+    or with products of it.
+
+    given : "along", the run has J v, or "against", J^T w, and the directions; None for J itself.  J^T w is
+    found backwards, where steps have a way back and there are fewer samples than directions.  Of adaptive
+    steps it is the derivative of those that were accepted, their lengths held fixed.
+    """
+    plan = sites.plan
+    if not plan.adaptive:
+        return of_fixed_steps(sites, start, plan._count(steps, t_end, t0), t0, given)
+    fixed, ends, run = steps_of(sites, start, steps, t_end, t0)
+    made = of_fixed_steps(fixed._sites, start, len(ends) - 1, 0.0, given)
+    return replace(made, t=ends[[0, -1]], h=run.h, rejected=run.rejected, method=plan.method)
+
+
+def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) -> Any:
+    """That of fixed steps."""
+    plan, frames = sites.plan, Frames(sites.site, start)
+    n, every = frames.components, plan.options.every
+    name, wanted = given or ("start", None)
+    some: Any = None if wanted is None else arguments.directions(name, wanted, n)
+    out = n if some is None else 1 if some.ndim == 1 else some.shape[1]
+    passes = out * (steps // every + 1)
+    if name == "against" and passes <= n and not why_not(sites, start):
+        return against_by_sites(sites, start, steps, t0, some)
+    affordable(8 * n * out * (steps // every + 2), steps, every)
+    products = []
+    for direction in np.atleast_2d(some.T) if name == "along" else np.eye(n):
+        kind = type("RunAlong", (Along, sites.kind), {"slopes": frames.numbers(direction)})
+        run = kind(plan, sites.site, start, t0, steps, None, None, None)
+        made = run.trajectory()
+        values, slopes = run.halves()
+        column = frames.direction(values, slopes)
+        products.append(column @ some if name == "against" else column)
+    states = unpacked(frames.layout, np.moveaxis(values, 1, -1))
+    tangent = np.stack(products, axis=1 if name == "against" else -1)
+    one = name == "along" and some.ndim == 1
+    return of_tangent(
+        made, made.steps, {name: tangent[..., 0] if one else tangent}, system=plan.system,
+        method=plan.method, h=made.h, t=made.t, states=plan._one.as_users_see(states),
+    )  # fmt: skip
+
+
+def against_by_sites(sites: Any, start: Any, steps: int, t0: float, some: np.ndarray) -> Any:
+    """A run of many sites with J^T w, for which it is gone through backwards once from each sample."""
+    plan, back = sites.plan, BackwardRun(sites, start, steps, t0)
+    columns = some[:, None] if some.ndim == 1 else some
+    affordable(8 * columns.size * (steps // plan.options.every + 2), steps, plan.options.every)
+    run = sites.kind(plan, sites.site, start, t0, steps, None, None, None)
+    made = run.trajectory()
+    rows = [np.stack([back.back({n: w})[0] for w in columns.T], axis=-1) for n in run.numbers.tolist()]
+    tangent = np.stack(rows)
+    found = {"against": tangent[..., 0] if some.ndim == 1 else tangent}
+    return of_tangent(
+        made, made.steps, found, system=plan.system, method=plan.method, h=made.h, t=made.t,
+        states=made.states,
+    )  # fmt: skip

@@ -1,0 +1,178 @@
+"""Where runs in fictive time began, and where they stand."""
+
+from __future__ import annotations
+
+from dataclasses import field, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import IncompatibleSystem
+from ...formulas.classes.frozen import frozen
+from ...formulas.classes.pytree import layout_of
+from ...integrators.composition import Composition
+from ...simulation.between.dense import unpacked
+from ...simulation.compiled.prepared import Steps
+from ...simulation.runs.carry import Carry, common
+from ...systems.system import State, member, small_state, state_of
+from .clocked import Clocked
+from .sundman import InFictiveTime
+
+
+@frozen(eq=False)
+class Origin:
+    """Where a run began: the system as it was given, the method, and the start, on whose energy
+    time scales may depend.
+    """
+
+    given: Any
+    method: Any
+    start: State
+
+    @cached_property
+    def whole(self) -> Any:
+        """The system whose state carries physical time along, bound to the start."""
+        given, method = self.given, self.method
+        if isinstance(given, InFictiveTime):
+            if method.fictive:
+                raise IncompatibleSystem(
+                    f"integrate: {method!r} varies its steps, and so does {given!r}; one of them will do"
+                )
+            whole = given.bound(self.start)
+            method.require(whole)
+            return whole
+        while isinstance(method, Composition):
+            method = method.base
+        return Clocked(given, method.sigma.bound(given, self.start))
+
+    def begun(self, t0: float) -> Any:
+        """The start with its clock, at the time t0; InvalidTimeScale unless sigma is positive
+        there.
+        """
+        whole = self.whole
+        whole.sigma.require_positive(whole.system, t0, self.start)
+        return whole.extended(self.start, t0)
+
+    def steps(self, plan: Steps) -> Steps:
+        """The steps of a plan, of the system with its clock; the plan keeps what is laid out and
+        compiled for them, as long as the origin is there.
+        """
+        kept = plan.of_origins.get(self)
+        if kept is None:
+            layout = layout_of(self.whole)
+            like = plan.of_layouts.get(layout)
+            shapes = [] if like is None else [*like.shapes.items()]
+            shared = {key: shape.of_system(self.whole) for key, shape in shapes}
+            made = replace(plan, system=self.whole, shapes=shared, clock="tau")
+            kept = plan.of_origins.setdefault(self, made)
+            plan.of_layouts[layout] = kept  # the last one knows most
+        return kept
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the system that is bound to the start."""
+        return {"given": self.given, "method": self.method, "start": self.start}
+
+
+@frozen(eq=False)
+class FictiveCarry:
+    """Where a run in fictive time stands: at the end of its last whole step, from which it goes on
+    as if it had never stopped.
+
+    origin : where the motion began; of an ensemble whose bodies go each their own way a tuple.
+    inner : what the method carries along there, of the system with its clock, whose time is the
+    fictive one.
+    here : where the last samples are, if not there but inside of the next step, as at a t_end:
+    (n,) or (n, bodies) the physical time, numbers of the state with its clock, and the fictive time.
+    met : of each body how many zeros of every event it has met.
+    """
+
+    fictive: ClassVar[bool] = True
+
+    origin: Any
+    inner: Carry
+    here: np.ndarray | None = None
+    met: dict[int, Any] = field(default_factory=dict, repr=False)
+
+    def moved(self, inner: Carry) -> FictiveCarry:
+        """The carry of the run at the end of a later step, where its method stands with `inner`."""
+        return FictiveCarry(self.origin, inner, met=self.met)
+
+    @property
+    def bodies(self) -> int | None:
+        """How many members an ensemble has."""
+        return self.inner.bodies
+
+    @property
+    def step(self) -> int:
+        """How many whole steps were taken."""
+        return self.inner.step
+
+    @property
+    def standing(self) -> np.ndarray:
+        """`here`, also of an ensemble that stands at the ends of steps."""
+        if self.here is not None:
+            return self.here
+        lead = self.inner.last.shape[1:]
+        t, tau = (np.broadcast_to(x, lead)[None] for x in (self.t, self.tau))
+        return np.concatenate([t, self.inner.last, tau])
+
+    @property
+    def tau(self) -> Any:
+        """The fictive time of the last sample."""
+        return self.inner.t if self.here is None else common(self.here[-1])
+
+    @property
+    def t(self) -> Any:
+        """The physical time of the last sample, in s; of an ensemble those of the members,
+        (bodies,).
+        """
+        t = self._apart[0] if self.here is None else self.here[0]
+        return common(t)
+
+    @cached_property
+    def state(self) -> Any:
+        """The last sample."""
+        made = small_state if self.bodies is None else state_of
+        return made(self._kind, self._apart[1])
+
+    def member(self, i: int) -> Any:
+        """The carry of one body."""
+        if self.bodies is None:
+            return self
+        here = None if self.here is None else self.here[:, i]
+        met = {0: self.met[i]} if i in self.met else {}
+        return FictiveCarry(origin_of(self.origin, i), self.inner.member(i), here, met)
+
+    @property
+    def members(self) -> tuple[Any, ...]:
+        """The carries of all bodies."""
+        return tuple([self.member(i) for i in range(self.bodies or 1)])
+
+    @property
+    def _first(self) -> Origin:
+        return self.origin[0] if isinstance(self.origin, tuple) else self.origin
+
+    @property
+    def _kind(self) -> Any:
+        return type(self._first.start)
+
+    @cached_property
+    def _apart(self) -> Any:
+        """Time, parts of the state, and z."""
+        inner, here = self.inner.state, self.here
+        parts = inner.arrays if here is None else unpacked(layout_of(member(inner, 0)), here[1:-1].T)
+        t, states, z = self._first.whole.apart({name: x[None] for name, x in parts.items()})
+        return t[0], {name: x[0] for name, x in states.items()}, None if z is None else z[0]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields."""
+        return {name: vars(self)[name] for name in ("origin", "inner", "here", "met")}
+
+
+def origin_of(origin: Any, i: int) -> Origin:
+    """Where the motion of one body began."""
+    if isinstance(origin, tuple):
+        found: Origin = origin[i]
+        return found
+    return Origin(origin.given, origin.method, member(origin.start, i))

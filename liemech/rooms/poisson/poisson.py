@@ -1,0 +1,129 @@
+"""Poisson systems: a Poisson structure and an energy."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from ...errors import InvalidInput, InvalidType, NotDefined
+from ...formulas import Vec, gradient, record
+from ...formulas.classes.derived import derived
+from ...groups.poisson_structure import PoissonStructure
+from ...systems.agreement import require_one_body
+from ...systems.hamiltonian import Hamiltonian
+from ...systems.parts import OfParts, Part, SplitHamiltonian, recognised, second_degree
+from ...systems.vector_field import PoissonState, VectorField
+
+__all__ = ["PoissonState", "PoissonSystem", "positive"]
+
+
+@record
+class PoissonSystem(OfParts, VectorField):
+    """Motion by a Poisson structure and an energy, y' = B(y) dH(y) in R^n.
+
+    structure : B, such as Canonical(2), LogCanonical(c), coadjoint(group).poisson_structure, or a
+    PoissonStructure of one's own.
+    hamiltonian : the energy as a function of y, a Hamiltonian; a SplitHamiltonian if its parts have
+    motions that are known, by which `Splitting` steps it.  A subclass may write `energy(y)`
+    instead, which then counts, and not the hamiltonian of a ready system.
+
+    The group that moves y is R^n under addition, so that RKMK is the Runge-Kutta method of its
+    tableau, Taylor the Taylor method.  Conserved: the energy and the Casimirs of the structure.
+    `parts` are those of the energy, with their motions where these are known; `quadratic` : are
+    they two, (T, V), with {V, {V, {V, T}}} = 0, as if T were of second degree in momenta?
+
+    Raises InvalidType, InvalidInput for a hamiltonian that does not fit the structure.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2.
+    """
+
+    bounded: ClassVar[bool] = True
+    alternatives: ClassVar[str] = "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
+
+    structure: PoissonStructure
+    hamiltonian: Hamiltonian | None = None  # None: a subclass writes `energy`
+    parts: tuple[Hamiltonian, ...] = field(init=False, repr=False, default=())
+    quadratic: bool = field(init=False, repr=False, default=False)
+
+    def __post_init__(self) -> None:
+        name = type(self).__name__
+        structure: Any = self.structure
+        given: Any = self.hamiltonian
+        if not isinstance(structure, PoissonStructure):
+            raise InvalidType(f"{name}: structure must be a PoissonStructure, such as Canonical(2); got {structure!r}")
+        if given is not None and type(self).energy is PoissonSystem.energy:
+            if not isinstance(given, Hamiltonian):
+                raise InvalidType(f"{name}: hamiltonian must be a Hamiltonian, a record with `energy`; got {given!r}")
+            require_one_body(name, self.group, given, None)
+            each = given.parts if isinstance(given, SplitHamiltonian) else (given,)
+            found = [recognised(self.structure, part) for part in each]
+            object.__setattr__(self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(each, found)]))
+            object.__setattr__(self, "quadratic", len(each) == 2 and second_degree(self.structure, *each))
+        super().__post_init__()
+
+    # ---------------------------------------------------------------- formulas
+
+    @property
+    def dim(self) -> int:
+        """n, that of the structure."""
+        return self.structure.dim
+
+    def energy(self, y: Vec) -> float:
+        """H(y).  y : (n,)."""
+        if self.hamiltonian is None:
+            raise NotDefined(f"{type(self).__name__} must define `energy`, or have a hamiltonian")
+        return self.hamiltonian.energy(y)
+
+    @derived
+    def gradient(self, y: Vec) -> Vec:
+        """dH(y), (n,).  y : (n,)."""
+        if self.hamiltonian is None or type(self).energy is not PoissonSystem.energy:
+            return gradient(lambda x: self.energy(x), y)
+        return self.hamiltonian.gradient(y)
+
+    @final
+    def velocity(self, y: Vec) -> Vec:
+        """y' = B(y) dH(y).  y : (n,)."""
+        return self.structure.sharp(y, self.gradient(y))
+
+    @final
+    def casimirs(self, y: Vec) -> Vec:
+        """The Casimirs of the structure: constant whatever the energy.  y : (n,)."""
+        return self.structure.casimirs(y)
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The energy, and the Casimirs of the structure."""
+        y = states["y"]
+        casimirs = np.asarray(self.casimirs(y))
+        kept = {"energy": np.asarray(self.energy(y))}
+        return kept | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
+
+    def _check_formulas(self, y: np.ndarray) -> None:
+        """B dH."""
+
+    @final
+    def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
+        """The motions of parts one after the other."""
+        y = state.y
+        parts: Any = self.parts
+        for part, t in turns:
+            y = parts[part].flow(self.structure, y, t)
+        return PoissonState(y)
+
+    @final
+    def unknown_motion(self) -> str:
+        """Why the motion of some part of the energy is not known; empty if all are."""
+        if not self.parts:
+            return "it is moved by an `energy` of its own: give a hamiltonian instead, a SplitHamiltonian of its parts"
+        for part in self.parts:
+            if not isinstance(part, Part):
+                return str(recognised(self.structure, part))
+        return ""
+
+
+def positive(y: np.ndarray, where: str, what: str = "y") -> None:
+    """Refuse coordinates that are not positive."""
+    bad = np.argwhere(~(y > 0.0))
+    if len(bad):
+        raise InvalidInput(f"{where}: {what} must be positive; {what}{list(map(int, bad[0]))} is {y[tuple(bad[0])]:g}")

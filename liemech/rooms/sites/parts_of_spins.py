@@ -1,0 +1,301 @@
+"""Parts of an energy of many spins whose motions are known: sublattices in the field of the others,
+bonds, and energies of single sites.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...formulas import Element, Record, Vec, plain, record, vec, where
+from ...formulas.classes.fields import frozen_array
+from ...formulas.classes.pytree import exchanged, inside, with_fields
+from ...formulas.numbers.ways import APART
+from ...formulas.sites import SiteArray, SiteTable, padded, rows_of
+from ...formulas.tables import Table
+from ...groups.lie_group import LieGroup
+from ...systems.lie_poisson import BodyState
+from ...systems.system import as_precise
+from .colouring import Places
+from .graphs import AllPairs, Edges
+from .terms.bonds_at_site import BondsOfSite
+from .terms.bound_terms import BoundTerm, slopes
+from .terms.sums_of_terms import MomentumTerms
+from .terms.terms import AtTime, at_time
+from .terms.terms_at_site import at_this_site
+
+_UNSTEADY = "the velocity that it gives changes as the site moves"
+
+
+def turned(group: LieGroup, mu: Vec, g: Element | None, *omegas: Vec) -> tuple[Vec, Any]:
+    """Momentum and element moved along constant velocities, the last of which moves the momentum:
+    Ad*_exp(omega) mu, g exp(...) exp(omega).
+    """
+    found = [as_precise(omega, mu) for omega in omegas]
+    moved = group.algebra.exp_Ad_star(found[-1], mu)
+    if g is not None:
+        for omega in found:
+            g = group.compose_exp(g, omega)
+    return moved, g
+
+
+@record
+class MotionsOfTerms(Record):
+    """Parts of an energy of many sites whose motions are known one by one; abstract.
+
+    terms : the energy.  A subclass writes `count`, `refused`, `lonely` and `moved`, and for runs by
+    sites `places` and `of_site`.
+    """
+
+    terms: MomentumTerms
+
+    @property
+    def count(self) -> int:
+        """How many parts there are."""
+        raise NotImplementedError
+
+    @property
+    def refused(self) -> str:
+        """Why the motion of a term is not known; empty if all are."""
+        raise NotImplementedError
+
+    def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
+        """The momenta and elements of the sites after a part has moved them for a time."""
+        raise NotImplementedError
+
+    @property
+    def timed(self) -> bool:
+        """Are there terms that change with time?"""
+        return bool(inside(self.terms, AtTime))
+
+    def in_turn(self, state: BodyState, turns: Any) -> BodyState:
+        """The state after the motions of parts, by number, for how long and when, one after the other."""
+        group, n, g = self.terms.group, self.terms.group.base.dim, state.g
+        bodies: list[Any] = [
+            (state.mu[n * i : n * (i + 1)], None if g is None else group.site(g, i)) for i in range(group.copies)
+        ]
+        for part, h, t in turns:
+            bodies = at_time(self, t).moved(part, h, bodies)
+        mu = vec(*[x for m, _ in bodies for x in m])
+        return BodyState(mu, None if g is None else group.join(*[g for _, g in bodies]))
+
+    # ---------------------------------------------------------------- single sites
+
+    @property
+    def lonely(self) -> tuple[BoundTerm, ...]:
+        """Terms of one site that make a motion of their own."""
+        raise NotImplementedError
+
+    def _sites(self, bodies: list[Any]) -> list[Any]:
+        return [self.terms.site_with(i, plain(mu), None) for i, (mu, _) in enumerate(bodies)]
+
+    def _along(self, terms: Any, some: Any, h: float, bodies: list[Any]) -> list[Any]:
+        """Some sites moved along the velocities that terms give them, the others as they are."""
+        base, sites = self.terms.group.base, self._sites(bodies)
+        found = [*bodies]
+        for i in [i for i in some if i not in self.terms.held]:
+            xi = vec(*[0.0 for _ in range(base.dim)])
+            for term in terms:
+                xi = slopes(xi, term.edges_at(sites, i))
+            found[i] = turned(base, *bodies[i], h * xi)
+        return found
+
+
+# ------------------------------------------------------------------ sublattices
+
+
+@record
+class Sublattices(MotionsOfTerms):
+    """Sites by colours, such that no term has two of one colour: the sites of a colour move in the
+    field of the others, which rest.
+
+    Terms are affine in the momentum of each site, so that the field is one.  Terms of one site that
+    are not make parts of their own, if they leave the velocity as it is that they give.
+
+    Source: Frank, Huang and Leimkuhler, J. Comput. Phys. 133 (1997).
+    """
+
+    @property
+    def refused(self) -> str:
+        """Which term is not affine, and why its own motion is not known."""
+        for part in self.terms.parts:
+            if part.kind.affine or (part.graph.arity == 1 and part.kind.steady):
+                continue
+            if part.graph.arity > 1:
+                return f"{part!r} is not affine in the momentum of each of its sites"
+            return f"{part!r} is not affine in the momentum of its site, and {_UNSTEADY}"
+        return ""
+
+    @property
+    def affine(self) -> tuple[BoundTerm, ...]:
+        """Terms that are affine in the momentum of each site."""
+        return tuple([part for part in self.terms.parts if part.kind.affine])
+
+    @property
+    def lonely(self) -> tuple[BoundTerm, ...]:
+        """Terms of one site that are not."""
+        return tuple([part for part in self.terms.parts if not part.kind.affine])
+
+    @property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """The sites of each colour."""
+        return self.terms.affine.groups
+
+    @property
+    def count(self) -> int:
+        """Colours, and terms of single sites."""
+        return self.terms.affine.count + len(self.lonely)
+
+    @property
+    def places(self) -> Places:
+        """Where sites stand in memory: by colours."""
+        return Places.of(self.terms.affine.colouring)
+
+    def of_site(self, places: Places) -> tuple[FieldAtSite, list[tuple[int, ...]]]:
+        """The velocities that the parts give a site, where sites stand by colours; and of each part
+        where its sites begin and end, and its number there.
+        """
+        affine = tuple(map(by_edges, self.affine))
+        forms = [with_fields(self.terms, parts=affine).of_site()] + [
+            with_fields(self.terms, parts=(part,)).of_site() for part in self.lonely
+        ]
+        field, *lonely = [at_places(form, places) for form in forms]
+        colours = [(*ends, 0) for ends in places.ranges if self.affine]
+        alone = [(0, len(places.sites), k + 1) for k in range(len(lonely))]
+        return FieldAtSite(field, tuple(lonely)), [*colours, *alone]
+
+    def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
+        """The sites of a colour about the field of the others, or all about their own axes."""
+        if part < len(self.groups):
+            return self._along(self.affine, self.groups[part], h, bodies)
+        term = self.lonely[part - len(self.groups)]
+        return self._along((term,), range(len(bodies)), h, bodies)
+
+
+@record
+class FieldAtSite(Record):
+    """The velocities that the parts of a splitting give one site among others.
+
+    field : the Hamiltonian of a site of all terms that are affine.  lonely : of each one that is not.
+    """
+
+    field: Any
+    lonely: tuple[Any, ...]
+
+    def velocity(self, part: int, mu: Vec) -> Vec:
+        """That of the field if the part is 0, else of the terms that are not affine, from 1 on."""
+        xi = at_this_site(self.field).gradient(mu)
+        for k, one in enumerate(self.lonely):
+            own = at_this_site(one).gradient(mu)
+            xi = vec(*[where(part == k + 1, x, y) for x, y in zip(own, xi)])
+        return xi
+
+
+def by_edges(part: BoundTerm) -> BoundTerm:
+    """A term with its edges one by one: of sites of which some rest not all meet all."""
+    graph = part.graph
+    if not isinstance(graph, AllPairs):
+        return part
+    made = Edges(frozen_array(graph.edges, repr(graph)), graph.count or 0, False)
+    return with_fields(part, graph=made)
+
+
+def at_places(form: Any, places: Places) -> Any:
+    """The site form of an energy where every site stands at its place."""
+    count = len(places.places)
+
+    def moved(rows: np.ndarray) -> np.ndarray:
+        return rows.reshape(-1, padded(count))[:, places.sites]
+
+    def array(x: SiteArray) -> SiteArray:
+        rows = rows_of(moved(x.entries.array))
+        return with_fields(x, entries=Table(rows.ravel()), places=float(rows.shape[1]))
+
+    tables = [SiteTable.of(places.places[moved(table.numbers)]) for table in inside(form, SiteTable)]
+    arrays = [array(x) for x in inside(form, SiteArray)]
+    return exchanged(exchanged(form, SiteTable, tables), SiteArray, arrays)
+
+
+# ------------------------------------------------------------------ bonds
+
+
+@record
+class Bonds(MotionsOfTerms):
+    """Bonds by colours, such that no two of one colour share a site: f(a . b) turns both of its
+    sites about their sum, and leaves a . b and with it the velocity as it is.
+
+        a' = ad*_(c b) a = ad*_(c (a + b)) a,  b' = ad*_(c (a + b)) b,  c = f'(a . b),
+        g_a -> g_a exp(-h c a) exp(h c (a + b))
+
+    The coordinates are such that [a, b] = -ad*_a b, as on SO(3).  Terms of one site make parts of
+    their own, if they leave the velocity as it is that they give.
+
+    Source: Steinigeweg and Schmidt, Comput. Phys. Commun. 174 (2006).
+    """
+
+    @property
+    def refused(self) -> str:
+        """Which term is no function of a . b, and none of a single site whose velocity stays."""
+        base = self.terms.group.base
+        c = np.array(base.algebra.structure_constants)
+        if self.terms.held:
+            return f"site {self.terms.held[0]} is held, and its bonds do not turn about a sum"
+        odd = [c + np.swapaxes(c, i, j) for i, j in ((0, 1), (1, 2))]
+        if not np.abs(odd).max() <= APART * np.abs(c).max():
+            return f"{base!r} has no coordinates in which the sum of two momenta turns both"
+        for part in self.terms.parts:
+            if part.graph.arity > 1 and not part.kind.isotropic:
+                return f"{part!r} is no function of the product of two momenta, dot(a.mu, b.mu)"
+            if part.graph.arity == 1 and not part.kind.steady:
+                return f"{part!r} is one of a single site, and {_UNSTEADY}"
+        return ""
+
+    @property
+    def lonely(self) -> tuple[BoundTerm, ...]:
+        """Terms of one site."""
+        return tuple([part for part in self.terms.parts if part.graph.arity == 1])
+
+    @property
+    def groups(self) -> tuple[tuple[tuple[int, int, int, int], ...], ...]:
+        """The bonds of each colour: the term, the edge, and its two sites."""
+        return self.terms.pairs.bonds
+
+    @property
+    def count(self) -> int:
+        """Colours, and terms of single sites."""
+        return sum(self.terms.pairs.counts) + len(self.lonely)
+
+    @property
+    def places(self) -> Places:
+        """Where sites stand in memory: such that the ends of neighbouring bonds lie side by side."""
+        return Places.of(self.terms.pairs.colouring)
+
+    def of_site(self, places: Places) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
+        """Each term at a site, those of bonds first; and of each part its term and its colour."""
+        forms: list[Any] = []
+        numbers: list[tuple[int, ...]] = []
+        whole: Any = self.terms.of_site()
+        bonds, pairs = self.terms.pairs, [x for x in self.terms.parts if x.graph.arity == 2]
+        for part, colours, count in zip(pairs, bonds.of_bonds, bonds.counts):
+            numbers += [(len(forms), k, 0) for k in range(count)]
+            forms.append(BondsOfSite.of(part, colours, whole.names, whole.own))
+        for part in self.lonely:
+            numbers.append((len(forms), 0, 0))
+            forms.append(with_fields(self.terms, parts=(part,)).of_site())
+        return tuple([at_places(form, places) for form in forms]), numbers
+
+    def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
+        """Both sites of every bond of a colour about their sum, or all about their own axes."""
+        if part >= len(self.groups):
+            term = self.lonely[part - len(self.groups)]
+            return self._along((term,), range(len(bodies)), h, bodies)
+        base, sites = self.terms.group.base, self._sites(bodies)
+        pairs = [term for term in self.terms.parts if term.graph.arity == 2]
+        found = [*bodies]
+        for k, edge, i, j in self.groups[part]:
+            bond = pairs[k].at_edge(edge)
+            of_i, of_j = [h * bond.slope(end, sites[i], sites[j]) for end in (0, 1)]
+            found[i] = turned(base, *bodies[i], -of_j, of_i + of_j)
+            found[j] = turned(base, *bodies[j], -of_i, of_i + of_j)
+        return found

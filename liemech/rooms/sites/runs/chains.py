@@ -1,0 +1,163 @@
+"""Runs of chains and rings of sites whose steps are solved for together."""
+
+from __future__ import annotations
+
+from types import NoneType
+from typing import Any
+
+import numpy as np
+
+from ....compiler.sites.planes import Planes
+from ....errors import NoConvergence, OutsideChart
+from ....formulas.classes.pytree import with_fields
+from ....formulas.sites import SiteArray, SiteTable, rows_of
+from ....formulas.tables import Table
+from ....groups.retractions import Exponential
+from ....integrators.composition import Composition
+from ....integrators.ending_at_jumps import EndingAtJumps, cuts
+from ....integrators.galerkin import GalerkinVariational
+from ....simulation.compiled.control import FRESH, GOAL, MARK, TAKEN
+from ....systems.mechanical import MechanicalSystem
+from ..galerkin_of_chain import ChainRows, GalerkinOfChain
+from ..terms.sums_of_terms import PlaceTerms
+from ..terms.terms_at_site import ForceOfSite, PotentialOfSite, RoleAtSite
+from .driver import CROSSED
+from .run import SiteRun, aside
+
+MOST = 6
+"""Components of the velocity of a site, at most."""
+
+
+def chained_method(plan: Any) -> GalerkinOfChain | None:
+    """The method of a plan as that of a chain or a ring of sites; None if there is none, or if the
+    sites are tied otherwise.
+    """
+    system, site = plan._one, plan._one.site_form
+    if not isinstance(site, MechanicalSystem) or plan.adaptive or plan.fictive:
+        return None
+    if not isinstance(site.potential, PotentialOfSite) or site.potential.species is not None:
+        return None
+    method = plan._steps.way_of(0)
+    if isinstance(method, EndingAtJumps):
+        if cuts(method, system):
+            return None
+        method = method.method
+    rows, base = [(1.0, 0.0)], method
+    if isinstance(method, Composition):
+        base, rows = method.base, [*zip(method.tableau.gamma, method.tableau.nodes)]
+    if not isinstance(base, GalerkinVariational) or base.order != 2:
+        return None
+    load: Any = site.load
+    if isinstance(load, ForceOfSite) and not all(role.alone for role in load.roles):
+        return None
+    n, dim = system.potential.group.copies, site.configurations.dim
+    bonds = bonds_along(system.potential, n)
+    if bonds is None or dim > MOST or not isinstance(base.retraction, Exponential):
+        return None
+    first = np.zeros(n)
+    for part in bonds:
+        first[part.graph.edges[:, 0]] = 1.0
+    edges = [RoleAtSite.of_incidence(with_fields(part, merged=False), 0, part.graph.incidence(0)) for part in bonds]
+    alone = [role for role in site.potential.roles if role.alone]
+    return GalerkinOfChain(
+        tuple(edges),
+        tuple(alone),
+        SiteTable.of(np.roll(np.arange(n), 1)[None]),
+        SiteArray.of(np.roll(first, 1)),
+        bool(first[-1]),
+        float(n),
+        ChainRows.of(dim),
+        Table(np.ravel(rows)),
+        float(len(rows)),
+        len(rows),
+        repr(method),
+    )
+
+
+def bonds_along(potential: PlaceTerms, n: int) -> list[Any] | None:
+    """The terms of two sites, if all of them tie a site to the next one, the last one perhaps to the
+    first; else None.
+    """
+    found = []
+    for part in potential.parts:
+        if part.graph.arity == 1:
+            continue
+        if part.graph.arity != 2 or part.in_rounds or not hasattr(part.graph, "edges"):
+            return None
+        ends = part.graph.edges
+        if len(ends) > n or not (ends[:, 1] == (ends[:, 0] + 1) % n).all():
+            return None
+        found.append(part)
+    return found or None
+
+
+class ChainRun(SiteRun):
+    """One run of a chain of sites."""
+
+    spare: Any = None  # memory for shorter steps
+
+    def _room_for(self, width: int) -> Planes:
+        """Two copies of what the method carries along, and what a step works with.  Elimination goes
+        from site to site, so that one thread makes a step.
+        """
+        self.workers = 1
+        method = self.shape.method
+        made = Planes.of_rows(2 * width + method.room, self.count)
+        self.squares = made.array[2 * width + method.rows.told]
+        return made
+
+    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The states of all sites at a time in the last step, by a shorter step of all of them; the totals
+        of what is recorded, and the events.
+        """
+        shape, width = self.shape, self.shape.memory.width
+        if at == end:
+            recorded = self.look[: self.totals.shape[1]]
+            return shape.shown_rows(self._memory), recorded, self.values[1]
+        before = self.sites.array[width * (1 - self._copy) :][:width, : self.count]
+        rows = shape.shown_rows(before)
+        h = at - begun
+        goals = np.zeros((GOAL.width, 1))
+        goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, 1.0, begun
+        clocks = np.array([[begun, h, *FRESH]]).T
+        clocks[TAKEN] = 0.0
+        if self.spare is None:
+            squares = self.squares
+            self.spare = self._room_for(width), self.squares
+            self.squares = squares
+        sites, squares = self.spare
+        one = self.chosen is None
+        with aside(
+            self, sites=sites, squares=squares, starts=Planes(rows_of(rows), self.count), goals=goals,
+            clocks=clocks, place=np.zeros((2, 1)), march=np.array([0.0, np.nan, 0.0]), h=h, made=0,
+            times=np.array([begun + h]), begun=begun, first=0, steps=1, room=1,
+            seen=Planes.of_rows(max(1, self.wide), self.count), look=np.zeros_like(self.look),
+            values=np.full_like(self.values, np.nan), totals=np.zeros((1, self.totals.shape[1])),
+            own=self.own if one else np.empty_like(self.own[:1]),
+        ):  # fmt: skip
+            self._begin()
+            super()._call(1)
+            if clocks[MARK, 0] != 0.0:
+                self._fail()
+            found: np.ndarray = shape.shown_rows(self._memory).copy()
+            # at an event the driver stands still before the sample
+            recorded = (self.look if self.plan.events else self.totals[0])[: self.totals.shape[1]]
+            values = self.values[1 if self.march[2] == CROSSED else 0].copy()
+        return found, recorded, values
+
+    def _why(self, failures: list[Any], first: int, again: Any) -> Any:
+        """The reason for which a step failed, and at which site."""
+        found = failures[-1] if failures else None
+        if not isinstance(found, (NoConvergence, OutsideChart, NoneType)):
+            return found
+        error = NoConvergence(
+            f"{self.plan.method!r}: Newton's method found no displacements that fit momenta and forces. "
+            f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
+        )
+        told = np.nan_to_num(self.squares[: self.count], nan=np.inf)
+        error.site = getattr(found, "site", int(told.argmax()))  # type: ignore[attr-defined]
+        return error
+
+    def _origin(self, error: Any, t: float) -> Any:
+        """The error itself, which knows the site."""
+        return error

@@ -1,0 +1,313 @@
+"""Which runs go by sites: those of systems whose energies are sums over graphs, with fixed steps of a
+method of one site.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from ....compiler.sites.planes import Planes
+from ....errors import IncompatibleSystem, IntegrationFailure, InvalidInput, NotCompilable, warn
+from ....formulas.classes.pytree import layout_of
+from ....integrators.ending_at_jumps import AT_ENDS, uncut
+from ....simulation import arguments
+from ....simulation.between.events import name_of
+from ....simulation.result import of_members
+from ....simulation.runs.carry import SiteCarry
+from ....simulation.runs.starts import needed
+from ....simulation.trajectory import Trajectory
+from ....systems.many.site_state import StateOfSites
+from ....systems.system import State
+from ...hamilton_jacobi.lie_poisson_first_kind import FirstKindHamiltonJacobi
+from ...hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
+from ..spin_splittings import TermSplitting
+from .between import SitesBetween
+from .chains import ChainRun, chained_method
+from .lists import Lists, with_lists
+from .states import as_users_see, by_site, first_of
+from .totals import constants, energy, of_sites
+
+LARGE = 300
+"""Numbers of momenta beyond which a system is not written out."""
+
+SIDE_BY_SIDE = 4
+"""Members of an ensemble, which are stepped in lanes where they are written out, are so up to so many
+times as many numbers as a single system.
+"""
+
+OF_SITES = "site", "total"
+"""Names that the second argument of a function of a user's may have, which say of what it is: of one
+site, or of totals over all sites.  Any other is the state of all sites.
+"""
+
+
+def second(function: Any) -> str:
+    """The name of the argument of a function of time that comes behind it."""
+    try:
+        names = [*inspect.signature(function).parameters]
+    except (TypeError, ValueError):
+        return ""
+    return names[1] if len(names) > 1 else ""
+
+
+class SitesOfPlan:
+    """The runs by sites of one plan."""
+
+    of_samples: ClassVar[Any] = staticmethod(of_sites)
+    energy: ClassVar[Any] = staticmethod(energy)
+    constants: ClassVar[Any] = staticmethod(constants)
+    between: ClassVar[Any] = SitesBetween
+
+    def __init__(self, plan: Any, site: Any) -> None:
+        self.plan, self.site = plan, site
+        self.known: dict[Any, Any] = {}
+        self.chain = chained_method(plan)
+        self.fitting: set[int] = set()  # numbers of sites that its tables are known to fit
+
+    @classmethod
+    def of(cls, plan: Any) -> SitesOfPlan | None:
+        """The runs of a plan whose system has a site form; None if they are of bodies written out."""
+        site = plan._one.site_form
+        return cls(plan, with_lists(plan._one, site))
+
+    def prepared(self, first: State, starts: Planes, curves: bool, level: float | None = None) -> Any:
+        """Layouts and native code for starts whose first site is like this one.  curves : is the way of
+        adaptive steps needed?  level : of the derivative that its numbers carry along.
+        """
+        from .prepared import Prepared
+
+        key = layout_of(first), curves
+        if key not in self.known:
+            self.known[key] = Prepared(self.plan, self.site, first, starts, curves, level)
+        return self.known[key]
+
+    def started(self, plan: Any, start: Any) -> Any:
+        """The start with the parts that a run of this plan needs."""
+        known = arguments.known(plan._one, start)
+        start = by_site(plan._one, known)
+        if plan.recorder is None and plan.record is None:
+            return start
+        first = first_of(start)
+        points = not {*start.parts} <= {*known.parts}  # which are bodies to the steps
+        if self.site.jointed and (plan.recorder or points):  # functions of all bodies
+            return start
+        wanted = arguments.with_parts(self.site, first, needed(plan, self.site, first)).arrays
+        return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
+
+    def as_one(self, start: Any) -> Any:
+        """The start as methods look at it, in a row if it is of a linkage or small enough to be written out."""
+        few = isinstance(start, StateOfSites) and start.width <= LARGE * (start.bodies or 1)
+        one = self.plan._one
+        return one._written_out(as_users_see(one, start)) if few or self.site.jointed else start
+
+    # ---------------------------------------------------------------- which runs
+
+    @functools.cached_property
+    def listed(self) -> bool:
+        """Are there lists of the sites that are near each other, for every run anew?"""
+        return Lists.of(self.plan._one, self.site) is not None
+
+    @functools.cached_property
+    def as_one_body(self) -> bool:
+        """Does the method accept all sites as one body?"""
+        try:
+            self.plan.method.require(self.plan._one)
+        except IncompatibleSystem:
+            return False
+        return True
+
+    @functools.cached_property
+    def functions(self) -> list[tuple[str, str, Callable[..., Any]]]:
+        """Names of the user's functions, of what they are, and the functions themselves."""
+        recorder = self.plan.recorder
+        found = [] if recorder is None else [*recorder.quantities.items()]
+        found += [(name_of(event), event) for event in self.plan.events]
+        return [(name, second(x), x) for name, x in found if not isinstance(x, str)]
+
+    @functools.cached_property
+    def summed(self) -> dict[str, Any]:
+        """Recorded sums over all sites, by name."""
+        whole = self.of_all
+        recorder = self.plan.recorder
+        quantities = {} if recorder is None else recorder.quantities
+        return {name: x for name, x in quantities.items() if name not in whole}
+
+    @functools.cached_property
+    def of_all(self) -> dict[str, Callable[..., Any]]:
+        """Recorded functions of the state of all sites together, by name; those of linkages are found at the end."""
+        recorder = self.plan.recorder if not self.site.jointed else None
+        quantities = {} if recorder is None else recorder.quantities
+        return {name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities}
+
+    @functools.cached_property
+    def of_sites(self) -> str | None:
+        """A function of one site or of totals, for which a run of any size goes by sites."""
+        if self.site.jointed:
+            return None
+        return next((name for name, of, _ in self.functions if of in OF_SITES), None)
+
+    def _require_places(self) -> None:
+        """Raise InvalidInput for a function of a site among events, and of totals where there are none."""
+        recorder, events = self.plan.recorder, self.plan.events
+        quantities = {} if recorder is None else recorder.quantities
+        for name, of, function in self.functions:
+            event = any(function is x for x in events)
+            if of == "site" and event:
+                raise InvalidInput(
+                    f"integrate: the event {name}(t, site) is of one site, and events are of totals over all "
+                    "that record= names, or of the state: events=[lambda t, total: total.spin[2]]"
+                )
+            if of == "total" and not (event and quantities):
+                raise InvalidInput(
+                    f"integrate: {name}(t, total) is an event of totals over all sites, which record= "
+                    'names: record=[("spin", lambda t, site: site.mu)]'
+                )
+
+    def missing(self, t_eval: Any, kept: Any, members: bool, few: bool = False) -> str | None:
+        """The first thing asked for that runs by sites do not have; None if they have all.  few : may the system
+        be written out?
+        """
+        plan, steps, links = self.plan, self.plan._steps, self.site.jointed
+        whole = [(name, f) for name, of, f in self.functions if of not in OF_SITES]
+        asked = [name for name, f in whole if few or any(f is event for event in plan.events)]
+        if asked and not links:
+            return (
+                f"event of the state of all sites, as {asked[0]} is: with the arguments (t, site) a function is "
+                "of one site, and recorded as the sum over all; an event (t, total) is of such sums"
+            )
+        if not links:
+            self._require_places()
+        if plan.fictive:
+            return "steps in fictive time"
+        if plan.of_each:
+            return f"{next(iter(plan.of_each))} of each member"
+        if members and kept is not None:
+            return "checkpoint of members"
+        if plan.adaptive:
+            return None
+        method = uncut(steps.way_of(0))
+        if method.noisy and (plan.events or t_eval is not None):
+            return f"events and t_eval of {method!r}, {AT_ENDS}"
+        if isinstance(method, FirstKindHamiltonJacobi) and self.site.hamiltonian.coupled:
+            return f"{method!r} for sites one by one"
+        return None
+
+    def knows(self, start: Any) -> bool:
+        """Is it a state of many sites, or one that has them in a row?"""
+        if isinstance(start, StateOfSites) or not isinstance(start, State):
+            return isinstance(start, StateOfSites)
+        given = start.arrays
+        return self.plan._one.by_site(given) is not given
+
+    def takes(self, start: Any) -> bool:
+        """Does a run from here go by sites?"""
+        if isinstance(start, SiteCarry):
+            return True
+        if not self.knows(start):
+            return False
+        if self.site.jointed or self.chain is not None:
+            return True
+        numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
+        few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
+        if isinstance(self.plan.method, LiePoissonHamiltonJacobi):
+            few //= 2  # written out it has the derivatives of all numbers by all others
+        return numbers > few or self.of_sites is not None or not self.as_one_body
+
+    def trajectory(
+        self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, t_eval: Any = None
+    ) -> Trajectory | None:
+        """The run; None if the system is to be written out instead.  Raises IncompatibleSystem for
+        one that is too large for that.
+        """
+        fresh = not isinstance(start, SiteCarry)
+        if fresh and not self.knows(start):
+            return None
+        state = by_site(self.plan._one, start if fresh else start.state)
+        numbers = state.width // (state.bodies or 1)
+        if not self.takes(start):
+            return None
+        few = fresh and numbers <= LARGE and self.as_one_body and self.of_sites is None
+        why: Any = self.missing(t_eval, kept, state.bodies is not None, few)
+        if why is None and state.bodies is not None:
+            return self._members(state, steps, t_end, t0, t_eval)
+        if why is None:
+            try:
+                run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
+                return run.trajectory()
+            except NotCompilable as error:
+                if self.site.jointed and self.plan._steps.compiled:
+                    raise
+                why = f"{self.plan.method!r} for sites one by one ({error})"
+        if self.of_sites is not None:
+            raise IncompatibleSystem(
+                f"integrate: {self.of_sites} is of one site or of totals, and a run by sites has no {why}"
+            )
+        few = numbers <= LARGE or self.site.jointed
+        if few and self.as_one_body and not isinstance(start, SiteCarry):
+            return None
+        raise self.too_many(why, state)
+
+    def too_many(self, why: str, start: Any) -> IncompatibleSystem:
+        """The error of what runs by sites do not have."""
+        return IncompatibleSystem(
+            f"integrate: there is no {why}; that is for systems of many sites, here {start.sites}, of "
+            f"which up to {LARGE} numbers are written out as one body, which takes everything"
+        )
+
+    def by_hand(self, carry: SiteCarry) -> Any:
+        """A run that goes on as it is told, without samples."""
+        return self.kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
+
+    @property
+    def method(self) -> Any:
+        """The method of fixed steps, as that of all sites or of one."""
+        return self.chain or self.plan._steps.way_of(0)
+
+    @functools.cached_property
+    def kind(self) -> Any:
+        """The class of the runs."""
+        from .run import SiteRun
+        from .turns import TurnsRun
+
+        plan = self.plan
+        if self.chain is not None:
+            return ChainRun
+        by_colour = not plan.adaptive and isinstance(uncut(plan._steps.way_of(0)), TermSplitting)
+        return TurnsRun if by_colour else SiteRun
+
+    @staticmethod
+    def member(start: Any, i: int) -> Any:
+        """One member of an ensemble."""
+        return type(start)(*(None if x is None else x[i] for x in start.parts.values()))
+
+    def _members(self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any) -> Trajectory | None:
+        """The runs of the members of an ensemble, one after the other.  One that fails stays where it
+        came to.
+        """
+        runs: list[Any] = []
+        stopped: dict[int, Any] = {}
+        for i in range(start.bodies):
+            try:
+                one = self.member(start, i)
+                runs.append(self.trajectory(one, steps, t_end, t0, None, t_eval))
+            except IntegrationFailure as error:
+                stopped[i] = error
+                run = getattr(error, "trajectory", None)
+                if run is None:  # it has not begun
+                    error.add_note(f"[integrate: member {i}]")
+                    raise
+                runs.append(run)
+            if runs[-1] is None:
+                return None
+        if stopped:
+            first = min(stopped)
+            warn(
+                f"integrate: {len(stopped)} of {len(runs)} members stopped early, the first is member "
+                f"{first} after {runs[first].steps} steps. {stopped[first]}",
+                RuntimeWarning,
+            )
+        made: Trajectory = of_members(runs, stopped)
+        return made

@@ -1,0 +1,703 @@
+"""Runs of one system of many sites: steps with the number of the site left open, samples where they
+are wanted.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from ....compiler import kernel
+from ....compiler.sites.planes import Planes
+from ....errors import InvalidInput, NoConvergence, NotFinite, is_mistake
+from ....formulas.classes.pytree import inside, layout_of
+from ....formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
+from ....simulation import arguments
+from ....simulation.between.dense import unpacked
+from ....simulation.compiled.control import (
+    ANEW,
+    EPSILON,
+    FRESH,
+    GOAL,
+    LAST_TIME,
+    LIMIT,
+    MARK,
+    REJECTED,
+    STEP,
+    STUCK,
+    TAKEN,
+    TIME,
+    go_on,
+    to_try,
+)
+from ....simulation.compiled.driver import advance
+from ....simulation.result import of_run
+from ....simulation.runs.carry import SiteCarry
+from ....simulation.runs.course import Course, told
+from ....simulation.runs.equal import affordable, at_steps
+from ....simulation.runs.jumps import Ways, beyond_jump, stretches, until_jumps
+from ....simulation.runs.tolerance import limit_of, too_many, too_small
+from ....systems.in_time.tabulated import during, has_inputs
+from ....systems.many.site_state import StateOfSites
+from .driver import (
+    COPIES,
+    CROSSED,
+    ROW,
+    UNWATCHED,
+    advance_sites,
+    begin_sites,
+    one_inside,
+    one_look,
+    one_rate,
+    one_remake,
+    one_start,
+    one_step,
+)
+from .events import Sightings
+from .execution import LONG, SiteExecution
+from .lists import STEP as SHORT
+from .lists import Lists
+from .states import as_users_see, by_site, first_of, site_rows, state_of_rows
+
+PATIENCE = 0.1
+"""Seconds between two looks at the keyboard."""
+
+MOST = 2**30
+"""Steps of a call, at most."""
+
+AROUND = 20
+"""Sites on both sides of one that failed, among which that is looked for of which it failed."""
+
+
+class Failing:
+    """In place of a method: one whose trial fails, as that of a site has failed in native code."""
+
+    def __init__(self, method: Any, error: Any) -> None:
+        self.error_order, self.shortens, self.error = method.error_order, method.shortens, error
+
+    def trial(self, *given: Any) -> Any:
+        """The failure."""
+        raise self.error
+
+
+@contextmanager
+def aside(run: Any, **fields: Any) -> Iterator[dict[str, Any]]:
+    """A run with other fields for a while; what they have become then."""
+    before, after = {name: getattr(run, name) for name in fields}, {}  # type: Any, dict[str, Any]
+    vars(run).update(fields)
+    try:
+        yield after
+    finally:
+        after |= {name: getattr(run, name) for name in fields}
+        vars(run).update(before)
+
+
+class SiteRun(Course):
+    """One run of one system of many sites: what bodies are in other runs is here one system, whose columns
+    are its sites.
+
+    asked, times : of samples, as they were asked for, and as the driver meets them.  seen : samples of
+    states.  march : how far the driver has come.  left : jumps of the velocity, last ones first.
+    """
+
+    by_sites = True
+    ended: int | None = None  # by which event
+    level: float | None = None  # of the derivative that numbers carry along
+    dense = False  # is the way of all adaptive steps kept?
+    overflowed: int | None = None  # the first site with numbers that are not finite, of a step that failed
+
+    def __init__(
+        self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
+        checkpoint: Any = None,
+    ) -> None:  # fmt: skip
+        self.plan, self.site, self.checkpoint, self.way = plan, site, checkpoint, plan._steps
+        self.adaptive, self.workers = plan.adaptive, plan.options.workers
+        fresh = isinstance(start, StateOfSites)
+        state = by_site(plan._one, start if fresh else start.state)
+        self.state, self.count = state, state.sites
+        zero: tuple[float, int] = (t0, 0) if fresh else (start.t0, start.step)
+        self.t0, self.first = zero
+        self.begun = t0 if fresh else start.t
+        self.lists: Any = Lists.of(plan._one, site) if plan._sites.listed else None
+        if self.lists is not None:
+            self.site = site = self.lists.at(np.asarray(state.parts["g"]))
+        if self.lists is not None or self.count not in plan._sites.fitting:
+            require_fitting(site, self.count)
+            plan._sites.fitting.add(self.count)
+        self.fixed_times = t_eval is not None
+        self.aim(steps, t_end, t_eval)
+        inner = (self.asked != self.begun) & (self.asked != self.t_end)
+        curves = self.adaptive and bool(plan.events or inner.any() or self.dense)
+        first, rows = self.laid_out(state)
+        self.starts: Any = Planes(rows_of(rows), self.count)
+        self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
+        self.h, samples, self.pace = shape.h, len(self.asked), shape.paces.get(self.count, 1)
+        self.wide = shape.state.width if shape.shown.kept else 0
+        self.chosen = None if plan.recorder is None else plan.recorder.sites
+        self.of_all: dict[str, list[Any]] = {name: [] for name in plan._sites.of_all}
+        if self.of_all and not plan.recorder.parts and self.chosen is None:
+            self.chosen = []  # states are looked at, and not kept
+        many = padded(self.count) if self.chosen is None else len(self.chosen)
+        affordable(8 * samples * max(1, self.wide) * many, self.steps, self.every)
+        self.room = samples if self.chosen is None else 1  # for samples of all sites
+        self.seen = Planes.of_rows(max(1, self.room * self.wide), self.count)
+        self.own = np.empty((0 if self.chosen is None else samples, self.wide, many))
+        self.totals = np.zeros((samples, shape.shown.totals.width))
+        self.sites = self._room_for(shape.memory.width)
+        self.place, self.out, self.told = np.zeros((2, 1)), np.empty(1), np.zeros(2)
+        self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
+        self.values = np.full((2, max(1, len(plan.events))), np.nan)
+        self.made = 0  # samples
+        self.failures: list[Any] = []
+        self.notes, self.compiled = 0, False
+        self.executions: dict[SiteExecution, SiteExecution] = {}
+        if fresh:
+            self._begin()
+        else:
+            self._take_up(start)
+        if self.dense:
+            self.ways.append((self.begun, self._memory.copy()))
+        self.events = Sightings(self, plan.events, start) if plan.events else None
+
+    def _room_for(self, width: int) -> Planes:
+        """Memory for all sites: two copies of what the method carries along, more where steps are cut."""
+        copies = 2 if self.shape.ending is None else COPIES
+        return Planes.of_rows(copies * width, self.count)
+
+    def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
+        """The state of the first site, and the numbers of all, (width, sites)."""
+        return first_of(state), site_rows(state)
+
+    # ---------------------------------------------------------------- what is asked for
+
+    def aim(self, steps: Any, t_end: Any, t_eval: Any) -> None:
+        """Clock and goal, and the times of samples."""
+        self.clocks = np.array([[self.begun, 0.0, *FRESH]]).T
+        self.goals = np.zeros((GOAL.width, 1))
+        self.left: Ways = []
+        way, self.every = self.way, self.plan.options.every
+        if not self.adaptive:
+            self.steps = self.plan._count(steps, t_end, self.t0, self.first)
+            last, h = self.first + self.steps, way.h
+            inner = np.arange(self.first // self.every + 1, -(-last // self.every)) * self.every
+            self.numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
+            self.asked = self.times = self.t0 + self.numbers * h
+            self.t_end = self.t0 + last * h
+            if t_eval is not None:
+                self.asked = np.asarray(arguments.times(t_eval, self.begun, self.t_end))
+                self.times = at_steps(self.asked, self.t0, h)
+            self.clocks[STEP], self.clocks[TAKEN] = h, self.first
+            self.goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, last, self.t0
+            return
+        self.steps = limit_of(steps, t_end)
+        self.t_end = end = arguments.real(t_end, "t_end")
+        asked = arguments.times(t_eval, self.begun, end)
+        ends = np.array([self.begun, end] if end != self.begun else [end])
+        self.dense = self.plan.options.dense is True
+        self.asked = self.times = (ends[:1] if self.dense else ends) if asked is None else asked
+        self.ways: list[tuple[float, np.ndarray]] = []
+        self.goals[:, 0] = end, way.rtol, way.atol, way.longest, self.steps, self.begun
+        self.clocks[STEP] = way.first(self.begun, end)
+        jumps = way.jumps(self.begun, end) if way.breaks or has_inputs(way.system) else ()
+        found = stretches(jumps, self.begun, end)
+        self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, found)
+
+    def _begin(self) -> None:
+        """Let the method begin at every site."""
+        shape, done = self.shape, np.zeros(1)
+        failures: list[Any] = []
+        beginner = shape.method, self.site, shape.given, shape.started
+        arguments = *beginner, shape.memory, self.h, self.starts, self.sites, done
+        notes = 0
+        work = self.count * min(LONG, max(1, self.steps))
+        with self.executing(shape.beginning).on_sites(work, self.count, self.workers) as calls:
+            if calls is not None:
+                calls(*arguments, None)
+                notes = calls.notes
+            else:
+                begin_sites(*arguments, failures)
+        if not done[0]:
+            given = *beginner, shape.memory, self.h, self.starts, self.sites
+            error = self._why(failures, notes, lambda i: one_site(self.count, i, one_start, *given))
+            raise self._ended(error, f"at the start, t = {self.begun:g}")
+        self.starts = None
+
+    def _take_up(self, start: SiteCarry) -> None:
+        """Go on with what a run has carried along."""
+        if self.adaptive is (start.clock is None):
+            raise InvalidInput("Plan.resume: the run was made with other steps; start a new one from run.last")
+        width = self.shape.memory.width
+        numbers = self.shape.taken_up(start.numbers)
+        self.sites.array[:width] = rows_of(numbers)
+        if self.adaptive:
+            clock, beyond = self.clocks[:, 0], self.clocks[TIME, 0] != self.begun
+            if not beyond:
+                clock[:] = start.clock
+                clock[[TAKEN, REJECTED, MARK]] = 0.0
+                if clock[STEP] * (self.t_end - self.begun) < 0.0:
+                    clock[STEP] = -clock[STEP]
+
+    def executing(self, execution: SiteExecution) -> SiteExecution:
+        """Who runs a driver for this run, of whoever does so for all runs: formulas count as they were then."""
+        if execution not in self.executions:
+            self.executions[execution] = execution.of_a_run()
+        return self.executions[execution]
+
+    # ---------------------------------------------------------------- steps
+
+    @property
+    def measure(self) -> tuple[int, str]:
+        return (1000, "") if self.adaptive else (self.steps, "step")
+
+    @property
+    def shown(self) -> int:
+        if not self.adaptive:
+            return self.most
+        span = self.t_end - self.begun
+        return int(1000 * (self.clocks[TIME, 0] - self.begun) / span) if span else 1000
+
+    @property
+    def worth_saving(self) -> bool:
+        return self._going
+
+    def piece(self) -> int | None:
+        """A call of some steps, or a look at where the run stands."""
+        if not (self._going or self._pending):
+            return None
+        done, turns = self.taken, 0 if self._pending else self.pace
+        if self.checkpoint is not None and turns:
+            turns = max(1, self.checkpoint.within(turns))
+        self._go(turns)
+        return self.taken - done
+
+    def _go(self, turns: int) -> None:
+        """Some steps at most, and what they come to; the next ones are as many as end soon."""
+        begun = time.perf_counter()
+        self._call(turns)
+        self._attend()
+        used = time.perf_counter() - begun
+        if turns:
+            self.pace = self.shape.paces[self.count] = self._quicker(self.pace, used)
+
+    def require_ends(self) -> None:
+        t = self.clocks.item(TIME, 0)
+        if self.adaptive and t != self.t_end and self.ended is None:
+            raise self._with_run(too_many(self.steps, t, self.t_end), None)
+
+    def so_far(self) -> str:
+        whole = "" if self.adaptive else f" of {self.first + self.steps}"
+        at = f"after {self.taken}{whole} steps, t = {self.clocks[TIME, 0]:g}"
+        return f"{at}; {self.made} samples are in `.trajectory`"
+
+    def _stopped(self, error: Any) -> Any:
+        """As of every run; errors of steps have theirs already."""
+        return super()._stopped(error) if isinstance(error, KeyboardInterrupt) else error
+
+    def _quicker(self, pace: int, used: float) -> int:
+        """How many steps the next call makes, by the seconds that this one has used."""
+        if self.lists is not None or self.dense:
+            return 1
+        return max(1, min(64 * pace, MOST, int(pace * PATIENCE / max(used, 1e-9))))
+
+    # ---------------------------------------------------------------- by hand
+
+    def advance(self, steps: int) -> None:
+        """Go on by so many steps, without samples.  After Ctrl-C, and before a step that fails, it
+        stands where it has come to.
+        """
+        self.steps = self.taken + steps - self.first
+        self.goals[LIMIT], self.clocks[MARK] = self.first + self.steps, 0.0
+        self.made, self.times = 0, self.times[:0]
+        while self._going:
+            self._go(min(self.pace, self.first + self.steps - self.taken))
+
+    @property
+    def t(self) -> float:
+        """The time of a run of fixed steps."""
+        return float(self.t0 + self.taken * self.h)
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken, from the start of the motion on."""
+        return int(self.clocks[TAKEN, 0])
+
+    @property
+    def _copy(self) -> int:
+        """In which of the two copies of memory the sites are."""
+        return int(self.place.view(np.int64)[0, 0])
+
+    @property
+    def _going(self) -> bool:
+        """Are there more steps to make?"""
+        t, taken = self.clocks[TIME, 0], self.clocks[TAKEN, 0]
+        there = (t == self.t_end) if self.adaptive else False
+        return self.ended is None and not there and bool(taken < self.goals[LIMIT, 0])
+
+    @property
+    def _pending(self) -> bool:
+        """Is something to be looked at where the run stands?"""
+        first = bool(self.plan.events) and np.isnan(self.march[1])
+        due = self.made < len(self.times) and self.times[self.made] == self.clocks[TIME, 0]
+        return self.ended is None and bool(first or due)
+
+    def _call(self, turns: int) -> None:
+        """Some more steps, up to where something is to be looked at."""
+        shape, stepping, made = self.shape, self.executing(self.shape.stepping), self.made
+        seen = self.seen
+        totals = np.zeros((len(self.times) - made + 1, self.totals.shape[1]))
+        times = np.append(self.times[made : made + self.room], np.nan)
+        if self.chosen is None:
+            seen = Planes(seen.array[made * self.wide :], self.count)
+        elif made + self.room < len(self.times):  # up to where there is no more room
+            times[-1] = np.copysign(np.inf, self.begun - self.t_end)
+        left = LONG if self.adaptive else self.first + self.steps - self.taken
+        before = self._elements() if self.lists is not None and turns else None
+        if before is not None:
+            self.site = self.lists.at(before)
+        arguments: Any = shape.method, self.site, *shape.stepper[2:], turns, self.sites, seen
+        shared, told = [totals, self.look, self.values], [times, self.told, self.march]
+        arrays = [self.goals, self.place, self.clocks, self.out]
+        if not self.adaptive:
+            self.failures = []
+        self.notes, self.march[0] = 0, 0.0
+        try:
+            with stepping.on_sites(self.count * max(1, left), self.count, self.workers) as calls:
+                if calls is not None:
+                    self.compiled = self.compiled or left > 0
+                    one, two = (map(kernel.Shared, x) for x in (shared, told))
+                    calls(*arguments, *one, *arrays, *two, None)
+                    self.notes = calls.notes
+                    if not self.adaptive and self.clocks[MARK, 0] != 0.0:
+                        self.overflowed = calls.overflowed()
+                else:
+                    columns = [x.reshape(-1) for x in (*shared, *arrays, *told)]
+                    driver: Any = advance_sites
+                    driver(*arguments, *columns, self.failures)
+        finally:
+            new = int(self.march[0])
+            if self.chosen is not None and new:
+                self.own[made] = seen.array[: self.wide, self.chosen]
+            self.totals[made : made + new] = totals[:new]
+            self.made += new
+        if self.of_all:
+            rows = seen.array[: new * self.wide, : self.count]
+            self._look_at_all(made, rows.reshape(new, self.wide, self.count))
+        if before is not None and not self.lists.held(before, self._elements()):
+            error = NoConvergence(
+                f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
+                "neighbours reach beyond the cutoff; take a smaller step"
+            )
+            raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
+
+    @property
+    def _memory(self) -> np.ndarray:
+        """Numbers that the method carries along for the sites, (width, sites)."""
+        width = self.shape.memory.width
+        found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
+        return found
+
+    def kept_of(self, rows: np.ndarray) -> np.ndarray:
+        """Of the states of all sites what samples keep."""
+        if self.chosen is not None:
+            return rows[:, self.chosen]
+        return rows if self.wide else rows[:, :0]
+
+    def _elements(self) -> np.ndarray:
+        """Where the sites are."""
+        return self.elements(self.shape.shown_rows(self._memory))
+
+    def elements(self, rows: np.ndarray) -> np.ndarray:
+        """The elements of sites, of the numbers of their states."""
+        return unpacked(layout_of(first_of(self.state)), rows.T)["g"]
+
+    # ---------------------------------------------------------------- between two calls
+
+    def _attend(self) -> None:
+        """Look at what the driver has come to a stand for."""
+        clock, (_, begun, why) = self.clocks[:, 0], self.march.tolist()
+        t = end = float(clock[TIME])
+        if why == UNWATCHED:
+            raise self._unwatched()
+        if self.dense and t != self.ways[-1][0]:
+            self.ways.append((t, self._memory.copy()))
+        if why == CROSSED:
+            self.march[2] = 0.0
+            end = self.events.meet(begun, t)  # type: ignore[union-attr]
+        while self.made < len(self.times) and (self.times[self.made] - end) * (t - begun) < 0.0:
+            self._keep(*self.looked(self.times.item(self.made), begun, t)[:2])
+        if self.ended is not None:
+            self._stay(end, begun, t)
+        elif clock[MARK] != 0.0:
+            self._fail()
+        elif self.adaptive and self.failures and self._hopeless:
+            raise self._too_small(self.failures[-1])
+        elif self.left and t == self.goals[LAST_TIME, 0] and t != self.t_end:
+            beyond_jump(clock, self.goals[:, 0], self.left, self.t_end)
+        if self.dense and not self.fixed_times and self.ended is None and t != self.times[-1]:
+            self.asked = self.times = np.append(self.times, t)
+            self._make_room()
+
+    def _make_room(self) -> None:
+        """Room for twice as many samples, if there are more than was known."""
+        room = len(self.totals)
+        if len(self.times) > room:
+            self.totals, self.own = (np.concatenate([x, np.zeros_like(x)]) for x in (self.totals, self.own))
+            if self.chosen is None:
+                self.room = 2 * room
+                old, self.seen = (self.seen, Planes.of_rows(max(1, self.room * self.wide), self.count))
+                self.seen.array[: len(old.array)] = old.array
+
+    def _keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
+        """One more sample."""
+        if self.chosen is not None:
+            self.own[self.made] = rows[:, self.chosen]
+        elif self.wide:
+            first = self.made * self.wide
+            self.seen.array[first : first + self.wide, : self.count] = rows
+        self.totals[self.made] = totals
+        self.made += 1
+        if self.of_all:
+            self._look_at_all(self.made - 1, rows[None])
+
+    def _look_at_all(self, first: int, rows: np.ndarray) -> None:
+        """The functions of all sites together that are recorded, at some more samples, (samples, width, sites): in
+        plain Python.
+        """
+        for k, own in enumerate(rows):
+            t = self.asked.item(first + k)
+            system, state = self.plan._one, state_of_rows(self.shape.state, own)
+            state = system._written_out(as_users_see(system, state))
+            for name, function in self.plan._sites.of_all.items():
+                try:
+                    value = np.asarray(function(t, state), dtype=float)
+                except Exception as error:
+                    self.made = first + k
+                    raise self._ended(error, f"in {name}(t, state) at t = {t:g}") from None
+                del self.of_all[name][first + k :]
+                self.of_all[name].append(value)
+
+    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The states of all sites at a time in the last step, (width, sites), the totals of what is
+        recorded, and the events.
+        """
+        shape, totals = self.shape, np.zeros_like(self.look)
+        if at == end:
+            rows = shape.shown_rows(self._memory)
+            return rows, self.look[: self.totals.shape[1]], self.values[1]
+        values = np.zeros_like(self.values[0])
+        given = self.executing(shape.looking), self.site, begun, at, end, self.sites, self._copy, self.workers
+        seen, failures, notes = shape.look(*given, totals, values)
+        if failures is not None:
+            more: Any = begun, at, end, self.sites, self._copy, shape.memory, shape.inner.shown
+            again = shape.way, self.site, *more, seen, totals
+            error = self._why(failures, notes, lambda i: one_site(self.count, i, one_inside, *again))
+            raise self._ended(error, f"inside of a step, t = {at:g}")
+        return seen.array[:, : self.count], totals[: self.totals.shape[1]], values
+
+    def _stay(self, at: float, begun: float, end: float) -> None:
+        """End where an event does: adaptive steps go on from the state there."""
+        rows, totals, _ = self.looked(at, begun, end)
+        if not self.fixed_times:
+            self.asked = np.append(self.asked[: self.made], at)
+            self._keep(rows, totals)
+        if self.adaptive:
+            self.starts, self.place = Planes(rows_of(rows), self.count), np.zeros((2, 1))
+            self._begin()
+            go_on(self.clocks[:, 0], at)
+            if self.dense:
+                whole, lasting = self.ways.pop()[1], self.shape.lasting
+                part = part_of_way(whole[lasting:], (at - begun) / (end - begun), self.shape)
+                self.ways.append((at, np.concatenate([self._memory[:lasting], part])))
+        self.t_end = at
+
+    # ---------------------------------------------------------------- what came of it
+
+    def _fail(self) -> None:
+        """A step that could not be made: plain Python says why, of the site that native code has noted.
+        It ends a run of fixed steps; adaptive ones become shorter.
+        """
+        clock, goal, memory = self.clocks[:, 0], self.goals[:, 0], self.shape.memory
+        steps, t, here = self.taken, float(clock[TIME]), self._copy
+        failures = [e for e in self.failures if e is not None]
+        at = f"step {steps + 1} of {self.first + self.steps}, t = {t:g}"
+        given: Any = self.shape.method, self.site, t, self.h, self.sites, here, 1 - here, memory
+        if self.shape.ending is not None:
+            given = given[0], during(self.site, t, self.h, self.shape.ending.beyond), *given[2:]
+        if not self.adaptive:
+            error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_step, *given))
+            raise self._ended(self._overflowed(self._origin(error, t)), at)
+        if clock[MARK] == STUCK and clock[ANEW] == 0.0:
+            error = failures[-1] if failures else None
+            raise (self._ended(error, f"step {steps + 1}, t = {t:g}") if is_mistake(error) else self._too_small(error))
+        h = 0.0 if clock[ANEW] else to_try(t, clock.item(STEP), goal.item(0), goal.item(3))[0]
+        again: Any = *given[:3], h, self.sites, here, memory
+        error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_remake, *again))
+        if h == 0.0 or is_mistake(error):
+            where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
+            raise self._ended(error, where)
+        clock[MARK], self.failures = 0.0, [error]
+        stub: Any = Failing(self.shape.method, error)
+        columns = [x.reshape(-1) for x in (self.goals, self.place, self.clocks, self.out)]
+        way = self.site, self.shape.control, self.shape.place, ROW, 1, 1
+        driver: Any = advance
+        driver(stub, *way, *columns, self.failures)
+        if clock[MARK] == STUCK or self._hopeless:
+            raise self._too_small(error)
+
+    @property
+    def _hopeless(self) -> bool:
+        """Did steps fail that were no longer than rounding of the whole time?"""
+        return bool(abs(self.clocks[STEP, 0]) <= EPSILON * abs(self.t_end - self.begun))
+
+    def _unwatched(self) -> Any:
+        """The error of a run of which an event failed."""
+        t, shape, failures = self.clocks.item(TIME, 0), self.shape, self.failures[-1:]
+        given = shape.method, self.site, t, self.sites, self._copy, shape.memory, shape.shown
+        error: Any = failures[0] if failures else None
+        if error is None and self.notes >= 0:
+            again = *given, np.zeros_like(self.look)
+            error = self._why([], self.notes, lambda i: one_site(self.count, i, one_look, *again))
+        if error is None:
+            try:
+                shape.sighted.seen(t, self.look)
+            except Exception as caught:
+                error = caught
+        return self._ended(error, f"in an event at t = {t:g}")
+
+    def _why(self, failures: list[Any], first: int, again: Any) -> Any:
+        """The error that the formula of a site raises.  first : of those among which it is; -1 if all have
+        failed together, or nobody knows.
+        """
+        if failures:
+            return failures[-1]
+        some = range(max(0, first), min(self.count, max(0, first) + kernel.lanes()))
+        for i in some if first >= 0 or self.count <= FEW else ():
+            try:
+                again(i)
+            except TooManySites:
+                first = -1
+                break
+            except Exception as error:
+                return error
+        if first < 0:
+            return NoConvergence(
+                f"{self.plan.method!r}: what all sites have in common failed, such as an iteration that "
+                f"does not settle. The step h = {self.h:g} may be too large; try {0.25 * self.h:g}"
+            )
+        return None
+
+    def _overflowed(self, error: Any) -> Any:
+        """The error, with the first site whose numbers overflowed, where all sites failed together."""
+        if self.overflowed is not None and isinstance(error, NoConvergence) and not hasattr(error, "site"):
+            error.site = self.overflowed  # type: ignore[attr-defined]
+        return error
+
+    def _origin(self, error: Any, t: float) -> Any:
+        """The error of the first site whose own velocity is not finite before the step that failed: in
+        the stages of a step that goes over to its neighbours.
+        """
+        near = getattr(error, "site", None)
+        some = range(self.count)
+        if self.count > FEW:
+            some = range(0) if near is None else some[max(0, near - AROUND) : near + AROUND]
+        given: Any = self.shape.method, self.site, t, self.sites, self._copy, self.shape.memory
+        if isinstance(error, (NotFinite, NoConvergence)):
+            for i in some:
+                try:
+                    one_site(self.count, i, one_rate, *given)
+                except TooManySites:
+                    break
+                except Exception as found:
+                    return found
+        return error
+
+    def _too_small(self, error: Any) -> Any:
+        """The error of a run whose steps became too small."""
+        clock, goal = self.clocks[:, 0].tolist(), self.goals[:, 0].tolist()
+        estimate = self.told.item(0)
+        site = getattr(error, "site", None)
+        what = repr(self.plan.method) if site is None else f"{self.plan.method!r}: site {site}"
+        made = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate)
+        return self._with_run(made, site)
+
+    def _ended(self, error: Any, at: str) -> Any:
+        """The error of a run whose step failed, with what there is of it."""
+        site = getattr(error, "site", None)
+        one = self.plan._one
+        named = getattr(getattr(one, "configurations", one.group), "named", str)
+        beside = getattr(error, "beside", None)
+        if site is not None:
+            which = f"site {named(site)}" if beside is None else f"sites {named(site)} and {named(beside)}"
+            at = f"{which}, {at}"
+        return self._with_run(told(error, self.plan.method, at, lambda: self.made), site)
+
+    def _with_run(self, error: Any, site: int | None) -> Any:
+        """An error with the run up to it."""
+        error.site = site
+        if self.made:
+            error.trajectory = of_run(self)
+        return error
+
+    def recorded(self, n: int) -> dict[str, np.ndarray]:
+        """Functions of all sites together that are recorded, at the first n samples."""
+        return {name: np.array(values[:n]) for name, values in self.of_all.items()}
+
+    def lay_down(self) -> None:
+        """Put what the sites carry along in their places."""
+
+    def known(self, i: int | None = None) -> dict[str, Any]:
+        """Fields of the trajectory that depend on the control."""
+        h, rejected = self.h, None
+        if self.adaptive:
+            h = float((self.clocks[TIME, 0] - self.begun) / max(1, self.most))
+            rejected = int(self.clocks[REJECTED, 0])
+        known = {"h": h, "rejected": rejected, "breaks": self.way.breaks}
+        if self.dense:
+            from .between import SitesDense
+
+            known["dense"] = SitesDense.of(self)
+        return known
+
+    @property
+    def most(self) -> int:
+        """How many steps the run took."""
+        return self.taken - self.first
+
+    @property
+    def standing(self) -> SiteCarry:
+        """With what the run goes on from here."""
+        self.lay_down()
+        met = SiteCarry.met if self.events is None else self.events.watch.met
+        found: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy(), met)
+        return found
+
+    def carry(self, memory: np.ndarray, clock: np.ndarray, met: Any) -> Any:
+        """With what a run goes on; nothing where fixed steps were ended inside of one."""
+        if self.ended is not None and not self.adaptive:
+            return None
+        state = state_of_rows(self.shape.state, self.shape.shown_rows(memory))
+        state = as_users_see(self.plan._one, state)
+        numbers = memory[: self.shape.lasting]
+        if not self.adaptive:
+            return SiteCarry(self.t0, self.h, int(clock[TAKEN]), numbers, state, met=met)
+        clock[MARK] = 0.0
+        return SiteCarry(float(clock[TIME]), 0.0, 0, numbers, state, met, clock, self.ended)
+
+
+def part_of_way(curve: np.ndarray, part: float, shape: Any) -> np.ndarray:
+    """The coefficients of the first part of a way, Omega(part theta)."""
+    terms = len(shape.memory.parts[2].parts)
+    powers = part ** (1.0 + np.arange(terms))
+    found: np.ndarray = np.repeat(powers, len(curve) // terms)[:, None] * curve
+    return found
+
+
+def require_fitting(site: Any, count: int) -> None:
+    """Raise InvalidInput for tables and parameters of other sites."""
+    for x in [*inside(site, SiteTable), *inside(site, SiteArray)]:
+        if not x.fits(count) or (isinstance(x, SiteTable) and x.largest >= count):
+            raise InvalidInput(f"integrate: a table of {site!r} is not one of {count} sites")

@@ -1,0 +1,550 @@
+"""Runs of splittings of many sites by colours: the sites of one colour turn in place, in one loop over
+memory, while the others rest, or all those with a bond of one colour turn at the same time.
+"""
+
+from __future__ import annotations
+
+import bisect
+from typing import Any
+
+import numpy as np
+
+from ....compiler import kernel
+from ....compiler.driver import read, write
+from ....compiler.sites.planes import Planes, each, load, save, some
+from ....errors import NotFinite, undefined
+from ....formulas import Record, plain, record
+from ....formulas.classes.pytree import NUMBER
+from ....formulas.sites import padded, rows_of
+from ....formulas.tables import Table, entry
+from ....integrators.ending_at_jumps import jumps_between, uncut
+from ....simulation.compiled.control import MARK, STUCK, TAKEN, TIME
+from ....systems.in_time.tabulated import NEAR, during
+from ....systems.lie_poisson import BodyState
+from ..parts_of_spins import turned
+from ..spin_splittings import terms_of
+from ..terms.bonds_at_site import BondsOfSite
+from ..terms.terms import at_time
+from ..terms.terms_at_site import at_this_site
+from .driver import CROSSED, OVERFLOW
+from .execution import SiteExecution
+from .run import SiteRun
+from .totals import totals_in
+
+ROWS = 2**21
+"""Numbers of states that are made before they are looked into."""
+
+# ------------------------------------------------------------------ the drivers
+
+
+@record
+class Turns(Record):
+    """The turns of a step: for each five numbers, of which the last two are its share of the step, and
+    at which share of it terms are taken that change with time; abstract.
+
+    The first one begins with what the step before has left, which is the share `last`.
+
+    group : of one site.  form : of the energy at a site.  name : of the method.
+    """
+
+    group: Any
+    form: Any
+    numbers: Any
+    last: float
+    name: str = ""
+
+    def __repr__(self) -> str:
+        return self.name
+
+    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
+        """Turn number k, at a time and for another, from one copy of the sites to a row of others."""
+        raise undefined(self, "make")
+
+    def after(self, here: int) -> int:
+        """The copy in which the sites are after a turn."""
+        raise undefined(self, "after")
+
+    def number(self, k: int, which: int) -> int:
+        """One of the whole numbers of turn number k."""
+        return int(entry(self.numbers, 5 * k + which))
+
+    def share(self, k: int) -> float:
+        """The share of turn number k."""
+        return entry(self.numbers, 5 * k + 3)
+
+    def at(self, k: int) -> float:
+        """The share of the step at which turn number k sees terms that change."""
+        return entry(self.numbers, 5 * k + 4)
+
+
+@record
+class TurnsOfColours(Turns):
+    """Those of sites by colours, in place, while the others rest: where the sites of a turn begin and
+    end in memory, and which part of the energy makes it (0 is the field of the others).
+
+    form : `FieldAtSite`.
+    """
+
+    __repr__ = Turns.__repr__
+
+    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
+        """Turn number k: of the sites of a colour."""
+        begin, end, part = self.number(k, 0), self.number(k, 1), self.number(k, 2)
+        some(
+            sites, begin, end, turned_site, self.group, self.form, part, t, time, sites, there, row,
+            layout,
+        )  # fmt: skip
+
+    def after(self, here: int) -> int:
+        """Where they were."""
+        return here
+
+
+def turned_site(
+    group: Any, field: Any, part: int, t: float, time: float, here: Any, there: Any, row: int,
+    layout: Any,
+) -> None:  # fmt: skip
+    """The turn of one site."""
+    state = load(here, 0, layout)
+    xi = at_time(field, t).velocity(part, plain(state.mu))
+    save(there, row, BodyState(*turned(group, state.mu, state.g, time * xi)), layout)
+
+
+@record
+class TurnsOfBonds(Turns):
+    """Those of bonds by colours, of which both ends turn at the same time: from one copy of all sites
+    to the other.  The numbers are the term, from those of two sites on, and the colour.
+
+    form : the terms, `BondsOfSite` and then energies of single sites.
+    """
+
+    __repr__ = Turns.__repr__
+
+    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
+        """Turn number k: of all sites, along one term."""
+        which, colour = self.number(k, 0), self.number(k, 1)
+        for i in range(len(self.form)):
+            for _ in range(int(which == i)):
+                each(
+                    sites, turned_by_bond, self.group, self.form[i], colour, t, time, sites, here,
+                    there, row, layout,
+                )  # fmt: skip
+
+    def after(self, here: int) -> int:
+        """The other one."""
+        return 1 - here
+
+
+def turned_by_bond(
+    group: Any, term: Any, colour: int, t: float, time: float, sites: Any, here: int, there: Any,
+    row: int, layout: Any,
+) -> None:  # fmt: skip
+    """The turn of one site along its bond of a colour, or along its own energy."""
+    term = at_time(term, t)
+    state = load(sites, here, layout)
+    mu = plain(state.mu)
+    if isinstance(term, BondsOfSite):
+        theirs, mine = term.turns(colour, mu, time)
+        moved = turned(group, state.mu, state.g, -theirs, mine + theirs)
+    else:
+        moved = turned(group, state.mu, state.g, time * at_this_site(term).gradient(mu))
+    save(there, row, BodyState(*moved), layout)
+
+
+def copied_site(sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
+    """A site as it is."""
+    save(there, row, load(sites, here, layout), layout)
+
+
+def advance_turns(
+    turns: Turns,
+    layout: Any,
+    h: float,
+    count: int,
+    t0: float,
+    steps: int,
+    samples: int,
+    shown: int,
+    sites: Any,
+    seen: Any,
+    clock: Any,
+) -> None:
+    """The driver: `samples` times so many steps of so many turns, and a sample if it is to be shown,
+    1; 0 if not.
+
+    layout : of the state of one site.  t0 : the time of step 0.  sites : before the last turn of a step.
+    clock : the time that is left for it, the copy in which they are, the number of steps made.
+    seen : the states, one sample behind the other.
+    """
+    for k in range(samples):
+        left, here = read(clock, 0, NUMBER), int(read(clock, 1, NUMBER))
+        taken = read(clock, 2, NUMBER)
+        for n in range(steps):
+            t = t0 + (taken + n) * h
+            for i in range(count):
+                time = turns.share(i) * h
+                if i == 0:
+                    time = left + time
+                there = turns.after(here)
+                turns.make(i, t + turns.at(i) * h, time, sites, here, sites, there, layout)
+                here = there
+            left = turns.last * h
+        taken = taken + steps
+        write(clock, 0, left, NUMBER)
+        write(clock, 1, float(here), NUMBER)
+        write(clock, 2, taken, NUMBER)
+        for _ in range(shown):
+            each(sites, copied_site, sites, here, seen, k, layout)
+            turns.make(count, t0 + taken * h, left, sites, here, seen, k, layout)
+
+
+# ------------------------------------------------------------------ Python's side
+
+
+def in_order(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Numbers of sites, (..., sites), in another order: row by row, four times as fast as at once."""
+    found = np.empty((*rows.shape[:-1], len(places)))
+    for row in np.ndindex(rows.shape[:-1]):
+        np.take(rows[row], places, out=found[row], mode="clip")  # without a copy; all are there
+    return found
+
+
+class Turning:
+    """How a splitting steps the sites of a system: their places, the turns of a step, and the code
+    that makes them.
+    """
+
+    def __init__(self, plan: Any, layout: Any) -> None:
+        steps, system = plan._steps, plan._one
+        method = uncut(steps.way_of(0))
+        motions = method._motions(terms_of(system))
+        self.places = motions.places
+        form, numbers = motions.of_site(self.places)
+        rows = [(*numbers[part], share, at) for part, share, at in method.turns(motions)]
+        kind, self.copies = (TurnsOfBonds, 2) if isinstance(form, tuple) else (TurnsOfColours, 1)
+        last = rows[-1]
+        if len(rows) == 1:  # one turn is a step, and leaves nothing
+            last = *last[:3], 0.0, 0.0
+            rows = [*rows, last]
+        table = Table(np.array(rows, dtype=float).ravel())
+        turns = kind(system.group.base, form, table, last[3], repr(method))
+        self.arguments = turns, layout, steps.h, len(rows) - 1
+        planes, shared = Planes.of_rows(1, 1), kernel.Shared(np.empty(0))
+        self.execution = SiteExecution(
+            steps.compiled, steps.progress, advance_turns, *self.arguments, 0.0, 1, 1, 1, planes,
+            planes, shared,
+        )  # fmt: skip
+
+    def spread(self, rows: np.ndarray) -> Planes:
+        """Rows of numbers of sites in the order of their places, in the first of the copies."""
+        return self.begun(in_order(rows, self.places.sites))
+
+    def begun(self, rows: np.ndarray) -> Planes:
+        """Rows of numbers of sites that are in this order already, in the first of the copies."""
+        copies = rows if self.copies == 1 else np.tile(rows, (self.copies, 1))
+        return Planes(rows_of(copies), rows.shape[-1])
+
+
+class TurnsRun(SiteRun):
+    """One run of a splitting by sublattices: what a site carries along, its state at the node and
+    before the last turn, is laid out by colours for as long as native code runs.
+    """
+
+    turned: Planes | None = None  # all sites before the last turn of a step, by their places
+    clock: np.ndarray
+    last: Any = None  # all states at the node, by their places
+    old: Any = None  # those at the node before it
+    before: Any = None  # the sites and the clock before the last call, and how many steps it made
+    torn = False  # are the sites further than the steps that were looked into?
+
+    def _room_for(self, width: int) -> Planes:
+        """Memory for all sites: one copy, as they turn in place."""
+        return Planes.of_rows(width, self.count)
+
+    @property
+    def _looks(self) -> bool:
+        """Is every step looked into, for zeros of events, for times inside of it, or for cuts?"""
+        return bool(self.plan.events) or self.fixed_times or self.shape.ending is not None
+
+    def _call(self, turns: int) -> None:
+        """Some more steps: those to the next sample or a part of them, or to some samples."""
+        if self._looks:
+            return self._look_into(turns)
+        first = self.made
+        if not turns:
+            self._show(first, self.shape.shown_rows(self._memory)[None])
+            self.made += 1
+            return
+        if first == len(self.times):  # nobody wants one
+            wanted, samples, whole = turns, 1, False
+        else:
+            wanted = int(self.numbers[first]) - self.taken
+            samples = 1
+            if turns >= 2 * wanted and first + 1 < len(self.times):
+                other = np.diff(self.numbers[first - 1 :]) != wanted
+                same = int(np.argmax(other)) if other.any() else len(other)
+                samples = max(1, min(same, turns // wanted))
+            turns, whole = min(turns, wanted), turns >= wanted
+        if self.checkpoint is not None:
+            samples = min(samples, max(1, self.checkpoint.within(samples * turns) // turns))
+        rows = self._turned(turns, samples if whole else 1, int(whole))
+        good = len(rows)
+        if not np.isfinite(rows).all():
+            good = int(np.argmin(np.isfinite(rows).all(axis=(1, 2))))
+        self.clocks[TAKEN] += turns * good
+        self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
+        if good < len(rows):
+            self.clocks[MARK] = STUCK
+        if whole:
+            self._show(first, self._seen(rows[:good]))
+            self.made += good
+
+    def _show(self, first: int, rows: np.ndarray) -> None:
+        """Keep samples, (samples, width, sites), and what is wanted of them."""
+        shown, samples = self.shape.shown, len(rows)
+        if not samples:
+            return
+        if self.chosen is not None:
+            self.own[first : first + samples] = rows[..., self.chosen]
+        elif shown.kept:
+            begin = first * self.wide
+            kept = self.seen.array[begin : begin + samples * self.wide]
+            kept = kept.reshape(samples, self.wide, -1)
+            kept[..., : self.count], kept[..., self.count :] = rows, rows[..., -1:]
+        if shown.quantities:
+            times = self.t0 + self.numbers[first : first + samples] * self.h
+            self.totals[first : first + samples] = self._totals(rows, times)
+        if self.of_all:
+            self._look_at_all(first, rows)
+
+    def _totals(self, rows: np.ndarray, times: Any) -> np.ndarray:
+        """Recorded totals over all sites, of states (samples, width, sites)."""
+        shown = self.shape.shown
+        found = np.zeros((len(rows), shown.totals.width))
+        if shown.quantities:
+            planes = Planes(rows_of(rows).reshape(-1, padded(self.count)), self.count)
+            totals_in(found, self.site, shown, planes, times)
+        return found
+
+    # ---------------------------------------------------------------- inside of steps
+
+    def _look_into(self, turns: int) -> None:
+        """Some more steps, each of which is looked into."""
+        if self.last is None:
+            self._turned(0, 1, 1)
+        t, left = self.clocks.item(TIME, 0), self.first + self.steps - self.taken
+        if np.isnan(self.march[1]):
+            self.march[1] = t
+            self._stand(self._totals(self._seen(self.last)[None], [t])[0])
+        turns = min(turns, left)
+        if not turns:
+            return
+        free = self._uncut(turns)
+        if not self.plan.events:  # nothing happens until the next time
+            due = self.times[self.made] if self.made < len(self.times) else np.copysign(np.inf, self.h)
+            far = min(int(min((due - t) / self.h, turns + 1.0)) - 1, free)
+            if far > 0:
+                self._turned(far, 1, 1)
+                self._go_on(far, self.last)
+                return
+        old, self.torn = self.last, True
+        some = min(free, max(1, ROWS // self.last.size))
+        rows = self._turned(1, some, 1) if free else self._cut()[None]
+        times = self.t0 + (self.taken + 1 + np.arange(len(rows))) * self.h
+        totals = self._totals(self._seen(rows), times)
+        for row, total in zip(rows, totals):
+            self.old, self.last, old = old, row, row
+            begun = self.clocks.item(TIME, 0)
+            if not self._go_on(1, row):
+                return
+            self._stand(total, begun)
+            if self.ended is not None:
+                return
+        self.torn = False
+
+    def _go_on(self, steps: int, row: np.ndarray) -> bool:
+        """Count steps; is what they lead to finite?"""
+        self.clocks[TAKEN] += steps
+        self.clocks[TIME] = self.t0 + self.clocks[TAKEN] * self.h
+        good = bool(np.isfinite(row).all())
+        if not good:
+            self.clocks[MARK] = STUCK
+        return good
+
+    def _stand(self, totals: np.ndarray, begun: float | None = None) -> None:
+        """Look at what a step leads to, that began then; at the start of a run if none did."""
+        t = self.clocks.item(TIME, 0)
+        self.look[: len(totals)] = totals
+        if self.plan.events:
+            self.values[1] = self._seen_by_events(t, self.look)
+            if begun is None:
+                self.values[0] = self.values[1]
+            a, b = self.values
+            met = (np.minimum(a, b) <= 0.0) & (np.maximum(a, b) >= 0.0)
+            self.march[2] = CROSSED if met.any() and begun is not None else 0.0
+        if begun is not None:
+            self.march[1] = begun
+            super()._attend()
+            if self.march[2] == 0.0:
+                self.values[0] = self.values[1]
+        while self.ended is None and self.made < len(self.times) and self.times[self.made] == t:
+            self._keep(self._seen(self.last), totals)
+
+    def _seen_by_events(self, t: float, totals: np.ndarray) -> Any:
+        """The values of events."""
+        try:
+            return self.shape.sighted.seen(t, totals)
+        except Exception as error:
+            raise self._ended(error, f"in an event at t = {t:g}") from None
+
+    def _attend(self) -> None:
+        """Steps that are looked into have been attended to."""
+        if not self._looks or self.clocks[MARK, 0] != 0.0:
+            super()._attend()
+
+    def _seen(self, rows: np.ndarray) -> np.ndarray:
+        """States by places as they are shown, (..., width, sites)."""
+        order = self.shape.order
+        if order != [*range(rows.shape[-2])]:
+            rows = rows[..., order, :]
+        return in_order(rows, self.shape.turning.places.places)
+
+    def looked(self, at: float, begun: float, end: float) -> tuple[Any, Any, Any]:
+        """The states of all sites at a time in the last step, the totals, and the events."""
+        if at == end:
+            return self._seen(self.last), self.look[: self.totals.shape[1]], self.values[1]
+        order, fresh = self.shape.order, np.zeros_like(self.old)
+        fresh[order] = self.old[order]
+        rows = self._seen(self._moved(fresh, begun, at - begun))
+        if not np.isfinite(rows).all():
+            raise self._ended(NotFinite(OVERFLOW), f"inside of a step, t = {at:g}")
+        totals = self._totals(rows[None], [at])[0]
+        values = self._seen_by_events(at, totals) if self.plan.events else ()
+        return rows, totals, np.array(values)
+
+    # ---------------------------------------------------------------- steps that are cut
+
+    def _uncut(self, turns: int) -> int:
+        """How many of the next steps are made as they are, as no input jumps in them or at their ends."""
+        ending, t, h = self.shape.ending, self.clocks.item(TIME, 0), self.h
+        if ending is None:
+            return turns
+        end = t + turns * h
+        near = 2.0 * NEAR * max(abs(t), abs(end))
+        low, high = min(t, end) - near, max(t, end) + near
+        jumps = jumps_between(ending.method, self.site, self.way.breaks, low, high)
+        ahead = [(jump - t) / h for jump in jumps if low <= jump <= high]
+        return max(0, int(min([turns, *[n - near / abs(h) for n in ahead]])))
+
+    def _cut(self) -> np.ndarray:
+        """The states of all sites after a step that is cut, by their places."""
+        self.last = self._moved(self.last, self.clocks.item(TIME, 0), self.h)
+        self.turned = self.shape.turning.begun(self.last)
+        self.clock = np.array([0.0, 0.0, self.taken + 1.0])
+        found: np.ndarray = self.last
+        return found
+
+    def _moved(self, rows: np.ndarray, t: float, h: float) -> np.ndarray:
+        """The states of all sites, by their places, after a step of any length from others."""
+        turning, ending, site = self.shape.turning, self.shape.ending, self.site
+        turns, layout, _, number = turning.arguments
+        for begin, s in [(t, h)] if ending is None else ending.parts(site, t, h):
+            seen = turns if ending is None else during(turns, begin, s, ending.beyond)
+            start, after = turning.begun(rows), Planes.of_rows(len(rows), rows.shape[1])
+            self._make((seen, layout, s, number, begin, 1, 1, 1, start, after), np.zeros(3))
+            rows = after.array[:, : start.count]
+        return rows
+
+    # ---------------------------------------------------------------- turns
+
+    def _make(self, arguments: Any, clock: np.ndarray) -> None:
+        """Run the driver."""
+        execution = self.executing(self.shape.turning.execution)
+        left = self.first + self.steps - self.taken
+        with execution.on_sites(self.count * max(1, left), arguments[-1].count, self.workers) as calls:
+            if calls is not None:
+                self.compiled = True
+                calls(*arguments, kernel.Shared(clock))
+            else:
+                driver: Any = advance_turns
+                driver(*arguments, clock)
+
+    def _turned(self, turns: int, samples: int, shown: int) -> np.ndarray:
+        """The states of all sites after so many steps each, (samples, width, places); if they are not
+        to be shown, what the sites carry along.
+        """
+        shape, width = self.shape, self.shape.started.width
+        if shape.turning is None:
+            shape.turning = Turning(self.plan, shape.started)
+        turning = shape.turning
+        if self.turned is None:
+            self.turned = turning.spread(self._memory[width : 2 * width])
+            self.clock = np.array([self._memory[2 * width, 0], 0.0, self.taken])
+        count = self.turned.count
+        seen = Planes.of_rows(width * samples * shown, count)
+        arguments: Any = *turning.arguments, self.t0, turns, samples, shown, self.turned, seen
+        self.notes, self.failures = -1, []
+        self.before = self.turned.array.copy(), self.clock.copy(), turns * samples
+        self._make(arguments, self.clock)
+        if not shown:
+            self.last = None
+            return self._before_last[None]
+        rows = seen.array.reshape(-1, width, seen.array.shape[1])
+        self.last = rows[-1]
+        return rows[..., :count]
+
+    @property
+    def _before_last(self) -> np.ndarray:
+        """The states of all sites before the last turn of a step, (width, places)."""
+        planes: Any = self.turned
+        width = self.shape.started.width
+        begin = int(self.clock[1]) * width
+        found: np.ndarray = planes.array[begin : begin + width, : planes.count]
+        return found
+
+    def carry(self, *given: Any) -> Any:
+        """With what a run goes on; nothing where it was interrupted between steps that are made and those
+        that were looked into.
+        """
+        return None if self.torn else super().carry(*given)
+
+    def lay_down(self) -> None:
+        if self.turned is not None:
+            here, width = self.shape.turning.places.places, self.shape.started.width
+            memory = self._memory
+            last = self._turned(0, 1, 1)[0] if self.last is None else self.last
+            memory[:width] = in_order(last, here)
+            memory[width : 2 * width] = in_order(self._before_last, here)
+            memory[2 * width] = self.clock[0]
+
+    def _fail(self) -> None:
+        """A state that is not finite ends the run."""
+        step, error = self.taken, NotFinite(OVERFLOW)
+        site = self._first_not_finite()
+        if site is not None:
+            error.site = site  # type: ignore[attr-defined]
+        raise self._ended(error, f"after step {step}, t = {self.t0 + step * self.h:g}")
+
+    def _first_not_finite(self) -> int | None:
+        """The first of the sites whose states are not finite after the first turn that leads to any: the
+        last call is made anew, up to the first step that fails, and then that step turn by turn.
+        """
+        if self.before is None or self.turned is None:
+            return None
+        array, clock, total = self.before
+        turning, width, count = self.shape.turning, self.shape.started.width, self.turned.count
+        turns, layout, h, number = turning.arguments
+
+        def after(steps: int, number: int = number, shown: int = 1) -> tuple[Any, Any, int | None]:
+            """The sites, the clock, and the first site that is not finite, after so many turns of steps."""
+            sites, told = Planes(array.copy(), count), clock.copy()
+            seen = Planes.of_rows(width * shown, count)
+            self._make((turns, layout, h, number, self.t0, steps, 1, shown, sites, seen), told)
+            rows = np.concatenate([sites.array, seen.array])[:, :count]
+            bad = turning.places.sites[~np.isfinite(rows).all(axis=0)]
+            return sites.array, told, int(bad.min()) if len(bad) else None
+
+        step = bisect.bisect_left(range(1, total + 1), True, key=lambda k: after(k)[2] is not None)
+        array, clock, _ = after(step)
+        found = (after(1, k, 0)[2] for k in range(1, number + 1))
+        return next((site for site in found if site is not None), after(1)[2])

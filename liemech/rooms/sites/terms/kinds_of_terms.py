@@ -1,0 +1,284 @@
+"""Kinds of energies of coupled sites: those whose ends are alike, and those whose motion is known.
+
+A kind is proved for all edges and sites.  Energy and derivatives are formed at states by chance, on every way
+through the branches of the formula: first of residues, whatever the parameters are; if an identity fails there, of
+floats with the parameters of each edge, on the ways that these take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from ....formulas import dot, jacobian, vec
+from ....formulas.classes.of_each import Each
+from ....formulas.classes.pytree import exchanged, inside, with_fields
+from ....formulas.classes.remembered import Remembered
+from ....formulas.numbers.ways import ANY, APART, MOVING, AnyFunction, Number, Residue, Ways, values_of
+from ....systems.hamiltonian import Hamiltonian
+from ....systems.in_time.tabulated import PiecewisePolynomial
+from ..graphs import places_of
+from .among import Among, has_places, is_all_pairs
+from .bound_terms import BoundTerm, Kind
+from .near_pairs import NearPairs
+from .terms import at_time
+from .terms_in_arrays import OfEdge
+
+SIZES = 10.0 ** np.arange(-45, 46, 3)
+"""Sizes of momenta: a part that counts in some units is seen at one of them."""
+
+DISTANCES = 10.0 ** np.arange(-12, 13, 3)
+"""Sizes of places; those of pairs within a cutoff are times this one."""
+
+LEAST = 1e-280
+"""Floats that are smaller have lost digits."""
+
+FEW, TOGETHER, MANY = 64, 2**12, 2**22
+"""So many edges are looked at first, and then at a time; of more kinds of pairs among all nothing is told."""
+
+Test = Callable[[Any, Any, list[Any], Any], list[tuple[Any, Any]]]
+"""Of the groups of sites, a term, its sites, and what makes numbers by chance: what should vanish, and its terms."""
+
+
+def kind_of(terms: Any, part: BoundTerm) -> Kind:
+    """The kind of a term on the sites of a power."""
+    arity = part.graph.arity
+    return Kind(
+        holds(terms, part, _affine, SIZES, False) is True,
+        arity == 1 and holds(terms, part, _steady, SIZES, False) is True,
+        arity == 2 and holds(terms, part, _isotropic, SIZES, False) is True,
+    )
+
+
+def alike(terms: Any, part: BoundTerm) -> Any:
+    """Has every edge the same energy with its two ends exchanged?  True, an edge that has not (its number and its
+    sites), or None: it is not known, or there are no edges.
+    """
+    if not part.graph.some_edges(1):
+        return None
+    if isinstance(part.term, NearPairs):
+        near, part = part.term, with_fields(part, term=part.term.term)
+        return holds(terms, part, _exchanged, near.cutoff * DISTANCES, True)
+    return holds(terms, part, _exchanged, SIZES if _in_momenta(terms) else DISTANCES, True)
+
+
+def feels_velocity(terms: Any) -> bool:
+    """Is a load another one at other velocities of its sites, at some time and for some edge?"""
+    felt: bool | None = _felt.get(terms)
+    if felt is None:
+        felt = not all(holds(terms, part, _unmoved, DISTANCES, True) is True for part in terms.parts)
+        _felt.set(terms, felt)
+    return felt
+
+
+_felt = Remembered()
+"""Of loads, whether they do."""
+
+
+def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving: bool) -> Any:
+    """Does an identity hold on all edges?  True, an edge on which it does not, or None: it is not known.
+
+    sizes : of the states.  of_moving : may the formula compare numbers of them?
+    """
+    first = [ends for _, ends in part.graph.some_edges(1)]
+    if not first:
+        return True
+    own = [x for x in terms.own if isinstance(x, Each)]
+    rng = np.random.default_rng(7)
+    try:
+        if _holds(terms, part, test, of_moving, _numbers(terms, part, np.array(first), None, sizes, rng))[0].all():
+            return True
+    except Exception:  # floats can do more
+        pass
+    try:
+        values = np.concatenate([x.values.reshape(len(x), -1) for x in own], axis=1) if own else None
+        for ends, numbers in _edges(part, values):
+            found, branches = _holds(terms, part, test, of_moving, _numbers(terms, part, ends, numbers, sizes, rng))
+            if not found.all():
+                at = int(found.argmin())
+                return None if branches else (int(numbers[at]), ends[at].tolist())
+    except Exception:  # it may fail anywhere but where it is meant to be used
+        return None
+    return True
+
+
+def _edges(part: BoundTerm, own: np.ndarray | None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Edges, a few and then many at a time, and their numbers; of all pairs those whose sites have other parameters.
+
+    own : the parameters of all sites, (sites, n).
+    """
+    graph: Any = part.graph
+    if is_all_pairs(graph) and not inside(part.term, Each):
+        ranges = [range(*map(int, graph.range_of(k))) for k in (0, 1)] if isinstance(graph, Among) else []
+        sites = [np.array(r) for r in ranges or [range(graph.sites or 0)] * 2]
+        if own is None:
+            kinds = [some[:1] for some in sites]
+        else:
+            kinds = [some[np.unique(own[some], axis=0, return_index=True)[1]] for some in sites]
+        if len(kinds[0]) * len(kinds[1]) > MANY:
+            raise ValueError
+        edges = np.stack(np.meshgrid(*kinds, indexing="ij"), axis=-1).reshape(-1, 2)
+        numbers = np.zeros(len(edges), dtype=np.int64)
+    else:
+        edges, numbers = graph.edges, np.arange(len(graph.edges))
+        if own is None and not inside(part.term, Each):
+            edges, numbers = edges[:1], numbers[:1]
+    for first in [0, *range(FEW, len(edges), TOGETHER)]:
+        last = first + TOGETHER if first else FEW
+        yield edges[first:last], numbers[first:last]
+
+
+def _numbers(
+    terms: Any,
+    part: BoundTerm,
+    ends: np.ndarray,
+    numbers: np.ndarray | None,
+    sizes: np.ndarray,
+    rng: np.random.Generator,
+) -> list[np.ndarray]:
+    """The numbers of edges as `OfEdge` takes them, at states of all sizes: each (sizes, 1) or (1, edges).
+
+    numbers : those of the edges; None for residues, whatever the parameters are.
+    """
+    of_edge = _of_edge(terms, part)
+    found: list[np.ndarray] = []
+    for k in range(ends.shape[1]):
+        states = np.array([_states(terms, part, int(ends[0, k]), 1, size, rng)[0] for size in sizes])
+        found += [*np.pad(states, ((0, 0), (0, of_edge.width - states.shape[1]))).T[..., None]]
+        for x in of_edge.own:
+            if isinstance(x, Each):
+                found += [*x.values.reshape(len(x), -1)[ends[:, k]].T[:, None]]
+    for x in inside(of_edge.term, Each):
+        found += [*x.values.reshape(len(x), -1)[numbers if numbers is not None else [0]].T[:, None]]
+    return found if numbers is not None else [_residues(rng, 1) for _ in found]
+
+
+def _residues(rng: np.random.Generator, size: int) -> np.ndarray:
+    return np.array([[Residue(int.from_bytes(rng.bytes(16), "big"))] for _ in range(size)])
+
+
+def _states(terms: Any, part: BoundTerm, site: int, count: int, size: float, rng: np.random.Generator) -> np.ndarray:
+    """Momenta or elements of so many sites, (count, n)."""
+    base = terms.group.base_of(site)
+    if _in_momenta(terms):
+        return size * rng.normal(size=(count, base.dim))
+    g = np.array(base.random(rng, count))
+    if has_places(base):
+        places_of(base, g)[...] *= size
+    rows = np.ascontiguousarray(g).reshape(count, -1)
+    return rows.view(float) if rows.dtype.kind == "c" else rows
+
+
+def _in_momenta(terms: Any) -> bool:
+    return isinstance(terms, Hamiltonian)
+
+
+def _of_edge(terms: Any, part: BoundTerm) -> OfEdge:
+    in_momenta = _in_momenta(terms)
+    given = part.term, terms.group.base, part.graph.arity, 0, in_momenta
+    return OfEdge(*given, terms.names, terms.own, terms.species, part.of)
+
+
+def _holds(
+    terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: list[np.ndarray]
+) -> tuple[np.ndarray, bool]:
+    """Does an identity hold on each of some edges, on all ways?  And are there branches that may not be gone?
+
+    numbers : residues, or floats, each (sizes, 1) or (1, edges).
+    """
+    of_edge, ways = _of_edge(terms, part), Ways(of_moving)
+    shape = np.broadcast_shapes(*[x.shape for x in numbers])
+    exact = numbers[0].dtype == object
+    step = of_edge.width + sum(len(x.numbers) // len(x) for x in of_edge.own if isinstance(x, Each))
+    found, branches = np.ones(shape[1], dtype=bool), False
+    rng = np.random.default_rng(5)
+    species = terms.species
+    groups = [terms.group.base if species is None else species.groups[k] for k in part.of or (0,) * part.graph.arity]
+    moves = [
+        MOVING if i < step * of_edge.arity and i % step < of_edge.width else ANY * exact for i in range(len(numbers))
+    ]
+
+    def some() -> Number:
+        return Number(
+            _residues(rng, 1)
+            if exact
+            else rng.normal(size=(shape[0], 1)) * 10.0 ** rng.uniform(-20.0, 20.0, (shape[0], 1)),
+            ways,
+            ANY,
+        )
+
+    with np.errstate(all="ignore"):
+        for _ in ways.all():
+            term, sites = of_edge.sites(vec(*[Number(x, ways, own) for x, own in zip(numbers, moves)]))
+            term = at_time(term, some())
+            tables = [AnyFunction(x.size, some) for x in inside(term, PiecewisePolynomial)]
+            term = exchanged(term, PiecewisePolynomial, tables)
+            for error, size in test(groups, term, sites, some):
+                rest, whole = (np.broadcast_to(np.asarray(x, dtype=float), shape) for x in (error, size))
+                known = np.isfinite(rest) & np.isfinite(whole) & ((whole > LEAST) | (whole == 0.0))
+                holds = ((rest <= APART * whole) | ~known).all(axis=0) & known.any(axis=0)
+                found &= holds | ~np.broadcast_to(ways.there, (1, shape[1]))[0]
+            branches = branches or ways.branch
+    return found, branches
+
+
+# ------------------------------------------------------------------ what should vanish
+
+
+def _exchanged(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The energy less that with exchanged ends."""
+    one, other = values_of(term.energy(*sites)), values_of(term.energy(*sites[::-1]))
+    return [(np.abs(one - other), np.maximum(np.abs(one), np.abs(other)))]
+
+
+def _affine(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The second derivatives by the momentum of each of its sites."""
+    return [
+        (_largest(_hessian(term, k, sites)) * _size(site.mu), _size(term.slope(k, *sites)))
+        for k, site in enumerate(sites)
+    ]
+
+
+def _steady(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The change of xi = dE/dmu where mu' = ad*_xi mu."""
+    hessian = _hessian(term, 0, sites)
+    rate = groups[0].ad_star(term.slope(0, *sites), sites[0].mu)
+    return [(_size(hessian @ rate), _largest(hessian) * _size(rate))]
+
+
+def _isotropic(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The derivatives less c b and c a."""
+    a, b = sites
+    of_a, of_b = (term.slope(k, a, b) for k in (0, 1))
+    c, d = dot(of_a, b.mu) / dot(b.mu, b.mu), dot(of_b, a.mu) / dot(a.mu, a.mu)
+    whole = np.maximum(_size(of_a), _size(of_b))
+    apart = of_a - c * b.mu, of_b - c * a.mu, (c - d) * a.mu
+    return [(_size(x), whole) for x in apart]
+
+
+def _unmoved(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+    """The force less that at other velocities."""
+    t, found = some(), []
+    for _ in range(2):
+        there = [with_fields(s, xi=vec(*[some() for _ in range(group.dim)])) for s, group in zip(sites, groups)]
+        found.append(term.covector(t, *there))
+    return [(_size(found[0] - found[1]), _size(found[0]) + _size(found[1]))]
+
+
+def _hessian(term: Any, k: int, sites: list[Any]) -> Any:
+    """The second derivative of an energy by the momentum of one of its sites."""
+
+    def slope(m: Any) -> Any:
+        return term.slope(k, *[with_fields(s, mu=m) if j == k else s for j, s in enumerate(sites)])
+
+    return jacobian(slope, sites[k].mu)
+
+
+def _size(mu: Any) -> Any:
+    return np.maximum.reduce(np.broadcast_arrays(*[np.abs(values_of(x)) for x in mu]))
+
+
+def _largest(rows: Any) -> Any:
+    return np.maximum.reduce(np.broadcast_arrays(*[_size(row) for row in rows]))

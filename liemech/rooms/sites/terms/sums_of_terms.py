@@ -1,0 +1,588 @@
+"""Sums of terms as Hamiltonians, potentials and forces on a power of a group."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ....errors import IncompatibleSystem, InvalidInput
+from ....formulas import Element, Mat, Vec, mat, record, vec, vectors
+from ....formulas.classes.of_each import Each
+from ....formulas.classes.pytree import exchanged, fields_of, inside, with_fields
+from ....formulas.sites import SiteArray, interleaved_sum
+from ....groups.composed.power import PowerGroup
+from ....groups.composed.product import spans
+from ....groups.composed.species import SpeciesGroup
+from ....groups.lie_group import LieGroup
+from ....groups.rigid.se3 import SE3
+from ....systems.hamiltonian import Hamiltonian
+from ....systems.in_time.driven_hamiltonian import DrivenHamiltonian
+from ....systems.kinetic_energy import has_inertia
+from ....systems.lagrangian import Lagrangian
+from ....systems.many.energies import OfManySites, WithHeldSites, moving, on_group
+from ....systems.potential import Force, NoPotential, Potential
+from ..colouring import Coloured
+from ..energy_of_species import EnergyOfSpecies
+from .among import Species
+from .bound_terms import BoundTerm, bound, forces, loads, numbers_of, parameters, share, slopes
+from .kinds_of_terms import feels_velocity, kind_of
+from .terms import AtTime, Over, PerSite, Term, Terms, as_terms, at_time, is_a_force, site_class
+from .terms_at_site import (
+    EachOfSites,
+    ForceOfSite,
+    HamiltonianOfSite,
+    OwnOfSites,
+    PotentialOfSite,
+    RoleAtSite,
+    SlopesOfLoad,
+)
+from .terms_in_arrays import energies, slopes_of
+from .trials_of_terms import plain_term, require_apart, tried
+
+
+@record
+class OfTerms(OfManySites):
+    """Energies of many sites, with what they have in common; abstract.
+
+    group : the power whose copies are the sites, or a product of powers.  parts : the terms.  names,
+    own : parameters of the sites.  held : the sites that do not move.  species : those of the sites,
+    if there are several.  pinned : the sites on SE(3) that turn where they are.
+    """
+
+    group: PowerGroup | SpeciesGroup
+    parts: tuple[BoundTerm, ...]
+    names: tuple[str, ...] = ()
+    own: tuple[Any, ...] = ()
+    held: tuple[int, ...] = ()
+    species: Species | None = None
+    pinned: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Raises InvalidInput for sites that are not there, and for terms and parameters of other sites."""
+        super().__post_init__()
+        name, group, species = type(self).__name__, self.group, self.species
+        for what, numbers in (("held", self.held), ("pinned", self.pinned)):
+            for i in numbers:
+                if not (type(i) is int and 0 <= i < group.copies):
+                    raise InvalidInput(f"{name}: {what} names site {i!r}; they are 0 to {group.copies - 1}")
+        for own, value in zip(self.names, self.own, strict=True):
+            if isinstance(value, Each) and len(value) != group.copies:
+                raise InvalidInput(f"{name}: {own} has {len(value)} values for {group.copies} sites")
+        for part in self.parts:
+            part.require_on(group)
+        own_species = Species.of(group, species.names) if species and isinstance(group, SpeciesGroup) else None
+        if species != own_species or (species is None) == isinstance(group, SpeciesGroup):
+            raise InvalidInput(f"{name}: {species!r} are not the species of {group!r}")
+
+    def __repr__(self) -> str:
+        own = [f"{name}={value!r}" for name, value in zip(self.names, self.own)]
+        rest = [("held", self.held), ("pinned", self.pinned)]
+        held = [f"{name}={[*some]}" for name, some in rest if some]
+        if self.of_one is not None and not own:
+            return repr(self.parts[0])
+        return f"Terms({', '.join([*map(repr, self.parts), *own, *held])})"
+
+    @property
+    def is_large(self) -> bool:
+        """Are there more sites than formulas would be written out for?"""
+        return self.group.is_large
+
+    @cached_property
+    def site(self) -> Any:
+        """A site of which nothing is known."""
+        return site_class(self.names)()
+
+    def site_with(self, i: int, mu: Any, g: Any, xi: Any = None) -> Any:
+        """Site i as terms see it."""
+        own = [x.of(i) if isinstance(x, Each) else x for x in self.own]
+        if self.species is None or not isinstance(self.group, SpeciesGroup):
+            return type(self.site)(mu, g, xi, *own)
+        k = self.group.species_of(i)
+        mine = [x for name, x in zip(self.names, own) if name in self.species.names[k]]
+        return type(self.species.blank[k])(mu, g, xi, *mine)
+
+    def energy_of(self, sites: list[Any]) -> float:
+        """The sum over terms and edges, site by site."""
+        found: list[Any] = []
+        for i in range(self.group.copies):
+            energy = 0.0
+            for part in self.parts:
+                energy = share(energy, part.edges_at(sites, i), part.merged)
+            found = [*found, energy]
+        return interleaved_sum(found)
+
+    def by_site(self, sites: list[Any], formula: Any, parts: Any = None) -> Vec:
+        """A sum over parts and edges for every site, one behind the other: formula(sum, group of the
+        site, edges) adds those of one part.  Sites that are held have zero.  parts : those that count;
+        None: all.
+        """
+        found: list[Any] = []
+        for i in range(self.group.copies):
+            base: Any = self.group.base_of(i)
+            total = vec(*[0.0 for _ in range(base.dim)])
+            for part in (self.parts if parts is None else parts) if i not in self.held else ():
+                total = formula(total, base, part.edges_at(sites, i))
+            if i in self.pinned:
+                total = vec(*total[:3], 0.0, 0.0, 0.0)
+            found = [*found, *total]
+        return vec(*found)
+
+    @property
+    def released(self) -> Any:
+        """The energy with sites that are held free to move."""
+        return with_fields(self, held=(), pinned=()) if self.held or self.pinned else self
+
+    @staticmethod
+    def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any, Any, Any]:
+        """A body, its potential and its load, with the sites held and pinned that any of them says."""
+        return held_together(name, body, potential, load)
+
+    def moving(self, x: Vec) -> Vec:
+        """A vector with zeros where sites are held or pinned."""
+        if not self.held and not self.pinned:
+            return x
+        found: list[Any] = []
+        for i, part in enumerate(self.divided(x)):
+            free = 0 if i in self.held else 3 if i in self.pinned else len(part)
+            found = [*found, *part[:free], *[0.0 for _ in range(len(part) - free)]]
+        return vec(*found)
+
+    def divided(self, x: Vec) -> list[Any]:
+        """The parts of a vector that belong to the sites."""
+        return [self.group.momentum_of(x, i) for i in range(self.group.copies)]
+
+    def _at_a_site(self) -> tuple[Any, ...]:
+        """The fields of the site form."""
+        roles = [RoleAtSite.made(part, role) for part in self.parts for role in part.roles]
+        own = [OwnOfSites.of_each(x) if isinstance(x, Each) else x for x in self.own]
+        moves: Any = np.ones((self.group.copies, 6))
+        moves[[*self.held]] = 0.0
+        moves[[*self.pinned], 3:] = 0.0
+        moves = moves if self.pinned else moves[:, 0]
+        moves = SiteArray.of(moves) if self.held or self.pinned else None
+        return tuple(roles), self.names, tuple(own), moves, self.species
+
+    @property
+    def of_one(self) -> Any:
+        """The energy of one body that each site has, if there is nothing else; None if there is.  Of
+        several species those of a body of each, a tuple.
+        """
+        if self.held or self.pinned or not all(isinstance(part.term, PerSite) for part in self.parts):
+            return None
+        ones = {part.of: part.term.energy_of_one for part in self.parts}
+        if self.species is None:
+            return ones[()] if len(self.parts) == 1 else None
+        every = tuple([ones.get((k,)) for k in range(len(self.species.groups))])
+        return every if len(self.parts) == len(every) and None not in every else None
+
+    def _of_one_at_a_site(self) -> Any:
+        one: Any = self.of_one
+        if isinstance(one, tuple):
+            group, species = self.group, self.species  # type: Any, Any
+            momenta = all(isinstance(x, Hamiltonian) for x in one)
+            return EnergyOfSpecies.at_site(one, species, group) if momenta else None
+        return one and exchanged(one, Each, map(EachOfSites.of_each, inside(one, Each)))
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.group.dim,) if kind == "Vec" else self.group.element_shape
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.group._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.group._out_of_rows(results, kind)
+
+
+@record
+class MomentumTerms(OfTerms, Hamiltonian):
+    """The Hamiltonian that `Terms` are on a power of a group: a sum of terms in momenta.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
+    """
+
+    __repr__ = OfTerms.__repr__
+
+    def _sites(self, mu: Vec) -> list[Any]:
+        return [self.site_with(i, m, None) for i, m in enumerate(self.divided(mu))]
+
+    def energy(self, mu: Vec) -> float:
+        """The sum over terms and edges, site by site.  mu : (sites dim,), or (sites, dim)."""
+        return self.energy_of(self._sites(mu))
+
+    def gradient(self, mu: Vec) -> Vec:
+        """Its derivative.  mu : (sites dim,), or (sites, dim)."""
+        return self.by_site(self._sites(mu), lambda slope, _, edges: slopes(slope, edges))
+
+    @cached_property
+    def affine(self) -> Coloured:
+        """The sites in groups, such that no term that is affine in each has two of one group."""
+        graphs = [part.graph for part in self.parts if part.kind.affine]
+        return Coloured(tuple(graphs), self.group.copies)
+
+    @cached_property
+    def pairs(self) -> Coloured:
+        """The edges of two sites in groups, such that no two of one group share a site."""
+        graphs = [part.graph for part in self.parts if part.graph.arity == 2]
+        return Coloured(tuple(graphs), self.group.copies)
+
+    def of_site(self) -> Hamiltonian:
+        """Its site form: the Hamiltonian of one body, which asks the other sites for what it needs;
+        of `PerSite` alone the one that it was given.
+        """
+        return self._of_one_at_a_site() or HamiltonianOfSite(*self._at_a_site())
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        if method not in ("energy", "gradient"):
+            return None
+        mu = self.group.by_site(arguments["mu"], "Vec")
+        if method == "energy":
+            return energies(self, mu, True)
+        return self.group.without_sites(slopes_of(self, mu, True), "Vec")
+
+
+@record
+class KineticTerms(MomentumTerms, Lagrangian):
+    """The Hamiltonian of sites each of which has a Lagrangian too, such as `PerSite(KineticEnergy(
+    J))`, and that Lagrangian.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.2.
+    """
+
+    __repr__ = OfTerms.__repr__
+
+    def of_one_at(self, i: int) -> Any:
+        """The energy of site i."""
+        if not isinstance(self.group, SpeciesGroup):
+            return self.parts[0].at_edge(i).energy_of_one
+        k = self.group.species_of(i)
+        found = self.parts[0]
+        for part in self.parts:
+            found = part if part.of == (k,) else found
+        return found.at_edge(i - self.group.firsts[k]).energy_of_one
+
+    def _each_one(self) -> list[Any]:
+        return [self.of_one_at(i) for i in range(self.group.copies)]
+
+    def value(self, xi: Vec) -> float:
+        """The sum over the sites.  xi : (sites dim,), or (sites, dim)."""
+        return interleaved_sum([one.value(x) for one, x in zip(self._each_one(), self.divided(xi))])
+
+    def momentum(self, xi: Vec) -> Vec:
+        """Those of the sites.  xi : (sites dim,), or (sites, dim)."""
+        found = [one.momentum(x) for one, x in zip(self._each_one(), self.divided(xi))]
+        return vec(*[x for part in found for x in part])
+
+    def hessian(self, xi: Vec) -> Mat | Vec:
+        """Those of the sites, as blocks of the diagonal."""
+        blocks = [one.hessian(x) for one, x in zip(self._each_one(), self.divided(xi))]
+        if all([isinstance(block, vectors.Vec) for block in blocks]):  # noqa: C419
+            return vec(*[x for block in blocks for x in block])
+        places = spans([len(block) for block in blocks])
+        return mat(
+            *[
+                vec(*[0.0] * first, *_row(block, k), *[0.0] * (self.group.dim - end))
+                for block, (first, end) in zip(blocks, places)
+                for k in range(end - first)
+            ]
+        )
+
+    def momenta(self, xi: Any) -> np.ndarray:
+        """Those of arrays, as many sites as there may be.  xi : (..., sites, dim)."""
+        one = self.of_one
+        if has_inertia(one):
+            J = one.inertia.values if isinstance(one.inertia, Each) else np.array(one.inertia)
+            if J.ndim - isinstance(one.inertia, Each) == 2:
+                return np.asarray((J @ xi[..., None])[..., 0])
+            return np.asarray(J * xi)
+        each_one = self._each_one() if inside(one, Each) else [one]
+        if len(each_one) == 1:
+            return np.asarray(one.momentum(xi))
+        found = [np.asarray(x.momentum(xi[..., i, :])) for i, x in enumerate(each_one)]
+        return np.stack(found, axis=-2)
+
+
+def _row(block: Any, k: int) -> list[Any]:
+    """Row k of a matrix, or of one that is told by its diagonal."""
+    if isinstance(block, vectors.Vec):
+        return [block[k] if j == k else 0.0 for j in range(len(block))]
+    return [*block[k]]
+
+
+@record
+class PlaceTerms(OfTerms, Potential):
+    """The potential that `Terms` are on a power of a group: a sum of terms in elements.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
+    """
+
+    __repr__ = OfTerms.__repr__
+
+    def _sites(self, g: Vec) -> list[Any]:
+        return [self.site_with(i, None, self.group.site(g, i)) for i in range(self.group.copies)]
+
+    def energy(self, g: Element) -> float:
+        """The sum over terms and edges, site by site.  g : an element of the power."""
+        return self.energy_of(self._sites(g))
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """The forces on all sites.  g : an element of the power."""
+        return self.by_site(self._sites(g), forces)
+
+    def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
+        """Those of term number k alone."""
+        return self.by_site(self._sites(g), forces, (self.parts[k],))
+
+    def require_start(self, name: str, group: LieGroup, mu: Any, g: Any) -> None:
+        """Raises InvalidInput for sites in one place whose energy is infinite there, and for held ones that move."""
+        require_apart(name, self, g)
+        _require_rest(name, group, self.held, np.asarray(mu), "held: its momentum")
+        _require_rest(name, group, self.pinned, np.asarray(mu), "pinned: its linear momentum", 3)
+
+    def of_site(self) -> Potential:
+        """Its site form: the potential of one body, which asks the other sites for what it needs;
+        of `PerSite` alone the one that it was given.
+        """
+        return self._of_one_at_a_site() or PotentialOfSite(*self._at_a_site())
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        if method not in ("energy", "force"):
+            return None
+        g = arguments["g"]
+        g = (
+            g.reshape(len(g), self.group.copies, -1)
+            if isinstance(self.group, PowerGroup)
+            else self.group.by_site(g, "Element")
+        ).reshape(len(g), self.group.copies, -1)
+        if method == "energy":
+            return energies(self, g, False)
+        return self.group.without_sites(slopes_of(self, g, False), "Vec")
+
+
+@record
+class ForceTerms(OfTerms, Force):
+    """The load that `Terms` are on a power of a group: a sum of forces on sites.
+
+    Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
+    """
+
+    __repr__ = OfTerms.__repr__
+
+    @property
+    def feels_velocity(self) -> bool:
+        """Does a force depend on the velocity?"""
+        return feels_velocity(self)
+
+    def covector(self, t: float, xi: Vec, g: Any) -> Vec:
+        """The forces on all sites.  xi : (sites dim,), g : an element of the power."""
+        sites = [self.site_with(i, None, self.group.site(g, i), x) for i, x in enumerate(self.divided(xi))]
+        return self.by_site(sites, lambda force, _, edges: loads(force, t, edges))
+
+    def of_site(self) -> Force:
+        """Its site form: the load on one body, which asks the other sites for what it needs; of
+        `PerSite` alone the one that it was given.
+        """
+        return self._of_one_at_a_site() or ForceOfSite(*self._at_a_site())
+
+    def slopes_of_site(self) -> Any:
+        """The site form of the derivatives of <lambda, F>; that of `PerSite` alone is the load itself."""
+        parts = tuple([with_fields(part, first=False) for part in self.parts])
+        return self._of_one_at_a_site() or SlopesOfLoad(
+            *with_fields(self, parts=parts, held=(), pinned=())._at_a_site()
+        )
+
+
+@record
+class DrivenTerms(DrivenHamiltonian, WithHeldSites):
+    """A Hamiltonian of many sites some of whose terms change with time.
+
+    at_zero : it, with these terms as they are at time 0.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
+    """
+
+    at_zero: Hamiltonian
+
+    def __repr__(self) -> str:
+        return repr(self.at_zero)
+
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is there a term of several sites?"""
+        return self.at_zero.coupled
+
+    def moving(self, xi: Vec) -> Vec:
+        """A velocity with zeros where sites are held or pinned."""
+        return moving(self.at_zero, xi)
+
+    def at(self, t: float) -> Any:
+        """It at time t."""
+        return at_time(self.at_zero, t)
+
+    def energy(self, t: float, mu: Vec) -> float:
+        """At time t.  mu : (sites dim,), or (sites, dim)."""
+        return self.at(t).energy(mu)
+
+    def gradient(self, t: float, mu: Vec) -> Vec:
+        """The velocities at time t.  mu : (sites dim,), or (sites, dim)."""
+        return self.at(t).gradient(mu)
+
+    def of_site(self) -> DrivenTerms:
+        """Its site form."""
+        at_zero: Any = self.at_zero
+        return DrivenTerms(at_zero.of_site())
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return self.at_zero._shape(argument, kind)
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.at_zero._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.at_zero._out_of_rows(results, kind)
+
+
+# ------------------------------------------------------------------ what is wrong with terms
+
+
+@on_group.register(Term)
+@on_group.register(Over)
+@on_group.register(Terms)
+def _bound_on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
+    """The energy that terms are on a group."""
+    return BOUND[kind](name, group, as_terms(energy))
+
+
+def hamiltonian_of(name: str, group: LieGroup, terms: Terms) -> Any:
+    """The Hamiltonian that terms are on a group."""
+    made = _made(MomentumTerms, name, group, terms)
+    changing = inside(made, AtTime)
+    if changing:
+        raise IncompatibleSystem(
+            f"{name}: {changing[0]!r} changes with time: make it a DrivenLiePoissonSystem(group, terms)"
+        )
+    ones = made.of_one if isinstance(made.of_one, tuple) else (made.of_one,)
+    kinetic = all(isinstance(one, Lagrangian) for one in ones)
+    return KineticTerms(**fields_of(made)) if kinetic else made
+
+
+def driven_of(name: str, group: LieGroup, terms: Terms) -> Any:
+    """The driven Hamiltonian that terms are on a group."""
+    return DrivenTerms(_made(MomentumTerms, name, group, terms))
+
+
+def potential_of(name: str, group: LieGroup, terms: Terms) -> Any:
+    """The potential that terms are on a group."""
+    made = _made(PlaceTerms, name, group, terms)
+    changing = inside(made, AtTime)
+    if changing:
+        raise IncompatibleSystem(
+            f"{name}: {changing[0]!r} changes with time, and potentials do not: write its force as a "
+            "term with `covector(t, a)`, load=Terms(...)"
+        )
+    return made
+
+
+def load_of(name: str, group: LieGroup, terms: Terms) -> Any:
+    """The load that terms are on a group."""
+    return _made(ForceTerms, name, group, terms)
+
+
+BOUND: dict[type, Any] = {
+    Hamiltonian: hamiltonian_of,
+    DrivenHamiltonian: driven_of,
+    Potential: potential_of,
+    Force: load_of,
+}
+"""What terms are, by the kind of energy that is asked for."""
+
+
+def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any, Any, Any]:
+    """A body, its potential and its load (or None), with the sites held and pinned that any of them says.  Raises
+    InvalidInput where one of them cannot leave a site where it is.
+    """
+    energy = getattr(body, "hamiltonian", None)
+    told = [x for x in (energy, potential, load) if isinstance(x, OfTerms)]
+    held, pinned = (tuple(sorted({i for x in told for i in getattr(x, which)})) for which in ("held", "pinned"))
+    if not held and not pinned:
+        return body, potential, load
+    words = f"sites {[*held, *pinned]} are held or pinned"
+    for x in (potential, load):
+        if not (x is None or isinstance(x, (OfTerms, NoPotential))):
+            raise InvalidInput(f"{name}: {words}, and {x!r} may push them: write it as Terms(...)")
+    if isinstance(energy, DrivenHamiltonian):
+        raise InvalidInput(f"{name}: {words}, and {energy!r} may move them")
+    if isinstance(potential, OfTerms):
+        potential = with_fields(potential, held=held, pinned=pinned)
+    load = None if load is None else with_fields(load, held=held, pinned=pinned)
+    group = body.group
+    mu = np.random.default_rng(1).normal(size=(group.copies, group.base.dim))
+    mu[[*held]] = 0.0
+    mu[[*pinned], 3:] = 0.0
+    xi = group.by_site(np.asarray(body.velocity(group.without_sites(mu[None], "Vec"))), "Vec")[0]
+    alone = isinstance(energy, OfTerms) and all(isinstance(part.term, PerSite) for part in energy.parts)
+    if xi[[*pinned], 3:].any():
+        raise InvalidInput(
+            f"{name}: {words}, and the energy of {body!r} moves pinned sites along as they turn: give inertias about "
+            "the points that stay"
+        )
+    if xi[[*held]].any() or not alone:
+        if not isinstance(energy, OfTerms):
+            raise InvalidInput(f"{name}: {words}, and {energy!r} may move them: write it as Terms(...)")
+        energy = MomentumTerms(**{**fields_of(energy), "held": held, "pinned": pinned})
+        body = with_fields(body, hamiltonian=energy)
+    return body, potential, load
+
+
+def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
+    if not isinstance(group, (PowerGroup, SpeciesGroup)):
+        raise IncompatibleSystem(
+            f"{name}: terms are energies of many sites, and {group!r} is the group of one; write "
+            f"{group!r} ** sites, such as {group!r} ** 100"
+        )
+    parts = bound(terms, group)
+    pinned = numbers_of(terms, "pinned", group)
+    made = kind(group, parts, *parameters(terms, group), pinned)
+    if pinned and not (isinstance(group, PowerGroup) and isinstance(group.base, SE3)):
+        raise InvalidInput(f"{name}: pinned sites turn where they are, on SE3() ** n; the group is {group!r}")
+    for part in parts:
+        _require_kind(name, kind, part)
+        _require_fitting(name, group, part)
+    parts = tuple([tried(made, part) for part in parts])
+    if kind is MomentumTerms:
+        parts = tuple([with_fields(part, kind=kind_of(made, part)) for part in parts])
+    return with_fields(made, parts=parts)
+
+
+def _require_fitting(name: str, group: Any, part: BoundTerm) -> None:
+    """Raise InvalidInput for the energy of a body of another dimension than its sites."""
+    one = getattr(part.term, "energy_of_one", None)
+    base = group.powers[part.of[0]].base if part.of else group.base
+    shape = None if one is None else one._shape("mu", "Vec")
+    if shape not in (None, (base.dim,)):
+        raise InvalidInput(f"{name}: {one!r} takes vectors of {shape[0]} components; those of {base!r} have {base.dim}")
+
+
+def _require_kind(name: str, kind: Any, part: BoundTerm) -> None:
+    term: Any = plain_term(part.term)
+    one = term.energy_of_one if isinstance(term, PerSite) else None
+    wanted = next(base for base in (Hamiltonian, Potential, Force) if issubclass(kind, base))
+    force = isinstance(one, Force) if one is not None else is_a_force(type(term))
+    if force != (wanted is Force) or (one is not None and not isinstance(one, wanted)):
+        what = {
+            Hamiltonian: "the Hamiltonian takes energies of momenta",
+            Potential: "the potential takes energies of elements",
+            Force: "the load takes forces, terms with `covector(t, a)`",
+        }[wanted]
+        raise InvalidInput(f"{name}: {what}; got {term!r}")
+
+
+def _require_rest(name: str, group: Any, held: tuple[int, ...], mu: np.ndarray, what: str, first: int = 0) -> None:
+    """Raise InvalidInput for a site that is held, and has a momentum, from a component on."""
+    if not held:
+        return
+    mu = group.by_site(mu, "Vec") if mu.shape[-1:] == (group.dim,) else mu
+    moving = np.flatnonzero(mu[..., list(held), first:].any(axis=-1).reshape(-1, len(held)).any(axis=0))
+    if len(moving):
+        raise InvalidInput(f"{name}: site {group.named(held[moving[0]])} is {what} must be zero")

@@ -1,0 +1,477 @@
+"""Terms as one site has them: the site form of the energies of many."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ....formulas import Element, Record, Vec, dot, gradient, mat, record, vec, vectors, where
+from ....formulas.classes.fields import OfEach
+from ....formulas.classes.of_each import Each
+from ....formulas.classes.pytree import exchanged, inside, with_fields
+from ....formulas.classes.signatures import bare
+from ....formulas.sites import SiteArray, SiteTable, meet, own
+from ....groups.composed.one_of import filled
+from ....groups.lie_group import LieGroup
+from ....systems.hamiltonian import Hamiltonian
+from ....systems.many.energies import WithHeldSites
+from ....systems.potential import Force, Potential
+from ..graphs import Incidence, Lattice, Within
+from .among import Among, Species, is_all_pairs, is_near
+from .bound_terms import BoundTerm
+from .point_terms import PointTerm
+from .terms import Term, site_class
+
+
+@record
+class ValuesOfSites(Record, OfEach):
+    """A number, a vector or a matrix for each site, of which a formula of a site asks its own;
+    abstract.
+    """
+
+    array: SiteArray
+    shape: tuple[int, ...] = ()
+
+    @classmethod
+    def of_each(cls, each: Each) -> Any:
+        """That of values of which there is one for each site."""
+        values = each.values.reshape(len(each), -1)
+        return cls(SiteArray.of(values if each.shape else values[:, 0]), each.shape)
+
+    @property
+    def values(self) -> np.ndarray:
+        """All of them, (n, ...), the last one perhaps more than once."""
+        rows = np.asarray(self.array.entries.array).reshape(self.array.dim or 1, -1)
+        return rows.T.reshape(-1, *self.shape)
+
+    def here(self) -> Any:
+        """The value of this site."""
+        return in_shape(own(self.array), self.shape)
+
+
+@record
+class EachOfSites(ValuesOfSites):
+    """Values of a parameter in the energy of one body: `at_this_site` puts that of the site there."""
+
+
+@record
+class OwnOfSites(ValuesOfSites):
+    """Values of a parameter that sites have for themselves, and show to others."""
+
+
+@record
+class EachOfEdges(Record, OfEach):
+    """A number, a vector or a matrix for each edge of each site."""
+
+    array: SiteArray
+    shape: tuple[int, ...] = ()
+
+    def here(self, d: int) -> Any:
+        """The value of edge d of this site."""
+        return in_shape(own(self.array, d), self.shape)
+
+
+def in_shape(numbers: Any, shape: tuple[int, ...]) -> Any:
+    """Numbers as they are, or of a matrix row by row as that matrix."""
+    if len(shape) < 2:
+        return numbers
+    n = shape[1]
+    return mat(*[numbers[n * k : n * (k + 1)] for k in range(shape[0])])
+
+
+def at_this_site(value: Any) -> Any:
+    """A record, such as a system, with the parameters of this site in place of those of each, in the
+    energies that every site has on its own.
+    """
+    return exchanged(value, EachOfSites, [x.here() for x in inside(value, EachOfSites)])
+
+
+@record
+class RoleAtSite(Record):
+    """A term at a site that stands in one place of its energy: a part of the site form.
+
+    term : with `EachOfEdges` for parameters of edges.  others : for every other place of the energy
+    the sites that stand there; none of them: it is tied to all others.  counts : how many edges each
+    site has; None: as many as the tables have rows.  near : the graph of pairs within a cutoff, of
+    which a run may make lists.  of : the species of the ends; (): there is one only.  reach : the
+    first of the sites of the other end and the one behind the last, where it is tied to all of these.
+    once : along a chain, does the first site of an edge find the forces on both of them?
+    """
+
+    term: Term
+    role: int
+    merged: bool
+    alone: bool
+    others: tuple[SiteTable, ...] = ()
+    counts: SiteArray | None = None
+    near: Within | Among | None = None
+    of: tuple[int, ...] = ()
+    reach: Vec | None = None
+    once: bool = False
+
+    @classmethod
+    def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
+        """That of a term on a graph."""
+        alone = part.graph.arity == 1
+        graph: Any = part.graph
+        if part.in_rounds:
+            return cls(part.term, role, True, False, near=graph.open() if is_near(graph) else None)
+        several = part.merged or len({*part.of}) > 1
+        if part.of and is_all_pairs(graph) and several and not inside(part.term, Each):
+            near, reach = graph.open() if is_near(graph) else None, graph.range_of(1 - role)
+            return cls(part.term, role, part.merged, False, near=near, of=part.of, reach=reach)
+        once = in_a_row(part)
+        fixed = once or isinstance(part.graph, Lattice)
+        made = cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+        return with_fields(made, once=once)
+
+    @classmethod
+    def of_incidence(
+        cls, part: BoundTerm, role: int, incidence: Incidence, alone: bool = False, fixed: bool = True
+    ) -> RoleAtSite:
+        """That of a term with these edges at each site.  fixed : is their number known to formulas?"""
+        edges = incidence.edges
+
+        def of_edges(each: Each) -> EachOfEdges:
+            values = each.values.reshape(len(each), -1)[edges]
+            return EachOfEdges(SiteArray.of(values if each.shape else values[..., 0], edges=True), each.shape)
+
+        term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
+        made = cls(term, role, part.merged, alone, of=part.of)
+        return made if alone else made.with_tables(incidence, fixed)
+
+    def with_tables(self, incidence: Incidence, fixed: bool = False) -> RoleAtSite:
+        """This energy with other neighbours.  fixed : is their number known to formulas?"""
+        counts = incidence.counts
+        tables = tuple([SiteTable.of(table, fixed=fixed) for table in incidence.others])
+        same = fixed and bool((counts == len(incidence.edges)).all())
+        known = None if same else SiteArray.of(counts.astype(float))
+        return with_fields(self, others=tables, counts=known)
+
+    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any, mine: Any = None) -> Any:
+        """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
+
+        of_both : gives of a pair the values for both of its sites.  meeting : the others.  seen : makes
+        of what a site publishes what terms see of it.  mine : the number of this site, if it is in the
+        reach.
+        """
+        if self.alone:
+            return total + formula(self.at_edge(0), [me])
+        if len(self.others) == 0:
+            if self.reach is not None:
+                return meeting.some(lambda b, j: formula(self.term, self.ends(me, [seen(b)])), total, self.reach, mine)
+            return meeting.pairs(lambda a, b: of_both(self.term, [seen(a), seen(b)]), total)
+        first, more = self.others[0], self.others[1:]
+
+        def of_edge(b: Any, d: Any) -> Any:
+            mates = [seen(b), *[seen(meeting.of(table, d)) for table in more]]
+            value = formula(self.at_edge(d), self.ends(me, mates))
+            return value if self.counts is None else masked(d < own(self.counts), value)
+
+        if first.degree is None:
+            return meeting.sum(first, of_edge, total)
+        for d in range(first.degree):
+            total = total + of_edge(meeting.of(first, d), d)
+        return total
+
+    @property
+    def through_points(self) -> bool:
+        """Do sites act on each other through their points?"""
+        return isinstance(self.term, PointTerm) and self.of == () and not self.once
+
+    def through(self, group: Any, g: Any) -> Vec:
+        """The force on this site, with what sites publish of their points."""
+        term: Any = self.term
+        mine = term.points(g)
+        meeting = meet(mine)
+        zero = vec(*[0.0 for point in mine for _ in point])
+        if len(self.others) == 0:
+            return term.felt(group, g, meeting.pairs(term.pushes, zero))
+
+        def of_edge(b: Any, d: Any) -> Any:
+            here: Any = self.at_edge(d)
+            value = here.pushes(mine, b)[0] if self.role == 0 else here.pushes(b, mine)[1]
+            return value if self.counts is None else masked(d < own(self.counts), value)
+
+        table = self.others[0]
+        if table.degree is None:
+            return term.felt(group, g, meeting.sum(table, of_edge, zero))
+        for d in range(table.degree):
+            zero = zero + of_edge(meeting.of(table, d), d)
+        return term.felt(group, g, zero)
+
+    def if_there(self, value: Any) -> Any:
+        """A value of the first edge of this site; zero if it has none."""
+        return value if self.counts is None else masked(own(self.counts) > 0.5, value)
+
+    def at_edge(self, d: Any) -> Term:
+        """The term with the parameters of edge d of this site."""
+        return exchanged(self.term, EachOfEdges, [one.here(d) for one in inside(self.term, EachOfEdges)])
+
+    def ends(self, me: Any, mates: list[Any]) -> list[Any]:
+        """The sites of an edge in the order in which the energy takes them."""
+        return [*mates[: self.role], me, *mates[self.role :]]
+
+
+def in_a_row(part: BoundTerm) -> bool:
+    """Is a site the first of one edge at most, and the second of one, as along a chain, and are the
+    forces on both written together?
+    """
+    if part.merged or part.of or part.graph.arity != 2 or part.first or is_near(part.graph):
+        return False
+    together = bare(type(part.term).forces) is not bare(Term.forces)
+    return together and all(len(part.incidence(role).edges) == 1 for role in (0, 1))
+
+
+def masked(here: Any, value: Any) -> Any:
+    """A number or a vector; zero where the edge is not there."""
+    if isinstance(value, vectors.Vec):
+        return vec(*[where(here, x, 0.0) for x in value])
+    return where(here, value, 0.0)
+
+
+@record
+class TermsOfSite(WithHeldSites):
+    """Terms as one site has them, which asks the others for what it needs; abstract.
+
+    roles : the terms, and the places in their energies.  names, own : parameters of the site.
+    moves : 1 for sites that move, 0 for those that are held, or so for each component; None: all move.
+    species : those of the sites, if there are several.
+    """
+
+    roles: tuple[RoleAtSite, ...]
+    names: tuple[str, ...] = ()
+    own: tuple[Any, ...] = ()
+    moves: SiteArray | None = None
+    species: Species | None = None
+
+    @cached_property
+    def site(self) -> Any:
+        """A site of which nothing is known."""
+        return site_class(self.names)()
+
+    @property
+    def coupled(self) -> bool:
+        """Is there a term of several sites?"""
+        return not all([role.alone for role in self.roles])  # noqa: C419
+
+    def met(self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None) -> tuple[Any, Any, Any]:
+        """This site, the meeting with the others (None if it is alone), and what makes of what a site
+        publishes there what terms see of it.  roles : those that count; None: all.
+        """
+        mine = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
+        me = type(self.site)(mu, g, xi, *mine)
+        alone = all(role.alone for role in (self.roles if roles is None else roles))
+        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(mine, self.own)]
+        meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
+
+        def seen(published: Any) -> Any:
+            theirs = [
+                getattr(published, name) if isinstance(x, OwnOfSites) else x for name, x in zip(self.names, self.own)
+            ]
+            return type(self.site)(published.mu, published.g, published.xi, *theirs)
+
+        return me, meeting, seen
+
+    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, roles: Any = None) -> Any:
+        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
+        role by role; of_both(term, sites) is of both sites of a pair.  roles : those that count;
+        None: all.
+        """
+        me, meeting, seen = self.met(mu, g, xi, roles)
+        species = self.species
+        for one in self.roles if roles is None else roles:
+            if species is None or own(species.which) == one.of[one.role]:
+                mine = own(species.numbers) if one.merged and species is not None else None
+                total = one.added(total, me, meeting, seen, self._formula(one, total, formula), of_both, mine)
+        return total
+
+    def _formula(self, role: RoleAtSite, total: Any, formula: Any) -> Any:
+        """A formula(role, term, sites) for terms that see sites of their species."""
+        species = self.species
+        if species is None:
+            return lambda term, sites: formula(role, term, sites)
+
+        def of_species(term: Any, sites: list[Any]) -> Any:
+            found = formula(role, term, [species.seen(k, x) for k, x in zip(role.of, sites)])
+            return filled(found, len(total)) if isinstance(total, vectors.Vec) else found
+
+        return of_species
+
+    def group_of(self, role: RoleAtSite, group: LieGroup) -> LieGroup:
+        """The group of the site that stands in a role."""
+        return group if self.species is None else self.species.groups[role.of[role.role]]
+
+    def share(self, mu: Any, g: Any) -> float:
+        """The part of this site in the energy, whose sum over all sites is the whole: of every edge
+        to the first of its ends, of one whose ends are alike half to each.
+        """
+
+        def part(role: RoleAtSite, term: Any, sites: list[Any]) -> float:
+            energy = term.energy(*sites)
+            return 0.5 * energy if role.merged else energy
+
+        def halves(term: Any, sites: list[Any]) -> tuple[float, float]:
+            energy = 0.5 * term.energy(*sites)
+            return energy, energy
+
+        first = [role for role in self.roles if role.role == 0]
+        return self.added(0.0, mu, g, None, part, halves, first)
+
+    def moving(self, x: Vec) -> Vec:
+        """A velocity or a force; zero at sites that are held."""
+        if self.moves is None:
+            return x
+        moves: Any = own(self.moves)
+        if self.moves.dim is None:
+            return vec(*[where(moves > 0.5, c, 0.0) for c in x])
+        return vec(*[where(m > 0.5, c, 0.0) for m, c in zip(moves, x)])
+
+
+@record
+class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
+    """The Hamiltonian of a site among others, a function of its momentum and of theirs.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
+    """
+
+    def energy(self, mu: Vec) -> float:
+        """The share of this site.  mu : (dim,), its momentum."""
+        return self.share(mu, None)
+
+    def gradient(self, mu: Vec) -> Vec:
+        """The velocity of this site.  mu : (dim,), its momentum."""
+        zero = vec(*[0.0 for _ in mu])
+        slope = self.added(
+            zero,
+            mu,
+            None,
+            None,
+            lambda one, term, sites: term.slope(one.role, *sites),
+            lambda term, sites: term.slopes(*sites),
+        )
+        return self.moving(slope)
+
+
+@record
+class PotentialOfSite(TermsOfSite, Potential):
+    """The potential of a site among others, a function of its element and of theirs.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
+    """
+
+    def energy(self, g: Element) -> float:
+        """The share of this site.  g : its element."""
+        return self.share(None, g)
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """The force on this site.  g : its element."""
+        return self._forces(group, g, None)
+
+    def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
+        """That of term number k alone."""
+        found: list[RoleAtSite] = []
+        number = -1
+        for role in self.roles:
+            number = number + (1 if role.role == 0 else 0)
+            if number == k:
+                found = [*found, role]
+        return self._forces(group, g, found)
+
+    def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
+        force = vec(*[0.0 for _ in range(group.dim)])
+        some = self.roles if roles is None else roles
+        through = [role for role in some if role.through_points]
+        for role in through:
+            force = force + role.through(group, g)
+        apart = [role for role in some if not role.once and not role.through_points]
+        if len(apart) > 0:
+            force = self.added(
+                force,
+                None,
+                g,
+                None,
+                lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites),
+                lambda term, sites: term.forces(group, *sites),
+                apart,
+            )
+        along = [role for role in some if role.once]
+        if len(along) > 0:
+            force = force + self._along(group, g, along)
+        return self.moving(force)
+
+    def _along(self, group: LieGroup, g: Element, roles: Any) -> Vec:
+        """The forces of terms along chains: each site finds those on itself and on the next, and hands
+        the latter on.
+        """
+        me, meeting, seen = self.met(None, g, None, roles)
+        force = vec(*[0.0 for _ in range(group.dim)])
+        pushes: list[Any] = []
+        for role in roles:
+            if role.role == 0:
+                first, second = role.at_edge(0).forces(group, me, seen(meeting.of(role.others[0], 0)))
+                force, pushes = force + role.if_there(first), [*pushes, second]
+        handed = meet(tuple(pushes))
+        numbers = [role for role in roles if role.role == 1]
+        for k, role in enumerate(numbers):
+            force = force + role.if_there(handed.of(role.others[0], 0)[k])
+        return force
+
+
+@record
+class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
+    """The load on a site among others, a function of where it is and how it moves, and of theirs.
+
+    Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
+    """
+
+    def covector(self, t: float, xi: Vec, g: Any) -> Vec:
+        """The force on this site.  xi : (dim,), its velocity, g : its element."""
+        zero = vec(*[0.0 for _ in xi])
+        force = self.added(
+            zero,
+            None,
+            g,
+            xi,
+            lambda one, term, sites: term.covector(t, *sites),
+            lambda term, sites: (term.covector(t, *sites), term.covector(t, *sites[::-1])),
+        )
+        return self.moving(force)
+
+
+@record
+class SlopesOfLoad(TermsOfSite):
+    """The derivatives of the sum over all sites of <lambda, F> by the velocity and the element of one, for
+    the load F and any lambda of each site.
+
+    Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2.
+    """
+
+    def slopes(self, group: LieGroup, t: float, xi: Vec, g: Any, along: Vec) -> tuple[Vec, Vec]:
+        """d/dxi and d/deta with dg = g hat(eta), (dim,) each.  along : lambda of this site."""
+        n = group.dim
+        slope = self.added(
+            vec(*[0.0 for _ in range(2 * n)]),
+            along,
+            g,
+            xi,
+            lambda one, term, sites: _slope(group, t, one.merged, term, one.role, sites),
+            lambda term, sites: (_slope(group, t, True, term, 0, sites), _slope(group, t, True, term, 1, sites)),
+        )
+        return vec(*slope[:n]), vec(*slope[n:])
+
+
+def _slope(group: LieGroup, t: float, merged: bool, term: Term, k: int, sites: list[Any]) -> Vec:
+    """Those of an edge by site number k of it, of which each has its lambda for its momentum."""
+    n = group.dim
+
+    def power(y: Vec) -> float:
+        g = group.compose_exp(sites[k].g, vec(*y[n:]))
+        there = with_fields(sites[k], xi=sites[k].xi + vec(*y[:n]), g=g)
+        ends = [there if j == k else s for j, s in enumerate(sites)]
+        found = dot(ends[0].mu, term.covector(t, *ends))
+        return found + dot(ends[1].mu, term.covector(t, *ends[::-1])) if merged else found
+
+    return gradient(power, vec(*[0.0 for _ in range(2 * n)]))

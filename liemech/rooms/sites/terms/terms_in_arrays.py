@@ -1,0 +1,179 @@
+"""Energies, velocities and forces of many sites at the samples of a run: terms on whole arrays, edge
+by edge, for systems that are too large to be written out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ....formulas import Record, Vec, record
+from ....formulas.classes.of_each import Each
+from ....formulas.classes.pytree import exchanged, inside
+from ....groups.composed.one_of import filled, width_of
+from ....groups.composed.product import shaped
+from ....groups.lie_group import LieGroup
+from ..graphs import AllPairs
+from .among import Species, is_near, places_of_sites
+from .bound_terms import BoundTerm
+from .near_pairs import NearPairs
+from .terms import Term, site_class
+from .terms_at_site import in_shape
+
+ROWS = 2**17
+"""So many edges are looked at together."""
+
+
+@record
+class OfEdge(Record):
+    """A term as a function of the numbers of one edge: of every end the momentum or the element and
+    its own parameters, then the parameters of the edge.
+
+    base : the group of a site.  role : the place in the energy by which derivatives are taken.
+    in_momenta : is it a function of momenta?  species : those of sites, if there are several, and of :
+    the species of the ends.
+    """
+
+    term: Term
+    base: LieGroup
+    arity: int
+    role: int
+    in_momenta: bool
+    names: tuple[str, ...]
+    own: tuple[Any, ...]
+    species: Species | None = None
+    of: tuple[int, ...] = ()
+
+    @property
+    def width(self) -> int:
+        """How many numbers tell where a site is."""
+        if self.in_momenta:
+            return self.base.dim
+        return width_of(self.base)
+
+    @cached_property
+    def site(self) -> Any:
+        """A site of which nothing is known."""
+        return site_class(self.names)()
+
+    def sites(self, numbers: Vec) -> tuple[Any, list[Any]]:
+        """The term with the parameters of the edge, and its sites."""
+        at, found = 0, []  # type: int, list[Any]
+        for _ in range(self.arity):
+            there = numbers[at : at + self.width]
+            at = at + self.width
+            own: list[Any] = []
+            for x in self.own:
+                if isinstance(x, Each):
+                    own = [*own, _taken(numbers, at, x.shape)]
+                    at = at + math.prod(x.shape)
+                else:
+                    own = [*own, x]
+            mu, g = (there, None) if self.in_momenta else (None, shaped(self.base, there))
+            found = [*found, type(self.site)(mu, g, None, *own)]
+        if self.species is not None:
+            found = [self.species.seen(k, site) for k, site in zip(self.of, found)]
+        values: list[Any] = []
+        for each in inside(self.term, Each):
+            values = [*values, _taken(numbers, at, each.shape)]
+            at = at + math.prod(each.shape)
+        return exchanged(self.term, Each, values), found
+
+    def energy(self, numbers: Vec) -> float:
+        """Its energy.  numbers : (n,)."""
+        term, sites = self.sites(numbers)
+        return term.energy(*sites)
+
+    def slope(self, numbers: Vec) -> Vec:
+        """The derivative by the momentum of the site, or the force on it.  numbers : (n,)."""
+        term, sites = self.sites(numbers)
+        if self.in_momenta:
+            return filled(term.slope(self.role, *sites), self.base.dim)
+        group = self.base if self.species is None else self.species.groups[self.of[self.role]]
+        return filled(term.force(group, self.role, *sites), self.base.dim)
+
+
+def _taken(numbers: Any, at: int, shape: tuple[int, ...]) -> Any:
+    """The number, the vector or the matrix that begins there."""
+    return in_shape(numbers[at : at + math.prod(shape)] if shape else numbers[at], shape)
+
+
+def energies(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
+    """The energy at every sample.  states : (samples, sites, width)."""
+    found = np.zeros(len(states))
+    for part in terms.parts:
+        of_edge = _of_edge(terms, part, 0, in_momenta)
+        for some, ends, numbers in _blocks(terms, part, states):
+            rows = _rows(of_edge, states[some], ends, numbers)
+            found[some] += np.asarray(of_edge.energy(rows)).reshape(-1, len(ends)).sum(axis=1)
+    return found
+
+
+def slopes_of(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
+    """The derivatives by momenta, or the forces, at every sample, (samples, sites, dim)."""
+    found = np.zeros((*states.shape[:2], terms.group.base.dim))
+    for part in terms.parts:
+        for role in range(part.graph.arity):
+            of_edge = _of_edge(terms, part, role, in_momenta)
+            for some, ends, numbers in _blocks(terms, part, states):
+                rows = _rows(of_edge, states[some], ends, numbers)
+                values = np.asarray(of_edge.slope(rows)).reshape(-1, len(ends), found.shape[2])
+                for sample, at in enumerate(range(some.start, some.stop)):
+                    np.add.at(found[at], ends[:, role], values[sample])
+    found[:, list(terms.held)] = 0.0
+    found[:, list(terms.pinned), 3:] = 0.0
+    return found
+
+
+def _of_edge(terms: Any, part: BoundTerm, role: int, in_momenta: bool) -> OfEdge:
+    given = part.term, terms.group.base, part.graph.arity, role, in_momenta
+    return OfEdge(*given, terms.names, terms.own, terms.species, part.of)
+
+
+def _rows(of_edge: OfEdge, states: np.ndarray, ends: np.ndarray, numbers: Any) -> np.ndarray:
+    """The numbers of edges, one after the other."""
+    shape = len(states), len(ends)
+    columns = []
+    for k in range(ends.shape[1]):
+        columns.append(states[:, ends[:, k]])
+        columns += [_shared(x.values[ends[:, k]], shape) for x in of_edge.own if isinstance(x, Each)]
+    columns += [_shared(x.values[numbers], shape) for x in inside(of_edge.term, Each)]
+    return np.concatenate(columns, axis=2).reshape(shape[0] * shape[1], -1)
+
+
+def _shared(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    rows = values.reshape(shape[1], -1)
+    return np.broadcast_to(rows, (*shape, rows.shape[1]))
+
+
+def _blocks(terms: Any, part: BoundTerm, states: np.ndarray) -> Iterator[tuple[slice, np.ndarray, Any]]:
+    """Some samples and some edges at a time: the samples, the ends of the edges, and their numbers."""
+    graph, samples = part.graph, len(states)
+    if is_near(graph) and isinstance(part.term, NearPairs):
+        near: Any = graph
+        for i, one in enumerate(states):
+            g = one.reshape(len(one), *terms.group.base.element_shape)
+            ends = near.pairs(places_of_sites(terms.group, g), near.cutoff)
+            for first in range(0, len(ends), ROWS):
+                yield slice(i, i + 1), ends[first : first + ROWS], None
+        return
+    if isinstance(graph, AllPairs) and not inside(part.term, Each):
+        sites, first = states.shape[1], 0
+        while first < sites - 1:
+            last = min(sites - 1, first + max(1, ROWS // sites))
+            pairs = np.nonzero(np.arange(first, last)[:, None] < np.arange(sites))
+            ends = np.stack([pairs[0] + first, pairs[1]], axis=1)
+            for at in range(samples):
+                yield slice(at, at + 1), ends, None
+            first = last
+        return
+    edges, together = graph.edges, max(1, ROWS // max(1, len(graph.edges)))
+    for first in range(0, samples, together):
+        some = slice(first, min(samples, first + together))
+        for begin in range(0, len(edges), ROWS):
+            numbers = slice(begin, begin + ROWS)
+            yield some, edges[numbers], numbers

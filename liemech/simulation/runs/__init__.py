@@ -1,0 +1,1 @@
+"""Runs of bodies written out, from where they start to where they stand."""

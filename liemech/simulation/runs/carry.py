@@ -1,0 +1,221 @@
+"""Where a run stands: what it hands on to the run that continues it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import InvalidInput
+from ...formulas.classes.frozen import frozen
+from ...formulas.classes.pytree import build
+from ...systems.system import State, member, state_of
+from ..between.dense import unpacked
+from ..between.events import NO_EVENTS, Met
+from ..compiled.control import STEP, TAKEN, TIME
+from ..compiled.prepared import Shape
+from ..stopped import Stopped
+
+
+@frozen(eq=False)
+class Carry:
+    """Where a run stands: for every body a column of numbers, with its clock.  From here the run goes on
+    as if it had never stopped.
+
+    shape : layouts and native code, if the plan that goes on has them still.
+    t0 : of fixed steps the time of step 0, one for all bodies or (bodies,); None for adaptive steps.
+    numbers : (width,) or (width, bodies), of what the method carries along.
+    clock : (7,) or (7, bodies), as of `Clock`: the time, h, the number of steps, ...
+    last : (n,) or (n, bodies), the numbers of the state.
+    bodies : of an ensemble; None for one body.
+    ended : the bodies that go no further, and what ended them: an error, or None for an event.
+    met : of each body how many zeros of every event it has met.
+    cut : of bodies with adaptive steps the event that ended the run.
+    """
+
+    fictive: ClassVar[bool] = False  # is its time a fictive one?
+
+    shape: Shape | None = dataclasses.field(repr=False)
+    t0: Any
+    numbers: np.ndarray = dataclasses.field(repr=False)
+    clock: np.ndarray = dataclasses.field(repr=False)
+    last: np.ndarray = dataclasses.field(repr=False)
+    bodies: int | None = None
+    ended: dict[int, Any] = dataclasses.field(default_factory=dict, repr=False)
+    met: dict[int, Met] = dataclasses.field(default_factory=dict, repr=False)
+    cut: dict[int, int] = dataclasses.field(default_factory=dict, repr=False)
+
+    @property
+    def inner(self) -> Any:
+        """The carry of the method: itself, as there is no fictive time."""
+        return self
+
+    @classmethod
+    def made(
+        cls, shape: Any, t0: Any, numbers: np.ndarray, clock: np.ndarray, last: np.ndarray,
+        bodies: int | None = None, met: Any = None,
+    ) -> Carry:  # fmt: skip
+        """The carry of bodies of which none has ended, in half the time that a dataclass takes."""
+        made = object.__new__(cls)
+        made.__dict__.update(
+            shape=shape, t0=t0, numbers=numbers, clock=clock, last=last, bodies=bodies,
+            ended={}, met={} if met is None else met, cut={},
+        )  # fmt: skip
+        return made
+
+    @classmethod
+    def quickly(
+        cls, shape: Any, t0: float, h: float, step: int, numbers: np.ndarray, last: np.ndarray,
+        met: Any = None, bodies: int | None = None,
+    ) -> Carry:  # fmt: skip
+        """The carry of bodies that have made so many fixed steps."""
+        clock = np.array([t0 + step * h, h, 0.0, float(step), 0.0, 0.0, 0.0])
+        if bodies is not None:
+            clock = np.repeat(clock[:, None], bodies, axis=1)
+        return cls.made(shape, t0, numbers, clock, last, bodies, met)
+
+    # ---------------------------------------------------------------- when and where
+
+    @property
+    def h(self) -> Any:
+        """The step, or that of each body."""
+        return self.clock.item(STEP) if self.bodies is None else common(self.clock[STEP])
+
+    @property
+    def step(self) -> int:
+        """How many steps were taken; of an ensemble by the body that goes on and has most."""
+        if self.bodies is None:
+            return int(self.clock.item(TAKEN))
+        going = np.delete(self.clock[TAKEN], [*self.ended])
+        return int((going if len(going) else self.clock[TAKEN]).max())
+
+    @property
+    def together(self) -> bool:
+        """Have all bodies that go on made the same fixed steps, from the same time on?"""
+        going = np.delete(self.clock[TAKEN], [*self.ended])
+        return np.ndim(self.t0) == 0 and bool(len(going)) and bool((going == going[0]).all())
+
+    @property
+    def t(self) -> Any:
+        """The time, in s; those of all bodies, (bodies,), if they differ."""
+        return self.clock.item(TIME) if self.bodies is None else common(self.clock[TIME])
+
+    @functools.cached_property
+    def state(self) -> State:
+        """The state at this time."""
+        shape: Any = self.shape
+        if self.bodies is None:
+            return build(shape.shown, iter(self.last.ravel().tolist()))
+        return state_of(type(shape.example), unpacked(shape.shown, self.last.T))
+
+    # ---------------------------------------------------------------- bodies
+
+    @property
+    def stopped(self) -> Stopped:
+        """The bodies that an error has ended."""
+        steps = self.clock[TAKEN].reshape(-1)
+        return Stopped(
+            {i: int(steps[i]) for i, error in self.ended.items() if error is not None}, self.ended.__getitem__
+        )
+
+    def member(self, i: int) -> Carry:
+        """The carry of one body."""
+        if self.bodies is None:
+            return self
+        t0 = self.t0 if np.ndim(self.t0) == 0 else self.t0.item(i)
+        numbers, clock, last = (x[:, i] for x in (self.numbers, self.clock, self.last))
+        maps: Any = self.ended, self.met, self.cut
+        own = [{0: x[i]} if i in x else {} for x in maps]
+        found = Carry(None, t0, numbers, clock, last, None, *own)
+        vars(found)["state"] = member(self.state, i)
+        return found
+
+    @property
+    def members(self) -> tuple[Any, ...]:
+        """The carries of all bodies."""
+        return tuple([self.member(i) for i in range(self.bodies or 1)])
+
+    @staticmethod
+    def beside(carries: list[Any]) -> Carry:
+        """The carries of some ensembles as one."""
+        first, begun = carries[0], np.cumsum([0, *[c.bodies for c in carries]]).tolist()
+        zeros = [np.broadcast_to(c.t0, c.bodies) for c in carries]
+
+        def moved(name: str) -> dict[int, Any]:
+            pairs = zip(begun, carries, strict=False)
+            return {at + i: x for at, c in pairs for i, x in getattr(c, name).items()}
+
+        numbers, clock, last = (
+            np.concatenate([getattr(c, name) for c in carries], axis=1) for name in ("numbers", "clock", "last")
+        )
+        t0 = None if first.t0 is None else common(np.concatenate(zeros))
+        maps = moved("ended"), moved("met"), moved("cut")
+        found = Carry(None, t0, numbers, clock, last, begun[-1], *maps)
+        vars(found)["state"] = all_of([c.state for c in carries])
+        return found
+
+    # ---------------------------------------------------------------- going on
+
+    def put_down(self, numbers: np.ndarray, heads: np.ndarray) -> None:
+        """Write what the bodies carry along, and their states, into columns.  Raises InvalidInput for
+        numbers of another width, on which native code relies.
+        """
+        if self.numbers.size != numbers.size or self.last.size != heads.size:
+            raise InvalidInput(
+                f"Plan.resume: the run carries {self.numbers.shape} numbers along, this plan "
+                f"{numbers.shape}: the run had another `compensated` or `precision` than the plan has"
+            )
+        numbers[:] = self.numbers.reshape(numbers.shape)
+        heads[:] = self.last.reshape(heads.shape)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The numbers, and the state instead of layouts and native code, which the plan that goes
+        on has.
+        """
+        return vars(self) | {"state": self.state, "shape": None}
+
+
+@frozen(eq=False)
+class SiteCarry:
+    """Where a run of many sites stands, with all that its method carries along.
+
+    t0, h, step : the time is t0 + step h.  numbers : (width, sites), of what the method carries
+    along for each site.  state : the state at this time.  clock : of adaptive steps, whose h and step
+    are zero.  met, event : as of a `Carry`.
+    """
+
+    fictive: ClassVar[bool] = False
+
+    t0: float
+    h: float
+    step: int
+    numbers: np.ndarray = dataclasses.field(repr=False)
+    state: Any = dataclasses.field(repr=False)
+    met: Met = NO_EVENTS
+    clock: np.ndarray | None = dataclasses.field(default=None, repr=False)
+    event: int | None = None
+    bodies: None = None
+
+    @property
+    def inner(self) -> Any:
+        """The carry of the method: itself, as there is no fictive time."""
+        return self
+
+    @property
+    def t(self) -> Any:
+        """The time, in s."""
+        return self.t0 + self.step * self.h
+
+
+def common(values: Any) -> Any:
+    """The value that all have, or an array of them."""
+    flat = np.ravel(values)
+    return flat.item(0) if (flat == flat[0]).all() else np.array(flat)
+
+
+def all_of(states: list[Any]) -> Any:
+    """The states of some ensembles as that of one."""
+    names = states[0].arrays
+    return state_of(type(states[0]), {n: np.concatenate([s.arrays[n] for s in states]) for n in names})

@@ -1,0 +1,114 @@
+"""From its start to its goals a run makes pieces of some steps; between them it shows how far it has come,
+is saved, and hears Ctrl-C.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from ...errors import IntegrationInterrupted, failure, is_mistake
+from ..reports.progress import Bar
+from ..result import of_run
+from ..trajectory import Trajectory
+
+
+class Course:
+    """A run: of bodies (run.py), of bodies side by side (equal.py), or of the sites of one system
+    (sites/run.py), each with its own `piece`; abstract.
+
+    checkpoint : where it is saved on its way, or None.  bodies : of an ensemble their number.
+    """
+
+    by_sites: ClassVar[bool] = False
+    adaptive: Any = False
+    plan: Any
+    checkpoint: Any
+    bodies: int | None = None
+
+    # ---------------------------------------------------------------- what a run has of its own
+
+    def piece(self) -> int | None:
+        """Make some more steps; how many, of all bodies together; None if there are none to make."""
+        raise NotImplementedError
+
+    @property
+    def measure(self) -> tuple[int, str]:
+        """Total and unit of the progress bar."""
+        raise NotImplementedError
+
+    @property
+    def shown(self) -> int:
+        """How much of the total is done."""
+        raise NotImplementedError
+
+    @property
+    def worth_saving(self) -> bool:
+        """Is the run saved at this place, if a checkpoint is due?"""
+        return True
+
+    def so_far(self) -> str:
+        """How far an interrupted run has come."""
+        raise NotImplementedError
+
+    def require_ends(self) -> None:
+        """Raise the error of a run that has not come to its end."""
+
+    def settle(self, error: Any) -> bool:
+        """Forget what lies beyond the place where a run stands that this error ends; can it go on?"""
+        return True
+
+    def tell(self, made: Trajectory) -> None:
+        """Warn of what the user should know of a run that has come to its end."""
+
+    # ---------------------------------------------------------------- the loop
+
+    def trajectory(self) -> Trajectory:
+        """Go to the goals."""
+        try:
+            with Bar(self.plan.options.progress, *self.measure) as bar:
+                self._march(bar)
+            self.require_ends()
+            made: Trajectory = of_run(self)
+        except (Exception, KeyboardInterrupt) as error:
+            raise self._stopped(error) from error.__cause__
+        self.tell(made)
+        return made
+
+    def _march(self, bar: Bar) -> None:
+        """Piece after piece."""
+        checkpoint = self.checkpoint
+        while (made := self.piece()) is not None:
+            bar.advance(self.shown - bar.done)
+            if checkpoint is not None and checkpoint.due(made) and self.worth_saving:
+                self.save()
+
+    def save(self) -> None:
+        """Write the run so far."""
+        self.checkpoint.save(of_run(self))
+
+    def _stopped(self, error: Any) -> Any:
+        """The error or interrupt that ends a run, with the run so far."""
+        interrupted = isinstance(error, KeyboardInterrupt) and not isinstance(error, IntegrationInterrupted)
+        if interrupted:
+            error = IntegrationInterrupted()
+        elif getattr(error, "trajectory", None) is not None and not self.bodies:
+            return error
+        goes_on = self.settle(error)
+        error.trajectory = of_run(self, goes_on)
+        if interrupted:  # it may stand further on than where it was last looked at
+            error.args = (f"integrate: interrupted {self.so_far()}",)
+        return error
+
+
+def told(error: Any, method: Any, at: str, samples: Callable[[], int] | None) -> Any:
+    """The error of a run that ends at a place: a mistake in a formula is itself, with a note.
+
+    samples : how many there are; None beside other bodies.
+    """
+    if is_mistake(error):
+        error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
+        return error
+    if samples is not None:
+        at += f"; {samples()} samples are in `.trajectory`"
+    return failure(error, repr(method), at)

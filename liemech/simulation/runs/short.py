@@ -1,0 +1,555 @@
+"""Short runs: one call of native code, and a few microseconds of Python around it.
+
+Where the numbers of such a run lie in memory is the same for all starts of one layout: what is carried along,
+the clock, the goal, and behind these what is kept.  A run writes its start there and lets native code go on; of
+what that has written arrays are made when they are asked for.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import struct
+from typing import Any
+
+import numpy as np
+
+from ...compiler.kernel import Kernel, address
+from ...compiler.machine.cache_lines import in_lines
+from ...formulas.classes.pytree import build, gatherer, restricted
+from ...systems.system import State
+from .. import arguments
+from ..between.dense import DenseOutput, lay_out, unpacked
+from ..compiled.control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
+from ..compiled.driver import SAMPLES, sampled_steps
+from ..compiled.execution import COLUMNS, SHARED, Execution, like
+from ..compiled.lanes import Lanes
+from ..compiled.prepared import Shape, Steps
+from ..result import of_short
+from ..trajectory import Trajectory
+from .carry import Carry
+from .starts import known
+
+LONGEST, LARGEST = 2**23, 2**24
+"""Steps of a run with fixed steps, each counted as the square of the numbers it carries along, and numbers
+of its samples at most.
+
+A step costs about as many nanoseconds as that square: native code comes back in milliseconds, and
+then Ctrl-C is heard.
+"""
+
+TRIALS, ROOM = 2**20, 2**14
+"""These limits for adaptive steps, of which a trial costs as much as several fixed ones."""
+
+ENDLESS = 2.0**53
+"""More steps than any run has."""
+
+CLOCKS = struct.Struct(f"{CLOCK.width}d")
+
+
+class Places:
+    """Places in the memory of short runs of one body: how many numbers lie before the clock, the goal, and
+    what is kept.
+
+    words : of a call, before its constants.  gather : the numbers of a start.
+    """
+
+    def __init__(self, lanes: Lanes, words: int, given: Any) -> None:
+        self.lanes, self.stepping, self.gather = lanes, lanes.stepping, gatherer(given)
+        self.carried, self.constants = lanes.layout.width, lanes.constants
+        self.clock, self.goal = self.carried, self.carried + CLOCK.width
+        self.kept, self.taken = self.goal + GOAL.width, self.clock + TAKEN
+        self.call = struct.Struct(f"{3 + words}q{len(self.constants)}s").pack
+
+    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+        """These places for another system of the same layout."""
+        return like(self, lanes=lanes, stepping=lanes.stepping, constants=lanes.constants, **own)
+
+    def where(self, memory: Any) -> tuple[Any, ...]:
+        """Where goal, numbers and clock are, and how many numbers each has; and the memory itself."""
+        place = address(memory)
+        goal, clock = place + 8 * self.goal, place + 8 * self.clock
+        return (goal, GOAL.width), (place, self.carried), (clock, CLOCK.width), place
+
+
+# ------------------------------------------------------------------ fixed steps
+
+
+class Place(Places):
+    """Places of runs with fixed steps: samples are kept, the start first."""
+
+    def __init__(self, steps: Steps, shape: Shape) -> None:
+        super().__init__(shape.lanes_of(steps, STRAIGHT, (), shape.side), 6, shape.given)
+        self.shape, self.sampled = shape, shape.shown.width
+        self.begun = struct.Struct(f"{self.kept + self.sampled}d").pack_into
+        self.asked = steps.compiled
+        self.beginning = shape.beginning(steps, self.lanes) if shape.order is None else None
+        if shape.order is not None:
+            self.picked = operator.itemgetter(*shape.order, -1)
+            self.copied = np.flatnonzero(np.array(shape.order) >= 0)
+            self.source = np.array(shape.order)[self.copied]
+
+    def of_system(self, shape: Shape) -> Any:
+        """These places for another system of the same layout."""
+        lanes = shape.lanes[STRAIGHT, shape.side]
+        return self.of_lanes(lanes, shape=shape, beginning=shape._beginning)
+
+    def native(self, steps: int) -> Kernel | None:
+        """The native code for so many steps at once, in milliseconds, that says what the formulas say now;
+        None if there is none.
+        """
+        return None if steps * self.carried * self.carried > LONGEST else self.stepping.refresh()
+
+    def begin(self, start: Any, t0: float, h: float, memory: Any) -> bool:
+        """Write what one body carries along, its clock and goal, and the first sample; False if the
+        method cannot begin so.
+        """
+        numbers, beginning = self.gather(start), self.beginning
+        clock = t0, h, *FRESH, math.inf, 0.0, 0.0, 0.0, ENDLESS, t0  # and goal
+        if beginning is None:
+            numbers.append(0.0)
+            self.begun(memory, 0, *self.picked(numbers)[:-1], *clock, *numbers[:-1])
+            return True
+        native = beginning.used(self.asked) or beginning.ready(0.0)
+        if native is None:
+            return False
+        rest = numbers if self.shape.given == self.shape.shown else (0.0,) * self.sampled
+        self.begun(memory, 0, *(0.0,) * self.carried, *clock, *rest)
+        parts = memory[self.clock : self.goal], memory[: self.clock], memory[self.kept :]
+        native.run(self.constants, (), (np.array(numbers), *parts))
+        return memory.item(self.clock + MARK) == 0.0
+
+    def go_on(self, carry: Carry, memory: Any) -> None:
+        """Write where a run of one body stands."""
+        goal = math.inf, 0.0, 0.0, 0.0, ENDLESS, carry.t0
+        numbers, clock, last = carry.numbers.tolist(), carry.clock.tolist(), carry.last.tolist()
+        self.begun(memory, 0, *numbers, *clock, *goal, *last)
+
+    def standing(self, memory: Any, t0: float, last: Any, met: Any = None) -> Carry:
+        """The carry of one body that stands in memory, a view."""
+        numbers, clock = memory[: self.carried], memory[self.clock : self.goal]
+        return Carry.made(self.shape, t0, numbers, clock, last, None, met)
+
+    def prepared(self, memory: Any, turns: int, out: int) -> Any:
+        """Where goal, numbers, clock and so many samples are, the first of them there in memory, and how many
+        numbers each has.
+        """
+        *parts, place = self.where(memory)
+        return *parts, (place + 8 * out, turns * self.sampled)
+
+    def advance(self, native: Kernel, buffers: Any, turns: int, every: int) -> None:
+        """Make `turns` samples, each after `every` steps, by this code."""
+        native.on_memory(self.block(buffers, turns, every), buffers)
+
+    def block(self, buffers: Any, turns: int, every: int) -> bytes:
+        """The arguments of native code; number 4 of the words is `every`, the constants are at
+        `words`.
+        """
+        (goal, _), (states, _), (clock, _), (rows, _) = buffers
+        made: bytes = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
+        return made
+
+    words = 8 * 9
+
+
+def place_of(steps: Steps, shape: Shape) -> Place:
+    """The places of the runs of a shape, made once."""
+    if shape.place is None:
+        shape.place = Place(steps, shape)
+    place: Place = shape.place
+    return place
+
+
+def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> Trajectory | None:
+    """The run of one body, from a start at t0 or from where another one stands; None if there
+    is more to do than to step: samples in the middle of `every`, steps that fail, what is not compiled yet.
+    """
+    every, place = way.every, shape.place or place_of(way, shape)
+    samples = steps // every
+    if steps <= 0 or steps % every:
+        return None
+    native = place.native(steps) if samples * place.sampled <= LARGEST else None
+    if native is None:
+        return None
+    memory, step = np.empty(place.kept + (samples + 1) * place.sampled), 0
+    if isinstance(start, Carry):
+        t0, step = start.t0, start.step
+        place.go_on(start, memory)
+    elif not place.begin(start, t0, way.h, memory):
+        return None
+    reached = step + steps
+    if step % every:
+        return None
+    place.advance(native, place.prepared(memory, samples, place.kept + place.sampled), samples, every)
+    if memory.item(place.taken) != reached:
+        return None
+    found = _Found(place, memory, t0, way.h, every, step, reached)
+    made: Trajectory = of_short(found, way, way.h, None, steps, {"breaks": way.breaks, "dense": None})
+    return made
+
+
+def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
+    """Where a run of one body stands some steps later, without samples between; None if native code
+    does not come there.
+    """
+    shape: Any = carry.shape
+    if carry.bodies is not None or not way.owns(shape):
+        return None
+    place = place_of(way, shape)
+    native = place.native(steps)
+    if native is None:
+        return None
+    memory = np.empty(place.kept + place.sampled)
+    place.go_on(carry, memory)
+    place.advance(native, place.prepared(memory, 1, place.kept), 1, steps)
+    reached = carry.step + steps
+    if memory.item(place.taken) != reached:
+        return None
+    return place.standing(memory, carry.t0, memory[place.kept :], carry.met)
+
+
+class _Found:
+    """Times and states of a run with fixed steps, found when they are asked for: views of what the steps
+    have written.
+    """
+
+    __slots__ = ("every", "h", "last", "memory", "place", "reached", "step", "t0")
+
+    def __init__(self, place: Place, memory: Any, t0: float, h: Any, every: int, step: int, reached: int) -> None:
+        self.place, self.memory = place, memory
+        self.last: np.ndarray | None = None
+        self.t0, self.h, self.every, self.step, self.reached = t0, h, every, step, reached
+
+    def t(self) -> np.ndarray:
+        """The times of the samples."""
+        times = np.arange(float(self.step), self.reached + 1.0, float(self.every))
+        times *= self.h
+        times += self.t0
+        return times
+
+    def states(self) -> dict[str, np.ndarray]:
+        """The samples; as they may be written to, the last one is kept for the carry."""
+        place = self.place
+        self.last = self.memory[-place.sampled :].copy()
+        return unpacked(place.shape.shown, self.memory[place.kept :].reshape(-1, place.sampled))
+
+    def carry(self) -> Carry:
+        """Where the run stands."""
+        place = self.place
+        last = self.memory[-place.sampled :].copy() if self.last is None else self.last
+        return place.standing(self.memory, self.t0, last)
+
+
+class _FoundOfBodies(_Found):
+    """Times and states of a short run of an ensemble.  memory : (height, columns) of all numbers."""
+
+    __slots__ = ("bodies", "out")
+
+    bodies: int
+    out: np.ndarray
+
+    def states(self) -> dict[str, np.ndarray]:
+        """The samples, views of what the steps have written."""
+        self.last = self.out[-1, :, : self.bodies].copy()
+        return unpacked(self.place.shape.shown, self.out[:, :, : self.bodies].swapaxes(1, 2))
+
+    def carry(self) -> Carry:
+        """Where the run stands."""
+        last = self.out[-1, :, : self.bodies].copy() if self.last is None else self.last
+        numbers, clock, *_ = self.place.lanes.parts(self.memory[:, : self.bodies])
+        return Carry.made(self.place.shape, self.t0, numbers, clock, last, self.bodies)
+
+
+def short_steps_of_many(way: Steps, shape: Shape, start: State, steps: int, t0: float) -> Trajectory | None:
+    """Run some bodies side by side; None as for one body."""
+    arrays, place = start.arrays, place_of(way, shape)
+    count = len(next(iter(arrays.values())))
+    columns, samples = shape.columns(count), steps // way.every
+    if steps <= 0 or steps % way.every:
+        return None
+    native = place.native(steps * count) if samples * place.sampled * columns <= LARGEST else None
+    if native is None:
+        return None
+    table = in_lines(place.lanes.height, columns)
+    out = in_lines(samples + 1, place.sampled, columns)
+    alike = shape.given == shape.shown
+    starts = out[0] if alike else np.empty((shape.given.width, columns))
+    lay_out(arrays, starts)
+    numbers, clocks, goals, *own = place.lanes.parts(table)
+    clocks[:], goals[:] = _column(t0, way.h, *FRESH), _column(math.inf, 0.0, 0.0, 0.0, ENDLESS, t0)
+    for mine, given in zip(own, place.lanes.own, strict=True):
+        mine[:, :count], mine[:, count:] = given, given[:, -1:]
+    whole = shape.whole(count)
+    if place.beginning is None:
+        numbers[:] = 0.0
+        numbers[place.copied] = starts[place.source]
+    else:
+        beginning = place.beginning.used(place.asked) or place.beginning.ready(0.0)
+        if beginning is None:
+            return None
+        begun = *own, starts, clocks, numbers, out[0]
+        beginning.run(place.constants, (), begun, columns, 0, whole)
+    rows = *own, goals, numbers, clocks, out[1:]
+    native.run(place.constants, (samples, way.every), rows, columns, 0, whole)
+    if (table[place.taken, :whole] != steps).any():
+        return None
+    found = _FoundOfBodies(place, table, t0, way.h, way.every, 0, steps)
+    found.bodies, found.out = count, out
+    made: Trajectory = of_short(found, way, way.h, count, steps, {"breaks": way.breaks, "dense": None})
+    return made
+
+
+def _column(*numbers: float) -> np.ndarray:
+    return np.array(numbers)[:, None]
+
+
+# ------------------------------------------------------------------ adaptive steps
+
+
+class Rows(Places):
+    """Places of runs with adaptive steps of which every one is kept: rows of time, state and way."""
+
+    def __init__(self, lanes: Lanes) -> None:
+        super().__init__(lanes, 6, lanes.state)
+        self.row, width = lanes.row.width, lanes.state.width
+        self.unknown, self.no_way = (0.0,) * (self.carried - width), (0.0,) * (self.row - 1 - width)
+        self.begun = struct.Struct(f"{self.kept + self.row}d").pack_into
+        self.turns = max(1, ROOM // self.row)
+        self.limit = max(1, TRIALS // self.carried**2)
+        self.free: list[Any] = []  # memory that no run needs any more
+
+    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+        """These places for another system of the same layout, with memory of their own."""
+        return super().of_lanes(lanes, free=[], **own)
+
+    def native(self) -> Kernel | None:
+        """The native code that says what the formulas say now; None if there is none."""
+        return self.stepping.refresh()
+
+    def room(self) -> Any:
+        """Memory, and the call that fills it."""
+        memory = np.empty(self.kept + (1 + self.turns) * self.row)
+        *parts, place = self.where(memory)
+        rows = place + 8 * (self.kept + self.row), self.turns * self.row
+        buffers = *parts, rows
+        at = [begin for begin, _ in buffers]
+        return memory, self.call(1, 0, 1, self.turns, 1, *at, self.constants), buffers
+
+    def run(
+        self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int
+    ) -> _Rows | None:  # fmt: skip
+        """Run from a start to t_end in one native call; None if that did not come to its end."""
+        try:
+            room = self.free.pop()
+        except IndexError:
+            room = self.room()
+        memory, block, buffers = room
+        numbers = self.gather(start)
+        goal = t_end, way.rtol, way.atol, way.longest, min(limit, self.limit), 0.0
+        clock = t0, way.first(t0, t_end), *FRESH
+        first = t0, *numbers, *self.no_way
+        self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal, *first)
+        native.on_memory(block, buffers)
+        now = CLOCKS.unpack_from(memory, 8 * self.clock)
+        end = self.kept + self.row * (1 + int(now[TAKEN]))
+        found = _Rows(self, way, now, t_end, memory[:end].copy()) if now[TIME] == t_end else None
+        self.free.append(room)
+        return found
+
+
+class _Rows:
+    """The memory that a run with adaptive steps has written.
+
+    memory : what is carried along, the clock, the goal, and a row for the start and the end of every step.
+    """
+
+    __slots__ = ("clock", "memory", "places", "t_end", "way")
+
+    def __init__(self, places: Any, way: Any, clock: tuple[float, ...], t_end: float, memory: np.ndarray) -> None:
+        self.places, self.way, self.clock = places, way, clock
+        self.t_end, self.memory = t_end, memory
+
+    @property
+    def rows(self) -> np.ndarray:
+        """The rows, views."""
+        return self.memory[self.places.kept :].reshape(-1, self.places.row)
+
+    def t(self) -> np.ndarray:
+        """The times of the samples."""
+        return self.rows[:, 0]
+
+    def states(self) -> dict[str, np.ndarray]:
+        """The samples, views of the rows."""
+        state = self.places.lanes.state
+        return unpacked(state, self.rows[:, 1 : 1 + state.width])
+
+    def dense(self) -> DenseOutput | None:
+        """The motion between the steps."""
+        way, lanes = self.way, self.places.lanes
+        if not lanes.arguments[2].curves:
+            return None
+        method = way.method
+        given = self.rows, method.dense_order, way.compiled
+        return DenseOutput(way.system, method.retraction, lanes.example, *given)
+
+    def carry(self) -> Carry:
+        """Where the run stands."""
+        numbers = self.memory[: self.places.carried].copy()
+        last = numbers[: self.places.lanes.state.width]
+        made = Carry.made(None, None, numbers, np.array(self.clock), last)
+        vars(made)["state"] = build(self.places.lanes.state, iter(last.tolist()))
+        return made
+
+
+class Times(Rows):
+    """Places of runs with adaptive steps of which the states at given times are kept: behind their count and
+    the row of the last step.
+    """
+
+    def __init__(self, lanes: Lanes) -> None:
+        super().__init__(lanes)
+        self.begun = struct.Struct(f"{self.kept}d").pack_into
+        self.call = struct.Struct(f"12q{len(self.constants)}s").pack
+        self.out = self.kept + SAMPLES.width
+        self.samples = self.out + self.row
+        self.stepping = self._sampling(lanes)
+
+    @staticmethod
+    def _sampling(lanes: Lanes) -> Execution:
+        """The Execution of the driver `sampled_steps`."""
+        shared = SHARED, COLUMNS, COLUMNS
+        call = sampled_steps, *lanes.arguments, 1, 1, *[COLUMNS] * 4, *shared, None
+        return Execution(None, lanes.stepping.progress, *call, silent=True)
+
+    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+        made = super().of_lanes(lanes, **own)
+        made.stepping = self.stepping.of(lanes.arguments[1])
+        return made
+
+    def native(self) -> Kernel | None:
+        """The native code that says what the formulas say now; it is made if asked for often."""
+        return self.stepping.used(self.lanes.stepping.native is not None)
+
+    def at(
+        self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray
+    ) -> _AtTimes | None:
+        """Run from a start to t_end in one native call; None if that did not come to its end."""
+        count, width = len(times), self.lanes.state.width
+        memory: Any = np.empty(self.samples + count * width)
+        numbers, limit = self.gather(start), min(limit, self.limit)
+        goal = t_end, way.rtol, way.atol, way.longest, limit, 0.0
+        clock = t0, way.first(t0, t_end), *FRESH
+        self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal)
+        *parts, place = self.where(memory)
+        buffers = (
+            *parts,
+            (place + 8 * self.out, self.row),
+            (address(times), count),
+            (place + 8 * self.samples, count * width),
+            (place + 8 * self.kept, SAMPLES.width),
+        )
+        at = [begin for begin, _ in buffers]
+        native.on_memory(self.call(1, 0, 1, limit, count, *at, self.constants), buffers)
+        now = CLOCKS.unpack_from(memory, 8 * self.clock)
+        if now[TIME] != t_end or memory.item(self.kept) != count:
+            return None
+        found = _AtTimes(self, way, now, t_end, memory)
+        found.times = times
+        return found
+
+
+class _AtTimes(_Rows):
+    """The memory that a run with adaptive steps has written, of states at given times."""
+
+    __slots__ = ("times",)
+
+    times: np.ndarray
+
+    def t(self) -> np.ndarray:
+        """The times of the samples."""
+        return self.times
+
+    def states(self) -> dict[str, np.ndarray]:
+        """The samples, views of what the steps have written."""
+        rows = self.memory[self.places.samples :].reshape(len(self.times), -1)
+        return unpacked(self.places.lanes.state, rows)
+
+    def dense(self) -> None:
+        """There is none."""
+
+
+def short(
+    way: Any, known: Any, start: Any, t0: float, t_end: float, times: np.ndarray | None, limit: int
+) -> Trajectory | None:
+    """The run with adaptive steps of one body, if it is one of a few native steps; None if there is no
+    native code yet, or more to do.
+
+    known : the layout of the start.
+    """
+    if t0 == t_end or (times is not None and not len(times)):
+        return None
+    curves = way.dense is not False if times is None else between(times, t0, t_end)
+    key = known, curves, times is not None, "short"
+    places = way.shapes.get(key)
+    if places is None:
+        lanes = way.shapes.get((known, curves, False))
+        if lanes is None:
+            return None
+        places = way.shapes[key] = (Rows if times is None else Times)(lanes)
+    native = places.native()
+    if native is None:
+        return None
+    given = native, way, start, t0, t_end, limit
+    found = places.run(*given) if times is None else places.at(*given, times)
+    if found is None:
+        return None
+    t, _, _, steps, rejected, _, _ = found.clock
+    h = (t - t0) / max(1.0, steps)
+    made: Trajectory = of_short(found, way, h, None, int(steps), {"rejected": int(rejected)})
+    return made
+
+
+def between(times: np.ndarray, t0: float, t_end: float) -> bool:
+    """Are there others among sorted times than the start and the end?"""
+    count, n = len(times), 0
+    while n < count and times.item(n) == t0:
+        n += 1
+    return n < count and times.item(n) != t_end
+
+
+# ------------------------------------------------------------------ which runs are short
+
+
+def short_run(plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any) -> Trajectory | None:
+    """A run that has nothing to do but to step, of a start that is laid out as one before;
+    None for all others, and for what is to be refused.
+    """
+    found, way = known(plan, start), plan._steps
+    if found is None:
+        written = plan._one._written_out(start)
+        found = None if written is start else known(plan, written)
+        start = written
+    if found is None or type(t0) is not float or not math.isfinite(t0):
+        return None
+    layout, side = found
+    if plan.adaptive:
+        if side or t_end is None:
+            return None
+        limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+        end = arguments.real(t_end, "t_end")
+        times = arguments.times(t_eval, t0, end)
+        if not (way.smooth or not way.jumps(t0, end)) or (way.dense and times is not None):
+            return None
+        made = short(way, layout, start, t0, end, times, limit)
+        if made is not None and plan.options.atol is None:
+            arguments.large_enough(restricted(start, layout))
+        return made
+    shape, of_each = way.shapes.get(found), side and t_end is not None
+    if shape is None or t_eval is not None or (of_each and arguments.axes(t_end, "t_end")):
+        return None
+    count = plan._count(steps, t_end, t0)
+    if plan._doubt(start if side else restricted(start, layout)):
+        return None
+    if side:
+        return short_steps_of_many(way, shape, start, count, t0)
+    return short_steps(way, shape, start, count, t0)

@@ -1,5 +1,0 @@
-from .groups.poisson_structure import Canonical as Canonical
-from .groups.poisson_structure import ConstantStructure as ConstantStructure
-from .groups.poisson_structure import LiePoissonStructure as LiePoissonStructure
-from .groups.poisson_structure import LogCanonical as LogCanonical
-from .systems.local_coordinates import InducedStructure as InducedStructure

@@ -1,0 +1,100 @@
+"""Differential equations on a Lie group, in body or in space velocities, autonomous or driven."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, final
+
+from ...errors import undefined
+from ...formulas import Element, Vec, record
+from ...formulas.numbers.bases import InMemory
+from ...groups.lie_group import LieGroup
+from ...groups.retractions import Retraction
+from ..system import State, System, as_precise, frozen, large_members, lies_in_memory, members_of
+
+
+@record
+class Position(State):
+    """A place on a group: the element `g`; for an ensemble one for each body."""
+
+    g: Any
+
+
+@record
+class GroupEquation(System):
+    """An equation on a Lie group, g' = g xi(t, g) or, with `side = "right"`, g' = xi(t, g) g.
+
+    1. A subclass writes `velocity(t, g)`; for spatial velocities it sets `side = "right"`.
+    2. It may name what stays constant (`constants`).
+
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.2; Hairer, Lubich,
+    Wanner, IV.8, equation (8.1).
+    """
+
+    group: LieGroup
+
+    def velocity(self, t: float, g: Element) -> Vec:
+        """The velocity xi(t, g) in the Lie algebra, (dim,).  g : an element."""
+        raise undefined(self, "velocity")
+
+    # ---------------------------------------------------------------- how it moves
+
+    @final
+    def rate(self, t: float, state: Position) -> Vec:
+        """xi(t, g)."""
+        return self.velocity(t, state.g)
+
+    @final
+    def displaced(self, retraction: Retraction, state: Position, omega: Vec) -> Position:
+        """g tau(omega), or tau(omega) g for spatial velocities."""
+        omega = as_precise(omega, state.g)
+        if self.side == "left":
+            return Position(retraction.compose_tau(self.group, state.g, omega))
+        return Position(retraction.tau_compose(self.group, omega, state.g))
+
+    @final
+    def moving(self, state: Position, xi: Vec) -> Position:
+        """g xi, or xi g for spatial velocities, as matrices."""
+        x = self.group.algebra.hat(xi)
+        return Position(state.g @ x if self.side == "left" else x @ state.g)
+
+    @final
+    def variation(self, state: Position, omega: Vec) -> tuple[Any, Any]:
+        """The displacement, beside what counts as large at g."""
+        if isinstance(omega, InMemory):
+            still: Any = omega
+            return (still,), (0.0 * still + 1.0,)
+        return omega, self.group.scale(state.g)
+
+    @final
+    def state(self, g: Any) -> Position:
+        """A start for `integrate`: an element, or one for each body of an ensemble.
+
+        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on
+        the group.
+        """
+        elements, shape = (members_of(self.group, g, f"{type(self).__name__}.state: g"), self.group.element_shape)
+        many = None if elements.shape == shape else len(elements)
+        large = lies_in_memory(self.group)
+        return self.vouched(large_members(Position(frozen(elements, shape, many, large)), large))
+
+
+@record
+class LinearGroupEquation(GroupEquation):
+    """A linear equation on a Lie group, g' = g xi(t) or, with `side = "right"`, g' = xi(t) g: what
+    Magnus methods solve.
+
+    A subclass writes `drive(t)`, the velocity as a function of time alone.
+
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 4.
+    """
+
+    linear: ClassVar[bool] = True
+
+    def drive(self, t: float) -> Vec:
+        """The velocity xi(t), (dim,)."""
+        raise undefined(self, "drive")
+
+    @final
+    def velocity(self, t: float, g: Element) -> Vec:
+        """xi(t), wherever g is."""
+        return self.drive(t)

@@ -1,0 +1,57 @@
+"""Tables of which one interval carries a derivative: by the coefficients there a motion is
+differentiated.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...errors import InvalidInput
+from ...formulas import Vec, record, where
+from ...formulas.classes.pytree import fields_of, fill
+from ...formulas.tables import entry
+from .tabulated import ROUNDING, PiecewisePolynomial
+
+
+@record
+class VariedTable(PiecewisePolynomial):
+    """The part of a table that some steps meet, whose coefficients in one interval are moved by
+    something that is zero and has a slope.
+
+    A formula that asks elsewhere, such as one of a delay or of a place, would have a derivative that
+    nobody looks for, and is refused.
+
+    moved : (degree + 1) * size numbers by which the coefficients are moved.  where_moved : the number
+    of the interval in this part.  at_begin, at_end : is the beginning, and the end, that of the whole?
+    """
+
+    moved: Any = None
+    where_moved: float = 0.0
+    at_begin: float = 1.0
+    at_end: float = 1.0
+
+    def _inside(self, t: Any, low: Any, high: Any, period: Any) -> Any:
+        first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
+        slack = ROUNDING * max(abs(first), abs(last))
+        if (self.at_begin == 0.0 and t < first - slack) or (self.at_end == 0.0 and t > last + slack):
+            raise InvalidInput(
+                "Plan.gradient: a formula asks a table at other times than those of its step, such as "
+                "with a delay, and has no gradient by its values; runs with moved tables tell it"
+            )
+        return super()._inside(t, low, high, period)
+
+    def _terms_of(self, i: Any) -> list[Any]:
+        here, width = where(i == self.where_moved, 1.0, 0.0), max(self.size, 1)
+        rows = [self.moved[k * width : (k + 1) * width] for k in range(self.degree + 1)]
+        return [term + here * (Vec(*row) if self.size else row[0]) for term, row in zip(super()._terms_of(i), rows)]
+
+
+PART = "knots", "coefficients", "intervals", "jumps", "jumping", "last"
+"""The fields that say which part of a table is meant."""
+
+
+def varied(table: PiecewisePolynomial) -> VariedTable:
+    """The whole table, moved nowhere."""
+    width = (table.degree + 1) * max(table.size, 1)
+    return fill(VariedTable, fields_of(table) | {"moved": Vec(*[0.0] * width), "where_moved": -1.0,
+                                                 "at_begin": 1.0, "at_end": 1.0})  # fmt: skip

@@ -1,0 +1,1 @@
+"""Contents of a scene: the pictures of a motion, a class each."""
