@@ -6,6 +6,7 @@ import functools
 import math
 import sys
 import warnings
+import zlib
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -136,12 +137,12 @@ class Table:
     def measured(self, name: str, half: int | None = None) -> list[float | None]:
         """The slopes of a row: None where a method does not apply.
 
-        half : 0 for every other problem, the odd ones in odd rows; 1 for the rest; nan in the place
+        half : 0 for every other problem, which of them the name decides; 1 for the rest; nan in the place
         of what is not measured.
         """
         method, order = self.rows[name]
         found: list[float | None] = []
-        number = list(self.rows).index(name)
+        number = zlib.crc32(name.encode())
         for column in self.columns():
             problem = next((p for p in column if p.accepts(method)), None)
             if problem and half is not None and number % 2 != half:

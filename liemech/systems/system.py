@@ -183,11 +183,11 @@ class System(Record):
         return getattr(import_module(f"{LIBRARY}.{module}"), name)
 
     @property
-    def turning_group(self) -> Any:
-        """The group in whose algebra `turning_velocity` is."""
+    def _turning_group(self) -> Any:
+        """The group in whose algebra `_turning_velocity` is."""
         return self.group
 
-    def turning_velocity(self, t: float, state: Any) -> Vec:
+    def _turning_velocity(self, t: float, state: Any) -> Vec:
         """The velocity by which a step is judged to span turns."""
         return self.rate(t, self.essential_part(state))
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import shipped
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
@@ -62,12 +63,7 @@ class Subject:
 
 
 def groups() -> list[lm.LieGroup]:
-    return [
-        lm.SO3(), lm.SE3(), lm.SE2(), lm.UnitQuaternions(), lm.VectorSpace(3), lm.Heisenberg(1), lm.Heisenberg(2),
-        lm.SO(4), lm.SU(2), lm.SU(3), lm.U(2), lm.SL(2), lm.SL(3), lm.GL(2), lm.Sp(2), lm.SO(5),
-        lm.ProductGroup(lm.SO3(), lm.VectorSpace(3)), lm.ProductGroup(lm.SU(2), lm.SO3()),
-        lm.SemidirectProduct(lm.SO3(), lm.actions.LinearAction(lm.SO3())), lm.SemidirectProduct(lm.SE3(), lm.coadjoint(lm.SE3())),
-    ]  # fmt: skip
+    return [*shipped.GROUPS]
 
 
 @lm.record

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shipped
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -130,10 +131,7 @@ def test_the_noise_of_an_imu_is_that_of_integrated_white_noise():
     assert np.allclose(P[3:6, 6:], s**2 * h**2 / 2 * np.eye(3), rtol=1e-12)
 
 
-GROUPS = [
-    lm.SO3(), lm.SE3(), lm.SE23(), lm.SGal3(), lm.UnitQuaternions(), lm.SE2(),
-    lm.ProductGroup(lm.SE3(), lm.VectorSpace(2)),
-]  # fmt: skip
+GROUPS = [*shipped.RIGID, lm.ProductGroup(lm.SE3(), lm.VectorSpace(2))]
 
 
 @pytest.mark.parametrize("side", SIDES)

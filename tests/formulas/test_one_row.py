@@ -9,13 +9,14 @@ import threading
 
 import numpy as np
 import pytest
+import shipped
 
 import liemech as lm
 from liemech.errors import LiemechError
 from liemech.formulas.calls import one_row
 from liemech.formulas.vectors import small
 
-GROUPS = [lm.SO3(), lm.SE3(), lm.UnitQuaternions(), lm.SE2(), lm.SE23(), lm.SGal3(), lm.SO(4), lm.SU(2)]
+GROUPS = [*(G for G in shipped.RIGID if not isinstance(G, lm.VectorSpace)), lm.SO(4), lm.SU(2)]  # which has no matrices
 RNG = np.random.default_rng(5)
 
 

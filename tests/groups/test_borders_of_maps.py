@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shipped
 
 import liemech as lm
 from liemech.formulas import Vec
@@ -16,10 +17,7 @@ from liemech.groups.ad_series import bernoulli_series, exponential_series, mean,
 from liemech.groups.bernoulli import BERNOULLI, TERMS
 from liemech.groups.matrices.skew_matrices import like_sizes, null_vectors
 
-TURNING = (
-    lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SE3(), lm.SE23(), lm.SGal3(), lm.SemidirectProduct(lm.SO3()),
-    lm.ProductGroup(lm.SE2(), lm.VectorSpace(2)), lm.OppositeGroup(lm.SE3()),
-)  # fmt: skip
+TURNING = shipped.turning()
 
 
 @pytest.mark.parametrize("group", TURNING, ids=repr)

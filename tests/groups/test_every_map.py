@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shipped
 from groups.bare import BareAlgebra, BareGroup, phi1
 from scipy.linalg import expm
 
 import liemech as lm
 from liemech.formulas import Vec, derivative, plain
-from liemech.groups.composed.opposite import OppositeGroup
 from liemech.groups.lie_algebra import sided
-from liemech.groups.matrices.heisenberg import Heisenberg
 from liemech.groups.matrices.matrix_group import MatrixLieGroup
 from liemech.groups.representations import AdjointAction
 
@@ -73,13 +72,12 @@ class Abstract(OnlyWhatItMust):
 
 TRIANGULAR = [[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]
 GROUPS: tuple[lm.LieGroup, ...] = (
-    lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SE3(), lm.SE3().by_adjoint, lm.SE23(), lm.SGal3(), lm.VectorSpace(3),
-    Heisenberg(2), lm.SO(3), lm.SO(4), lm.SL(2), lm.GL(2), lm.SU(2), lm.SU(3), lm.U(2), lm.Sp(4), MatrixLieGroup.of(TRIANGULAR),
-    OnlyWhatItMust(), Abstract(), lm.ProductGroup(lm.SE2(), lm.SU(2), lm.VectorSpace(1)), lm.SemidirectProduct(lm.SO3()),
-    lm.SemidirectProduct(lm.UnitQuaternions()), lm.SemidirectProduct(lm.SL(2)),
-    lm.SemidirectProduct(lm.SE2(), AdjointAction(lm.SE2())), OppositeGroup(lm.SE3()), OppositeGroup(lm.SL(2)),
+    *shipped.GROUPS, lm.SE3().by_adjoint, MatrixLieGroup.of(TRIANGULAR), OnlyWhatItMust(), Abstract(),
+    lm.SemidirectProduct(lm.SL(2)), lm.SemidirectProduct(lm.SE2(), AdjointAction(lm.SE2())),
 )  # fmt: skip
-LONG = lm.SU(3), lm.Sp(4)  # the others have all their formulas
+LONG = [
+    G for G in GROUPS if G.dim > 6 or (G in shipped.CLASSICAL and G.dim > 4)
+]  # by default not, as others have all their formulas
 BY_DEFAULT = [G if G not in LONG else pytest.param(G, marks=pytest.mark.slow) for G in GROUPS]
 SIZES = [0.12, pytest.param(0.9, marks=pytest.mark.slow), 3.3, pytest.param(5.4, marks=pytest.mark.slow)]
 

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shipped
 from scipy.linalg import expm
 
 import liemech as lm
 
 EPS = 2.0**-52
-GROUPS: tuple[lm.LieGroup, ...] = (
-    lm.SO3(),
-    lm.UnitQuaternions(),
-    lm.SE2(),
-    lm.SE3(),
-    lm.SE23(),
-    lm.SGal3(),
-    lm.SL(2),
-    lm.ProductGroup(lm.SO3(), lm.VectorSpace(2)),
-)
+GROUPS = shipped.GROUPS
 names = pytest.mark.parametrize("group", GROUPS, ids=repr)
 
 

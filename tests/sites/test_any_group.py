@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shipped
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -46,11 +47,7 @@ def square(g: Any, h: Any) -> Any:
     return lm.sum([x.re * x.re + x.im * x.im for x in apart])
 
 
-PLANE = [[[0, -1, 0], [1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 0, 0]]]  # fmt: skip
-GROUPS = (
-    lm.SO3(), lm.SU(2), lm.UnitQuaternions(), lm.VectorSpace(3), lm.SE2(), lm.SE3(), lm.SE23(), lm.SGal3(),
-    lm.Heisenberg(), lm.MatrixLieGroup.of(PLANE), Rotations(), lm.ProductGroup(lm.SO3(), lm.VectorSpace(3)),
-)  # fmt: skip
+GROUPS = (*shipped.RIGID, lm.SU(2), lm.MatrixLieGroup.of(shipped.PLANE), Rotations(), shipped.COMPOSED[0])
 FREE = (
     lm.RKMK(order=2), lm.RKMK(order=3, retraction=lm.Cayley()), lm.CommutatorFree(), lm.CrouchGrossman(3),
 )  # fmt: skip

@@ -151,11 +151,11 @@ class BoundBody(System):
         return self.body.force(g)
 
     @property
-    def turning_group(self) -> LieGroup:
+    def _turning_group(self) -> LieGroup:
         """The group of the configurations."""
         return self.group.acting
 
-    def turning_velocity(self, t: float, state: Any) -> Vec:
+    def _turning_velocity(self, t: float, state: Any) -> Vec:
         """The body velocity, without the rate of the momentum, which asks for multipliers."""
         return self.velocity(state.mu)
 

@@ -58,7 +58,7 @@ def velocity_of(velocity: Any, system: Any, point: Any, moving: Any, given: Any,
 
 def _turning(system: Any, t: float, state: Any) -> Any:
     """The velocity with which a step turns."""
-    return rounded(system.turning_velocity(t, state))
+    return rounded(system._turning_velocity(t, state))
 
 
 def report(moved: Any, point: Any, out: Any, failures: Any) -> None:
@@ -301,7 +301,7 @@ class ShortSteps(Between):
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
         """By the velocities at both ends."""
         (system,) = kernel.examples([self.system])
-        return self._by_velocities(_turning, system.turning_group, before, after, body)
+        return self._by_velocities(_turning, system._turning_group, before, after, body)
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         (method,) = kernel.examples([self.method])

@@ -1,0 +1,59 @@
+"""The groups, retractions, joints and models that the library has, from which tables of tests draw.
+
+A class that is in no list fails `test_shipped.py`, which says where to add it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import liemech as lm
+
+PLANE = [[[0, -1, 0], [1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 0, 0]]]
+"""Generators of the rigid motions of the plane."""
+
+RIGID: tuple[Any, ...] = (
+    lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SE3(), lm.SE23(), lm.SGal3(), lm.VectorSpace(3), lm.Heisenberg(1),
+)  # fmt: skip
+"""Groups with closed forms of their own."""
+
+CLASSICAL: tuple[Any, ...] = (
+    lm.SO(3), lm.SO(4), lm.SO(5), lm.SL(2), lm.SL(3), lm.GL(2), lm.SU(2), lm.SU(3), lm.U(2), lm.Sp(2), lm.Sp(4),
+    lm.Heisenberg(2), lm.MatrixLieGroup.of(PLANE),
+)  # fmt: skip
+"""Groups of matrices, of which all follows from the generators."""
+
+COMPOSED: tuple[Any, ...] = (
+    lm.ProductGroup(lm.SO3(), lm.VectorSpace(2)), lm.ProductGroup(lm.SU(2), lm.SO3()), lm.SemidirectProduct(lm.SO3()),
+    lm.SemidirectProduct(lm.UnitQuaternions()), lm.SemidirectProduct(lm.SE3(), lm.coadjoint(lm.SE3())),
+    lm.OppositeGroup(lm.SE3()), lm.OppositeGroup(lm.SL(2)),
+)  # fmt: skip
+"""Groups put together from others."""
+
+GROUPS = RIGID + CLASSICAL + COMPOSED
+
+OF_SITES: tuple[Any, ...] = (lm.SO3() ** 2, lm.SO3() ** 2 * lm.SE2() ** 1)
+"""Groups of the configurations of many sites, whose elements have an axis of sites."""
+
+RETRACTIONS: tuple[Any, ...] = (lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint())
+
+A, B = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
+JOINTS: dict[str, tuple[Any, int]] = {
+    "ball": (lm.joints.BallJoint(0, 1, A, B), 3),
+    "fixed point": (lm.joints.BallJoint(1, None, A, [1.0, 2.0, 3.0]), 3),
+    "revolute": (lm.joints.RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 1),
+    "revolute to the ground": (lm.joints.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]), 1),
+    "universal": (lm.joints.UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]), 2),
+    "prismatic": (lm.joints.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])), 1),
+    "planar": (lm.joints.PlanarJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 3),
+    "rod": (lm.joints.RigidRod(0, 1, A, B, 1.3), 5),
+    "fixed": (lm.joints.FixedJoint(0, 1, A, B, lm.SO3().exp([0.4, -1.0, 0.3])), 0),
+    "floating": (lm.joints.FloatingJoint(0, 1), 6),
+}
+"""Joints with slanted axes, each with the freedoms that it leaves."""
+
+
+def turning(groups: tuple[Any, ...] = GROUPS) -> list[Any]:
+    """The groups whose first direction turns: their chart of the exponential ends at a full turn."""
+    full = 6.2833
+    return [G for G in groups if not G.algebra.is_exp_chart([full, *[0.0] * (G.dim - 1)])]

@@ -1,0 +1,26 @@
+"""The lists of groups, retractions and joints from which tables of tests draw have all that the library has."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import pytest
+import shipped
+
+import liemech as lm
+from liemech.names import everything
+
+LISTS: dict[str, tuple[type, tuple[Any, ...]]] = {
+    "GROUPS": (lm.LieGroup, (*shipped.GROUPS, *shipped.OF_SITES)),
+    "RETRACTIONS": (lm.Retraction, shipped.RETRACTIONS),
+    "JOINTS": (lm.joints.BallJoint.__base__, tuple(joint for joint, _ in shipped.JOINTS.values())),  # type: ignore[dict-item]
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_every_public_class_is_in_its_list(name: str) -> None:
+    base, members = LISTS[name]
+    public = {x for x in everything().values() if inspect.isclass(x) and issubclass(x, base) and x is not base}
+    missing = {x for x in public if not any(isinstance(member, x) for member in members)}
+    assert not missing, f"{sorted(x.__name__ for x in missing)} in no list: add them to {name} in {shipped.__file__}"
