@@ -77,6 +77,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--part", type=int, default=0, metavar="K", help="which of the N parts --one-in leaves, by K modulo N"
     )
+    parser.addoption("--every-variant", action="store_true", help="tests that are not slow, in all their variants")
 
 
 def sampled(variants: list[pytest.Function], count: int) -> list[pytest.Function]:
@@ -100,18 +101,20 @@ def values(item: pytest.Function) -> list[str]:
     return [f"{name} = {value!r}" for name, value in item.callspec.params.items()]
 
 
-def leave_a_sample(items: list[pytest.Item]) -> None:
-    """Of a test marked `sample(n)` n variants run by default; the others are slow."""
+VARIANTS = 4
+"""So many variants of a test run by default, unless it is marked `sample(n)`."""
+
+
+def leave_a_sample(items: list[pytest.Item], turn: int) -> None:
+    """Some variants of each test run by default, other ones after every landing; the rest are slow."""
     tests = defaultdict(list)
     for item in items:
-        if (
-            isinstance(item, pytest.Function)
-            and item.get_closest_marker("sample")
-            and not item.get_closest_marker("slow")
-        ):
+        if isinstance(item, pytest.Function) and hasattr(item, "callspec") and not item.get_closest_marker("slow"):
             tests[item.parent, item.originalname].append(item)
     for variants in tests.values():
-        chosen = sampled(variants, *variants[0].get_closest_marker("sample").args)
+        mark = variants[0].get_closest_marker("sample")
+        first = turn % len(variants)
+        chosen = sampled(variants[first:] + variants[:first], mark.args[0] if mark else VARIANTS)
         for item in variants:
             if item not in chosen:
                 item.add_marker(pytest.mark.slow)
@@ -119,7 +122,8 @@ def leave_a_sample(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
-    leave_a_sample(items)
+    if not config.getoption("every_variant"):
+        leave_a_sample(items, int((Path(home) / ".ci" / "turn").read_text()))
     yield  # the tests are chosen by their marks
     every = max(1, config.getoption("one_in"))
     part = config.getoption("part") % every
