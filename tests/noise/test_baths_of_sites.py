@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from terms_of_spins import Exchange, Zeeman
 
 import liemech as lm
@@ -94,6 +95,59 @@ def test_what_cannot_be_meant_is_named() -> None:
         lm.thermal_bath(whole, 0.1, 0.1)
     with pytest.raises(lm.errors.InvalidInput, match="leave metric out"):
         lm.DoubleBracket(system, 0.1, np.eye(60).tolist())
+    species = lm.SO3() ** 3 * lm.SO3() ** 2
+    two = lm.LiePoissonSystem(species, lm.Terms(Exchange(1.0).over(lm.neighbours.all_pairs(), of=(0, 1))))
+    with pytest.raises(lm.errors.InvalidInput, match="leave metric out"):
+        lm.DoubleBracket(two, 0.1, np.diag(np.arange(1.0, 16.0)).tolist())
+
+
+def test_a_damping_of_ones_own_is_refused_where_sites_would_not_have_it() -> None:
+    @lm.record
+    class Growing(lm.DoubleBracket):
+        def velocity(self, mu: lm.Vec) -> lm.Vec:
+            xi = self.system.velocity(mu)
+            return xi - self.damping * self.group.ad_star(xi, mu)
+
+    with pytest.raises(lm.errors.InvalidType, match=r"Growing replaces DoubleBracket\.velocity"):
+        Growing(ring(20), 0.1)
+
+
+def test_systems_that_leave_their_orbits_begin_with_all_sites_in_a_row() -> None:
+    """Beside DOP853: damping of all momenta at the rate c, and friction A(xi, eta) = root(c) [xi, eta]."""
+
+    @lm.record
+    class Fading(lm.Dissipative):
+        c: float
+
+        def damped(self, mu: lm.Vec, t: float) -> lm.Vec:
+            return math.exp(-self.c * t) * mu
+
+    @lm.record
+    class HalfSquare(lm.Hamiltonian):
+        def energy(self, mu: lm.Vec) -> float:
+            return 0.5 * lm.dot(mu, mu)
+
+    n, c, mu = 3, 0.4, directions(3)
+    system = ring(n)
+    slope = lambda m: -np.roll(m, 1, 0) - np.roll(m, -1, 0) - [0.0, 0.1, 0.3]  # noqa: E731
+
+    def fading(_: float, y: np.ndarray) -> np.ndarray:
+        m = y.reshape(n, 3)
+        return (np.cross(m, slope(m)) - c * m).ravel()
+
+    def rubbed(_: float, y: np.ndarray) -> np.ndarray:
+        m = y.reshape(n, 3)
+        xi = slope(m)
+        return (np.cross(m, xi) - c * np.cross(xi, np.cross(xi, m))).ravel()
+
+    for made, method, law in (
+        (Fading(system, c), lm.DissipativeSplitting(lm.RKMK(order=4)), fading),
+        (lm.Metriplectic(system, HalfSquare(), c), lm.RKMK(order=4), rubbed),
+        (lm.Metriplectic(system, HalfSquare(), c), lm.DiscreteGradient(), rubbed),
+    ):
+        end = solve_ivp(law, (0.0, 0.2), mu.ravel(), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        run = lm.integrate(made, method, made.state(mu=mu), h=0.05, steps=4, compiled=False)
+        assert np.allclose(np.ravel(run.mu[-1]), end, rtol=0.0, atol=2e-3)
 
 
 def test_states_inside_of_steps_are_refused(tmp_path: object) -> None:

@@ -160,6 +160,54 @@ def test_friction_between_sites(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @lm.record
+class Slowing(lm.Term):
+    """Friction between two masses."""
+
+    c: float
+
+    def covector(self, t: float, a: Any, b: Any) -> Any:
+        return -self.c * (a.xi - b.xi)
+
+
+def rubbing_ring(n: int, c: Any) -> tuple[Any, Any]:
+    """Masses of 1 on a ring, each against the next with the velocities 1 and -1, and the start."""
+    free = lm.LiePoissonSystem(lm.VectorSpace(1) ** n, lm.PerSite(lm.KineticEnergy([1.0])))
+    ring = lm.neighbours.ring(n)
+    system = lm.MechanicalSystem(free, lm.Terms(Stiffening(0.0).over(ring)), load=lm.Terms(Slowing(c).over(ring)))
+    return system, system.state(mu=np.resize([1.0, -1.0], (n, 1)), g=np.zeros((n, 1)))
+
+
+@pytest.mark.parametrize("method", [lm.KickDrift(), lm.LieVerlet()], ids=repr)
+def test_friction_between_more_sites_than_are_written_out(method: Any) -> None:
+    """xi' = -4 c xi in this mode: a half kick at the start has the factor 1 - 2 c h, one at the end 1/(1 + 2 c h)."""
+    if kernel.available() is not None:
+        pytest.skip("needs llvmlite")
+    c, h, n = 0.5, 0.1, 400
+    system, start = rubbing_ring(n, c)
+    run = lm.integrate(system, method, start, h=h, steps=5, compiled=True)
+    wanted = ((1.0 - 2.0 * c * h) / (1.0 + 2.0 * c * h)) ** np.arange(6.0)
+    assert np.allclose(run.mu[:, ::2, 0], wanted[:, None], rtol=1e-12, atol=0.0)
+    assert np.array_equal(run.mu[:, 1::2], -run.mu[:, ::2])
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_site_that_others_rub_too_strongly_is_refused(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each site is slowed by 2 c, whatever the others do: c h is 1.5 with c = 15, and 0.9 with c = 9."""
+    if compiled and kernel.available() is not None:
+        pytest.skip("needs llvmlite")
+    monkeypatch.setattr(lm.System, "small", 0)
+    for c in (15.0, lm.each([15.0] * 6)):
+        system, start = rubbing_ring(6, c)
+        with pytest.raises(
+            lm.errors.NoConvergence, match=r"Slowing\(c=\S+\)\): c h/\(2 I\) is 1\.5,.* 0\.0667 long"
+        ) as told:
+            lm.integrate(system, lm.KickDrift(), start, h=0.1, steps=2, compiled=compiled)
+        assert "AtSite" not in str(told.value)
+    system, start = rubbing_ring(6, 9.0)
+    assert len(lm.integrate(system, lm.KickDrift(), start, h=0.1, steps=2, compiled=compiled)) == 3
+
+
+@lm.record
 class Attraction(lm.Term):
     """One that has no limit."""
 
@@ -228,3 +276,36 @@ def test_mixed_units() -> None:
         run = lm.integrate(system, lm.KickDrift(order=4), start, h=0.02 * T, steps=50, every=50)
         found.append(run.g[-1] / L)
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+
+
+@lm.record
+class Tethered(lm.models.SPC):
+    """Water whose centres are drawn together besides, which no point of a molecule feels."""
+
+    k: float = 0.0
+
+    def energy(self, a: Any, b: Any) -> float:
+        d = [a.g[i][3] - b.g[i][3] for i in range(3)]
+        return super().energy(a, b) + 0.5 * self.k * lm.sum([x * x for x in d])
+
+
+@pytest.mark.parametrize("graph", [lm.neighbours.all_pairs(), lm.neighbours.ring(3), lm.neighbours.within(9.0)])
+def test_an_energy_that_a_subclass_of_points_writes_moves_them(graph: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside water alone each molecule is pushed by -k times its distance from the others, and is turned by nothing."""
+    monkeypatch.setattr(lm.System, "small", 0)
+    places, k, h = np.array([[0.0, 0.0, 0.0], [3.0, 0.5, 0.2], [0.4, 3.1, 1.0]]), 1e4, 2.0**-24
+    g = np.tile(np.eye(4), (3, 1, 1))
+    g[:, :3, :3], g[:, :3, 3] = turned_poses(3), places
+    ends = []
+    for water in (lm.models.SPC(), Tethered(k=k)):
+        free = lm.LiePoissonSystem(lm.SE3() ** 3, lm.PerSite(water.kinetic_energy))
+        system = lm.MechanicalSystem(free, lm.Terms(water.over(graph)))
+        run = lm.integrate(system, lm.KickDrift(), system.state(mu=np.zeros((3, 6)), g=g), h=h, steps=1, compiled=False)
+        ends.append(run.mu[-1] / h)
+    pull = -k * (3.0 * places - places.sum(axis=0))
+    wanted = np.concatenate([np.zeros((3, 3)), np.einsum("nji,nj->ni", g[:, :3, :3], pull)], axis=1)
+    assert np.allclose(ends[1] - ends[0], wanted, rtol=1e-6, atol=1e-6 * np.abs(ends[0]).max())
+
+
+def turned_poses(n: int) -> np.ndarray:
+    return np.asarray(lm.SO3().exp(np.random.default_rng(3).normal(size=(n, 3))))

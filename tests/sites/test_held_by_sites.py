@@ -130,6 +130,35 @@ def test_pinned_sites_turn_where_they_are(method: Any) -> None:
     assert np.abs(run.g[-1, 1, :3, 3] - [1.0, 0.0, 0.0]).max() > 0.1
 
 
+@pytest.mark.parametrize("small", [0, 300])
+@pytest.mark.parametrize("method", [lm.KickDrift(), lm.KickDrift(order=4), lm.LieVerlet()], ids=repr)
+def test_what_the_energy_of_bodies_holds_rests_in_every_method(
+    method: Any, small: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The motion does not depend on whether bodies, field or load say it; a mass between two that are held swings as
+    one on a spring.
+    """
+    monkeypatch.setattr(lm.System, "small", small)
+    runs = []
+    for which in range(3):
+        own: list[dict[str, Any]] = [{}, {}, {}]
+        own[which] = {"held": [0, 2]}
+        body = lm.LiePoissonSystem(
+            lm.VectorSpace(3) ** 3,
+            lm.Terms(lm.PerSite(lm.KineticEnergy(lm.each([[m] * 3 for m in (1.0, 2.0, 3.0)]))), **own[0]),
+        )
+        field, load = lm.Terms(Spring(4.0).over(near.chain(3)), **own[1]), lm.Terms(Gust([0.0] * 3), **own[2])
+        system = lm.MechanicalSystem(body, field, load=load)
+        start = system.state(mu=[[0.0] * 3, [0.3, 0.0, 0.1], [0.0] * 3], g=[[-1.0, 0, 0], [0.2, 0.1, 0], [1.0, 0, 0]])
+        runs.append(lm.integrate(system, method, start, h=0.05, steps=10, compiled=False))
+        with pytest.raises(InvalidInput, match="held"):
+            system.state(mu=np.ones((3, 3)), g=start.g)
+    assert all(np.array_equal(run.mu, runs[0].mu) and np.array_equal(run.g, runs[0].g) for run in runs)
+    assert np.array_equal(runs[0].g[-1, [0, 2]], [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    swing = np.array([0.2, 0.1, 0.0]) * np.cos(1.0) + np.array([0.3, 0.0, 0.1]) / 4.0 * np.sin(1.0)
+    assert np.allclose(runs[0].g[-1, 1], swing, rtol=0.0, atol=1e-3)
+
+
 def test_what_would_move_them_is_refused() -> None:
     class Push(lm.Force):
         def covector(self, t: float, xi: Any, g: Any) -> Any:

@@ -62,10 +62,26 @@ def refusal(what: str, ratio: float, h: float) -> NoConvergence:
 
 def free_refusal(method: Any, system: Any, t: float, mu: Vec, g: Element, kick: float, h: float) -> NoConvergence:
     """That of a load on a free body, under a kick of this length in a step h."""
-    xi, units = system.velocity(mu, t), np.eye(len(mu)).tolist()
-    slopes = np.array([derivative(lambda m: system.velocity(m, t), mu, vec(*unit)) for unit in units])
-    damping = np.array([system.load.resistance(t, xi, g, vec(*unit)) for unit in units])
-    ratio = kick * float(np.linalg.eigvals(0.5 * (damping + damping.T) @ slopes).real.max())
+    return refusal_by(method, system, *damping_and_slopes(system, t, mu, g), kick, h)
+
+
+def damping_and_slopes(system: Any, t: float, mu: Vec, g: Element) -> tuple[Mat, Mat]:
+    """C and J^-1 of a free body, or of one of many sites, which ask the others for what they need."""
+    xi, units = system.velocity(mu, t), identity_matrix(len(mu))
+    slopes = [derivative(lambda m: system.velocity(m, t), mu, unit) for unit in units]
+    return mat(*[system.load.resistance(t, xi, g, unit) for unit in units]), mat(*slopes)
+
+
+def turns_round(damping: Mat, slopes: Mat, kick: float) -> bool:
+    """Does a kick of this length turn a velocity round?"""
+    turned = slopes - kick * (slopes @ (damping @ slopes))
+    return negative_pivots(turned) > negative_pivots(slopes)
+
+
+def refusal_by(method: Any, system: Any, damping: Any, slopes: Any, kick: float, h: float) -> NoConvergence:
+    """That of a load with this damping on what has these slopes, under a kick of this length in a step h."""
+    C, S = np.array(damping), np.array(slopes)
+    ratio = kick * float(np.linalg.eigvals(0.5 * (C + C.T) @ S).real.max())
     return refusal(f"{method!r}: {system.load!r}", ratio, h)
 
 

@@ -24,7 +24,7 @@ from ..free_body.exact_free_body import ExactFreeBody
 from ..free_body.moser_veselov import ExactMoserVeselov
 from ..memory import Memory, Remembering
 from ..method import Method, alternatives
-from .explicit_kicks import free_refusal, throws_back
+from .explicit_kicks import damping_and_slopes, free_refusal, refusal_by, throws_back, turns_round
 
 
 @record
@@ -128,7 +128,11 @@ class FieldSplitting(Remembering):
     def _require_gentle(self, system: Any, t: float, state: BodyState, kick: float, h: float) -> None:
         """Refuse a step h in which a kick of this length, as it is at its start, throws back."""
         mu, g = plain(state.mu), plain(state.g)
-        if kick > 0.0 and throws_back(system, t, mu, g, kick):
+        if system.load.coupled or system.body.hamiltonian.coupled:  # sites ask each other outside of branches
+            damping, slopes = damping_and_slopes(system, t, mu, g)
+            if kick > 0.0 and turns_round(damping, slopes, kick):
+                raise refusal_by(self, system, damping, slopes, kick, abs(h))
+        elif kick > 0.0 and throws_back(system, t, mu, g, kick):
             raise free_refusal(self, system, t, mu, g, kick, abs(h))
 
     def _load_at_the_end(self, system: Any, t: float, state: BodyState, h: float) -> Vec:

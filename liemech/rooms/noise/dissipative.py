@@ -73,7 +73,7 @@ class Dissipative(System):
 
     def state(self, mu: Any = None, *, xi: Any = None) -> BodyState:
         """A start for `integrate`.  mu, xi : as `LiePoissonSystem.state` has them.  Raises InvalidInput."""
-        made: BodyState = self._vouched(self.system.state(mu, xi=xi))
+        made: BodyState = self._vouched(self.system._written_out(self.system.state(mu, xi=xi)))
         return made
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, final
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ...errors import InvalidInput, InvalidType
 from ...formulas import Mat, Vec, record, solve
 from ...formulas.vectors import small
 from ...groups.composed.power import PowerGroup
+from ...groups.composed.species import SpeciesGroup
 from ...groups.lie_group import LieGroup
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
@@ -52,7 +53,7 @@ class DoubleBracket(LiePoissonMotion):
             raise InvalidInput(f"DoubleBracket: damping is not negative, for energy falls; got {self.damping!r}")
         if self.metric is not None:
             require_metric("DoubleBracket", self.metric, self.system.group.dim)
-            if isinstance(self.system.group, PowerGroup):
+            if isinstance(self.system.group, (PowerGroup, SpeciesGroup)):
                 raise InvalidInput("DoubleBracket: leave metric out for many sites; each has that of its basis")
         super().__post_init__()
 
@@ -72,6 +73,7 @@ class DoubleBracket(LiePoissonMotion):
         site = self.system.site_form
         return None if site is None else DoubleBracket(site, self.damping)
 
+    @final
     def velocity(self, mu: Vec) -> Vec:
         """xi + eta, by which momentum and attitude move.  mu : (dim,)."""
         xi = self.system.velocity(mu)
@@ -79,14 +81,17 @@ class DoubleBracket(LiePoissonMotion):
         eta = change if self.metric is None else solve(self.metric, change)
         return xi + self.damping * moving(self.hamiltonian, eta)
 
+    @final
     def energy(self, mu: Vec) -> float:
         """H(mu).  mu : (dim,)."""
         return self.system.energy(mu)
 
+    @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """xi + eta."""
         return self.velocity(state.mu)
 
+    @final
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
         """A start for `integrate`, as `LiePoissonSystem.state` has it.
 

@@ -190,7 +190,7 @@ class Metriplectic(System):
 
         Raises InvalidInput as that does.
         """
-        made = self.system.state(*args, **parts)
+        made = self.system._written_out(self.system.state(*args, **parts))
         if getattr(made, "g", None) is not None:
             raise InvalidInput(
                 f"{type(self).__name__}.state: friction moves momenta off their orbits, where no "

@@ -7,6 +7,7 @@ from typing import Any
 from ....errors import undefined
 from ....formulas import Vec, dot, gradient, record, vec, where
 from ....formulas.classes.derived import derived
+from ....formulas.classes.signatures import bare
 from ....groups.lie_group import LieGroup
 from ..graphs import place, seen_from
 from .near_pairs import NearPairs
@@ -59,6 +60,13 @@ class PointTerm(Term):
         a, b = sites
         first, second = self.pushes(self.points(a.g), self.points(b.g))
         return self.felt(group, a.g, first), self.felt(group, b.g, second)
+
+
+def acts_through_points(term: Any) -> bool:
+    """Are its energy and forces those of its points, and not written anew by a subclass?"""
+    own = PointTerm if not isinstance(term, NearPointPairs) else NearPointPairs
+    names = "energy", "force", "forces"
+    return isinstance(term, own) and all(bare(getattr(type(term), x)) is bare(getattr(own, x)) for x in names)
 
 
 def _in_a_row(points: tuple[Any, ...]) -> Vec:
@@ -127,5 +135,5 @@ class NearPointPairs(NearPairs, PointTerm):
 
 def near_pairs(term: Term, first: LieGroup, second: LieGroup, *more: Any) -> NearPairs:
     """A term of pairs that are near each other.  first, second : the groups of its sites."""
-    through_points = isinstance(term, PointTerm) and first == second
+    through_points = acts_through_points(term) and first == second
     return (NearPointPairs if through_points else NearPairs)(term, first, second, *more)

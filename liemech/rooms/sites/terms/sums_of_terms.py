@@ -508,6 +508,9 @@ def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any,
     if not held and not pinned:
         return body, potential, load
     words = f"sites {[*held, *pinned]} are held or pinned"
+    if isinstance(potential, OfTerms):
+        body = _resting(body)
+        energy = getattr(body, "hamiltonian", None)
     for x in (potential, load):
         if not (x is None or isinstance(x, (OfTerms, NoPotential))):
             raise InvalidInput(f"{name}: {words}, and {x!r} may push them: write it as Terms(...)")
@@ -533,6 +536,21 @@ def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any,
         energy = MomentumTerms(**{**fields_of(energy), "held": held, "pinned": pinned})
         body = with_fields(body, hamiltonian=energy)
     return body, potential, load
+
+
+def _resting(body: Any) -> Any:
+    """A body of many sites whose energy holds some of them: where each has an energy of its own, one that does not, for
+    they rest at zero momentum.
+    """
+    energy = getattr(body, "hamiltonian", None)
+    plain = isinstance(energy, MomentumTerms) and not isinstance(energy, KineticTerms)
+    if not plain or getattr(body, "lagrangian", None) is not None or "hamiltonian" not in fields_of(body):
+        return body
+    free = with_fields(energy, held=(), pinned=())
+    ones = free.of_one if isinstance(free.of_one, tuple) else (free.of_one,)
+    if not all(isinstance(one, Lagrangian) for one in ones):
+        return body
+    return type(body)(**{**fields_of(body), "hamiltonian": KineticTerms(**fields_of(free))})
 
 
 def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....formulas import Element, Record, Vec, dot, gradient, mat, record, vec, vectors, where
+from ....formulas import Element, Record, Vec, derivative, dot, gradient, mat, record, vec, vectors, where
 from ....formulas.classes.fields import OfEach
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.pytree import exchanged, inside, with_fields
@@ -21,7 +21,7 @@ from ....systems.potential import Force, Potential
 from ..graphs import Incidence, Lattice, Within
 from .among import Among, Species, is_all_pairs, is_near
 from .bound_terms import BoundTerm
-from .point_terms import PointTerm
+from .point_terms import acts_through_points
 from .terms import Term, site_class
 
 
@@ -71,6 +71,9 @@ class EachOfEdges(Record, OfEach):
     def here(self, d: int) -> Any:
         """The value of edge d of this site."""
         return in_shape(own(self.array, d), self.shape)
+
+    def __repr__(self) -> str:
+        return "each(values)"
 
 
 def in_shape(numbers: Any, shape: tuple[int, ...]) -> Any:
@@ -179,7 +182,7 @@ class RoleAtSite(Record):
     @property
     def through_points(self) -> bool:
         """Do sites act on each other through their points?"""
-        return isinstance(self.term, PointTerm) and self.of == () and not self.once
+        return acts_through_points(self.term) and self.of == () and not self.once
 
     def through(self, group: Any, g: Any) -> Vec:
         """The force on this site, with what sites publish of their points."""
@@ -246,6 +249,9 @@ class TermsOfSite(WithHeldSites):
     own: tuple[Any, ...] = ()
     moves: SiteArray | None = None
     species: Species | None = None
+
+    def __repr__(self) -> str:
+        return f"Terms({', '.join([repr(role.term) for role in self.roles if role.role == 0])})"
 
     @cached_property
     def site(self) -> Any:
@@ -337,6 +343,8 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
 
+    __repr__ = TermsOfSite.__repr__
+
     def energy(self, mu: Vec) -> float:
         """The share of this site.  mu : (dim,), its momentum."""
         return self.share(mu, None)
@@ -361,6 +369,8 @@ class PotentialOfSite(TermsOfSite, Potential):
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
     """
+
+    __repr__ = TermsOfSite.__repr__
 
     def energy(self, g: Element) -> float:
         """The share of this site.  g : its element."""
@@ -427,6 +437,8 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
     Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
     """
 
+    __repr__ = TermsOfSite.__repr__
+
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force on this site.  xi : (dim,), its velocity, g : its element."""
         zero = vec(*[0.0 for _ in xi])
@@ -439,6 +451,27 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
             lambda term, sites: (term.covector(t, *sites), term.covector(t, *sites[::-1])),
         )
         return self.moving(force)
+
+    def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
+        """The damping of this site by its own velocity, where the others keep theirs, (dim,).  xi, along : (dim,), g : its
+        element.
+        """
+        damping = self.added(
+            vec(*[0.0 for _ in xi]),
+            None,
+            g,
+            xi,
+            lambda one, term, sites: _damping(t, term, sites, along),
+            lambda term, sites: (_damping(t, term, sites, along), _damping(t, term, sites[::-1], along)),
+        )
+        return self.moving(damping)
+
+
+def _damping(t: float, term: Term, sites: list[Any], along: Vec) -> Vec:
+    """How the force on the first of the sites falls as it moves faster along a velocity."""
+    me, others = sites[0], sites[1:]
+    own_along = vec(*along[: len(me.xi)])
+    return -derivative(lambda x: term.covector(t, with_fields(me, xi=x), *others), me.xi, own_along)
 
 
 @record
