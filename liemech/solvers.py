@@ -124,21 +124,33 @@ SMALLEST = 2.0**-900
 FORESEEN = 2.0**-10
 """A bend that a correction has foreseen up to this part of it leaves Newton's method as it is."""
 
+CUT = 12
+"""Corrections of rates and kicks after which they end where an energy is least: those that go round in a circle."""
+
 
 def newton_of_kicks(
     kicks: Callable[[Vec], Vec], led_to: Callable[[Vec], tuple[Vec, float]], guess: Vec
 ) -> tuple[Vec, float, float]:
     """The rates w = A(k(w)) to which kicks lead that depend on them, each on its own rate, k_i(w_i):
-    Newton's method, with `slope_beside` for those that bend sharply, as dry friction does.
+    Newton's method, with `slope_beside` for those that bend sharply, as dry friction does.  Kicks that fall with their
+    rates are the stationarity of a convex energy, (v - v0) . J (v - v0)/2 - sum of the integrals of k_i; with
+    w = A(u) a correction (dw, du) has along it the slope dw . (u + s du - k(w + s dw)), and is cut, after `CUT` of
+    them, where that vanishes.
 
     kicks : k.  led_to : A, affine, and the square that residuals are relative to.
     Returns w, |r|^2 at the last test and what it had to reach, as `newton`.
+
+    Source: Nocedal and Wright, Numerical Optimization, 2nd ed. (2006), section 3.3 (line searches for Newton's method).
     """
     w, foreseen = guess, kicks(guess)
-    before, step = foreseen, 0.0 * guess
+    before, step, drawn = foreseen, 0.0 * guess, 0.0 * guess
     idle, by_kick = kicks(0.0 * guess), jacobian(lambda k: led_to(k)[0], foreseen)
     size = enough = dot(guess, guess)
-    for _ in range(LIMIT):
+
+    def slope(part: float, w: Vec, step: Vec, drawn: Vec, more: Vec) -> float:
+        return dot(step, drawn + part * more - kicks(w + part * step))
+
+    for tried in range(LIMIT):
         k, tangent = kicks(w), jacobian(kicks, w)
         slopes = [
             slope_beside(k[i], idle[i], before[i], foreseen[i], w[i], step[i], tangent[i, i]) for i in range(len(w))
@@ -149,10 +161,30 @@ def newton_of_kicks(
             vec(*[(1.0 if i == j else 0.0) - by_kick[i, j] * slopes[j] for j in range(len(w))]) for i in range(len(w))
         ]
         before, step = k, -correction(mat(*rows), r)
-        w, foreseen = w + step, vec(*[k[i] + slopes[i] * step[i] for i in range(len(w))])
+        foreseen = vec(*[k[i] + slopes[i] * step[i] for i in range(len(w))])
+        if tried >= CUT and size > enough:
+            part = least_part(slope, dot(step, foreseen - drawn), w, step, drawn, foreseen - drawn)
+            step, foreseen = part * step, drawn + part * (foreseen - drawn)
+        w, drawn = w + step, foreseen
         if size <= enough:
             break
     return w, size, enough
+
+
+def least_part(slope: Callable[..., float], scale: float, *beside: Vec) -> float:
+    """The part of a step, to a sixteenth, at which an energy is least that has this slope along it; 1 where it falls
+    all the way, up to little beside `scale`, or nowhere.  beside : arguments of the slope after the part.
+    """
+    low, high, part = 0.0, 1.0, 1.0
+    for _ in range(LIMIT):
+        if slope(part, *beside) > FORESEEN * abs(scale):
+            high = part
+        else:
+            low = part
+        if high - low <= 0.0625 * low:
+            break
+        part = 0.5 * (low + high)
+    return where(low > 0.0, low, 1.0)
 
 
 def slope_beside(

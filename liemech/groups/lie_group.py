@@ -219,6 +219,10 @@ class LieGroup(Record):
         """
         return vec(*[1.0 for _ in range(self.dim)])
 
+    def _scales(self, g: np.ndarray) -> np.ndarray:
+        """Those of many elements, (n, dim)."""
+        return np.array([self.scale(small(one)) for one in g])
+
     def nearest(self, g: Ambient) -> Element:
         """An element close to an array that has drifted off the group.  Never called by an
         integrator.  g : like an element.

@@ -121,6 +121,11 @@ class MovedJoint(Joint):
         return turns
 
     @property
+    def rotation_vector(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The coordinates of the joint that are one."""
+        return tuple(self.joint.rotation_vector)
+
+    @property
     def at_first(self) -> Vec:
         """The point in the first body."""
         return self.joint.at_first

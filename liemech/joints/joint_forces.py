@@ -256,6 +256,16 @@ class Limited(JointForce):
 # ------------------------------------------------------------------ all of a linkage
 
 
+def effort_of(force: Any, t: float, q: float, rate: float) -> float:
+    """The torque or force of a JointForce."""
+    return force.effort(t, q, rate)
+
+
+def resistance_of(force: Any, t: float, q: float, rate: float) -> float:
+    """Its damping."""
+    return force.resistance(t, q, rate)
+
+
 @record
 class AtJoint(Record):
     """The forces at one joint.
@@ -329,33 +339,19 @@ class AtJoint(Record):
                 total = total + force.energy(q[i])
         return total
 
-    def efforts(self, t: float, g: Vec, rates: Vec) -> Vec:
-        """The torques or forces along all motions of the joint.  rates : (freedoms,)."""
+    def efforts(self, t: float, g: Vec, rates: Vec, formula: Any = effort_of) -> Vec:
+        """The torques or forces along all motions of the joint.  rates : (freedoms,).  formula : what is summed of the
+        forces, `effort_of`, or `resistance_of` for the damping of each motion.
+        """
         total = vec(*[0.0 for _ in range(self.joint.freedoms)])
         for force in self.forces:
-            total = total + self.effort(force, t, g, rates)
+            total = total + self.effort_at(force, t, self.coordinates(force, t, g), rates, formula)
         return total
 
-    def resistances(self, t: float, g: Vec, rates: Vec) -> Vec:
-        """The damping of each motion by all forces.  rates : (freedoms,)."""
-        total = vec(*[0.0 for _ in range(self.joint.freedoms)])
-        for force in self.forces:
-            total = total + self.resistance_at(force, t, self.coordinates(force, t, g), rates)
-        return total
-
-    def resistance_at(self, force: Any, t: float, q: Vec, rates: Vec) -> Vec:
-        """That by one force at the coordinates that it sees."""
-        some = acting(force, self.joint)
-        return vec(*[force.resistance(t, q[i], rates[i]) if i in some else 0.0 for i in range(self.joint.freedoms)])
-
-    def effort(self, force: Any, t: float, g: Vec, rates: Vec) -> Vec:
-        """Those of one force."""
-        return self.effort_at(force, t, self.coordinates(force, t, g), rates)
-
-    def effort_at(self, force: Any, t: float, q: Vec, rates: Vec) -> Vec:
+    def effort_at(self, force: Any, t: float, q: Vec, rates: Vec, formula: Any = effort_of) -> Vec:
         """Those of one force at the coordinates that it sees."""
         some = acting(force, self.joint)
-        found = vec(*[force.effort(t, q[i], rates[i]) if i in some else 0.0 for i in range(self.joint.freedoms)])
+        found = vec(*[formula(force, t, q[i], rates[i]) if i in some else 0.0 for i in range(self.joint.freedoms)])
         return self.joint.slopes(q, found) if isinstance(force, JointPotential) else found
 
     def push(self, t: float, g: Vec, rates: Vec) -> Any:
@@ -461,21 +457,17 @@ class LinkageForce(Force):
         """Without a load of the user's."""
         return self.other is None
 
-    def efforts(self, t: float, rates: Vec, g: Any) -> Vec:
-        """The torques or forces along all motions of the joints."""
+    def efforts(self, t: float, rates: Vec, g: Any, formula: Any = effort_of) -> Vec:
+        """The torques or forces along all motions of the joints, or of another `formula`."""
         found: list[Any] = []
         for one in self.at_joints:
             begin = len(found)
-            found = [*found, *one.efforts(t, g, rates[begin : begin + one.joint.freedoms])]
+            found = [*found, *one.efforts(t, g, rates[begin : begin + one.joint.freedoms], formula)]
         return vec(*found)
 
     def resistances(self, t: float, rates: Vec, g: Any) -> Vec:
         """The damping of all motions of the joints."""
-        found: list[Any] = []
-        for one in self.at_joints:
-            begin = len(found)
-            found = [*found, *one.resistances(t, g, rates[begin : begin + one.joint.freedoms])]
-        return vec(*found)
+        return self.efforts(t, rates, g, resistance_of)
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
         """The damping along a velocity of all bodies."""

@@ -13,7 +13,6 @@ from ..errors import InvalidInput
 from ..formulas import Record, record, vec
 from .body_forces import AtBody, ForcesOfBodies
 from .joint_forces import AtJoint, seen_about
-from .joints import BallJoint, FloatingJoint
 
 
 @record
@@ -36,9 +35,7 @@ class JointAngle(Record):
     def jumps_by(self) -> float | None:
         """How far it jumps where it is no zero: a turn, of an angle, and of a rotation vector about its axis."""
         joint = self.at.joint
-        own = getattr(joint, "joint", joint)  # of one in a given motion
-        turning = isinstance(own, (BallJoint, FloatingJoint)) and self.freedom < 3
-        return 2.0 * pi if turning or self.freedom in joint.angles else None
+        return 2.0 * pi if self.freedom in (*joint.angles, *joint.rotation_vector) else None
 
     def __call__(self, t: float, state: Any) -> float:
         q = seen_about(self.at.angles(t, state.g), self.level, self.at.joint.angles)

@@ -36,7 +36,8 @@ class Joint(Record):
     1. A subclass writes `value` and `rows` of two poses, and says how many `conditions` there are.
     2. With `freedoms` it writes their `coordinates`, how they move (`motions`) and, for starts from
     coordinates, `relative`. They tell how the first body moves against the second.  Of several coordinates
-    `turns` says of each whether it is the angle about an axis, which is seen modulo a turn, (True, False).
+    `turns` says of each whether it is the angle about an axis, which is seen modulo a turn, (True, False), and
+    `rotation_vector` which ones are that of a rotation, (0, 1, 2), which jumps by a turn about its axis.
     3. Where its conditions vanish with its bodies turned over too, it says by how much, `askew`.
 
     Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7;
@@ -46,6 +47,7 @@ class Joint(Record):
     conditions: ClassVar[int]
     freedoms: ClassVar[int] = 0
     turns: ClassVar[bool | tuple[bool, ...]] = True  # are its coordinates angles about axes?
+    rotation_vector: ClassVar[tuple[int, ...]] = ()
     geared: ClassVar[bool] = False  # may a rotor turn with its coordinate?
 
     first: int
@@ -148,6 +150,7 @@ class BallJoint(Joint):
     conditions: ClassVar[int] = 3
     freedoms: ClassVar[int] = 3
     turns: ClassVar[bool | tuple[bool, ...]] = (False, False, False)
+    rotation_vector: ClassVar[tuple[int, ...]] = (0, 1, 2)
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -454,6 +457,7 @@ class FloatingJoint(Joint):
     conditions: ClassVar[int] = 0
     freedoms: ClassVar[int] = 6
     turns: ClassVar[bool | tuple[bool, ...]] = (False,) * 6
+    rotation_vector: ClassVar[tuple[int, ...]] = (0, 1, 2)
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN

@@ -21,7 +21,7 @@ from ..formulas.tables import Table, of_whole
 from ..groups.rigid.se3 import SE3
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .in_memory.rattle_of_links import BLOCKS, Links, Rows
-from .joint_forces import AtJoint, seen_about
+from .joint_forces import AtJoint, effort_of, resistance_of, seen_about
 from .joints import REST6
 
 SHARED = 1 << 40
@@ -85,22 +85,17 @@ class LinkedJoint(Record):
         at, poses = AtJoint(self.joint, self.loads), both(g, k)
         return [at.coordinates(load, t, poses) for load in self.loads]
 
-    def efforts(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
-        """The torques of loads at these rates, (freedoms,), and zeros."""
+    def efforts(self, t: float, seen: list[Vec], rates: Vec, freedoms: int, formula: Any = effort_of) -> Vec:
+        """The torques of loads at these rates, (freedoms,), and zeros; or of another `formula`."""
         at, own = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
         total = vec(*[0.0] * freedoms)
         for load, q in zip(self.loads, seen):
-            found = at.effort_at(load, t, q, own)
-            total = total + vec(*filled([*found], freedoms, 0.0))
+            total = total + vec(*filled([*at.effort_at(load, t, q, own, formula)], freedoms, 0.0))
         return total
 
     def resistances(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
         """The damping of each motion by loads, (freedoms,), and zeros."""
-        at, own = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
-        total = vec(*[0.0] * freedoms)
-        for load, q in zip(self.loads, seen):
-            total = total + vec(*filled([*at.resistance_at(load, t, q, own)], freedoms, 0.0))
-        return total
+        return self.efforts(t, seen, rates, freedoms, resistance_of)
 
 
 @record

@@ -158,10 +158,39 @@ def test_springs_see_the_angle_of_a_plane_about_their_rest():
             assert np.isclose(energy, 0.5 * 0.1 * 0.1, rtol=1e-9)
 
 
+@lm.record
+class Socket(Joint):
+    """A ball joint of one's own, which is none to the library."""
+
+    conditions: ClassVar[int] = 3
+    freedoms: ClassVar[int] = 3
+    turns: ClassVar[bool | tuple[bool, ...]] = (False, False, False)
+    rotation_vector: ClassVar[tuple[int, ...]] = (0, 1, 2)
+
+    def value(self, g: Any, k: Any) -> Any:
+        return BallJoint(0, None, O, O).value(g, k)
+
+    def rows(self, g: Any, k: Any) -> Any:
+        return BallJoint(0, None, O, O).rows(g, k)
+
+    def coordinates(self, g: Any, k: Any) -> Any:
+        return BallJoint(0, None, O, O).coordinates(g, k)
+
+    def motions(self, g: Any, k: Any) -> Any:
+        return BallJoint(0, None, O, O).motions(g, k)
+
+    def relative(self, q: Any) -> Any:
+        return BallJoint(0, None, O, O).relative(q)
+
+
 @pytest.mark.parametrize(
     ("joint", "rate"),
-    [(BallJoint(0, None, O, O, name="b"), [0.0, 10.0, 0.0]), (FloatingJoint(0, None, name="b"), [0.0, 10.0, 0.0] + O)],
-    ids=["ball", "free"],
+    [
+        (BallJoint(0, None, O, O, name="b"), [0.0, 10.0, 0.0]),
+        (FloatingJoint(0, None, name="b"), [0.0, 10.0, 0.0] + O),
+        (Socket(0, None, name="b"), [0.0, 10.0, 0.0]),
+    ],
+    ids=["ball", "free", "one's own"],
 )
 def test_a_rotation_vector_is_met_at_its_level_not_where_it_jumps(joint, rate):
     """Of a turn about e2 the second component rises through the level once in a turn."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -27,6 +28,7 @@ from liemech.joints import (  # fmt: skip
     RevoluteJoint,
     Spring,
 )
+from liemech.solvers import newton_of_kicks
 
 UP, ACROSS, ORIGIN = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]
 INERTIA, DAMPING = 5.1e-5, 21.75
@@ -234,20 +236,65 @@ def test_a_motor_holds_its_rated_speed(how: bool) -> None:
         assert rate.max() <= 8.0 + 0.5 * h / inertia
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=lm.errors.NoConvergence,
-    reason="Newton's iteration of several motors that reach their speeds together, behind each other, goes round in a circle",
-)
-def test_motors_in_a_row_hold_their_speeds() -> None:
+def motors_in_a_row(torque: float, speed: float, limit: float = 97.0) -> Linkage:
     links = [Link(1.0, [0.01, 0.01, 0.01])] + [Link(0.1, [0.001, 0.001, 0.001]) for _ in range(3)]
     joints = [RevoluteJoint(k, None if k == 0 else k - 1, ORIGIN, ORIGIN, UP, UP) for k in range(4)]
-    for torque, speed in ((0.1, 2.0), (1.0, 2.0)):
-        motors = [Limited(k, Motor(k, torque), 97.0, speed) for k in range(4)]
-        system = Linkage(links, joints, 0.0, forces=motors)
-        moved = lm.integrate(system, lm.LieRATTLE(), system.state(angles={}), h=1e-3, steps=200, compiled=False)
-        for k in range(4):
-            assert moved.joint(k).rate.max() < speed + 1e-3 * torque / 0.001
+    return Linkage(links, joints, 0.0, forces=[Limited(k, Motor(k, torque), limit, speed) for k in range(4)])
+
+
+@pytest.mark.parametrize("how", BOTH)
+@pytest.mark.parametrize("torque", [0.1, 1.0])
+def test_motors_in_a_row_hold_their_speeds(torque: float, how: bool) -> None:
+    # beyond its speed a rate is carried by half of what a motor adds to it in a step, by the bodies beside it, at most
+    system = motors_in_a_row(torque, 2.0)
+    steps = 200 if how else 25  # the last one reaches its speed in ten
+    moved = lm.integrate(system, lm.LieRATTLE(), system.state(angles={}), h=1e-3, steps=steps, compiled=how)
+    for k in range(4):
+        assert moved.joint(k).rate.max() < 2.0 + 0.5e-3 * torque / 0.001
+
+
+def test_motors_in_a_row_speed_up_as_one_differential_equation_says() -> None:
+    # about one axis: J W' = T(w) - T(w of the next), with w the rates of joints and W those of bodies
+    system, inertia = motors_in_a_row(0.1, 2.0, 0.1), np.array([0.01, 0.001, 0.001, 0.001])
+
+    def accelerations(t: float, whole: Any) -> Any:
+        torques = 0.1 * np.clip(10.0 * (1.0 - np.diff(whole, prepend=0.0) / 2.0), 0.0, 1.0)
+        return (torques - np.append(torques[1:], 0.0)) / inertia
+
+    moved = lm.integrate(system, lm.LieRATTLE(), system.state(angles={}), h=2.5e-4, steps=100, compiled=False)
+    exact = solve_ivp(accelerations, (0.0, 0.025), np.zeros(4), "DOP853", moved.t, rtol=1e-9, atol=1e-12, max_step=1e-3)
+    for k, rate in enumerate(np.diff(exact.y, axis=0, prepend=0.0)):
+        assert moved.joint(k).rate == pytest.approx(rate, abs=2e-3 * 2.0)
+
+
+@pytest.mark.parametrize("count", [2, 6, 10])
+def test_rates_to_which_kicks_lead_that_fall_with_them(count: int) -> None:
+    # w = w0 + R k(w), R positive and k_i falling: of motors at their speeds, and of friction; there is exactly one w
+    random = np.random.default_rng(count)
+    for _ in range(12):
+        half = random.normal(size=(count, count))
+        R = lm.mat(*[lm.vec(*row) for row in (half @ half.T * 10.0 ** random.uniform(-3.0, 1.0)).tolist()])
+        torques, speeds = (10.0 ** random.uniform(-1.0, 1.0, count) for _ in range(2))
+        rubs, free = random.integers(0, 2, count), lm.vec(*random.normal(size=count).tolist())
+
+        def kick(i: int, w: Any) -> Any:
+            if rubs[i]:  # noqa: B023
+                return DryFriction(0, float(torques[i]), 1e-4).effort(0.0, 0.0, w)  # noqa: B023
+            return Limited(0, Motor(0, float(torques[i])), 97.0, float(speeds[i])).effort(0.0, 0.0, w)  # noqa: B023
+
+        def kicks(w: Any) -> Any:
+            return lm.vec(*[kick(i, w[i]) for i in range(count)])
+
+        def led_to(k: Any) -> Any:
+            found = free + R @ k  # noqa: B023
+            return found, lm.dot(free, free) + lm.dot(found, found)  # noqa: B023
+
+        w, size, enough = newton_of_kicks(kicks, led_to, free)
+        assert size <= enough
+        off = np.array(w) - np.array(led_to(kicks(w))[0])
+        scale = np.abs(np.array(R)) @ np.abs(np.array(kicks(w))) + np.abs(np.array(free))
+        slope = 1.0 + np.abs(np.array(R)).sum() * np.max(np.where(rubs > 0, torques / 1e-4, 10.0 * torques / speeds))
+        assert np.max(np.abs(off) / scale) < 1e-14 * slope
 
 
 @pytest.mark.parametrize("count", [2, 3])

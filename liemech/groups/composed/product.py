@@ -187,6 +187,12 @@ class DirectProduct(LieGroup):
             return self._each(lambda f: f.scale(None))
         return self._each(lambda f, a: f.scale(a), self._elements(g))
 
+    def _scales(self, g: np.ndarray) -> np.ndarray:
+        factor = self.factors[0]
+        if factor.is_complex or any(other != factor for other in self.factors):
+            return super()._scales(g)
+        return factor._scales(g.reshape(-1, *factor.element_shape)).reshape(len(g), -1)
+
     def _parts(self, xi: Vec) -> tuple[Vec, ...]:
         """The coordinates of each factor."""
         algebra: Any = self.algebra

@@ -276,6 +276,11 @@ class SE3(LieGroup):
         away = norm(_parts(g)[1])
         return vec(1.0, 1.0, 1.0, away, away, away)
 
+    def _scales(self, g: np.ndarray) -> np.ndarray:
+        x, y, z = g[:, :3, 3].T
+        away = np.sqrt(x * x + y * y + z * z)
+        return np.stack([np.ones(len(g))] * 3 + [away] * 3, axis=-1)
+
     def defect(self, g: Ambient) -> float:
         """The defect of the rotation, and how far the last row is from 0 0 0 1."""
         (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, one) = g

@@ -42,7 +42,7 @@ from ...integrators.memory import continued
 from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, SHORTEST
 from ...integrators.variational import momentum_slope, with_inertia
 from ...rooms.constraints.lie_rattle import MOST, eliminated
-from ...solvers import NOISE, TOLERANCE, slope_beside
+from ...solvers import CUT, NOISE, TOLERANCE, least_part, slope_beside
 from ...systems.in_time.tabulated import during, inputs, jump_ahead
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
@@ -129,6 +129,8 @@ class Rows(Record):
     idle: int
     foreseen: int
     before: int
+    drawn: int
+    ahead: int
     field: int
     push: int
     wanted: int
@@ -156,7 +158,8 @@ class Rows(Record):
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
             wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms,
-            idle=freedoms, foreseen=freedoms, before=freedoms, field=6,
+            idle=freedoms, foreseen=freedoms, before=freedoms, drawn=freedoms,
+            ahead=freedoms, field=6,
             push=w, wanted=w, given=6 * w, bent=36 if bent else 0,
             paces=n if moving else 0, dial=3 if geared else 0, block=0,
         )  # fmt: skip
@@ -585,7 +588,7 @@ class RattleOfLinks(Record):
             else:
                 if system.freedoms > 0:
                     if tried == 1 and not last:
-                        each(sites, efforts_at_rest, system.at_time(t), t, k, old, work, state)
+                        each(sites, efforts_at, system.at_time(t), t, k, 0.0, 0.0, old, work, state)
                     again = where(tried > 0, 1.0, 0.0)
                     each(sites, efforts_there, system.at_time(t), t, k, again, old, work, state)
                     scattered(system, work)
@@ -628,7 +631,7 @@ class RattleOfLinks(Record):
             if k == 0.0:
                 break
             before, apart = change, off
-            change, whole = corrected_rates(system, work) if system.freedoms > 0 else (0.0, 0.0)
+            change, whole, falls = corrected_rates(system, work) if system.freedoms > 0 else (0.0, 0.0, 0.0)
             scale = max(scale, whole)  # of what is lost as well: a step may end at rest
             small = change <= TOLERANCE * TOLERANCE * scale
             noisy = change >= before and change <= NOISE * NOISE * scale
@@ -646,6 +649,25 @@ class RattleOfLinks(Record):
                 if not kicks or h > 0.0:
                     break
                 looking = 1.0
+            elif tried > CUT:
+                self.cut_short(system, t, k, falls, sites, old, work, state)
+
+    def cut_short(
+        self, system: Any, t: float, k: float, falls: float, sites: Any, old: Any, work: Any, state: Layout
+    ) -> None:
+        """A correction of rates ends where an energy is least, as in `newton_of_kicks`.  falls : the square of what it
+        changes, by which slopes are judged.
+        """
+        now = system.at_time(t)
+
+        def slope(part: float) -> float:
+            each(sites, efforts_at, now, t, k, 1.0, part - 1.0, old, work, state)
+            return slope_along(system, part - 1.0, work)
+
+        part = least_part(slope, falls)
+        if part < 1.0:
+            shortened(system, part, work)
+        each(sites, efforts_at, now, t, k, 0.0, 0.0, old, work, state)
 
     def load_of_all(self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
         """The kick h F of a load on all bodies by one formula, for each of them; and, of each body
@@ -1251,12 +1273,16 @@ def save_push(system: Any, work: Any, efforts: Any) -> None:
     save(below(work, system.rows.wrench), 0, vec(*pushes[0], *pushes[1]), TWELVE)
 
 
-def efforts_at_rest(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
-    """The kick h F that loads would give at rest."""
-    g, k = poses_of(system, old, work, state)
-    rest = vec(*[0.0] * system.freedoms)
-    kicks = system.of_kind(work, lambda one: h * one.efforts(t, one.seen(t, g, k), rest, len(rest)))
-    save(below(work, system.rows.idle), 0, kicks, vector(system.freedoms))
+def efforts_at(
+    system: Any, t: float, h: float, moving: float, part: float, old: Any, work: Any, state: Layout
+) -> None:  # fmt: skip
+    """The kick h F that loads would give at rest; or, with 1 for `moving`, a part of the last correction farther on."""
+    (g, k), n = poses_of(system, old, work, state), system.freedoms
+    rates = load(below(work, system.rows.rate), 0, vector(n))
+    step = load(below(work, system.rows.impulse), 0, vector(system.most + n))[system.most :]
+    there = vec(*[where(moving > 0.0, w + part * x, 0.0) for w, x in zip(rates, step)])
+    kicks = system.of_kind(work, lambda one: h * one.efforts(t, one.seen(t, g, k), there, n))
+    save(below(work, system.rows.idle), 0, kicks, vector(n))
 
 
 def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work: Any, state: Layout) -> None:
@@ -1429,23 +1455,55 @@ def wrench_of_corrections(system: Any, work: Any) -> None:
     save(below(work, rows.wrench), 0, vec(*sums[0], *sums[1]), TWELVE)
 
 
-def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
+def corrected_rates(system: Any, work: Any) -> tuple[float, float, float]:
     """Rates after Newton's correction, and the kicks that it foresees; the sums of the squares of corrections, and of rates before
-    them with how far off those were: at rest the kicks alone say what rounding is.
+    them with how far off those were: at rest the kicks alone say what rounding is; and of corrections of rates times those
+    of kicks.
     """
     n, m = system.most + system.freedoms, system.most
-    change, whole, layout = 0.0, 0.0, vector(system.freedoms)
+    change, whole, falls, layout = 0.0, 0.0, 0.0, vector(system.freedoms)
     rates, found = below(work, system.rows.rate), below(work, system.rows.impulse)
     rest, kicks = below(work, system.rows.rest), below(work, system.rows.foreseen)
+    drawn, ahead = below(work, system.rows.drawn), below(work, system.rows.ahead)
     gains, square = below(work, system.rows.gain), matrix(system.freedoms, system.freedoms)
     for j in range(int(system.joints)):
         step = at(found, j, 0, vector(n))[m:]
         old, off = at(rates, j, 0, layout), at(rest, j, 0, vector(n))[m:]
         put(rates, j, 0, old + step, layout)
         led = vec(*[dot(row, step) for row in at(gains, j, 0, square)])
-        put(kicks, j, 0, at(kicks, j, 0, layout) + led, layout)
-        change, whole = change + dot(step, step), whole + dot(old, old) + dot(off, off)
-    return change, whole
+        kick = at(kicks, j, 0, layout) + led
+        more = kick - at(drawn, j, 0, layout)
+        put(kicks, j, 0, kick, layout)
+        put(drawn, j, 0, kick, layout)
+        put(ahead, j, 0, more, layout)
+        change, whole, falls = change + dot(step, step), whole + dot(old, old) + dot(off, off), falls + dot(step, more)
+    return change, whole, falls
+
+
+def slope_along(system: Any, part: float, work: Any) -> float:
+    """The slope of the energy along the last correction, a part of it farther on, where the kicks are known."""
+    total, layout = 0.0, vector(system.freedoms)
+    found, drawn = below(work, system.rows.impulse), below(work, system.rows.drawn)
+    ahead, kicks = below(work, system.rows.ahead), below(work, system.rows.idle)
+    for j in range(int(system.joints)):
+        step = at(found, j, 0, vector(system.most + system.freedoms))[system.most :]
+        off = at(drawn, j, 0, layout) + part * at(ahead, j, 0, layout) - at(kicks, j, 0, layout)
+        total = total + dot(step, off)
+    return total
+
+
+def shortened(system: Any, part: float, work: Any) -> None:
+    """The last correction, cut to a part of it."""
+    n, m, layout = system.most + system.freedoms, system.most, vector(system.freedoms)
+    rates, found = below(work, system.rows.rate), below(work, system.rows.impulse)
+    drawn, ahead = below(work, system.rows.drawn), below(work, system.rows.ahead)
+    for j in range(int(system.joints)):
+        whole = at(found, j, 0, vector(n))
+        kick = at(drawn, j, 0, layout) + (part - 1.0) * at(ahead, j, 0, layout)
+        put(rates, j, 0, at(rates, j, 0, layout) + (part - 1.0) * whole[m:], layout)
+        put(found, j, 0, vec(*whole[:m], *(part * whole[m:])), vector(n))
+        put(drawn, j, 0, kick, layout)
+        put(below(work, system.rows.foreseen), j, 0, kick, layout)
 
 
 # ------------------------------------------------------------------ all bodies by one formula

@@ -10,7 +10,6 @@ from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
 from ...formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors, where
 from ...formulas.elimination import DEPENDENT
 from ...formulas.numbers.sizes import EPSILON
-from ...formulas.vectors import small
 from ...groups.retractions import Exponential, Retraction
 from ...integrators.kicks.explicit_kicks import bound_refusal, negative_pivots
 from ...integrators.memory import Memory, Remembering, extrapolated, followed, repeated
@@ -93,8 +92,9 @@ class LieRATTLE(Remembering):
         """Refuse a step that the configuration of a body would not notice, as RATTLE does."""
         mu, count = np.asarray(start.mu), start.bodies or 1
         speed = self._speeds(system, mu, count)
-        elements = [start.g] if start.bodies is None else [small(g) for g in np.asarray(start.g)]
-        least = EPSILON * np.sqrt([self._size(system, g) for g in elements])
+        least = EPSILON * np.sqrt(
+            self._sizes(system, np.asarray(start.g) if start.bodies else np.asarray(start.g)[None])
+        )
         if np.all(abs(h) * speed >= least):
             return None
         kicked = self._speeds(system, np.asarray(h * np.asarray(system.force(start.g))), count)
@@ -294,6 +294,12 @@ class LieRATTLE(Remembering):
         """
         J, scale = system.body.body.lagrangian.inertia, system.configurations.scale(plain(g))
         return vectors.sum([(J[i, i] if isinstance(J, vectors.Mat) else J[i]) * x * x for i, x in enumerate(scale)])
+
+    def _sizes(self, system: Any, g: np.ndarray) -> np.ndarray:
+        """Those of many configurations, (count,)."""
+        J, scales = system.body.body.lagrangian.inertia, system.configurations._scales(g)
+        moments = np.array([J[i, i] for i in range(len(J))] if isinstance(J, vectors.Mat) else [*J])
+        return np.cumsum(moments * scales * scales, axis=-1)[:, -1]
 
     def _is_inside(self, system: Any, x: Vec) -> bool:
         inside = True
