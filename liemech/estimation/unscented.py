@@ -41,15 +41,22 @@ class UnscentedFilter(Filter):
         size = process.deviations(h)
         there, count = process.led(g, u, h), group.dim + len(size)
         columns = root(covariance).T
-        length = in_chart(group, columns, self.spread * sqrt(float(count)))
+        noises = [vec(*[size[j] if i == j else 0.0 for i in range(len(size))]) for j in range(len(size))]
+        # errors after the step by how they begin, which no turn has taken away
+        ends: list[Any] = []
+        for column in columns:
+            end = error(group, side, there, process.led(moved(group, side, g, LITTLE * column), u, h))
+            ends = [*ends, (1.0 / LITTLE) * end]
+        for noise in noises:
+            ends = [*ends, (1.0 / LITTLE) * error(group, side, there, process.move(g, u, LITTLE * noise, h))]
+        length = in_chart(group, ends, self.spread * sqrt(float(count)))
         moves: list[Any] = []
         for column in columns:
             for sign in (length, -length):
                 moves = [*moves, process.led(moved(group, side, g, sign * column), u, h)]
-        for j in range(len(size)):
+        for noise in noises:
             for sign in (length, -length):
-                noise = vec(*[sign * size[j] if i == j else 0.0 for i in range(len(size))])
-                moves = [*moves, process.move(g, u, noise, h)]
+                moves = [*moves, process.move(g, u, sign * noise, h)]
         errors = [error(group, side, there, x) for x in moves]
         weight = 0.5 / (length * length)
         mean = weight * total(errors)
@@ -74,39 +81,46 @@ class UnscentedCorrection(Correction):
 
     def corrected(self, g: Element, covariance: Mat, z: Ambient) -> tuple[Element, Mat, float]:
         """g', P' and r . S^-1 r."""
-        r, S, C = self._moments(g, covariance, z)
+        r, S, C, weight, errors, away, mean = self._moments(g, covariance, z)
         K, nis = gain(S, C, r)
         if nis > self.limit:
             return g, covariance, nis
-        e, P = K @ r, symmetric(covariance - K @ S @ K.T)
+        # P - K S K^T as a sum of squares: of what the update leaves of each error, and of the noise
+        left = [e + K @ d for e, d in zip(errors, away)]
+        e, P = K @ r, symmetric(spread_about(K @ mean, left, weight) + K @ self.sensor.covariance(g) @ K.T)
         if self.reset:
             P = transported(self.group, self.side, e, P)
         return moved(self.group, self.side, g, e), P, nis
 
     def innovation(self, g: Element, covariance: Mat, z: Ambient) -> tuple[Vec, Mat]:
         """r and S."""
-        r, S, _ = self._moments(g, covariance, z)
+        r, S, *_ = self._moments(g, covariance, z)
         return r, S
 
-    def _moments(self, g: Any, covariance: Any, z: Any) -> tuple[Any, Any, Any]:
-        """The mean of the residual, its covariance, and minus that of error and residual."""
+    def _moments(self, g: Any, covariance: Any, z: Any) -> tuple[Any, ...]:
+        """The mean of the residual, its covariance, and minus that of error and residual; the weight of each error,
+        the errors, and by how much they change the residual, on average too.
+        """
         group, side, sensor = self.group, self.side, self.sensor
         here, columns = sensor.residual(g, z), root(covariance).T
         length = self.spread * sqrt(float(group.dim))
         if sensor.elements is not None:
             length = in_chart(group, columns, length)
         weight = 0.5 / (length * length)
+        errors: list[Any] = []
         away: list[Any] = []
         C = None
         for column in columns:
             e = length * column
+            errors = [*errors, e, -e]
             plus = self._away(g, moved(group, side, g, e), here, z)
             minus = self._away(g, moved(group, side, g, -e), here, z)
             away = [*away, plus, minus]
             part = weight * outer(e, minus - plus)
             C = part if C is None else C + part
         mean = weight * total(away)
-        return here + mean, symmetric(spread_about(mean, away, weight) + sensor.covariance(g)), C
+        S = symmetric(spread_about(mean, away, weight) + sensor.covariance(g))
+        return here + mean, S, C, weight, errors, away, mean
 
     def _away(self, g: Any, x: Any, here: Any, z: Any) -> Any:
         """By how much the residual at x differs from that at g.  Of elements it is told by the value at x alone:
@@ -118,24 +132,35 @@ class UnscentedCorrection(Correction):
 
 HALVINGS = 40
 """Times that a spread is halved, at most."""
+LITTLE = 2.0**-30
+"""The part of a direction by which the derivative of a step along it is estimated."""
 
 
-def in_chart(group: Any, columns: Mat, length: Any) -> Any:
+def in_chart(group: Any, columns: Any, length: Any) -> Any:
     """A length, halved until the logarithm gives back twice the errors that are so many columns long."""
+    together = [sum([abs(column[i]) for column in columns]) for i in range(group.dim)]
+    if returns(group, (2.0 * length) * vec(*together)):  # an error that is larger than each
+        return length
     for _ in range(HALVINGS):
         outside = False
         for column in columns:
-            e = (2.0 * length) * column
-            away, largest = group.log(group.exp(e)) - e, 1.0
-            for x in e:
-                largest = max(largest, abs(x))
-            for x, d in zip(e, away):
-                # another branch differs by as much as the error, rounding by far less
-                outside = outside or abs(d) > 0.01 * abs(x) + 1e-9 * largest
+            outside = outside or not returns(group, (2.0 * length) * column)
         if not outside:
             break
         length = 0.5 * length
     return length
+
+
+def returns(group: Any, e: Vec) -> bool:
+    """Is an error the logarithm of its exponential?  Another branch differs by as much as the error, rounding by far
+    less.
+    """
+    away, largest, back = group.log(group.exp(e)) - e, 1.0, True
+    for x in e:
+        largest = max(largest, abs(x))
+    for x, d in zip(e, away):
+        back = back and abs(d) <= 0.01 * abs(x) + 1e-9 * largest
+    return back
 
 
 def spread_about(mean: Vec, vectors: list[Vec], weight: Any) -> Mat:

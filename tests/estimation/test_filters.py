@@ -523,6 +523,30 @@ def test_a_wide_belief_stays_as_wide_at_rest(group, angles, shifts, side, kind):
         np.testing.assert_allclose(found.g, belief.g, rtol=0.0, atol=1e-10 * width)
 
 
+@pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])
+def test_noise_widens_a_belief_by_more_than_a_turn(group, angles, shifts, side, kind):
+    """At rest variances add: an error of the algebra is the noise itself."""
+    for before, density in ((1e-3, 2.0), (1e-3, 8.0), (1.0, 8.0), (0.3, 100.0)):
+        n = group.dim
+        filter = kind(es.Turning(group, [density] * n), side)
+        found = filter.predict(filter.belief(np.eye(group.element_shape[0]), [before] * n), np.zeros(n), 4.0)
+        wanted = before**2 + 4.0 * density**2
+        np.testing.assert_allclose(found.covariance, wanted * np.eye(n), rtol=1e-7, atol=1e-7 * wanted)
+
+
+@pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
+@pytest.mark.parametrize("h", [1.0, 10.0, 60.0, 600.0])
+def test_an_unknown_bias_turns_an_attitude_by_more_than_a_turn(kind, h):
+    """Its deviation is that of the bias times the time, however long no star is seen."""
+    process = es.BiasedGyroscope([1e-9] * 3, [1e-9] * 3)
+    filter = kind(process)
+    belief = filter.belief(process.group.identity(), [1e-9] * 3 + [0.1] * 3)
+    found = filter.predict(belief, np.zeros(3), h)
+    np.testing.assert_allclose(found.deviations, [0.1 * h] * 3 + [0.1] * 3, rtol=1e-6)
+
+
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("width", [0.3, 1.0, np.pi])
 @pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])

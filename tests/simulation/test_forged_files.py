@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import slow
+from terms_of_spins import Zeeman
 
 import liemech as lm
 from liemech.command_line.scene_file import scene_file
@@ -215,6 +216,32 @@ def test_only_records_are_classes_of_files(written: dict[str, Any], tmp_path: Pa
             files.write(path, arrays, about | {"system": kind})
             with watched(), pytest.raises(lm.errors.InvalidInput, match=r"run\.npz: "):
                 lm.Trajectory.load(path)
+
+
+OTHER_ARRAYS: dict[str, Any] = {
+    "single precision": lambda x: x.astype("<f4"),
+    "whole numbers": lambda x: x.astype("<i8"),
+    "texts": lambda x: x.astype("<U9"),
+    "complex numbers": lambda x: x.astype("<c16"),
+    "one more axis": lambda x: x[..., None],
+    "the last missing": lambda x: x[..., :-1],
+}
+
+
+@pytest.mark.parametrize("way", OTHER_ARRAYS)
+def test_arrays_of_other_shapes_and_types_are_refused(way: str, written: dict[str, Any], tmp_path: Path) -> None:
+    """When the file is read, or before the run goes on."""
+    path, many = tmp_path / "run.npz", Zeeman(lm.each(np.ones((12, 3)))).over()
+    spins = lm.LiePoissonSystem(lm.SO3() ** 12, lm.Terms(many))
+    plan = lm.Plan(spins, lm.RKMK(order=2), 0.1, compiled=False)
+    plan.run(spins.state(mu=np.ones((12, 3))), steps=2).save(path)
+    for arrays, about, theirs in [*written.values(), (*files.read(path), plan)]:
+        for name in arrays:
+            if name.startswith("pool.") or (way == "the last missing" and name.startswith(("dense", "event."))):
+                continue
+            files.write(path, arrays | {name: OTHER_ARRAYS[way](arrays[name])}, about)
+            with pytest.raises(lm.errors.InvalidInput):
+                theirs.resume(lm.Trajectory.load(path), **({"t_end": 9.0} if theirs.adaptive else {"steps": 1}))
 
 
 # ------------------------------------------------------------------ valid structure, hostile values

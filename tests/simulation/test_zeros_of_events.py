@@ -390,3 +390,27 @@ def test_a_steep_zero_is_one() -> None:
     )
     for times, _ in run.events:
         assert times == pytest.approx([0.3], abs=1e-12)
+
+
+@pytest.mark.parametrize("how", [{"h": 0.1, "steps": 10}, {"rtol": 1e-8, "t_end": 1.0}])
+def test_an_event_of_a_part_that_is_not_moved_says_what_moves_it(how: Any) -> None:
+    """`record` names the momentum alone, and the event is one of the attitude."""
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start, method = body.state(mu=[0.5, -0.3, 0.75], g=np.eye(3)), lm.RKMK(order=5)
+    for record in ("mu", ["energy"], ["energy", "mu"]):
+        with pytest.raises(TypeError) as caught:
+            lm.integrate(body, method, start, record=record, events=lambda t, state: state.g[2, 2] - 0.5, **how)
+        assert any("moves without g" in note and "`record`" in note for note in caught.value.__notes__)
+    run = lm.integrate(body, method, start, record=["mu", "g"], events=lambda t, state: state.g[2, 2] - 0.9, **how)
+    assert np.allclose(run.events[0][1].g[:, 2, 2], 0.9, rtol=1e-12)
+
+
+@pytest.mark.xfail(strict=True, reason="two zeros that are less than a fifth of a turn apart may lie between two looks")
+@pytest.mark.parametrize("level", [0.9, 0.99])
+def test_an_attitude_is_met_near_its_largest_value(level: float) -> None:
+    """cos t = level, twice a turn, in steps of many turns."""
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state(xi=[0.0, 0.0, 1.0], g=np.eye(3))
+    run = lm.integrate(body, lm.RKMK(order=5), start, t_end=30.0 * np.pi, events=lambda t, state: state.g[0, 0] - level)
+    turns, angle = 2.0 * np.pi * np.arange(1, 16), np.arccos(level)
+    assert run.events[0][0] == pytest.approx(np.sort(np.append(turns - angle, turns - 2.0 * np.pi + angle)), abs=1e-9)

@@ -260,6 +260,9 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     bodies = about["bodies"]
     if bodies is not None and type(bodies) is not int:
         raise InvalidInput(f"{decode.where}: {bodies!r} is no number of bodies")
+    for name, x in arrays.items():
+        if x.dtype != np.dtype(complex if x.dtype.kind == "c" and name.endswith(".g") else float):
+            raise InvalidInput(f"{decode.where}: {name!r} is an array of {x.dtype} instead of doubles")
     system = _laws_of(about["system"], System, Systems, bodies, decode)
     method = _laws_of(about["method"], Method, Methods, bodies, decode)
     states = _states_of(arrays, about, bodies, system, decode)
@@ -275,9 +278,17 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
         raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
     kept, reasons = about.get("carry"), {int(i): x for i, x in about["stopped"].items()}
+    carry = None if kept is None else _carry_of(kept, arrays, bodies, origin, decode)
+    begun = (
+        origin.start if isinstance(origin, Origin) else None if origin is not None else getattr(carry, "state", None)
+    )
+    if begun is not None:
+        _require_samples(decode.where, states, events, begun, about.get("observed", ()), bodies)
     more: dict[str, Any] = {}
     if origin is not None:
         more = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin}
+    if more and arrays["tau"].shape not in (arrays["t"].shape, arrays["t"].shape[:1]):
+        raise InvalidInput(f"{decode.where}: tau has shape {arrays['tau'].shape}, the times {arrays['t'].shape}")
     if "tangent" in about:
         tangent = {name: arrays[f"tangent.{name}"] for name in about["tangent"]}
         more = {"tangent": tangent, "tau": arrays.get("tau")}
@@ -296,7 +307,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "rejected": about["rejected"],
         "dense": dense,
         "events": events,
-        "carry": None if kept is None else _carry_of(kept, arrays, bodies, origin, decode),
+        "carry": carry,
         "observed": tuple(about.get("observed", ())),
         "breaks": tuple([float(t) for t in about.get("breaks", ())]),
         "ended": ended,
@@ -322,11 +333,12 @@ def _states_of(
     parts = about.get("parts", list(states))
     if not isinstance(parts, list) or sorted(map(str, parts)) != sorted(states):
         raise InvalidInput(f"{decode.where}: samples of {', '.join(states)} are told as {parts!r}")
+    t = arrays["t"]
+    if t.ndim != 1 and (bodies is None or t.shape[1:] != (bodies,)):
+        raise InvalidInput(f"{decode.where}: the times have shape {t.shape}")
     for name, x in states.items():
-        if len(x) != len(arrays["t"]) or (bodies is not None and x.shape[1:2] != (bodies,)):
-            raise InvalidInput(
-                f"{decode.where}: the samples of {name} have shape {x.shape}, the times {arrays['t'].shape}"
-            )
+        if len(x) != len(t) or (bodies is not None and x.shape[1:2] != (bodies,)):
+            raise InvalidInput(f"{decode.where}: the samples of {name} have shape {x.shape}, the times {t.shape}")
     first = of_body(system, 0)
     group = getattr(first, "configurations", getattr(first, "group", None))
     if "mu" in states and "mu" not in about.get("observed", ()) and isinstance(group, (PowerGroup, SpeciesGroup)):
@@ -398,11 +410,30 @@ def _event_of(i: int, arrays: dict[str, Any], about: dict[str, Any], bodies: int
     if not (isinstance(cls, type) and issubclass(cls, State)):
         raise InvalidInput(f"{decode.where}: {cls!r} is no class of states")
     met, ends = [], np.cumsum(counts)
+    for name in (f"event.{i}", *[f"event.{i}.{part}" for part in names]):
+        if min(counts) < 0 or len(arrays[name]) != ends[-1] or (name == f"event.{i}" and arrays[name].ndim != 1):
+            raise InvalidInput(f"{decode.where}: {name!r} has shape {arrays[name].shape} for {ends[-1]} zeros")
     for first, end in zip(ends - counts, ends, strict=True):
         parts = {name: arrays[f"event.{i}.{name}"][first:end] for name in names}
         times = arrays[f"event.{i}"][first:end]
         met.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
     return met[0] if bodies is None else tuple(met)
+
+
+def _require_samples(
+    where: str, states: dict[str, np.ndarray], events: Any, like: State, observed: Any, bodies: int | None
+) -> None:
+    """Refuse samples, and states at events, that are of another shape than the state at which the run stands."""
+    lead, met = 0 if bodies is None else 1, [x for event in events for x in ((event,) if bodies is None else event)]
+    for name, part in like.arrays.items():
+        kept = [states[name]] if name in states and name not in observed else []
+        found = [(len(x), x, part.shape) for x in kept]
+        found += [(t.size, at.arrays[name], part.shape[lead:]) for t, at in met if name in at.arrays]
+        for count, x, one in found:
+            if x.shape != (count, *one) or x.dtype != part.dtype:
+                raise InvalidInput(
+                    f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {one} of {part.dtype}"
+                )
 
 
 def _listed(told: Any) -> Any:

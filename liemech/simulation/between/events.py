@@ -165,6 +165,12 @@ class Events:
             error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
             if self.run.bodies:
                 error.add_note(f"[integrate: body {body}]")
+            without = ", ".join([name for name, x in state.parts.items() if x is None])
+            if without:
+                error.add_note(
+                    f"[integrate: this run moves without {without}, which events see as None; it needs it in the start, "
+                    "and beside what `record` names]"
+                )
             raise
 
     # ---------------------------------------------------------------- the steps of a piece

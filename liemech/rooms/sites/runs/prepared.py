@@ -183,15 +183,15 @@ class Prepared:
         """Of the numbers that a site carries along those that are handed on: not the way of a step."""
         return self.memory.width - (self.memory.parts[2].width if self.plan.adaptive else 0)
 
-    def taken_up(self, numbers: np.ndarray) -> np.ndarray:
-        """Numbers that sites carry along, of those that were handed on."""
+    def taken_up(self, numbers: np.ndarray, sites: int) -> np.ndarray:
+        """Numbers that so many sites carry along, of those that were handed on."""
         way = self.memory.width - self.lasting
-        if numbers.shape[0] != self.lasting:
+        if numbers.shape != (self.lasting, sites) or numbers.dtype != np.dtype(float):
             raise InvalidInput(
-                f"Plan.resume: the run carries {numbers.shape} numbers along; this plan has "
-                f"{self.lasting} for each site"
+                f"Plan.resume: the run carries {numbers.shape} numbers of {numbers.dtype} along; this plan has "
+                f"{self.lasting} for each of {sites} sites"
             )
-        return np.concatenate([numbers, np.zeros((way, numbers.shape[1]))])
+        return np.concatenate([numbers, np.zeros((way, sites))])
 
     def _named(self) -> Any:
         """An example of the totals, with their names."""

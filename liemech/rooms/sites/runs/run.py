@@ -231,7 +231,7 @@ class SiteRun(Course):
         if self.adaptive is (start.clock is None):
             raise InvalidInput("Plan.resume: the run was made with other steps; start a new one from run.last")
         width = self.shape.memory.width
-        numbers = self.shape.taken_up(start.numbers)
+        numbers = self.shape.taken_up(start.numbers, self.count)
         self.sites.array[:width] = rows_of(numbers)
         if self.adaptive:
             clock, beyond = self.clocks[:, 0], self.clocks[TIME, 0] != self.begun
