@@ -444,13 +444,18 @@ class LinkageForce(Force):
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The sum."""
-        return self.at_rates(t, self.rates(xi, g), g)
+        total = self.spread(t, self.efforts(t, self.rates_at(t, xi, g), g), g)
+        return total if self.other is None else total + self.other.covector(t, xi, g)
 
     def rates(self, xi: Vec, g: Any) -> Vec:
         """The rates of the joints; all velocities if there is a load of the user's."""
         if self.other is not None:
             return xi
-        return vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, xi)])
+        return self.rates_at(0.0, xi, g)
+
+    def rates_at(self, t: float, xi: Vec, g: Any) -> Vec:
+        """The rates of the joints, as those in a given motion are at time t."""
+        return vec(*[rate for one in self.at_joints for rate in one.rates(t, g, xi)])
 
     @property
     def by_rate(self) -> bool:
@@ -471,9 +476,8 @@ class LinkageForce(Force):
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
         """The damping along a velocity of all bodies."""
-        rates = vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, xi)])
-        still = vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, 0.0 * along)])
-        turned = vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, along)]) - still
+        rates = self.rates_at(t, xi, g)
+        turned = self.rates_at(t, along, g) - self.rates_at(t, 0.0 * along, g)
         total = self.spread(t, self.resistances(t, rates, g) * turned, g)
         return total if self.other is None else total + self.other.resistance(t, xi, g, along)
 
@@ -491,6 +495,4 @@ class LinkageForce(Force):
         """The sum at these rates."""
         if self.other is None:
             return self.spread(t, self.efforts(t, rates, g), g)
-        own = vec(*[x for one in self.at_joints for x in rates_of(one.joint, g, rates)])
-        total = self.spread(t, self.efforts(t, own, g), g)
-        return total + self.other.covector(t, rates, g)
+        return self.covector(t, rates, g)

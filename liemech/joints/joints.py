@@ -176,8 +176,8 @@ class BallJoint(Joint):
         return hung(SO3().exp(q), self.at_first, self.at_second)
 
     def slopes(self, q: Vec, slope: Vec) -> Vec:
-        """By the derivative of the logarithm."""
-        return SO3().algebra.dexp_inv_dual(-q, slope)
+        """By the derivative of the logarithm, q' = dexp^-1_q w with w in the axes of the first body."""
+        return SO3().algebra.dexp_inv_dual(q, slope)
 
 
 @record
@@ -485,8 +485,8 @@ class FloatingJoint(Joint):
         return hung(SO3().exp(q[:3]), self.at_first, self.at_second + q[3:])
 
     def slopes(self, q: Vec, slope: Vec) -> Vec:
-        """By the derivative of the logarithm."""
-        return join(SO3().algebra.dexp_inv_dual(-q[:3], slope[:3]), slope[3:])
+        """By the derivative of the logarithm, q' = dexp^-1_q w with w in the axes of the first body."""
+        return join(SO3().algebra.dexp_inv_dual(q[:3], slope[:3]), slope[3:])
 
 
 @record
@@ -577,6 +577,11 @@ class Mimic(Record):
     leader: Any
     ratio: float = 1.0
     offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not np.isfinite([self.ratio, self.offset]).all():
+            raise InvalidInput(f"Mimic: ratio and offset are finite numbers; got {self.ratio!r} and {self.offset!r}")
 
 
 @record

@@ -17,7 +17,7 @@ from ..groups.composed.product import ProductGroup
 from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import SE3
 from ..names import meant
-from ..rooms.constraints.constrained_body import ConstrainedBody
+from ..rooms.constraints.constrained_body import CONSISTENT, ConstrainedBody
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
@@ -326,7 +326,7 @@ class Linkage(ConstrainedBody):
         visual geometry `shapes`.
 
         path : of the file, or its text.  floating : the root moves freely, by a FloatingJoint of its
-        name; else it is the ground.  at : the pose of the root, (4, 4).
+        name, or "name root" where a joint has it; else it is the ground.  at : the pose of the root, (4, 4).
         forces : more of them, such as motors.  Damping of the file is a Damper, friction a DryFriction
         regularised at `speed`, in rad/s or m/s; limits are Stops of the stiffness `stops`, in N m/rad^2
         or N/m^2, or left out.
@@ -360,6 +360,10 @@ class Linkage(ConstrainedBody):
         followers = [j for j, *_ in self._meshed]
         for j, leader, ratio, _ in self._meshed:
             for number in (j, leader):
+                if isinstance(self.joints[number], MovedJoint):
+                    raise InvalidInput(
+                        f"Linkage: {self.label(number)} is in a given motion, and can neither follow another joint nor lead it"
+                    )
                 if not self.joints[number].geared:
                     raise InvalidInput(
                         f"Linkage: {self.label(number)} is no hinge or slider, which alone may follow another "
@@ -552,6 +556,30 @@ class Linkage(ConstrainedBody):
             raise InconsistentState(
                 f"{type(self).__name__}.state: {told}, where its conditions vanish too. `assembled(poses)` gives a start"
             )
+        missed = self._gears(g) @ np.array(self.velocity(mu))
+        for miss, reach, (j, leader, ratio, _) in zip(missed, self._reach_of(self._gears(g), mu, g), self._meshed):
+            if abs(miss) > CONSISTENT * reach:
+                raise InconsistentState(
+                    f"{type(self).__name__}.state: {self.label(j)} moves {ratio:g} times as fast as {self.label(leader)}, and "
+                    f"these velocities miss it by {miss:.3g}. `assembled(poses, velocities)` gives a start"
+                )
+
+    def _gears(self, g: Any) -> np.ndarray:
+        """The rows of joints that follow others, (k, 6 N): velocities at which they follow are zeros of them."""
+        own, led, ratios = ([mesh[i] for mesh in self._meshed] for i in range(3))  # type: Any, Any, Any
+        return rows_of_motions(self, g, own) - np.reshape(ratios, (-1, 1)) * rows_of_motions(self, g, led)
+
+    def _projected(self, momentum: np.ndarray, g: Any) -> np.ndarray:
+        """The nearest momentum at which gears turn as they must, too."""
+        momentum = super()._projected(momentum, g)
+        if not self.mimics:
+            return momentum
+        rows, inverse = (
+            x.toarray() if hasattr(x, "toarray") else x for x in (self._matrix(self.rows(g)), self._inverse)
+        )
+        rows = np.concatenate([rows, self._gears(g)]) @ (root := np.linalg.cholesky(inverse))
+        off = np.concatenate([np.zeros(len(rows) - len(self.mimics)), self._gears(g) @ inverse @ momentum])
+        return momentum - np.linalg.solve(root.T, np.linalg.lstsq(rows, off, rcond=None)[0])
 
     def state(
         self,

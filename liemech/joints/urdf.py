@@ -97,15 +97,15 @@ class Element:
         return InvalidInput(f"{self.file}, line {self.line}: <{self.tag}{name}> {said}")
 
 
-def parsed(data: bytes, file: str) -> Element:
-    """The elements of an XML text.
+def parsed(data: bytes, file: str, encoding: str | None = None) -> Element:
+    """The elements of an XML text.  encoding : that counts, whatever the text says of its own.
 
     Raises InvalidInput for what is no XML, and for document types, by which a small file can grow to
     gigabytes or read others.
     """
     from xml.parsers import expat
 
-    parser, top = expat.ParserCreate(), Element("", {}, 0, file)
+    parser, top = expat.ParserCreate(encoding), Element("", {}, 0, file)
     open_ones, text = [top], data.lstrip()  # others take a blank line before <?xml ?>
     blank = data[: len(data) - len(text)].count(b"\n")
 
@@ -190,7 +190,7 @@ def linkage_of(
         point, second = poses[name][:3, 3], moved[parents[name][1]] if name in parents else None
         ends: Any = numbers[name], numbers[second], point - centres[name], point - centres[second]
         if name not in parents:
-            made["joints"].append(FloatingJoint(*ends, name=name))
+            made["joints"].append(FloatingJoint(*ends, name=f"{name} root" if name in joints else name))
             continue
         joint = parents[name][0]
         made["joints"].append(_joint(joint, ends, poses[name][:3, :3], rotors))
@@ -209,8 +209,9 @@ def linkage_of(
 
 def _opened(path: Any) -> tuple[Element, Path]:
     """The robot of a file or a text, and the folder of its meshes."""
-    if isinstance(path, str) and path.lstrip().startswith("<"):
-        return parsed(path.lstrip().encode(), "URDF"), Path()
+    text = path.removeprefix("\ufeff") if isinstance(path, str) else ""
+    if text.lstrip().startswith("<"):
+        return parsed(text.encode(), "URDF", "utf-8"), Path()
     if not isinstance(path, (str, os.PathLike)):
         raise InvalidType(f"Linkage.from_urdf: path is a file, or its text; got {path!r}")
     try:
@@ -360,14 +361,18 @@ def _mimic(joint: Element, joints: dict[str, Element]) -> Mimic | None:
     """The joint that another one follows; None for one that is fixed."""
     if joint.text("type") == "fixed":
         return None
-    mimic: Any = joint.one("mimic")
-    leader = mimic.text("joint")
-    if leader not in joints:
-        raise mimic.wrong(f"follows the joint {leader!r}, which is not there{meant(leader, joints)}")
-    if joints[leader].text("type") == "fixed":
-        raise mimic.wrong(f"follows the joint {leader!r}, which is fixed; make joint {joint.text('name')!r} fixed too")
-    ratio, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
-    return Mimic(joint.text("name"), leader, ratio, offset)
+    one, name, ratio, offset = joint, joint.text("name"), 1.0, 0.0
+    behind: list[str] = []  # leaders that follow others; a circle is for the linkage to tell
+    while (mimic := one.one("mimic")) is not None and (not behind or behind[-1] not in [name, *behind[:-1]]):
+        leader = mimic.text("joint")
+        if leader not in joints:
+            raise mimic.wrong(f"follows the joint {leader!r}, which is not there{meant(leader, joints)}")
+        one = joints[leader]
+        if one.text("type") == "fixed":
+            raise mimic.wrong(f"follows the joint {leader!r}, which is fixed; make joint {name!r} fixed too")
+        offset, ratio = offset + ratio * mimic.number("offset", 0.0), ratio * mimic.number("multiplier", 1.0)
+        behind.append(leader)
+    return Mimic(name, behind[-1], ratio, offset)
 
 
 def _rotors(robot: Element, joints: dict[str, Element], armature: Any) -> dict[str, float]:

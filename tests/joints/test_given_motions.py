@@ -268,3 +268,58 @@ def test_a_given_motion_brings_energy_to_rotors_too():
         run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.2 / steps, steps=steps, compiled=False)
         off.append(run.energy[-1] - run.energy[0] - run.joint(0).given_work[-1])
     assert abs(off[1]) < 1e-3 and off[0] / off[1] == pytest.approx(4.0, abs=0.3)
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieRATTLE()])
+def test_a_damper_at_a_shaken_slider_sees_the_pace_of_its_support(method):
+    """A slider on a place that shakes along it: m x'' = -c (x' - a w cos w t), whose solution is closed."""
+    m, c, a, w, t_end = 2.0, 3.0, 0.4, 5.0, 0.7
+    along = lm.joints.PrismaticJoint(0, None, axis=[1.0, 0.0, 0.0], name="slider")
+    system = lm.joints.Linkage(
+        [lm.joints.Link(m, [0.1] * 3)],
+        [along],
+        gravity=0.0,
+        forces=[Damper("slider", c)],
+        motions={"slider": Shaking([a, 0.0, 0.0], w)},
+    )
+    k, begun = c / m, 0.2
+
+    def rate(t):
+        driven = a * w * k * (k * np.cos(w * t) + w * np.sin(w * t)) / (k * k + w * w)
+        return driven + (a * w + begun - a * w * k * k / (k * k + w * w)) * np.exp(-k * t)
+
+    start = system.state(angles={}, rates={"slider": begun})
+    errors = []
+    for steps in (8, 16):
+        run = ends(system, method, start, steps, t_end, compiled=False)
+        errors.append(abs(run.mu[-1][3] / m - rate(t_end)))
+        told = run.joint("slider")
+        assert told.torque == pytest.approx(-c * (run.mu[:, 3] / m - a * w * np.cos(w * run.t)), rel=1e-12)
+    assert slope([t_end / 8, t_end / 16], errors) == pytest.approx(method.order, abs=0.3)
+    # mu' behind xi, along the slider
+    state = system.state(angles={}, rates={"slider": begun}, t=0.11)
+    force = float(np.array(system.rate(0.11, state))[6 + 3])
+    assert force == pytest.approx(-c * begun, rel=1e-12)
+
+
+@pytest.mark.parametrize("h", [0.02, -0.02])
+def test_bodies_under_drag_that_follow_a_path(h):
+    """A damper at a joint on a path has its work and no say: the motion is that without it, to rounding."""
+
+    @lm.record
+    class Drag(lm.Force):
+        c: float
+
+        def covector(self, t, xi, g):
+            return -self.c * xi
+
+    arm = lm.joints.chain(3, axis=TURN)
+    swing, start = {1: Swing(0.4, 3.0)}, {"angles": {0: 0.5, 2: -0.7}, "rates": {0: 1.0, 2: -0.5}}
+    ends_at = []
+    for forces in ([], [Damper(1, 0.3)]):
+        system = lm.joints.Linkage(
+            arm.links, arm.joints, forces=forces, load={b: Drag(0.1 * (1 + b)) for b in range(3)}, motions=swing
+        )
+        run = lm.integrate(system, lm.LieRATTLE(), system.state(**start), h=h, steps=20, compiled=False)
+        ends_at.append(run.g[-1])
+    assert np.abs(ends_at[0] - ends_at[1]).max() < 1e-12

@@ -645,6 +645,28 @@ def test_joints_that_follow_others_move_as_in_minimal_coordinates(
     assert np.array_equal(once.mu, twice.mu) and np.array_equal(once.g, twice.g)
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_starts_at_which_gears_would_slip_are_refused_and_mended(count: int) -> None:
+    """The nearest start moves by the ratio, and gears of it do not slip along a run."""
+    rods = lm.joints.chain(count, axis=TURN)
+    joints = [replace(rods.joints[0], armature=0.1, name="a"), replace(rods.joints[1], name="b"), *rods.joints[2:]]
+    free, geared = Linkage(rods.links, joints), Linkage(rods.links, joints, mimics=[Mimic("b", "a", 2.0)])
+    slips = free.state(angles={"a": 0.3, "b": 0.6}, rates={"a": 1.0, "b": -3.0})
+    with pytest.raises(lm.errors.InconsistentState, match=r"joint 'b' moves 2 times as fast as joint 'a'.* by -5"):
+        geared.state(slips.mu, slips.g)
+    moved = geared.assembled(free.poses(slips.g), np.reshape(free.velocity(slips.mu), (count, 6)))
+    inverse, change = free._inverse, np.array(moved.mu) - np.array(slips.mu)
+    if hasattr(inverse, "toarray"):
+        inverse = inverse.toarray()
+    for rates in ({"a": 0.4}, *[{2: 0.7}] * (count - 2)):  # the nearest in kinetic energy: across all that is left
+        other = np.array(geared.state(angles={"a": 0.3}, rates=rates).mu)
+        assert abs(other @ inverse @ change) < 1e-12 * np.sqrt((other @ inverse @ other) * (change @ inverse @ change))
+    run = lm.integrate(geared, lm.LieRATTLE(), moved, h=1e-3, steps=4, compiled=False)
+    assert run.joint("b").rate == pytest.approx(2.0 * run.joint("a").rate, rel=1e-12)
+    again = geared.state(run.mu[-1], run.g[-1])
+    assert np.array_equal(again.mu, run.mu[-1])
+
+
 def test_joints_that_cannot_follow_are_refused() -> None:
     arm = turret([0.0, 0.0, 0.0])
     with pytest.raises(lm.errors.InvalidInput, match="joint 2 follows joint 0 by gears, and their"):
@@ -658,6 +680,12 @@ def test_joints_that_cannot_follow_are_refused() -> None:
     ):
         with pytest.raises(lm.errors.InvalidInput, match=f"there is no joint {one}; there are 3, numbered from 0"):
             Linkage(arm.links, arm.joints, mimics=[mimic])
+    for given in ({"ratio": np.nan}, {"ratio": np.inf}, {"offset": np.nan}):
+        with pytest.raises(lm.errors.InvalidInput, match="finite"):
+            Mimic(2, 0, **given)
+    moved = {2: lm.joints.Shaking([0.0, 0.0, 0.1], 3.0)}
+    with pytest.raises(lm.errors.InvalidInput, match="joint 2 is in a given motion"):
+        Linkage(arm.links, arm.joints, mimics=[Mimic(2, 0)], motions=moved)
     for mimics in ([Mimic(0, 0)], [Mimic(1, 0), Mimic(2, 1)], [Mimic(1, 0), Mimic(1, 2)]):
         with pytest.raises(lm.errors.InvalidInput, match="let all follow one that leads"):
             Linkage(arm.links, arm.joints, mimics=mimics)

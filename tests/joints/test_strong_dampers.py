@@ -131,6 +131,10 @@ def test_in_a_chain_the_inertia_is_that_which_the_joint_feels(count: int, compos
     lm.integrate(system, method, start, h=0.999 * h, steps=1, compiled=False)
     with pytest.raises(lm.errors.NoConvergence, match=f"joint {count - 1}"):
         lm.integrate(system, method, start, h=1.001 * h, steps=1, compiled=False)
+    if composed and count == 4:
+        with pytest.raises(lm.errors.NoConvergence) as told:
+            lm.integrate(system, method, start, h=2.0 * h, steps=1, compiled=False)
+        assert longest(told)[1] == pytest.approx(h, rel=5e-3)  # of whole steps, not of the parts of a composition
 
 
 def test_light_parts_are_seen_beside_heavy_ones() -> None:

@@ -396,3 +396,46 @@ its angular acceleration. Pinocchio's plane turns with the cart, which adds w x 
 PUMA_MUJOCO = [0.5209627552617115, -0.7246732647814762, -0.9907881140805553]
 PUMA_MUJOCO += [0.544837036104637, 1.8100009622700202, 0.1602394816603847]
 """Angles in rad after 0.5 s, by MuJoCo 4.0, RK4 with steps of 0.02 ms, of the same file."""
+
+
+@pytest.mark.parametrize("begin", ["", "\n\n", "\ufeff", '<?xml version="1.0" encoding="ISO-8859-1"?>\n'])
+def test_a_text_has_its_letters_whatever_it_says_of_bytes(begin: str) -> None:
+    text = (
+        begin
+        + """<robot name="r"><link name="wall"/>
+<link name="Tür"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+<joint name="Angel" type="revolute"><parent link="wall"/><child link="Tür"/></joint></robot>"""
+    )
+    assert [link.name for link in Linkage.from_urdf(text).links] == ["Tür"]
+    line = begin.count("\n") + 2
+    with pytest.raises(InvalidInput, match=rf"line {line}: <mass> has value="):
+        Linkage.from_urdf(text.replace('<mass value="1"/>', '<mass value="x"/>'))
+
+
+def test_joints_follow_those_that_follow_others() -> None:
+    """What follows a joint that follows another one follows that, by both gears: 3 (2 q + 0.1) + 0.2."""
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    text = '<robot name="r"><link name="wall"/>'
+    for name, parent, mimic in (
+        ("a", "wall", ""),
+        ("b", "a", '<mimic joint="to a" multiplier="2" offset="0.1"/>'),
+        ("c", "b", '<mimic joint="to b" multiplier="3" offset="0.2"/>'),
+    ):
+        text += f'<link name="{name}">{body}</link><joint name="to {name}" type="continuous"><parent link="{parent}"/>'
+        text += f'<child link="{name}"/>{mimic}</joint>'
+    robot = Linkage.from_urdf(text + "</robot>", armature={"to a": 0.1})
+    assert robot.mimics[0] == lm.joints.Mimic("to b", "to a", 2.0, 0.1)
+    assert robot.mimics[1].leader == "to a"
+    assert [robot.mimics[1].ratio, robot.mimics[1].offset] == pytest.approx([6.0, 0.5], rel=1e-15)
+    circle = text.replace('<child link="a"/>', '<child link="a"/><mimic joint="to c"/>')
+    with pytest.raises(InvalidInput, match="let all follow one that leads"):
+        Linkage.from_urdf(circle + "</robot>", armature=0.1)
+
+
+def test_a_root_that_floats_may_have_the_name_of_a_joint() -> None:
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    text = f'<robot name="r"><link name="base">{body}</link><link name="arm">{body}</link>'
+    text += '<joint name="base" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>'
+    robot = Linkage.from_urdf(text, floating=True)
+    assert [joint.name for joint in robot.joints] == ["base root", "base"]
+    assert type(robot.joints[robot.number("base")]).__name__ == "RevoluteJoint"

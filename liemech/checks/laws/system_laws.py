@@ -164,13 +164,14 @@ def force_of_potential(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
 def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     if system.load is None:
         raise NotDefined("there is no load")
-    mu, g = at.state.mu, at.state.g
+    _require_held(at.system)
+    mu, g, whole = at.state.mu, at.state.g, at.system if isinstance(at.system, BoundBody) else system
     xi = system.velocity(mu, **at.timed)
     force = flat(system.load.covector(at.t, xi, g))
     yield from shaped(force, (len(mu),))
     power, found = float(force @ flat(xi)), []
     for place in (at, at.closer):
-        energies = [system.energy(state.mu, state.g, **at.timed) for state in place.nearby]
+        energies = [whole.energy(state.mu, state.g, **at.timed) for state in place.nearby]  # of rotors too
         change, scale = place.along(energies)
         found.append(Same(change, np.array([power]), scale + abs(power)))
     yield min(found, key=lambda same: same.defect)
@@ -222,8 +223,17 @@ def rows_of_constraint(system: BoundBody, at: AtState) -> Iterator[Same]:
     yield Same(put.toarray() if hasattr(put, "toarray") else put, G, size(G))
 
 
-@axiom(BOUND, "constraints stay", "d/dt c(g) = G xi = 0 and d/dt (G xi) = 0 along the motion", slack=CLOSE)
+def _require_held(system: Any) -> None:
+    """Joints in a given motion do work, and states are on their conditions at one time alone."""
+    if isinstance(system, BoundBody) and system.constraint.rheonomic:
+        raise NotDefined("conditions change with time")
+
+
+@axiom(
+    BOUND, "constraints stay", "d/dt c(g) = G xi = 0 and d/dt (G xi) = 0 along the motion", optional=True, slack=CLOSE
+)
 def constraints_stay(system: BoundBody, at: AtState) -> Iterator[Same]:
+    _require_held(system)
     for near, far in zip(_leaving(system, at.closer), _leaving(system, at), strict=True):
         yield min(near, far, key=lambda same: same.defect)
 
@@ -372,6 +382,7 @@ KEPT: list[Law] = []
 
 @axiom(KEPT, "constants", "d/dt C = 0 along the motion, for all that `constants` names", optional=True, slack=CLOSE)
 def constants(system: Any, at: AtState) -> Iterator[Same]:
+    _require_held(system)
     for near, far in zip(_changes(system, at.closer), _changes(system, at), strict=True):
         yield min(near, far, key=lambda same: same.defect)
 

@@ -51,11 +51,13 @@ def throws_back(system: Any, t: float, mu: Vec, g: Element, h: float) -> bool:
     return negative_pivots(mat(*turned)) > negative_pivots(mat(*still))
 
 
-def refusal(what: str, ratio: float, h: float) -> NoConvergence:
-    """The error of a step h whose first kick throws back.  ratio : of (h/2) C to the inertia, the largest one."""
+def refusal(what: str, ratio: float, h: float, share: float = 1.0) -> NoConvergence:
+    """The error of a step h whose first kick throws back.  ratio : of (h/2) C to the inertia, the largest one.
+    share : the largest part of a whole step that such a step is, in compositions.
+    """
     return NoConvergence(
         f"{what}: c h/(2 I) is {ratio:.4g}, with the damping c there and the inertia I that it slows, and an explicit "
-        f"first kick throws back from 1 on. Steps may be {h / ratio:.3g} long at most; a bounded force of your own, "
+        f"first kick throws back from 1 on. Steps may be {h / (ratio * share):.3g} long at most; a bounded force of your own, "
         "such as friction, says by `resistance` what damps"
     )
 
@@ -85,7 +87,9 @@ def refusal_by(method: Any, system: Any, damping: Any, slopes: Any, kick: float,
     return refusal(f"{method!r}: {system.load!r}", ratio, h)
 
 
-def bound_refusal(method: Any, system: Any, t: float, mu: Vec, g: Element, h: float) -> NoConvergence:
+def bound_refusal(
+    method: Any, system: Any, t: float, mu: Vec, g: Element, h: float, share: float = 1.0
+) -> NoConvergence:
     """That of bodies under conditions, in a step of length h: it names the joint, where it is one of a Linkage."""
     from scipy.linalg import eigh, null_space
 
@@ -104,4 +108,4 @@ def bound_refusal(method: Any, system: Any, t: float, mu: Vec, g: Element, h: fl
     damping = np.array([load.resistance(t, xi, g, vec(*unit)) for unit in units])
     values, modes = eigh(0.5 * free.T @ (damping + damping.T) @ free, free.T @ J @ free)
     mode = vec(*(free @ modes[:, -1]).tolist())
-    return refusal(f"{method!r}: {system.strongest_damper(t, xi, g, mode)}", 0.5 * h * float(values[-1]), h)
+    return refusal(f"{method!r}: {system.strongest_damper(t, xi, g, mode)}", 0.5 * h * float(values[-1]), h, share)

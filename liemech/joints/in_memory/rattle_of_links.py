@@ -589,7 +589,7 @@ class RattleOfLinks(Record):
                 if system.freedoms > 0:
                     if tried == 1 and not last:
                         each(sites, efforts_at, system.at_time(t), t, k, 0.0, 0.0, old, work, state)
-                    again = where(tried > 0, 1.0, 0.0)
+                    again = where(tried > 0, where(k == 0.0, 0.0, 1.0), 0.0)  # without a kick nothing was foreseen
                     each(sites, efforts_there, system.at_time(t), t, k, again, old, work, state)
                     scattered(system, work)
                 if system.pushed:

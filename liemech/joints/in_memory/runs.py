@@ -460,7 +460,8 @@ class LinksRun(SiteRun):
             seen, h = self.shape.shown_rows(self._memory), abs(reached)
             state = as_users_see(system, state_of_rows(self.shape.state, seen))
             t = float(self.clocks[TIME, 0])
-            return bound_refusal(self.plan.method, system, t, state.mu, state.g, h)
+            share = self.plan.method.tableau.reach if isinstance(self.plan.method, Composition) else 1.0
+            return bound_refusal(self.plan.method, system, t, state.mu, state.g, h, share)
         if joint < 0.0:
             return NoConvergence(
                 f"{method}: no velocity found that fits the loads at the end of a step; try h = {0.25 * self.h:g}"

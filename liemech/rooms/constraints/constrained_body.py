@@ -273,16 +273,21 @@ class BoundBody(System):
     def _require_consistent(self, mu: Any, g: Any) -> None:
         """Raise InconsistentState for a velocity off the constraint, beside what velocities of its
         energy could be off.
+        """
+        G = self._matrix(self.rows(g))
+        slip = G @ (self._inverse @ np.array(mu)) + self._paces(g)
+        self._require_zero("G(g) J^-1 mu", slip, self._reach_of(G, mu, g) + np.abs(self._paces(g)))
+
+    def _reach_of(self, rows: Any, mu: Any, g: Any) -> np.ndarray:
+        """How large rows times velocities of the energy of mu are.
 
         To its energy counts what the force does on a unit displacement: at rest in a field a
         momentum is nothing but rounding.
         """
-        G, momentum, force, inverse = (self._matrix(self.rows(g)), np.array(mu), np.array(self.force(g)), self._inverse)
+        momentum, force, inverse = np.array(mu), np.array(self.force(g)), self._inverse
         least = 1.0 / abs(inverse).sum(axis=1).max()
         energy = momentum @ (inverse @ momentum) + np.sqrt(least * (force @ (inverse @ force)))
-        scale = np.sqrt(energy * (G @ inverse @ G.T).diagonal())
-        slip = G @ (inverse @ momentum) + self._paces(g)
-        self._require_zero("G(g) J^-1 mu", slip, scale + np.abs(self._paces(g)))
+        return np.asarray(np.sqrt(energy * (rows @ inverse @ rows.T).diagonal()))
 
     def _paces(self, g: Any) -> Any:
         """dc/dt, (m,), or 0."""

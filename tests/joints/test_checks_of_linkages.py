@@ -1,0 +1,42 @@
+"""`check_system` on linkages with rotors and in given motions: their energy and conditions are those of the whole."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import liemech as lm
+from liemech.joints import Damper, Linkage, Shaking, chain
+
+ROD = chain(1, axis=[0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_a_damped_hinge_with_a_rotor_breaks_no_law(damping):
+    """d/dt (H + A q'^2/2) = -c q'^2."""
+    joints = [replace(ROD.joints[0], armature=0.4)]
+    system = Linkage(ROD.links, joints, forces=[Damper(0, damping)])
+    report = lm.check_system(system, system.state(angles={0: 0.4}, rates={0: 0.7}))
+    assert {row.verdict for row in report.findings if row.law in ("load", "constraints stay")} == {"holds"}
+
+
+def test_what_moves_with_time_is_not_looked_at():
+    system = Linkage(ROD.links, ROD.joints, motions={0: Shaking([0.0, 0.0, 0.1], 6.0, 1.0)})
+    report = lm.check_system(system, system.state(angles={0: 1.0}))
+    told = {row.law: row.verdict for row in report.findings}
+    assert told["rows of the constraint"] == "holds" and told["constraints stay"] == "not there"
+
+
+def test_the_power_of_a_load_is_that_of_the_whole():
+    """A rotor that the energy forgets is found: dE/dt = <F, xi> fails by its part."""
+
+    @lm.record
+    class Forgets(Linkage):
+        def energy(self, mu, g):
+            return self.body.energy(mu, g)
+
+    joints = [replace(ROD.joints[0], armature=0.4)]
+    system = Forgets(ROD.links, joints, forces=[Damper(0, 0.3)])
+    with pytest.raises(lm.errors.LawViolation, match="load"):
+        lm.check_system(system, system.state(angles={0: 0.4}, rates={0: 0.7}))
