@@ -73,7 +73,7 @@ systems > systems.many: common_momentum site_state
 
 
 @functools.cache
-def _moved() -> dict[str, str]:
+def moved() -> dict[str, str]:
     """The module of today by its former name, both relative to the library."""
     found = {}
     for line in MOVED.split("\n")[1:-1]:
@@ -87,7 +87,7 @@ def _moved() -> dict[str, str]:
 def place_of(module: str) -> str:
     """The full name of a module today, by a name that it has had."""
     home, _, rest = module.partition(".")
-    return f"{LIBRARY}.{_moved()[rest]}" if home == LIBRARY and rest in _moved() else module
+    return f"{LIBRARY}.{moved()[rest]}" if home == LIBRARY and rest in moved() else module
 
 
 def package_of(namespace: str) -> str:
