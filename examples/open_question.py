@@ -1,4 +1,4 @@
-"""Is Algorithm 1 a Lie-Poisson Hamilton-Jacobi method? Of the second kind it is, to rounding: docs/theory/hamilton_jacobi.md."""
+"""Algorithm 1 is the second-kind Lie-Poisson Hamilton-Jacobi method with s = h H: docs/theory/hamilton_jacobi.md."""
 
 import numpy as np
 

@@ -1,7 +1,5 @@
-"""A body spun about its middle axis turns over again and again, the later the better it was aimed.
-
-Exactly on the axis it would never do so; the time between two flips grows like the logarithm of the
-error of aim.
+"""A body spun about its middle axis flips periodically; the period grows like the logarithm of its distance from
+the axis, on which it would never do so.
 """
 
 import numpy as np

@@ -175,7 +175,7 @@ raised as they are.
 
 
 def is_mistake(error: BaseException | None) -> bool:
-    """Is the exception of a formula a mistake in the program?  Any other one is a failure of the
+    """Whether the exception of a formula is a mistake in the program.  Any other one is a failure of the
     step in which it was raised.
     """
     return isinstance(error, (*PROGRAMMING, LiemechError)) and not isinstance(error, IntegrationFailure)
@@ -195,16 +195,16 @@ def failure(error: Exception | None, what: str, at: str) -> IntegrationFailure:
         cls, text = IntegrationFailure, f"{what}: {type(error).__name__}: {error}"
     else:
         cls, text = (NotFinite, f"{what}: the step overflowed or left the domain of a formula; a smaller h may help")
-    made = cls.__new__(cls)  # of a user's class too, whatever its constructor takes
-    made.args, made.__cause__ = (f"{text} [{at}]",), error
-    return made
+    exception = cls.__new__(cls)  # of a user's class too, whatever its constructor takes
+    exception.args, exception.__cause__ = (f"{text} [{at}]",), error
+    return exception
 
 
 def warn(message: str, category: type[Warning]) -> None:
     """Warn at the line outside of this package that led here."""
-    here, level = os.path.dirname(__file__) + os.sep, 2
+    package, level = os.path.dirname(__file__) + os.sep, 2
     frame = sys._getframe(1)
     # of a dataclass: no file
-    while frame.f_back is not None and frame.f_code.co_filename.startswith((here, "<string>")):
+    while frame.f_back is not None and frame.f_code.co_filename.startswith((package, "<string>")):
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, stacklevel=level)

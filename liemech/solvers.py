@@ -155,8 +155,8 @@ def newton_of_kicks(
         slopes = [
             slope_beside(k[i], idle[i], before[i], foreseen[i], w[i], step[i], tangent[i, i]) for i in range(len(w))
         ]
-        found, scale = led_to(k)
-        r, size, enough = w - found, dot(w - found, w - found), TOLERANCE * TOLERANCE * scale
+        rates, scale = led_to(k)
+        r, size, enough = w - rates, dot(w - rates, w - rates), TOLERANCE * TOLERANCE * scale
         rows = [
             vec(*[(1.0 if i == j else 0.0) - by_kick[i, j] * slopes[j] for j in range(len(w))]) for i in range(len(w))
         ]
@@ -349,7 +349,7 @@ class Settling(Record):
     done: bool = False
 
     def after(self, changes: Any, sizes: Any, epsilon: float, noise: float) -> Settling:
-        """After one more sweep."""
+        """The record after one more sweep of these changes."""
         before, least, since = self.change, self.least, self.since
         change, size = _in_one_unit(changes, sizes)
         all_change, all_size = _added_up(changes), _added_up(sizes)
@@ -375,7 +375,7 @@ def _in_one_unit(change: Any, size: Any) -> tuple[float, float]:
 
 
 def _is_in_units(change: Any) -> bool:
-    """Are there several units?"""
+    """Whether the change is a vector, one number for each unit."""
     return isinstance(change, SmallVec) and len(change) > 1
 
 
@@ -426,8 +426,8 @@ def _block(m: Mat, i: int, j: int) -> Mat:
 
 
 def beyond_fold(jacobian: Mat, rate: float) -> bool:
-    """Has the determinant the sign that it cannot have on the branch from h = 0?  Told in three
-    dimensions only.
+    """Whether the determinant has the sign that it cannot have on the branch from h = 0; False in other
+    dimensions than three.
 
     jacobian : (n, n), there rate times a positive matrix.
     """

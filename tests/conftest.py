@@ -113,11 +113,12 @@ def leave_a_sample(items: list[pytest.Item], turn: int) -> None:
             tests[item.parent, item.originalname].append(item)
     for variants in tests.values():
         mark = variants[0].get_closest_marker("sample")
-        first = turn % len(variants)
-        chosen = sampled(variants[first:] + variants[:first], mark.args[0] if mark else VARIANTS)
-        for item in variants:
-            if item not in chosen:
-                item.add_marker(pytest.mark.slow)
+        count, first = mark.args[0] if mark else VARIANTS, turn % len(variants)
+        if len(variants) > count:
+            chosen = {*map(id, sampled(variants[first:] + variants[:first], count))}
+            for item in variants:
+                if id(item) not in chosen:
+                    item.add_marker(pytest.mark.slow)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

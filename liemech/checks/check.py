@@ -31,10 +31,10 @@ from .laws.law import replaced, verdicts
 from .laws.map_laws import CAYLEY, EXPONENTIAL, Map
 from .laws.system_laws import RUNS, laws_of
 from .local_claims import is_reversible, look_around
-from .method_claims import Trial, claims
+from .method_claims import MethodTrial, claims
 from .noisy_claims import noisy_claims
 from .points.like_units import in_like_units
-from .points.places import Place
+from .points.places import CheckPlace
 from .points.sample_points import At, sample_points
 from .points.sample_states import at_times, members, pace, sample_states
 from .points.special_points import SPECIAL
@@ -87,18 +87,18 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
         raise InvalidType(f"check_action: action must be an action of a group; got {action!r}")
     where, rng = sample_points(action.group, seed), np.random.default_rng(seed)
     if points is None:
-        some = [np.asarray(action.random(rng)) for _ in where]
+        samples = [np.asarray(action.random(rng)) for _ in where]
     else:
-        some = [*real_array(points, "check_action: points")]
-    if not some:
+        samples = [*real_array(points, "check_action: points")]
+    if not samples:
         raise InvalidInput("check_action: points is empty; give at least one point of the space")
-    for i, x in enumerate(some):
+    for i, x in enumerate(samples):
         name = f"check_action: points[{i}]" if points is not None else "check_action: action.random"
         shape = getattr(action, "point_shape", None)
         if shape is not None and x.shape != shape:
             raise InvalidInput(f"{name} has shape {x.shape}; a point of {action!r} has shape {shape}")
         check_finite(x, name)
-    where = [dataclasses.replace(at, point=small(some[i % len(some)])) for i, at in enumerate(where)]
+    where = [dataclasses.replace(at, point=small(samples[i % len(samples)])) for i, at in enumerate(where)]
     laws = [*ACTION, *laws_of_closed_forms(action, arguments, named)]
     return finished(repr(action), verdicts(laws, action, where, lambda name: True), raises)
 
@@ -135,8 +135,8 @@ def check_system(
 
     def findings() -> Iterator[Finding]:
         where = sample_states(system, states, seed)
-        for laws, subject, own in laws_of(system):
-            yield from verdicts(laws, subject, where, own)
+        for laws, subject, written in laws_of(system):
+            yield from verdicts(laws, subject, where, written)
         yield from verdicts(SPECIAL, system, where, lambda name: True)
         yield from verdicts(RUNS if native else [], system, where, lambda name: True)
 
@@ -207,7 +207,7 @@ def check_method(
         method.require(system)
         noisy = noisy_claims(method, system, start, h, compiled)  # type: ignore[arg-type]
         return finished(f"{method!r} on {system!r}", noisy, raises)
-    place = Place("the start", method, system, start, 0.0, compiled)
+    place = CheckPlace("the start", method, system, start, 0.0, compiled)
     if place.fictive:
         method.require(place.whole)
     else:
@@ -224,13 +224,13 @@ def check_method(
 
 
 def _claims(
-    place: Place, h: float | None, speed: float, keeps: tuple[str, ...], native: bool, rho: Any
+    place: CheckPlace, h: float | None, speed: float, keeps: tuple[str, ...], native: bool, rho: Any
 ) -> Iterator[Finding]:
     """Observations from the start, or from elsewhere where the claim is broken only there; then
     those that short runs alone can make.
     """
     method, system, start = place.method, place.system, place.start
-    given: list[Observation] = []
+    observations: list[Observation] = []
     if place.fictive:
         if h is not None:
             raise InvalidInput("check_method: h is a step in fictive time here, and several are tried; leave it out")
@@ -244,18 +244,18 @@ def _claims(
             )
         if not math.isfinite(time) or time == 0.0:
             raise InvalidInput(f"check_method: h must be finite and not zero; got {time:g}")
-        trial = Trial(method, system, start, time, place.compiled, place.t0)
-        given = [*claims(trial if h is not None else trial.within, keeps, native)]
-    around = {seen.law: seen for seen in look_around(place, keeps, rho)}
-    for seen in given:
-        other = around.pop(seen.law, seen)
-        better = seen.verdict == "not seen" and seen.law == "order" and other.verdict == "holds"
-        worse = seen.verdict != "broken" and other.verdict == "broken"
-        yield other if better or worse else seen
+        trial = MethodTrial(method, system, start, time, place.compiled, place.t0)
+        observations = [*claims(trial if h is not None else trial.within, keeps, native)]
+    around = {observation.law: observation for observation in look_around(place, keeps, rho)}
+    for observation in observations:
+        other = around.pop(observation.law, observation)
+        better = observation.verdict == "not seen" and observation.law == "order" and other.verdict == "holds"
+        worse = observation.verdict != "broken" and other.verdict == "broken"
+        yield other if better or worse else observation
     yield from around.values()
 
 
-def _require_reversal(place: Place, rho: Any) -> None:
+def _require_reversal(place: CheckPlace, rho: Any) -> None:
     """Refuse a rho that does not turn the motion back."""
     if not isinstance(rho(place.start), type(place.start)):
         raise InvalidType(f"check_method: rho must return a {type(place.start).__name__}; got {rho(place.start)!r}")
@@ -274,14 +274,14 @@ def _of_group(group: LieGroup, native: bool, seed: int) -> Iterator[Finding]:
     except NotImplementedError as missing:
         yield Finding("obligations", "a group has an algebra", "broken", remark=str(missing))
         return
-    own, exp = partial(replaced, group, LieGroup), Map(Exponential(), alike, group)
+    written, exp = partial(replaced, group, LieGroup), Map(Exponential(), alike, group)
     yield from verdicts(ALGEBRA, alike.algebra, where, partial(replaced, group.algebra, LieAlgebra))
-    yield from verdicts(GROUP, alike, where, own)
+    yield from verdicts(GROUP, alike, where, written)
     yield from verdicts(exp.laws() + EXPONENTIAL, exp, where, exp.own)
     yield from _of_cayley(Map(Cayley(), alike, group), where)
-    yield from verdicts(PLACE, alike, where, own)
+    yield from verdicts(PLACE, alike, where, written)
     if native:
-        yield from verdicts(NATIVE, group, sample_points(group, seed), own)
+        yield from verdicts(NATIVE, group, sample_points(group, seed), written)
 
 
 def _of_cayley(cay: Map, where: list[At]) -> Iterator[Finding]:

@@ -20,7 +20,7 @@ from ..simulation.reports.drift import constants_and_terms
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
 from .method_claims import BRACKET, kept_brackets, relative_defect
-from .points.places import SOME, Place, places
+from .points.places import SOME, CheckPlace, places
 from .points.sample_points import flat, size
 from .reference import CLEAR
 from .report import ROUNDING, Observation
@@ -57,13 +57,11 @@ class Local:
 
     weights: ClassVar[tuple[float, ...]] = 1 / 12, -2 / 3, 0.0, 2 / 3, -1 / 12
 
-    place: Place
+    place: CheckPlace
 
     @property
     def ratio(self) -> float:
-        """How much smaller each step is than the one before: the error falls by about 32, and not
-        by less than 8.
-        """
+        """The ratio of each step to the next: the error falls by about 32, and not by less than 8."""
         return float(max(2.0 ** (5.0 / (self.place.method.order + 1)), 2.0**0.5))
 
     @cached_property
@@ -75,11 +73,11 @@ class Local:
 
     @cached_property
     def backwards(self) -> list[tuple[float, dict[str, float]]]:
-        """`errors` of negative steps."""
+        """The `errors` of steps with negative h."""
         return self._errors(-1.0)
 
     def _errors(self, sign: float) -> list[tuple[float, dict[str, float]]]:
-        place, found = self.place, []
+        place, errors = self.place, []
         longest = 0.25 if place.method.order <= 4 else 0.5
         h = sign * longest * place.unit / place.scale
         for _ in range(MOST):
@@ -90,13 +88,13 @@ class Local:
                 error = place.distances(place.plainly(end), exact)
             except UNSTABLE:
                 error, doubts = {}, {}
-            told = [e <= place.noise or CLEAR * doubts[name] < e < np.inf for name, e in error.items()]
-            if error and all(told):
-                found.append((h, error))
+            clear = [e <= place.noise or CLEAR * doubts[name] < e < np.inf for name, e in error.items()]
+            if error and all(clear):
+                errors.append((h, error))
                 if max(error.values()) <= place.noise:
                     break
             h = h / self.ratio
-        return found
+        return errors
 
     def ends(self, starts: list[dict[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
         """The states after a few steps from states that are given by their parts."""
@@ -109,7 +107,7 @@ class Local:
 
     @property
     def h(self) -> float:
-        """The largest of them."""
+        """The largest of the sensible steps."""
         return self.sensible[0]
 
 
@@ -135,16 +133,16 @@ def local_order(local: Local, errors: list[tuple[float, dict[str, float]]]) -> O
     p = local.place.method.order
     worst: tuple[float, str, float] | None = None
     for name in ["all", *errors[-1][1]] if errors else []:
-        seen = seen_errors(errors, name, local.place.noise)
-        if len(seen) < 4:
+        visible = seen_errors(errors, name, local.place.noise)
+        if len(visible) < 4:
             continue
-        q = max(power(before, seen[-1]) for before in seen[-3:-1])
-        growing = power(seen[-3], seen[-1]) > power(seen[-4], seen[-2]) + 0.25
+        q = max(power(before, visible[-1]) for before in visible[-3:-1])
+        growing = power(visible[-3], visible[-1]) > power(visible[-4], visible[-2]) + 0.25
         allowed = MISSING * max(1.0, p - 3.0)
         wanted = p + 1.0 - (allowed if name == "all" else 1.0 + allowed)
         lacking = wanted - q
         if lacking > 0.0 and not growing and (worst is None or lacking > worst[2]):
-            worst = q - 1.0, f"{name} with h = {seen[-1][0]:.2g}", lacking
+            worst = q - 1.0, f"{name} with h = {visible[-1][0]:.2g}", lacking
     if worst is None:
         return None
     return Observation(
@@ -155,8 +153,8 @@ def local_order(local: Local, errors: list[tuple[float, dict[str, float]]]) -> O
 def local_way_back(local: Local) -> float:
     """A few steps with h, as many with -h from where they lead: how far from the start."""
     place, h = local.place, local.h
-    there = place.after(place.begin, h, SOME)
-    home = place.after(there, -h, SOME, SOME * h)
+    end = place.after(place.begin, h, SOME)
+    home = place.after(end, -h, SOME, SOME * h)
     return max(place.distances(place.plainly(home), place.start).values())
 
 
@@ -175,10 +173,8 @@ def turned_back(state: Any) -> Any:
     return None
 
 
-def is_reversible(place: Place, rho: Reversal) -> float:
-    """How far rho f(y) is from -f(rho y), along a short motion: rho(y(t)) is where rho(y(0)) leads
-    in the time -t.
-    """
+def is_reversible(place: CheckPlace, rho: Reversal) -> float:
+    """The distance of rho f(y) from -f(rho y), along a short motion: rho(y(t)) is where rho(y(0)) leads in the time -t."""
     time = 0.25 * place.unit
     other = replace(place, start=rho(place.start))
     return max(place.distances(other.exact(-time), rho(place.exact(time))).values())
@@ -187,12 +183,12 @@ def is_reversible(place: Place, rho: Reversal) -> float:
 def local_reversal(local: Local, rho: Reversal) -> float:
     """A few steps, rho, as many steps, rho: how far from the start."""
     place, h = local.place, local.h
-    there = place.after(place.begin, h, SOME)
-    again = place.after(_reversed(place, there, rho), h, SOME, SOME * h)
+    end = place.after(place.begin, h, SOME)
+    again = place.after(_reversed(place, end, rho), h, SOME, SOME * h)
     return max(place.distances(rho(place.plainly(again)), place.start).values())
 
 
-def _reversed(place: Place, state: Any, rho: Reversal) -> Any:
+def _reversed(place: CheckPlace, state: Any, rho: Reversal) -> Any:
     """rho of the state, whose clock stays."""
     back = rho(place.plainly(state))
     if isinstance(place.whole, Clocked):
@@ -203,11 +199,11 @@ def _reversed(place: Place, state: Any, rho: Reversal) -> Any:
     return back
 
 
-def scale_reversal(place: Place, rho: Reversal) -> float:
+def scale_reversal(place: CheckPlace, rho: Reversal) -> float:
     """sigma(rho y) beside sigma(y), equation (3.4)."""
     sigma = place.whole.sigma
-    here, there = (sigma.value(place.base, y) for y in (place.start, rho(place.start)))
-    return float(abs(there - here) / (abs(here) or 1.0))
+    scale, reversed_scale = (sigma.value(place.base, y) for y in (place.start, rho(place.start)))
+    return float(abs(reversed_scale - scale) / (abs(scale) or 1.0))
 
 
 # ---------------------------------------------------------------- constants
@@ -263,7 +259,9 @@ class Seen:
         self.order: Observation | None = None
         self.slope: float | None = None
 
-    def enter(self, law: str, formula: str, claimed: bool, defect: float, where: Place, bound: float = EXACT) -> None:
+    def enter(
+        self, law: str, formula: str, claimed: bool, defect: float, where: CheckPlace, bound: float = EXACT
+    ) -> None:
         """A defect, in roundings, at a place."""
         defect = defect if defect == defect else np.inf
         if law not in self.defects or defect > self.defects[law][2]:
@@ -277,7 +275,7 @@ class Seen:
             self.enter(law, formula, claimed, defect, place, BRACKET * ROUNDING)
 
     def observations(self) -> Iterator[Observation]:
-        """One for each law."""
+        """An observation for each law, the order first."""
         p = self.method.order
         if self.order is not None:
             yield self.order
@@ -294,36 +292,36 @@ class Seen:
             yield Observation(law, formula, verdict, where, observed=f"{defect:.1e}", wanted=wanted)
 
 
-def look_around(first: Place, keeps: tuple[str, ...], rho: Reversal | None) -> Iterator[Observation]:
+def look_around(first: CheckPlace, keeps: tuple[str, ...], rho: Reversal | None) -> Iterator[Observation]:
     """Claims at the place of the start and at others: for each law what is worst."""
-    seen = Seen(first.method)
+    summary = Seen(first.method)
     for i, place in enumerate(places(first)):
         local = Local(place)
         for errors in (local.errors, local.backwards) if i in BACKWARDS else (local.errors,):
-            seen.order = seen.order or local_order(local, errors)
-            told = seen_errors(errors, "all", place.noise)
-            if seen.slope is None and len(told) > 2:
-                seen.slope = power(told[-3], told[-1]) - 1.0
+            summary.order = summary.order or local_order(local, errors)
+            visible = seen_errors(errors, "all", place.noise)
+            if summary.slope is None and len(visible) > 2:
+                summary.slope = power(visible[-3], visible[-1]) - 1.0
         if not local.sensible:
             continue
         try:
-            _look(seen, local, keeps, rho)
+            _look(summary, local, keeps, rho)
             if i in ((0,) if place.fictive else BRACKETS):  # which has no other claims
-                seen.brackets(local)
+                summary.brackets(local)
         except UNSTABLE:  # a step leads out of where the system is defined
             continue
-    yield from seen.observations()
+    yield from summary.observations()
 
 
 def _look(seen: Seen, local: Local, keeps: tuple[str, ...], rho: Reversal | None) -> None:
-    """All that is exact or not, at one place."""
+    """Enter into `seen` the claims that are exact or not, at one place."""
     place, method = local.place, local.place.method
     back = local_way_back(local)
     seen.enter("symmetric", "Phi_-h = Phi_h^-1: the way back", method.symmetric, back, place)
-    kept = (*keeps, "Casimir") if method.symplectic else keeps
+    constants = (*keeps, "Casimir") if method.symplectic else keeps
     bound_body = isinstance(place.base, ConstrainedBody) and method.symplectic
     for name, change in changes(local):
-        claimed = any(name.startswith(claim) for claim in kept)
+        claimed = any(name.startswith(claim) for claim in constants)
         claimed = claimed or (bound_body and name in ("constraint", "hidden constraint"))
         formula = "zero at every step" if "constraint" in name else "constant along the steps"
         seen.enter(name, formula, claimed, change, place)

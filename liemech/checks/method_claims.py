@@ -72,7 +72,7 @@ HALVINGS = 12
 
 
 @dataclass(frozen=True)
-class Trial:
+class MethodTrial:
     """A method on a system from a start at t0, over a time."""
 
     weights: ClassVar[tuple[float, ...]] = CENTRAL
@@ -129,11 +129,11 @@ class Trial:
     @cached_property
     def exact(self) -> tuple[dict[str, np.ndarray], float]:
         """The state after the motion, by RKMK of order 8, and the relative error that it may have."""
-        found, doubts = settled(lambda n: self.end(n, RKMK(order=8)), 32, self.distances, 64.0 * ROUNDING)
-        return found, max(*doubts.values(), 16.0 * ROUNDING)
+        state, doubts = settled(lambda n: self.end(n, RKMK(order=8)), 32, self.distances, 64.0 * ROUNDING)
+        return state, max(*doubts.values(), 16.0 * ROUNDING)
 
     @property
-    def within(self) -> Trial:
+    def within(self) -> MethodTrial:
         """The trial over a time in which the motion does not end, at a singularity or with a table."""
         trial = self
         for _ in range(HALVINGS):
@@ -150,9 +150,7 @@ class Trial:
         return {name: max(size(x), size(last[name])) for name, x in self.start.arrays.items()}
 
     def distances(self, a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> dict[str, float]:
-        """How far parts of two states differ, relative to their size here, at the start and at the
-        end.
-        """
+        """The distances of parts of two states, relative to their size here, at the start and at the end."""
         return {name: size(a[name] - b[name]) / (max(size(b[name]), self.sizes[name]) or 1.0) for name in b}
 
     @cached_property
@@ -161,7 +159,7 @@ class Trial:
         is near.
         """
         exact, doubt = self.exact
-        found: list[tuple[int, dict[str, float]]] = []
+        errors: list[tuple[int, dict[str, float]]] = []
         for n in COUNTS:
             try:
                 error = self.distances(self.end(n), exact)
@@ -169,13 +167,13 @@ class Trial:
                 continue
             if not all(map(math.isfinite, error.values())):
                 continue
-            found.append((n, error))
-            if max(error.values()) <= CLEAR * doubt or self._settled(found):
+            errors.append((n, error))
+            if max(error.values()) <= CLEAR * doubt or self._settled(errors):
                 break
-        return found
+        return errors
 
     def _settled(self, found: list[tuple[int, dict[str, float]]]) -> bool:
-        """Have the errors of all parts begun to fall by one power of the step?"""
+        """Whether the errors of all parts have begun to fall by one power of the step."""
         if (
             len(found) < 5
             or max(found[-1][1].values()) > 1e-3
@@ -188,9 +186,9 @@ class Trial:
     def visible(self, name: str) -> list[tuple[int, float]]:
         """Numbers of steps and errors of a part, or of "all", between nonsense and rounding."""
         doubt = self.exact[1]
-        found = [(n, math.hypot(*error.values()) if name == "all" else error[name]) for n, error in self.errors]
-        nonsense = 0.1 if found[-1][1] <= 0.1 else math.inf  # what does not come down to sense has its order too
-        return [(n, e) for n, e in found if CLEAR * doubt < e <= nonsense]
+        errors = [(n, math.hypot(*error.values()) if name == "all" else error[name]) for n, error in self.errors]
+        nonsense = 0.1 if errors[-1][1] <= 0.1 else math.inf  # what does not come down to sense has its order too
+        return [(n, e) for n, e in errors if CLEAR * doubt < e <= nonsense]
 
     def slope(self, name: str) -> float | None:
         """The observed order of a part, or of "all": infinite where all errors are rounding, None
@@ -221,8 +219,8 @@ class Trial:
             h = self.time / n
             # the steps may leave where the system is defined
             with contextlib.suppress(IntegrationFailure, InvalidInput):
-                there = self.run(WAY, h)
-                return h, there, self.run(WAY, -h, self.at(ended(there)), elapsed=WAY * h)
+                outward = self.run(WAY, h)
+                return h, outward, self.run(WAY, -h, self.at(ended(outward)), elapsed=WAY * h)
         raise InvalidInput(f"check_method: {self.method!r} made no sensible step on {self.system!r}; give a smaller h")
 
     @property
@@ -248,53 +246,53 @@ def slope(errors: list[tuple[int, float]]) -> float:
 # ---------------------------------------------------------------- claims
 
 
-def order(trial: Trial) -> Observation:
+def order(trial: MethodTrial) -> Observation:
     """The slope of the error over the step, of each part of the state and of all together.
 
     A motion that is slow at the start may be another one later: an order that is too low must be so
     over a shorter time too.
     """
-    seen = order_over(trial)
-    if seen.verdict == "broken":
+    observation = order_over(trial)
+    if observation.verdict == "broken":
         sooner = order_over(replace(trial, time=trial.time / SOONER))
-        seen = sooner if sooner.verdict == "holds" else seen
-    return seen
+        observation = sooner if sooner.verdict == "holds" else observation
+    return observation
 
 
-def order_over(trial: Trial) -> Observation:
+def order_over(trial: MethodTrial) -> Observation:
     """The order, observed over the time of the trial."""
     p, formula = trial.method.order, "error = O(h^p) on a nonlinear motion"
-    found = {name: trial.slope(name) for name in trial.start.arrays}
+    slopes = {name: trial.slope(name) for name in trial.start.arrays}
     whole = trial.slope("all")
-    text = ", ".join(f"{name} {_in_words(q)}" for name, q in found.items())
+    text = ", ".join(f"{name} {_in_words(q)}" for name, q in slopes.items())
     if whole is None:
         few = "too few errors between 0.1 and rounding; give another h"
         return Observation("order", formula, "not seen", observed=text, wanted=f"{p}", remark=few)
-    parts = [q for q in map(trial.fastest, found) if q is not None]
+    parts = [q for q in map(trial.fastest, slopes) if q is not None]
     good = whole >= p - MISSING and not any(q < p - 2.0 * MISSING for q in parts)
     return Observation("order", formula, "holds" if good else "broken", observed=text, wanted=f"{p}")
 
 
 def _in_words(order: float | None) -> str:
-    """An observed order."""
+    """An observed order as text: its number, "exact" or "not seen"."""
     if order is None:
         return "not seen"
     return "exact" if math.isinf(order) else f"{order:.2f}"
 
 
-def way_back(trial: Trial) -> Observation:
-    """Some steps with h, as many with -h from where they lead.
+def way_back(trial: MethodTrial) -> Observation:
+    """The observation of symmetry: some steps with h, as many with -h from where they lead.
 
     Where the motion is unstable the roundings on the way grow: a run there and back with other
     roundings tells by how much.
     """
-    claimed, (h, there, back) = trial.method.symmetric, trial.journey
+    claimed, (h, outward, back) = trial.method.symmetric, trial.journey
     home = ended(back)
     defect = max(trial.distances(home, trial.start.arrays).values())
     if claimed and defect > EXACT * ROUNDING:
         try:
-            there = trial.run(WAY, h, compensated=True)
-            back = trial.run(WAY, -h, trial.at(ended(there)), elapsed=WAY * h, compensated=True)
+            outward = trial.run(WAY, h, compensated=True)
+            back = trial.run(WAY, -h, trial.at(ended(outward)), elapsed=WAY * h, compensated=True)
             if defect <= GROWN * max(trial.distances(ended(back), home).values()):
                 defect = 0.0
         except (IntegrationFailure, InvalidInput):
@@ -302,13 +300,13 @@ def way_back(trial: Trial) -> Observation:
     return _exactly("symmetric", "Phi_-h = Phi_h^-1: the way back", claimed, defect, EXACT)
 
 
-def bracket(trial: Trial, charts: Charts, name: str, formula: str, claimed: bool) -> Observation:
+def bracket(trial: MethodTrial, charts: Charts, name: str, formula: str, claimed: bool) -> Observation:
     """Phi' B Phi'^T - B(Phi), relative to |Phi'|^2 |B|, in units of the size of the state."""
     return _exactly(name, formula, claimed, relative_defect(trial, charts, claimed), BRACKET)
 
 
 def relative_defect(trial: Any, charts: Charts, claimed: bool) -> float:
-    """How far steps are from keeping a bracket.
+    """The relative defect of a bracket along steps, 0 if they keep it.
 
     A defect that is claimed not to be there is looked at again with closer and closer starts: what
     was the error of the differences goes with a high power of their distance.
@@ -323,7 +321,7 @@ def relative_defect(trial: Any, charts: Charts, claimed: bool) -> float:
     return min(defects)
 
 
-def kept(trial: Trial, keeps: tuple[str, ...]) -> Iterator[Observation]:
+def kept(trial: MethodTrial, keeps: tuple[str, ...]) -> Iterator[Observation]:
     """The changes of the constants that the system names, along some steps."""
     drift = trial.journey[1].drift()
     claims = [*keeps, *("Casimir" for _ in range(trial.method.symplectic))]
@@ -332,13 +330,13 @@ def kept(trial: Trial, keeps: tuple[str, ...]) -> Iterator[Observation]:
         yield _exactly(constant.name, "constant along the steps", claimed, constant.largest, EXACT)
     for name in keeps:
         if not any(constant.name.startswith(name) for constant in drift.kept):
-            known = ", ".join(constant.name for constant in drift.kept) or "none"
+            names = ", ".join(constant.name for constant in drift.kept) or "none"
             raise InvalidInput(
-                f"check_method: keeps names {name!r}, which is no constant of this motion; known are: {known}"
+                f"check_method: keeps names {name!r}, which is no constant of this motion; known are: {names}"
             )
 
 
-def equivariance(trial: Trial) -> Observation:
+def equivariance(trial: MethodTrial) -> Observation:
     """The steps from k g: the momentum must be that of the steps from g, and the element k g."""
     group, g = trial.system.group, trial.start.g
     units = Units(group)
@@ -351,7 +349,7 @@ def equivariance(trial: Trial) -> Observation:
     return _exactly("equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT)
 
 
-def native_code(trial: Trial) -> Observation:
+def native_code(trial: MethodTrial) -> Observation:
     """A few steps in native code and in plain Python."""
     reason = kernel.available()
     formula = "the same bits as plain Python"
@@ -399,13 +397,13 @@ def kept_brackets(system: Any, start: Any, method: Any) -> Iterator[tuple[str, s
 
 
 def is_loaded(system: Any) -> bool:
-    """Is there a force without a potential, under which the motion itself keeps no bracket?"""
+    """Whether there is a force without a potential, under which the motion itself keeps no bracket."""
     body = system.body if isinstance(system, BoundBody) else system
     return isinstance(body, MechanicalSystem) and body.load is not None
 
 
-def claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Observation]:
-    """All claims in turn."""
+def claims(trial: MethodTrial, keeps: tuple[str, ...], native: bool) -> Iterator[Observation]:
+    """The observations of all claims, law by law."""
     system, start = trial.system, trial.start
     yield order(trial)
     yield way_back(trial)

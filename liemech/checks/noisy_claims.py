@@ -46,15 +46,15 @@ class Outcomes(NoisySteps):
     coins: int = 2
 
     def random(self, system: Any, path: float, number: float) -> tuple[Vec, float]:
-        """The digits of the path."""
+        """The increments and the coin that the digits of the path say."""
         count = len(system.fields)
-        rest = (path // float(self.points**count * self.coins) ** number) % float(self.points**count * self.coins)
+        digits = (path // float(self.points**count * self.coins) ** number) % float(self.points**count * self.coins)
         z: list[Any] = []
         for _ in range(count):
-            z, rest = [*z, rest % float(self.points)], rest // float(self.points)
+            z, digits = [*z, digits % float(self.points)], digits // float(self.points)
         if self.points == 2:
-            return vec(*[2.0 * x - 1.0 for x in z]), (rest + 0.5) / float(self.coins)
-        return vec(*[3.0**0.5 * (x - 1.0) for x in z]), (rest + 0.5) / float(self.coins)
+            return vec(*[2.0 * x - 1.0 for x in z]), (digits + 0.5) / float(self.coins)
+        return vec(*[3.0**0.5 * (x - 1.0) for x in z]), (digits + 0.5) / float(self.coins)
 
     def moved(self, system: Any, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
         """A step of the method."""

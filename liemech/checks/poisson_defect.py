@@ -65,18 +65,18 @@ def poisson_defect(method: Method, system: System, state: State, h: float, chart
             f"poisson_defect: a step of {method!r} leaves the manifold of {chart!r}; it has no coordinates there"
         )
     after = step(y)
-    B, there = (np.array(structure.matrix(x), dtype=float) for x in (y, after))
-    unit = float(np.abs(there).max(initial=0.0)) or 1.0
-    found = []
+    B, B_after = (np.array(structure.matrix(x), dtype=float) for x in (y, after))
+    unit = float(np.abs(B_after).max(initial=0.0)) or 1.0
+    defects = []
     for derivative in (_exact, _by_differences):
         D = derivative(step, y)
         if D is not None:
-            found.append(float(np.abs(D @ B @ D.T - there).max(initial=0.0)) / unit)
-    if not found or not math.isfinite(min(found)):
+            defects.append(float(np.abs(D @ B @ D.T - B_after).max(initial=0.0)) / unit)
+    if not defects or not math.isfinite(min(defects)):
         raise InvalidInput(
             f"poisson_defect: a step of {method!r} with h = {h:g} has no derivative at {list(map(float, y))}"
         )
-    return min(found)
+    return min(defects)
 
 
 def _exact(step: Any, y: Vec) -> np.ndarray | None:
@@ -142,10 +142,10 @@ def _in_chart(system: Any, state: Any, chart: Any) -> tuple[PoissonStructure, Ve
 
 
 def _off(chart: LocalChart, x: Vec) -> bool:
-    """Do the coordinates of a point not lead back to it?"""
-    there = np.array(x, dtype=float)
+    """Whether the coordinates of a point do not lead back to it."""
+    point = np.array(x, dtype=float)
     back = np.array(chart.embedding(chart.coordinates(x)), dtype=float)
-    return back.shape != there.shape or not size(back - there) <= NEAR * size(there)
+    return back.shape != point.shape or not size(back - point) <= NEAR * size(point)
 
 
 def _numbers(system: Any, state: Any) -> Vec:

@@ -40,7 +40,7 @@ class AtField(AtPoint):
 
     @cached_property
     def velocity(self) -> np.ndarray:
-        """f(y)."""
+        """The velocity f(y) as an array, (n,)."""
         return flat(self.f(self.y))
 
 
@@ -51,7 +51,7 @@ class Told(Same):
     told: str = ""
 
     def slips(self, allowed: float) -> str:
-        """The remark."""
+        """The remark on what is wrong."""
         return self.told
 
 
@@ -70,8 +70,8 @@ def poisson_maps(f: Field, at: AtField) -> Iterator[Same]:
     terms = terms + terms.T + sum(abs(x) * np.abs(s) for x, s in zip(v, slopes, strict=True))
     total, scale = along - D @ b - b @ D.T, terms + _largest(terms)
     for i, j in itertools.combinations(range(at.dim), 2):
-        told = f"the field does not keep {{y_{i + 1}, y_{j + 1}}}: it changes at the rate {total[i, j]:.3g} too much"
-        yield Told(total[i, j], 0.0, float(scale[i, j]), told=told)
+        remark = f"the field does not keep {{y_{i + 1}, y_{j + 1}}}: it changes at the rate {total[i, j]:.3g} too much"
+        yield Told(total[i, j], 0.0, float(scale[i, j]), told=remark)
 
 
 @axiom(FIELD, "leaves", "f(y) = B(y) a for some a: k . f = 0 wherever B k = 0", slack=CLOSE)
@@ -79,8 +79,8 @@ def leaves(f: Field, at: AtField) -> Iterator[Same]:
     for k in null_vectors(at.matrix):
         row = flat(k)
         terms = float(np.abs(row) @ np.abs(at.velocity))
-        told = "the field leaves the symplectic leaf of the point, across " + ", ".join(f"{x:.3g}" for x in row)
-        yield Told(row @ at.velocity, 0.0, terms, told=told)
+        remark = "the field leaves the symplectic leaf of the point, across " + ", ".join(f"{x:.3g}" for x in row)
+        yield Told(row @ at.velocity, 0.0, terms, told=remark)
 
 
 @axiom(FIELD, "Casimirs", "f . dC = 0", "casimirs", slack=CLOSE)
@@ -138,9 +138,9 @@ def check_poisson_field(
             f"{me}: field must be a VectorField or a formula of y such as lambda y: lm.vec(y[1], -y[0]); got {field!r}"
         )
     if points is not None:
-        found = given_points(me, structure.dim, points)
+        named_points = given_points(me, structure.dim, points)
     else:
-        found = random_points(
+        named_points = random_points(
             me,
             f"the field or {structure!r}",
             ["random"] * PLACES,
@@ -148,6 +148,6 @@ def check_poisson_field(
             [1.0] * PLACES,
             lambda y: (structure.matrix(y), motion(y)),
         )
-    where = [AtField(name, structure, y, motion) for name, y in found]
+    where = [AtField(name, structure, y, motion) for name, y in named_points]
     findings = verdicts(FIELD, motion, where, own_formulas(structure))
     return finished(f"{field!r} with {structure!r}", findings, raises)

@@ -30,13 +30,13 @@ def settled(
     follow : the state at the end, made in a number of steps by a method of order 8.  steps : to
     begin with.  distances : of the parts of two states.  enough : a distance at which to stop.
     """
-    found, last = follow(steps), float("inf")
+    state, last = follow(steps), float("inf")
     while True:
         steps = 2 * steps
-        before, found = found, follow(steps)
-        doubts = distances(before, found)
+        before, state = state, follow(steps)
+        doubts = distances(before, state)
         doubt = max(doubts.values())
         stalled = doubt <= HALF and doubt * STALLED > last
         if doubt <= enough or stalled or steps > MOST_STEPS:
-            return found, doubts
+            return state, doubts
         last = doubt

@@ -97,7 +97,7 @@ class Report:
 
     @property
     def held(self) -> tuple[Finding, ...]:
-        """The laws that hold."""
+        """The findings on laws that hold."""
         return tuple(f for f in self.findings if f.verdict == "holds")
 
     def __getitem__(self, law: str) -> Finding:

@@ -51,13 +51,13 @@ def bench(arguments: Sequence[str]) -> int:
         method = read(options.method, lm.Method, "argument --method")
         method.require(system)
         start = _start(options.start, system)
-        found = measured(system, method, start, options.h, options.steps)
+        measurements = measured(system, method, start, options.h, options.steps)
     except lm.errors.IntegrationFailure as failure:
         print(f"liemech: {failure}", file=sys.stderr)
         return 1
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
-    print(json.dumps(found) if options.json else _report(found))
+    print(json.dumps(measurements) if options.json else _report(measurements))
     return 0
 
 
@@ -71,15 +71,15 @@ def measured(system: Any, method: Any, start: Any, h: float, steps: int) -> dict
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", lm.errors.NotCompiledWarning)
-        begun = time.perf_counter()
+        started = time.perf_counter()
         first = lm.integrate(system, method, start, h=h, steps=1, compiled=None, progress=False)
         run(h, steps)
-        whole = time.perf_counter() - begun
+        whole = time.perf_counter() - started
         times = []
         for _ in range(3):
-            begun = time.perf_counter()
+            started = time.perf_counter()
             done = run(h, steps)
-            times.append(time.perf_counter() - begun)
+            times.append(time.perf_counter() - started)
         counts = [2**k for k in range(3, 3 + HALVINGS)]
         t = 8.0 * h
         ends = [_flat(run(t / n, n)) for n in (*counts, 4 * counts[-1])]

@@ -35,11 +35,11 @@ def read(text: str, kind: type, where: str, own: bool = True) -> Any:
     own : may it name a module of the user's, which is imported?
     Raises InvalidInput, which says where, what is wrong, and what is allowed.
     """
-    module, _, rest = text.rpartition(":") if ":" in text.partition("(")[0] else ("", "", text)
-    modules = _own(module, text, where, own)
+    module, _, expression = text.rpartition(":") if ":" in text.partition("(")[0] else ("", "", text)
+    modules = _module_of_user(module, text, where, own)
     try:
-        tree = ast.parse(rest.strip(), mode="eval").body
-        found = _value(tree, kind, where, modules)
+        tree = ast.parse(expression.strip(), mode="eval").body
+        instance = _value(tree, kind, where, modules)
     except SyntaxError as wrong:
         raise lm.errors.InvalidInput(
             f"{where}: {_short(text)} cannot be read, {wrong.msg}; write it as RKMK(order=4)"
@@ -50,11 +50,11 @@ def read(text: str, kind: type, where: str, own: bool = True) -> Any:
         raise lm.errors.InvalidInput(
             f"{where}: {_short(text)} cannot be read, {wrong}; write it as RKMK(order=4)"
         ) from None
-    if isinstance(found, type):
-        found = _call(found, (), {}, where)
-    if not isinstance(found, kind):
-        raise lm.errors.InvalidInput(f"{where}: {text!r} is no {_known(kind)}{_instead(text, kind)}")
-    return found
+    if isinstance(instance, type):
+        instance = _call(instance, (), {}, where)
+    if not isinstance(instance, kind):
+        raise lm.errors.InvalidInput(f"{where}: {text!r} is no {_in_words(kind)}{_instead(text, kind)}")
+    return instance
 
 
 def build(name: Any, arguments: Mapping[str, Any], kind: type, where: str, own: bool = True) -> Any:
@@ -63,17 +63,17 @@ def build(name: Any, arguments: Mapping[str, Any], kind: type, where: str, own: 
     """
     if not isinstance(name, str):
         raise lm.errors.InvalidInput(f"{where}: name must be a text such as {names(kind)[0]!r}; got {name!r}")
-    module, _, rest = name.rpartition(":")
-    found = _public(rest, kind, where, _own(module, name, where, own))
-    given = {key: _argument(value, f"{where}: {key}", own) for key, value in arguments.items()}
-    if not isinstance(found, type):  # an object of a module of the user's
-        if given:
-            raise lm.errors.InvalidInput(f"{where}: {name!r} is an object and takes no {', '.join(given)}")
-        return found
-    return _call(found, (), given, where)
+    module, _, class_name = name.rpartition(":")
+    target = _public(class_name, kind, where, _module_of_user(module, name, where, own))
+    options = {key: _argument(value, f"{where}: {key}", own) for key, value in arguments.items()}
+    if not isinstance(target, type):  # an object of a module of the user's
+        if options:
+            raise lm.errors.InvalidInput(f"{where}: {name!r} is an object and takes no {', '.join(options)}")
+        return target
+    return _call(target, (), options, where)
 
 
-def _own(module: str, text: str, where: str, own: bool) -> list[Any]:
+def _module_of_user(module: str, text: str, where: str, own: bool) -> list[Any]:
     """The module of the user's that a text names, if it names one."""
     if not module:
         return []
@@ -111,8 +111,8 @@ def imported(module: str, where: str) -> Any:
     except Exception as wrong:  # whatever the module does when it is loaded
         place = wrong if isinstance(wrong, SyntaxError) else traceback.extract_tb(wrong.__traceback__)[-1]
         at = f"{place.filename}, line {place.lineno}"
-        told = f"{type(wrong).__name__}: {getattr(wrong, 'msg', wrong)}".partition("\n")[0]
-        raise lm.errors.InvalidInput(f"{where}: module {module!r} cannot be imported: {told} ({at})") from wrong
+        message = f"{type(wrong).__name__}: {getattr(wrong, 'msg', wrong)}".partition("\n")[0]
+        raise lm.errors.InvalidInput(f"{where}: module {module!r} cannot be imported: {message} ({at})") from wrong
 
 
 def names(kind: type) -> list[str]:
@@ -129,8 +129,8 @@ def _argument(value: Any, where: str, own: bool) -> Any:
     if isinstance(value, str):
         return read(value, lm.Record, where, own)
     if isinstance(value, Mapping):
-        given = {k: v for k, v in value.items() if k != "name"}
-        return build(value.get("name"), given, lm.Record, where, own)
+        options = {k: v for k, v in value.items() if k != "name"}
+        return build(value.get("name"), options, lm.Record, where, own)
     return value
 
 
@@ -161,7 +161,7 @@ def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:
             )
         cls = _public(node.func.id, kind, where, modules)
         options = {k.arg: _value(k.value, lm.Record, where, modules) for k in node.keywords if k.arg}
-        return _call(cls, [_made(v, where) for v in values], {k: _made(v, where) for k, v in options.items()}, where)
+        return _call(cls, [_item(v, where) for v in values], {k: _item(v, where) for k, v in options.items()}, where)
     raise lm.errors.InvalidInput(
         f"{where}: {ast.unparse(node)!r} is neither a number, a list, nor a class of the library"
     )
@@ -178,7 +178,7 @@ def _array(values: list[Any], text: str, where: str) -> np.ndarray:
         ) from None
 
 
-def _made(value: Any, where: str) -> Any:
+def _item(value: Any, where: str) -> Any:
     """An argument; of a class without brackets the object."""
     return _call(value, (), {}, where) if isinstance(value, type) else value
 
@@ -186,24 +186,24 @@ def _made(value: Any, where: str) -> Any:
 def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
     """The class or object of a name, in modules of the user's or in the library."""
     mine = [vars(module)[name] for module in modules if name in vars(module)]
-    found = mine[0] if mine else everything().get(name)
-    if isinstance(found, type) and issubclass(found, (kind, lm.Vec, lm.Mat)):
-        return found
-    if mine and isinstance(found, kind):  # an object that the module has made
-        return found
-    there = f" in {modules[0].__name__}" if modules else ""
-    raise lm.errors.InvalidInput(f"{where}: {name!r} is no {_known(kind)}{there}{_instead(name, kind)}")
+    candidate = mine[0] if mine else everything().get(name)
+    if isinstance(candidate, type) and issubclass(candidate, (kind, lm.Vec, lm.Mat)):
+        return candidate
+    if mine and isinstance(candidate, kind):  # an object that the module has made
+        return candidate
+    place = f" in {modules[0].__name__}" if modules else ""
+    raise lm.errors.InvalidInput(f"{where}: {name!r} is no {_in_words(kind)}{place}{_instead(name, kind)}")
 
 
-def _known(kind: type) -> str:
+def _in_words(kind: type) -> str:
     return "class of the library" if kind is lm.Record else kind.__name__
 
 
 def _instead(name: str, kind: type) -> str:
     """The name that is written alike, and all of a kind."""
-    known = names(kind)
-    there = "" if kind is lm.Record else f"; there are {', '.join(known)}"
-    return f"{meant(name, known)}{there}"
+    allowed = names(kind)
+    listing = "" if kind is lm.Record else f"; there are {', '.join(allowed)}"
+    return f"{meant(name, allowed)}{listing}"
 
 
 def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
@@ -218,12 +218,12 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
                 f"{where}: {cls.__name__} has no {key!r}{meant(key, allowed)}; allowed are {', '.join(allowed)}"
             )
     try:
-        made = cls(*values, **options)
-        for group in inside(made, MatrixLieGroup):
+        instance = cls(*values, **options)
+        for group in inside(instance, MatrixLieGroup):
             require_sizes(where, type(group), {f.name: getattr(group, f.name) for f in fields(group)}, LARGEST)
-        return made
+        return instance
     except lm.errors.LiemechError as wrong:
         raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
     except Exception as wrong:  # whatever a class makes of arguments that nobody meant
-        told = f"{wrong}" or type(wrong).__name__
-        raise lm.errors.InvalidInput(f"{where}: {told}; {cls.__name__}{inspect.signature(cls)}") from wrong
+        message = f"{wrong}" or type(wrong).__name__
+        raise lm.errors.InvalidInput(f"{where}: {message}; {cls.__name__}{inspect.signature(cls)}") from wrong

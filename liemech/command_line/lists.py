@@ -26,7 +26,7 @@ EXAMPLES = {
 
 
 def scenes(arguments: Sequence[str]) -> int:
-    """The command."""
+    """The command `liemech scenes`.  Returns the exit status, 0."""
     as_json = _as_json(arguments, "scenes", "List the scenes for `liemech run`.")
     rows = []
     for name, function in SCENES.items():
@@ -44,7 +44,7 @@ def scenes(arguments: Sequence[str]) -> int:
 
 
 def methods(arguments: Sequence[str]) -> int:
-    """The command."""
+    """The command `liemech methods`.  Returns the exit status, 0."""
     rows = method_rows()
     if _as_json(arguments, "methods", "List the methods: order, whether symmetric and symplectic."):
         print(json.dumps(rows))

@@ -137,9 +137,9 @@ def timed(body: Any, start: Any, runs: Sequence[tuple[str, lm.Trajectory]]) -> t
             native = native and bool(again().compiled)
             spent = []
             for _ in range(3):
-                begun = time.perf_counter()
+                started = time.perf_counter()
                 again()
-                spent.append(time.perf_counter() - begun)
+                spent.append(time.perf_counter() - started)
         costs.append(min(spent) / steps)
     how = f"a native run of {TIMED} steps, compile time apart" if native else "plain Python"
     return costs, f"The time of a step is that of {how}."
@@ -174,12 +174,12 @@ def header(body: lm.RigidBody, start: lm.BodyState, step: dict[str, Any], notes:
     """The lines that say what is simulated."""
     end, period = step["h"] * step["steps"], body.period(start)
     laps = f", {abs(end) / period:.3g} periods of mu" if 0.0 < period < math.inf else ""
-    kept = f"; every {step['every']}th state kept" if step["every"] > 1 else ""
+    thinning = f"; every {step['every']}th state kept" if step["every"] > 1 else ""
     lines = [
         "A free rigid body:  mu' = mu x w,  g' = g hat(w),  w = J^-1 mu",
         f"  inertia  J = diag{listed(np.array(body.inertia))} kg m^2",
         f"  start    mu = {listed(start.mu)} kg m^2/s,  g = 1",
-        f"  run      {step['steps']} steps of h = {step['h']:g} s to t = {end:g} s{laps}{kept}",
+        f"  run      {step['steps']} steps of h = {step['h']:g} s to t = {end:g} s{laps}{thinning}",
     ]
     first, others = "  note     ", " " * 11
     lines += [textwrap.fill(str(n.message), 80, initial_indent=first, subsequent_indent=others) for n in notes]

@@ -22,7 +22,7 @@ from ..simulation.reports.progress import WANTED
 from .constructors import read
 from .numbers import called, duration
 from .options import Parser, count, number, output, picture
-from .scene import Scene
+from .scene import Setup
 from .scene_file import scene_file
 from .scenes import SCENES
 
@@ -57,7 +57,7 @@ def run(arguments: Sequence[str]) -> int:
         if options.explain:
             print(explained(scene, record, every))
             return 0
-        begun, compiled, status, said = time.perf_counter(), WANTED.compiled, 0, ""
+        started, compiled, status, said = time.perf_counter(), WANTED.compiled, 0, ""
         with warnings.catch_warnings(record=True) as notes:
             warnings.simplefilter("always")
             try:
@@ -68,7 +68,7 @@ def run(arguments: Sequence[str]) -> int:
                     (1, str(stopped)) if isinstance(stopped, lm.errors.IntegrationFailure) else (130, "interrupted")
                 )
         compiled = WANTED.compiled - compiled
-        spent = time.perf_counter() - begun - compiled
+        spent = time.perf_counter() - started - compiled
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
     for text in [*(str(note.message) for note in notes), *([said] if said else [])]:
@@ -86,9 +86,9 @@ def run(arguments: Sequence[str]) -> int:
     return status or int(bool(refused))
 
 
-def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
+def explained(scene: Setup, record: tuple[str, ...], every: int) -> str:
     """Lines that say what is computed and what is not, and why."""
-    known = [name for name, x in scene.start.parts.items() if x is not None]
+    parts = [name for name, x in scene.start.parts.items() if x is not None]
     essential = [name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None]
     lines = [f"{scene.title}: {called(scene.system)}", f"  method        {scene.method!r}"]
     if scene.system.fictive or scene.method.fictive:
@@ -102,7 +102,7 @@ def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
         lines.append(f"  steps         {scene.steps} of h = {scene.h:g}; {samples} samples are kept")
     else:
         lines.append(f"  steps         adaptive, to t = {scene.t_end:g}; every one is kept, and the way between them")
-    for name in known:
+    for name in parts:
         if name in essential:
             why = "computed, the motion depends on it"
         else:
@@ -120,7 +120,7 @@ def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
     return "\n".join(lines)
 
 
-def _scene(options: Any) -> Scene:
+def _scene(options: Any) -> Setup:
     """The scene that is named, or that of a file, with the changes of the options."""
     if options.scene in SCENES:
         scene = SCENES[options.scene]()
@@ -135,7 +135,7 @@ def _scene(options: Any) -> Scene:
     return scene.changed(h=options.h, steps=options.steps, method=method)
 
 
-def _files(scene: Scene, done: lm.Trajectory, options: Any, said: str) -> tuple[list[str], list[str]]:
+def _files(scene: Setup, done: lm.Trajectory, options: Any, said: str) -> tuple[list[str], list[str]]:
     """Write what was asked for: the files, and what went wrong."""
     files: list[str] = []
     refused: list[str] = []
@@ -163,7 +163,7 @@ def _files(scene: Scene, done: lm.Trajectory, options: Any, said: str) -> tuple[
     return files, refused
 
 
-def _report(scene: Scene, done: lm.Trajectory, spent: float, compiled: float) -> str:
+def _report(scene: Setup, done: lm.Trajectory, spent: float, compiled: float) -> str:
     """Lines that say what was run, and how well the constants were kept."""
     how = "native code" if done.compiled else "plain Python"
     apart = f" and {duration(compiled)} to compile" if compiled > 0.0 else ""
@@ -172,9 +172,9 @@ def _report(scene: Scene, done: lm.Trajectory, spent: float, compiled: float) ->
     return "\n".join([*lines, str(done.drift()) if len(done) > 1 else "the start alone; no constants to compare"])
 
 
-def _data(name: str, scene: Scene, done: lm.Trajectory, spent: tuple[float, float], files: list[str]) -> dict[str, Any]:
+def _data(name: str, scene: Setup, done: lm.Trajectory, spent: tuple[float, float], files: list[str]) -> dict[str, Any]:
     """The report as data, for programs."""
-    kept = done.drift().kept if len(done) > 1 else ()
+    constants = done.drift().kept if len(done) > 1 else ()
     return {
         "scene": name,
         "title": scene.title,
@@ -188,7 +188,7 @@ def _data(name: str, scene: Scene, done: lm.Trajectory, spent: tuple[float, floa
         "seconds to compile": spent[1],
         "last": {"t": float(done.t[-1])} | {part: rows[-1].tolist() for part, rows in done.states.items()},
         "kept": [
-            {"name": k.name, "verdict": k.verdict, "largest change": k.largest, "measure": k.measure} for k in kept
+            {"name": k.name, "verdict": k.verdict, "largest change": k.largest, "measure": k.measure} for k in constants
         ],
         "files": files,
     }

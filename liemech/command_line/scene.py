@@ -18,7 +18,7 @@ FRAMES = 600
 
 
 @dataclasses.dataclass(frozen=True)
-class Scene:
+class Setup:
     """A motion to follow, with fixed steps, or adaptively to `t_end`.
 
     title : one line.  system, method, start : as in `integrate`, as are h, steps, every, t_end,
@@ -44,36 +44,36 @@ class Scene:
     record: tuple[str, ...] | None = None
     view: tuple[str, ...] | None = None
 
-    def changed(self, **changes: Any) -> Scene:
+    def changed(self, **changes: Any) -> Setup:
         """This scene with other options; None leaves an option as it is."""
-        given = {name: value for name, value in changes.items() if value is not None}
-        if self.t_end is not None and {"h", "steps"} & given.keys() and "t_end" not in given:
-            given = {"t_end": None, "rtol": None, "atol": None} | given
-        return dataclasses.replace(self, **given)
+        options = {name: value for name, value in changes.items() if value is not None}
+        if self.t_end is not None and {"h", "steps"} & options.keys() and "t_end" not in options:
+            options = {"t_end": None, "rtol": None, "atol": None} | options
+        return dataclasses.replace(self, **options)
 
     def parts(self, *, saved: bool, viewed: bool, plotted: bool) -> tuple[str, ...]:
         """The parts of the state that are computed: what the motion depends on, and what is
         recorded, saved or shown.
         """
-        known = [name for name, x in self.start.parts.items() if x is not None]
+        available = [name for name, x in self.start.parts.items() if x is not None]
         wanted = {name for name, x in self.system.essential_part(self.start).parts.items() if x is not None}
-        wanted |= set(self.record or (known if saved else ()))
+        wanted |= set(self.record or (available if saved else ()))
         ensemble = self.start.bodies is not None
         if viewed:
             from ..viewer.choice import KNOWN, suited
             from ..viewer.contents.content import chosen
 
-            have = frozenset(known)
+            have = frozenset(available)
             contents = suited(self.system, have, ensemble) if self.view is None else chosen(self.view, KNOWN)
             wanted |= {name for content in contents for name in content.needs(self.system)}
         if plotted:
-            wanted |= shown_parts(self.system, known)
-        strange = sorted(wanted - set(known))
+            wanted |= shown_parts(self.system, available)
+        strange = sorted(wanted - set(available))
         if strange:
             raise lm.errors.InvalidInput(
-                f"record and view ask for {', '.join(strange)}; the start has {', '.join(known)}"
+                f"record and view ask for {', '.join(strange)}; the start has {', '.join(available)}"
             )
-        return tuple(name for name in known if name in wanted)
+        return tuple(name for name in available if name in wanted)
 
     def sampling(self, saved: bool) -> int:
         """Every how many steps a state is kept."""
@@ -83,8 +83,8 @@ class Scene:
 
     def run(self, record: tuple[str, ...], every: int, progress: bool | None) -> lm.Trajectory:
         """The run; raises what `integrate` raises."""
-        asked = {"h": self.h, "steps": self.steps, "t_end": self.t_end, "rtol": self.rtol, "atol": self.atol}
-        given: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
+        options = {"h": self.h, "steps": self.steps, "t_end": self.t_end, "rtol": self.rtol, "atol": self.atol}
+        arguments: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
         return lm.integrate(
-            self.system, self.method, self.start, **given, every=every, record=record, t0=self.t0, progress=progress
+            self.system, self.method, self.start, **arguments, every=every, record=record, t0=self.t0, progress=progress
         )

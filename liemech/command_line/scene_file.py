@@ -38,7 +38,7 @@ from ..names import meant
 from ..rooms.files.arrays import opened
 from ..simulation.arguments import chooses_steps
 from .constructors import build
-from .scene import Scene
+from .scene import Setup
 
 TABLES = ("system", "start", "method", "run")
 LISTS = ("record", "view")
@@ -59,7 +59,7 @@ KEPT = 10**6
 """Adaptive steps at most, where a file does not say."""
 
 
-def scene_file(path: Path, trusted: bool = False) -> Scene:
+def scene_file(path: Path, trusted: bool = False) -> Setup:
     """The scene that a file describes.  trusted : modules that it names are imported.
 
     Raises InvalidInput: the file, the key, and what is allowed.
@@ -90,14 +90,14 @@ def scene_file(path: Path, trusted: bool = False) -> Scene:
     start = _start(system, data["start"], f"{where} [start]")
     options = _run(data["run"], f"{where} [run]")
     _bounded(options, system, method, f"{where} [run]")
-    return Scene(title, system, method, start, **options, **lists)
+    return Setup(title, system, method, start, **options, **lists)
 
 
 def _object(table: Mapping[str, Any], kind: type, where: str, trusted: bool) -> Any:
     if "name" not in table:
         raise lm.errors.InvalidInput(f"{where}: needs a name, the class of a {kind.__name__}")
-    given = {key: value for key, value in table.items() if key != "name"}
-    return build(table["name"], given, kind, where, trusted)
+    arguments = {key: value for key, value in table.items() if key != "name"}
+    return build(table["name"], arguments, kind, where, trusted)
 
 
 def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
@@ -106,19 +106,19 @@ def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
     """
     parts = list(inspect.signature(system.state).parameters)
     _strict(table, parts, where, "the start")
-    given = dict(table)
+    arguments = dict(table)
     group: Any = getattr(system, "configurations", getattr(system, "group", None))
-    g = given.get("g")
+    g = arguments.get("g")
     if isinstance(g, str) and g != "identity":
         raise lm.errors.InvalidInput(f'{where}: g is "identity", {{ exp = [...] }}, or an element as rows; got {g!r}')
     if isinstance(g, Mapping):
         _strict(g, ("exp",), f"{where}: g", "g")
     try:
         if g == "identity":
-            given["g"] = np.array(group.identity())
+            arguments["g"] = np.array(group.identity())
         elif isinstance(g, Mapping):
-            given["g"] = np.array(group.exp(np.array(g.get("exp"), dtype=float)))
-        return system.state(**given)
+            arguments["g"] = np.array(group.exp(np.array(g.get("exp"), dtype=float)))
+        return system.state(**arguments)
     except Exception as wrong:  # whatever becomes of values that nobody meant
         raise lm.errors.InvalidInput(f"{where}: {wrong}") from wrong
 
@@ -150,7 +150,7 @@ def _bounded(table: dict[str, Any], system: Any, method: lm.Method, where: str) 
 
 
 def _names(value: Any, where: str) -> tuple[str, ...]:
-    if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
+    if not isinstance(value, list) or not value or not all(isinstance(name, str) for name in value):
         raise lm.errors.InvalidInput(f'{where} must be a list of names such as ["mu"]; got {value!r}')
     return tuple(value)
 

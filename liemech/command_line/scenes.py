@@ -9,160 +9,160 @@ import numpy as np
 
 import liemech as lm
 
-from .scene import Scene
+from .scene import Setup
 
 library: Any = lm
 """The library; type checkers take fields that a model derives for arguments."""
 
-SCENES: dict[str, Callable[[], Scene]] = {}
+SCENES: dict[str, Callable[[], Setup]] = {}
 """Every scene by its name."""
 
 
-def scene(function: Callable[[], Scene]) -> Callable[[], Scene]:
+def scene(function: Callable[[], Setup]) -> Callable[[], Setup]:
     """Put a function into the list, under its name with hyphens."""
     SCENES[function.__name__.replace("_", "-")] = function
     return function
 
 
 @scene
-def free_body() -> Scene:
+def free_body() -> Setup:
     """A body that tumbles freely."""
     body = library.RigidBody([1.0, 1.5, 2.0])
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
-    return Scene("a free rigid body", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
+    return Setup("a free rigid body", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
 
 
 @scene
-def flip() -> Scene:
+def flip() -> Setup:
     """Dzhanibekov's flip: spun about its middle axis, a body turns over again and again."""
     body = library.RigidBody([1.0, 2.0, 3.0])
     start = body.state(mu=[0.01, 1.0, 0.01], g=np.eye(3))
-    return Scene("Dzhanibekov's flip", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
+    return Setup("Dzhanibekov's flip", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
 
 
 @scene
-def heavy_top() -> Scene:
+def heavy_top() -> Setup:
     """An asymmetric top: chaotic."""
     top = library.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
     start = top.state(mu=[0.3, 0.6, 1.1], g=lm.SO3().exp([0.4, -0.3, 0.5]))
-    return Scene("a heavy top", top, lm.KickDrift(order=4), start, h=0.05, steps=800)
+    return Setup("a heavy top", top, lm.KickDrift(order=4), start, h=0.05, steps=800)
 
 
 @scene
-def lagrange_top() -> Scene:
+def lagrange_top() -> Setup:
     """A symmetric top let go at rest: its nose draws cusps."""
     top = library.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.6, length=0.8)
     start = top.state(mu=[0.0, 0.0, 2.6], g=lm.SO3().exp([0.6, 0.0, 0.0]))
-    return Scene("Lagrange's top", top, lm.KickDrift(order=4), start, h=0.05, steps=700)
+    return Setup("Lagrange's top", top, lm.KickDrift(order=4), start, h=0.05, steps=700)
 
 
 @scene
-def kirchhoff() -> Scene:
+def kirchhoff() -> Setup:
     """An ellipsoid that sinks nowhere: it swims in an ideal fluid, and its path winds."""
     body = library.models.KirchhoffBody.of_blocks(angular=[1.2, 2.0, 2.6], linear=[1.2, 1.8, 5.0])
     start = body.state(mu=[0.2, -0.8, 2.3, 0.8, 0.9, -0.7], g=np.eye(4))
-    return Scene("a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=500)
+    return Setup("a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=500)
 
 
 @scene
-def satellite() -> Scene:
+def satellite() -> Setup:
     """A long satellite that librates about the vertical of its orbit, in the gradient of gravity."""
     body = library.models.OrbitingBody(inertia=[0.05, 0.08, 0.11], mass=1.7, attraction=1.0)
     start = body.circular_orbit(3.0, lm.SO3().exp([0.1, 0.2, 0.3]))
-    return Scene("a satellite in a gravity gradient", body, lm.KickDrift(), start, h=0.1, steps=1000)
+    return Setup("a satellite in a gravity gradient", body, lm.KickDrift(), start, h=0.1, steps=1000)
 
 
 @scene
-def falling_body() -> Scene:
+def falling_body() -> Setup:
     """A thrown body that tumbles."""
     body = library.models.FallingBody(inertia=[0.01, 0.016, 0.023], mass=0.5)
     start = body.state(mu=[0.002, 0.06, 0.004, 1.0, 0.0, 2.5], g=np.eye(4))
-    return Scene("a thrown body", body, lm.KickDrift(), start, h=0.005, steps=200)
+    return Setup("a thrown body", body, lm.KickDrift(), start, h=0.005, steps=200)
 
 
 @scene
-def pendulum() -> Scene:
+def pendulum() -> Setup:
     """Twelve pendulums in their phase plane: some swing, others turn over."""
     system = library.models.Pendulum()
     start = system.state(q=np.zeros((12, 1)), p=np.linspace(0.5, 9.0, 12)[:, None])
-    return Scene("twelve pendulums", system, lm.StormerVerlet(), start, h=0.02, steps=150)
+    return Setup("twelve pendulums", system, lm.StormerVerlet(), start, h=0.02, steps=150)
 
 
 @scene
-def double_pendulum() -> Scene:
+def double_pendulum() -> Setup:
     """A pendulum that hangs from another one: chaotic."""
     system = library.models.DoublePendulum(masses=[1.0, 0.5], lengths=[1.0, 0.8])
     start = system.state(q=[2.0, -0.5], p=[0.0, 0.0])
-    return Scene("a double pendulum", system, lm.HamiltonJacobi(order=4), start, h=0.02, steps=500)
+    return Setup("a double pendulum", system, lm.HamiltonJacobi(order=4), start, h=0.02, steps=500)
 
 
 @scene
-def kepler() -> Scene:
+def kepler() -> Setup:
     """A planet on a long ellipse."""
     system = library.Kepler()
-    return Scene("Kepler's planet", system, lm.Splitting(order=4), system.pericentre(0.6), h=0.02, steps=1000)
+    return Setup("Kepler's planet", system, lm.Splitting(order=4), system.pericentre(0.6), h=0.02, steps=1000)
 
 
 @scene
-def henon_heiles() -> Scene:
+def henon_heiles() -> Setup:
     """A star in a galaxy, at an energy where most motions are chaotic."""
     system = library.models.HenonHeiles()
     start = system.state(q=[0.0, 0.1], p=[(2.0 / 8.0 - 0.01 + 2e-3 / 3.0) ** 0.5, 0.0])
-    return Scene("a star in a galaxy", system, lm.Splitting(order=4), start, h=0.05, steps=2000)
+    return Setup("a star in a galaxy", system, lm.Splitting(order=4), start, h=0.05, steps=2000)
 
 
 @scene
-def comet() -> Scene:
+def comet() -> Setup:
     """A comet on an ellipse of eccentricity 0.97, with steps that follow it: short near the sun,
     and still symplectic.
     """
     system = library.LogarithmicHamiltonian(library.Kepler())
     method = lm.Splitting(order=4, quadratic=False)
-    return Scene("a comet", system, method, library.Kepler().pericentre(0.97), h=0.05, steps=600)
+    return Setup("a comet", system, method, library.Kepler().pericentre(0.97), h=0.05, steps=600)
 
 
 @scene
-def spherical_pendulum() -> Scene:
+def spherical_pendulum() -> Setup:
     """A ball on a rod, in three coordinates and one constraint."""
     system = library.SphericalPendulum()
     start = system.consistent(q=[0.8, 0.0, -0.6], p=[0.0, 1.2, 0.0])
-    return Scene("a spherical pendulum", system, lm.RATTLE(), start, h=0.01, steps=1500)
+    return Setup("a spherical pendulum", system, lm.RATTLE(), start, h=0.01, steps=1500)
 
 
 @scene
-def chain() -> Scene:
+def chain() -> Setup:
     """Four links that swing from rest."""
     system = library.models.ChainPendulum(masses=[0.2] * 4, lengths=[0.25] * 4)
     q = system.hanging(np.tile([np.cos(0.3), 0.0, -np.sin(0.3)], 4))
-    return Scene("a chain of four links", system, lm.RATTLE(), system.consistent(q, np.zeros(12)), h=0.005, steps=1000)
+    return Setup("a chain of four links", system, lm.RATTLE(), system.consistent(q, np.zeros(12)), h=0.005, steps=1000)
 
 
 @scene
-def figure_eight() -> Scene:
+def figure_eight() -> Setup:
     """Three equal masses follow each other on an eight."""
     system, start = library.models.NBody.figure_eight()
-    return Scene("three bodies on an eight", system, lm.Splitting(order=6), start, h=0.02, steps=316)
+    return Setup("three bodies on an eight", system, lm.Splitting(order=6), start, h=0.02, steps=316)
 
 
 @scene
-def hares_and_foxes() -> Scene:
+def hares_and_foxes() -> Setup:
     """Lotka and Volterra's species, whose numbers circle for ever: by a Poisson integrator."""
     system = library.models.LotkaVolterra()
-    return Scene("hares and foxes", system, lm.Splitting(order=4), system.state([1.5, 1.0]), h=0.05, steps=400)
+    return Setup("hares and foxes", system, lm.Splitting(order=4), system.state([1.5, 1.0]), h=0.05, steps=400)
 
 
 @scene
-def four_bar() -> Scene:
+def four_bar() -> Setup:
     """Two parallelograms of rods side by side swing from rest: one degree of freedom in six
     coordinates.
     """
     system = library.models.FourBarLinkage(loops=2)
     joints = np.ravel([(j + np.sin(1.1), -np.cos(1.1)) for j in range(3)])
-    return Scene("a four-bar linkage", system, lm.RATTLE(), system.consistent(joints, np.zeros(6)), h=0.01, steps=1000)
+    return Setup("a four-bar linkage", system, lm.RATTLE(), system.consistent(joints, np.zeros(6)), h=0.01, steps=1000)
 
 
 @scene
-def hanging_rods() -> Scene:
+def hanging_rods() -> Setup:
     """Two rods that hang one from another by ball joints: bodies on SE(3), six conditions."""
     system = library.joints.chain(2)
     poses, top = np.tile(np.eye(4), (2, 1, 1)), np.zeros(3)
@@ -170,11 +170,11 @@ def hanging_rods() -> Scene:
         pose[:3, :3] = lm.SO3().exp(axis)
         pose[:3, 3] = top - 0.5 * pose[:3, 2]
         top = top - pose[:3, 2]
-    return Scene("two hanging rods", system, lm.LieRATTLE(), system.assembled(poses), h=0.01, steps=900)
+    return Setup("two hanging rods", system, lm.LieRATTLE(), system.assembled(poses), h=0.01, steps=900)
 
 
 @scene
-def slider_crank() -> Scene:
+def slider_crank() -> Setup:
     """A crank on a hinge, a piston in its cylinder, a rod between them: a loop that is closed."""
     turn, out = [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]
     hinge: Any = lm.joints.RevoluteJoint
@@ -188,22 +188,22 @@ def slider_crank() -> Scene:
     poses[:, 0, 3] = 0.25, 2.0
     system = library.joints.Linkage([crank, piston], joints)
     start = system.assembled(poses, [[0.0, -6.0, 0.0, 0.0, 0.0, 1.5], [0.0] * 6])
-    return Scene("a crank, a rod and a piston", system, lm.LieRATTLE(), start, h=0.01, steps=300)
+    return Setup("a crank, a rod and a piston", system, lm.LieRATTLE(), start, h=0.01, steps=300)
 
 
 @scene
-def sleigh() -> Scene:
+def sleigh() -> Setup:
     """Chaplygin's sleigh: a blade behind the centre of mass lets it turn round, until it glides
     with the blade behind.
     """
     body = library.LiePoissonSystem(lm.SE2(), library.KineticEnergy([0.7, 1.3, 1.3]))
     system = library.NonholonomicBody(body, lm.joints.Blade(0.4))
     start = system.consistent([0.77, -1.2, 0.5], np.eye(3))
-    return Scene("Chaplygin's sleigh", system, lm.LagrangeDAlembert(), start, h=0.02, steps=400)
+    return Setup("Chaplygin's sleigh", system, lm.LagrangeDAlembert(), start, h=0.02, steps=400)
 
 
 @scene
-def rolling_ball() -> Scene:
+def rolling_ball() -> Setup:
     """Chaplygin's ball: uneven, but with its centre of mass in its centre, it rolls on a plane and
     wobbles.
     """
@@ -212,4 +212,4 @@ def rolling_ball() -> Scene:
     system = library.NonholonomicBody(body, lm.joints.Rolling(1.0))
     place = np.concatenate([np.eye(3).ravel(), [0.0, 0.0, 1.0]])  # its centre above the plane
     start = system.consistent([0.1, 1.0, 0.3, 0.0, 0.0, 0.0], place)
-    return Scene("a ball that rolls", system, lm.LagrangeDAlembert(), start, h=0.05, steps=400)
+    return Setup("a ball that rolls", system, lm.LagrangeDAlembert(), start, h=0.05, steps=400)

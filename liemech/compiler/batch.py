@@ -83,20 +83,20 @@ def evaluate_rows(batch: Batch) -> Any:
     run = _known(job) if job is not None and key in _native else None
     if run is not None and job is not None:
         return _finished(batch, job, run, values)
-    begun, before, looked = time.thread_time(), _spent.get(key, 0.0), False
+    started, before, looked = time.thread_time(), _spent.get(key, 0.0), False
     while run is None and len(values) < n:
         values.append(batch.row(len(values)))
         done = len(values) - 1
         if job is None or done & (done - 1):
             continue
-        spent = time.thread_time() - begun  # asked after 1, 2, 4, 8, ... rows
+        spent = time.thread_time() - started  # asked after 1, 2, 4, 8, ... rows
         expected = before + spent * (n - 1) / done
         if expected > DISK and before + spent > NOISE and not looked:
             run, looked = _stored(job), True
         if expected > WORTH + ROWS * spent / done and before + spent > NOISE and run is None:
             run = compiled(each, job, batch, _lanes())
             job = None if run is None else job
-    _spent[key] = before + time.thread_time() - begun
+    _spent[key] = before + time.thread_time() - started
     if run is None or job is None or len(values) == n:
         return batch.stacked(values, range(n))
     _native.add(key)
@@ -121,11 +121,11 @@ def _of_this_form(batch: Batch) -> tuple[Job, kernel.Kernel] | None:
     is there now.
     """
     form = _form(batch)
-    found = _ready.get(form)
-    run = found[1]() if found is not None and kernel.available() is None else None
-    if found is None or run is None:
+    entry = _ready.get(form)
+    run = entry[1]() if entry is not None and kernel.available() is None else None
+    if entry is None or run is None:
         return None
-    job = found[0].of(batch)
+    job = entry[0].for_batch(batch)
     if not run.reads.unchanged((*job.arguments, *job.rows)):
         return None
     with contextlib.suppress(KeyError):  # another thread has thrown it out meanwhile
@@ -134,7 +134,7 @@ def _of_this_form(batch: Batch) -> tuple[Job, kernel.Kernel] | None:
 
 
 WIDEST = 8
-"""No register holds more numbers."""
+"""The largest number of floats that a vector register holds."""
 
 
 class Driver:
@@ -158,17 +158,17 @@ class Driver:
         without native code.
         """
         n = len(x)
-        given, made = np.zeros((n + -n % WIDEST, 1)), np.empty((n + -n % WIDEST, width))
-        given[:n, 0] = x
-        run = self._kernel(values, given, made) if n >= FEW else None
+        xs, outputs = np.zeros((n + -n % WIDEST, 1)), np.empty((n + -n % WIDEST, width))
+        xs[:n, 0] = x
+        run = self._kernel(values, xs, outputs) if n >= FEW else None
         if run is None:
-            begun = time.perf_counter()
-            in_numpy(x, made[:n])
-            self.spent += time.perf_counter() - begun
+            started = time.perf_counter()
+            in_numpy(x, outputs[:n])
+            self.spent += time.perf_counter() - started
         else:
-            call = functools.partial(run.run, values.numbers, (1, width), (given, made), 1)
-            _share_out(call, len(given), run.lanes)
-        return made[:n]
+            call = functools.partial(run.run, values.numbers, (1, width), (xs, outputs), 1)
+            _share_out(call, len(xs), run.lanes)
+        return outputs[:n]
 
     def _kernel(self, values: Values, *arrays: np.ndarray) -> kernel.Kernel | None:
         run = self.kernels.get(values.layouts)
@@ -217,13 +217,13 @@ class Job:
     """The arguments of the formula that are the same for all rows."""
 
     def kept(self, batch: Batch) -> Job:
-        """This job without the owner, group and values of the batch, which may be freed."""
+        """The job without the owner, group and values of the batch, which may be freed."""
         static = {k: None if k in batch.rest else default for k, default in self.static.items()}
         *_, plan, _, results = self.arguments
         return dataclasses.replace(self, arguments=(plan, (), results), static=static)
 
-    def of(self, batch: Batch) -> Job:
-        """This job for another batch of its form, with the numbers of that one."""
+    def for_batch(self, batch: Batch) -> Job:
+        """The job for another batch of its form, with the numbers of that batch."""
         static = self.static | batch.rest
         *_, plan, _, results = self.arguments
         arguments = (batch.formula, batch.owner, batch.group, MEMBERSHIP, plan, tuple(static.values()), results)
@@ -236,7 +236,7 @@ class Job:
 
 
 def job_of(batch: Batch, example: Any) -> Job | None:
-    """None if the results are no numbers, or native code for them has been refused before."""
+    """The job of a batch; None if the results are no numbers, or native code for them has been refused before."""
     parts = tuple(_parts(example))
     if not all(isinstance(part, (float, int, Complex, Vec, Mat)) for part in parts):
         return None
@@ -254,8 +254,8 @@ def job_of(batch: Batch, example: Any) -> Job | None:
             static[name] = value
     results = tuple([vector_layout(layout.width) for layout in layouts])
     arguments = (batch.formula, batch.owner, batch.group, MEMBERSHIP, tuple(plan), tuple(static.values()), results)
-    one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(results))]
-    job = Job(arguments, example, parts, layouts, one, static)
+    example_rows = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(results))]
+    job = Job(arguments, example, parts, layouts, example_rows, static)
     return None if job.key in _refused else job
 
 
@@ -263,29 +263,31 @@ _signature = functools.cache(inspect.signature)
 
 
 def _lanes() -> tuple[int, int]:
-    """As many rows at once as a register holds numbers; where a formula admits only one, one."""
+    """The numbers of rows side by side to try: as many as a register holds numbers, or one where a formula admits no
+    more.
+    """
     return kernel.width(), 1
 
 
 def _known(job: Job) -> kernel.Kernel | None:
-    """Its native code, if this process has it already."""
+    """The kernel of a job, if this process has one already."""
     if kernel.available() is not None:
         return None
-    found = (kernel.known(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
-    return next((run for run in found if run is not None), None)
+    kernels = (kernel.known(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
+    return next((run for run in kernels if run is not None), None)
 
 
 def _stored(job: Job) -> kernel.Kernel | None:
-    """Its native code, if it is on disk."""
+    """The kernel of a job, if it is on disk."""
     if kernel.available() is not None:
         return None
-    found = (kernel.stored(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
-    return next((run for run in found if run is not None), None)
+    kernels = (kernel.stored(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
+    return next((run for run in kernels if run is not None), None)
 
 
 def compiled(driver: Callable[..., None], job: Job, batch: Batch, several: tuple[int, ...]) -> kernel.Kernel | None:
-    """Its native code for the first of these numbers of lanes that it admits, made now; None if that
-    cannot be done, which is said once and remembered.
+    """The kernel of a job for the first of these numbers of lanes that the formula admits, compiled now; None if none
+    is admitted, which is told once and remembered.
     """
     if kernel.available() is not None:
         return None
@@ -338,7 +340,7 @@ def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> 
 
 
 def _put(results: Any, rows: Any, values: Any) -> None:
-    """Fill in these rows."""
+    """Write values into these rows of the results, part by part of a tuple."""
     if isinstance(results, tuple):
         for part, value in zip(results, values, strict=True):
             _put(part, rows, value)
@@ -398,11 +400,11 @@ def _guarded(
     """The numbers of the result and their sum, finite only if they are; raises where plain Python
     must look at the arguments.
     """
-    given: list[Any] = []
+    components: list[Any] = []
     for k in range(len(plan)):
         if plan[k][1] is not None:
-            given = [*given, *numbers(arguments[k])]
-    total = total_of(given)
+            components = [*components, *numbers(arguments[k])]
+    total = total_of(components)
     sound = total - total == 0.0
     for k in range(len(plan)):
         if plan[k][2]:
@@ -454,9 +456,7 @@ def _assembled(example: Any, layout: Layout, rows: np.ndarray) -> np.ndarray:
 
 
 def _entries(layout: Layout) -> Iterator[int]:
-    """How many numbers each entry of a vector or matrix has: one if it is real, two if it is
-    complex.
-    """
+    """The numbers of each entry of a vector or matrix: one if it is real, two if it is complex."""
     if layout.kind in ("number", "pair"):
         yield layout.width
     for part in () if layout.kind == "pair" else layout.parts:

@@ -17,7 +17,7 @@ from .numbers.large_arrays import in_places, spans
 POINTER = F64.as_pointer()
 
 
-class Array:
+class NativeArray:
     """An array of float64 with numbers for each body; where they lie, subclasses know."""
 
     body: Any = None  # the first of those that run together
@@ -26,7 +26,7 @@ class Array:
         self.emitter, self.pointer, self.step = emitter, pointer, step
 
     def first(self, start: Any) -> list[ir.Value]:
-        """Where number `start` lies, of the bodies that are loaded and stored apart."""
+        """The addresses of number `start`, of the bodies that are loaded and stored apart."""
         raise NotImplementedError
 
     def load(self, first: list[ir.Value], i: int) -> Any:
@@ -99,17 +99,17 @@ class Array:
 
 def unchanged(value: Any, layout: Layout) -> None:
     """As `driver.unchanged`, while translating: what is written is what memory was made for."""
-    found = carried_layout(value)
-    if not fits(found, layout):
-        raise NotCompilable(refusal(found, layout))
+    actual = carried_layout(value)
+    if not fits(actual, layout):
+        raise NotCompilable(refusal(actual, layout))
 
 
-class Columns(Array):
+class NativeColumns(NativeArray):
     """A column for each body, neighbours side by side: number k of body i lies at k * bodies + i."""
 
     @property
     def alone(self) -> bool:
-        """Is there one body, whose numbers lie side by side?"""
+        """Whether there is one body, whose numbers lie side by side."""
         return self.emitter.lanes == 1
 
     def first(self, start: Any) -> list[ir.Value]:
@@ -121,7 +121,7 @@ class Columns(Array):
         ]
 
     def addresses(self, first: list[ir.Value], i: int) -> list[ir.Value]:
-        """Where the registers of a number lie."""
+        """The addresses of the registers of a number."""
         e, b = self.emitter, self.emitter.builder
         offset = i if self.alone else b.mul(ir.Constant(I64, i), self.step)
         places = [self.after(place, offset) for place in first]
@@ -138,7 +138,7 @@ class Columns(Array):
             e.builder.store(v, place, align=8)
 
 
-class SiteRows(Columns):
+class SiteRows(NativeColumns):
     """Rows of numbers of all sites of one system, of which each has its place in every row; `body` is
     the site at hand.
     """
@@ -153,12 +153,12 @@ class SiteRows(Columns):
         self.count = emitter.num([count])
 
     def at(self, row: Any) -> ir.Value:
-        """Where a row begins."""
+        """The address at which a row of the sites begins."""
         e = self.emitter
         return self.after(self.pointer, e.builder.mul(e.cast(row, "i", False)[0], self.step))
 
 
-class Shared(Array):
+class NativeShared(NativeArray):
     """An array that all bodies share: what is written to it is one value for all of them."""
 
     def first(self, start: Any) -> list[ir.Value]:
@@ -175,7 +175,7 @@ class Shared(Array):
         e.builder.store(e.cast(x, "f", False)[0], self.after(first[0], i), align=8)
 
 
-class Rows(Array):
+class NativeRows(NativeArray):
     """A row for each body, as the caller has it: number k of body i lies at i * step + k."""
 
     def first(self, start: Any) -> list[ir.Value]:
@@ -244,15 +244,15 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
         elif kind == "integer":
             args.append(emitter.num([load(integers, "integer", I64)]))
         elif kind == "rows":
-            args.append(Rows(emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)))
+            args.append(NativeRows(emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)))
         elif kind == "planes":
             pointer, count = load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)
             args.append(SiteRows(emitter, pointer, count))
         elif kind == "shared":
             pointer = load(arrays, "array", F64.as_pointer())
-            args.append(Shared(emitter, pointer, ir.Constant(I64, 1)))
+            args.append(NativeShared(emitter, pointer, ir.Constant(I64, 1)))
         else:
-            args.append(Columns(emitter, load(arrays, "array", F64.as_pointer()), bodies))
+            args.append(NativeColumns(emitter, load(arrays, "array", F64.as_pointer()), bodies))
     return args
 
 
@@ -271,7 +271,7 @@ def hidden(emitter: Emitter, kinds: Any, args: list[Any], function: ir.Function)
 
 
 def _arrays(kinds: Any) -> int:
-    """How many arrays a driver has."""
+    """The number of arrays among the arguments of a driver."""
     return sum(not isinstance(kind, Layout) and kind != "integer" for kind in kinds)
 
 

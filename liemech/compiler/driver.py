@@ -30,7 +30,7 @@ def part_of_driver(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def is_part_of_driver(function: Callable[..., Any]) -> bool:
-    """Was that declared?"""
+    """Whether a function is declared a part of drivers, by `part_of_driver`."""
     return getattr(function, "part_of_driver", False)
 
 
@@ -71,9 +71,9 @@ def unchanged(value: Any, layout: Layout) -> None:
     """Refuse a value that does not fit the layout: it has no place in the memory that was made for
     it.  (The compiler sees so while it translates.)  Raises InvalidType, OverflowError.
     """
-    found = carried_layout(value)
-    if not fits(found, layout):
-        raise InvalidType(refusal(found, layout))
+    actual = carried_layout(value)
+    if not fits(actual, layout):
+        raise InvalidType(refusal(actual, layout))
     if layout.exact:
         for x, kind in zip(leaves(value, layout), layout.kinds, strict=True):
             if kind == "integer" and isinstance(x, int) and not -HUGE <= x < HUGE:
@@ -87,18 +87,18 @@ HUGE = 2**63
 """Integers of 64 bits are at least -HUGE and less than HUGE."""
 
 
-def refusal(found: Layout, layout: Layout) -> str:
+def refusal(actual: Layout, layout: Layout) -> str:
     """Why a value does not fit a layout."""
     name = layout.detail[0].__name__ if layout.kind == "record" else "the value"
     return (
-        f"integrate: {difference(found, layout, name)}. What is carried along from step to step "
+        f"integrate: {difference(actual, layout, name)}. What is carried along from step to step "
         "keeps its structure: numbers, liemech.vec(...), liemech.mat(...), tuples and records, not "
         "arrays; a number that is absent at first begins as 0.0, a float, not as None or 0"
     )
 
 
 def numbers(value: Any) -> Vec:
-    """All numbers of a value, integers too, in order."""
+    """The vector of all numbers of a value, integers too, in order."""
     return Vec.of(leaves(value, layout_of(value, is_any_number)))
 
 
@@ -120,7 +120,7 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
 
 
 def _writes_complex(error: Exception) -> bool:
-    """Is there a complex constant in the formula that raised?"""
+    """Whether the function that raised has a complex constant."""
     at = error.__traceback__
     while at is not None and at.tb_next is not None:
         at = at.tb_next
@@ -128,9 +128,7 @@ def _writes_complex(error: Exception) -> bool:
 
 
 def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = None) -> bool:
-    """Did the attempt go through, and is what it shows finite?  Told, as in native code, from the
-    sum of its numbers.
-    """
+    """Whether an attempt went through, and what it shows is finite: by the sum of its numbers, as in native code."""
     if isinstance(value, Rejected):
         return False
     part = shown(value)
@@ -139,9 +137,7 @@ def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = No
 
 
 def reason(value: Any) -> Exception | None:
-    """In plain Python, what an attempt that was not accepted raised; None if its numbers were not
-    finite.
-    """
+    """The error of an attempt that was not accepted, in plain Python; None if its numbers were not finite."""
     return value.error if isinstance(value, Rejected) else None
 
 
@@ -177,5 +173,5 @@ def itself(value: Any) -> Any:
 
 
 def any_body(condition: bool) -> bool:
-    """Does the condition hold for any of the bodies that run together?"""
+    """Whether a condition holds for any of the bodies that run together."""
     return condition

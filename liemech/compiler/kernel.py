@@ -33,7 +33,7 @@ from .machine.gc_pause import gc_paused
 from .sites.planes import Planes
 
 Kind = Layout | str | tuple[str, Layout]
-"""Of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
+"""The kind of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
 "columns", "shared", "rows" or "planes".
 """
 
@@ -70,7 +70,7 @@ class Rows:
 
     @property
     def step(self) -> int:
-        """How many numbers lie from one row to the next."""
+        """The numbers from the beginning of one row to that of the next."""
         return self.array.strides[0] // 8
 
 
@@ -92,14 +92,12 @@ class Several:
 
 
 def examples(args: Sequence[Any]) -> list[Any]:
-    """The arguments, of several values the first."""
+    """One value for each argument: of several values the first."""
     return [a.values[0] if isinstance(a, Several) else a for a in args]
 
 
 def available() -> str | None:
-    """None if native code can be made here, else the reason why not.  Raises InvalidInput for a wrong
-    $LIEMECH_CPU.
-    """
+    """The reason why native code cannot be made here; None if it can.  Raises InvalidInput for a wrong $LIEMECH_CPU."""
     if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return "compilation is switched off in the environment (LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1)"
     try:
@@ -138,19 +136,21 @@ class Kernel:
 
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
         key = _key(entry, kinds, lanes)
-        known = [
+        arguments = [
             a if isinstance(_layout(k), Layout) else None for a, k in zip(examples(args or kinds), kinds, strict=True)
         ]
-        found = cache.load(key, lambda manifest: Reads.found(entry, known, manifest)) if key and args else None
-        self.cached = found is not None
-        if found is not None:
-            self.reads, code = found
+        stored = (
+            cache.load(key, lambda manifest: Reads.from_manifest(entry, arguments, manifest)) if key and args else None
+        )
+        self.cached = stored is not None
+        if stored is not None:
+            self.reads, code = stored
         elif not make:
             raise NotCompilable("there is no such kernel on disk")
         else:
-            self.reads, text = _translated(entry, kinds, lanes, known if args else None)
+            self.reads, text = _translated(entry, kinds, lanes, arguments if args else None)
             code = llvm.object_code(text)
-            if key and args and self.reads.follow(known):  # nothing has changed meanwhile
+            if key and args and self.reads.follow(arguments):  # nothing has changed meanwhile
                 cache.store(key, self.reads.manifest(), code)
         self._engine, self.call = llvm.linked(code)
         if b"liemech_dge" in code or b"liemech_zge" in code:
@@ -183,8 +183,8 @@ class Kernel:
                 integers.append(value)
             else:
                 arrays.append(value if isinstance(value, np.ndarray) else value.array)
-        given = array("d", numbers).tobytes(), integers, arrays, bodies
-        return functools.partial(self.run, *given)
+        laid_out = array("d", numbers).tobytes(), integers, arrays, bodies
+        return functools.partial(self.run, *laid_out)
 
     def run(
         self,
@@ -209,7 +209,7 @@ class Kernel:
         begin: int = 0,
         end: int = 1,
     ) -> bytes:
-        """The block of memory with them."""
+        """The block of memory of a call: bodies, begin and end, integers, addresses of the arrays, numbers."""
         words = bodies, begin, end, *integers, *map(address, arrays)
         return struct.pack(f"{len(words)}q", *words) + numbers
 
@@ -236,7 +236,7 @@ _addressof, _byte_in = ctypes.addressof, ctypes.c_char.from_buffer
 
 
 def address(values: Any) -> int:
-    """Where an array lies."""
+    """The address of the first number of an array."""
     try:
         return _addressof(_byte_in(values))  # a quarter of the time of the other way
     except (TypeError, ValueError, BufferError):  # not to be written to, empty, or with gaps
@@ -267,8 +267,8 @@ _kept: collections.OrderedDict[Any, _Kept] = collections.OrderedDict()
 
 def _after_fork() -> None:
     """The child of a fork makes itself what other threads were making."""
-    for kept in _kept.values():
-        kept.lock = threading.RLock()
+    for variants in _kept.values():
+        variants.lock = threading.RLock()
 
 
 _importing = threading.RLock()
@@ -300,34 +300,34 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
 def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: bool) -> Kernel:
     _imported()
     key = entry, tuple(map(kind_of, args)), lanes
-    kept = _kept.setdefault(key, _Kept())
-    found = kept.find(args)
-    if found is None:
-        with kept.lock:
-            found = kept.find(args)  # made by another thread meanwhile
-            if found is None:
+    variants = _kept.setdefault(key, _Kept())
+    kernel = variants.find(args)
+    if kernel is None:
+        with variants.lock:
+            kernel = variants.find(args)  # made by another thread meanwhile
+            if kernel is None:
                 try:
-                    found = Kernel(*key, args, make)
+                    kernel = Kernel(*key, args, make)
                 # of LLVM: an unknown processor, a broken installation
                 except RuntimeError as error:
                     raise NotCompilable(f"native code cannot be made here: {error}") from error
-                kept.kernels = [found, *kept.kernels[: VARIANTS - 1]]
+                variants.kernels = [kernel, *variants.kernels[: VARIANTS - 1]]
     with contextlib.suppress(KeyError):
         _kept.move_to_end(key)
         while len(_kept) > ALIVE:
             _kept.popitem(last=False)
-    return found
+    return kernel
 
 
 def known(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
     """The kernel for arguments like these, if this process has it already."""
-    kept = _kept.get((entry, tuple(map(kind_of, args)), lanes))
-    return kept.find(args) if kept else None
+    variants = _kept.get((entry, tuple(map(kind_of, args)), lanes))
+    return variants.find(args) if variants else None
 
 
 def alive() -> list[Kernel]:
     """All kernels that this process keeps."""
-    return [k for kept in [*_kept.values()] for k in kept.kernels]
+    return [k for variants in [*_kept.values()] for k in variants.kernels]
 
 
 def forget() -> None:
@@ -361,7 +361,7 @@ def kind_of(value: Any) -> Kind:
 
 
 def _in_memory(layout: Layout) -> bool:
-    """Is something in memory in a value of this layout, or in what it describes, if it is one itself?"""
+    """Whether a value of this layout, or the layout that is itself the value, has parts in memory."""
     described = layout.detail if layout.kind == "static" else None
     return layout.in_memory or (isinstance(described, Layout) and described.in_memory)
 
@@ -379,38 +379,38 @@ def _directions(kinds: tuple[Kind, ...]) -> int:
 
 
 def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str | None:
-    """Where a kernel lies on disk: for what it is made, by which compiler and Python, for which
-    processor.
+    """The name of a kernel on disk: a digest of what it is made for, of the compiler, Python and the processor; None if
+    the compiler was edited since its import.
     """
     import hashlib
 
     from .changes import cache, content_hashes
     from .machine import llvm
 
-    own = cache.own_source()
-    if own is None:
+    compiler = cache.own_source()
+    if compiler is None:
         return None
-    python = sys.implementation.cache_tag, np.__version__, own, *llvm.machine()
+    python = sys.implementation.cache_tag, np.__version__, compiler, *llvm.machine()
     return hashlib.sha256(repr((content_hashes.digest((entry, *kinds)), lanes, python)).encode()).hexdigest()[:32]
 
 
 def width() -> int:
-    """How many doubles a vector register of this processor holds."""
+    """The number of doubles that a vector register of this processor holds."""
     from .machine import llvm
 
     return llvm.width()
 
 
 def lanes() -> int:
-    """How many bodies run side by side: as many registers for each number as can work while one
-    waits for a result.
+    """The number of bodies that run side by side: as many registers for each number as can work while one waits for a
+    result.
     """
     return 2 * width()
 
 
 def side_by_side(bodies: int | None) -> int:
-    """How many of so many bodies run side by side: for a few, such as the directions of a tangent
-    map, one register is enough.  None for one body alone: 0.
+    """The lanes for so many bodies: for a few, such as the directions of a tangent map, one register is enough.  None,
+    one body alone: 0.
     """
     if bodies is None:
         return 0
@@ -430,7 +430,7 @@ def translated(entry: Callable[..., Any], *args: Any) -> str:
 
 
 def _translated(
-    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, given: Sequence[Any] | None = None
+    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, arguments: Sequence[Any] | None = None
 ) -> tuple[Any, str]:
     """The dependencies of the driver, and the kernel in LLVM's language.
 
@@ -444,24 +444,24 @@ def _translated(
 
     with gc_paused():
         if "planes" in kinds:
-            return _translation(entry, kinds, lanes, given, LIMIT)
+            return _translation(entry, kinds, lanes, arguments, LIMIT)
         limit = LIMIT * (WITH_SLOPES if _directions(kinds) == 1 else 1)
-        made = _translation(entry, kinds, min(lanes, width()), given, limit)
-        if lanes > width() and llvm.size(made[1]) <= SHORT:
+        translation = _translation(entry, kinds, min(lanes, width()), arguments, limit)
+        if lanes > width() and llvm.size(translation[1]) <= SHORT:
             with contextlib.suppress(TooLong):
-                return _translation(entry, kinds, lanes, given, SIDE_BY_SIDE)
-        return made
+                return _translation(entry, kinds, lanes, arguments, SIDE_BY_SIDE)
+        return translation
 
 
 def _translation(
-    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, given: Sequence[Any] | None, limit: int
+    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, values: Sequence[Any] | None, limit: int
 ) -> tuple[Any, str]:
     """A loop over bodies around the driver, inlined, of at most so many instructions."""
     with _importing:
         from llvmlite import ir
 
         from ..formulas.classes.taken_back import journal
-        from .buffers import Array, arguments, entrance, hidden, unchanged
+        from .buffers import NativeArray, arguments, entrance, hidden, unchanged
         from .changes.dependencies import Reads
         from .machine import llvm
         from .numbers.ir_numbers import F64, I64, Emitter
@@ -505,12 +505,12 @@ def _translation(
     builder.position_at_end(body)
     reads = Reads(entry)
     for i, (a, kind) in enumerate(zip(args, kinds, strict=True)):
-        if isinstance(a, Array):
+        if isinstance(a, NativeArray):
             a.body = index
         if isinstance(kind, tuple):
             args[i] = a = a.read(0, kind[1])
         if isinstance(_layout(kind), Layout):
-            reads.argument(i, a, given[i] if given else a)
+            reads.argument(i, a, values[i] if values else a)
     interpreter = Interpreter(emitter, reads)
     interpreter.intrinsics |= {
         driver.read: lambda array, at, layout: array.read(at, interpreter.outliner.fitting(layout)),

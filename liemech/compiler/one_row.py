@@ -71,10 +71,10 @@ class Native:
 
     def __init__(self, row: OneRow, job: Any, run: kernel.Kernel, args: Any, result: Any) -> None:
         self.run, self.owner, self.lock = run, row.batch[1], threading.Lock()
-        self.shapes, given = [*map(np.shape, args)], len(args)
+        self.shapes, count = [*map(np.shape, args)], len(args)
         self.single = type(result) is not tuple
         parts = (result,) if self.single else result
-        self.dtypes = row.dtypes[:given]
+        self.dtypes = row.dtypes[:count]
         shapes = [(), *self.shapes, *map(np.shape, parts)]
         dtypes = [_DOUBLE, *self.dtypes, *[np.result_type(float, part) for part in parts]]
         sizes = [math.prod(shape) * dtype.itemsize // 8 for shape, dtype in zip(shapes, dtypes)]
@@ -82,7 +82,7 @@ class Native:
         self.memory = np.zeros(ends[-1])
         rows = [self.memory[a:b].reshape(1, -1) for a, b in itertools.pairwise(ends)]
         views = [flat[0].view(dtype).reshape(shape) for flat, dtype, shape in zip(rows, dtypes, shapes)]
-        self.inputs, self.outputs = views[1 : 1 + given], views[1 + given :]
+        self.inputs, self.outputs = views[1 : 1 + count], views[1 + count :]
         self.kinds = [type(part) for part in parts]
         arguments = job.arguments
         numbers = [x for a in arguments for x in gatherer(layout_of(a))(a)]
@@ -93,7 +93,7 @@ class Native:
 
     @staticmethod
     def fits(job: Any, result: Any) -> bool:
-        """Are all results numbers, vectors and matrices of such, or truth values?"""
+        """Whether all results are numbers, vectors and matrices of them, or truth values, of the sizes of the job."""
         parts = result if type(result) is tuple else (result,)
         sizes = [np.size(part) * (2 if np.iscomplexobj(part) else 1) for part in parts]
         return all(isinstance(p, (float, bool, np.ndarray)) for p in parts) and sizes == [
@@ -124,10 +124,10 @@ class Native:
             self.run.on_memory(self.block, self.rows)
             if memory[0]:
                 return None
-            made = [
+            results = [
                 place.copy() if kind is np.ndarray else kind(place.item())
                 for place, kind in zip(self.outputs, self.kinds)
             ]
         finally:
             self.lock.release()
-        return made[0] if self.single else tuple(made)
+        return results[0] if self.single else tuple(results)

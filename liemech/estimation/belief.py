@@ -54,8 +54,8 @@ class Belief:
         """
         e = np.asarray(self.error(x))
         solved = np.linalg.solve(self.covariance, e[..., None])[..., 0]
-        found = np.einsum("...i,...i->...", e, solved)
-        return found if found.ndim else float(found)
+        squared = np.einsum("...i,...i->...", e, solved)
+        return squared if squared.ndim else float(squared)
 
     @property
     def deviations(self) -> np.ndarray:

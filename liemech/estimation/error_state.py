@@ -31,13 +31,13 @@ class ErrorStateFilter(Filter):
     def propagated(self, g: Element, covariance: Mat, u: Vec, h: float) -> tuple[Element, Mat]:
         """g' and P'.  covariance : (dim, dim), u : (inputs,)."""
         process = self.process
-        there = process.led(g, u, h)
-        F = transition(self.group, self.side, g, lambda x: process.led(x, u, h), there)
+        g_next = process.led(g, u, h)
+        F = transition(self.group, self.side, g, lambda x: process.led(x, u, h), g_next)
         L = process.by_noise(self.side, g, u, h)
-        return there, symmetric(F @ covariance @ F.T + squares(L))
+        return g_next, symmetric(F @ covariance @ F.T + squares(L))
 
     def correction(self, sensor: Any, limit: float) -> Correction:
-        """Kalman's."""
+        """The Kalman correction by a linearised sensor."""
         return ErrorStateCorrection(self.group, sensor, self.side, self.reset, limit)
 
 
@@ -64,7 +64,7 @@ class ErrorStateCorrection(Correction):
         return moved(self.group, self.side, g, e), P, nis
 
     def innovation(self, g: Element, covariance: Mat, z: Ambient) -> tuple[Vec, Mat]:
-        """r and S."""
+        """The residual r and its covariance S = H P H^T + R."""
         r, H, R = self._linear(g, z)
         return r, symmetric(H @ covariance @ H.T + R)
 
@@ -83,6 +83,6 @@ def gain(S: Mat, C: Mat, r: Vec) -> tuple[Mat, float]:
 
 
 def _one_minus(m: Mat) -> Mat:
-    """1 - m."""
+    """The difference 1 - m, (n, n)."""
     n = len(m)
     return mat(*[[1.0 - m[i, j] if i == j else -m[i, j] for j in range(n)] for i in range(n)])

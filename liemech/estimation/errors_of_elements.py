@@ -82,5 +82,5 @@ def symmetric(P: Mat) -> Mat:
 
 
 def squares(a: Mat) -> Mat:
-    """a a^T."""
+    """The symmetric product a a^T, (n, n)."""
     return a @ a.T

@@ -79,7 +79,7 @@ class Filter(Record):
             raise InvalidType(f"{type(self).__name__}: process must be a Process; got {self.process!r}")
 
     @cached_property
-    def _known(self) -> dict[Any, Correction]:
+    def _corrections(self) -> dict[Any, Correction]:
         """The corrections by sensors that it has seen."""
         return {}
 
@@ -95,7 +95,7 @@ class Filter(Record):
         raise undefined(self, "propagated")
 
     def correction(self, sensor: Any, limit: float) -> Correction:
-        """How a sensor corrects."""
+        """The correction by a sensor, which a subclass defines."""
         raise undefined(self, "correction")
 
     # ---------------------------------------------------------------- what follows
@@ -153,9 +153,9 @@ class Filter(Record):
 
     def _correction(self, name: str, belief: Any, sensor: Any, gate: Any) -> Correction:
         self._look_at(name, belief)
-        kept, gate = self._known, None if gate is None else _probability(gate)
-        found = kept.get((id(sensor), gate))
-        if found is None or found.sensor is not sensor:
+        corrections, gate = self._corrections, None if gate is None else _probability(gate)
+        correction = corrections.get((id(sensor), gate))
+        if correction is None or correction.sensor is not sensor:
             if not isinstance(sensor, Sensor):
                 raise InvalidType(f"{type(self).__name__}.{name}: sensor must be a Sensor; got {sensor!r}")
             if sensor.group != self.group:
@@ -163,11 +163,11 @@ class Filter(Record):
                     f"{type(self).__name__}.{name}: the sensor measures {sensor.group!r}, the filter "
                     f"estimates {self.group!r}"
                 )
-            found = self.correction(sensor, _limit(gate, len(sensor.deviation)))
-            if len(kept) > MANY:
-                kept.clear()
-            kept[id(sensor), gate] = found
-        return found
+            correction = self.correction(sensor, _limit(gate, len(sensor.deviation)))
+            if len(corrections) > MANY:
+                corrections.clear()
+            corrections[id(sensor), gate] = correction
+        return correction
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return _shape(self.group, argument, kind) or self.process._shape(argument, kind)

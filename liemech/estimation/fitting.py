@@ -101,13 +101,13 @@ def fit(
     names = (by,) if isinstance(by, str) else tuple(by)
     if not names or names[0] != "start":
         raise InvalidInput(f'fit: by begins with "start"; got {by!r}')
-    seen = [observed("fit", space, "left", None, i, *each) for i, each in enumerate(observations)]
-    if not seen:
+    sights = [observed("fit", space, "left", None, i, *each) for i, each in enumerate(observations)]
+    if not sights:
         raise InvalidInput("fit: there are no observations")
-    last = max(int(at.max(initial=0)) for _, at, _ in seen)
+    last = max(int(at.max(initial=0)) for _, at, _ in sights)
     if prior is not None:
-        known = prior.seen_from("left")
-        seen.append((Sight(Prior(space, known.covariance, "left"), "left"), np.array([0]), known.g[None]))
+        belief = prior.seen_from("left")
+        sights.append((Sight(Prior(space, belief.covariance, "left"), "left"), np.array([0]), belief.g[None]))
     values = {name: np.asarray(parameter(system, name), dtype=float) for name in names[1:]}
     mover, dim, parts = Mover(space, "left"), space.dim, [*start.arrays]
 
@@ -119,16 +119,16 @@ def fit(
         A, b = np.zeros((T.shape[2], T.shape[2])), np.zeros(T.shape[2])
         weights: list[Any] = []
         squares: list[Any] = []
-        for sight, at, z in seen:
-            r, H, R = sight.of(path[at], z)
+        for sight, at, z in sights:
+            r, H, R = sight.factors(path[at], z)
             J = H @ T[at]
             RJ, Rr = over("fit", R, type(sight.sensor).__name__, J, r[..., None])
             A += np.einsum("kmi,kmj->ij", J, RJ)
             b += np.einsum("kmi,km->i", J, Rr[..., 0])
             weights.append(R)
             squares.append(r)
-        there = half_squares(squares, weights if before is None else before[3])
-        return there, half_squares(squares, weights), (A, b, run, weights)
+        comparable = half_squares(squares, weights if before is None else before[3])
+        return comparable, half_squares(squares, weights), (A, b, run, weights)
 
     def step(problem: Any, damping: float) -> tuple[np.ndarray, float]:
         A, b, *_ = problem
@@ -156,7 +156,7 @@ def fit(
     (g, numbers), (A, _, run, _), cost, steps = minimise(
         "fit", (_element(space, start.arrays), values), linear, step, move, tolerance, iterations
     )
-    residuals = sum(len(at) * len(sight.sensor.deviation) for sight, at, _ in seen)
+    residuals = sum(len(at) * len(sight.sensor.deviation) for sight, at, _ in sights)
     return Fit(_state(space, start, g), numbers, np.linalg.inv(A), run, 2.0 * cost, residuals - len(A), steps)
 
 

@@ -57,12 +57,12 @@ class Imu(Process):
 
     @cached_property
     def group(self) -> SE23:
-        """SE_2(3)."""
+        """The group SE_2(3) of attitude, velocity and position."""
         return SE23()
 
     @property
     def inputs(self) -> int:
-        """Six."""
+        """The number of inputs: three angular rates, three accelerations."""
         return 6
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
@@ -72,7 +72,7 @@ class Imu(Process):
         return _navigated(g, u[:3] + w[:3], u[3:] + w[3:6], w[6:], self.gravity, h)
 
     def deviations(self, h: float) -> Vec:
-        """Of the means of angular velocity and force over a step, and of the position beside them."""
+        """The deviations of the means of angular velocity and force over a step, and of the position beside them."""
         return _inertial(self.gyroscope, self.accelerometer, h)
 
 
@@ -96,23 +96,23 @@ class BiasedImu(Process):
 
     @cached_property
     def group(self) -> ProductGroup:
-        """SE_2(3) x R^6."""
+        """The group SE_2(3) x R^6, of motions and biases."""
         return ProductGroup(SE23(), VectorSpace(6))
 
     @property
     def inputs(self) -> int:
-        """Six."""
+        """The number of inputs: three angular rates, three accelerations."""
         return 6
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
-        """As without biases, for u - b; the biases by h w_b."""
+        """The motion of an Imu without biases for u - b; the biases change by h w_b."""
         x, b = self.group.split(g)
         turn, force = u[:3] - b[:3] + w[:3], u[3:] - b[3:] + w[3:6]
-        there = _navigated(x, turn, force, w[6:9], self.gravity, h)
-        return self.group.join(there, b + h * w[9:])
+        navigated = _navigated(x, turn, force, w[6:9], self.gravity, h)
+        return self.group.join(navigated, b + h * w[9:])
 
     def deviations(self, h: float) -> Vec:
-        """As without biases; and wander/sqrt(h)."""
+        """The deviations of an Imu without biases, and wander/sqrt(h)."""
         return vec(*_inertial(self.gyroscope, self.accelerometer, h), *(self.wander / sqrt(h)))
 
 
@@ -135,12 +135,12 @@ class BiasedGyroscope(Process):
 
     @cached_property
     def group(self) -> ProductGroup:
-        """SO(3) x R^3."""
+        """The group SO(3) x R^3, of attitudes and biases."""
         return ProductGroup(SO3(), VectorSpace(3))
 
     @property
     def inputs(self) -> int:
-        """Three."""
+        """The number of inputs: three angular rates."""
         return 3
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
@@ -150,5 +150,5 @@ class BiasedGyroscope(Process):
         return self.group.join(turned, b + h * w[3:])
 
     def deviations(self, h: float) -> Vec:
-        """density/sqrt(h), wander/sqrt(h)."""
+        """The deviations of the noise, density/sqrt(h) and wander/sqrt(h)."""
         return vec(*(self.density / sqrt(h)), *(self.wander / sqrt(h)))

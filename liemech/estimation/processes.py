@@ -55,18 +55,18 @@ class Process(Record):
         """
         size = self.deviations(h)
         still = vec(*[0.0] * len(size))
-        there = self.move(g, u, still, h)
+        g_next = self.move(g, u, still, h)
         rates = [derivative(lambda w: self.move(g, u, w, h), still, d) for d in axes(still)]
-        return transpose(mat(*[s * velocity(self.group, side, there, rate) for s, rate in zip(size, rates)]))
+        return transpose(mat(*[s * velocity(self.group, side, g_next, rate) for s, rate in zip(size, rates)]))
 
     @property
     def inputs(self) -> int:
-        """How many numbers u has: by default as many as the group has dimensions."""
+        """The number of components of u, by default the dimension of the group."""
         return self.group.dim
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        known = {"u": (self.inputs,), "w": (len(self.deviations(1.0)),)}
-        return known.get(argument) or self.group._shape(argument, kind)
+        shapes = {"u": (self.inputs,), "w": (len(self.deviations(1.0)),)}
+        return shapes.get(argument) or self.group._shape(argument, kind)
 
     def _objection(self, argument: str, value: Any) -> str | None:
         return self.group._objection(argument, value)
@@ -96,7 +96,7 @@ class Turning(Process):
         return self.group.compose_exp(g, h * (u + w))
 
     def deviations(self, h: float) -> Vec:
-        """density/sqrt(h)."""
+        """The deviations of the noise, density/sqrt(h)."""
         return self.density / sqrt(h)
 
 

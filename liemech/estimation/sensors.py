@@ -44,7 +44,7 @@ class Sensor(Record):
         return z - self.value(g)
 
     def covariance(self, g: Element) -> Mat:
-        """Of the residual, (m, m): diagonal, the squares of `deviation`."""
+        """The covariance of the residual, (m, m): diagonal, the squares of `deviation`."""
         s = self.deviation
         return mat(*[[s[i] * s[i] if i == j else 0.0 for j in range(len(s))] for i in range(len(s))])
 
@@ -88,7 +88,7 @@ class Place(Sensor):
         check_noise(self, TINY, deviation=self.group.dim)
 
     def value(self, g: Element) -> Element:
-        """g."""
+        """The element g itself, which is measured."""
         return g
 
     def residual(self, g: Element, z: Ambient) -> Vec:
@@ -97,12 +97,12 @@ class Place(Sensor):
 
     @property
     def value_shape(self) -> tuple[int, ...]:
-        """That of an element."""
+        """The shape of an element of the group."""
         return self.group.element_shape
 
     @property
     def elements(self) -> LieGroup:
-        """The group."""
+        """The group of which the values are elements."""
         return self.group
 
 
@@ -127,7 +127,7 @@ class Direction(Sensor):
         check_noise(self, TINY, deviation=3)
 
     def value(self, g: Element) -> Vec:
-        """R^T d."""
+        """The known direction seen from the body, R^T d, (3,)."""
         d = self.known
         return vec(*[g[0, i] * d[0] + g[1, i] * d[1] + g[2, i] * d[2] for i in range(3)])
 
@@ -153,7 +153,7 @@ class Position(Sensor):
         check_noise(self, -INFINITY, lever=3)
 
     def value(self, g: Element) -> Vec:
-        """p + R lever."""
+        """The position of the end of the lever, p + R lever, (3,)."""
         x, last = self.lever, len(g) - 1
         at = [g[i, 0] * x[0] + g[i, 1] * x[1] + g[i, 2] * x[2] for i in range(3)]
         return vec(*[g[i, last] + at[i] for i in range(3)])
@@ -179,7 +179,7 @@ class Landmark(Sensor):
         check_noise(self, -INFINITY, point=3)
 
     def value(self, g: Element) -> Vec:
-        """R^T (point - p)."""
+        """The landmark seen from the body, R^T (point - p), (3,)."""
         last = len(g) - 1
         d = [self.point[i] - g[i, last] for i in range(3)]
         return vec(*[g[0, i] * d[0] + g[1, i] * d[1] + g[2, i] * d[2] for i in range(3)])
@@ -215,7 +215,7 @@ class OfPart(Sensor):
 
     @property
     def deviation(self) -> Vec:
-        """That of the sensor."""
+        """The deviations of the sensor of this part."""
         return self.sensor.deviation
 
     def value(self, g: Element) -> Any:
@@ -223,19 +223,19 @@ class OfPart(Sensor):
         return self.sensor.value(self.group.split(g)[self.part])
 
     def residual(self, g: Element, z: Ambient) -> Vec:
-        """That of the sensor."""
+        """The residual of the sensor at this part of g."""
         return self.sensor.residual(self.group.split(g)[self.part], z)
 
     def covariance(self, g: Element) -> Mat:
-        """That of the sensor."""
+        """The covariance of the sensor at this part of g."""
         return self.sensor.covariance(self.group.split(g)[self.part])
 
     @property
     def value_shape(self) -> tuple[int, ...]:
-        """That of the sensor."""
+        """The shape of the sensor's values."""
         return self.sensor.value_shape
 
     @property
     def elements(self) -> LieGroup | None:
-        """That of the sensor."""
+        """The group of the sensor's values; None if they are vectors."""
         return self.sensor.elements

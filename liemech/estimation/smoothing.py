@@ -21,7 +21,7 @@ from .sensors import Sensor
 
 
 @record
-class Link(Record):
+class ProcessLink(Record):
     """The process between two neighbours.
 
     Source: Dellaert and Kaess, Factor Graphs for Robot Perception (2017), section 6.
@@ -46,7 +46,7 @@ class Link(Record):
 
     @property
     def group(self) -> Any:
-        """That of the process."""
+        """The group on which the process moves."""
         return self.process.group
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -72,7 +72,7 @@ class Sight(Record):
         slopes = by_error(self.group, self.side, g, lambda x: sensor.residual(x, z))
         return sensor.residual(g, z), transpose(mat(*slopes)), sensor.covariance(g)
 
-    def of(self, g: Any, z: Any) -> tuple[Any, Any, Any]:
+    def factors(self, g: Any, z: Any) -> tuple[Any, Any, Any]:
         """Values for many elements; a single one goes by itself, which is quicker."""
         if len(g) != 1:
             return self.factor(g, z)
@@ -81,7 +81,7 @@ class Sight(Record):
 
     @property
     def group(self) -> Any:
-        """That of the sensor."""
+        """The group whose elements the sensor sees."""
         return self.sensor.group
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -112,12 +112,12 @@ class Prior(Sensor):
         return error(self.group, self.side, g, z)
 
     def covariance(self, g: Element) -> Mat:
-        """P."""
+        """The covariance P, which is the same for all g."""
         return self.P
 
     @property
     def value_shape(self) -> tuple[int, ...]:
-        """That of an element."""
+        """The shape of an element of the group."""
         return self.group.element_shape
 
 
@@ -202,8 +202,8 @@ def smooth(
     n = len(u)
     sights = [observed("smooth", group, side, n, number, *each) for number, each in enumerate(observations)]
     if prior is not None:
-        known = Prior(group, prior.covariance, side)
-        sights = [(Sight(known, side), np.array([0]), np.array([prior.g])), *sights]
+        sensor = Prior(group, prior.covariance, side)
+        sights = [(Sight(sensor, side), np.array([0]), np.array([prior.g])), *sights]
     if initial is not None:
         path = real_array(initial, "smooth: initial")
         if path.shape != (n + 1, *group.element_shape):
@@ -212,7 +212,7 @@ def smooth(
         raise InvalidInput("smooth: without a prior give a path to begin with, initial=")
     else:
         path = led(process, prior.g, u, times)
-    link, mover = Link(process, side), Mover(group, side)
+    link, mover = ProcessLink(process, side), Mover(group, side)
 
     def linear(x: Any, before: Any) -> tuple[float, float, Any]:
         steps: Any = times  # a row for each link
@@ -228,15 +228,15 @@ def smooth(
         b[1:] += (Bt @ Qr)[..., 0]
         weights, squares = [Q], [r]
         for sight, at, z in sights:
-            r, H, R = sight.of(x[at], z)
+            r, H, R = sight.factors(x[at], z)
             Ht = H.swapaxes(1, 2)
             RH, Rr = over("smooth", R, type(sight.sensor).__name__, H, r[..., None])
             np.add.at(D, at, Ht @ RH)
             np.add.at(b, at, (Ht @ Rr)[..., 0])
             weights.append(R)
             squares.append(r)
-        there = half_squares(squares, weights if before is None else before[3])
-        return there, half_squares(squares, weights), (D, E, b, weights)
+        comparable = half_squares(squares, weights if before is None else before[3])
+        return comparable, half_squares(squares, weights), (D, E, b, weights)
 
     def step(problem: Any, damping: float) -> tuple[np.ndarray, float]:
         D, E, b, _ = problem
@@ -245,14 +245,14 @@ def smooth(
         d = -_solver(damped, E).solve(b)
         return d, float(0.5 * np.sum(d * (damping * diagonal * d - b)))
 
-    found, (D, E, _, _), cost, steps = minimise("smooth", path, linear, step, mover.moved, tolerance, iterations)
+    smoothed, (D, E, _, _), cost, steps = minimise("smooth", path, linear, step, mover.moved, tolerance, iterations)
     covariance = _solver(D, E).diagonal_of_inverse()
     residuals = n * group.dim + sum(len(s) * len(o.sensor.deviation) for o, s, _ in sights)
-    return Smoothed(Belief(group, found, covariance, side), 2.0 * cost, residuals - (n + 1) * group.dim, steps)
+    return Smoothed(Belief(group, smoothed, covariance, side), 2.0 * cost, residuals - (n + 1) * group.dim, steps)
 
 
 def led(process: Process, g: Any, u: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """Where a process leads from an element without noise, (n + 1, ...)."""
+    """The path along which a process leads from an element without noise, (n + 1, ...)."""
     path = [np.asarray(g, dtype=float)]
     for k in range(len(u)):
         path.append(process.led(path[-1], u[k], float(h[k])))

@@ -39,16 +39,16 @@ class UnscentedFilter(Filter):
         """g' and P'.  covariance : (dim, dim), u : (inputs,)."""
         group, side, process = self.group, self.side, self.process
         size = process.deviations(h)
-        there, count = process.led(g, u, h), group.dim + len(size)
+        g_next, count = process.led(g, u, h), group.dim + len(size)
         columns = root(covariance).T
         noises = [vec(*[size[j] if i == j else 0.0 for i in range(len(size))]) for j in range(len(size))]
         # errors after the step by how they begin, which no turn has taken away
         ends: list[Any] = []
         for column in columns:
-            end = error(group, side, there, process.led(moved(group, side, g, LITTLE * column), u, h))
+            end = error(group, side, g_next, process.led(moved(group, side, g, LITTLE * column), u, h))
             ends = [*ends, (1.0 / LITTLE) * end]
         for noise in noises:
-            ends = [*ends, (1.0 / LITTLE) * error(group, side, there, process.move(g, u, LITTLE * noise, h))]
+            ends = [*ends, (1.0 / LITTLE) * error(group, side, g_next, process.move(g, u, LITTLE * noise, h))]
         length = in_chart(group, ends, self.spread * sqrt(float(count)))
         moves: list[Any] = []
         for column in columns:
@@ -57,13 +57,13 @@ class UnscentedFilter(Filter):
         for noise in noises:
             for sign in (length, -length):
                 moves = [*moves, process.move(g, u, sign * noise, h)]
-        errors = [error(group, side, there, x) for x in moves]
+        errors = [error(group, side, g_next, x) for x in moves]
         weight = 0.5 / (length * length)
         mean = weight * total(errors)
         P = spread_about(mean, errors, weight)
         if self.reset:
             P = transported(group, side, mean, P)
-        return moved(group, side, there, mean), P
+        return moved(group, side, g_next, mean), P
 
     def correction(self, sensor: Any, limit: float) -> Correction:
         """By elements on both sides of the estimate."""
@@ -93,7 +93,7 @@ class UnscentedCorrection(Correction):
         return moved(self.group, self.side, g, e), P, nis
 
     def innovation(self, g: Element, covariance: Mat, z: Ambient) -> tuple[Vec, Mat]:
-        """r and S."""
+        """The mean r of the residual, and its covariance S."""
         r, S, *_ = self._moments(g, covariance, z)
         return r, S
 
@@ -102,7 +102,7 @@ class UnscentedCorrection(Correction):
         the errors, and by how much they change the residual, on average too.
         """
         group, side, sensor = self.group, self.side, self.sensor
-        here, columns = sensor.residual(g, z), root(covariance).T
+        residual, columns = sensor.residual(g, z), root(covariance).T
         length = self.spread * sqrt(float(group.dim))
         if sensor.elements is not None:
             length = in_chart(group, columns, length)
@@ -113,14 +113,14 @@ class UnscentedCorrection(Correction):
         for column in columns:
             e = length * column
             errors = [*errors, e, -e]
-            plus = self._away(g, moved(group, side, g, e), here, z)
-            minus = self._away(g, moved(group, side, g, -e), here, z)
+            plus = self._away(g, moved(group, side, g, e), residual, z)
+            minus = self._away(g, moved(group, side, g, -e), residual, z)
             away = [*away, plus, minus]
             part = weight * outer(e, minus - plus)
             C = part if C is None else C + part
         mean = weight * total(away)
         S = symmetric(spread_about(mean, away, weight) + sensor.covariance(g))
-        return here + mean, S, C, weight, errors, away, mean
+        return residual + mean, S, C, weight, errors, away, mean
 
     def _away(self, g: Any, x: Any, here: Any, z: Any) -> Any:
         """By how much the residual at x differs from that at g.  Of elements it is told by the value at x alone:
@@ -168,17 +168,17 @@ def spread_about(mean: Vec, vectors: list[Vec], weight: Any) -> Mat:
     to 1, scaled so that it is never negative: weight sum v v^T - s^2 mean mean^T with s^2 = 1/(2 n weight),
     the square of the spread; Julier (2002).
     """
-    rest = float(len(vectors)) * weight
-    more = 2.0 - rest - 1.0 / rest
-    return symmetric(weight * gram([v - mean for v in vectors]) + more * outer(mean, mean))
+    sum_of_weights = float(len(vectors)) * weight
+    excess = 2.0 - sum_of_weights - 1.0 / sum_of_weights
+    return symmetric(weight * gram([v - mean for v in vectors]) + excess * outer(mean, mean))
 
 
 def total(vectors: list[Vec]) -> Vec:
     """Their sum, from left to right."""
-    found = vectors[0]
+    running = vectors[0]
     for v in vectors[1:]:
-        found = found + v
-    return found
+        running = running + v
+    return running
 
 
 def gram(vectors: list[Vec]) -> Mat:
@@ -195,15 +195,15 @@ def root(P: Mat) -> Mat:
     for i in range(n):
         row: list[Any] = []
         for j in range(i):
-            rest = P[i, j]
+            remainder = P[i, j]
             for k in range(j):
-                rest = rest - row[k] * rows[j][k]
+                remainder = remainder - row[k] * rows[j][k]
             pivot = rows[j][j]
-            row = [*row, rest / pivot if pivot > 0.0 else 0.0]
-        rest = P[i, i]
+            row = [*row, remainder / pivot if pivot > 0.0 else 0.0]
+        remainder = P[i, i]
         for k in range(i):
-            rest = rest - row[k] * row[k]
+            remainder = remainder - row[k] * row[k]
         # what rounding leaves of zero is zero
-        row = [*row, sqrt(rest) if rest > 1e-14 * P[i, i] else 0.0]
+        row = [*row, sqrt(remainder) if remainder > 1e-14 * P[i, i] else 0.0]
         rows = [*rows, row]
     return mat(*[vec(*row, *[0.0] * (n - 1 - i)) for i, row in enumerate(rows)])

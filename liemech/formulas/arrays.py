@@ -56,8 +56,8 @@ def at_a_glance(value: Any, shape: tuple[int, ...]) -> Any:
         if not _REAL.issuperset(map(type, value)) or not -(2**53) < min(whole) <= max(whole) < 2**53:
             return None
         value = map(float, value)
-    made = tuple.__new__(Vec, value)
-    return made if all(map(math.isfinite, made)) else None
+    components = tuple.__new__(Vec, value)
+    return components if all(map(math.isfinite, components)) else None
 
 
 _SEQUENCES, _FLOAT, _REAL = (frozenset([list, tuple, Vec]), frozenset([float]), frozenset([float, int]))

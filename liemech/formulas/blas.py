@@ -22,19 +22,19 @@ ROUTINES = {"gemm": 13, "gesv": 8, "getrf": 6}
 
 @functools.cache
 def addresses() -> dict[str, int]:
-    """Where the routines are: dgemm, zgemm, ..."""
+    """The addresses of the routines of BLAS and LAPACK by name: dgemm, zgemm, ..."""
     from scipy.linalg import cython_blas, cython_lapack
 
     name, pointer = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
     name.restype, name.argtypes = ctypes.c_char_p, [ctypes.py_object]
     pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-    found = {}
+    pointers = {}
     for kind in "dz":
         for routine in ROUTINES:
             library = cython_blas if routine == "gemm" else cython_lapack
             capsule = library.__pyx_capi__[kind + routine]
-            found[kind + routine] = pointer(capsule, name(capsule))
-    return found
+            pointers[kind + routine] = pointer(capsule, name(capsule))
+    return pointers
 
 
 @functools.cache
@@ -62,7 +62,9 @@ def _threads() -> Any:
 
 
 class _Alone:
-    """How many callers, in all threads, want BLAS on one thread at present, and on how many the first found it."""
+    """The count of callers, in all threads, that want BLAS on one thread at present, and the threads that the first of
+    them found it on.
+    """
 
     inside, before = 0, 1
     lock = threading.Lock()
@@ -120,29 +122,29 @@ _ONE, _ZERO = (ctypes.c_double * 2)(1.0, 0.0), (ctypes.c_double * 2)(0.0, 0.0)
 def product(a: np.ndarray, b: np.ndarray, is_complex: bool) -> np.ndarray:
     """A B.  a : (m, k), b : (k, n), of complex ones with a last axis of 2, in one piece."""
     (m, k), n = a.shape[:2], b.shape[1]
-    found = np.empty((m, n, *a.shape[2:]))
+    c = np.empty((m, n, *a.shape[2:]))
     no, sizes = (ctypes.byref(ctypes.c_char(b"N")), [ctypes.byref(ctypes.c_int(x)) for x in (n, m, k)])
     with one_thread():
         _routine("zgemm" if is_complex else "dgemm")(
             no, no, *sizes, _ONE, b.ctypes.data, sizes[0], a.ctypes.data, sizes[2], _ZERO,
-            found.ctypes.data, sizes[0],
+            c.ctypes.data, sizes[0],
         )  # fmt: skip
-    return found
+    return c
 
 
 def over(b: np.ndarray, a: np.ndarray, is_complex: bool) -> np.ndarray:
     """B A^-1; nan if A is singular.  a : (n, n), b : (m, n), as of `product`."""
     n, m = len(a), len(b)
-    factors, found, pivots, info = a.copy(), b.copy(), np.empty(n, dtype=np.int32), ctypes.c_int(0)
+    factors, quotient, pivots, info = a.copy(), b.copy(), np.empty(n, dtype=np.int32), ctypes.c_int(0)
     sizes = [ctypes.byref(ctypes.c_int(x)) for x in (n, m)]
     with one_thread():
         _routine("zgesv" if is_complex else "dgesv")(
-            *sizes, factors.ctypes.data, sizes[0], pivots.ctypes.data, found.ctypes.data, sizes[0],
+            *sizes, factors.ctypes.data, sizes[0], pivots.ctypes.data, quotient.ctypes.data, sizes[0],
             ctypes.byref(info),
         )  # fmt: skip
     if info.value:
-        found[:] = np.nan
-    return found
+        quotient[:] = np.nan
+    return quotient
 
 
 def determinant(a: np.ndarray, is_complex: bool) -> tuple[float, float]:
@@ -155,10 +157,10 @@ def determinant(a: np.ndarray, is_complex: bool) -> tuple[float, float]:
         _routine("zgetrf" if is_complex else "dgetrf")(
             size, size, factors.ctypes.data, size, pivots.ctypes.data, ctypes.byref(info)
         )
-    found, of_one = (1.0, 0.0), 1 if is_complex else 0
+    det, of_one = (1.0, 0.0), 1 if is_complex else 0
     for k, at in enumerate(pivots.tolist()):
         c = factors[k, k].tolist() if of_one else [factors.item(k, k), 0.0]
         s = 1.0 if at == k + 1 else -1.0
         x, y = s * c[0], s * c[1]
-        found = found[0] * x - found[1] * y, found[0] * y + found[1] * x
-    return found
+        det = det[0] * x - det[1] * y, det[0] * y + det[1] * x
+    return det

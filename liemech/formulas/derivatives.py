@@ -103,7 +103,7 @@ def axes(x: Any) -> list[list[Any]]:
 
 
 def _moving(x: Any, direction: Any, level: float) -> Any:
-    """x + e d."""
+    """The argument x + e d, e the unit of derivatives of this level."""
     if type(x) is float and (type(direction) is float or (type(direction) is int and not direction)):
         return Dual(x, direction, level)
     if (isinstance(x, np.ndarray) and x.ndim) or isinstance(x, (tuple, list, Mat)):
@@ -153,8 +153,8 @@ def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
         return (type(value)(a), type(value)(b)) if type(value) in (tuple, list) else (type(value)(*a), type(value)(*b))
     if isinstance(value, Record):
         fields = fields_of(value)
-        made = {name: (x, x) if isinstance(x, int) else _split(x, level, signed) for name, x in fields.items()}
-        return tuple([fill(type(value), {n: pair[i] for n, pair in made.items()}) for i in (0, 1)])
+        halves = {name: (x, x) if isinstance(x, int) else _split(x, level, signed) for name, x in fields.items()}
+        return tuple([fill(type(value), {n: pair[i] for n, pair in halves.items()}) for i in (0, 1)])
     if value is None or isinstance(value, str):
         return value, value
     # run-time numbers, series, symbols

@@ -117,7 +117,7 @@ def _square(what: str, m: Mat, rhs: Any) -> int:
 
 
 def _columns(what: str, m: Any) -> int:
-    """How many columns a matrix has."""
+    """The number of columns of a matrix."""
     if not isinstance(m[0], _SEQUENCES):
         raise InvalidType(f"{what}: of a matrix; got a vector of {len(m)} components")
     return len(m[0])
@@ -129,11 +129,11 @@ def _size(x: Any) -> Any:
 
 
 def _reciprocal(x: Any) -> Any:
-    """1/x, infinite for zero."""
+    """The reciprocal 1/x, infinite for zero."""
     if isinstance(x, Complex):
         return x.conjugate() * _reciprocal(abs2(x))
-    some = constant(x) != 0.0
-    return where(some, 1.0 / where(some, x, 1.0), INFINITE + 0.0 * x)
+    nonzero = constant(x) != 0.0
+    return where(nonzero, 1.0 / where(nonzero, x, 1.0), INFINITE + 0.0 * x)
 
 
 def unit(m: Mat) -> Mat:
@@ -222,5 +222,5 @@ def quarters(m: Mat) -> tuple[Mat, Mat, Mat, Mat]:
 
 
 def of_quarters(A: Mat, B: Mat, C: Mat, D: Mat) -> Mat:
-    """[[A, B], [C, D]]."""
+    """The matrix [[A, B], [C, D]] of four blocks."""
     return mat(*[vec(*a, *b) for a, b in zip(A, B)], *[vec(*c, *d) for c, d in zip(C, D)])

@@ -167,7 +167,7 @@ def _sympy(name: str) -> Any:
 
 
 def fabs(x: Any) -> Any:
-    """|x|, as a float."""
+    """The absolute value |x|, as a float."""
     return abs(1.0 * x)
 
 

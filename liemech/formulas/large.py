@@ -37,25 +37,25 @@ class Large(InMemory):
     def __init__(self, array: Any) -> None:
         array = np.asarray(array)
         self.is_complex = array.dtype.kind == "c"
-        made = np.array(array, dtype=complex if self.is_complex else float, order="C")
-        self.shape: tuple[int, ...] = made.shape
-        self.numbers: Any = made.view(float).reshape(_inside(made.shape, self.is_complex))
+        entries = np.array(array, dtype=complex if self.is_complex else float, order="C")
+        self.shape: tuple[int, ...] = entries.shape
+        self.numbers: Any = entries.view(float).reshape(_inside(entries.shape, self.is_complex))
         self.place: Any = None
 
     @staticmethod
-    def of(numbers: np.ndarray, is_complex: bool) -> Large:
+    def of_numbers(numbers: np.ndarray, is_complex: bool) -> Large:
         """The vector or matrix of these numbers, which nobody else changes."""
-        made = object.__new__(Large)
-        made.numbers, made.is_complex, made.place = numbers, is_complex, None
-        made.shape = numbers.shape[:-1] if is_complex else numbers.shape
-        return made
+        large = object.__new__(Large)
+        large.numbers, large.is_complex, large.place = numbers, is_complex, None
+        large.shape = numbers.shape[:-1] if is_complex else numbers.shape
+        return large
 
     @staticmethod
     def at(place: Any, form: tuple[Any, ...]) -> Large:
-        """Of native code: the one of this form that lies at a place."""
-        made = object.__new__(Large)
-        (made.shape, made.is_complex), made.place, made.numbers = form, place, None
-        return made
+        """The vector or matrix of this form that lies at a place, in native code."""
+        large = object.__new__(Large)
+        (large.shape, large.is_complex), large.place, large.numbers = form, place, None
+        return large
 
     # ---------------------------------------------------------------- its form
 
@@ -66,7 +66,7 @@ class Large(InMemory):
 
     @property
     def size(self) -> int:
-        """How many real numbers it has."""
+        """The count of real numbers, two for a complex entry."""
         return size_of(self.form)
 
     @property
@@ -78,13 +78,13 @@ class Large(InMemory):
 
     @property
     def flat(self) -> list[float]:
-        """Its real numbers in a row."""
-        made: list[float] = self.numbers.ravel().tolist()
-        return made
+        """The real numbers of all entries, in a row."""
+        numbers: list[float] = self.numbers.ravel().tolist()
+        return numbers
 
     @property
     def array(self) -> np.ndarray:
-        """It as an array of NumPy's."""
+        """The entries as an array of NumPy's, real or complex."""
         if self.numbers is None:
             raise InvalidType("an array of numbers that are known at run time only")
         if self.is_complex:
@@ -102,12 +102,12 @@ class Large(InMemory):
     def __getitem__(self, index: Any) -> Any:
         if self.numbers is None:
             return self._engine.entry(self, index)
-        found = self.array[index]
-        return found.item() if np.ndim(found) == 0 else Large(found)
+        entries = self.array[index]
+        return entries.item() if np.ndim(entries) == 0 else Large(entries)
 
     @property
     def content(self) -> Any:
-        """Its form and bytes, by which it is compared; None in native code."""
+        """The form and bytes, by which vectors and matrices are compared; None in native code."""
         return None if self.numbers is None else (self.form, self.numbers.tobytes())
 
     def __eq__(self, other: object) -> Any:
@@ -127,7 +127,7 @@ class Large(InMemory):
 
     @property
     def _engine(self) -> Any:
-        """Who makes native code of what it is asked."""
+        """The `LargeArrays` of the translation that the place belongs to."""
         return self.place.emitter.large
 
     # ---------------------------------------------------------------- arithmetic
@@ -151,7 +151,7 @@ class Large(InMemory):
             for x in (a, b)
         )  # fmt: skip
         with np.errstate(all="ignore"):
-            return Large.of(op(left, right), self.is_complex)
+            return Large.of_numbers(op(left, right), self.is_complex)
 
     def __add__(self, other: Any) -> Any:
         return self._by_numbers(operator.add, self, other)
@@ -178,17 +178,17 @@ class Large(InMemory):
         return self._by_numbers(operator.truediv, other, self)
 
     def __neg__(self) -> Large:
-        made: Large = self._by_numbers(operator.mul, -1.0, self)
-        return made
+        negative: Large = self._by_numbers(operator.mul, -1.0, self)
+        return negative
 
     def __pos__(self) -> Large:
         return self
 
     def __abs__(self) -> Large:
         if self.numbers is None:
-            made: Large = self._engine.absolute(self)
-            return made
-        return Large.of(np.abs(self.numbers), self.is_complex)
+            absolute: Large = self._engine.absolute(self)
+            return absolute
+        return Large.of_numbers(np.abs(self.numbers), self.is_complex)
 
     def __bool__(self) -> bool:
         raise InvalidType(f"{self!r} is neither true nor false")
@@ -197,7 +197,7 @@ class Large(InMemory):
         return Large(other) @ self
 
     def inner_with(self, other: Any) -> Any:
-        """The scalar product."""
+        """The scalar product with another, as `inner` has it."""
         return inner(self, other)
 
     # ---------------------------------------------------------------- matrices
@@ -216,52 +216,52 @@ class Large(InMemory):
             raise InvalidType(f"{self!r} cannot multiply {other!r}: one is real, one complex")
         if self.numbers is None or other.numbers is None:
             return (self if self.numbers is None else other)._engine.product(self, other)
-        return Large.of(blas.product(self.numbers, other.numbers, self.is_complex), self.is_complex)
+        return Large.of_numbers(blas.product(self.numbers, other.numbers, self.is_complex), self.is_complex)
 
     @property
     def T(self) -> Large:
-        """The transpose; of a vector itself."""
+        """The transpose A^T; a vector stays as it is."""
         return self._turned(False)
 
     @property
     def H(self) -> Large:
-        """The conjugate transpose."""
+        """The conjugate transpose A^H; a vector stays as it is."""
         return self._turned(True)
 
     def _turned(self, conjugate: bool) -> Large:
         if len(self.shape) == 1:
             return self
         if self.numbers is None:
-            made: Large = self._engine.turned(self, conjugate and self.is_complex)
-            return made
-        found = np.ascontiguousarray(self.numbers.swapaxes(0, 1))
+            transpose: Large = self._engine.turned(self, conjugate and self.is_complex)
+            return transpose
+        transposed = np.ascontiguousarray(self.numbers.swapaxes(0, 1))
         if self.is_complex and conjugate:
-            found[..., 1] = -found[..., 1]
-        return Large.of(found, self.is_complex)
+            transposed[..., 1] = -transposed[..., 1]
+        return Large.of_numbers(transposed, self.is_complex)
 
     def without_adjoint(self) -> Large:
-        """A - A^H."""
+        """The difference A - A^H, in new memory."""
         if self.numbers is None:
-            made: Large = self._engine.without_adjoint(self)
-            return made
+            difference: Large = self._engine.without_adjoint(self)
+            return difference
         turned = self.H
-        return Large.of(self.numbers - turned.numbers, self.is_complex)
+        return Large.of_numbers(self.numbers - turned.numbers, self.is_complex)
 
     def reshaped(self, shape: tuple[int, ...]) -> Large:
-        """These numbers in another shape."""
+        """The numbers of this vector or matrix in another shape."""
         if self.numbers is None:
             return Large.at(self.place, (shape, self.is_complex))
-        return Large.of(self.numbers.reshape(_inside(shape, self.is_complex)), self.is_complex)
+        return Large.of_numbers(self.numbers.reshape(_inside(shape, self.is_complex)), self.is_complex)
 
     def plus(self, s: float) -> Large:
-        """A + s 1."""
+        """The sum A + s 1, in new memory."""
         if self.numbers is None:
-            made: Large = self._engine.plus(self, s)
-            return made
-        found = self.numbers.copy()
+            shifted: Large = self._engine.plus(self, s)
+            return shifted
+        numbers = self.numbers.copy()
         diagonal = np.arange(len(self))
-        found[(diagonal, diagonal, 0) if self.is_complex else (diagonal, diagonal)] += s
-        return Large.of(found, self.is_complex)
+        numbers[(diagonal, diagonal, 0) if self.is_complex else (diagonal, diagonal)] += s
+        return Large.of_numbers(numbers, self.is_complex)
 
     def determinant(self) -> Any:
         """det A, by Gaussian elimination with pivots."""
@@ -273,9 +273,9 @@ class Large(InMemory):
     def over(self, a: Large) -> Large:
         """B A^-1, by Gaussian elimination with pivots; nan if A is singular."""
         if self.numbers is None or a.numbers is None:
-            made: Large = (self if self.numbers is None else a)._engine.over(self, a)
-            return made
-        return Large.of(blas.over(self.numbers, a.numbers, self.is_complex), self.is_complex)
+            quotient: Large = (self if self.numbers is None else a)._engine.over(self, a)
+            return quotient
+        return Large.of_numbers(blas.over(self.numbers, a.numbers, self.is_complex), self.is_complex)
 
 
 def _inside(shape: tuple[int, ...], is_complex: bool) -> tuple[int, ...]:
@@ -284,7 +284,7 @@ def _inside(shape: tuple[int, ...], is_complex: bool) -> tuple[int, ...]:
 
 
 def size_of(form: tuple[Any, ...]) -> int:
-    """How many real numbers one of this form has."""
+    """The count of real numbers of a form, two for a complex entry."""
     shape, is_complex = form
     size = 2 if is_complex else 1
     for n in shape:
@@ -294,7 +294,7 @@ def size_of(form: tuple[Any, ...]) -> int:
 
 def from_numbers(form: tuple[Any, ...], numbers: Any) -> Large:
     """The vector or matrix of this form with these real numbers in a row."""
-    return Large.of(np.array(numbers, dtype=float).reshape(_inside(*form)), form[1])
+    return Large.of_numbers(np.array(numbers, dtype=float).reshape(_inside(*form)), form[1])
 
 
 def inner(a: Any, b: Any) -> Any:
@@ -324,16 +324,16 @@ def distance2(a: Large, b: Large) -> Any:
 def total(numbers: np.ndarray) -> float:
     """The sum of numbers: sixteen interleaved ones, then halves of them, then what is left over."""
     whole = len(numbers) // TOGETHER * TOGETHER
-    found = 0.0
+    sum_ = 0.0
     with np.errstate(all="ignore"):
         if whole:
             sums = numbers[:whole].reshape(-1, TOGETHER).sum(axis=0)
             while len(sums) > 1:
                 sums = sums[: len(sums) // 2] + sums[len(sums) // 2 :]
-            found = sums.item()
+            sum_ = sums.item()
     for x in numbers[whole:].tolist():
-        found = found + x
-    return found
+        sum_ = sum_ + x
+    return sum_
 
 
 def sum_of(a: Large) -> Any:
@@ -372,11 +372,11 @@ class LinearMap:
             )  # fmt: skip
         import hashlib
 
-        told = hashlib.sha256(repr((source, target)).encode())
+        digest = hashlib.sha256(repr((source, target)).encode())
         for group in self.groups:
             for array in group:
-                told.update(array.tobytes())
-        self.content = told.hexdigest()[:24]
+                digest.update(array.tobytes())
+        self.content = digest.hexdigest()[:24]
         TABLES.setdefault(self.content, [group[part] for group in self.groups for part in (2, 1, 0)])
 
     def symbol(self, group: int, part: int) -> str:
@@ -393,16 +393,16 @@ class LinearMap:
         if x.form != self.source:
             raise InvalidType(f"{x!r} where one of shape {self.source[0]} belongs")
         if x.numbers is None:
-            made: Large = x._engine.mapped(self, x)
-            return made
-        numbers, found = x.numbers.ravel(), np.zeros(size_of(self.target))
+            image: Large = x._engine.mapped(self, x)
+            return image
+        numbers, target = x.numbers.ravel(), np.zeros(size_of(self.target))
         with np.errstate(all="ignore"):
             for rows, coefficients, places in self.groups:
                 sums = coefficients[:, 0] * numbers[places[:, 0]]
                 for k in range(1, coefficients.shape[1]):
                     sums += coefficients[:, k] * numbers[places[:, k]]
-                found[rows] = sums
-        return Large.of(found.reshape(_inside(*self.target)), self.target[1])
+                target[rows] = sums
+        return Large.of_numbers(target.reshape(_inside(*self.target)), self.target[1])
 
 
 class DiagonalSolver:
@@ -444,14 +444,14 @@ class DiagonalSolver:
         return f"liemech_table_{self.content}_{part}"
 
     def __call__(self, b: Any) -> Any:
-        """X of a complex matrix B."""
+        """The solution X for a complex matrix B."""
         if isinstance(b, InMemory) and not isinstance(b, Large):
             return b.each(self)
         if b.form != (self.shape, True):
             raise InvalidType(f"{b!r} where a complex matrix of shape {self.shape} belongs")
         if b.numbers is None:
-            made: Large = b._engine.along_diagonals(self, b)
-            return made
+            solution: Large = b._engine.along_diagonals(self, b)
+            return solution
         x, n = b.numbers.copy(), len(b)
         with np.errstate(all="ignore"):
             if self.singular:
@@ -464,12 +464,12 @@ class DiagonalSolver:
                 x[j] *= self.inverse[j]
             if self.singular:
                 _without_trace(x)
-        return Large.of(x, True)
+        return Large.of_numbers(x, True)
 
 
 def _without_trace(x: np.ndarray) -> None:
     """Subtract from the main diagonal its mean.  x : (n, n, 2)."""
     d, trace = np.arange(len(x)), np.array([0.0, 0.0])
-    for one in x[d, d]:
-        trace = trace + one
+    for entry in x[d, d]:
+        trace = trace + entry
     x[d, d] -= trace * (1.0 / len(x))

@@ -64,13 +64,13 @@ def taking_all(formula: Any) -> Any:
     return _again(formula, {}) if isinstance(formula, types.FunctionType) else formula
 
 
-def _again(formula: types.FunctionType, known: dict[int, Any]) -> Any:
-    if id(formula) in known:
-        return known[id(formula)]
+def _again(formula: types.FunctionType, copies: dict[int, Any]) -> Any:
+    if id(formula) in copies:
+        return copies[id(formula)]
     names = dict(formula.__globals__)
-    made: Any = types.FunctionType(formula.__code__, names, formula.__name__, formula.__defaults__, formula.__closure__)
-    made.__kwdefaults__ = formula.__kwdefaults__
-    known[id(formula)] = made
+    copy: Any = types.FunctionType(formula.__code__, names, formula.__name__, formula.__defaults__, formula.__closure__)
+    copy.__kwdefaults__ = formula.__kwdefaults__
+    copies[id(formula)] = copy
     for name in _named(formula.__code__):
         value = names.get(name)
         if value is math:
@@ -78,8 +78,8 @@ def _again(formula: types.FunctionType, known: dict[int, Any]) -> Any:
         elif isinstance(value, _BUILTIN) and value in _INSTEAD:
             names[name] = _INSTEAD[value]
         elif isinstance(value, types.FunctionType) and value.__module__ == formula.__module__:
-            names[name] = _again(value, known)
-    return made
+            names[name] = _again(value, copies)
+    return copy
 
 
 def _named(code: types.CodeType) -> set[str]:

@@ -32,7 +32,7 @@ LARGE = 2.0**500
 
 
 def square(x: Any) -> Any:
-    """x x."""
+    """The square, one product x x."""
     return x * x
 
 
@@ -47,8 +47,8 @@ def clip(x: Any, least: Any, most: Any) -> Any:
 
 def truncated_remainder(x: Any, y: Any) -> Any:
     """The remainder of x/y that has the sign of x."""
-    rest = abs(x) % abs(y)
-    return functions.where(x < 0.0, -rest, rest)
+    remainder = abs(x) % abs(y)
+    return functions.where(x < 0.0, -remainder, remainder)
 
 
 def sign(x: Any) -> Any:
@@ -68,13 +68,13 @@ OPERATORS: dict[Any, Callable[..., Any]] = {
     np.add: operator.add, np.subtract: operator.sub, np.multiply: operator.mul, np.negative: operator.neg,
     np.absolute: operator.abs,
 }  # fmt: skip
-"""Of numbers, vectors and matrices, with the errors of these."""
+"""Operators of numbers, vectors and matrices, with the errors of these."""
 
 COMPARISONS: dict[Any, Callable[..., Any]] = {
     np.less: operator.lt, np.less_equal: operator.le, np.greater: operator.gt, np.greater_equal: operator.ge,
     np.equal: operator.eq, np.not_equal: operator.ne,
 }  # fmt: skip
-"""Of numbers only: NumPy compares vectors, component by component."""
+"""Comparisons of numbers only: NumPy compares vectors, component by component."""
 
 BY_COMPONENTS: dict[Any, Callable[..., Any]] = {
     **functions.OF_ARRAYS,
@@ -84,7 +84,7 @@ BY_COMPONENTS: dict[Any, Callable[..., Any]] = {
     np.maximum: larger, np.minimum: smaller, np.clip: clip, np.sign: sign,
     np.radians: functions.radians, np.deg2rad: functions.radians, np.degrees: functions.degrees, np.rad2deg: functions.degrees,
 }  # fmt: skip
-"""Of numbers, and so of the components of vectors and the entries of matrices."""
+"""Functions of numbers, and so of the components of vectors and the entries of matrices."""
 
 _ANY, _SEVERAL = (Vec, Mat), (tuple, list)
 AXIS: dict[str, Callable[..., Any]] = {
@@ -156,14 +156,14 @@ def formula_of(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Fo
         formula = BY_COMPONENTS[function]
         operands = [float(a) if type(a) is int and function is not np.power else a for a in operands]
         return functools.partial(by_components, formula) if axes else formula, operands, {}
-    found = OPERATORS.get(function) or (None if axes else COMPARISONS.get(function))
-    return found and (found, operands, {})
+    operator_ = OPERATORS.get(function) or (None if axes else COMPARISONS.get(function))
+    return operator_ and (operator_, operands, {})
 
 
 def _of_vectors(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Found | None:
-    formula, kinds, known = OF_VECTORS[function]
-    most = len(kinds) + len(known) if function is not np.einsum else len(x)
-    if not set(options) <= set(known) or len(x) > most or any(are_samples(a, 2) for a in inside(x)):
+    formula, kinds, keywords = OF_VECTORS[function]
+    most = len(kinds) + len(keywords) if function is not np.einsum else len(x)
+    if not set(options) <= set(keywords) or len(x) > most or any(are_samples(a, 2) for a in inside(x)):
         return None
     operands = [
         [_operand(b) for b in a] if type(a) in _SEVERAL and kind is _SEVERAL else _operand(a)
@@ -195,8 +195,8 @@ def by_components(formula: Callable[..., Any], *x: Any) -> Any:
         shapes = " and ".join(str(a.shape) for a in x if isinstance(a, (Vec, Mat)))
         raise InvalidType(f"vectors or matrices of shapes {shapes} cannot be combined")
     columns = ([*a] if _axes(a) == _axes(whole) else [a] * len(whole) for a in x)
-    made = Mat if _axes(whole) == 2 else Vec
-    return made(*(by_components(formula, *row) for row in zip(*columns, strict=True)))
+    kind = Mat if _axes(whole) == 2 else Vec
+    return kind(*(by_components(formula, *row) for row in zip(*columns, strict=True)))
 
 
 _OF_NUMPY = (np.ndarray, np.generic)

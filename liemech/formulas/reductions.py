@@ -15,18 +15,18 @@ from .functions import sqrt, where
 from .vectors import Mat, Vec, dot, mat, sum, vec
 
 
-def _reduced(one: Callable[[Any], Any], x: Any, axis: Any) -> Any:
+def _reduced(function: Callable[[Any], Any], x: Any, axis: Any) -> Any:
     """A function of several numbers, of all components, or of those along an axis of a matrix."""
     if not isinstance(x, Mat):
         if axis not in (None, 0, -1):
             raise InvalidType(f"axis {axis} of a vector, which has one axis, 0")
-        return one(x)
+        return function(x)
     if axis is None:
-        return one([entry for row in x for entry in row])
+        return function([entry for row in x for entry in row])
     if axis in (0, -2):
-        return vec(*[one(column) for column in x.T])
+        return vec(*[function(column) for column in x.T])
     if axis in (1, -1):
-        return vec(*[one(row) for row in x])
+        return vec(*[function(row) for row in x])
     raise InvalidType(f"axis {axis} of a matrix, which has the axes 0 and 1")
 
 
@@ -41,24 +41,24 @@ def smaller(x: Any, y: Any) -> Any:
 
 
 def _largest(items: Any) -> Any:
-    found = items[0]
+    extreme = items[0]
     for x in items[1:]:
-        found = larger(found, x)
-    return found
+        extreme = larger(extreme, x)
+    return extreme
 
 
 def _smallest(items: Any) -> Any:
-    found = items[0]
+    extreme = items[0]
     for x in items[1:]:
-        found = smaller(found, x)
-    return found
+        extreme = smaller(extreme, x)
+    return extreme
 
 
 def _multiplied(items: Any) -> Any:
-    found = 1.0
+    product = 1.0
     for x in items:
-        found = found * x
-    return found
+        product = product * x
+    return product
 
 
 def total(x: Any, axis: Any = None) -> Any:
@@ -94,12 +94,12 @@ def length(x: Any) -> Any:
 
 
 def every(x: Any) -> Any:
-    """Does it hold for all components?"""
+    """Whether all components are true."""
     return all(_all(x))
 
 
 def some(x: Any) -> Any:
-    """Does it hold for a component?"""
+    """Whether some component is true."""
     return any(_all(x))
 
 
@@ -114,19 +114,19 @@ def diagonal_of(x: Any) -> Vec:
 
 
 def diagonal_matrix(x: Any) -> Any:
-    """Of a vector the diagonal matrix, of a matrix the vector of its diagonal."""
+    """The diagonal matrix of a vector; the vector of the diagonal of a matrix."""
     if isinstance(x, Mat):
         return diagonal_of(x)
     return mat(*[[x[i] if i == j else 0.0 * x[i] for j in range(len(x))] for i in range(len(x))])
 
 
 def _all(x: Any) -> Any:
-    """All components, row by row."""
+    """The list of all components, row by row."""
     return [entry for row in x for entry in row] if isinstance(x, Mat) else [*x]
 
 
 def flat(x: Any) -> Vec:
-    """All components in one vector, row by row."""
+    """The vector of all components, row by row."""
     return vec(*_all(x))
 
 
@@ -204,10 +204,10 @@ def einsum(subscripts: str, *operands: Any) -> Any:
 
     Raises InvalidType for a result of more than two axes.
     """
-    given, *results = subscripts.replace(" ", "").split("->")
-    letters = given.split(",")
-    every = [k for k in "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz" if k in given]
-    out = results[0] if results else "".join([k for k in every if given.count(k) == 1])
+    inputs, *results = subscripts.replace(" ", "").split("->")
+    letters = inputs.split(",")
+    every = [k for k in "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz" if k in inputs]
+    out = results[0] if results else "".join([k for k in every if inputs.count(k) == 1])
     if len(out) > 2 or [len(names) for names in letters] != [len(x.shape) for x in operands]:
         raise InvalidType(f"einsum: {subscripts!r} does not fit its operands, or its result has more than two axes")
     summed = "".join([k for k in every if k not in out])
@@ -224,30 +224,30 @@ def einsum(subscripts: str, *operands: Any) -> Any:
 
 
 def _reach(index: str, letters: Any, operands: Any) -> int:
-    """How far an index runs."""
-    found = [n for names, x in zip(letters, operands) for name, n in zip(names, x.shape) if name == index]
-    if [n for n in found if n != found[0]]:
-        raise InvalidType(f"einsum: the index {index} runs to {found[0]} and farther")
-    return found[0]
+    """The number of values that an index runs through."""
+    lengths = [n for names, x in zip(letters, operands) for name, n in zip(names, x.shape) if name == index]
+    if [n for n in lengths if n != lengths[0]]:
+        raise InvalidType(f"einsum: the index {index} runs to {lengths[0]} and farther")
+    return lengths[0]
 
 
 def _places(sizes: Any) -> Any:
-    """All values of some indices, the last one changing first."""
-    found: Any = [[]]
+    """The values of some indices, all combinations, the last one changing first."""
+    places: Any = [[]]
     for n in sizes:
-        found = [[*place, i] for place in found for i in range(n)]
-    return found
+        places = [[*place, i] for place in places for i in range(n)]
+    return places
 
 
 def _term(letters: Any, operands: Any, indices: str, place: Any) -> Any:
     """The product of one entry of each operand."""
-    found: Any = None
+    product: Any = None
     for names, x in zip(letters, operands):
         entry = x
         for name in names:
             entry = entry[place[indices.index(name)]]
-        found = entry if found is None else found * entry
-    return found
+        product = entry if product is None else product * entry
+    return product
 
 
 def contracted(a: Any, b: Any, axes: Any = 2) -> Any:
@@ -267,20 +267,18 @@ def interpolated(x: Any, nodes: Any, values: Any) -> Any:
 
     slope = (v_k+1 - v_k)/(x_k+1 - x_k),  slope (x - x_k) + v_k, as NumPy rounds it.
     """
-    found = where(x < nodes[0], values[0], values[len(nodes) - 1])
+    y = where(x < nodes[0], values[0], values[len(nodes) - 1])
     for k in range(len(nodes) - 1):
         slope = (values[k + 1] - values[k]) / (nodes[k + 1] - nodes[k])
         line = slope * (x - nodes[k]) + values[k]
-        found = where(x >= nodes[k], where(x < nodes[k + 1], line, found), found)
-    return where(x != x, x, found)
+        y = where(x >= nodes[k], where(x < nodes[k + 1], line, y), y)
+    return where(x != x, x, y)
 
 
 def place(nodes: Any, x: Any, side: str = "left") -> Any:
-    """How many of some increasing numbers lie below x; with side="right", not above it.  All are
-    below nan.
-    """
-    found = 0
+    """The count of increasing numbers below x; with side="right", not above it.  All are below nan."""
+    count = 0
     for a in nodes:
         below = a < x if side == "left" else a <= x
-        found = found + (below | (x != x))
-    return found
+        count = count + (below | (x != x))
+    return count

@@ -65,8 +65,8 @@ def _quotient(
     asked, the one that is not meant at a place of its own.
     """
     if isinstance(x, np.ndarray):
-        found = [_quotient(a, reach, near, far, size) for a in x.ravel().tolist()]
-        return np.array(found).reshape(x.shape)
+        quotients = [_quotient(a, reach, near, far, size) for a in x.ravel().tolist()]
+        return np.array(quotients).reshape(x.shape)
     if is_series(x):
         close = size(x) <= reach
         return where(close, near(where(close, x, 0.0)), far(where(close, FAR, x)))
@@ -137,7 +137,7 @@ def segment_over(x: Any) -> Any:
 
 
 def sinh_over(x: Any) -> Any:
-    """sinh(x)/x, 1 at zero."""
+    """The quotient sinh(x)/x, 1 at zero."""
     return _quotient(x, NEAR, lambda x: _stumpff_near(1, -x * x), lambda x: sinh(x) / x)
 
 
@@ -166,7 +166,7 @@ def log1p_over(x: Any) -> Any:
 
 
 def atan_over(x: Any) -> Any:
-    """arctan(x)/x, 1 at zero."""
+    """The quotient arctan(x)/x, 1 at zero."""
     return _quotient(x, HALF, lambda x: _sum(ATAN, 36, x * x), lambda x: atan(x) / x)
 
 

@@ -98,25 +98,25 @@ class SiteTable(Record):
         """The table of an array of whole numbers, (degree, sites).  fixed : is the degree known to
         formulas?  Raises InvalidInput.
         """
-        found = np.asarray(entries)
-        if found.ndim != 2 or found.dtype.kind not in "iu" or not found.shape[1]:
+        indices = np.asarray(entries)
+        if indices.ndim != 2 or indices.dtype.kind not in "iu" or not indices.shape[1]:
             raise InvalidInput(
                 "SiteTable: entries are whole numbers, (degree, sites), of at least one site; got "
-                f"{found.dtype} of shape {found.shape}"
+                f"{indices.dtype} of shape {indices.shape}"
             )
-        if found.size and not (found.min() >= 0 and found.max() < 2**31):
+        if indices.size and not (indices.min() >= 0 and indices.max() < 2**31):
             raise InvalidInput("SiteTable: entries are not negative, and less than 2^31")
-        rows = rows_of(found.astype(np.int32))
-        degree = len(found) if fixed else None
+        rows = rows_of(indices.astype(np.int32))
+        degree = len(indices) if fixed else None
         table = Table(rows.view(np.float64).ravel())
         reach = Table(reach_of(rows).view(np.float64).ravel())
-        return cls(table, float(len(found)), float(rows.shape[1]), reach, degree)
+        return cls(table, float(len(indices)), float(rows.shape[1]), reach, degree)
 
     @property
     def numbers(self) -> np.ndarray:
         """The entries, row by row, (degree * places,)."""
-        found: np.ndarray = self.entries.array.view(np.int32)
-        return found
+        indices: np.ndarray = self.entries.array.view(np.int32)
+        return indices
 
     @property
     def largest(self) -> int:
@@ -124,7 +124,7 @@ class SiteTable(Record):
         return int(self.numbers.max(initial=-1))
 
     def fits(self, count: int) -> bool:
-        """Is it one of so many sites?"""
+        """Whether the places of a row are those of `count` sites, `padded`."""
         return self.places == padded(count)
 
 
@@ -133,9 +133,8 @@ FAR = -(2**31)
 
 
 def reach_of(entries: np.ndarray) -> np.ndarray:
-    """How the entries of every eight sites lie, so that native code need not look: the first of them if they
-    follow each other; else ~(the first of sixteen among which all of them are), which is negative;
-    or `FAR`.
+    """The way in which the entries of every eight sites lie, so that native code need not look: the first of them if
+    they follow each other; else ~(the first of sixteen among which all of them are), which is negative; or `FAR`.
     """
     eights = entries.reshape(len(entries), entries.shape[1] // EIGHT, EIGHT)
     firsts = eights[..., 0]
@@ -146,7 +145,7 @@ def reach_of(entries: np.ndarray) -> np.ndarray:
 
 
 def _in_rows(table: Any, places: float) -> bool:
-    """Is it a table, and are these the places of a row, `padded`?"""
+    """Whether a table is a `Table`, and its rows have a `padded` number of places."""
     return isinstance(table, Table) and places > 0.0 and places % TOGETHER == 0.0
 
 
@@ -174,19 +173,19 @@ class SiteArray(Record):
         """The numbers of an array, (sites,) or (sites, dim); of edges (degree, sites) or (degree,
         sites, dim).  Raises InvalidInput.
         """
-        found = np.asarray(values, dtype=np.float64)
-        axes = found.ndim - edges
-        if axes not in (1, 2) or not found.shape[int(edges)]:
+        numbers = np.asarray(values, dtype=np.float64)
+        axes = numbers.ndim - edges
+        if axes not in (1, 2) or not numbers.shape[int(edges)]:
             raise InvalidInput(
                 f"SiteArray: values have shape ({'degree, ' * edges}sites) or ({'degree, ' * edges}"
-                f"sites, dim), with at least one site; got {found.shape}"
+                f"sites, dim), with at least one site; got {numbers.shape}"
             )
-        rows = rows_of(np.moveaxis(found, -1, -2) if axes == 2 else found)
-        dim = found.shape[-1] if axes == 2 else None
+        rows = rows_of(np.moveaxis(numbers, -1, -2) if axes == 2 else numbers)
+        dim = numbers.shape[-1] if axes == 2 else None
         return cls(Table(rows.ravel()), float(rows.shape[-1]), dim)
 
     def fits(self, count: int) -> bool:
-        """Is it one of so many sites?"""
+        """Whether the places of a row are those of `count` sites, `padded`."""
         return self.places == padded(count)
 
 
@@ -232,10 +231,10 @@ class Meeting:
         """start + formula(b, d) + ... over this site's entries in a table, in their order; b is the
         value of the site that is number d of them.
         """
-        found = start
+        sum_ = start
         for d in range(rows_in(table)):
-            found = found + formula(self.of(table, d), d)
-        return found
+            sum_ = sum_ + formula(self.of(table, d), d)
+        return sum_
 
     def some(self, formula: Callable[[Any, int], Any], start: Any, reach: Vec, mine: float | None = None) -> Any:
         """start + formula(b, j) + ... over the sites j of a range, in their order; b is what site j has
@@ -244,15 +243,15 @@ class Meeting:
         reach : the first of them and the one behind the last.  mine : the number of this site, if it is
         one of them, which is left out.
         """
-        found, begin = start, int(reach[0])
+        sum_, begin = start, int(reach[0])
         for j in range(begin, int(reach[1])):
             if mine is None:
-                found = found + formula(self.at(j), j)
+                sum_ = sum_ + formula(self.at(j), j)
             else:
-                here = mine == j
-                other = where(here, self.at(j - 1 if j > begin else begin + 1), self.at(j))
-                found = where(here, found, found + formula(other, j))
-        return found
+                is_self = mine == j
+                other = where(is_self, self.at(j - 1 if j > begin else begin + 1), self.at(j))
+                sum_ = where(is_self, sum_, sum_ + formula(other, j))
+        return sum_
 
     def pairs(self, formula: Callable[[Any, Any], tuple[Any, Any]], start: Any) -> Any:
         """start + ... over all pairs of this site with another one; formula(a, b) gives what the first
@@ -261,15 +260,15 @@ class Meeting:
         Sites go by eights, so that native code can take each pair once, for both of its sites, side by
         side: the sums here are in that order (`partners`).
         """
-        found = start
+        sum_ = start
         for chains in chains_of_partners(self.site, _visit("pairs").count):
-            sums = [found, *[start - start for _ in chains[1:]]]
+            sums = [sum_, *[start - start for _ in chains[1:]]]
             for k, chain in enumerate(chains):
                 for j, first in chain:
                     ends = (self.site, j) if first else (j, self.site)
                     sums[k] = sums[k] + formula(self.at(ends[0]), self.at(ends[1]))[not first]
-            found = halves(sums)
-        return found
+            sum_ = halves(sums)
+        return sum_
 
 
 def partners(i: int, count: int) -> Iterator[tuple[int, bool]]:
@@ -278,15 +277,16 @@ def partners(i: int, count: int) -> Iterator[tuple[int, bool]]:
 
 
 def chains_of_partners(i: int, count: int) -> Iterator[list[list[tuple[int, bool]]]]:
-    """The same, eight by eight, each as the sums that are made of it, which are then added by halves.
+    """The partners of site i, eight by eight, each as chains of (j, whether i comes first), one for each of the
+    sums that are then added by halves.
 
     Eight sites meet eight others in a ring, which is turned by one place after each meeting.  Of one,
     two or up to four sites that are left over, 1, 2 or 4 places fill the ring again and again: then it
     is turned as often, and each of these places has several sums.
     """
     group, place = divmod(i, EIGHT)
-    last, rest = divmod(count, EIGHT)
-    few = period_of(rest) if 0 < 2 * rest <= EIGHT else EIGHT
+    last, left = divmod(count, EIGHT)
+    few = period_of(left) if 0 < 2 * left <= EIGHT else EIGHT
     for other in range(-(-count // EIGHT)):
         first = other >= group
         period = few if last in (group, other) else EIGHT
@@ -308,7 +308,7 @@ def period_of(sites: int) -> int:
 
 
 def rows_in(table: SiteTable) -> int:
-    """How many entries a site has in a table."""
+    """The number of entries that a site has in a table."""
     return int(table.rows) if table.degree is None else table.degree
 
 
@@ -321,8 +321,8 @@ def own(array: Any, d: int | None = None) -> Any:
         raise InvalidType(f"own: a SiteArray or a SiteTable; got {array!r}")
     dim, places = array.dim or 1, int(array.places)
     first = (d or 0) * dim
-    found = [array.entries.array.item((first + k) * places + site) for k in range(dim)]
-    return found[0] if array.dim is None else Vec.of(found)
+    numbers = [array.entries.array.item((first + k) * places + site) for k in range(dim)]
+    return numbers[0] if array.dim is None else Vec.of(numbers)
 
 
 def total(value: Any) -> Any:
@@ -361,8 +361,8 @@ def repeated(
     if visit is not None:
         return visit.ask("repeated", (sweep, unknown, judge, state, turns))[visit.site]
     for _ in range(turns):
-        unknown, told = sweep(unknown)
-        state, enough = judge(state, total(told))
+        unknown, summands = sweep(unknown)
+        state, enough = judge(state, total(summands))
         if enough:
             break
     return unknown, state
@@ -429,8 +429,8 @@ def each_site(count: int, formula: Callable[..., Any], *args: Any) -> None:
     """
     answers: list[tuple[str, Any]] = []
     while True:
-        asked = [_visited(i, count, answers, formula, args) for i in range(count)]
-        kinds = [kind for kind, _ in asked]
+        requests = [_visited(i, count, answers, formula, args) for i in range(count)]
+        kinds = [kind for kind, _ in requests]
         if len({*kinds}) > 1:
             i = next(i for i, kind in enumerate(kinds) if kind != kinds[0])
             raise InvalidInput(
@@ -439,7 +439,7 @@ def each_site(count: int, formula: Callable[..., Any], *args: Any) -> None:
             )
         if kinds[0] == "nothing":
             return
-        values = [value for _, value in asked]
+        values = [value for _, value in requests]
         answers.append((kinds[0], _ANSWERS[kinds[0]](values)))
 
 
@@ -447,16 +447,16 @@ def some_sites(count: int, begin: int, end: int, formula: Callable[..., Any], *a
     """Run a formula for the sites from begin to end, where all of them meet once: the others rest,
     and publish what they have.
     """
-    asked = [_visited(i, count, [], formula, args) for i in range(begin, end)]
-    if all(kind == "nothing" for kind, _ in asked):
+    requests = [_visited(i, count, [], formula, args) for i in range(begin, end)]
+    if all(kind == "nothing" for kind, _ in requests):
         return
-    everyone = {i: asked[i - begin] for i in range(begin, end)}
+    everyone = {i: requests[i - begin] for i in range(begin, end)}
     for i in range(count):
         if i not in everyone:
             everyone[i] = _visited(i, count, [], formula, args)
     published = [("meet", [everyone[i][1] for i in range(count)])]
     again = [_visited(i, count, published, formula, args) for i in range(begin, end)]
-    if any(kind != "nothing" for kind, _ in again) or any(k != "meet" for k, _ in asked):
+    if any(kind != "nothing" for kind, _ in again) or any(k != "meet" for k, _ in requests):
         raise InvalidInput("sites of which some rest meet once, with what they have")
 
 
@@ -537,11 +537,11 @@ def _placed(error: Any, site: int) -> None:
     error.site, error.beside = site, None
     trace = error.__traceback__
     while trace is not None:
-        code, known = trace.tb_frame.f_code, trace.tb_frame.f_locals
+        code, variables = trace.tb_frame.f_code, trace.tb_frame.f_locals
         if code is Meeting.sum.__code__:
-            error.beside = _entry(known["table"], known["d"], site)
+            error.beside = _entry(variables["table"], variables["d"], site)
         elif code in (Meeting.some.__code__, Meeting.pairs.__code__):
-            error.beside = known["j"]
+            error.beside = variables["j"]
         trace = trace.tb_next
 
 
@@ -561,20 +561,20 @@ def _visited(site: int, count: int, answers: list[Any], formula: Any, args: tupl
     return "nothing", None
 
 
-def _swept(asked: list[Any]) -> list[Any]:
+def _swept(requests: list[Any]) -> list[Any]:
     """The unknowns of all sites and the last state of the judge, where all of them ask for sweeps."""
-    unknowns = [unknown for _, unknown, *_ in asked]
-    _, _, judge, state, turns = asked[0]
-    found: list[Any] = [None for _ in asked]
+    unknowns = [unknown for _, unknown, *_ in requests]
+    _, _, judge, state, turns = requests[0]
+    answers: list[Any] = [None for _ in requests]
 
-    def one() -> None:
+    def sweep_one() -> None:
         i = present_site()
-        found[i] = asked[i][0](unknowns[i])
+        answers[i] = requests[i][0](unknowns[i])
 
     for _ in range(turns):
-        each_site(len(asked), one)
-        unknowns = [unknown for unknown, _ in found]
-        state, enough = judge(state, _added([told for _, told in found]))
+        each_site(len(requests), sweep_one)
+        unknowns = [unknown for unknown, _ in answers]
+        state, enough = judge(state, _added([summand for _, summand in answers]))
         if enough:
             break
     return [(unknown, state) for unknown in unknowns]
@@ -588,7 +588,7 @@ def _added(values: list[Any]) -> Any:
 
 
 _ANSWERS: dict[str, Callable[[list[Any]], Any]] = {"meet": lambda values: values, "total": _added, "repeated": _swept}
-"""What is answered to all sites, of what each of them asks with."""
+"""The answer to all sites, from the values that they ask with, by the word that they ask."""
 
 
 def interleaved_sum(terms: list[float]) -> float:

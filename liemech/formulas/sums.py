@@ -63,7 +63,7 @@ def antisymmetric_map(table: tuple[Terms, ...], x: Vec, y: Vec) -> Vec:
 
 
 def abs2(x: Any) -> Any:
-    """|x|^2."""
+    """The squared absolute value |x|^2."""
     return x.re * x.re + x.im * x.im if isinstance(x, Complex) else x * x
 
 

@@ -38,17 +38,17 @@ class Table:
         """The table that lies here; in native code one of which nothing else is known."""
         if not isinstance(place, StandIn):
             return _alive[place]
-        made = object.__new__(Table)
-        made.content, made.array, made.place = None, None, place
-        return made
+        table = object.__new__(Table)
+        table.content, table.array, table.place = None, None, place
+        return table
 
     def part(self, begin: int) -> Table:
         """The rest of the table from an entry on, where it lies."""
-        made = object.__new__(Table)
-        made.content, made.array = self.content, self.array[begin:]
-        made.place = self.place + begin
-        _alive.setdefault(made.place, made)
-        return made
+        tail = object.__new__(Table)
+        tail.content, tail.array = self.content, self.array[begin:]
+        tail.place = self.place + begin
+        _alive.setdefault(tail.place, tail)
+        return tail
 
     def __len__(self) -> int:
         return len(self.array)

@@ -64,9 +64,9 @@ def _comparison(op: Callable[[Any, Any], Any], whole: bool = False) -> Any:
     """
 
     def method(self: Vec, other: Any) -> Any:
-        made = _WHOLE.get(op, Truths)
+        kind = _WHOLE.get(op, Truths)
         if type(other) is Vec and len(other) == len(self):
-            return _make(made, map(op, self, other))
+            return _make(kind, map(op, self, other))
         if isinstance(other, np.ndarray) and not other.ndim:
             other = other.item()
         if not isinstance(other, _VECTORS):
@@ -78,7 +78,7 @@ def _comparison(op: Callable[[Any, Any], Any], whole: bool = False) -> Any:
         other = small(other)
         if whole and not (isinstance(other, Vec) and len(other) == len(self)):
             return NotImplemented
-        return _make(made, map(op, self, _same_length(self, other)))
+        return _make(kind, map(op, self, _same_length(self, other)))
 
     return method
 
@@ -113,18 +113,18 @@ class Vec(tuple[Any, ...], Operand):
     @classmethod
     def of(cls, values: Iterable[Any]) -> Vec:
         """The vector with the given components, numbers made floats and pairs of floats."""
-        made = tuple(values)
-        if _FLOATS.issuperset(map(type, made)):
-            return _make(cls, made)
-        _numbers(made)
-        return _make(cls, map(_component, made))
+        components = tuple(values)
+        if _FLOATS.issuperset(map(type, components)):
+            return _make(cls, components)
+        _numbers(components)
+        return _make(cls, map(_component, components))
 
     def __getitem__(self, index: Any) -> Any:
         """A component, or the vector of a slice."""
         if index.__class__ is bool:
             raise InvalidType("a truth value as an index of a Vec: write int(x)")
-        found = _component_at(self, index)
-        return _make(Vec, found) if index.__class__ is slice else found
+        part = _component_at(self, index)
+        return _make(Vec, part) if index.__class__ is slice else part
 
     __add__, __radd__ = _by_components(operator.add, scalars=True)
     __sub__, __rsub__ = _by_components(operator.sub, scalars=True)
@@ -178,7 +178,7 @@ class Vec(tuple[Any, ...], Operand):
         return (len(self),)
 
     def dot(self, other: Any) -> Any:
-        """x @ other."""
+        """The product x @ other, as NumPy has it."""
         return self @ other
 
     def sum(self) -> Any:
@@ -217,16 +217,16 @@ class Truths(Vec):
         raise InvalidType("the truths of a comparison have no negative: write 1.0 - (u < v)")
 
     def any(self) -> Any:
-        """Does it hold for a component?"""
+        """Whether the comparison holds for a component."""
         return any(self)
 
     def all(self) -> Any:
-        """Does it hold for all components?"""
+        """Whether the comparison holds for all components."""
         return all(self)
 
 
-class Equal(Truths):
-    """u == v, component by component; true if all are equal."""
+class EqualComponents(Truths):
+    """Whether u == v, component by component; true if all are equal."""
 
     __slots__ = ()
 
@@ -234,7 +234,7 @@ class Equal(Truths):
         return all(self)
 
 
-class Unequal(Truths):
+class UnequalComponents(Truths):
     """u != v, component by component; true if one differs."""
 
     __slots__ = ()
@@ -260,11 +260,11 @@ class Entries:
         raise InvalidType("comparisons of matrices are not compared: write .all() or .any()")
 
     def any(self) -> Any:
-        """Does it hold for an entry?"""
+        """Whether the comparison holds for an entry."""
         return any(self.together)
 
     def all(self) -> Any:
-        """Does it hold for all entries?"""
+        """Whether the comparison holds for all entries."""
         return all(self.together)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
@@ -276,10 +276,10 @@ class Entries:
 
 def few(texts: Iterable[str], most: int) -> str:
     """Texts with commas between them; of more than `most` the first three, the last, and how many."""
-    found = list(texts)
-    if len(found) <= most:
-        return ", ".join(found)
-    return f"{', '.join(found[:3])}, ..., {found[-1]}; {len(found)} in all"
+    items = list(texts)
+    if len(items) <= most:
+        return ", ".join(items)
+    return f"{', '.join(items[:3])}, ..., {items[-1]}; {len(items)} in all"
 
 
 def _beside_numbers(other: Any) -> bool:
@@ -289,7 +289,7 @@ def _beside_numbers(other: Any) -> bool:
     return True
 
 
-_WHOLE: dict[Any, type[Vec]] = {operator.eq: Equal, operator.ne: Unequal}
+_WHOLE: dict[Any, type[Vec]] = {operator.eq: EqualComponents, operator.ne: UnequalComponents}
 _VECTORS = (np.ndarray, list, tuple)
 _NUMBERS = (int, float, complex, np.generic, StandIn, Operand)
 _FLOATS = frozenset([float])
@@ -369,12 +369,12 @@ class Mat(Operand):
     rows: tuple[Vec, ...]
 
     def __init__(self, *rows: Iterable[Any]) -> None:
-        made = tuple([row if type(row) is Vec else Vec(*row) for row in rows])
-        if len(set(map(len, made))) > 1:
+        vectors = tuple([row if type(row) is Vec else Vec(*row) for row in rows])
+        if len(set(map(len, vectors))) > 1:
             raise InvalidType(
-                f"the rows of a Mat have the same length; got rows of {', '.join([str(len(row)) for row in made])}"
+                f"the rows of a Mat have the same length; got rows of {', '.join([str(len(row)) for row in vectors])}"
             )
-        _set_rows(self, made)
+        _set_rows(self, vectors)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError("a Mat is immutable")
@@ -416,7 +416,7 @@ class Mat(Operand):
         return Mat(*block) if j.__class__ is slice else _make(Vec, block)
 
     def dot(self, other: Any) -> Any:
-        """A @ other."""
+        """The product A @ other, as NumPy has it."""
         return self @ other
 
     def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Any:
@@ -462,7 +462,7 @@ class Mat(Operand):
         return Mat(*(other / row for row in self.rows))
 
     def __pow__(self, other: Any) -> Mat:
-        """Of every entry; the product of matrices is `A @ A`."""
+        """Powers of all entries; the product of matrices is `A @ A`."""
         return self._by_rows(operator.pow, other)
 
     def __rpow__(self, other: Any) -> Mat:
@@ -542,9 +542,9 @@ def of_floats(array: np.ndarray) -> Any:
         return None
     if not many:
         return _make(Vec, values)
-    made = object.__new__(Mat)
-    _set_rows(made, tuple([_make(Vec, row) for row in values]))
-    return made
+    matrix = object.__new__(Mat)
+    _set_rows(matrix, tuple([_make(Vec, row) for row in values]))
+    return matrix
 
 
 def vec(*components: Any) -> Vec:

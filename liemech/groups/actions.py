@@ -30,7 +30,7 @@ class LeftMultiplication(GroupAction):
 
     @property
     def point_shape(self) -> tuple[int, ...]:
-        """The shape of elements."""
+        """The shape of points, which are elements of the group."""
         return self.group.element_shape
 
     def infinitesimal(self, xi: Vec, x: Element) -> Element:
@@ -50,7 +50,7 @@ class LeftMultiplication(GroupAction):
         return self.group.defect(x)
 
     def contains(self, x: Ambient) -> bool:
-        """Is an array an element of the group?  x : shaped like an element."""
+        """Whether an array is an element of the group.  x : shaped like an element."""
         return self.group.contains(x)
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
@@ -70,15 +70,15 @@ class TranslationAction(GroupAction):
     """
 
     def __post_init__(self) -> None:
-        given: Any = self.group
-        if not isinstance(given, LieGroup):
-            object.__setattr__(self, "group", VectorSpace(given))
-        elif not isinstance(given, VectorSpace):
-            raise InvalidType(f"TranslationAction: group must be a VectorSpace or its dimension; got {given!r}")
+        group: Any = self.group
+        if not isinstance(group, LieGroup):
+            object.__setattr__(self, "group", VectorSpace(group))
+        elif not isinstance(group, VectorSpace):
+            raise InvalidType(f"TranslationAction: group must be a VectorSpace or its dimension; got {group!r}")
 
     @property
     def point_shape(self) -> tuple[int, ...]:
-        """(n,)"""
+        """The shape of points of R^n, (n,)."""
         return (self.group.dim,)
 
     def act(self, g: Element, x: Vec) -> Vec:
@@ -106,13 +106,13 @@ class SphereAction(GroupAction):
     """
 
     def __post_init__(self) -> None:
-        given: Any = self.group
-        if not isinstance(given, LieGroup):
-            object.__setattr__(self, "group", _rotations(given))
-        one = self._linear
-        units = list(identity_matrix(one.space_dim))
+        group: Any = self.group
+        if not isinstance(group, LieGroup):
+            object.__setattr__(self, "group", _rotations(group))
+        linear = self._linear
+        units = list(identity_matrix(linear.space_dim))
         for xi in identity_matrix(self.group.dim):
-            x = np.array([one.infinitesimal(xi, unit) for unit in units])
+            x = np.array([linear.infinitesimal(xi, unit) for unit in units])
             if np.abs(x + x.T).max() > 1e-12 * np.abs(x).max():
                 raise InvalidInput(f"SphereAction: {self.group!r} does not keep the lengths of vectors")
 
@@ -123,7 +123,7 @@ class SphereAction(GroupAction):
 
     @property
     def point_shape(self) -> tuple[int, ...]:
-        """(n,)"""
+        """The shape of points as unit vectors of R^n, (n,)."""
         return self._linear.point_shape
 
     def act(self, g: Element, x: Vec) -> Vec:
@@ -143,11 +143,11 @@ class SphereAction(GroupAction):
         return abs(dot(x, x) - 1.0)
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
-        """Uniformly distributed points."""
+        """Points that are uniformly distributed on the sphere."""
         x = super().random(rng, size)
         return x / np.linalg.norm(x, axis=-1, keepdims=True)
 
 
 def _rotations(n: Any) -> LieGroup:
-    """The rotations of R^n."""
+    """The rotation group SO(n) of R^n."""
     return SO3() if n == 3 else SO(n)

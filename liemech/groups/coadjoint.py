@@ -137,7 +137,7 @@ class CoadjointAction(Representation):
 
     @final
     def on_same_orbit(self, mu: Vec, nu: Vec, tolerance: float = 1e-12) -> bool:
-        """Do mu and nu lie on one orbit, up to rounding?  mu, nu : (dim,).
+        """Whether mu and nu lie on one orbit, up to rounding.  mu, nu : (dim,).
 
         No, if the dimensions of their orbits, their Casimirs or their `further_invariants` differ.
         Yes, if the group knows that these tell all orbits apart, or if an element with K_g mu = nu

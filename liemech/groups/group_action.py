@@ -96,7 +96,7 @@ class GroupAction(Record):
         return mat(*[in_a_row(self.infinitesimal(unit, x)) for unit in units]).T
 
     def contains(self, x: Vec) -> bool:
-        """Is an array a point of the space, up to rounding?  Its `defect` is at most 1e-6.
+        """Whether an array is a point of the space, up to rounding.  Its `defect` is at most 1e-6.
         x : shaped like a point.
         """
         return self.defect(x) <= MEMBERSHIP

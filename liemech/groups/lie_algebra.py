@@ -156,7 +156,7 @@ class LieAlgebra(Record):
         return bernoulli_series(self.bracket, -xi, eta, terms)
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """Is xi closer to zero than the first singularity of dexp?  xi : (dim,).
+        """Whether xi is closer to zero than the first singularity of dexp.  xi : (dim,).
 
         An algebra that does not know lets all pass.
         """
@@ -301,10 +301,10 @@ class LieAlgebra(Record):
         """
         from .matrices.matrix_invariants import null_space  # which builds on algebras of matrices
 
-        n, killing, given = self.dim, self.killing_form, self._ad_matrices
-        units = like_units(given)
+        n, killing, matrices = self.dim, self.killing_form, self._ad_matrices
+        units = like_units(matrices)
         # of the generators in these units
-        ad = given * units[:, None, None] * units / units[:, None]
+        ad = matrices * units[:, None, None] * units / units[:, None]
         if _nondegenerate(np.einsum("iab,jba->ij", ad, ad)):
             return -killing / np.abs(killing).max()
         pairs = [(i, j) for i in range(n) for j in range(i, n)]

@@ -78,7 +78,7 @@ class LieGroup(Record):
         raise undefined(self, "algebra")
 
     def identity(self) -> Element:
-        """The neutral element e."""
+        """The neutral element e, with e g = g."""
         raise undefined(self, "identity")
 
     def compose(self, g: Element, h: Element) -> Element:
@@ -220,8 +220,8 @@ class LieGroup(Record):
         return vec(*[1.0 for _ in range(self.dim)])
 
     def _scales(self, g: np.ndarray) -> np.ndarray:
-        """Those of many elements, (n, dim)."""
-        return np.array([self.scale(small(one)) for one in g])
+        """The scales of many elements, (n, dim)."""
+        return np.array([self.scale(small(element)) for element in g])
 
     def nearest(self, g: Ambient) -> Element:
         """An element close to an array that has drifted off the group.  Never called by an
@@ -312,7 +312,7 @@ class LieGroup(Record):
 
     @final
     def contains(self, g: Ambient) -> bool:
-        """Is an array an element, up to rounding?  Its `defect` is at most 1e-6.  g : shaped like
+        """Whether an array is an element, up to rounding.  Its `defect` is at most 1e-6.  g : shaped like
         an element.
         """
         return self.defect(g) <= MEMBERSHIP
@@ -337,7 +337,7 @@ class LieGroup(Record):
 
     @cached_property
     def is_complex(self) -> bool:
-        """Do elements have complex entries?"""
+        """Whether elements have complex entries."""
         return np.iscomplexobj(np.array(self.identity()))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -348,7 +348,7 @@ class LieGroup(Record):
 
     @cached_property
     def _by_matrices(self) -> bool:
-        """Are elements matrices of the size that `hat` gives?"""
+        """Whether elements are matrices of the size that `hat` gives."""
         return self.element_shape == self.algebra._matrix_shape
 
     @cached_property

@@ -42,7 +42,7 @@ def isotropy(group: LieGroup, mu: np.ndarray) -> np.ndarray:
 
 
 def same(action: CoadjointAction, mu: np.ndarray, nu: np.ndarray, tolerance: float) -> bool | None:
-    """Do mu and nu lie on one orbit?  None: not known.  mu, nu : (dim,)."""
+    """Whether mu and nu lie on one orbit; None if not known.  mu, nu : (dim,)."""
     group = action.group
     if np.array_equal(mu, nu):
         return True
@@ -72,7 +72,7 @@ def _casimirs(action: CoadjointAction, mu: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _transported(action: CoadjointAction, mu: np.ndarray, nu: np.ndarray) -> bool:
-    """Is there an element with K_g mu = nu?  Gauss-Newton steps from several starts, K_exp(xi)
+    """Whether there is an element with K_g mu = nu: Gauss-Newton steps from several starts, K_exp(xi)
     y = y - ad*_xi y + ...
     """
     group, rng = action.group, np.random.default_rng(1)

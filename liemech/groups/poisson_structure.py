@@ -49,7 +49,7 @@ class PoissonStructure(Record):
 
     @property
     def dim(self) -> int:
-        """n."""
+        """The dimension n of the points y."""
         raise NotDefined(f"{type(self).__name__} must say its dimension, dim: ClassVar[int] = 3")
 
     def matrix(self, y: Vec) -> Mat:
@@ -90,11 +90,11 @@ class PoissonStructure(Record):
         require_formula("bracket", "F", F)
         require_formula("bracket", "G", G)
 
-        def of(y: Any) -> Any:
+        def bracket_at(y: Any) -> Any:
             at = vec(*y)
             return dot(gradient(F, at), self.sharp(at, gradient(G, at)))
 
-        return of
+        return bracket_at
 
     @final
     def lie_derivative(self, F: Observable, H: Observable, times: int = 1) -> Observable:
@@ -120,7 +120,7 @@ class PoissonStructure(Record):
 
     @final
     def is_invariant(self, F: Observable, H: Observable, points: Any = None, seed: int = 0) -> bool:
-        """Is F constant along the motion of H, {F, H} = 0 up to rounding?
+        """Whether F is constant along the motion of H, {F, H} = 0 up to rounding.
 
         points : (m, n), where to look; left out, five random points of size one.
         """
@@ -160,11 +160,11 @@ class PoissonStructure(Record):
         return size + (np.abs(slopes) @ np.abs(np.array(y))).reshape(size.shape)
 
     def __call__(self, y: Any) -> Any:
-        """B(y), as `matrix`."""
+        """The matrix B(y) of the structure, as `matrix`."""
         return self.matrix(y)
 
     def commute(self, F: Observable, H: Observable, y: Vec) -> bool:
-        """Is {F, H} = 0 at a point, up to rounding?  y : (n,)."""
+        """Whether {F, H} = 0 at a point, up to rounding.  y : (n,)."""
         a, b = np.array(gradient(F, y), dtype=float), np.array(gradient(H, y), dtype=float)
         terms = np.abs(a) @ np.abs(np.array(self.matrix(y), dtype=float)) @ np.abs(b)
         return bool(abs(self.bracket(F, H)(y)) <= KEPT * terms)
@@ -210,12 +210,12 @@ class Canonical(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """2n."""
+        """The dimension 2n of n degrees of freedom."""
         return 2 * self.degrees
 
     @property
     def rank(self) -> int:  # type: ignore[override]
-        """2n."""
+        """The rank 2n: the structure is symplectic everywhere."""
         return 2 * self.degrees
 
     def matrix(self, y: Vec) -> Mat:
@@ -250,7 +250,7 @@ class _OfMatrix(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """n."""
+        """The dimension n of the matrix."""
         return len(self.values)
 
     @property
@@ -313,9 +313,9 @@ class LogCanonical(_OfMatrix):
 
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """y_i exp(s c_i,index y_index): positive for every s.  y : (n,)."""
-        here = plain(y)
-        rate = s * here[index]
-        return vec(*[y[i] if i == index else here[i] * exp(self.values[i, index] * rate) for i in range(len(y))])
+        start = plain(y)
+        rate = s * start[index]
+        return vec(*[y[i] if i == index else start[i] * exp(self.values[i, index] * rate) for i in range(len(y))])
 
 
 @record

@@ -43,7 +43,7 @@ class Representation(GroupAction):
 
     @property
     def point_shape(self) -> tuple[int, ...]:
-        """(k,)"""
+        """The shape of points of the vector space, (k,)."""
         return (self.space_dim,)
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
@@ -302,14 +302,14 @@ def averaged(by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, x
     while size2 > 1.0 and halvings < MOST:
         xi, size2, halvings = 0.5 * xi, 0.25 * size2, halvings + 1.0
     x = where(size2 > 1.0, NAN, 1.0) * x
-    tiny, one = digits(size2)
+    tiny, unit = digits(size2)
     term, k = by(0.5 * xi, x), 2.0
     total = x + term
     # squares; a nilpotent part can keep the next term as large as this one
     before, bound = 1.0, 0.25 * size2
     while before > tiny and k < 64.0:
         k = k + 1.0
-        term = by((one / k) * xi, term)
+        term = by((unit / k) * xi, term)
         total = total + term
         before, bound = bound, bound * (size2 / (k * k))
     while halvings > 0.0 and one_norm(total) < INFINITY:

@@ -74,14 +74,14 @@ class Retraction(Record):
         NoConvergence.
         """
         xi = group.log(g)
-        size = rest = dot(xi, xi)
+        size = residual = dot(xi, xi)
         for _ in range(LIMIT):
             error = group.log(group.compose(group.inverse(self.tau(group, xi)), g))
             xi = xi + self.dtau_inv(group, xi, error)
-            rest = dot(error, error)
-            if not rest > TOLERANCE * TOLERANCE * size:
+            residual = dot(error, error)
+            if not residual > TOLERANCE * TOLERANCE * size:
                 break
-        if not rest <= TOLERANCE * TOLERANCE * size:
+        if not residual <= TOLERANCE * TOLERANCE * size:
             raise NoConvergence(f"{type(self).__name__}: no xi found with tau(xi) = g, |log g| = {sqrt(size):.2g}")
         return xi
 
@@ -129,7 +129,7 @@ class Retraction(Record):
         return solve(mat(*[self.dtau(group, xi, unit) for unit in identity_matrix(group.dim)]), mu)
 
     def is_chart(self, group: LieGroup, xi: Vec) -> bool:
-        """Is xi in the neighbourhood of zero on which dtau can be inverted?  xi : (dim,)."""
+        """Whether xi is in the neighbourhood of zero on which dtau can be inverted.  xi : (dim,)."""
         return True
 
     @derived
@@ -167,19 +167,19 @@ class Exponential(Retraction):
     """
 
     def tau(self, group: LieGroup, xi: Vec) -> Element:
-        """exp(xi)."""
+        """The exponential map, tau(xi) = exp(xi)."""
         return group.exp(xi)
 
     def tau_inv(self, group: LieGroup, g: Element) -> Vec:
-        """log(g)."""
+        """The inverse map, tau^-1(g) = log(g)."""
         return group.log(g)
 
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_exp(xi) mu."""
+        """The coadjoint action of tau(xi), Ad*_exp(xi) mu."""
         return group.algebra.exp_Ad_star(xi, mu)
 
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
-        """g exp(xi)."""
+        """The product g tau(xi) = g exp(xi)."""
         return group.compose_exp(g, xi)
 
     def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
@@ -187,7 +187,7 @@ class Exponential(Retraction):
         return group.compose_exp(g, group.Ad(group.inverse(plain(g)), xi))
 
     def tau_act(self, action: GroupAction, xi: Vec, x: Vec) -> Vec:
-        """exp(xi) . x."""
+        """The action on a point, exp(xi) . x."""
         return action.exp_act(xi, x)
 
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
@@ -199,11 +199,11 @@ class Exponential(Retraction):
         return group.algebra.dexp_inv(xi, eta)
 
     def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
-        """(dexp_xi)* mu."""
+        """The transposed differential of tau, (dexp_xi)* mu."""
         return group.algebra.dexp_dual(xi, mu)
 
     def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
-        """(dexp_xi^-1)* mu."""
+        """The transposed inverse differential of tau, (dexp_xi^-1)* mu."""
         return group.algebra.dexp_inv_dual(xi, mu)
 
     def is_chart(self, group: LieGroup, xi: Vec) -> bool:
@@ -236,7 +236,7 @@ class Cayley(Retraction):
         return reason and f"there is no Cayley map on it, {reason}"
 
     def tau(self, group: LieGroup, xi: Vec) -> Element:
-        """cay(xi)."""
+        """The Cayley map, tau(xi) = cay(xi)."""
         return self._on(group).cayley(xi)
 
     def tau_inv(self, group: LieGroup, g: Element) -> Vec:
@@ -244,11 +244,11 @@ class Cayley(Retraction):
         return self._on(group).cayley_inv(g)
 
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_cay(xi) mu."""
+        """The coadjoint action of tau(xi), Ad*_cay(xi) mu."""
         return self._on(group).algebra.cayley_Ad_star(xi, mu)
 
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
-        """g cay(xi)."""
+        """The product g tau(xi) = g cay(xi)."""
         return self._on(group).compose_cayley(g, xi)
 
     def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
@@ -290,8 +290,8 @@ class CayleyAdjoint(Cayley):
 
     def _on(self, group: LieGroup) -> LieGroup:
         """The group with the Cayley map of its matrices Ad_g."""
-        found = group.by_adjoint
-        return group if found is None else found
+        by_adjoint = group.by_adjoint
+        return group if by_adjoint is None else by_adjoint
 
     def why_not(self, group: LieGroup) -> str | None:
         """The Cayley map of its matrices Ad_g is not known."""

@@ -32,20 +32,20 @@ class AbelianAlgebra(AlgebraOfParts):
 
     @property
     def dim(self) -> int:
-        """n."""
+        """The dimension n of the vector space."""
         return self.n
 
     @property
     def structure_constants(self) -> Constants:
-        """Zeros."""
+        """The structure constants, which are zero."""
         return (((0.0,) * self.n,) * self.n,) * self.n
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """Zero."""
+        """The bracket of velocities, which is zero."""
         return vec(*[0.0] * self.n)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Zero: momenta are constant."""
+        """The coadjoint operator, which is zero: momenta are constant."""
         return vec(*[0.0] * self.n)
 
     def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
@@ -85,27 +85,27 @@ class VectorSpace(LieGroup):
         return AbelianAlgebra(self.n)
 
     def identity(self) -> Element:
-        """The zero vector."""
+        """The neutral element, the zero vector."""
         return vec(*[0.0] * self.n)
 
     def compose(self, g: Element, h: Element) -> Element:
-        """g + h."""
+        """The group operation, the sum g + h."""
         return g + h
 
     def inverse(self, g: Element) -> Element:
-        """-g."""
+        """The inverse of addition, -g."""
         return -g
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """xi."""
+        """The adjoint action, which leaves xi alone."""
         return xi
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """mu."""
+        """The coadjoint action, which leaves mu alone."""
         return mu
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
-        """The rate."""
+        """The body velocity, which is the rate g'."""
         return rate
 
     def casimirs(self, mu: Vec) -> Vec:
@@ -132,29 +132,29 @@ class VectorSpace(LieGroup):
     # ---------------------------------------------------------------- exponential
 
     def exp(self, xi: Vec) -> Element:
-        """xi."""
+        """The exponential map, the vector xi itself."""
         return xi
 
     def log(self, g: Element) -> Vec:
-        """g."""
+        """The logarithm, the vector g itself."""
         return g
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
-        """g + xi."""
+        """The product g exp(xi) = g + xi."""
         return g + xi
 
     # ---------------------------------------------------------------- Cayley map
 
     def cayley(self, xi: Vec) -> Element:
-        """xi."""
+        """The Cayley map, the vector xi itself."""
         return xi
 
     def cayley_inv(self, g: Element) -> Vec:
-        """g."""
+        """The inverse Cayley map, the vector g itself."""
         return g
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """g + xi."""
+        """The product g cay(xi) = g + xi."""
         return g + xi
 
     @property

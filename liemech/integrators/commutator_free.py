@@ -40,18 +40,18 @@ class CommutatorFree(Method):
     choices: ClassVar[dict[int, FlowTableau]] = {t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CF3, CF4)}
 
     def __post_init__(self) -> None:
-        name, given = type(self).__name__, self.tableau  # type: Any, Any
-        if given is None:
+        name, tableau = type(self).__name__, self.tableau  # type: Any, Any
+        if tableau is None:
             if type(self.order) is not int or self.order not in self.choices:
                 choices = sorted(self.choices)
                 raise InvalidInput(
                     f"{name}: order {self.order!r} has no tableau of its own; choose from {choices} or give a tableau"
                 )
-            given = self.choices[self.order]
-        if not isinstance(given, FlowTableau):
-            raise InvalidType(f"{name}: tableau must be a FlowTableau; got {given!r}")
-        object.__setattr__(self, "tableau", given)
-        object.__setattr__(self, "order", given.order)
+            tableau = self.choices[self.order]
+        if not isinstance(tableau, FlowTableau):
+            raise InvalidType(f"{name}: tableau must be a FlowTableau; got {tableau!r}")
+        object.__setattr__(self, "tableau", tableau)
+        object.__setattr__(self, "order", tableau.order)
 
     @property
     def name(self) -> str:

@@ -85,7 +85,7 @@ class Composition(Remembering):
 
     @property
     def of_momenta(self) -> bool:  # type: ignore[override]
-        """Is the base symplectic for momenta alone?"""
+        """Whether the base is symplectic for momenta alone."""
         return self.base.of_momenta
 
     @property
@@ -111,11 +111,11 @@ class Composition(Remembering):
         """The substeps in turn; each has a past of its own, since steps of the same length extrapolate
         best from their like.
         """
-        state, kept = memory.state, []  # type: Any, list[Any]
+        state, pasts = memory.state, []  # type: Any, list[Any]
         for share, node, past in zip(self.tableau.gamma, self.tableau.nodes, memory.node):
             after = self.base.step(system, t + node * h, self.base.resume(system, state, past, share * h), share * h)
-            state, kept = self.base.observe(after), [*kept, self.base.past(after)]
-        return Memory(state, tuple(kept), ())
+            state, pasts = self.base.observe(after), [*pasts, self.base.past(after)]
+        return Memory(state, tuple(pasts), ())
 
     def __repr__(self) -> str:
         base = self.tableau.base_order

@@ -118,7 +118,7 @@ class QuadratureLagrangian(DiscreteLagrangian):
 
     @cached_property
     def rule(self) -> tuple[tuple[float, float], ...]:
-        """Nodes and weights."""
+        """The nodes and weights of Gauss's rule, (node, weight) each."""
         tableau = gauss(self.nodes)
         return tuple(zip(tableau.c, tableau.b))
 
@@ -129,19 +129,19 @@ class QuadratureLagrangian(DiscreteLagrangian):
         inertia = body.hessian(xi)
         # y/h
         bend = (-0.5 * h) * (correction(inertia, pull) if isinstance(inertia, vectors.Mat) else pull / inertia)
-        found = 0.0
+        action = 0.0
         for s, weight in self.rule:
             place, speed = h * (s * xi + (s * (1.0 - s)) * bend), xi + (1.0 - 2.0 * s) * bend
-            found = found + (h * weight) * body.value(_body_velocity(group, retraction, place, speed))
-        return found
+            action = action + (h * weight) * body.value(_body_velocity(group, retraction, place, speed))
+        return action
 
 
 def _body_velocity(group: LieGroup, retraction: Retraction, place: Vec, speed: Vec) -> Vec:
-    """dtau_X X', left-trivialised."""
+    """The body velocity dtau_X X' of tau(X), left-trivialised."""
     if not isinstance(retraction, Exponential):
         return retraction.dtau(group, place, speed)
-    term, found = speed, speed
+    term, velocity = speed, speed
     for k in 2, 3, 4:  # sum of (-ad_X)^(k-1) X'/k!
         term = (-1.0 / k) * group.ad(place, term)
-        found = found + term
-    return found
+        velocity = velocity + term
+    return velocity

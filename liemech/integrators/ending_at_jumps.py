@@ -38,9 +38,9 @@ def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
             f"{method!r} cannot end a step at a jump of {'the velocity' if breaks else 'an input'}: {AT_ENDS}"
         )
     if method.fictive:
-        own = system if hasattr(method, "base") else getattr(system, "system", system)
+        inner_system = system if hasattr(method, "base") else getattr(system, "system", system)
         inner = {n: x for n, x in fields_of(method).items() if isinstance(x, Method)}
-        return with_fields(method, **{n: ending_at_jumps(x, own, breaks) for n, x in inner.items()})
+        return with_fields(method, **{n: ending_at_jumps(x, inner_system, breaks) for n, x in inner.items()})
     anew = any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
     table = Table(breaks or (0.0,))
     beyond = overshoot(method) or None
@@ -48,21 +48,21 @@ def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
 
 
 def uncut(method: Any) -> Any:
-    """The method itself of what drivers get."""
+    """The user's method: unwraps `EndingAtJumps`, returns others as they are."""
     return method.method if isinstance(method, EndingAtJumps) else method
 
 
 def apart(times: Iterable[float]) -> tuple[float, ...]:
     """Times in order, of those that differ by rounding only the first one."""
-    found: list[float] = []
+    distinct: list[float] = []
     for t in sorted(times):
-        if not found or not same(t, found[-1]):
-            found.append(t)
-    return tuple(found)
+        if not distinct or not same(t, distinct[-1]):
+            distinct.append(t)
+    return tuple(distinct)
 
 
 def same(t: float, other: float) -> bool:
-    """Do two times differ by rounding only?"""
+    """Whether two times differ by rounding only."""
     return abs(t - other) <= 4 * MARGIN * ULP * max(abs(t), abs(other), SMALLEST)
 
 
@@ -76,13 +76,13 @@ def jumps_between(method: Any, system: Any, breaks: tuple[float, ...], t0: float
 
 
 def cuts(way: EndingAtJumps, system: Any) -> bool:
-    """Are there times at which steps must end?"""
+    """Whether there are times at which steps must end."""
     tables = inputs(system)
     return way.count > 0.0 or any(way.every or table.jumping > 0.0 for table in tables)
 
 
 def sees_powers(method: Any) -> bool:
-    """Does a method, or one that it is made of, see an input as a power series in time?"""
+    """Whether a method, or one that it is made of, sees an input as a power series in time."""
     inner = [x for x in fields_of(method).values() if isinstance(x, Method)]
     return method.analytic or any(map(sees_powers, inner))
 
@@ -144,12 +144,12 @@ class EndingAtJumps(Wrapping):
     def parts(self, system: Any, t: float, h: float) -> list[tuple[float, float]]:
         """Where the parts of a step begin, and their lengths, outside of formulas."""
         at, end = t, t + h
-        found: list[tuple[float, float]] = []
+        parts: list[tuple[float, float]] = []
         while (end - at) * h > 0.0:
             to = self.next_end(system, at, end)
-            found.append(self.kept_away(at, to, h if at == t and to == end else to - at))
+            parts.append(self.kept_away(at, to, h if at == t and to == end else to - at))
             at = to
-        return found
+        return parts
 
     def _begun(self, system: Any, memory: Any, lasting: float, h: float) -> Any:
         """The memory of steps of length `lasting` for those of length h."""

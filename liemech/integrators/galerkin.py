@@ -123,9 +123,9 @@ class GalerkinVariational(Implicit):
         values = np.polynomial.legendre.legvander(2.0 * np.array(c) - 1.0, len(b) - 1) * np.sqrt(
             2.0 * np.arange(len(b)) + 1.0
         )
-        there, back = (values.T * b).tolist(), values.tolist()
+        forth, back = (values.T * b).tolist(), values.tolist()
         couplings = tuple([0.5 / (4.0 * k * k - 1.0) ** 0.5 for k in range(1, len(b))])
-        return tuple(map(tuple, there)), tuple(map(tuple, back)), couplings
+        return tuple(map(tuple, forth)), tuple(map(tuple, back)), couplings
 
     # ---------------------------------------------------------------- one step
 
@@ -216,8 +216,8 @@ class GalerkinVariational(Implicit):
         coefficients of Legendre polynomials the matrix is tridiagonal.  A misfit shrinks by a
         factor of order h^2.
         """
-        there, back, coupling = self.legendre
-        e = [combination(row, misfits) for row in there]
+        forth, back, coupling = self.legendre
+        e = [combination(row, misfits) for row in forth]
         for k in range(len(e) - 1, 0, -1):
             e[k - 1] = e[k - 1] + (h * coupling[k - 1]) * _turned(body, middle, _velocity(body, middle, e[k]))
         e[0] = correction(middle.slope, e[0])
@@ -255,13 +255,13 @@ def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
 
 
 def _turned(body: Any, middle: Middle, v: Vec) -> Vec:
-    """W v."""
+    """The coupling W v of a velocity v, in the middle of the step."""
     group, xi, J = body.group, middle.xi, middle.inertia
     return 0.5 * (times(J, group.ad(xi, v)) - group.ad_star(xi, times(J, v))) - group.ad_star(v, middle.p)
 
 
 def _velocity(body: Any, middle: Middle, p: Vec) -> Vec:
-    """J^-1 p."""
+    """The velocity J^-1 p, with J in the middle of the step."""
     return derivative(lambda m: body.velocity(m), middle.p, p)
 
 

@@ -46,7 +46,7 @@ class Implicit(Remembering):
         guess: tuple[Vec, Vec],
         displacement: Callable[[Vec], Vec],
     ) -> tuple[Vec, Vec]:
-        """Of large matrices the p with (dtau^-1_x)* p = mu, right-trivialised, and its displacement
+        """The p with (dtau^-1_x)* p = mu of large matrices, right-trivialised, and its displacement
         x = x(p), both from a guess: p + mu - (dtau^-1_x)* p again and again, without a Jacobian.  Raises NoConvergence,
         OutsideChart.
         """
@@ -84,8 +84,8 @@ class Implicit(Remembering):
 
         usable : a step that every momentum of this size has, if known.
         """
-        known = usable is not None and abs(usable) < abs(h)
-        cure = f"{usable:.3g}, which every direction of this momentum has" if known else f"{0.25 * h:g}"
+        helps = usable is not None and abs(usable) < abs(h)
+        cure = f"{usable:.3g}, which every direction of this momentum has" if helps else f"{0.25 * h:g}"
         return NoConvergence(
             f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, {length}, in a "
             "fold or at the chart's edge, and another one would be no continuation of the motion. "

@@ -55,7 +55,7 @@ class Magnus(Method):
 
     @property
     def name(self) -> str:
-        """Magnus and the order."""
+        """The name of the method in tables, with its order."""
         return f"Magnus{self.order}"
 
     def require(self, system: Any) -> None:

@@ -51,15 +51,15 @@ class Method(Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, given in fields_of(self).items():
-            if name == "retraction" and not isinstance(given, Retraction):
+        for name, field in fields_of(self).items():
+            if name == "retraction" and not isinstance(field, Retraction):
                 raise InvalidType(
-                    f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; got {given!r}"
+                    f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; got {field!r}"
                 )
 
     def symmetric_on(self, system: Any) -> bool:
-        """Is the method symmetric on a system, or on some system if that is None?  As it claims by
-        default.
+        """Whether the method is symmetric on a system, or on some system if that is None: by default as it
+        claims.
         """
         return self.symmetric
 
@@ -183,27 +183,27 @@ class Wrapping(Method):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """Is the method symmetric?"""
+        """Whether the wrapped method is symmetric."""
         return self.method.symmetric
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """Is the method symplectic?"""
+        """Whether the wrapped method is symplectic."""
         return self.method.symplectic
 
     @property
     def of_momenta(self) -> bool:  # type: ignore[override]
-        """Is the method symplectic for momenta alone?"""
+        """Whether the method is symplectic for momenta alone."""
         return self.method.of_momenta
 
     @property
     def noisy(self) -> bool:  # type: ignore[override]
-        """Does the method draw random numbers?"""
+        """Whether the method draws random numbers."""
         return self.method.noisy
 
     @property
     def adds(self) -> bool:  # type: ignore[override]
-        """Does a step of it add to the state?"""
+        """Whether a step of the wrapped method adds to the state."""
         return self.method.adds
 
     def start(self, system: Any, state: Any, h: float) -> Any:
@@ -211,7 +211,7 @@ class Wrapping(Method):
         return self.method.start(system, state, h)
 
     def observe(self, memory: Any) -> Any:
-        """The state in it."""
+        """The state in the wrapped method's memory."""
         return self.method.observe(memory)
 
     def past(self, memory: Any) -> Any:
@@ -227,8 +227,8 @@ def alternatives(system: Any, otherwise: str = System.alternatives) -> str:
     """The methods to use where one does not accept a system.  otherwise : if its class says nothing
     of its own.
     """
-    own = system.alternatives if isinstance(system, System) else otherwise
-    return otherwise if own == System.alternatives else own
+    words = system.alternatives if isinstance(system, System) else otherwise
+    return otherwise if words == System.alternatives else words
 
 
 def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tuple[float, float]:

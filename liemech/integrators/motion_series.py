@@ -44,8 +44,8 @@ def second_kind(
     for k in range(0, 2 * terms, 2):
         x = of_terms([None, *[c for term in odd for c in (term, None)]], p)
         if k:
-            known = of_terms([c for term in even for c in (term, None)], p)
-            even = [*even, _at(k, mu) - _added_to_momentum(group, retraction, x, known, mu, k)]
+            power_series = of_terms([c for term in even for c in (term, None)], p)
+            even = [*even, _at(k, mu) - _added_to_momentum(group, retraction, x, power_series, mu, k)]
         odd = [*odd, (1.0 / (k + 1)) * (_at(k, v) + _added_to_velocity(group, retraction, x, v, k) if k else _at(k, v))]
     settle(m, [-term for term in even[1:]])
     return values(odd)
@@ -113,8 +113,8 @@ def settle(m: Vec, terms: list[Vec]) -> None:
     """Set the unknown series m to m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend
     on m.
     """
-    for component, rest in zip(each(m), each(collected(terms))):
-        component.by((Series(None, 1.0) * rest).term)
+    for component, tail in zip(each(m), each(collected(terms))):
+        component.by((Series(None, 1.0) * tail).term)
 
 
 def collected(terms: list[Vec]) -> Vec:
@@ -145,7 +145,7 @@ def series(x: Vec) -> Vec:
 
 
 def _at(k: int, x: Vec) -> Vec:
-    """The terms of t^k."""
+    """The terms of t^k of every component."""
     if isinstance(x, InMemory):
         return series(x).coefficient_of(k)
     return vec(*[c[k] for c in series(x)])

@@ -22,9 +22,9 @@ from .method import LEAST, Method, larger, mean_square_of_parts
 
 
 @record
-class Trial(Record):
-    """A step on probation: the new state and the velocity there, the error over the tolerance, the
-    way in between.
+class TrialStep(Record):
+    """A step on probation: the new state and the velocity there, the error over the tolerance,
+    and `curve`, the coefficients of the polynomial between both ends (dense output).
 
     share : the part of the step that was made, less than 1 only of methods that shorten theirs.
     """
@@ -68,8 +68,8 @@ class RKMK(Method):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given: Any = self.tableau, self.truncation
-        if given[0] is None:
+        options: Any = self.tableau, self.truncation
+        if options[0] is None:
             if type(self.order) is not int or self.order not in BY_ORDER:
                 choices = sorted(BY_ORDER)
                 raise InvalidInput(
@@ -79,7 +79,7 @@ class RKMK(Method):
         if not isinstance(self.tableau, ButcherTableau):
             raise InvalidType(f"RKMK: tableau must be a ButcherTableau; got {self.tableau!r}")
         object.__setattr__(self, "order", self.tableau.order)
-        if given[1] is None:
+        if options[1] is None:
             series = isinstance(self.retraction, Exponential)
             object.__setattr__(self, "truncation", max(self.order - 2, 0) if series else "closed")
         self._check_truncation(self.truncation)
@@ -118,15 +118,15 @@ class RKMK(Method):
         """
         chosen = self.tableau == BY_ORDER.get(self.order)
         series = isinstance(self.retraction, Exponential)
-        told = [] if chosen else [self.tableau.name]
+        deviations = [] if chosen else [self.tableau.name]
         if not series:
-            told.append(type(self.retraction).__name__)
+            deviations.append(type(self.retraction).__name__)
         elif self.truncation == "closed":
-            told.append("closed")
+            deviations.append("closed")
         elif self.truncation != max(self.order - 2, 0):
-            told.append(f"ad^{self.truncation}")
+            deviations.append(f"ad^{self.truncation}")
         name = f"RKMK{self.order}" if chosen else "RKMK"
-        return f"{name} ({', '.join(told)})" if told else name
+        return f"{name} ({', '.join(deviations)})" if deviations else name
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""
@@ -195,7 +195,7 @@ class RKMK(Method):
 
     def trial(
         self, system: System, t: float, state: Any, first: Vec, h: float, rtol: float, atol: float, dense: bool
-    ) -> Trial:
+    ) -> TrialStep:
         """One step with an estimate of its error, h sum_j (b_j - b^_j) k_j in the algebra, and with
         the way there if it is `dense`.
 
@@ -212,7 +212,7 @@ class RKMK(Method):
             low = mean_square(system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol)
             error = where(error > 0.0, error * error / (error + 0.01 * low), 0.0)
         curve = self._curve(system, t, start, slopes, first, omega, velocity, h) if dense else ()
-        return Trial(new, velocity, sqrt(error), curve)
+        return TrialStep(new, velocity, sqrt(error), curve)
 
     def _curve(
         self, system: System, t: float, start: Any, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float

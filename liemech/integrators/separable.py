@@ -44,7 +44,7 @@ class OfTableau(Method):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """Is the tableau symmetric?"""
+        """Whether the tableau of the splitting is symmetric."""
         return self.tableau.symmetric  # type: ignore[attr-defined]
 
 
@@ -87,7 +87,7 @@ class ChosenByOrder(OfTableau):
 
     @property
     def name(self) -> str:
-        """The tableau."""
+        """The name of the tableau, and that it is a splitting."""
         return f"{self.tableau.name} splitting"
 
     def __repr__(self) -> str:
@@ -160,8 +160,8 @@ class SeparableSplitting(OfTableau, Remembering):
         """The force, if a step begins with the one at which the step before ended."""
         if isinstance(system, OfParts) or not self.tableau.carries_force:  # type: ignore[attr-defined]
             return None
-        here = plain(state)
-        return system.force(here.q, here.p)
+        start = plain(state)
+        return system.force(start.q, start.p)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Kick, drift, kick, ..., or the motions of the parts in turn."""

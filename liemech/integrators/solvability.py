@@ -41,7 +41,7 @@ INFINITY = math.inf
 
 
 def turns_freely(system: Any, retraction: Retraction) -> bool:
-    """Is it known how large a step may be?  It is for kinetic energies on so(3), with the
+    """Whether it is known how large a step may be, as for kinetic energies on so(3), with the
     exponential and the Cayley map.
     """
     usual = isinstance(retraction, (Exponential, Cayley, CayleyAdjoint))
@@ -84,7 +84,7 @@ def first_fold(inertia: Vec | Mat, retraction: Retraction) -> float:
 
 
 def _sorted(inertia: Vec | Mat) -> Vec:
-    """The principal moments, ascending."""
+    """The three principal moments, ascending.  (3,)"""
     if isinstance(inertia, vectors.Mat):
         return principal_moments(inertia)
     low, high = min(inertia[0], inertia[1]), max(inertia[0], inertia[1])
@@ -103,7 +103,7 @@ def surely_solvable(inverse: Vec | Mat) -> float:
 
 
 def is_always_solvable(moments: Vec) -> bool:
-    """Has the step with the Cayley map one solution for every h and mu?  A sufficient condition on
+    """Whether the step with the Cayley map has one solution for every h and mu.  A sufficient condition on
     the principal moments, (3,).
 
     With x = h xi/2 the equation is F(x) = J x + x cross J x + (x . J x) x = h mu/2.  F grows in all
@@ -133,7 +133,7 @@ def is_always_solvable(moments: Vec) -> bool:
 
 
 def _mixed(a: float, b: float, c: float) -> float:
-    """Half of k_ij."""
+    """Half of k_ij, symmetric in the moments a and b."""
     return 2.0 * a * b * (a + b) + 4.0 * a * b * c - 0.5 * c * (a * a + b * b)
 
 
@@ -196,8 +196,8 @@ def grown(
 
 
 def is_upright(jacobian: Mat, rate: float) -> bool:
-    """Has the determinant the sign of rate times a positive inertia, which it has on the whole
-    branch from h = 0?
+    """Whether the determinant has the sign of rate times a positive inertia, as on the whole
+    branch from h = 0.
 
     By elimination, whose pivots need no order: only their signs count.  jacobian : (n, n).
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 3.2.

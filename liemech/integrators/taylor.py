@@ -17,7 +17,7 @@ from ..groups.retractions import Cayley, Exponential, Retraction
 from ..systems.system import System, lies_in_memory
 from .method import LEAST, Method, larger, mean_square_of_parts
 from .motion_series import begun, series
-from .rkmk import Trial
+from .rkmk import TrialStep
 
 ORDERS = 2, 30
 """The lowest order and the highest one."""
@@ -98,17 +98,17 @@ class Taylor(Method):
         time: Any = Series(t, h).among(products)
         xi = system.rate(time, y)
         omega = Series.unset(xi, products)
-        rest = vec(*[Series() for _ in xi])
+        at_zero = vec(*[Series() for _ in xi])
         # dtau_0 = 1: this is xi . y
-        rates = derivative(lambda v: system.displaced(self.retraction, y, v), rest, xi)
+        rates = derivative(lambda v: system.displaced(self.retraction, y, v), at_zero, xi)
         slope = self._slope(system, omega, xi)
         Series.follow(start, y, rates, h)
         for unknown, rate in zip(omega, slope):
             Series.grown(unknown, rate, h)
         orders = range(1, self.order + 1)
-        found = tuple([vec(*[Series.coefficient(x, k) for x in omega]) for k in orders])
+        coefficients = tuple([vec(*[Series.coefficient(x, k) for x in omega]) for k in orders])
         met_through(self.order - 1)
-        return found
+        return coefficients
 
     def _terms_in_memory(self, system: System, t: float, start: Any, h: float) -> tuple[Vec, ...]:
         """The terms where vectors and matrices are those of series."""
@@ -149,7 +149,7 @@ class Taylor(Method):
 
     def trial(
         self, system: System, t: float, state: Any, first: Vec, h: float, rtol: float, atol: float, dense: bool
-    ) -> Trial:
+    ) -> TrialStep:
         """One step as long as its last two terms allow, at most h, and with the way there if it is
         `dense`.
 
@@ -173,7 +173,7 @@ class Taylor(Method):
 
     def _shortened(
         self, system: System, state: Any, first: Vec, terms: tuple[Vec, ...], before: float, last: float, dense: bool
-    ) -> Trial:
+    ) -> TrialStep:
         """The step as long as the mean squares of its last two terms allow."""
         p = self.order
         share = shortened(last, before, p)
@@ -181,9 +181,9 @@ class Taylor(Method):
         powers = [share]
         for k in range(2, p + 1):  # each of two of half its exponent: no long chain of products
             powers.append(powers[k // 2 - 1] * powers[k - k // 2 - 1])
-        way = tuple([power * term for power, term in zip(powers, terms)])
-        new = system.displaced(self.retraction, state, total(way))
-        return Trial(new, first, sqrt(max(last, before)), way if dense else (), share)
+        curve = tuple([power * term for power, term in zip(powers, terms)])
+        new = system.displaced(self.retraction, state, total(curve))
+        return TrialStep(new, first, sqrt(max(last, before)), curve if dense else (), share)
 
 
 def shortened(last: float, before: float, p: int) -> float:
@@ -225,9 +225,9 @@ def total(terms: Sequence[Vec]) -> Vec:
     if len(terms) == 1:
         return terms[0]
     half = len(terms) // 2
-    found, rest = terms[half - 1], terms[half]
+    first_half, second_half = terms[half - 1], terms[half]
     for k in range(half - 2, -1, -1):
-        found = found + terms[k]
+        first_half = first_half + terms[k]
     for k in range(half + 1, len(terms)):
-        rest = rest + terms[k]
-    return found + rest
+        second_half = second_half + terms[k]
+    return first_half + second_half

@@ -96,7 +96,7 @@ class CovariantVariational(Implicit):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """Is the discrete Lagrangian symmetric, as h l(xi) is?"""
+        """Whether the discrete Lagrangian is symmetric, as h l(xi) is."""
         return self.lagrangian is None or self.lagrangian.symmetric
 
     @property
@@ -133,8 +133,8 @@ class CovariantVariational(Implicit):
         square = dot(coarse, coarse)
         x, size, enough, folded = newton(lambda x: self.equation(system, rate, coarse, x), narrow(guess), square, rate)
         doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * x))
-        known = self.lagrangian is None and turns_freely(system, self.retraction)
-        if known and step * step * square > surely_solvable(system.lagrangian.inverse):
+        free = self.lagrangian is None and turns_freely(system, self.retraction)
+        if free and step * step * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
             doubtful = doubtful or step * step * square > fold * fold
         if doubtful:
@@ -154,7 +154,7 @@ class CovariantVariational(Implicit):
         return 1.0 / leading_power(first_size(system.lagrangian.inertia) / h)
 
     def _is_constant(self, system: Any) -> bool:
-        """Is the Hessian of the Lagrangian an inertia that does not change?"""
+        """Whether the Hessian of the Lagrangian is an inertia that does not change."""
         return self.lagrangian is None and has_inertia(system.lagrangian)
 
     def _grown(self, system: Any, h: float, mu: Vec, second: float) -> Vec:
@@ -242,16 +242,16 @@ class CovariantVariational(Implicit):
         Raises InvalidInput for units in which Newton's method would leave the range of floats: it
         multiplies three entries of J/h, unless J is constant and it has a unit of time of its own.
         """
-        given: Any = start
-        many = isinstance(given, StateOfSites)  # more than would be written out
-        known = (many or isinstance(given, BodyState)) and isinstance(system, System)
-        if not (known and type(h) is float and h):
+        state: Any = start
+        many = isinstance(state, StateOfSites)  # more than would be written out
+        usable = (many or isinstance(state, BodyState)) and isinstance(system, System)
+        if not (usable and type(h) is float and h):
             self._asked("step_warning", system, start, h)
-        one: Any = system.lagrangian.of_one if many else None
-        if many and not has_inertia(one):
+        of_site: Any = system.lagrangian.of_one if many else None
+        if many and not has_inertia(of_site):
             return None
         if many:
-            inertia = float(np.abs(getattr(one.inertia, "values", np.array(one.inertia))).max())
+            inertia = float(np.abs(getattr(of_site.inertia, "values", np.array(of_site.inertia))).max())
         else:
             mu = start.mu if start.bodies is None else start.mu[0]
             inertia = float(np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max())
@@ -283,13 +283,13 @@ class CovariantVariational(Implicit):
         return r, jacobian, weight(by_p)
 
     def _momentum(self, system: Any, xi: Vec, h: float) -> Vec:
-        """(1/h) dl_d/dxi."""
+        """The momentum (1/h) dl_d/dxi of the discrete Lagrangian."""
         if self.lagrangian is None:
             return system.lagrangian.momentum(xi)
         return self.lagrangian.momentum(system, self.retraction, xi, h)
 
     def _hessian(self, system: Any, xi: Vec, h: float) -> Mat | Vec:
-        """(1/h) d2l_d/dxi2."""
+        """The inertia (1/h) d2l_d/dxi2 of the discrete Lagrangian."""
         if self.lagrangian is None:
             return system.lagrangian.hessian(xi)
         return self.lagrangian.hessian(system, self.retraction, xi, h)

@@ -26,17 +26,17 @@ class PotentialsOfBodies(Potential):
     each: tuple[Any, ...]
 
     def energy(self, g: Vec) -> float:
-        """The sum."""
+        """The sum of the energies of single bodies."""
         total = 0.0
-        for b, one in zip(self.bodies, self.each):
-            total = total + one.energy(pose(g, b))
+        for b, potential in zip(self.bodies, self.each):
+            total = total + potential.energy(pose(g, b))
         return total
 
     def force(self, group: LieGroup, g: Any) -> Vec:
-        """Of each body its own."""
+        """The forces of all bodies, on each that of its own potential."""
         parts = [REST6 for _ in range(group.dim // 6)]
-        for b, one in zip(self.bodies, self.each):
-            parts[b] = parts[b] + one.force(SE3(), pose(g, b))
+        for b, potential in zip(self.bodies, self.each):
+            parts[b] = parts[b] + potential.force(SE3(), pose(g, b))
         return vec(*[x for part in parts for x in part])
 
 
@@ -53,18 +53,18 @@ class ForcesOfBodies(Force):
     each: tuple[Any, ...]
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
-        """Of each body its own."""
+        """The loads on all bodies, on each its own."""
         parts = [REST6 for _ in range(len(g) // 16)]
-        for b, one in zip(self.bodies, self.each):
-            parts[b] = parts[b] + one.covector(t, xi[6 * b : 6 * b + 6], pose(g, b))
+        for b, load in zip(self.bodies, self.each):
+            parts[b] = parts[b] + load.covector(t, xi[6 * b : 6 * b + 6], pose(g, b))
         return vec(*[x for part in parts for x in part])
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
-        """Of each body its own."""
+        """The damping of all bodies, of each by its own load."""
         parts = [REST6 for _ in range(len(g) // 16)]
-        for b, one in zip(self.bodies, self.each):
+        for b, load in zip(self.bodies, self.each):
             end = 6 * b + 6
-            parts[b] = parts[b] + one.resistance(t, xi[6 * b : end], pose(g, b), along[6 * b : end])
+            parts[b] = parts[b] + load.resistance(t, xi[6 * b : end], pose(g, b), along[6 * b : end])
         return vec(*[x for part in parts for x in part])
 
 
@@ -81,22 +81,22 @@ class AtBody(Record):
     def pull(self, g: Mat) -> Vec:
         """The force of the potential."""
         total = REST6
-        for one in self.potentials:
-            total = total + one.force(SE3(), g)
+        for potential in self.potentials:
+            total = total + potential.force(SE3(), g)
         return total
 
     def push(self, t: float, xi: Vec, g: Mat) -> Vec:
         """The load at this velocity."""
         total = REST6
-        for one in self.loads:
-            total = total + one.covector(t, xi, g)
+        for load in self.loads:
+            total = total + load.covector(t, xi, g)
         return total
 
     def resistance(self, t: float, xi: Vec, g: Mat, along: Vec) -> Vec:
         """The damping of the load along a velocity."""
         total = REST6
-        for one in self.loads:
-            total = total + one.resistance(t, xi, g, along)
+        for load in self.loads:
+            total = total + load.resistance(t, xi, g, along)
         return total
 
 
@@ -134,13 +134,13 @@ def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:
             f"Linkage: {name} must be a {kind.__name__}, a subclass with {words}, or such of single "
             f'bodies, {{"hand": ...}}; got {given!r}'
         )
-    found: dict[int, Any] = {}
-    for body, one in given.items():
-        if not isinstance(one, kind):
+    by_body: dict[int, Any] = {}
+    for body, act in given.items():
+        if not isinstance(act, kind):
             raise InvalidType(
-                f"Linkage: {name}[{body!r}] must be a {kind.__name__}, a subclass with {words}; got {one!r}"
+                f"Linkage: {name}[{body!r}] must be a {kind.__name__}, a subclass with {words}; got {act!r}"
             )
-        if number(body) in found:
+        if number(body) in by_body:
             raise InvalidInput(f"Linkage: {name} names body {number(body)} twice")
-        found[number(body)] = one
-    return many(tuple(found), tuple(found.values())) if found else None
+        by_body[number(body)] = act
+    return many(tuple(by_body), tuple(by_body.values())) if by_body else None

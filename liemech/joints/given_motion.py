@@ -53,7 +53,7 @@ class Shaking(MovingSupport):
             raise InvalidInput(f"Shaking: amplitude must be a vector in space, (3,), in m; got {self.amplitude}")
 
     def pose(self, t: float) -> Mat:
-        """The shift."""
+        """The pose of the support at time t, a shift without a turn."""
         p = sin(self.frequency * t + self.phase) * self.amplitude
         return mat(*[vec(*GROUND[i][:3], p[i]) for i in range(3)], GROUND[3])
 
@@ -106,7 +106,7 @@ class MovedJoint(Joint):
 
     @property
     def conditions(self) -> int:  # type: ignore[override]
-        """Those of `held`."""
+        """The number of conditions of `held`."""
         return int(self.held.conditions)
 
     @property
@@ -116,7 +116,7 @@ class MovedJoint(Joint):
 
     @property
     def turns(self) -> bool | tuple[bool, ...]:  # type: ignore[override]
-        """Are its coordinates angles?"""
+        """Whether the coordinates of the joint are angles."""
         turns: bool | tuple[bool, ...] = self.joint.turns
         return turns
 
@@ -132,8 +132,8 @@ class MovedJoint(Joint):
 
     def at_time(self, t: float) -> MovedJoint:
         """The joint at time t."""
-        found: MovedJoint = with_fields(self, time=t)
-        return found
+        joint: MovedJoint = with_fields(self, time=t)
+        return joint
 
     # ---------------------------------------------------------------- what moves
 
@@ -142,11 +142,11 @@ class MovedJoint(Joint):
         path.
         """
         m = GROUND
-        for one in self.support:
-            m = m @ one.pose(t)
+        for part in self.support:
+            m = m @ part.pose(t)
         if whole:
-            for one in self.path:
-                q = one.coordinates(t)
+            for part in self.path:
+                q = part.coordinates(t)
                 m = m @ self.joint.relative(q if self.joint.freedoms > 1 else vec(q))
         return m
 
@@ -170,9 +170,9 @@ class MovedJoint(Joint):
         return self.held.askew(g, k @ self.place(self.time, True))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Their derivatives by both bodies."""
+        """The rows of the conditions by both bodies."""
         m = self.place(self.time, True)
-        return tuple([(one, carried_by(m, two)) for one, two in self.held.rows(g, k @ m)])
+        return tuple([(first, carried_by(m, second)) for first, second in self.held.rows(g, k @ m)])
 
     def paces(self, g: Mat, k: Mat) -> list[Any]:
         """dc/dt of the conditions, by the given motion alone."""
@@ -181,23 +181,23 @@ class MovedJoint(Joint):
 
     def paces_by_coordinates(self, g: Mat, k: Mat) -> list[Any]:
         """dc/dq of the conditions, for each coordinate of the path."""
-        given = self.path[0].coordinates(self.time)
-        q = vec(*given) if self.joint.freedoms > 1 else vec(given)
+        at = self.path[0].coordinates(self.time)
+        q = vec(*at) if self.joint.freedoms > 1 else vec(at)
         m, n = k @ self.place(self.time, False), self.joint.freedoms
         units = [vec(*[1.0 if j == i else 0.0 for j in range(n)]) for i in range(n)]
         return [derivative(lambda x: self.held.value(g, m @ self.joint.relative(x)), q, unit) for unit in units]
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
-        """Those of the joint, against what carries it."""
+        """The coordinates of the joint, against what carries it."""
         return self.joint.coordinates(g, k @ self.place(self.time, False))
 
     def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Those of the joint, by both bodies."""
+        """The motions of the joint, by both bodies."""
         m = self.place(self.time, False)
-        return tuple([(one, carried_by(m, two)) for one, two in self.joint.motions(g, k @ m)])
+        return tuple([(first, carried_by(m, second)) for first, second in self.joint.motions(g, k @ m)])
 
     def paces_of_motions(self, g: Mat, k: Mat) -> list[Any]:
-        """Their rates by the given motion of the support alone."""
+        """The rates of the motions by the given motion of the support alone."""
         m, u = self.place(self.time, False), self.pace(False)
         return [sum_of(two, u) for _, two in self.joint.motions(g, k @ m)]
 
@@ -208,12 +208,12 @@ class MovedJoint(Joint):
         return self.place(self.time, False) @ self.joint.relative(q)
 
     def slopes(self, q: Vec, slope: Vec) -> Vec:
-        """Those of the joint."""
+        """The slopes along the motions of the joint, from those by its coordinates."""
         return self.joint.slopes(q, slope)
 
 
 def sum_of(a: Any, b: Any) -> Any:
-    """The sum of products."""
+    """The sum of the products a_i b_i."""
     total = a[0] * b[0]
     for i in range(1, len(a)):
         total = total + a[i] * b[i]
@@ -234,27 +234,27 @@ def moved(joint: Any, support: Any, path: Any, label: str) -> Any:
             f"Linkage: {label} has an armature and is in a given motion, which do not go together; give "
             "its rotor as a link of its own, or leave armature= out there"
         )
-    own = replace(joint, first=0, second=1, name=None)
+    joint_alone = replace(joint, first=0, second=1, name=None)
     at: Any = getattr(joint, "at_first", vec(0.0, 0.0, 0.0))
-    held: Any = own
+    held: Any = joint_alone
     if path is not None:
         if joint.freedoms == 0:
             raise InvalidInput(
                 f"Linkage: {label}, a {type(joint).__name__}, has no coordinates that could follow a path"
             )
         path = TablePath(path) if isinstance(path, PiecewisePolynomial) else path
-        found = np.shape(np.asarray(path.coordinates(0.0)))
-        if found != (() if joint.freedoms == 1 else (joint.freedoms,)):
+        shape = np.shape(np.asarray(path.coordinates(0.0)))
+        if shape != (() if joint.freedoms == 1 else (joint.freedoms,)):
             raise InvalidInput(
-                f"Linkage: the path of {label} has coordinates of shape {found}; a "
+                f"Linkage: the path of {label} has coordinates of shape {shape}; a "
                 f"{type(joint).__name__} leaves {joint.freedoms} free"
             )
         held = FixedJoint(0, 1, at, at)
-    given: Any = MovedJoint
-    return given(
+    kind: Any = MovedJoint
+    return kind(
         joint.first,
         joint.second,
-        own,
+        joint_alone,
         held,
         () if support is None else (support,),
         () if path is None else (path,),

@@ -94,11 +94,11 @@ class Spring(JointPotential):
     rest: float = 0.0
 
     def energy(self, q: float) -> float:
-        """k (q - rest)^2/2."""
+        """The energy k (q - rest)^2/2 of the spring."""
         return 0.5 * self.stiffness * (q - self.rest) * (q - self.rest)
 
     def about(self, t: float) -> float:
-        """The rest."""
+        """The coordinate at rest, in the middle of the turn in which angles are seen."""
         return self.rest
 
 
@@ -122,7 +122,7 @@ class Stops(JointPotential):
             raise InvalidInput(f"Stops: low must be below high; got {self.low} and {self.high}")
 
     def energy(self, q: float) -> float:
-        """k d^3/3."""
+        """The energy k d^3/3 at the depth d behind a stop."""
         depth = max(q - self.high, 0.0) + max(self.low - q, 0.0)
         return self.stiffness * depth * depth * depth / 3.0
 
@@ -143,7 +143,7 @@ class Damper(JointForce):
     damping: float
 
     def effort(self, t: float, q: float, rate: float) -> float:
-        """-c q'."""
+        """The torque or force -c q' against the rate."""
         return -(self.damping * rate)
 
 
@@ -166,7 +166,7 @@ class DryFriction(JointForce):
             raise InvalidInput(f"DryFriction: speed must be positive; got {self.speed}")
 
     def effort(self, t: float, q: float, rate: float) -> float:
-        """-T tanh(q'/speed)."""
+        """The torque or force -T tanh(q'/speed) against the rate."""
         return -(self.torque * tanh(rate / self.speed))
 
     def resistance(self, t: float, q: float, rate: float) -> float:
@@ -222,11 +222,11 @@ class Limited(JointForce):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given: Any = self.given
-        if not isinstance(given, JointForce) or given.freedom != self.freedom or given.joint not in (self.joint, 0):
+        force: Any = self.given
+        if not isinstance(force, JointForce) or force.freedom != self.freedom or force.joint not in (self.joint, 0):
             raise InvalidType(
                 "Limited: given is a JointForce such as Motor(0, 2.0), at the same joint and along the same "
-                f"freedom; got {given!r} at joint {self.joint!r}"
+                f"freedom; got {force!r} at joint {self.joint!r}"
             )
         for name in ("limit", "speed"):
             value = getattr(self, name)
@@ -235,7 +235,7 @@ class Limited(JointForce):
         object.__setattr__(self, "given", replace(self.given, joint=0))
 
     def effort(self, t: float, q: float, rate: float) -> float:
-        """That of the motor, within its limits."""
+        """The effort of the motor, cut at its limits."""
         low, high = -self.limit, self.limit
         if self.speed is not None:
             forth = min(1.0, max(0.0, 10.0 * (1.0 - rate / self.speed)))
@@ -244,12 +244,12 @@ class Limited(JointForce):
         return max(low, min(high, self.given.effort(t, q, rate)))
 
     def resistance(self, t: float, q: float, rate: float) -> float:
-        """That of the motor; zero where the torque is cut."""
-        given = self.given.resistance(t, q, rate)
-        return given if self.effort(t, q, rate) == self.given.effort(t, q, rate) else 0.0
+        """The damping of the motor; zero where the torque is cut."""
+        damping = self.given.resistance(t, q, rate)
+        return damping if self.effort(t, q, rate) == self.given.effort(t, q, rate) else 0.0
 
     def about(self, t: float) -> float:
-        """As the motor sees it."""
+        """The middle of the turn in which the motor sees angles."""
         return self.given.about(t)
 
 
@@ -262,7 +262,7 @@ def effort_of(force: Any, t: float, q: float, rate: float) -> float:
 
 
 def resistance_of(force: Any, t: float, q: float, rate: float) -> float:
-    """Its damping."""
+    """The damping of a JointForce, by the rate of its effort."""
     return force.resistance(t, q, rate)
 
 
@@ -312,11 +312,11 @@ class AtJoint(Record):
         return self.joint.at_time(t).value(g, k)
 
     def slips(self, t: float, g: Mat, k: Mat, xi: Vec, eta: Vec) -> Vec:
-        """Their rates, which are zero, at the velocities of its bodies."""
+        """The rates of the conditions, which are zero, at the velocities of the joint's bodies."""
         joint = self.joint.at_time(t)
-        found = vec(*[dot(one, xi) + dot(two, eta) for one, two in joint.rows(g, k)])
+        slips = vec(*[dot(first, xi) + dot(second, eta) for first, second in joint.rows(g, k)])
         paces = joint.paces(g, k)
-        return found + vec(*paces) if len(paces) > 0 else found
+        return slips + vec(*paces) if len(paces) > 0 else slips
 
     def wrench(self, t: float, g: Vec, multipliers: Vec) -> Vec:
         """The force of the conditions on the first body and their torque about its point, seen from
@@ -349,10 +349,10 @@ class AtJoint(Record):
         return total
 
     def effort_at(self, force: Any, t: float, q: Vec, rates: Vec, formula: Any = effort_of) -> Vec:
-        """Those of one force at the coordinates that it sees."""
-        some = acting(force, self.joint)
-        found = vec(*[formula(force, t, q[i], rates[i]) if i in some else 0.0 for i in range(self.joint.freedoms)])
-        return self.joint.slopes(q, found) if isinstance(force, JointPotential) else found
+        """The efforts of one force along each motion, at the coordinates that it sees."""
+        axes = acting(force, self.joint)
+        efforts = vec(*[formula(force, t, q[i], rates[i]) if i in axes else 0.0 for i in range(self.joint.freedoms)])
+        return self.joint.slopes(q, efforts) if isinstance(force, JointPotential) else efforts
 
     def push(self, t: float, g: Vec, rates: Vec) -> Any:
         """The joint, the rows of its motions, and the efforts along them."""
@@ -376,16 +376,16 @@ def seen_about(q: Vec, middle: float, angles: tuple[int, ...]) -> Vec:
 
 def rates_of(joint: Joint, g: Vec, xi: Vec) -> Vec:
     """The rates of a joint's motions.  xi : of all bodies, (6 N,)."""
-    found = vec(
+    rates = vec(
         *[
-            dot(one, body(xi, joint.first))
+            dot(by_first, body(xi, joint.first))
             if joint.second is None
-            else dot(one, body(xi, joint.first)) + dot(two, body(xi, joint.second))
-            for one, two in joint.motions(*both(joint, g))
+            else dot(by_first, body(xi, joint.first)) + dot(by_second, body(xi, joint.second))
+            for by_first, by_second in joint.motions(*both(joint, g))
         ]
     )
     paces = joint.paces_of_motions(*both(joint, g))
-    return found + vec(*paces) if len(paces) > 0 else found
+    return rates + vec(*paces) if len(paces) > 0 else rates
 
 
 def body(xi: Vec, number: int) -> Vec:
@@ -400,10 +400,10 @@ def pushed(pushes: Any, dim: int) -> Vec:
     """
     parts = [REST6 for _ in range(dim // 6)]
     for joint, rows, efforts in pushes:
-        for (one, two), effort in zip(rows, efforts):
-            parts[joint.first] = parts[joint.first] + effort * one
+        for (by_first, by_second), effort in zip(rows, efforts):
+            parts[joint.first] = parts[joint.first] + effort * by_first
             if joint.second is not None:
-                parts[joint.second] = parts[joint.second] + effort * two
+                parts[joint.second] = parts[joint.second] + effort * by_second
     return vec(*[x for part in parts for x in part])
 
 
@@ -419,15 +419,15 @@ class LinkagePotential(Potential):
     other: Potential | None = None
 
     def energy(self, g: Vec) -> float:
-        """The sum."""
+        """The sum of the energies of weights, springs and the user's field."""
         total = self.weights.energy(g)
-        for one in self.at_joints:
-            total = total + one.energy(g)
+        for at_joint in self.at_joints:
+            total = total + at_joint.energy(g)
         return total if self.other is None else total + self.other.energy(g)
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The sum of the forces."""
-        pushes = [one.push(0.0, g, REST6) for one in self.at_joints]
+        pushes = [at_joint.push(0.0, g, REST6) for at_joint in self.at_joints]
         total = self.weights.force(group, g) + pushed(pushes, group.dim)
         return total if self.other is None else total + self.other.force(group, g)
 
@@ -443,7 +443,7 @@ class LinkageForce(Force):
     other: Force | None = None
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
-        """The sum."""
+        """The sum of the forces of joints and of the user's load."""
         total = self.spread(t, self.efforts(t, self.rates_at(t, xi, g), g), g)
         return total if self.other is None else total + self.other.covector(t, xi, g)
 
@@ -455,20 +455,20 @@ class LinkageForce(Force):
 
     def rates_at(self, t: float, xi: Vec, g: Any) -> Vec:
         """The rates of the joints, as those in a given motion are at time t."""
-        return vec(*[rate for one in self.at_joints for rate in one.rates(t, g, xi)])
+        return vec(*[rate for at_joint in self.at_joints for rate in at_joint.rates(t, g, xi)])
 
     @property
     def by_rate(self) -> bool:
-        """Without a load of the user's."""
+        """Whether all forces are of joints, none a load of the user's."""
         return self.other is None
 
     def efforts(self, t: float, rates: Vec, g: Any, formula: Any = effort_of) -> Vec:
         """The torques or forces along all motions of the joints, or of another `formula`."""
-        found: list[Any] = []
-        for one in self.at_joints:
-            begin = len(found)
-            found = [*found, *one.efforts(t, g, rates[begin : begin + one.joint.freedoms], formula)]
-        return vec(*found)
+        efforts: list[Any] = []
+        for at_joint in self.at_joints:
+            begin = len(efforts)
+            efforts = [*efforts, *at_joint.efforts(t, g, rates[begin : begin + at_joint.joint.freedoms], formula)]
+        return vec(*efforts)
 
     def resistances(self, t: float, rates: Vec, g: Any) -> Vec:
         """The damping of all motions of the joints."""
@@ -482,17 +482,17 @@ class LinkageForce(Force):
         return total if self.other is None else total + self.other.resistance(t, xi, g, along)
 
     def spread(self, t: float, efforts: Vec, g: Any) -> Vec:
-        """The forces on all bodies by them."""
+        """The forces on all bodies by these efforts along the motions of joints."""
         pushes: list[Any] = []
         begin = 0
-        for one in self.at_joints:
-            end = begin + one.joint.freedoms
-            motions = one.joint.at_time(t).motions(*both(one.joint, g))
-            pushes, begin = [*pushes, (one.joint, motions, efforts[begin:end])], end
+        for at_joint in self.at_joints:
+            end = begin + at_joint.joint.freedoms
+            motions = at_joint.joint.at_time(t).motions(*both(at_joint.joint, g))
+            pushes, begin = [*pushes, (at_joint.joint, motions, efforts[begin:end])], end
         return pushed(pushes, len(g) // 16 * 6)
 
     def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
-        """The sum at these rates."""
+        """The sum of the forces at these rates."""
         if self.other is None:
             return self.spread(t, self.efforts(t, rates, g), g)
         return self.covector(t, rates, g)

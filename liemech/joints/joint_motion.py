@@ -63,8 +63,8 @@ class JointMotion:
         """This motion with the torque, power and work of one force alone, or of those of a class such
         as Motor.
         """
-        some = [one for one in self.at.forces if one == force or (isinstance(force, type) and isinstance(one, force))]
-        return replace(self, at=AtJoint(self.at.joint, tuple(some)))
+        forces = [f for f in self.at.forces if f == force or (isinstance(force, type) and isinstance(f, force))]
+        return replace(self, at=AtJoint(self.at.joint, tuple(forces)))
 
     @cached_property
     def angle(self) -> np.ndarray:
@@ -76,8 +76,8 @@ class JointMotion:
             q, rate = np.array(q), self._rates[..., turning]
             angles = q[..., turning]
             steps = np.diff(np.broadcast_to(self._t.reshape(*self._t.shape, 1), angles.shape), axis=0)
-            told = 0.5 * steps * (rate[1:] + rate[:-1])
-            whole = np.round((told - np.diff(angles, axis=0)) / (2.0 * np.pi))
+            predicted = 0.5 * steps * (rate[1:] + rate[:-1])
+            whole = np.round((predicted - np.diff(angles, axis=0)) / (2.0 * np.pi))
             q[1:, ..., turning] += 2.0 * np.pi * np.cumsum(whole, axis=0)
         return self._alone(q)
 
@@ -122,7 +122,7 @@ class JointMotion:
 
     @cached_property
     def given_work(self) -> np.ndarray:
-        """Its work from the first sample on, as `work`, in J.  (n,)"""
+        """The work of the given motion from the first sample on, as `work`, in J.  (n,)"""
         return self._summed(self.given_power)
 
     def _summed(self, power: np.ndarray) -> np.ndarray:
@@ -166,15 +166,15 @@ class JointMotion:
     @cached_property
     def _multipliers(self) -> np.ndarray:
         counted = self.linkage.constraint.counted
-        begin = sum(len(kept) for _, kept in counted[: self.number])
-        kept = counted[self.number][1]
-        own = np.asarray(self.run.multipliers)[..., begin : begin + len(kept)]
-        whole = np.zeros((*own.shape[:-1], self.at.joint.conditions))
-        whole[..., list(kept)] = own
+        begin = sum(len(indices) for _, indices in counted[: self.number])
+        indices = counted[self.number][1]
+        of_joint = np.asarray(self.run.multipliers)[..., begin : begin + len(indices)]
+        whole = np.zeros((*of_joint.shape[:-1], self.at.joint.conditions))
+        whole[..., list(indices)] = of_joint
         return whole
 
     def _alone(self, x: np.ndarray) -> np.ndarray:
-        """Of one freedom without its axis."""
+        """The numbers of a joint with one freedom without their last axis."""
         if not self.at.joint.freedoms:
             raise InvalidInput(f"a {type(self.at.joint).__name__} has no coordinates: it has a reaction only")
         return x[..., 0] if self.at.joint.freedoms == 1 else x
@@ -193,8 +193,8 @@ class LinkMotion:
 
     def __repr__(self) -> str:
         name = self.linkage.links[self.number].name
-        told = f"link {self.number}" if name is None else f"link {name!r}"
-        return f"LinkMotion({told}, {len(self.run)} samples)"
+        label = f"link {self.number}" if name is None else f"link {name!r}"
+        return f"LinkMotion({label}, {len(self.run)} samples)"
 
     @cached_property
     def pose(self) -> np.ndarray:
@@ -211,19 +211,19 @@ class LinkMotion:
         """Torque and force of the load on the body, in its axes, in N m and N, (n, 6); those of forces
         at joints belong to the joints.
         """
-        given, run, xi = self.linkage.load, self.run, self.velocity  # type: Any, Any, Any
+        load, run, xi = self.linkage.load, self.run, self.velocity  # type: Any, Any, Any
         t = run.t if run.bodies is None or run.t.ndim == 2 else run.t[:, None]
         t = np.broadcast_to(t, xi.shape[:-1])
-        if isinstance(given, ForcesOfBodies):
-            own = [one for body, one in zip(given.bodies, given.each) if body == self.number]
-            at: Any = AtBody((), tuple(own))
+        if isinstance(load, ForcesOfBodies):
+            forces = [force for body, force in zip(load.bodies, load.each) if body == self.number]
+            at: Any = AtBody((), tuple(forces))
             return np.asarray(at.push(t, xi, self.pose))
-        if given is None:
+        if load is None:
             return np.zeros_like(xi)
         every = np.asarray(self.linkage.velocity(run.mu))
         rows = zip(t.ravel(), every.reshape(t.size, -1), run.g.reshape(t.size, -1))
-        found = [given.covector(float(s), vec(*v), vec(*g)) for s, v, g in rows]
-        return self._own(np.array(found).reshape(every.shape))
+        covectors = [load.covector(float(s), vec(*v), vec(*g)) for s, v, g in rows]
+        return self._own(np.array(covectors).reshape(every.shape))
 
     @cached_property
     def power(self) -> np.ndarray:

@@ -74,13 +74,13 @@ class Joint(Record):
             raise InvalidInput(f"{name}: armature must be 0 or more; got {armature!r}")
         if self.first == self.second:
             raise InvalidInput(f"{name}: a joint holds two bodies together; first and second are both {self.first}")
-        for given, value in vars(self).items():
-            if given.startswith(("at_", "axis")) and (len(value) != 3 or not np.isfinite(np.array(value)).all()):
-                raise InvalidInput(f"{name}: {given} must be a vector in space, (3,), and finite; got {value}")
-            if given.startswith("axis"):
+        for attribute, value in vars(self).items():
+            if attribute.startswith(("at_", "axis")) and (len(value) != 3 or not np.isfinite(np.array(value)).all()):
+                raise InvalidInput(f"{name}: {attribute} must be a vector in space, (3,), and finite; got {value}")
+            if attribute.startswith("axis"):
                 if not any(value):
-                    raise InvalidInput(f"{name}: {given} must have a direction; got {value}")
-                object.__setattr__(self, given, value / sqrt(dot(value, value)))
+                    raise InvalidInput(f"{name}: {attribute} must have a direction; got {value}")
+                object.__setattr__(self, attribute, value / sqrt(dot(value, value)))
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -156,11 +156,11 @@ class BallJoint(Joint):
     at_second: Vec = ORIGIN
 
     def value(self, g: Mat, k: Mat) -> Vec:
-        """x_1 - x_2."""
+        """The difference x_1 - x_2 of the points, in space."""
         return place(g, self.at_first) - place(k, self.at_second)
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Of the points."""
+        """The rows of the difference along each axis of space."""
         return tuple([(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES])
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
@@ -176,7 +176,7 @@ class BallJoint(Joint):
         return hung(SO3().exp(q), self.at_first, self.at_second)
 
     def slopes(self, q: Vec, slope: Vec) -> Vec:
-        """By the derivative of the logarithm, q' = dexp^-1_q w with w in the axes of the first body."""
+        """The slopes along the motions, by the derivative of the logarithm."""
         return SO3().algebra.dexp_inv_dual(q, slope)
 
 
@@ -215,7 +215,7 @@ class RevoluteJoint(Joint):
         return between(turned(g, self.axis_first), turned(k, self.axis_second))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Of the points, and of the axes."""
+        """The rows of the points, and of the axes."""
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
         axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
         return (*points, *axes)
@@ -223,17 +223,17 @@ class RevoluteJoint(Joint):
     def coordinates(self, g: Mat, k: Mat) -> Vec:
         """The angle by which the first body is turned about the axis."""
         u = turned(g, across(self.axis_first)[0])
-        one, two = across(self.axis_second)
-        return vec(atan2(dot(u, turned(k, two)), dot(u, turned(k, one))))
+        e1, e2 = across(self.axis_second)
+        return vec(atan2(dot(u, turned(k, e2)), dot(u, turned(k, e1))))
 
     def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Turning about the axis."""
+        """The motion that turns about the axis, by both bodies."""
         return ((join(self.axis_first, REST), join(-self.axis_second, REST)),)
 
     def relative(self, q: Vec) -> Mat:
         """The turn by q about the axis."""
-        one, two = across(self.axis_first), across(self.axis_second)
-        mounted = carrying((*one, self.axis_first), (*two, self.axis_second))
+        first, second = across(self.axis_first), across(self.axis_second)
+        mounted = carrying((*first, self.axis_first), (*second, self.axis_second))
         return hung(SO3().exp(q[0] * self.axis_second) @ mounted, self.at_first, self.at_second)
 
 
@@ -265,7 +265,7 @@ class UniversalJoint(Joint):
         return vec(*x, dot(turned(g, self.axis_first), turned(k, self.axis_second)))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Of the points, and of the axes."""
+        """The rows of the points, and of the angle between the axes."""
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
         return (*points, crossed(g, self.axis_first, k, self.axis_second))
 
@@ -279,7 +279,7 @@ class UniversalJoint(Joint):
         return vec(atan2(dot(a, cross(b, w)), dot(a, w)), -atan2(dot(b, cross(a, u)), dot(b, u)))
 
     def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Turning about both axes."""
+        """The motions that turn about each of both axes."""
         a, b = turned(g, self.axis_first), turned(k, self.axis_second)
         return (
             (join(seen(g, b), REST), join(-self.axis_second, REST)),
@@ -287,7 +287,7 @@ class UniversalJoint(Joint):
         )
 
     def relative(self, q: Vec) -> Mat:
-        """Both turns, one after the other."""
+        """The pose after both turns, one after the other."""
         a, b = self.axis_first, self.axis_second
         u, w = beside(a, b), beside(b, a)
         mounted = carrying((a, u, cross(a, u)), (w, b, cross(w, b)))
@@ -338,7 +338,7 @@ class PrismaticJoint(Joint):
         return turned_by(g, k, self.attitude)
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Of the connection, and of the axes."""
+        """The rows of the connection, and of the axes."""
         d = place(k, self.at_second) - place(g, self.at_first)
         slides: list[Any] = []
         for u in across(self.axis):
@@ -352,7 +352,7 @@ class PrismaticJoint(Joint):
         return vec(dot(turned(g, self.axis), d))
 
     def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Moving along the axis."""
+        """The motion along the axis, by both bodies."""
         n = turned(g, self.axis)
         return ((along(g, self.at_first, n), -along(k, self.at_second, n)),)
 
@@ -413,32 +413,32 @@ class PlanarJoint(Joint):
         return between(turned(g, self.axis_first), turned(k, self.axis_second))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Of the height, and of the axes."""
+        """The rows of the height, and of the axes."""
         axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
         return (shift(g, self.at_first, k, self.at_second, self.axis_second), *axes)
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
         """The components of x_1 - x_2 in the plane, and the angle."""
         d = place(g, self.at_first) - place(k, self.at_second)
-        one, two = across(self.axis_second)
+        e1, e2 = across(self.axis_second)
         u = turned(g, across(self.axis_first)[0])
-        angle = atan2(dot(u, turned(k, two)), dot(u, turned(k, one)))
-        return vec(dot(turned(k, one), d), dot(turned(k, two), d), angle)
+        angle = atan2(dot(u, turned(k, e2)), dot(u, turned(k, e1)))
+        return vec(dot(turned(k, e1), d), dot(turned(k, e2), d), angle)
 
     def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Moving in the plane, and turning about its normal."""
-        one, two = across(self.axis_second)
+        e1, e2 = across(self.axis_second)
         return (
-            shift(g, self.at_first, k, self.at_second, one),
-            shift(g, self.at_first, k, self.at_second, two),
+            shift(g, self.at_first, k, self.at_second, e1),
+            shift(g, self.at_first, k, self.at_second, e2),
             (join(self.axis_first, REST), join(-self.axis_second, REST)),
         )
 
     def relative(self, q: Vec) -> Mat:
         """The turn by q[2] about the normal, and the shifts."""
-        one, two = across(self.axis_first), across(self.axis_second)
-        mounted = carrying((*one, self.axis_first), (*two, self.axis_second))
-        moved = self.at_second + q[0] * two[0] + q[1] * two[1]
+        first, second = across(self.axis_first), across(self.axis_second)
+        mounted = carrying((*first, self.axis_first), (*second, self.axis_second))
+        moved = self.at_second + q[0] * second[0] + q[1] * second[1]
         return hung(SO3().exp(q[2] * self.axis_second) @ mounted, self.at_first, moved)
 
 
@@ -463,11 +463,11 @@ class FloatingJoint(Joint):
     at_second: Vec = ORIGIN
 
     def value(self, g: Mat, k: Mat) -> Vec:
-        """Nothing."""
+        """The empty vector: there are no conditions."""
         return vec()
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """None."""
+        """The empty tuple: there are no conditions."""
         return ()
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
@@ -485,7 +485,7 @@ class FloatingJoint(Joint):
         return hung(SO3().exp(q[:3]), self.at_first, self.at_second + q[3:])
 
     def slopes(self, q: Vec, slope: Vec) -> Vec:
-        """By the derivative of the logarithm, q' = dexp^-1_q w with w in the axes of the first body."""
+        """The slopes along the motions, by the derivative of the logarithm."""
         return join(SO3().algebra.dexp_inv_dual(q[:3], slope[:3]), slope[3:])
 
 
@@ -520,7 +520,7 @@ class FixedJoint(Joint):
         return turned_by(g, k, self.attitude)
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Of the points, and of the axes."""
+        """The rows of the points, and of the axes."""
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
         return (*points, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
 
@@ -558,7 +558,7 @@ class RigidRod(Joint):
         return vec((dot(d, d) - self.length * self.length) / (2.0 * self.length))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Along the rod."""
+        """The row of the rod's length, along the rod."""
         n = (place(g, self.at_first) - place(k, self.at_second)) / self.length
         return ((along(g, self.at_first, n), -along(k, self.at_second, n)),)
 
@@ -604,10 +604,10 @@ class Joints(Constraint):
             return
         if len(self.kept) != len(self.joints):
             raise InvalidInput(f"Joints: kept is of {len(self.kept)} joints, and there are {len(self.joints)}")
-        for joint, kept in self.counted:
-            if not {*kept} <= {*range(joint.conditions)} or len({*kept}) < len(kept):
+        for joint, indices in self.counted:
+            if not {*indices} <= {*range(joint.conditions)} or len({*indices}) < len(indices):
                 raise InvalidInput(
-                    f"Joints: kept names conditions {kept} of {joint!r}, which has {joint.conditions}, numbered from 0"
+                    f"Joints: kept names conditions {indices} of {joint!r}, which has {joint.conditions}, numbered from 0"
                 )
 
     def at_time(self, t: float) -> Joints:
@@ -616,17 +616,17 @@ class Joints(Constraint):
 
     @property
     def rheonomic(self) -> bool:
-        """Do they change with time?"""
+        """Whether the conditions change with time."""
         return any(joint.at_time(1.0) is not joint for joint in self.joints)
 
     def paces(self, g: Vec) -> list[Any]:
         """dc/dt, (m,); nothing if conditions do not change with time."""
-        found: list[Any] = []
+        paces: list[Any] = []
         if self.rheonomic:
-            for joint, kept in self.counted:
-                own = joint.paces(*both(joint, g))
-                found = [*found, *[own[i] if len(own) > 0 else 0.0 for i in kept]]
-        return found
+            for joint, indices in self.counted:
+                of_joint = joint.paces(*both(joint, g))
+                paces = [*paces, *[of_joint[i] if len(of_joint) > 0 else 0.0 for i in indices]]
+        return paces
 
     @property
     def counted(self) -> list[tuple[Any, Any]]:
@@ -636,31 +636,31 @@ class Joints(Constraint):
         return [*zip(self.joints, self.kept)]
 
     def value(self, g: Vec) -> Vec:
-        """Those of the joints, one after another.  g : an element of the product, (16 N,)."""
-        return vec(*[value for joint, kept in self.counted for value in some(joint.value(*both(joint, g)), kept)])
+        """The conditions of the joints, one after another.  g : an element of the product, (16 N,)."""
+        return vec(*[value for joint, indices in self.counted for value in some(joint.value(*both(joint, g)), indices)])
 
     def rows(self, group: LieGroup, g: Vec) -> Rows:
-        """Those of the joints; of the ground none."""
-        rows = [row for joint, kept in self.counted for row in some(_rows(joint, g), kept)]
+        """The rows of the joints' conditions; the ground has none."""
+        rows = [row for joint, indices in self.counted for row in some(_rows(joint, g), indices)]
         return tuple(rows)
 
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
-        """The two bodies of each joint, or the one."""
+        """The bodies of each condition: two, or one and the ground."""
         return tuple(
             (joint.first,) if joint.second is None else (joint.first, joint.second)
-            for joint, kept in self.counted
-            for _ in kept
+            for joint, indices in self.counted
+            for _ in indices
         )
 
     def jacobian(self, group: LieGroup, g: Any) -> Mat:
         """The rows, with zeros for the other bodies."""
-        made: list[Any] = []
+        matrix_rows: list[Any] = []
         for parts, bodies in zip(self.rows(group, g), self.touches(group, 0)):
             row = [REST6 for _ in range(group.dim // 6)]
             for body, part in zip(bodies, parts):
                 row[body] = part
-            made = [*made, vec(*[x for part in row for x in part])]
-        return mat(*made)
+            matrix_rows = [*matrix_rows, vec(*[x for part in row for x in part])]
+        return mat(*matrix_rows)
 
 
 REST6 = vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -684,47 +684,47 @@ class WithRotors(Constraint):
 
     @property
     def rheonomic(self) -> bool:
-        """Do those of the joints change with time?"""
+        """Whether the conditions of the joints change with time."""
         return self.held.rheonomic
 
     def paces(self, g: Vec) -> list[Any]:
-        """dc/dt of the joints; rotors turn with what they find."""
-        found = self.held.paces(g)
-        return [*found, *[0.0 for _ in self.rotors]] if len(found) > 0 else found
+        """The rates dc/dt of the joints; zeros for the rotors, which turn with what they find."""
+        paces = self.held.paces(g)
+        return [*paces, *[0.0 for _ in self.rotors]] if len(paces) > 0 else paces
 
     @property
     def yields(self) -> tuple[Any, ...]:
         """1/A of each condition; 0 of those of joints, and of those that follow another one."""
-        hard = sum([len(kept) for _, kept in self.held.counted])
+        hard = sum([len(indices) for _, indices in self.held.counted])
         return (*[0.0] * hard, *self.lightness)
 
     def value(self, g: Vec) -> Vec:
         """The conditions, and the coordinates: of one that follows less what it follows."""
-        found: list[Any] = []
-        for some in self.rotors:
+        coordinates: list[Any] = []
+        for rotor in self.rotors:
             total = 0.0
-            for joint, ratio in some:
+            for joint, ratio in rotor:
                 total = total + ratio * joint.coordinates(*both(joint, g))[0]
-            found = [*found, total]
-        return vec(*self.held.value(g), *found)
+            coordinates = [*coordinates, total]
+        return vec(*self.held.value(g), *coordinates)
 
     def rows(self, group: LieGroup, g: Vec) -> Rows:
-        """Those of the joints, and those of the motions."""
-        return (*self.held.rows(group, g), *[_motions(some, g) for some in self.rotors])
+        """The rows of the joints' conditions, and of the motions of rotors."""
+        return (*self.held.rows(group, g), *[_motions(rotor, g) for rotor in self.rotors])
 
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
         """The bodies of each joint, and of the one that it follows."""
-        mine = tuple([_held_by(some) for some in self.rotors])
+        mine = tuple([_held_by(rotor) for rotor in self.rotors])
         return (*self.held.touches(group, conditions), *mine)
 
 
 def _held_by(some: Any) -> tuple[int, ...]:
     """The bodies of joints, each of them once."""
-    found: list[int] = []
+    bodies: list[int] = []
     for joint, _ in some:
         for b in (joint.first, joint.second):
-            found = found if b is None or b in found else [*found, b]
-    return tuple(found)
+            bodies = bodies if b is None or b in bodies else [*bodies, b]
+    return tuple(bodies)
 
 
 def _motions(some: Any, g: Vec) -> tuple[Any, ...]:
@@ -738,7 +738,7 @@ def _motions(some: Any, g: Vec) -> tuple[Any, ...]:
 
 
 def some(items: Any, numbers: Any) -> list[Any]:
-    """Those with these numbers."""
+    """The items with these numbers, in their order."""
     return [items[i] for i in numbers]
 
 
@@ -761,7 +761,7 @@ def pose(g: Vec, body: int) -> Mat:
 
 
 def rotation(g: Mat) -> Mat:
-    """R of a pose."""
+    """The rotation R of a pose, (3, 3)."""
     return mat(*[vec(g[i, 0], g[i, 1], g[i, 2]) for i in range(3)])
 
 

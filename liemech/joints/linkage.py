@@ -67,7 +67,7 @@ class Weights(Potential):
     weights: Vec
 
     def energy(self, g: Vec) -> float:
-        """The heights, weighed."""
+        """The sum of the weights times the heights of the bodies."""
         total = self.weights[0] * g[11]
         for b in range(1, len(self.weights)):
             total = total + self.weights[b] * g[16 * b + 11]
@@ -139,8 +139,8 @@ class Linkage(ConstrainedBody):
     shapes: tuple[LinkShape, ...] = field(default=(), kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
-        given: Any = self
-        for name, items, kind in (("links", given.links, Link), ("joints", given.joints, Joint)):
+        linkage: Any = self
+        for name, items, kind in (("links", linkage.links, Link), ("joints", linkage.joints, Joint)):
             if not isinstance(items, (list, tuple)) or not items or not all(isinstance(x, kind) for x in items):
                 raise InvalidType(f"Linkage: {name} is a list of one or more {kind.__name__}s; got {items!r}")
         links, joints = tuple(self.links), tuple(self.joints)
@@ -176,9 +176,9 @@ class Linkage(ConstrainedBody):
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
         energy: Any = Weights([link.mass * self.gravity for link in links])
         for name in ("potential", "load"):
-            value = of_bodies(name, getattr(given, name), lambda x: number_of(links, x, "link"))
+            value = of_bodies(name, getattr(linkage, name), lambda x: number_of(links, x, "link"))
             object.__setattr__(self, name, value)
-        potential, load = given.potential, given.load
+        potential, load = linkage.potential, linkage.load
         if springs or potential is not None:
             energy = LinkagePotential(energy, springs, potential)
         if others:
@@ -189,28 +189,28 @@ class Linkage(ConstrainedBody):
 
     def _moved(self) -> tuple[Any, ...]:
         """The joints in their given motions."""
-        given: Any = self.motions
-        if isinstance(given, Mapping):
-            given = tuple(given.items())
-        if not isinstance(given, tuple) or not all(isinstance(pair, tuple) and len(pair) == 2 for pair in given):
+        motions: Any = self.motions
+        if isinstance(motions, Mapping):
+            motions = tuple(motions.items())
+        if not isinstance(motions, tuple) or not all(isinstance(pair, tuple) and len(pair) == 2 for pair in motions):
             raise InvalidType(f'Linkage: motions are given by joint, such as {{"crank": plan}}; got {self.motions!r}')
-        object.__setattr__(self, "motions", given)
+        object.__setattr__(self, "motions", motions)
         if any(isinstance(joint, MovedJoint) for joint in self.joints):  # of another linkage
             return self.joints
         supports: dict[int, Any] = {}
         paths: dict[int, Any] = {}
-        for name, one in given:
-            require_motion("None" if name is None else name, one)
-            support = isinstance(one, MovingSupport)
+        for name, motion in motions:
+            require_motion("None" if name is None else name, motion)
+            support = isinstance(motion, MovingSupport)
             numbers = [number_of(self.joints, name)] if name is not None else [
                 j for j, joint in enumerate(self.joints) if joint.second is None
             ]  # fmt: skip
             if name is None and not support:
-                raise InvalidType(f"Linkage: the ground moves by a MovingSupport; got {one!r}")
+                raise InvalidType(f"Linkage: the ground moves by a MovingSupport; got {motion!r}")
             for j in numbers:
                 if j in (supports if support else paths):
                     raise InvalidInput(f"Linkage: two motions are given for {self.label(j)}")
-                (supports if support else paths)[j] = one
+                (supports if support else paths)[j] = motion
         return tuple(
             moved(joint, supports.get(j), paths.get(j), self.label(j)) if j in supports or j in paths else joint
             for j, joint in enumerate(self.joints)
@@ -218,12 +218,12 @@ class Linkage(ConstrainedBody):
 
     @property
     def rheonomic(self) -> bool:
-        """Are motions of joints given?"""
+        """Whether motions of joints are given."""
         return len(self.motions) > 0
 
     @property
     def geared(self) -> bool:
-        """Do rotors turn with joints?"""
+        """Whether rotors turn with joints."""
         return len(self.rotors) > 0
 
     @property
@@ -234,7 +234,7 @@ class Linkage(ConstrainedBody):
     @cached_property
     def _with_rotors(self) -> ConstrainedBody:
         """The bodies with the conditions by which rotors turn with joints, for accelerations."""
-        made: Any = WithRotors
+        with_rotors: Any = WithRotors
         rotors: list[Any] = [((self.joints[j], 1.0),) for j in self.rotors]
         light = [self.lightness[j] for j in self.rotors]
         for place, j in enumerate(self.rotors):
@@ -242,16 +242,16 @@ class Linkage(ConstrainedBody):
                 if j == follower:
                     rotors[place] = ((self.joints[j], 1.0), (self.joints[leader], -ratio))
                     light[place] = 0.0
-        return ConstrainedBody(self.body, made(self.constraint, tuple(rotors), light))
+        return ConstrainedBody(self.body, with_rotors(self.constraint, tuple(rotors), light))
 
     @property
     def _meshed(self) -> list[tuple[int, int, float, float]]:
-        """Of each Mimic the numbers of its joint and of the one that it follows, ratio and offset."""
-        return [(self.number(one.joint), self.number(one.leader), one.ratio, one.offset) for one in self.mimics]
+        """The numbers of each Mimic's joint and of its leader, ratio and offset."""
+        return [(self.number(m.joint), self.number(m.leader), m.ratio, m.offset) for m in self.mimics]
 
     @property
     def _turns(self) -> dict[int, tuple[int, float]]:
-        """Of each rotor the one that it shares, by the number of the joint that leads, and its ratio."""
+        """The rotor of each joint that has one, by the number of the joint that leads, and its ratio."""
         led = {j: (leader, ratio) for j, leader, ratio, _ in self._meshed}
         return {j: led.get(j, (j, 1.0)) for j in self.rotors}
 
@@ -343,16 +343,16 @@ class Linkage(ConstrainedBody):
 
         Source: the URDF specification of ROS, wiki, "urdf/XML".
         """
-        made = linkage_of(
+        arguments = linkage_of(
             path, floating=floating, at=at, stops=stops, speed=speed, packages=packages,
             forces=forces, limits=limits, armature=armature,
         )  # fmt: skip
-        return cls(**made, gravity=gravity)
+        return cls(**arguments, gravity=gravity)
 
     def _mesh(self) -> None:
         """Find the joints with rotors, and refuse those that follow others in a way that cannot be."""
-        heavy = {j for j, one in enumerate(self.joints) if one.geared and one.armature > 0.0}
-        if not all(isinstance(one, Mimic) for one in self.mimics):
+        heavy = {j for j, part in enumerate(self.joints) if part.geared and part.armature > 0.0}
+        if not all(isinstance(part, Mimic) for part in self.mimics):
             raise InvalidType(
                 f'Linkage: mimics is a list of Mimics such as Mimic("left", "right", -1.0); got {self.mimics!r}'
             )
@@ -386,11 +386,11 @@ class Linkage(ConstrainedBody):
 
     def _at_joints(self) -> tuple[tuple[AtJoint, ...], tuple[AtJoint, ...]]:
         """The forces joint by joint: those with a potential, and the others."""
-        given: Any = self.forces
-        if not isinstance(given, (list, tuple)):
-            raise InvalidType(f"Linkage: forces is a list of JointForces; got {given!r}")
-        found: tuple[dict[int, list[Any]], dict[int, list[Any]]] = {}, {}
-        for force in given:
+        forces: Any = self.forces
+        if not isinstance(forces, (list, tuple)):
+            raise InvalidType(f"Linkage: forces is a list of JointForces; got {forces!r}")
+        kinds: tuple[dict[int, list[Any]], dict[int, list[Any]]] = {}, {}
+        for force in forces:
             if not isinstance(force, JointForce):
                 raise InvalidType(
                     "Linkage: forces are JointForces such as Damper(0, 0.1), and a Force on the "
@@ -408,12 +408,12 @@ class Linkage(ConstrainedBody):
                     f"Linkage: {force!r} acts along freedom {freedom} of {self.label(number)}; "
                     f"a {type(joint).__name__} has {joint.freedoms}, numbered from 0"
                 )
-            found[not self._has_potential(force)].setdefault(number, []).append(force)
-        springs, others = (tuple(AtJoint(self.joints[j], tuple(some[j])) for j in sorted(some)) for some in found)
+            kinds[not self._has_potential(force)].setdefault(number, []).append(force)
+        springs, others = (tuple(AtJoint(self.joints[j], tuple(kind[j])) for j in sorted(kind)) for kind in kinds)
         return springs, others
 
     def _has_potential(self, force: JointForce) -> bool:
-        """Is the energy of a force part of that of the linkage?  Not at joints in a given motion."""
+        """Whether the energy of a force is part of that of the linkage, as it is not at joints in a given motion."""
         joint = self.joints[number_of(self.joints, force.joint)]
         return isinstance(force, JointPotential) and not isinstance(joint, MovedJoint)
 
@@ -425,12 +425,12 @@ class Linkage(ConstrainedBody):
         """The full names of parameters of the forces at a joint, such as "forces.0.torque", that a
         name as "elbow.torque" may mean.
         """
-        joint, _, rest = name.partition(".")
-        numbers = [i for i, one in enumerate(self.joints) if one.name == joint]
+        joint, _, field = name.partition(".")
+        numbers = [i for i, other in enumerate(self.joints) if other.name == joint]
         return [
-            f"forces.{k}.{rest}"
+            f"forces.{k}.{field}"
             for k, force in enumerate(self.forces)
-            if number_of(self.joints, force.joint) in numbers and hasattr(force, rest)
+            if number_of(self.joints, force.joint) in numbers and hasattr(force, field)
         ]
 
     def label(self, joint: int) -> str:
@@ -446,10 +446,10 @@ class Linkage(ConstrainedBody):
         most, which = 0.0, "the load on the bodies"
         if load.other is not None:
             most = dot(mode, load.other.resistance(t, xi, g, mode))
-        for one in load.at_joints:
-            alone = dot(mode, LinkageForce((one,)).resistance(t, xi, g, mode))
+        for at_joint in load.at_joints:
+            alone = dot(mode, LinkageForce((at_joint,)).resistance(t, xi, g, mode))
             if alone > most:
-                number = next(j for j, (joint, _) in enumerate(self.constraint.counted) if joint is one.joint)
+                number = next(j for j, (joint, _) in enumerate(self.constraint.counted) if joint is at_joint.joint)
                 most, which = alone, self.label(number)
         return which
 
@@ -462,12 +462,12 @@ class Linkage(ConstrainedBody):
 
     @property
     def has_loops(self) -> bool:
-        """Do joints, the ground among what they hold, close loops?"""
+        """Whether joints, the ground among what they hold, close loops."""
         return self.linked.has_loops
 
     @property
     def site_form(self) -> Links | None:
-        """That of many bodies, and of those in a given motion."""
+        """The site form of many bodies, or of those in a given motion; None for few."""
         many = 6 * len(self.links) > self.small or self.rheonomic or self.geared
         return self.linked.links if many else None
 
@@ -484,15 +484,15 @@ class Linkage(ConstrainedBody):
         return {"mu": mu, "g": g}
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`."""
-        found, count = {}, len(self.links)
+        """The inverse of `by_site`: bodies in a row, without spare places."""
+        in_a_row, count = {}, len(self.links)
         for name, x in arrays.items():
             if name == "mu" and x.shape[-1:] == (6,) and x.ndim > 1:
                 x = x[..., :count, :].reshape(*x.shape[:-2], 6 * count)
             elif name == "g" and x.shape[-2:] == (4, 4):
                 x = x[..., :count, :, :].reshape(*x.shape[:-3], 16 * count)
-            found[name] = x
-        return found
+            in_a_row[name] = x
+        return in_a_row
 
     # ---------------------------------------------------------------- poses
 
@@ -517,9 +517,9 @@ class Linkage(ConstrainedBody):
         """The poses on the constraint nearest to these, joint by joint as its bodies are to be held; where
         they are not reached from here, looked for from poses of which each hangs from another one.
         """
-        rest = np.zeros(self.configurations.dim)
-        there = self._reached_from(start, rest)
-        if there is None or self.turned_over(there):
+        at_rest = np.zeros(self.configurations.dim)
+        nearest = self._reached_from(start, at_rest)
+        if nearest is None or self.turned_over(nearest):
             q = {
                 j: np.array(joint.coordinates(*both(joint, start)))
                 for j, joint in enumerate(self.joints)
@@ -527,16 +527,16 @@ class Linkage(ConstrainedBody):
             }
             hung = small(hung_from_each_other(self, q, self.poses(start)).ravel())
             away = self.configurations.log(self.configurations.compose(self.configurations.inverse(start), hung))
-            there = self._reached_from(start, np.array(away))
-            if there is None or self.turned_over(there):
-                there = self._reached_from(hung, rest)
-        if there is None:
+            nearest = self._reached_from(start, np.array(away))
+            if nearest is None or self.turned_over(nearest):
+                nearest = self._reached_from(hung, at_rest)
+        if nearest is None:
             self._refuse_far(start)
-        if told := self.turned_over(there):
+        if complaint := self.turned_over(nearest):
             raise NoConvergence(
-                f"{type(self).__name__}: only poses were found near by at which {told}; give poses that are closer"
+                f"{type(self).__name__}: only poses were found near by at which {complaint}; give poses that are closer"
             )
-        return there
+        return nearest
 
     def turned_over(self, g: Any) -> str:
         """Which joint is closed with its bodies turned over, in words; empty if none is.  g : (16 N,)."""
@@ -552,9 +552,9 @@ class Linkage(ConstrainedBody):
     def _require_consistent(self, mu: Any, g: Any) -> None:
         """Raise InconsistentState as of a ConstrainedBody, and for bodies that are turned over."""
         super()._require_consistent(mu, g)
-        if told := self.turned_over(g):
+        if complaint := self.turned_over(g):
             raise InconsistentState(
-                f"{type(self).__name__}.state: {told}, where its conditions vanish too. `assembled(poses)` gives a start"
+                f"{type(self).__name__}.state: {complaint}, where its conditions vanish too. `assembled(poses)` gives a start"
             )
         missed = self._gears(g) @ np.array(self.velocity(mu))
         for miss, reach, (j, leader, ratio, _) in zip(missed, self._reach_of(self._gears(g), mu, g), self._meshed):
@@ -566,8 +566,8 @@ class Linkage(ConstrainedBody):
 
     def _gears(self, g: Any) -> np.ndarray:
         """The rows of joints that follow others, (k, 6 N): velocities at which they follow are zeros of them."""
-        own, led, ratios = ([mesh[i] for mesh in self._meshed] for i in range(3))  # type: Any, Any, Any
-        return rows_of_motions(self, g, own) - np.reshape(ratios, (-1, 1)) * rows_of_motions(self, g, led)
+        followers, leaders, ratios = ([mesh[i] for mesh in self._meshed] for i in range(3))  # type: Any, Any, Any
+        return rows_of_motions(self, g, followers) - np.reshape(ratios, (-1, 1)) * rows_of_motions(self, g, leaders)
 
     def _projected(self, momentum: np.ndarray, g: Any) -> np.ndarray:
         """The nearest momentum at which gears turn as they must, too."""
@@ -604,8 +604,8 @@ class Linkage(ConstrainedBody):
         not allow.
         """
         if self.rheonomic and t != 0.0:
-            there = self.at_time(t)
-            return self.vouched(there.state(mu, g, xi=xi, angles=angles, rates=rates, near=near))
+            at_start = self.at_time(t)
+            return self.vouched(at_start.state(mu, g, xi=xi, angles=angles, rates=rates, near=near))
         if angles is None and rates is None:
             if near is not None:
                 raise InvalidInput("Linkage.state: near goes with angles or rates")
@@ -629,9 +629,9 @@ class Linkage(ConstrainedBody):
             poses = closed(self, start, q)
             xi = velocity_with(self, small(poses.ravel()), speeds)
         momentum = np.array(self.body.body.lagrangian.momentum(xi))
-        there = small(poses.ravel())
-        self._require_independent(there, "Linkage.state")
-        return super().state(self._projected(momentum, there), poses.ravel())
+        at_start = small(poses.ravel())
+        self._require_independent(at_start, "Linkage.state")
+        return super().state(self._projected(momentum, at_start), poses.ravel())
 
     def _require_within_a_turn(self, q: dict[int, np.ndarray], t: float) -> None:
         """Refuse angles at which a spring would be wound: it sees them within half a turn."""
@@ -668,7 +668,7 @@ class Linkage(ConstrainedBody):
         """Coordinates or rates by the numbers of joints."""
         if given is not None and not isinstance(given, Mapping):
             raise InvalidType(f'Linkage.state: {what} are given by joint, such as {{"elbow": 0.3}}; got {given!r}')
-        found = {}
+        by_number = {}
         for joint, value in (given or {}).items():
             number = self.number(joint)
             x = np.atleast_1d(real_array(value, f"Linkage.state: {what}[{joint!r}]"))
@@ -688,8 +688,8 @@ class Linkage(ConstrainedBody):
                     f"Linkage.state: {what}[{joint!r}] has shape {x.shape}; a "
                     f"{type(self.joints[number]).__name__} leaves {free} free"
                 )
-            found[number] = x
-        return found
+            by_number[number] = x
+        return by_number
 
     def independent(self, poses: Any) -> Linkage:
         """This linkage without the conditions that follow from others at these poses, as they do in
@@ -701,18 +701,18 @@ class Linkage(ConstrainedBody):
         NoConvergence where the loops cannot be closed.
         """
         g = small(closed(self, self._near("independent: poses", poses), {}).ravel())
-        kept = independent_rows(self, g)
-        found = replace(self, kept=kept)
+        conditions = independent_rows(self, g)
+        reduced = replace(self, kept=conditions)
         for seed in range(2):  # close by they have to follow too
-            near = closed(found, self._shaken(found, g, seed), {})
+            near = closed(reduced, self._shaken(reduced, g, seed), {})
             off = np.abs(np.array(Joints(self.joints).value(small(near.ravel())))).max()
             if off > 1e-9 * max(1.0, np.abs(near).max()):
                 raise InvalidInput(
                     "Linkage.independent: these poses are a dead point: of "
-                    f"{', '.join(found.dropped)}, some follow from others here, but not close by "
+                    f"{', '.join(reduced.dropped)}, some follow from others here, but not close by "
                     f"(they miss by {off:.2g}); give other poses"
                 )
-        return found
+        return reduced
 
     def _shaken(self, found: Linkage, g: Any, seed: int) -> np.ndarray:
         """Poses close by, displaced along what the joints allow."""
@@ -728,14 +728,14 @@ class Linkage(ConstrainedBody):
         """
         return tuple(
             f"{self.label(j)}: condition {i}"
-            for j, (joint, kept) in enumerate(self.constraint.counted)
+            for j, (joint, indices) in enumerate(self.constraint.counted)
             for i in range(joint.conditions)
-            if i not in kept
+            if i not in indices
         )
 
     def _named(self, conditions: Any) -> str:
         """The joints of these conditions, in words."""
-        owner = [j for j, (_, kept) in enumerate(self.constraint.counted) for _ in kept]
+        owner = [j for j, (_, indices) in enumerate(self.constraint.counted) for _ in indices]
         names = [self.label(j) for j in sorted({owner[i] for i in conditions})]
         return f"those of {', '.join(names)}"
 
@@ -760,13 +760,13 @@ class Linkage(ConstrainedBody):
         motions free, which.  terminal : end the run at this zero; direction : 1.0 counts rising ones only,
         -1.0 falling ones.
         """
-        one = self.joints[number := self.number(joint)]
-        if not 0 <= freedom < one.freedoms:
+        member = self.joints[number := self.number(joint)]
+        if not 0 <= freedom < member.freedoms:
             raise InvalidInput(
-                f"Linkage.angle: {self.label(number)}, a {type(one).__name__}, has {one.freedoms} "
+                f"Linkage.angle: {self.label(number)}, a {type(member).__name__}, has {member.freedoms} "
                 f"coordinates, numbered from 0; got freedom {freedom}"
             )
-        return JointAngle(AtJoint(one, ()), freedom, float(level), terminal, float(direction))
+        return JointAngle(AtJoint(member, ()), freedom, float(level), terminal, float(direction))
 
     def poses(self, g: Any) -> np.ndarray:
         """The poses of the bodies.  g : (..., 16 N);  returns (..., N, 4, 4)."""
@@ -775,13 +775,13 @@ class Linkage(ConstrainedBody):
 
     def frame(self, name: str, g: Any) -> np.ndarray:
         """The pose of one of the `frames` in space.  g : (..., 16 N);  returns (..., 4, 4)."""
-        for one in self.frames:
-            if one.name == name:
-                poses, pose = self.poses(g), np.array(one.pose)
-                if one.body is None:
+        for frame in self.frames:
+            if frame.name == name:
+                poses, pose = self.poses(g), np.array(frame.pose)
+                if frame.body is None:
                     return np.broadcast_to(pose, (*poses.shape[:-3], 4, 4)).copy()
-                return np.asarray(poses[..., one.body, :, :] @ pose)
-        names = [one.name for one in self.frames]
+                return np.asarray(poses[..., frame.body, :, :] @ pose)
+        names = [frame.name for frame in self.frames]
         raise InvalidInput(f"Linkage.frame: there is no frame {name!r}{meant(name, names)}; there are {names}")
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
@@ -806,7 +806,7 @@ class Linkage(ConstrainedBody):
         all poses and of all velocities, constants that their changes are measured by.  Velocities at rest in a field
         are rounding, and measured by what the field gives on a way of that size.
         """
-        found: dict[str, np.ndarray] = {}
+        misses: dict[str, np.ndarray] = {}
         lead, J = np.shape(states["g"])[:-1], _inertia(self.links)
         inverse = np.diag(1.0 / J) if J.ndim == 1 else np.linalg.inv(J)
         xi = (states["mu"] @ inverse).reshape(*lead, len(self.links), 6)
@@ -816,48 +816,48 @@ class Linkage(ConstrainedBody):
         speed = np.full((*lead, 1), fastest if fastest > AT_REST * falling else falling)
         ground = np.broadcast_to(np.eye(4), (*lead, 4, 4)), np.zeros((*lead, 6))
         t: Any = np.broadcast_to(states.get("t", 0.0), lead)
-        for number, (joint, kept) in enumerate(self.constraint.counted):
+        for number, (joint, indices) in enumerate(self.constraint.counted):
             at, name = AtJoint(joint, ()), joint.name or f"joint {number}"
-            if kept:
-                one = g[..., joint.first, :, :], xi[..., joint.first, :]
-                two = ground
+            if indices:
+                of_first = g[..., joint.first, :, :], xi[..., joint.first, :]
+                of_second = ground
                 if joint.second is not None:
-                    two = g[..., joint.second, :, :], xi[..., joint.second, :]
-                missed = np.asarray(at.missed(t, one[0], two[0]))[..., list(kept)]
-                slips = np.asarray(at.slips(t, one[0], two[0], one[1], two[1]))
-                found[f"{name}: position"] = np.concatenate([missed, size], axis=-1)
-                slips = slips[..., list(kept)]
-                found[f"{name}: rate"] = np.concatenate([slips, speed], axis=-1)
-        if len(found) <= 2 * SHOWN:
-            return found
-        every = [*found.values()]
+                    of_second = g[..., joint.second, :, :], xi[..., joint.second, :]
+                missed = np.asarray(at.missed(t, of_first[0], of_second[0]))[..., list(indices)]
+                slips = np.asarray(at.slips(t, of_first[0], of_second[0], of_first[1], of_second[1]))
+                misses[f"{name}: position"] = np.concatenate([missed, size], axis=-1)
+                slips = slips[..., list(indices)]
+                misses[f"{name}: rate"] = np.concatenate([slips, speed], axis=-1)
+        if len(misses) <= 2 * SHOWN:
+            return misses
+        every = [*misses.values()]
         return {
             "joints: positions": np.concatenate(every[::2], axis=-1),
             "joints: rates": np.concatenate(every[1::2], axis=-1),
         }
 
     def _conserved(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Energy and momenta."""
-        kept = super().constants(states)
+        """The energy and the momenta that symmetries keep."""
+        constants = super().constants(states)
         if self.load is not None or self.rheonomic:
             return {}
         directions = self._symmetries(states["g"])
         if len(directions):
-            kept["spatial momentum"] = self.total_momentum(states["mu"], states["g"]) @ directions.T
-        return kept
+            constants["spatial momentum"] = self.total_momentum(states["mu"], states["g"]) @ directions.T
+        return constants
 
     def _symmetries(self, g: np.ndarray) -> np.ndarray:
         """The velocities of space, (k, 6), that change no condition and no energy, at the first, a
         middle and the last sample.
         """
         changes, flat = [], g.reshape(-1, g.shape[-1])
-        for one in flat[[0, len(flat) // 2, -1]]:
-            turns = np.concatenate([np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)])
+        for at in flat[[0, len(flat) // 2, -1]]:
+            turns = np.concatenate([np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(at)])
             forced = [self.number(force.joint) for force in self.forces]
             for rows in (
-                self._matrix(self.rows(one)),
-                np.array(self.force(one))[None],
-                rows_of_motions(self, small(one), forced),
+                self._matrix(self.rows(at)),
+                np.array(self.force(at))[None],
+                rows_of_motions(self, small(at), forced),
             ):
                 if not rows.shape[0]:
                     continue
@@ -868,21 +868,21 @@ class Linkage(ConstrainedBody):
 
 
 def _follows(joint: Any) -> bool:
-    """Does a joint follow a path?"""
+    """Whether a joint follows a path."""
     return isinstance(joint, MovedJoint) and len(joint.path) > 0
 
 
 def number_of(items: tuple[Any, ...], item: str | int, what: str = "joint") -> int:
     """The number of a joint, or a link, that is given by its name, or by its number."""
-    names = [one.name for one in items]
+    names = [entry.name for entry in items]
     if item in names:
         return names.index(item)
     if type(item) is int and 0 <= item < len(names):
         return item
-    known = ", ".join(repr(name) for name in names if name is not None)
+    listing = ", ".join(repr(name) for name in names if name is not None)
     raise InvalidInput(
         f"Linkage: there is no {what} {item!r}; there are {len(names)}, numbered from 0"
-        + (f", with the names {known}" if known else "")
+        + (f", with the names {listing}" if listing else "")
     )
 
 

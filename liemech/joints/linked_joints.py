@@ -51,23 +51,23 @@ class LinkedJoint(Record):
     def paces(self, g: Mat, k: Mat, most: int, freedoms: int) -> Vec:
         """The rates of conditions, and of motions along which loads act, by a given motion alone."""
         moving = self.joint.paces_of_motions(g, k) if freedoms > 0 and len(self.loads) > 0 else []
-        own = filled(self.joint.paces(g, k), most, 0.0)
-        return vec(*own, *filled(moving, freedoms, 0.0))
+        paces = filled(self.joint.paces(g, k), most, 0.0)
+        return vec(*paces, *filled(moving, freedoms, 0.0))
 
     def value(self, g: Mat, k: Mat, most: int) -> list[Any]:
-        """The conditions, and zeros."""
+        """The conditions of the joint, with zeros behind them up to `most`."""
         return filled([*self.joint.value(g, k)], most, 0.0)
 
     def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
         """Their rows by the first and by the second body, and those of motions along which loads
         act; both with zeros.
         """
-        found = self.joint.rows(g, k)
+        rows = self.joint.rows(g, k)
         moving = self.joint.motions(g, k) if freedoms > 0 and len(self.loads) > 0 else ()
         sides: list[Any] = []
         for side in range(2):
-            own = filled([row[side] for row in found], most, REST6)
-            sides = [*sides, [*own, *filled([row[side] for row in moving], freedoms, REST6)]]
+            conditions = filled([row[side] for row in rows], most, REST6)
+            sides = [*sides, [*conditions, *filled([row[side] for row in moving], freedoms, REST6)]]
         return sides[0], sides[1]
 
     def springs_push(self, g: Mat, k: Mat) -> Vec:
@@ -76,8 +76,8 @@ class LinkedJoint(Record):
             return vec(*REST6, *REST6)
         _, motions, efforts = AtJoint(self.joint, self.springs).push(0.0, both(g, k), REST6)
         first, second = REST6, REST6
-        for (one, two), effort in zip(motions, efforts):
-            first, second = first + effort * one, second + effort * two
+        for (by_first, by_second), effort in zip(motions, efforts):
+            first, second = first + effort * by_first, second + effort * by_second
         return vec(*first, *second)
 
     def seen(self, t: float, g: Mat, k: Mat) -> list[Vec]:
@@ -87,10 +87,10 @@ class LinkedJoint(Record):
 
     def efforts(self, t: float, seen: list[Vec], rates: Vec, freedoms: int, formula: Any = effort_of) -> Vec:
         """The torques of loads at these rates, (freedoms,), and zeros; or of another `formula`."""
-        at, own = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
+        at, joint_rates = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
         total = vec(*[0.0] * freedoms)
         for load, q in zip(self.loads, seen):
-            total = total + vec(*filled([*at.effort_at(load, t, q, own, formula)], freedoms, 0.0))
+            total = total + vec(*filled([*at.effort_at(load, t, q, joint_rates, formula)], freedoms, 0.0))
         return total
 
     def resistances(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
@@ -106,18 +106,18 @@ class GearedJoint(LinkedJoint):
     """
 
     def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
-        """Those of conditions, of the coordinate, and of motions along which loads act."""
-        found, motions = self.joint.rows(g, k), ()  # type: Any, Any
+        """The rows of conditions, of the coordinate, and of motions along which loads act."""
+        rows, motions = self.joint.rows(g, k), ()  # type: Any, Any
         if self.joint.geared or (freedoms > 0 and len(self.loads) > 0):
             motions = self.joint.motions(g, k)
         moving = motions if freedoms > 0 and len(self.loads) > 0 else ()
         turning = motions if self.joint.geared else ()
         sides: list[Any] = []
         for side in range(2):
-            own = filled([row[side] for row in found], most - 1, REST6)
+            conditions = filled([row[side] for row in rows], most - 1, REST6)
             last = filled([row[side] for row in turning], 1, REST6)
             others = filled([row[side] for row in moving], freedoms, REST6)
-            sides = [*sides, [*own, *last, *others]]
+            sides = [*sides, [*conditions, *last, *others]]
         return sides[0], sides[1]
 
     def turned(self, g: Mat, k: Mat, q: float) -> float:
@@ -155,83 +155,83 @@ class LinkedForm:
 
     @property
     def places(self) -> int:
-        """Places in a row."""
+        """The number of places in a row of `fixed`."""
         return int(self.fixed.shape[1])
 
 
 def linked(linkage: Any) -> LinkedForm:
     """The form of a linkage."""
-    given: Any = linkage
-    acts, on_all = on_bodies(given)
+    mechanism: Any = linkage
+    acts, on_all = on_bodies(mechanism)
     fields = tuple(dict.fromkeys(map(layout_of, acts)))
-    if not any(one.potentials or one.loads for one in acts):
+    if not any(member.potentials or member.loads for member in acts):
         fields = ()
-    counted = given.constraint.counted
-    springs, loads = given._at_joints()
+    counted = mechanism.constraint.counted
+    springs, loads = mechanism._at_joints()
     acting: list[list[tuple[Any, ...]]] = [[(), ()] for _ in counted]
-    for which, some in enumerate((springs, loads)):
-        for one in some:
-            number = next(j for j, joint in enumerate(given.joints) if joint is one.joint)
-            acting[number][which] = tuple(replace(force, joint=0) for force in one.forces)
+    for which, group in enumerate((springs, loads)):
+        for member in group:
+            number = next(j for j, joint in enumerate(mechanism.joints) if joint is member.joint)
+            acting[number][which] = tuple(replace(force, joint=0) for force in member.forces)
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
-    geared: bool = getattr(given, "geared", False)
-    made: Any = GearedJoint if geared else LinkedJoint
-    joints = [made(replace(joint, first=0, second=1, name=None), *some) for (joint, _), some in zip(counted, acting)]
+    geared: bool = getattr(mechanism, "geared", False)
+    make: Any = GearedJoint if geared else LinkedJoint
+    joints = [make(replace(joint, first=0, second=1, name=None), *group) for (joint, _), group in zip(counted, acting)]
     layouts = [layout_of(joint) for joint in joints]
     kinds = tuple(dict.fromkeys(layouts))
     most = max(joint.joint.conditions for joint in joints) + int(geared)
     freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
-    full = any(np.ndim(np.array(link.inertia)) == 2 for link in given.links)
-    own = sum(kind.width for kind in kinds)
+    full = any(np.ndim(np.array(link.inertia)) == 2 for link in mechanism.links)
+    width = sum(kind.width for kind in kinds)
     bent = on_all is not None and on_all.load is not None
-    pushed = bent or any(one.loads for one in acts)
-    moving = given.constraint.rheonomic
-    meshes: dict[tuple[int, int], float] = given.meshes if geared else {}
+    pushed = bent or any(member.loads for member in acts)
+    moving = mechanism.constraint.rheonomic
+    meshes: dict[tuple[int, int], float] = mechanism.meshes if geared else {}
     hubs = hubs_in(ends)
     if any(all(b < 0 or b in hubs for b in ends[j]) for j, _ in meshes):
         hubs = []  # a joint of hubs alone has no block before them, and would be needed by what shares its rotor
     parts = -(-6 // most) if hubs else 0  # nodes of a hub
     rows = Rows.of(
-        full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent, moving, parts > 0, geared
+        full, most, freedoms, width, sum(kind.width for kind in fields), pushed, bent, moving, parts > 0, geared
     )
-    most_places = max(len(given.links), len(joints) + parts * len(hubs))
+    most_places = max(len(mechanism.links), len(joints) + parts * len(hubs))
     places = FEW if most_places <= FEW else EIGHT * -(-most_places // EIGHT)
     fixed = np.zeros((rows.note, places))
-    bodies = [given.links[b if b < len(given.links) else 0] for b in range(places)]
+    bodies = [mechanism.links[b if b < len(mechanism.links) else 0] for b in range(places)]
     for b, link in enumerate(bodies):
         J = inertia_of(link, full)
         inverse = np.linalg.inv(J) if full else 1.0 / J
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
-    fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
+    fixed[rows.weight, : len(mechanism.links)] = [link.mass * mechanism.gravity for link in mechanism.links]
     shared = {j: (SHARED + min(j, *[k for i, k in meshes if i == j]),) for j, _ in meshes}
     tables, blocks, ties, at_blocks = tables_of(
         [(*bodies_of, *shared.get(j, ())) for j, bodies_of in enumerate(ends)], hubs, parts, places
     )
     mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
-    more: list[int] = []
+    further: list[int] = []
     for j, bodies_of in enumerate(ends):
         for side, b in enumerate(bodies_of):
             if b >= 0 and (b, side) in mine:
-                more += [b, j, side]
+                further += [b, j, side]
             elif b >= 0:
                 mine[b, side] = j, 1.0
     ahead = 0
     for place in range(places):
         j = place if place < len(joints) else 0
         first, second = ends[j]
-        kept = counted[j][1]
+        indices = counted[j][1]
         head = [first, max(second, 0), float(second >= 0), kinds.index(layouts[j])]
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
-        alive = [float(i in kept) for i in range(most)]
+        alive = [float(i in indices) for i in range(most)]
         if geared:
-            light = given.lightness.get(j, 0.0)
+            light = mechanism.lightness.get(j, 0.0)
             alive = [*alive[:-1], float(light > 0.0), light]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
         tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
         ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
         field = acts[place if place < len(acts) else 0]
         theirs = [field if layout_of(field) == kind
-                  else next(one for one in acts if layout_of(one) == kind) for kind in fields]  # fmt: skip
+                  else next(member for member in acts if layout_of(member) == kind) for kind in fields]  # fmt: skip
         numbers: list[Any] = [
             *head,
             *alive,
@@ -240,7 +240,7 @@ def linked(linkage: Any) -> LinkedForm:
             *tie,
             *[x for i in shown for x in leaves(joints[i], layouts[i])],
             *([fields.index(layout_of(field))] if fields else []),
-            *[x for one, kind in zip(theirs, fields) for x in leaves(one, kind)],
+            *[x for member, kind in zip(theirs, fields) for x in leaves(member, kind)],
         ]
         for row, x in enumerate(numbers, rows.ends):
             (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
@@ -248,12 +248,12 @@ def linked(linkage: Any) -> LinkedForm:
     form: Any = Links
     links = form(
         SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
-        any(joint.springs for joint in joints), pushed, True, float(len(given.links)), float(len(joints)),
+        any(joint.springs for joint in joints), pushed, True, float(len(mechanism.links)), float(len(joints)),
         float(len(joints) + parts * len(hubs)), parts, sides_of(ties),
-        of_whole([len(more) // 3, *more]), *tables, len(meshes) > 0,
+        of_whole([len(further) // 3, *further]), *tables, len(meshes) > 0,
         of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
         Table(np.array([*meshes.values(), 0.0])),
-        float(max(len({k for k, other in enumerate(ends) if _sides(one, other)}) for one in ends) - 1),
+        float(max(len({k for k, other in enumerate(ends) if _sides(member, other)}) for member in ends) - 1),
     )  # fmt: skip
     return LinkedForm(
         links,
@@ -267,18 +267,18 @@ def linked(linkage: Any) -> LinkedForm:
 def on_bodies(linkage: Any) -> tuple[list[AtBody], OnAll | None]:
     """Fields and loads on each body alone, and those on all of them by one formula."""
     parts: list[list[tuple[Any, ...]]] = [[(), ()] for _ in linkage.links]
-    rest: list[Any] = [None, None]
-    for which, given in enumerate((linkage.potential, linkage.load)):
-        if isinstance(given, (PotentialsOfBodies, ForcesOfBodies)):
-            for b, one in zip(given.bodies, given.each):
-                parts[b][which] = (one,)
+    whole: list[Any] = [None, None]
+    for which, acting in enumerate((linkage.potential, linkage.load)):
+        if isinstance(acting, (PotentialsOfBodies, ForcesOfBodies)):
+            for b, force in zip(acting.bodies, acting.each):
+                parts[b][which] = (force,)
         else:
-            rest[which] = given
+            whole[which] = acting
     acts = [AtBody(*part) for part in parts]
-    if rest == [None, None]:
+    if whole == [None, None]:
         return acts, None
-    derived = rest[0] is not None and is_derived(bare(type(rest[0]).force))
-    return acts, OnAll(linkage.configurations, len(acts), rest[0], rest[1], derived)
+    derived = whole[0] is not None and is_derived(bare(type(whole[0]).force))
+    return acts, OnAll(linkage.configurations, len(acts), whole[0], whole[1], derived)
 
 
 def inertia_of(link: Any, full: bool) -> np.ndarray:
@@ -313,7 +313,7 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
     order: list[int] = []
     left: list[set[int]] = []
     free = [(0, j) for j, bodies in enumerate(ends) if _is_free(bodies, at)]
-    known = {j for _, j in free}
+    queued = {j for _, j in free}
     while free:
         turn, j = heapq.heappop(free)
         near = set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
@@ -324,12 +324,12 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
                 at[b].discard(j)
         # a joint becomes free when it is the last one of a body
         for k in near:
-            if k not in known and any(len(at[b]) == 1 for b in ends[k] if b >= 0) and _is_free(ends[k], at):
-                known.add(k)
+            if k not in queued and any(len(at[b]) == 1 for b in ends[k] if b >= 0) and _is_free(ends[k], at):
+                queued.add(k)
                 heapq.heappush(free, (turn + 1, k))
     loops = {j: set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
-             for j in range(len(ends)) if j not in known}  # fmt: skip
-    heap = [(len(some), j) for j, some in loops.items()]
+             for j in range(len(ends)) if j not in queued}  # fmt: skip
+    heap = [(len(neighbours), j) for j, neighbours in loops.items()]
     heapq.heapify(heap)
     while heap:
         degree, j = heapq.heappop(heap)
@@ -343,16 +343,16 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
             loops[k] -= {j, k}
             heapq.heappush(heap, (len(loops[k]), k))
     place = {j: p for p, j in enumerate(order)}
-    return tuple(order), [sorted(some, key=place.__getitem__) for some in left]
+    return tuple(order), [sorted(neighbours, key=place.__getitem__) for neighbours in left]
 
 
 def _is_free(bodies: tuple[int, int], at: dict[int, set[int]]) -> bool:
-    """Has at most one of the bodies of a joint other joints?"""
+    """Whether at most one of the bodies of a joint has other joints left."""
     return sum(b >= 0 and len(at[b]) > 1 for b in bodies) <= 1
 
 
 def has_loops(ends: list[tuple[int, int]]) -> bool:
-    """Do joints, the ground among what they hold, close loops?"""
+    """Whether joints, the ground among what they hold, close loops."""
     root: dict[int, int] = {}
 
     def top(b: int) -> int:
@@ -361,10 +361,10 @@ def has_loops(ends: list[tuple[int, int]]) -> bool:
         return b
 
     for first, second in ends:
-        one, two = top(first), top(second)
-        if one == two:
+        top_first, top_second = top(first), top(second)
+        if top_first == top_second:
             return True
-        root[one] = two
+        root[top_first] = top_second
     return False
 
 
@@ -389,11 +389,11 @@ def eliminated_with_hubs(
     near = [set().union(*[nodes.get(b, set()) for b in bodies]) for bodies in ends]
     tied: dict[int, set[int]] = {v: set(of) - {v} for of in nodes.values() for v in of}
     order, left = eliminated_in(apart_from(ends, hubs))
-    found: dict[int, set[int]] = {}
+    later_of: dict[int, set[int]] = {}
     last = {j for j in order if not any(b >= 0 and b not in nodes for b in ends[j])}
     for j, later in zip(order, left):
         if j not in last:
-            found[j] = {*later, *near[j]}
+            later_of[j] = {*later, *near[j]}
             for k in later:
                 near[k] |= near[j]
             for v in near[j]:
@@ -402,16 +402,16 @@ def eliminated_with_hubs(
     for j in last:
         for v in near[j]:
             tied[v].add(j)
-    for some in ({v for v in tied if v >= count}, last):
-        while some:
-            k = min(some, key=lambda v: (len(tied[v]), v))
-            some.discard(k)
-            found[k] = tied.pop(k)
-            for v in found[k]:
-                tied[v] |= found[k]
+    for remaining in ({v for v in tied if v >= count}, last):
+        while remaining:
+            k = min(remaining, key=lambda v: (len(tied[v]), v))
+            remaining.discard(k)
+            later_of[k] = tied.pop(k)
+            for v in later_of[k]:
+                tied[v] |= later_of[k]
                 tied[v] -= {k, v}
-    place = {k: p for p, k in enumerate(found)}
-    return tuple(found), [sorted(some, key=place.__getitem__) for some in found.values()]
+    place = {k: p for p, k in enumerate(later_of)}
+    return tuple(later_of), [sorted(remaining, key=place.__getitem__) for remaining in later_of.values()]
 
 
 def apart_from(ends: list[Any], hubs: list[int]) -> list[Any]:
@@ -437,7 +437,7 @@ def tables_of(
     belows : of each the later joint i, where the blocks (i, k) and (k, i) are, and where its updates
     begin and end.  updates : of each where the block (k, j) is, and (i, j), which loses (i, k) (k, j).
     """
-    given = ends
+    all_ends = ends
     order, filling = eliminated_with_hubs(ends, hubs, parts) if hubs else eliminated_in(ends)
     ends = [*(apart_from(ends, hubs) if hubs else ends), *[(-1, -1)] * (parts * len(hubs))]
     blocks = {(k, k): BLOCKS * k for k in range(len(ends))}
@@ -453,23 +453,23 @@ def tables_of(
     couplings: list[list[int]] = []
     borders: list[list[int]] = []
     direct: set[tuple[int, int]] = set()
-    for j, bodies in enumerate(given):
+    for j, bodies in enumerate(all_ends):
         for side, b in enumerate(bodies[:2]):
             if b in hubs:
-                nodes = [len(given) + parts * hubs.index(b) + k for k in range(parts)]
+                nodes = [len(all_ends) + parts * hubs.index(b) + k for k in range(parts)]
                 direct |= {(j, v) for v in nodes} | {(v, j) for v in nodes}
                 borders.append([j, side, *[blocks[at] for v in nodes for at in ((j, v), (v, j))]])
-    for (j, k), there in blocks.items():
+    for (j, k), block in blocks.items():
         if j == k or (j, k) in direct:
             continue
         common = _sides(ends[j], ends[k])
         mine, theirs = ties.get(j, NO_TIE), ties.get(k, NO_TIE)
         if k == mine[0] or j == theirs[0]:
-            known = [*map(int, mine[1:3] if k == mine[0] else theirs[2:0:-1])]
-            couplings += [[j, k, *s, there, 1] for s in common if [*s] != known]
+            tied = [*map(int, mine[1:3] if k == mine[0] else theirs[2:0:-1])]
+            couplings += [[j, k, *s, block, 1] for s in common if [*s] != tied]
             continue
         for turn, sides in enumerate(common or [(0, 0)]):
-            couplings.append([j, k, *sides, there, min(turn, 1) if common else -1])
+            couplings.append([j, k, *sides, block, min(turn, 1) if common else -1])
     pivots, belows, updates = [], [], []  # type: list[int], list[list[int]], list[list[int]]
     for k, later in zip(order, filling):
         pivots += [k, len(belows), len(belows) + len(later)]
@@ -477,14 +477,14 @@ def tables_of(
             begin = len(updates)
             updates += [[blocks[k, j], blocks[i, j]] for j in later]
             belows.append([i, blocks[i, k], blocks[k, i], begin, len(updates)])
-    found = (
+    tables = (
         [len(borders), *np.ravel(borders)],
         [len(couplings), *np.ravel(couplings)],
         pivots,
         np.ravel(belows),
         np.ravel(updates),
     )
-    return [of_whole([*some, 0]) for some in found], count, ties, blocks
+    return [of_whole([*table, 0]) for table in tables], count, ties, blocks
 
 
 Tie = tuple[int, float, float, float]
@@ -513,9 +513,9 @@ def ties_of(ends: list[tuple[int, int]], pairs: list[tuple[int, int]]) -> dict[i
 
 def sides_of(ties: dict[int, Tie]) -> tuple[int, int]:
     """The sides on which ties have their body, where they are the same for all; else -1."""
-    found = [{int(tie[side]) for tie in ties.values()} for side in (1, 2)]
-    one, two = (some.pop() if len(some) == 1 else -1 for some in found)
-    return one, two
+    numbers = [{int(tie[side]) for tie in ties.values()} for side in (1, 2)]
+    first, second = (of_side.pop() if len(of_side) == 1 else -1 for of_side in numbers)
+    return first, second
 
 
 def _sides(one: tuple[int, int], other: tuple[int, int]) -> list[tuple[int, int]]:

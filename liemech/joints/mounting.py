@@ -50,22 +50,22 @@ def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray], begin
         heapify(near)
         while near:
             joint = linkage.joints[number := heappop(near)]
-            known = joint.first in poses, joint.second in poses
-            if all(known) or not (joint.freedoms or joint.conditions == 6):
+            placed = joint.first in poses, joint.second in poses
+            if all(placed) or not (joint.freedoms or joint.conditions == 6):
                 continue
             q = vec(*coordinates.get(number, np.zeros(joint.freedoms)).tolist())
             relative = joint.relative(q)
-            if known[1]:
+            if placed[1]:
                 poses[other := joint.first] = poses[joint.second] @ relative
             else:
                 poses[other := joint.second] = poses[joint.first] @ group.inverse(relative)
-            for one in at[other]:
-                heappush(near, one)
+            for neighbour in at[other]:
+                heappush(near, neighbour)
     return np.array([poses[b] for b in range(len(linkage.links))])
 
 
 def hangs(linkage: Any) -> bool:
-    """Is every body on one way to the ground, by joints that say all about it?"""
+    """Whether every body is on one way to the ground, by joints that say all about it."""
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint in linkage.joints]
     return len(ends) == len(linkage.links) and not has_loops(ends) and all(
         joint.conditions + joint.freedoms >= 6 for joint in linkage.joints
@@ -76,7 +76,7 @@ def hung_velocities(linkage: Any, g: Any, rates: dict[int, np.ndarray]) -> np.nd
     """The velocities of bodies that hang from the ground, (6 N,), each from the one that it hangs from:
     G xi = -dc/dt, and the motions of the joint at these rates.
     """
-    found: dict[int | None, np.ndarray] = {None: np.zeros(6)}
+    velocities: dict[int | None, np.ndarray] = {None: np.zeros(6)}
     at: dict[int | None, list[int]] = {}
     for number, joint in enumerate(linkage.joints):
         for body in (joint.first, joint.second):
@@ -87,34 +87,34 @@ def hung_velocities(linkage: Any, g: Any, rates: dict[int, np.ndarray]) -> np.nd
         for number in at[body]:
             joint = linkage.joints[number]
             other = joint.first if body == joint.second else joint.second
-            if other in found:
+            if other in velocities:
                 continue
             poses = both(joint, g)
             pairs, wanted = ([*joint.rows(*poses)], [*(joint.paces(*poses) or [0.0] * joint.conditions)])
             goal = [-x for x in wanted]
             if number in rates:
                 pairs += joint.motions(*poses)
-                own = joint.paces_of_motions(*poses) or [0.0] * joint.freedoms
-                goal += [x - y for x, y in zip(rates[number], own)]
-            one, two = (np.array([pair[side] for pair in pairs]) for side in range(2))
-            mine, theirs = (one, two) if other == joint.first else (two, one)
-            found[other] = np.linalg.solve(mine, np.array(goal) - theirs @ found[body])
+                paces = joint.paces_of_motions(*poses) or [0.0] * joint.freedoms
+                goal += [x - y for x, y in zip(rates[number], paces)]
+            by_first, by_second = (np.array([pair[side] for pair in pairs]) for side in range(2))
+            mine, theirs = (by_first, by_second) if other == joint.first else (by_second, by_first)
+            velocities[other] = np.linalg.solve(mine, np.array(goal) - theirs @ velocities[body])
             todo.append(other)
-    return np.concatenate([found[b] for b in range(len(linkage.links))])
+    return np.concatenate([velocities[b] for b in range(len(linkage.links))])
 
 
 def rows_of_motions(linkage: Any, g: Any, numbers: list[int]) -> np.ndarray:
     """The rows of the motions of joints, one after another, (k, 6 N)."""
-    found = []
+    rows = []
     for number in numbers:
         joint = linkage.joints[number]
-        for one, two in joint.motions(*both(joint, g)):
+        for first, second in joint.motions(*both(joint, g)):
             row = np.zeros(6 * len(linkage.links))
-            row[6 * joint.first : 6 * joint.first + 6] += np.array(one)
+            row[6 * joint.first : 6 * joint.first + 6] += np.array(first)
             if joint.second is not None:
-                row[6 * joint.second : 6 * joint.second + 6] += np.array(two)
-            found.append(row)
-    return np.array(found).reshape(len(found), 6 * len(linkage.links))
+                row[6 * joint.second : 6 * joint.second + 6] += np.array(second)
+            rows.append(row)
+    return np.array(rows).reshape(len(rows), 6 * len(linkage.links))
 
 
 def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np.ndarray:
@@ -142,13 +142,13 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
             break
         before = change
     missed = float(np.abs(off).max())
-    told = f"they miss by {missed:.2g}"
+    complaint = f"they miss by {missed:.2g}"
     if missed <= 1e-9 * max(1.0, np.abs(np.array(g)).max()):
-        told = linkage.turned_over(g)
-    if told:
+        complaint = linkage.turned_over(g)
+    if complaint:
         raise NoConvergence(
             "Linkage: no poses found close by at which the loops are closed and the joints have "
-            f"these coordinates ({told}); give poses that are closer, near=poses"
+            f"these coordinates ({complaint}); give poses that are closer, near=poses"
         )
     return np.array(g).reshape(-1, 4, 4)
 
@@ -187,11 +187,11 @@ def independent_rows(linkage: Any, g: Any) -> tuple[tuple[int, ...], ...]:
     inverse = np.asarray(linkage._inverse.todense() if linkage._sparse else linkage._inverse)
     rows = np.array(linkage.jacobian(g)) @ np.linalg.cholesky(inverse)
     rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    found: list[tuple[int, ...]] = []
+    independent: list[tuple[int, ...]] = []
     basis = np.zeros((0, rows.shape[1]))
     begin = 0
     for _, counted in linkage.constraint.counted:
-        own, left = [], {i: rows[begin + place] for place, i in enumerate(counted)}
+        chosen, left = [], {i: rows[begin + place] for place, i in enumerate(counted)}
         begin += len(left)
         while left:
             for _ in range(2):  # the second time for rounding
@@ -200,7 +200,7 @@ def independent_rows(linkage: Any, g: Any) -> tuple[tuple[int, ...], ...]:
             length = float(np.linalg.norm(left[best]))
             if length <= DEPENDENT:
                 break
-            own.append(best)
+            chosen.append(best)
             basis = np.concatenate([basis, left.pop(best)[None] / length])
-        found.append(tuple(sorted(own)))
-    return tuple(found)
+        independent.append(tuple(sorted(chosen)))
+    return tuple(independent)

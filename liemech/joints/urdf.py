@@ -56,14 +56,14 @@ class Element:
 
     def some(self, tag: str) -> list[Element]:
         """The elements in it of this kind."""
-        return [one for one in self.inside if one.tag == tag]
+        return [element for element in self.inside if element.tag == tag]
 
     def one(self, tag: str) -> Element | None:
         """The one element of this kind, or None."""
-        found = self.some(tag)
-        if len(found) > 1:
-            raise found[1].wrong(f"is the second <{tag}> of one <{self.tag}>")
-        return found[0] if found else None
+        elements = self.some(tag)
+        if len(elements) > 1:
+            raise elements[1].wrong(f"is the second <{tag}> of one <{self.tag}>")
+        return elements[0] if elements else None
 
     def text(self, name: str) -> str:
         """An attribute that must be there."""
@@ -83,13 +83,13 @@ class Element:
         try:
             if "_" in words:
                 raise ValueError
-            found = np.array([float(x) for x in words.split()])
+            numbers = np.array([float(x) for x in words.split()])
         except ValueError:
-            found = np.zeros(0)
-        if found.shape != (count,) or not np.isfinite(found).all():
+            numbers = np.zeros(0)
+        if numbers.shape != (count,) or not np.isfinite(numbers).all():
             many = "a number" if count == 1 else f"{count} numbers"
             raise self.wrong(f'has {name}="{words}", which must be {many}')
-        return found
+        return numbers
 
     def wrong(self, said: str) -> InvalidInput:
         """The error of this element."""
@@ -175,36 +175,36 @@ def linkage_of(
         moved[name] = moved[parent] if kind == "fixed" else name
     heads = [name for name in order if moved[name] == name]
     if not heads:
-        told = "has no joint that moves"
+        complaint = "has no joint that moves"
         if any(links[name].one("inertial") for name in order):
-            told += f"; all of it falls as one body, lm.models.{_falling(_body(links, order, poses)[0])}"
-        raise robot.wrong(told)
+            complaint += f"; all of it falls as one body, lm.models.{_falling(_body(links, order, poses)[0])}"
+        raise robot.wrong(complaint)
     numbers: Any = {name: number for number, name in enumerate(heads)} | {None: None}
     bodies = {name: _body(links, [other for other in order if moved[other] == name], poses) for name in heads}
     _require_units(robot, bodies, poses)
     centres: Any = {name: centre for name, (_, centre) in bodies.items()} | {None: np.zeros(3)}
-    made: dict[str, Any] = {"links": [body for body, _ in bodies.values()], "joints": []}
-    made["forces"] = []
+    args: dict[str, Any] = {"links": [body for body, _ in bodies.values()], "joints": []}
+    args["forces"] = []
     rotors = _rotors(robot, joints, armature)
     for name in heads:
         point, second = poses[name][:3, 3], moved[parents[name][1]] if name in parents else None
         ends: Any = numbers[name], numbers[second], point - centres[name], point - centres[second]
         if name not in parents:
-            made["joints"].append(FloatingJoint(*ends, name=f"{name} root" if name in joints else name))
+            args["joints"].append(FloatingJoint(*ends, name=f"{name} root" if name in joints else name))
             continue
         joint = parents[name][0]
-        made["joints"].append(_joint(joint, ends, poses[name][:3, :3], rotors))
-        made["forces"] += _forces(joint, stops, speed)
-    numbered = [joint.name for joint in made["joints"]]
-    made["forces"] += [_within(joints, numbered, force) if limits else force for force in forces]
-    seen = {name: poses[name].copy() for name in order}
+        args["joints"].append(_joint(joint, ends, poses[name][:3, :3], rotors))
+        args["forces"] += _forces(joint, stops, speed)
+    numbered = [joint.name for joint in args["joints"]]
+    args["forces"] += [_within(joints, numbered, force) if limits else force for force in forces]
+    centred = {name: poses[name].copy() for name in order}
     for name in order:
-        seen[name][:3, 3] -= centres[moved[name]]
-    made["mimics"] = [_mimic(one, joints) for one in joints.values() if one.one("mimic")]
-    made["mimics"] = [one for one in made["mimics"] if one is not None]
-    made["frames"] = [Frame(name, numbers[moved[name]], seen[name].tolist()) for name in order]
-    made["shapes"] = _shapes(robot, links, seen, {n: numbers[moved[n]] for n in order}, _Files(folder, packages))
-    return made
+        centred[name][:3, 3] -= centres[moved[name]]
+    args["mimics"] = [_mimic(element, joints) for element in joints.values() if element.one("mimic")]
+    args["mimics"] = [element for element in args["mimics"] if element is not None]
+    args["frames"] = [Frame(name, numbers[moved[name]], centred[name].tolist()) for name in order]
+    args["shapes"] = _shapes(robot, links, centred, {n: numbers[moved[n]] for n in order}, _Files(folder, packages))
+    return args
 
 
 def _opened(path: Any) -> tuple[Element, Path]:
@@ -223,17 +223,17 @@ def _opened(path: Any) -> tuple[Element, Path]:
 
 def _by_name(robot: Element, tag: str) -> dict[str, Element]:
     """The links or joints by their names."""
-    found: dict[str, Element] = {}
-    for one in robot.some(tag):
-        name = one.text("name")
-        if name in found:
-            raise one.wrong(f"has the name of the <{tag}> in line {found[name].line}")
-        found[name] = one
-    return found
+    by_name: dict[str, Element] = {}
+    for element in robot.some(tag):
+        name = element.text("name")
+        if name in by_name:
+            raise element.wrong(f"has the name of the <{tag}> in line {by_name[name].line}")
+        by_name[name] = element
+    return by_name
 
 
 def _parents(joints: dict[str, Element], links: dict[str, Element]) -> dict[str, tuple[Element, str]]:
-    """Of each link that hangs from another one the joint and that link."""
+    """The joint from which each link hangs, and the link behind it, by links."""
     parents: dict[str, tuple[Element, str]] = {}
     for joint in joints.values():
         ends = []
@@ -297,7 +297,7 @@ def _body(links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarr
     Its axes are those of space in that position, so that all frames are parallel where all angles
     are zero.
     """
-    found = []
+    inertials = []
     for name in parts:
         inertial = links[name].one("inertial")
         if inertial is None:
@@ -312,13 +312,13 @@ def _body(links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarr
         m = mass.number("value")
         if m < 0.0:
             raise mass.wrong(f'has value="{mass.given["value"]}"; a mass is not negative')
-        found.append((m, pose[:3, 3], J))
-    total = sum(m for m, _, _ in found)
+        inertials.append((m, pose[:3, 3], J))
+    total = sum(m for m, _, _ in inertials)
     if not total > 0.0:
         raise links[parts[0]].wrong("moves and has no mass: give it an <inertial>, or make its joint fixed")
-    centre = sum(m * p for m, p, _ in found) / total
+    centre = sum(m * p for m, p, _ in inertials) / total
     whole = sum(J + m * ((p - centre) @ (p - centre) * np.eye(3) - np.outer(p - centre, p - centre))
-                for m, p, J in found)  # fmt: skip
+                for m, p, J in inertials)  # fmt: skip
     whole = 0.5 * (whole + whole.T)
     moments = np.linalg.eigvalsh(whole)
     if not moments[0] > PARALLEL * moments[2]:
@@ -361,14 +361,14 @@ def _mimic(joint: Element, joints: dict[str, Element]) -> Mimic | None:
     """The joint that another one follows; None for one that is fixed."""
     if joint.text("type") == "fixed":
         return None
-    one, name, ratio, offset = joint, joint.text("name"), 1.0, 0.0
+    follower, name, ratio, offset = joint, joint.text("name"), 1.0, 0.0
     behind: list[str] = []  # leaders that follow others; a circle is for the linkage to tell
-    while (mimic := one.one("mimic")) is not None and (not behind or behind[-1] not in [name, *behind[:-1]]):
+    while (mimic := follower.one("mimic")) is not None and (not behind or behind[-1] not in [name, *behind[:-1]]):
         leader = mimic.text("joint")
         if leader not in joints:
             raise mimic.wrong(f"follows the joint {leader!r}, which is not there{meant(leader, joints)}")
-        one = joints[leader]
-        if one.text("type") == "fixed":
+        follower = joints[leader]
+        if follower.text("type") == "fixed":
             raise mimic.wrong(f"follows the joint {leader!r}, which is fixed; make joint {name!r} fixed too")
         offset, ratio = offset + ratio * mimic.number("offset", 0.0), ratio * mimic.number("multiplier", 1.0)
         behind.append(leader)
@@ -379,17 +379,17 @@ def _rotors(robot: Element, joints: dict[str, Element], armature: Any) -> dict[s
     """The armatures of joints: those that are given, by names or for all, before those of the file, the
     inertia of a rotor times the square of its gear's ratio.
     """
-    found: dict[str, float] = {}
+    armatures: dict[str, float] = {}
     for transmission in robot.some("transmission"):
-        for one in transmission.some("actuator"):
-            rotor, gear = one.one("drake:rotor_inertia"), one.one("drake:gear_ratio")
+        for element in transmission.some("actuator"):
+            rotor, gear = element.one("drake:rotor_inertia"), element.one("drake:gear_ratio")
             held = None if rotor is None else transmission.one("joint")  # others may have two, as differentials do
             if rotor is not None and held is not None:
                 ratio = 1.0 if gear is None else gear.number("value")
-                found[held.text("name")] = rotor.number("value") * ratio * ratio
-    for name in found.keys() - joints.keys():
+                armatures[held.text("name")] = rotor.number("value") * ratio * ratio
+    for name in armatures.keys() - joints.keys():
         raise robot.wrong(f"has a rotor at the joint {name!r}, which is not there")
-    turning = [name for name, one in joints.items() if one.text("type") in GEARED]
+    turning = [name for name, element in joints.items() if element.text("type") in GEARED]
     if isinstance(armature, Mapping):
         for name in armature:
             if name not in turning:
@@ -397,14 +397,14 @@ def _rotors(robot: Element, joints: dict[str, Element], armature: Any) -> dict[s
                     f"Linkage.from_urdf: armature names {name!r}, which is no joint with one coordinate"
                     f"{meant(name, turning)}"
                 )
-        return found | {name: float(x) for name, x in armature.items()}
-    return found if armature is None else dict.fromkeys(turning, float(armature))
+        return armatures | {name: float(x) for name, x in armature.items()}
+    return armatures if armature is None else dict.fromkeys(turning, float(armature))
 
 
 def _within(joints: dict[str, Element], numbered: list[str], force: Any) -> Any:
     """A motor or a controller, within the limits of the file.  numbered : the names of the joints, by number."""
-    own = isinstance(force, (JointPotential, Damper, DryFriction, Limited))
-    if own or not isinstance(force, JointForce):
+    unlimited = isinstance(force, (JointPotential, Damper, DryFriction, Limited))
+    if unlimited or not isinstance(force, JointForce):
         return force
     at = force.joint
     name = at if isinstance(at, str) else numbered[at] if 0 <= at < len(numbered) else None
@@ -426,30 +426,30 @@ def _within(joints: dict[str, Element], numbered: list[str], force: Any) -> Any:
 def _joint(joint: Element, ends: Any, R: np.ndarray, rotors: dict[str, float]) -> Any:
     """The joint of a link, whose frame is turned by R in the zero position."""
     kind, name, axis = joint.text("type"), joint.text("name"), joint.one("axis")
-    made: Any = {"floating": FloatingJoint, "prismatic": PrismaticJoint, "planar": PlanarJoint}
-    made = made.get(kind, RevoluteJoint)
+    joint_type: Any = {"floating": FloatingJoint, "prismatic": PrismaticJoint, "planar": PlanarJoint}
+    joint_type = joint_type.get(kind, RevoluteJoint)
     if kind == "floating":
-        return made(*ends, name=name)
+        return joint_type(*ends, name=name)
     along = np.array([1.0, 0.0, 0.0]) if axis is None else axis.numbers("xyz", 3, [1.0, 0.0, 0.0])
     if not along.any():
         raise joint.wrong("has an axis without a direction")
     along = (R @ along / np.linalg.norm(along)).tolist()
     axes = [along] * (1 if kind == "prismatic" else 2)
     if kind == "planar":
-        return made(*ends, *axes, name=name)
-    return made(*ends, *axes, armature=rotors.get(name, 0.0), name=name)
+        return joint_type(*ends, *axes, name=name)
+    return joint_type(*ends, *axes, armature=rotors.get(name, 0.0), name=name)
 
 
 def _forces(joint: Element, stops: float | None, speed: float) -> list[Any]:
     """The damper, the dry friction and the stops of a joint."""
-    name, found = joint.text("name"), []  # type: Any, list[Any]
+    name, forces = joint.text("name"), []  # type: Any, list[Any]
     dynamics, limit = joint.one("dynamics"), joint.one("limit")
     if dynamics is not None:
         damping, friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
         if min(damping, friction) < 0.0:
             raise dynamics.wrong("has negative damping or friction, which would drive the joint")
-        found += [Damper(name, damping)] if damping else []
-        found += [DryFriction(name, friction, speed)] if friction else []
+        forces += [Damper(name, damping)] if damping else []
+        forces += [DryFriction(name, friction, speed)] if friction else []
     if stops is not None and limit is not None and joint.text("type") in ("revolute", "prismatic"):
         low, high = limit.number("lower", 0.0), limit.number("upper", 0.0)
         if not low < high:
@@ -459,8 +459,8 @@ def _forces(joint: Element, stops: float | None, speed: float) -> list[Any]:
                 f"of joint {name!r} goes from {low:g} to {high:g} rad: poses do not tell angles a whole "
                 'turn apart; make the joint type="continuous", or leave stops= out'
             )
-        found += [Stops(name, low, high, stops)]
-    return found
+        forces += [Stops(name, low, high, stops)]
+    return forces
 
 
 # ------------------------------------------------------------------ shapes
@@ -473,23 +473,23 @@ class _Files:
 
     def __init__(self, folder: Path, packages: Mapping[str, Any] | None) -> None:
         self.folder, self.missing, self.outside = folder, [], []  # type: Any, list[str], list[str]
-        self.packages = {name: Path(one) for name, one in (packages or {}).items()}
-        self.of_ros = [Path(one) for one in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if one]
+        self.packages = {name: Path(path) for name, path in (packages or {}).items()}
+        self.of_ros = [Path(path) for path in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if path]
         home = Path.home()  # neither it nor what it lies in belongs to a robot
-        self.above = [folder, *[one for one in folder.resolve().parents if not home.is_relative_to(one)]]
+        self.above = [folder, *[path for path in folder.resolve().parents if not home.is_relative_to(path)]]
 
     def find(self, name: str) -> str | None:
         """A file by its name: beside the URDF file, file:// or package://."""
-        head, scheme, rest = name.partition("://")
+        head, scheme, tail = name.partition("://")
         if scheme and head != "file":
-            package, _, inside = rest.partition("/")
+            package, _, inside = tail.partition("/")
             roots = [self.packages[package]] if package in self.packages else []
-            roots += [one for one in self.above if one.name == package]
-            roots += [one / package for one in self.above]
-            roots += [one / package for one in self.of_ros]
+            roots += [folder for folder in self.above if folder.name == package]
+            roots += [folder / package for folder in self.above]
+            roots += [folder / package for folder in self.of_ros]
             places = [(root / inside, [root]) for root in roots]
         else:
-            place = Path(rest) if scheme else self.folder / name
+            place = Path(tail) if scheme else self.folder / name
             places = [(place, [*self.above[:2], *self.packages.values(), *self.of_ros])]
         for place, roots in places:
             if place.is_file():
@@ -509,14 +509,14 @@ def _shapes(
     files: _Files,
 ) -> list[LinkShape]:
     """The visual geometry of all links.  What is wrong with it is warned of: the motion does not need it."""
-    known = {one.given.get("name"): one for one in robot.some("material")}
+    materials = {material.given.get("name"): material for material in robot.some("material")}
     shapes: list[LinkShape] = []
     wrong: list[str] = []
     for name in links:
         for visual in links[name].some("visual"):
             color = None
             try:
-                color = _color(visual, known)
+                color = _color(visual, materials)
             except InvalidInput as refused:
                 wrong.append(f"{refused}: it has no colour of its own")
             try:
@@ -531,8 +531,8 @@ def _shapes(
             except InvalidInput as refused:
                 wrong.append(f"{refused}: it is not shown")
     if wrong:
-        more = f"; and {len(wrong) - TOLD} more" if len(wrong) > TOLD else ""
-        warn(f"{'; '.join(wrong[:TOLD])}{more}", FileWarning)
+        suffix = f"; and {len(wrong) - TOLD} more" if len(wrong) > TOLD else ""
+        warn(f"{'; '.join(wrong[:TOLD])}{suffix}", FileWarning)
     if files.outside:
         warn(
             f"meshes outside of the folders of the robot are not read: {', '.join(sorted(set(files.outside)))}. "

@@ -74,7 +74,7 @@ class UniformField(MagneticField):
     strength: Vec
 
     def at(self, x: Vec) -> Vec:
-        """B.  x : (3,)."""
+        """The field B, which is the same everywhere.  x : (3,)."""
         return self.strength
 
     def integral(self, component: int, axis: int, x: Vec, length: float) -> float:
@@ -97,7 +97,7 @@ class AxialField(MagneticField):
         return vec(0.0, 0.0, self.slope * sqrt(x[0] * x[0] + x[1] * x[1]))
 
     def integral(self, component: int, axis: int, x: Vec, length: float) -> float:
-        """Of s (a^2 + c^2)^(1/2) over a.  x : (3,)."""
+        """The integral of s (a^2 + c^2)^(1/2) over a, the coordinate of the axis.  x : (3,)."""
         if component != 2:
             return 0.0 * length
         a, c = x[axis], x[1 - axis]
@@ -127,7 +127,7 @@ class TokamakField(MagneticField):
         return 0.5 / square * toroidal
 
     def integral(self, component: int, axis: int, x: Vec, length: float) -> float:
-        """By logarithms and angles.  x : (3,), on a way that does not cross the third axis."""
+        """The integral by logarithms and angles.  x : (3,), on a way that does not cross the third axis."""
         end = vec(*[x[i] + length if i == axis else x[i] for i in range(3)])
         if axis == 2:
             square, mean = x[0] * x[0] + x[1] * x[1], x[2] + 0.5 * length
@@ -204,13 +204,13 @@ class SquaredVelocity(Part):
         """x_i + t v_i;  v_j - the integral of B_k, v_k + that of B_j over the way, i, j, k cyclic.
         y : (6,).
         """
-        here, i = plain(y), self.axis
+        start, i = plain(y), self.axis
         j, k = (i + 1) % 3, (i + 2) % 3
-        x, way = vec(here[0], here[1], here[2]), t * here[3 + i]
+        x, path = vec(start[0], start[1], start[2]), t * start[3 + i]
         new = [*y]
-        new[i] = y[i] + way
-        new[3 + j] = y[3 + j] - self.field.integral(k, i, x, way)
-        new[3 + k] = y[3 + k] + self.field.integral(j, i, x, way)
+        new[i] = y[i] + path
+        new[3 + j] = y[3 + j] - self.field.integral(k, i, x, path)
+        new[3 + k] = y[3 + k] + self.field.integral(j, i, x, path)
         return vec(*new)
 
 
@@ -337,7 +337,7 @@ class GuidingEnergy(Hamiltonian):
         return total if self.potential is None else total + self.potential.energy(x)
 
     def gradient(self, mu: Vec) -> Vec:
-        """By derivative numbers.  mu : (4,)."""
+        """The derivative of the energy, by derivative numbers.  mu : (4,)."""
         return gradient(lambda y: self.energy(y), mu)
 
 

@@ -20,7 +20,7 @@ FRONT = (-78.0, 10.0)
 
 
 def is_smooth(points: Array) -> bool:
-    """Do most segments of a curve turn little from one to the next?"""
+    """Whether most segments of a curve turn little from one to the next."""
     steps = np.diff(points, axis=0)
     length = np.linalg.norm(steps, axis=1)
     # in units of the panel: shorter ones have no direction that could be seen

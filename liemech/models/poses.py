@@ -40,21 +40,21 @@ def configurations(system: Any) -> LieGroup | None:
 
 
 def turns(group: LieGroup | None) -> bool:
-    """Is the group that of rotations in space, so that a momentum is a vector and its coadjoint
-    orbits are spheres?
+    """Whether the group is that of rotations in space, so that a momentum is a vector and its coadjoint
+    orbits are spheres.
     """
     return isinstance(group, (SO3, UnitQuaternions)) or (isinstance(group, SO) and group.dim == 3)
 
 
 def is_pose(group: LieGroup | None) -> bool:
-    """Can an element be drawn as a body in space?"""
+    """Whether an element can be drawn as a body in space."""
     if isinstance(group, ProductGroup):
         return _turning_and_moving(group)
     return turns(group) or isinstance(group, (SE3, SE2))
 
 
 def flies(system: Any) -> bool:
-    """Does the body change its place, not only its attitude?"""
+    """Whether the body changes its place, not only its attitude."""
     group = configurations(system)
     return is_pose(group) and not turns(group) and not isinstance(system, ReducedHeavyTop)
 

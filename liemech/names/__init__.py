@@ -35,7 +35,7 @@ def listed(namespace: str) -> dict[str, str]:
     """
     tree = ast.parse(stub_of(namespace))
     imports = (statement for statement in tree.body if isinstance(statement, ast.ImportFrom))
-    return {name.name: "." * one.level + (one.module or "") for one in imports for name in one.names}
+    return {name.name: "." * source.level + (source.module or "") for source in imports for name in source.names}
 
 
 def public() -> dict[str, str]:
@@ -91,30 +91,28 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
 
 
 def _missing(namespace: str, name: str) -> tuple[str, bool]:
-    """Why a namespace has no such name, with where it is or what is written alike; and is it in
-    another place?
-    """
+    """Why a namespace has no such name, in words, with the name or place that is meant; and whether a place has it."""
     said = f"module {namespace!r} has no attribute {name!r}"
     package = vars(sys.modules[namespace]).get("__path__")
     # asked for by tools, which want no answer, and by `from . import name` before it imports a file
     if name.startswith("_") or (package and PathFinder.find_spec(f"{namespace}.{name}", package)):
         return said, False
-    here, known = namespace.replace("liemech", "lm", 1), public()
-    if place := known.get(name) or FORMER.get(name):
-        return f"{said}: {here}.{name} is {place}", True
-    near = nearest(name, known)
-    return f"{said}. Did you mean {known[near]}?" if near else said, False
+    shown, names = namespace.replace("liemech", "lm", 1), public()
+    if place := names.get(name) or FORMER.get(name):
+        return f"{said}: {shown}.{name} is {place}", True
+    near = nearest(name, names)
+    return f"{said}. Did you mean {names[near]}?" if near else said, False
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The one of some names that is written most like another, whatever the case; None if none is."""
+def nearest(name: str, names: Iterable[str]) -> str | None:
+    """The name that is written most like `name`, whatever the case; None if none is near."""
     from difflib import get_close_matches
 
-    alike = {one.lower().replace("_", ""): one for one in known}
+    alike = {candidate.lower().replace("_", ""): candidate for candidate in names}
     return next((alike[n] for n in get_close_matches(name.lower().replace("_", ""), alike, 1)), None)
 
 
-def meant(name: str, known: Iterable[str]) -> str:
+def meant(name: str, names: Iterable[str]) -> str:
     """The end of a refusal of a name: ` (did you mean steps?)`, or nothing."""
-    near = nearest(name, known)
+    near = nearest(name, names)
     return f" (did you mean {near}?)" if near else ""

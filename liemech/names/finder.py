@@ -17,11 +17,11 @@ class Namespace:
 
     @staticmethod
     def create_module(spec: ModuleSpec) -> None:
-        """None: the module is an ordinary one."""
+        """None: an ordinary module is created."""
 
     @staticmethod
     def exec_module(module: ModuleType) -> None:
-        """Give it its docstring and its names."""
+        """Fill a namespace with its docstring and its lazy names."""
         module.__doc__ = ast.get_docstring(ast.parse(stub_of(module.__name__)))
         vars(module)["__getattr__"], vars(module)["__dir__"], vars(module)["__all__"] = lazily(module.__name__)
 
@@ -35,7 +35,7 @@ class Former:
 
     @staticmethod
     def exec_module(module: ModuleType) -> None:
-        """Put the module of today in its place."""
+        """Put the module of today under its former name into `sys.modules`, with a warning."""
         now = place_of(module.__name__)
         warnings.warn(f"{module.__name__} is {now} now", DeprecationWarning, stacklevel=2)
         sys.modules[module.__name__] = import_module(now)
@@ -50,7 +50,7 @@ class Finder:
 
     @staticmethod
     def find_spec(name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """The spec of one of both; None for any other module."""
+        """The spec of a former name or of a namespace; None for any other module."""
         if not name.startswith(f"{LIBRARY}."):
             return None
         if place_of(name) != name:

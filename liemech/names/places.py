@@ -75,19 +75,19 @@ systems > systems.many: common_momentum site_state
 @functools.cache
 def moved() -> dict[str, str]:
     """The module of today by its former name, both relative to the library."""
-    found = {}
+    modules = {}
     for line in MOVED.split("\n")[1:-1]:
-        way, _, names = line.partition(":")
-        former, _, now = way.partition(" > ")
+        path, _, names = line.partition(":")
+        former, _, now = path.partition(" > ")
         for old, _, new in (name.partition("=") for name in names.split()):
-            found[f"{former}.{old}".lstrip(".")] = f"{now}.{new or old}"
-    return found
+            modules[f"{former}.{old}".lstrip(".")] = f"{now}.{new or old}"
+    return modules
 
 
 def place_of(module: str) -> str:
     """The full name of a module today, by a name that it has had."""
-    home, _, rest = module.partition(".")
-    return f"{LIBRARY}.{moved()[rest]}" if home == LIBRARY and rest in moved() else module
+    home, _, path = module.partition(".")
+    return f"{LIBRARY}.{moved()[path]}" if home == LIBRARY and path in moved() else module
 
 
 def package_of(namespace: str) -> str:

@@ -49,9 +49,9 @@ def euler_angles(
         raise InvalidInput(f"plots.euler_angles: sequence = {sequence!r}: {refused}") from None
     ax = plane_axes(ax, title, time_label(run), "angle (degrees)", (6.6, 3.4))
     names = EULER if sequence == "ZXZ" else [f"about {letter}" for letter in sequence]
-    kept, t = thinned(len(angles)), times_of(run, body)
+    samples, t = thinned(len(angles)), times_of(run, body)
     for k, name in enumerate(names):
-        ax.plot(*broken(t[kept], angles[kept, k], 90.0), label=name, **look(k))
+        ax.plot(*broken(t[samples], angles[samples, k], 90.0), label=name, **look(k))
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
@@ -69,9 +69,9 @@ def quaternion(run: Any, *, body: int = 0, ax: Axes | None = None, title: str | 
     turned = np.cumprod(np.where(np.einsum("ni,ni->n", q[1:], q[:-1]) < 0.0, -1.0, 1.0))
     q[1:] *= turned[:, None]
     ax = plane_axes(ax, title, time_label(run), "unit quaternion")
-    kept, t = thinned(len(q)), times_of(run, body)
+    samples, t = thinned(len(q)), times_of(run, body)
     for k, name in enumerate("xyzw"):
-        ax.plot(t[kept], q[kept, k], label=f"${name}$", **look(k))
+        ax.plot(t[samples], q[samples, k], label=f"${name}$", **look(k))
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 

@@ -38,15 +38,15 @@ def components(
     names = [_name(NAMES.get(name, name), np.unravel_index(i, rows.shape[1:])) for i in range(columns.shape[1])]
     if np.iscomplexobj(columns):
         columns = np.concatenate([columns.real, columns.imag], axis=1)
-        names = [f"{symbol} {one}" for symbol in ("Re", "Im") for one in names]
+        names = [f"{symbol} {component}" for symbol in ("Re", "Im") for component in names]
     unit = unit_of(run.system, name)
     ax = plane_axes(ax, title, time_label(run), f"${NAMES.get(name, name)}$" + unit)
     spans = np.ptp(columns, axis=0)
     varied = np.argsort(-spans, kind="stable")[: min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)]
-    kept, t = thinned(len(rows)), times_of(run, body)
+    samples, t = thinned(len(rows)), times_of(run, body)
     for k, column in enumerate(sorted(varied)):
         label = names[column] if columns.shape[1] > 1 else None
-        ax.plot(t[kept], columns[kept, column], label=label, **look(k))
+        ax.plot(t[samples], columns[samples, column], label=label, **look(k))
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 

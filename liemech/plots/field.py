@@ -42,15 +42,15 @@ def field(
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.patches import Circle
 
-    given, north, east = (np.asarray(x, dtype=float) for x in (values, latitude, longitude))
-    if given.shape != (len(north), len(east)):
+    grid, north, east = (np.asarray(x, dtype=float) for x in (values, latitude, longitude))
+    if grid.shape != (len(north), len(east)):
         raise InvalidInput(
-            f"plots.field: values has shape {given.shape}; it must be that of latitude and longitude, "
+            f"plots.field: values has shape {grid.shape}; it must be that of latitude and longitude, "
             f"({len(north)}, {len(east)})"
         )
-    if not np.isfinite(given).all():
+    if not np.isfinite(grid).all():
         raise InvalidInput("plots.field: values must be finite")
-    full = float(np.abs(given).max()) if most is None else float(most)
+    full = float(np.abs(grid).max()) if most is None else float(most)
     x = np.linspace(-1.0, 1.0, PIXELS)
     right, up = np.meshgrid(x, x)
     ahead = np.sqrt(np.clip(1.0 - right**2 - up**2, 0.0, None))
@@ -59,7 +59,7 @@ def field(
     if ax is None:
         ax = new_figure(3.4, 3.6 if title else 3.4).add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
     disk = ax.imshow(
-        _between(given, north, east, *at) * (0.86 + 0.14 * ahead),  # paler towards its edge
+        _between(grid, north, east, *at) * (0.86 + 0.14 * ahead),  # paler towards its edge
         extent=(-1, 1, -1, 1),
         origin="lower",
         cmap=LinearSegmentedColormap.from_list("field", FIELD),

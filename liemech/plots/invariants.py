@@ -76,20 +76,20 @@ def drift(runs: Any, name: str = "energy", *, ax: Axes | None = None, title: str
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., IX.8 (long-time energy
     conservation) and VIII.5.
     """
-    found = named_runs(runs, "plots.drift")
-    words = _label(next(iter(found.values()))), f"{name}:\nlargest change so far"
+    by_name = named_runs(runs, "plots.drift")
+    words = _label(next(iter(by_name.values()))), f"{name}:\nlargest change so far"
     ax = plane_axes(ax, title, *words, WIDE)
-    for k, (label, run) in enumerate(found.items()):
+    for k, (label, run) in enumerate(by_name.items()):
         (name,) = _names(run, (name,))
         if len(run.t) < 2:
             raise InvalidInput("plots.drift needs at least two samples")
         passed = np.abs(_time(run) - _time(run)[0])[1:]
         highest = np.maximum.accumulate(changes(run, name))[1:]
-        kept = np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
-        ax.loglog(passed[kept], highest[kept], label=label or None, **look(k))
+        samples = np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
+        ax.loglog(passed[samples], highest[samples], label=label or None, **look(k))
         floor = {"color": GREY, "linestyle": ":", "linewidth": 0.9, "zorder": 0.5}
-        said = "rounding" if k == len(found) - 1 else None
-        ax.loglog(passed[kept], noise(run)[1:][kept], label=said, **floor)
+        said = "rounding" if k == len(by_name) - 1 else None
+        ax.loglog(passed[samples], noise(run)[1:][samples], label=said, **floor)
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
@@ -126,17 +126,17 @@ def _label(run: Any) -> str:
 
 
 def _least() -> float:
-    """Where no change at all is drawn."""
+    """The height at which a change of zero is drawn."""
     return 0.1 * EPSILON
 
 
 def _names(run: Any, names: Sequence[str] | None) -> list[str]:
-    known = list(run._constants)
-    if not known:
+    constants = list(run._constants)
+    if not constants:
         raise InvalidInput(
             f"plots: no constants of the motion of {run.system!r} are known; it may name them in `constants`"
         )
     for name in names or ():
-        if name not in known:
-            raise InvalidInput(f"plots: {name!r} is no constant of this motion; known are: {', '.join(known)}")
-    return known if names is None else list(names)
+        if name not in constants:
+            raise InvalidInput(f"plots: {name!r} is no constant of this motion; known are: {', '.join(constants)}")
+    return constants if names is None else list(names)

@@ -46,8 +46,8 @@ def orders(
         if fitted is not None and round(fitted) > 0:
             foot = falling(steps, error)[-1]
             guide = error[foot] * (steps / steps[foot]) ** round(fitted)
-            seen = (guide >= 0.3 * np.nanmin(error)) & (guide <= 3.0 * np.nanmax(error))
-            ax.loglog(steps[seen], guide[seen], color=GREY, linestyle=":", linewidth=0.8, zorder=0.5)
+            inside = (guide >= 0.3 * np.nanmin(error)) & (guide <= 3.0 * np.nanmax(error))
+            ax.loglog(steps[inside], guide[inside], color=GREY, linestyle=":", linewidth=0.8, zorder=0.5)
     if np.ptp(np.log10(steps)) < 2.0:
         from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

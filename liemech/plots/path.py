@@ -64,16 +64,16 @@ def path(run: Any, *, ax: Axes | None = None, title: str | None = None, view: tu
         [COLORS[k % len(COLORS)] for k in range(points.shape[1])] if run.bodies is None else colors(_order(run))
     )
     for k, color in enumerate(palette):
-        seen = points[:, k] @ frame.T
-        ax.plot(*seen[thinned(len(seen))].T, color=color, linewidth=1.0)
+        curve = points[:, k] @ frame.T
+        ax.plot(*curve[thinned(len(curve))].T, color=color, linewidth=1.0)
         if run.bodies is None:
-            ax.plot(*seen[0], marker="o", markersize=7.0, color="none", markeredgecolor=INK)
+            ax.plot(*curve[0], marker="o", markersize=7.0, color="none", markeredgecolor=INK)
         if points.shape[1] == 1:
-            for word, point in (("start", seen[0]), ("end", seen[-1])):
+            for word, point in (("start", curve[0]), ("end", curve[-1])):
                 beside: dict[str, Any] = {"xytext": (6, 5), "textcoords": "offset points", "fontsize": 8.0}
                 ax.annotate(word, point, color=GREY, zorder=5, **beside)
         ax.plot(
-            *seen[-1], marker="o", markersize=5.0, color=color, markeredgecolor="white", markeredgewidth=0.5, zorder=4
+            *curve[-1], marker="o", markersize=5.0, color=color, markeredgecolor="white", markeredgewidth=0.5, zorder=4
         )
     if isinstance(run.system, (Kepler, OrbitingBody, Spacecraft)):
         ax.plot(0.0, 0.0, marker="o", markersize=9.0, color="#C87F00", markeredgecolor="white", zorder=3)
@@ -85,10 +85,10 @@ def path(run: Any, *, ax: Axes | None = None, title: str | None = None, view: tu
 
 
 def has_path(run: Any) -> bool:
-    """Is there a path to draw?"""
+    """Whether there is a path to draw."""
     if isinstance(run.system, CanonicalSystem):
-        known = Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, FourBarLinkage, NBody)
-        return 1 < run.system.degrees <= 3 or isinstance(run.system, known)
+        drawable = Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, FourBarLinkage, NBody)
+        return 1 < run.system.degrees <= 3 or isinstance(run.system, drawable)
     if isinstance(run.system, Linkage):
         return run.states.get("g") is not None and run.bodies is None
     return run.states.get("g") is not None and flies(run.system)
@@ -115,8 +115,8 @@ def _points(run: Any) -> tuple[Array, list[Array]]:
     if isinstance(run.system, Linkage):
         return run.system.poses(g)[..., :3, 3], []
     many = g.shape[: 1 if run.bodies is None else 2]
-    found = place(run.system, g.reshape(-1, *g.shape[len(many) :]))
-    return found.reshape(len(g), -1, 3), []
+    positions = place(run.system, g.reshape(-1, *g.shape[len(many) :]))
+    return positions.reshape(len(g), -1, 3), []
 
 
 def _order(run: Any) -> Array:

@@ -55,8 +55,8 @@ def phase_portrait(
 
 
 def _curve(ax: Axes, q: Array, p: Array, wrap: float | None, color: Any) -> None:
-    kept = thinned(len(q))
-    q, p = q[kept], p[kept]
+    samples = thinned(len(q))
+    q, p = q[samples], p[samples]
     at: Any = np.flatnonzero(np.abs(np.diff(q)) > 0.5 * wrap) + 1 if wrap else []
     ax.plot(np.insert(q, at, np.nan), np.insert(p, at, np.nan), color=color, linewidth=0.9)
     ax.plot(q[-1:], p[-1:], color=color, marker="o", markersize=3.5, markeredgecolor="white", markeredgewidth=0.4)

@@ -59,8 +59,8 @@ def section(
         s = 0.5 * (low + high)
         same = (_cubic(s, h, before, after, *rates)[:, coordinate, None] - value >= 0.0) == start
         low, high = np.where(same, s, low), np.where(same, high, s)
-    found = _cubic(high, h, before, after, *rates)
-    return found[:, :n], found[:, n:], member
+    crossing = _cubic(high, h, before, after, *rates)
+    return crossing[:, :n], crossing[:, n:], member
 
 
 def poincare_section(
@@ -93,9 +93,14 @@ def poincare_section(
     number = shown % run.system.degrees + 1
     ax = plane_axes(ax, title, f"$q_{number}$", f"$p_{number}$", (4.2, 3.8))
     for k in range(run.bodies or 1):
-        own = member == k
+        of_member = member == k
         ax.plot(
-            q[own, shown], p[own, shown], linestyle="none", marker="o", markersize=1.6, color=COLORS[k % len(COLORS)]
+            q[of_member, shown],
+            p[of_member, shown],
+            linestyle="none",
+            marker="o",
+            markersize=1.6,
+            color=COLORS[k % len(COLORS)],
         )
     return ax
 

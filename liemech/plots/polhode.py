@@ -59,20 +59,20 @@ def polhode(
     unit = float(size.max())
     frame = view_frame(*view)
     facing = (frame[2] @ axes) / size  # the ellipsoid at y faces the eye where facing . y > 0
-    _, _, rest = np.linalg.svd(facing[None])
-    turn = np.array([rest[1], rest[2], facing / np.linalg.norm(facing)])
+    _, _, basis = np.linalg.svd(facing[None])
+    turn = np.array([basis[1], basis[2], facing / np.linalg.norm(facing)])
 
     drawn = ax or new_figure(3.4, 3.6 if title else 3.4).add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
 
     def draw(y: Array, zorder: float, **style: Any) -> None:
         front, behind = split_at_horizon(y @ turn.T)
-        halves(drawn, seen(front @ turn), seen(behind @ turn), 0.35, zorder, **style)
+        halves(drawn, viewed(front @ turn), viewed(behind @ turn), 0.35, zorder, **style)
 
-    def seen(y: Array) -> Array:
+    def viewed(y: Array) -> Array:
         return (size * y) @ axes.T @ frame.T / unit
 
     s = np.linspace(0.0, 2.0 * np.pi, 361)[:, None]
-    outline = seen(np.cos(s) * turn[0] + np.sin(s) * turn[1])[:, :2]
+    outline = viewed(np.cos(s) * turn[0] + np.sin(s) * turn[1])[:, :2]
     drawn.add_patch(Polygon(outline, closed=True, facecolor="#eceff4", edgecolor=LIMB, linewidth=0.8, zorder=0.1))
     inverse = 1.0 / moments
     for curve in energy_levels(inverse, levels):
@@ -120,8 +120,8 @@ def herpolhode(
     ax = plane_axes(ax, title, "$\\omega$ across the momentum (rad/s)", "", (3.6, 3.6))
     for radius in np.linalg.norm(points, axis=1).min(), np.linalg.norm(points, axis=1).max():
         ax.plot(radius * np.cos(r), radius * np.sin(r), color=GREY, linewidth=0.7, linestyle=":")
-    kept = thinned(len(points))
-    ax.plot(*points[kept].T, color=color, linewidth=0.9)
+    samples = thinned(len(points))
+    ax.plot(*points[samples].T, color=color, linewidth=0.9)
     ax.plot(0.0, 0.0, marker="+", color=INK, markersize=6.0)
     ax.set_aspect("equal", adjustable="datalim")
     return ax
@@ -140,8 +140,8 @@ def herpolhode_points(run: Any, body: int = 0) -> Array:
     if not momentum.any():
         raise InvalidInput("plots.herpolhode: the body is at rest; give it a momentum")
     axis = directions(momentum)
-    _, _, rest = np.linalg.svd(axis[None])
-    across = rest[1:] * np.sign(np.linalg.det(np.vstack([rest[1:], axis])))
+    _, _, basis = np.linalg.svd(axis[None])
+    across = basis[1:] * np.sign(np.linalg.det(np.vstack([basis[1:], axis])))
     return rotated(q, w) @ across.T
 
 

@@ -59,17 +59,17 @@ def spins(
     places = fixed_places(run.system)
     if len(lattice.shape) == 3:
         layer = lattice.shape[0] // 2 if layer is None else layer
-        there = places[:, 2] == layer
-        if not there.any():
+        in_layer = places[:, 2] == layer
+        if not in_layer.any():
             raise InvalidInput(f"plots.spins: layers are 0 to {lattice.shape[0] - 1}; got {layer!r}")
-        places, mu = places[there], mu[there]
+        places, mu = places[in_layer], mu[in_layer]
     elif layer is not None:
         raise InvalidInput(f"plots.spins: {lattice!r} has no layers; leave layer out")
     return _drawn(run, sample, places, mu, along / np.linalg.norm(along), layer, ax, title)
 
 
 def has_spins(run: Any) -> bool:
-    """Is this a run of one system of spins that `spins` draws?"""
+    """Whether this is a run of one system of spins that `spins` draws."""
     lattice = lattice_of(run.system)
     flat = lattice is not None and len(lattice.shape) > 1
     return flat and is_spin(base_of(run.system)) and "mu" in run.states and run.bodies is None
@@ -114,8 +114,8 @@ def _drawn(
         ax.imshow(
             colors.reshape(rows, columns), cmap=scale, norm=norm, origin="lower", extent=edge, interpolation="nearest"
         )
-    known = {(1.0, 0.0, 0.0): "$x$", (0.0, 1.0, 0.0): "$y$", (0.0, 0.0, 1.0): "$z$"}
-    name = known.get(tuple(axis.tolist()), "the axis")
+    axis_names = {(1.0, 0.0, 0.0): "$x$", (0.0, 1.0, 0.0): "$y$", (0.0, 0.0, 1.0): "$z$"}
+    name = axis_names.get(tuple(axis.tolist()), "the axis")
     bar = ax.figure.colorbar(ScalarMappable(norm, scale), ax=ax, shrink=0.7, ticks=[-1, 0, 1])
     bar.ax.tick_params(labelsize=8.5, color=GREY, labelcolor=GREY)
     bar.set_label(f"direction along {name}", fontsize=9, color=GREY)

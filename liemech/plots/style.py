@@ -127,8 +127,8 @@ def _named_at_ends(ax: Axes, curves: Any, names: list[str]) -> None:
     ax.autoscale_view()  # which Matplotlib puts off until the picture is drawn
     for curve in curves:
         points = ax.transLimits.transform(ax.transScale.transform(curve.get_xydata()))
-        seen = points[np.isfinite(points).all(axis=1)]
-        ends.append(seen[seen[:, 0].argmax()] if len(seen) else np.zeros(2))
+        visible = points[np.isfinite(points).all(axis=1)]
+        ends.append(visible[visible[:, 0].argmax()] if len(visible) else np.zeros(2))
     order = np.argsort([y for _, y in ends])
     gap = 1.0 / len(names)
     heights = np.array([ends[k][1] for k in order])
@@ -174,12 +174,12 @@ def time_label(run: Any) -> str:
 
 def named_runs(runs: Any, where: str) -> dict[str, Any]:
     """Runs by the names they have in a legend: a mapping as it is, a single run without a name."""
-    found = dict(runs) if isinstance(runs, Mapping) else {"": runs}
-    if not found:
+    by_name = dict(runs) if isinstance(runs, Mapping) else {"": runs}
+    if not by_name:
         raise InvalidInput(f"{where} needs at least one run")
-    for run in found.values():
+    for run in by_name.values():
         needs_run(run, where)
-    return found
+    return by_name
 
 
 def needs_run(run: Any, where: str) -> None:

@@ -27,7 +27,7 @@ body that fails stays, and the others go on; jumps.py ends adaptive steps where 
 A `Control` (compiled/control.py) knows how long a step is and when it is the last: `Equal`, `Tolerance`,
 `Fictive`.  `Lanes` (compiled/lanes.py) calls `advance` on columns, `Execution` (compiled/execution.py)
 decides whether native code or plain Python does it: both give the same bits.
-Observers (keep.py) keep `Every` n-th state, states `At` given times, `Straight` samples that native code writes
+Observers (keep.py) keep `Every` n-th state, states `AtTimes` that are given, `Straight` samples that native code writes
 where they stay, `Dense` rows for the motion between steps, `Quantities` for functions of states (recorded.py).
 
 Folders: reports/, compiled/ and between/ are what a run is made of; runs/ are the runs.  Runs by the sites of one

@@ -94,7 +94,7 @@ def with_parts(system: Any, start: State, record: Iterable[str] | None) -> State
 
 
 def allowed(systems: Any, start: State) -> None:
-    """Refuse starts that are none of their systems'."""
+    """Refuse a start of which a body is no state of its own system."""
     for i, system in enumerate(systems):
         try:
             system.state(**{name: x[i] for name, x in start.arrays.items()})
@@ -103,12 +103,12 @@ def allowed(systems: Any, start: State) -> None:
 
 
 def alike(method: Any) -> bool:
-    """Does the method owe its structure to steps that are all alike?"""
+    """Whether the method owes its structure to steps of equal length."""
     return bool(method.symplectic or method.symmetric)
 
 
 def chooses_steps(method: Any) -> bool:
-    """Has it an error estimate to choose steps by, and loses nothing by it?"""
+    """Whether the method has an error estimate for choosing steps, and no structure to lose by it."""
     return bool(method.error_order) and not alike(method)
 
 
@@ -150,9 +150,9 @@ def jumps(breaks: Any) -> tuple[float, ...]:
     """Times at which the velocity jumps."""
     if breaks is None:
         return ()
-    given = list(breaks) if hasattr(breaks, "__next__") else breaks
-    some = not isinstance(given, (list, tuple)) or len(given)
-    array = np.atleast_1d(real_array(given, "integrate: breaks")) if some else np.empty(0)
+    listed = list(breaks) if hasattr(breaks, "__next__") else breaks
+    not_empty = not isinstance(listed, (list, tuple)) or len(listed)
+    array = np.atleast_1d(real_array(listed, "integrate: breaks")) if not_empty else np.empty(0)
     if array.ndim > 1:
         raise InvalidInput(f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)")
     check_finite(array, "integrate: breaks")
@@ -171,12 +171,12 @@ def names(record: Any) -> Any:
 
 def only_adaptive(method: Any, h: Any, **options: Any) -> None:
     """Refuse what has no adaptive steps.  options : those of adaptive steps."""
-    given = {name: x for name, x in options.items() if x is not None}
-    asked = [name for name, x in given.items() if axes(x, name) == 0 or np.size(x)]
-    if h is not None and asked and not chooses_steps(method):
+    options_given = {name: x for name, x in options.items() if x is not None}
+    named = [name for name, x in options_given.items() if axes(x, name) == 0 or np.size(x)]
+    if h is not None and named and not chooses_steps(method):
         raise IncompatibleSystem(
-            f"integrate: {method!r} makes no adaptive steps, and {asked[0]} is for these; "
-            f"leave out {' and '.join(asked)} for steps of length h"
+            f"integrate: {method!r} makes no adaptive steps, and {named[0]} is for these; "
+            f"leave out {' and '.join(named)} for steps of length h"
         )
     if alike(method):
         raise IncompatibleSystem(
@@ -269,14 +269,14 @@ def columns(t_eval: Any, bodies: int) -> list[Any]:
     """
     if t_eval is None:
         return [None] * bodies
-    asked = np.array(real_array(t_eval, "integrate: t_eval"))
-    if asked.ndim != 2:
-        return [asked] * bodies
-    if asked.shape[1] != bodies:
+    samples = np.array(real_array(t_eval, "integrate: t_eval"))
+    if samples.ndim != 2:
+        return [samples] * bodies
+    if samples.shape[1] != bodies:
         raise InvalidInput(
-            f"integrate: t_eval has shape {asked.shape}; it is (n,), or (n, {bodies}) with a column for each body"
+            f"integrate: t_eval has shape {samples.shape}; it is (n,), or (n, {bodies}) with a column for each body"
         )
-    return [*asked.T]
+    return [*samples.T]
 
 
 def first(values: Any, name: str) -> Any:
@@ -290,14 +290,14 @@ def first(values: Any, name: str) -> Any:
 
 def directions(name: str, given: Any, components: int) -> np.ndarray:
     """Directions of a state of so many components, (N,) or (N, k)."""
-    found = real_array(given, f"Plan.tangent: {name}")
-    if found.ndim not in (1, 2) or len(found) != components or not found.size:
+    array = real_array(given, f"Plan.tangent: {name}")
+    if array.ndim not in (1, 2) or len(array) != components or not array.size:
         raise InvalidInput(
             f"Plan.tangent: {name} are directions of the state, of N = {components} components, (N,) or "
-            f"(N, k); got shape {found.shape}"
+            f"(N, k); got shape {array.shape}"
         )
-    check_finite(found, f"Plan.tangent: {name}")
-    return found
+    check_finite(array, f"Plan.tangent: {name}")
+    return array
 
 
 def events(events: Any) -> tuple[Any, ...]:
@@ -342,10 +342,10 @@ def real(value: Any, name: str) -> float:
 
 def parameters(by: Any, caller: str) -> tuple[str, ...]:
     """Names of what a derivative is taken by."""
-    found = (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
-    if not found or not all(isinstance(name, str) for name in found):
+    listed = (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
+    if not listed or not all(isinstance(name, str) for name in listed):
         raise InvalidType(f'{caller}: by is "start", a parameter such as "inertia", or a list of these; got {by!r}')
-    return found
+    return listed
 
 
 def known_parts(given: Any, parts: Any) -> None:
@@ -393,7 +393,7 @@ def digits(precision: Any, compensated: Any) -> None:
 
 
 def checkpoint(path: Any, every: Any) -> Checkpoint:
-    """Where and how often a run is saved."""
+    """The Checkpoint of these options, checked."""
     if (
         not isinstance(path, (str, os.PathLike))
         or not os.path.isdir(os.path.dirname(os.fspath(path)) or ".")
@@ -402,12 +402,12 @@ def checkpoint(path: Any, every: Any) -> Checkpoint:
         raise InvalidInput(f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}")
     require_ending(path, ENDINGS)
     if isinstance(every, str):
-        found = re.fullmatch(r"\s*([0-9]+(?:_[0-9]+)*)[\s_]*steps?\s*", every)
-        if found is None:
+        match = re.fullmatch(r"\s*([0-9]+(?:_[0-9]+)*)[\s_]*steps?\s*", every)
+        if match is None:
             raise InvalidInput(
                 f"integrate: checkpoint_every is a number of seconds, or a text such as '1000 steps'; got {every!r}"
             )
-        return Checkpoint(path, 0.0, count(int(found[1]), "checkpoint_every", 1))
+        return Checkpoint(path, 0.0, count(int(match[1]), "checkpoint_every", 1))
     if isinstance(every, timedelta):
         every = every.total_seconds()
     seconds = real(every, "checkpoint_every")
@@ -423,7 +423,7 @@ makes of it.
 
 
 def fixed_steps(steps: int | None, t_end: float | None, t0: float, before: int, h: Any) -> int:
-    """How many steps of length h, checked, and with them their times."""
+    """The number of steps of length h, checked together with the times they lead to."""
     if t_end is not None:
         if steps is not None:
             raise InvalidInput("integrate: give steps or t_end for fixed steps, not both")
@@ -441,6 +441,6 @@ def fixed_steps(steps: int | None, t_end: float | None, t0: float, before: int, 
     elif steps is None:
         raise InvalidInput("integrate: give h and steps, for fixed steps, or t_end, for adaptive ones")
     steps = count(steps, "steps", 0)
-    for one in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
-        affordable_times(t0, one, before + steps)
+    for length in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
+        affordable_times(t0, length, before + steps)
     return steps

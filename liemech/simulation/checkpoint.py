@@ -51,10 +51,10 @@ class Checkpoint:
             self.save(run)  # as far as it has come
         self.end(run)
         if self.failed is not None:
-            there = f"the file has the run {self.written}" if self.written else "nothing is there of it"
+            outcome = f"the file has the run {self.written}" if self.written else "nothing is there of it"
             warn(
                 f"integrate: checkpoint: {self.failures} could not be written to {self.path}, the "
-                f"last one among them ({_why(self.failed)}); {there}.  run.save(...) writes the "
+                f"last one among them ({_why(self.failed)}); {outcome}.  run.save(...) writes the "
                 "run itself",
                 RuntimeWarning,
             )
@@ -79,8 +79,8 @@ class Checkpoint:
         return self.taken >= self.steps
 
     def save(self, run: Any) -> None:
-        """Write the run so far."""
-        begun, self.taken = time.perf_counter(), 0
+        """Write the run so far; a write that fails is told once and tried again."""
+        start, self.taken = time.perf_counter(), 0
         try:
             run.save(self.path)
         except (OSError, MemoryError, InvalidInput) as error:
@@ -94,7 +94,7 @@ class Checkpoint:
         else:
             self.failed, self.written = None, f"up to step {run.steps}"
         ended = time.perf_counter()
-        self.next = ended + max(self.seconds, (ended - begun) / SHARE)
+        self.next = ended + max(self.seconds, (ended - start) / SHARE)
 
 
 def _why(error: Exception) -> str:

@@ -139,29 +139,29 @@ def integrate(
         plan = _plans[key] = plan.of_system(system)  # type: ignore[arg-type]  # with a key it is one system
     if plan is None:
         several, kinds = systems_of(system), methods_of(method)
-        one: Any = system if several is None else several[0]
-        way: Any = method if kinds is None else kinds[0]
-        arguments.matching(one, way)
-        if way.fictive or one.fictive:
+        first_system: Any = system if several is None else several[0]
+        first_method: Any = method if kinds is None else kinds[0]
+        arguments.matching(first_system, first_method)
+        if first_method.fictive or first_system.fictive:
             pass
         elif t_end is None or fixed:
-            options._replace(dense=None).require(EQUAL, way)
+            options._replace(dense=None).require(EQUAL, first_method)
             if options.h is None or (steps is None and t_end is None):
                 raise InvalidInput("integrate: give h and steps, for fixed steps, or t_end, for adaptive ones")
-        elif options.asks_for_tolerance or arguments.chooses_steps(way):
-            options.require(TOLERANCE, way)
+        elif options.asks_for_tolerance or arguments.chooses_steps(first_method):
+            options.require(TOLERANCE, first_method)
             options = options._replace(rtol=arguments.RTOL if options.rtol is None else options.rtol)
         plan = Plan(system, method, **options._asdict())
         if key is not None:
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter([*_plans])), None)
             _plans[key] = plan
-    kept: dict[str, Any] = (
+    keywords: dict[str, Any] = (
         {} if checkpoint is None else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}
     )
     if executor is not None:
-        kept["executor"] = executor
+        keywords["executor"] = executor
     try:
-        return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval, **kept)
+        return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval, **keywords)
     except NotCompilable as error:
         raise error.with_traceback(None)  # noqa: B904 - it names the formula and its line; the way through the compiler tells nothing

@@ -18,11 +18,11 @@ ROWS = 2**17
 """Samples inside of steps whose states are found at once."""
 
 
-class Piece:
-    """Some more steps of some bodies, listed body after body.
+class PieceOfBodies:
+    """The steps of one piece of a run, listed body after body.
 
     out : (turns + 1, width, bodies) rows, of which the first is where the bodies were.
-    begun, taken : of each body what marked its steps so far, and how many there were.
+    marks, taken : of each body what marked its steps so far, and how many there were.
     body, column, turn : of each step.  before : the row where it began.  number : of steps, with it.
     a, b : the times where it began and ended.  kept : is its row a sample, whatever its number?
 
@@ -30,10 +30,10 @@ class Piece:
     turn (1, 3, 1, 2, 3), before (0, 1, 0, 1, 2).
     """
 
-    def __init__(self, run: Any, bodies: np.ndarray, out: np.ndarray, begun: np.ndarray, taken: np.ndarray) -> None:
+    def __init__(self, run: Any, bodies: np.ndarray, out: np.ndarray, marks: np.ndarray, taken: np.ndarray) -> None:
         self.out, self.marked = out, run.lanes.mark
         place, sign = out[:, self.marked, : len(bodies)].copy(), run.sign[bodies]
-        place[0] = begun[: len(bodies)]
+        place[0] = marks[: len(bodies)]
         reached = sign * np.maximum.accumulate(sign * place, axis=0)
         self.column, self.turn = np.nonzero((reached[1:] != reached[:-1]).T)
         self.turn += 1
@@ -54,26 +54,26 @@ class Piece:
 
     @property
     def begins(self) -> np.ndarray:
-        """Which steps are the first ones of their bodies?"""
+        """Mask of the steps, (n,): those that are the first ones of their bodies."""
         return np.append(True, self.column[1:] != self.column[:-1])[: len(self)]
 
     @property
     def ends(self) -> np.ndarray:
-        """Which steps are the last ones of their bodies?"""
+        """Mask of the steps, (n,): those that are the last ones of their bodies."""
         return np.append(self.column[1:] != self.column[:-1], True)[: len(self)]
 
-    def rows(self, some: Any, before: bool = False) -> np.ndarray:
-        """The rows where some steps end, or begin."""
-        return self.out[(self.before if before else self.turn)[some], :, self.column[some]]
+    def rows(self, steps: Any, before: bool = False) -> np.ndarray:
+        """Rows, (n, width), at the ends of these steps, or where they begin."""
+        return self.out[(self.before if before else self.turn)[steps], :, self.column[steps]]
 
-    def keep(self, some: np.ndarray) -> None:
-        """Leave out all other steps."""
+    def keep(self, steps: np.ndarray) -> None:
+        """Drop from every list the steps that this mask leaves out."""
         for name in ("column", "turn", "body", "before", "number", "a", "b", "kept"):
-            setattr(self, name, getattr(self, name)[some])
+            setattr(self, name, getattr(self, name)[steps])
 
 
-class Samples:
-    """Rows of time, state and, of runs in fictive time, fictive time: of every body its own number."""
+class SampleTable:
+    """Rows of time, state and, of runs in fictive time, fictive time; each body has a count of its own."""
 
     def __init__(self, width: int, heads: np.ndarray) -> None:
         self.rows = np.empty((8, heads.shape[1], width))
@@ -81,7 +81,7 @@ class Samples:
         self.counts = np.ones(heads.shape[1], dtype=np.intp)
 
     def add(self, body: np.ndarray, rows: np.ndarray) -> None:
-        """Some more samples, body after body."""
+        """Append rows, sorted by body, each behind the samples that its body has."""
         if not len(body):
             return
         first = np.flatnonzero(np.append(True, body[1:] != body[:-1]))
@@ -89,27 +89,27 @@ class Samples:
         place = self.counts[body] + np.arange(len(body)) - np.repeat(first, many)
         self.counts[body[first]] += many
         if self.counts.max() > len(self.rows):
-            more = np.empty((int(1.5 * self.counts.max()), *self.rows.shape[1:]))
-            more[: len(self.rows)] = self.rows
-            self.rows = more
+            longer = np.empty((int(1.5 * self.counts.max()), *self.rows.shape[1:]))
+            longer[: len(self.rows)] = self.rows
+            self.rows = longer
         self.rows[place, body] = rows
 
 
 class Every:
-    """Samples after every n-th step, counted from the start of the motion, and at the end."""
+    """Observer of every n-th step, counted from the start of the motion, and of the end."""
 
     def __init__(self, run: Any, every: int) -> None:
         self.run, self.every = run, every
-        self.samples = Samples(len(run.here), run.here)
+        self.samples = SampleTable(len(run.here), run.here)
 
-    def see(self, piece: Piece) -> None:
-        """Keep samples."""
+    def see(self, piece: PieceOfBodies) -> None:
+        """Keep the row of every n-th step, of a last step, and of a step marked as kept."""
         number, last = piece.number, self.run.limit[piece.body]
-        some = (number % self.every == 0) | (number == last) | piece.kept
-        self.samples.add(piece.body[some], piece.rows(some)[:, self.run.head])
+        wanted = (number % self.every == 0) | (number == last) | piece.kept
+        self.samples.add(piece.body[wanted], piece.rows(wanted)[:, self.run.head])
 
     def forget(self) -> None:
-        """Forget samples beyond the place where the run stands."""
+        """Forget samples beyond the place where each body stands."""
         _forget(self.run, self.samples)
 
     @property
@@ -137,7 +137,7 @@ class Straight:
         self.given = 0  # how many were handed on
 
     def samples_after(self, step: Any) -> Any:
-        """How many samples there are after so many steps."""
+        """The number of samples up to this step, the first one included."""
         return np.searchsorted(self.numbers, step, "right")
 
     def ahead(self, step: int, sweep: int) -> tuple[int, int]:
@@ -155,7 +155,7 @@ class Straight:
         return len(left) if same.all() else int(np.argmin(same)), pending
 
     def target(self, step: int, turns: int, every: int) -> np.ndarray:
-        """Where these samples are written."""
+        """The rows of `array` where the next samples are written; a scratch row if no sample is due."""
         k = int(self.samples_after(step)) - self.first
         if self.numbers[k + self.first] == step + every:
             return self.array[k : k + turns]
@@ -163,14 +163,14 @@ class Straight:
 
     @property
     def full(self) -> bool:
-        """Is there no place for the next sample?"""
+        """Whether the next sample has no row left in `array`."""
         return bool(self.samples_after(self.run.reached) - self.first == len(self.array) < len(self.numbers))
 
     def forget(self) -> None:
-        """Nothing is to be forgotten: what was not reached is not counted."""
+        """Nothing to remove: `samples_after` counts only what was reached."""
 
 
-def _forget(run: Any, samples: Samples) -> None:
+def _forget(run: Any, samples: SampleTable) -> None:
     """Forget samples beyond the places where the bodies stand."""
     mark = -1 if run.lanes.mark else 0
     for i in range(run.count):
@@ -179,11 +179,11 @@ def _forget(run: Any, samples: Samples) -> None:
         samples.counts[i] = n - int(beyond.sum())
 
 
-class At:
-    """States at given times.
+class AtTimes:
+    """Observer of the states at given times.
 
     asked : (n, bodies) the times.  shown : those that samples have, if others.
-    rows : of samples, as in `Samples`.  counts : how many each has.
+    rows : of samples, as in `SampleTable`.  counts : how many each has.
     """
 
     def __init__(self, run: Any, asked: np.ndarray, shown: np.ndarray | None = None) -> None:
@@ -198,8 +198,8 @@ class At:
         self.within: list[Any] = []
         self.waiting = 0
 
-    def see(self, piece: Piece) -> None:
-        """Keep the states that are asked for in these steps."""
+    def see(self, piece: PieceOfBodies) -> None:
+        """Keep samples at the times asked for within these steps; states inside of steps wait for `move`."""
         if not len(piece):
             return
         reached = self.passed(piece.body, piece.b)
@@ -218,8 +218,8 @@ class At:
         rows[:, 0] = self.shown[sample, body]
         self.samples[sample, body] = rows
         if len(inside):
-            given = self.run.given(piece, step[inside], times[inside])
-            self.within.append((given, times[inside], sample[inside], body[inside]))
+            inputs = self.run.given(piece, step[inside], times[inside])
+            self.within.append((inputs, times[inside], sample[inside], body[inside]))
             self.waiting += len(inside)
         ends = piece.ends
         np.maximum.at(self.counts, piece.body[ends], reached[ends])
@@ -227,25 +227,25 @@ class At:
             self.move()
 
     def passed(self, body: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """How many of the times lie before these?"""
-        sign, asked = self.run.sign[body], self.asked
-        if not len(asked):
+        """The number of times asked for up to t, for each pair of body and t, (n,)."""
+        sign, times = self.run.sign[body], self.asked
+        if not len(times):
             return np.zeros(len(t), dtype=np.intp)
-        if asked.strides[1] == 0 or asked.shape[1] == 1:  # all are asked for at the same
-            return np.searchsorted(sign[0] * asked[:, 0], sign * t, "right")
-        low, high = np.zeros(len(t), dtype=np.intp), np.full(len(t), len(asked))
-        for _ in range(len(asked).bit_length()):  # bisection, of all bodies at once
+        if times.strides[1] == 0 or times.shape[1] == 1:  # all are asked for at the same
+            return np.searchsorted(sign[0] * times[:, 0], sign * t, "right")
+        low, high = np.zeros(len(t), dtype=np.intp), np.full(len(t), len(times))
+        for _ in range(len(times).bit_length()):  # bisection, of all bodies at once
             middle = (low + high) // 2
-            there = (low < high) & (sign * asked[middle % len(asked), body] <= sign * t)
-            low, high = np.where(there, middle + 1, low), np.where(there, high, middle)
+            below = (low < high) & (sign * times[middle % len(times), body] <= sign * t)
+            low, high = np.where(below, middle + 1, low), np.where(below, high, middle)
         return low
 
     def move(self) -> None:
-        """Find the states inside of steps that were asked for."""
+        """Compute the waiting states inside of steps, all at once."""
         if self.within:
-            given, times, sample, body = map(np.concatenate, zip(*self.within, strict=True))
+            inputs, times, sample, body = map(np.concatenate, zip(*self.within, strict=True))
             try:
-                self.samples[sample, body, 1:] = self.run.moved(given, times, body)
+                self.samples[sample, body, 1:] = self.run.moved(inputs, times, body)
             except IntegrationFailure as error:
                 k = getattr(error, "row", 0)
                 self.counts[body[k]], self.within = sample[k], []
@@ -253,7 +253,7 @@ class At:
             self.within, self.waiting = [], 0
 
     def forget(self) -> None:
-        """Forget samples beyond the place where the run stands."""
+        """Forget samples beyond the place where each body stands."""
         bodies = np.arange(self.run.count)
         np.minimum(self.counts, self.passed(bodies, self.run.here[0]), out=self.counts)
 
@@ -288,7 +288,7 @@ class Dense:
         self.array[0, run.head] = run.here[:, 0]
 
     def add(self, rows: np.ndarray) -> None:
-        """Some more rows."""
+        """Append rows, growing the array by half where it is full."""
         wanted = self.filled + len(rows)
         if wanted > len(self.array):
             size = max(len(self.array) + len(self.array) // 2, wanted)
@@ -296,8 +296,8 @@ class Dense:
         self.array[self.filled : wanted] = rows
         self.filled = wanted
 
-    def see(self, piece: Piece) -> None:
-        """Keep rows."""
+    def see(self, piece: PieceOfBodies) -> None:
+        """Keep the rows of all steps of the piece."""
         self.add(piece.out[piece.turn, :, 0])
 
     def forget(self) -> None:
@@ -309,7 +309,7 @@ class Dense:
 
     @property
     def rows(self) -> np.ndarray:
-        """All of them so far."""
+        """Rows of all steps so far, a view."""
         return self.array[: self.filled]
 
 
@@ -319,14 +319,14 @@ class DenseOfBodies(Every):
     def __init__(self, run: Any) -> None:
         self.run, heads = run, np.zeros((run.lanes.row.width, run.count))
         heads[run.head] = run.here
-        self.samples = Samples(len(heads), heads)
+        self.samples = SampleTable(len(heads), heads)
 
-    def see(self, piece: Piece) -> None:
-        """Keep rows."""
+    def see(self, piece: PieceOfBodies) -> None:
+        """Keep the rows of all steps of the piece, each at its body."""
         self.samples.add(piece.body, piece.rows(slice(None)))
 
-    def of(self, i: int) -> np.ndarray:
-        """The rows of a body so far."""
+    def rows_of(self, i: int) -> np.ndarray:
+        """Rows of body i so far, a copy."""
         rows, counts = self.rows
         return rows[: counts[i], i].copy()
 
@@ -349,59 +349,59 @@ class Quantities:
         """
         run = self.run
         about = SimpleNamespace(system=run.known(None).get("system", run.plan.system), bodies=run.bodies)
-        found: dict[str, np.ndarray] = self.recorder.values(about, run.view.kind, t, states, run.asked_for)
-        return found
+        values: dict[str, np.ndarray] = self.recorder.values(about, run.view.kind, t, states, run.asked_for)
+        return values
 
     def flush(self) -> None:
-        """Keep what is asked for of the samples so far, which are needed no longer."""
+        """Compute the functions of the samples so far and drop these, if the run streams its samples."""
         if not self.run.streams:
             return
         t, numbers = self.run.flush()
         if not len(t) and self.kept:
             return
         try:
-            kept = self._values(t, self.run.view.arrays(numbers))
+            values = self._values(t, self.run.view.arrays(numbers))
         except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             if hasattr(error, "kept"):
-                n, kept = error.kept
-                self.kept.append((t[:n], kept))
+                n, values = error.kept
+                self.kept.append((t[:n], values))
             raise
-        self.kept.append((t, kept))
+        self.kept.append((t, values))
 
     def of_body(self, i: int, samples: Any) -> dict[str, Any]:
-        """Those fields of the run of one body beside others, as far as it came; the states themselves
-        where a function fails.  samples : makes these.
+        """The fields t and states of one body of an ensemble, with the functions as states; the states themselves
+        where a function fails. samples : makes these.
         """
         if self.kept:
             n = max(1, int(self.run.observers[0].samples_after(self.run.clocks[TAKEN, i])))
             t = np.concatenate([t for t, _ in self.kept])[:n]
-            kept = {name: [one[name] for _, one in self.kept] for name in self.recorder.names}
-            states = {name: np.concatenate(x)[:n, i] for name, x in kept.items()}
+            columns = {name: [values[name] for _, values in self.kept] for name in self.recorder.names}
+            states = {name: np.concatenate(x)[:n, i] for name, x in columns.items()}
             return {"t": t if t.ndim == 1 else t[:, i], "states": states}
-        found: dict[str, Any] = samples()
-        system = self.run.known(i).get("system", self.run.of(i)[0])
+        fields: dict[str, Any] = samples()
+        system = self.run.known(i).get("system", self.run.laws_of(i)[0])
         about = SimpleNamespace(system=system, bodies=None)
-        given = about, self.run.view.kind, found["t"], found["states"], self.run.asked_for
+        arguments = about, self.run.view.kind, fields["t"], fields["states"], self.run.asked_for
         try:
-            return found | {"states": self.recorder.values(*given)}
+            return fields | {"states": self.recorder.values(*arguments)}
         except Exception:
-            return found
+            return fields
 
     def fields(self, samples: Any) -> dict[str, Any]:
         """The fields of a trajectory that are samples.  samples : makes those of the states."""
         if self.kept:
-            some = [one for one in self.kept if len(one[0])] or self.kept[:1]
+            filled = [pair for pair in self.kept if len(pair[0])] or self.kept[:1]
             names = self.recorder.names
-            states = {name: np.concatenate([kept[name] for _, kept in some]) for name in names}
-            return {"t": np.concatenate([t for t, _ in some]), "states": states}
-        found: dict[str, Any] = samples()
+            states = {name: np.concatenate([values[name] for _, values in filled]) for name in names}
+            return {"t": np.concatenate([t for t, _ in filled]), "states": states}
+        fields: dict[str, Any] = samples()
         if self.until is not None:
-            states = {name: x[: self.until] for name, x in found.pop("states").items()}
-            found = {name: x if x is None else x[: self.until] for name, x in found.items()}
-            found["states"] = states
+            states = {name: x[: self.until] for name, x in fields.pop("states").items()}
+            fields = {name: x if x is None else x[: self.until] for name, x in fields.items()}
+            fields["states"] = states
         try:
-            return found | {"states": self._values(found["t"], found["states"])}
+            return fields | {"states": self._values(fields["t"], fields["states"])}
         except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             self.until = error.kept[0] if hasattr(error, "kept") else 0

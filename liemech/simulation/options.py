@@ -127,9 +127,9 @@ class Options(NamedTuple):
         return self._replace(**words)
 
     def is_default(self, name: str) -> bool:
-        """Is an option what it is where nothing is given?"""
-        given, default = getattr(self, name), Options._field_defaults[name]
-        return given is default or (isinstance(given, (tuple, int, str)) and given == default)
+        """Whether an option has its default value."""
+        value, default = getattr(self, name), Options._field_defaults[name]
+        return value is default or (isinstance(value, (tuple, int, str)) and value == default)
 
     @property
     def adaptive(self) -> dict[str, Any]:
@@ -138,7 +138,7 @@ class Options(NamedTuple):
 
     @property
     def asks_for_tolerance(self) -> bool:
-        """Are steps to be chosen by an error estimate?"""
+        """Whether steps are to be chosen by an error estimate."""
         return self.h is None or any(x is not None for x in self.adaptive.values())
 
     def require(self, control: str, method: Any) -> None:
@@ -148,17 +148,17 @@ class Options(NamedTuple):
         if control == TOLERANCE:
             arguments.only_adaptive(method, self.h, **self.adaptive)
         for name, why in REFUSED[control].items():
-            given = getattr(self, name)
-            if given is None or given == Options._field_defaults[name]:
+            value = getattr(self, name)
+            if value is None or value == Options._field_defaults[name]:
                 continue
-            if control == EQUAL and given is True:  # of fixed steps too the state is known
+            if control == EQUAL and value is True:  # of fixed steps too the state is known
                 continue
             raise InvalidInput(f"integrate: {name} {why.format(method=method)}")
 
 
 def words_of(control: Any, save: Any) -> dict[str, Any]:
     """The options that `control=` and `save=` stand for: all those of control, all those of what is kept."""
-    found: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     for value, name, kinds, words in (
         (control, "control", (FixedSteps, ErrorControl), CONTROL),
         (save, "save", (Save,), SAVE),
@@ -168,9 +168,9 @@ def words_of(control: Any, save: Any) -> dict[str, Any]:
         if not isinstance(value, kinds):
             examples = "FixedSteps(h) or ErrorControl(rtol)" if name == "control" else "Save(every=10)"
             raise InvalidType(f"integrate: {name} is a value such as {examples}; got {value!r}")
-        own = vars(value)
-        found |= {word: own.get(word, Options._field_defaults[word]) for word in words}
-    return found
+        fields = vars(value)
+        options |= {word: fields.get(word, Options._field_defaults[word]) for word in words}
+    return options
 
 
 def times_of(save: Any, t_eval: Any) -> Any:

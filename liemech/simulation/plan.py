@@ -97,13 +97,13 @@ class Plan:
         if save is not None and save.at is not None:
             raise InvalidInput(f"Plan: the times of {save!r} are those of a run: plan.run(..., t_eval=)")
         several, kinds = systems_of(system), methods_of(method)
-        one: Any = system if several is None else several[0]
-        for way in (method,) if kinds is None else kinds:
-            arguments.matching(one, way)
-        self.system: Any = one if several is None else several
+        first_system: Any = system if several is None else several[0]
+        for each_method in (method,) if kinds is None else kinds:
+            arguments.matching(first_system, each_method)
+        self.system: Any = first_system if several is None else several
         self.method: Any = method if kinds is None else kinds
-        self.record, self.events, self._one = options.record, options.events, one
-        self.recorder = recorder_of(options.record, one)
+        self.record, self.events, self._one = options.record, options.events, first_system
+        self.recorder = recorder_of(options.record, first_system)
         self._given: dict[str, Any] = {"system": system, "method": method} | options._asdict()
         numbers = [(name, getattr(options, name)) for name in ("h", "rtol", "atol", "max_step")]
         self.of_each: dict[str, Any] = {
@@ -115,7 +115,7 @@ class Plan:
         self._laid_out: dict[Any, tuple[Layout, int]] = {}
         self._backwards: dict[Any, Any] = {}  # what gradients have prepared
         first = self._first_of
-        self.fictive = bool(first("method").fictive or one.fictive)  # steps equal in fictive time
+        self.fictive = bool(first("method").fictive or first_system.fictive)  # steps equal in fictive time
         kind = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL
         options.require(kind, first("method"))
         self._steps: Any
@@ -126,17 +126,17 @@ class Plan:
                 arguments.tolerance(first("atol"), "atol", arguments.ATOL),
                 arguments.longest(first("max_step")),
             )
-            own: Any = h, *tolerances, options.breaks, options.dense, compiled, progress
-            self._steps = AdaptiveSteps(one, first("method"), *own)
+            parameters: Any = h, *tolerances, options.breaks, options.dense, compiled, progress
+            self._steps = AdaptiveSteps(first_system, first("method"), *parameters)
         else:
             h = arguments.step_lengths(h)
             digits = options.compensated, options.precision
-            own = h, options.every, *digits, compiled, progress, options.workers
-            self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
+            parameters = h, options.every, *digits, compiled, progress, options.workers
+            self._steps = Steps(self.system, self.method, *parameters, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._sites = self._of_sites()
         of_each = {*self.of_each} - (set() if self.adaptive else {"system", "method"})
-        kinds_of_methods = {type(way) for way in each_of(self.method)}
+        kinds_of_methods = {type(each_method) for each_method in each_of(self.method)}
         self._warns = any(k.step_warning is not Method.step_warning for k in kinds_of_methods)
         self._plain = not (  # is there nothing to do but to step, by one clock?
             of_each or self.events or self.fictive or self.recorder is not None or options.progress
@@ -175,8 +175,8 @@ class Plan:
         what is prepared is shared.
         """
         arguments.matching(system, of_body(self.method, 0))
-        given, steps = self._given | {"system": system}, self._steps.of_system(system)
-        other: Plan = like(self, system=system, _one=system, _given=given, _steps=steps)
+        options, steps = self._given | {"system": system}, self._steps.of_system(system)
+        other: Plan = like(self, system=system, _one=system, _given=options, _steps=steps)
         if self._sites is not None:
             other._sites = other._of_sites()
         return other
@@ -229,13 +229,13 @@ class Plan:
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
         try:
             if self._sites is not None:
-                made = self._by_sites(start, steps, t_end, t0, t_eval, checkpoint, checkpoint_every)
-                if made is not None:
-                    return made
+                trajectory = self._by_sites(start, steps, t_end, t0, t_eval, checkpoint, checkpoint_every)
+                if trajectory is not None:
+                    return trajectory
             if checkpoint is None:
                 return self._run(start, steps, t_end, t0, t_eval, None)
-            with self._kept(checkpoint, checkpoint_every) as kept:
-                return kept.end(self._run(start, steps, t_end, t0, t_eval, kept))
+            with self._kept(checkpoint, checkpoint_every) as saving:
+                return saving.end(self._run(start, steps, t_end, t0, t_eval, saving))
         except IntegrationInterrupted:
             raise
         except KeyboardInterrupt:
@@ -251,14 +251,14 @@ class Plan:
             if sites.takes(start):
                 self._warn_of(start)
         if path is None:
-            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
-            return made
-        with self._kept(path, seconds) as kept:
-            made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
-            return kept.end(made)
+            trajectory: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
+            return trajectory
+        with self._kept(path, seconds) as saving:
+            trajectory = sites.trajectory(start, steps, t_end, t0, saving, t_eval)
+            return saving.end(trajectory)
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
-        """The run of no step."""
+        """A run of no steps, whose only sample is the start."""
         return self.run(start, t0=t0, **{"t_end": t0} if self.adaptive else {"steps": 0})
 
     @contextmanager
@@ -273,7 +273,7 @@ class Plan:
             raise self._not_begun(lambda plan: plan.replace(**plain)._standing(start, t0)) from None
 
     def _not_begun(self, standing: Callable[[Plan], Trajectory]) -> IntegrationInterrupted:
-        """Ctrl-C outside of the steps of a run.  standing : of a plan the run of no step."""
+        """The interruption of a run before its steps.  standing : makes of a plan the run of no step."""
         stopped = IntegrationInterrupted(
             "integrate: interrupted before the steps, as while native code is made; where they were to "
             "begin is in `.trajectory`"
@@ -281,12 +281,14 @@ class Plan:
         stopped.trajectory = standing(self.replace(compiled=False, progress=False))
         return stopped
 
-    def _run(self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
-        """A run of any kind."""
-        if kept is None and self._plain:
-            made = short_run(self, start, steps, t_end, t0, t_eval)
-            if made is not None:
-                return made
+    def _run(
+        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, checkpoint: Checkpoint | None
+    ) -> Trajectory:
+        """A run of a start: a short one if that is enough, else one in pieces."""
+        if checkpoint is None and self._plain:
+            trajectory = short_run(self, start, steps, t_end, t0, t_eval)
+            if trajectory is not None:
+                return trajectory
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self.fictive and steps is None and t_end is None:
             raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
@@ -295,7 +297,7 @@ class Plan:
         if not (self.adaptive or self.fictive or self._apart(start, t_end, t_eval)):
             self._count(steps, t_end, t0)
         self._warn_of(start)
-        return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
+        return self._in_pieces(start, t0, steps, t_end, t_eval, checkpoint)
 
     def _warn_of(self, start: Any) -> None:
         """Warn of what a run from this start would lose, or refuse it; of every layout alike."""
@@ -308,7 +310,7 @@ class Plan:
             warn(doubt, StepWarning)
 
     def _apart(self, start: Any, t_end: Any, t_eval: Any) -> bool:
-        """Has every body a clock and a goal of its own?  Otherwise they make the same steps."""
+        """Whether every body has a clock and a goal of its own. Otherwise they make the same steps."""
         inner = getattr(start, "inner", start)
         if self.events or getattr(start, "here", None) is not None:
             return True
@@ -316,8 +318,8 @@ class Plan:
             return True
         many = start.bodies is not None
         if self.fictive:
-            own = any(name in self.of_each for name in ("system", "method", "h"))
-            return t_end is not None or (many and own)
+            differ = any(name in self.of_each for name in ("system", "method", "h"))
+            return t_end is not None or (many and differ)
         if not many:
             return False
         of_each = "h" in self.of_each and (t_end is not None or t_eval is not None)
@@ -336,26 +338,26 @@ class Plan:
         return FictiveRun if apart else StraightFictiveRun
 
     def _in_pieces(
-        self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
+        self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, checkpoint: Checkpoint | None
     ) -> Trajectory:
-        """A run of any kind that is more than a short one."""
+        """A run of the class for this start, made in pieces."""
         kind: Any = self.kind_of_run(start, t_end, t_eval)
-        made: Trajectory = kind(self, start, t0, steps, t_end, t_eval, kept).trajectory()
-        return made
+        trajectory: Trajectory = kind(self, start, t0, steps, t_end, t_eval, checkpoint).trajectory()
+        return trajectory
 
     def _started(self, start: Any) -> Any:
-        """The start with the parts that the run needs."""
+        """The start, checked, with the parts that the run needs."""
         return started(self, start)
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint:
-        """Where the run is saved; what cannot be saved is refused now, and not after a minute."""
-        kept = arguments.checkpoint(path, seconds)
+        """The checkpoint to which a run is saved; refuses at once what cannot be saved."""
+        checkpoint = arguments.checkpoint(path, seconds)
         for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
             try:
                 require_savable(value)
             except InvalidInput as error:
                 raise InvalidInput(f"integrate: checkpoint: the {name} cannot be saved. {error}") from None
-        return kept
+        return checkpoint
 
     def _doubt(self, start: State) -> str | None:
         """The warning of the method about its step, if it has one; of several systems the first."""
@@ -363,10 +365,10 @@ class Plan:
             return None
         steps: Steps = self._steps
         if not self.of_each:
-            one = start if self._sites is None else self._sites.as_one(start)
-            return self.method.step_warning(self.system, one, steps.h)
+            state = start if self._sites is None else self._sites.as_one(start)
+            return self.method.step_warning(self.system, state, steps.h)
         bodies = range(start.bodies or 0)
-        doubts = (steps.method_of(i).step_warning(steps.of(i), member(start, i), steps.h_of(i)) for i in bodies)
+        doubts = (steps.method_of(i).step_warning(steps.system_of(i), member(start, i), steps.h_of(i)) for i in bodies)
         return next((doubt for doubt in doubts if doubt), None)
 
     @spelt
@@ -391,39 +393,37 @@ class Plan:
         try:
             if checkpoint is None:
                 return self._gone_on(run, steps, t_end, t_eval, None)
-            with self._kept(checkpoint, checkpoint_every) as kept:
-                return kept.end(self._gone_on(run, steps, t_end, t_eval, kept))
+            with self._kept(checkpoint, checkpoint_every) as saving:
+                return saving.end(self._gone_on(run, steps, t_end, t_eval, saving))
         except IntegrationInterrupted:
             raise
         except KeyboardInterrupt:
             end: Any = {"t_end": run.carry.t} if self.adaptive else {"steps": 0}
             raise self._not_begun(lambda plan: plan.resume(run, **end)) from None
 
-    def _gone_on(self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
-        """The run that follows another one."""
+    def _gone_on(self, run: Any, steps: Any, t_end: Any, t_eval: Any, checkpoint: Checkpoint | None) -> Trajectory:
+        """The run from where another one ended, a short one if that is enough."""
         carry = carry_of(self, run, "resume")
         if isinstance(carry, SiteCarry):
-            by_sites: Any = self._sites.trajectory(carry, steps, t_end, 0.0, kept, t_eval)
+            by_sites: Any = self._sites.trajectory(carry, steps, t_end, 0.0, checkpoint, t_eval)
             return by_sites
-        plain = self._plain and not self.adaptive and t_eval is kept is None
+        plain = self._plain and not self.adaptive and t_eval is checkpoint is None
         if plain and type(carry) is Carry and carry.bodies is None:
             shape: Any = carry.shape
             count = self._count(steps, t_end, carry.t0, carry.step)
             if self._steps.owns(shape):
-                made = short_steps(self._steps, shape, carry, count, carry.t0)
-                if made is not None:
-                    return made
-        return self._in_pieces(carry, 0.0, steps, t_end, t_eval, kept)
+                trajectory = short_steps(self._steps, shape, carry, count, carry.t0)
+                if trajectory is not None:
+                    return trajectory
+        return self._in_pieces(carry, 0.0, steps, t_end, t_eval, checkpoint)
 
     @property
     def _inner(self) -> Any:
-        """The system whose states runs begin from: of one in fictive time the one that it
-        transforms.
-        """
+        """The system whose states runs begin from; in fictive time the system inside of the transformed one."""
         return self._one.system if self._one.fictive else self._one
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
-        """How many steps, checked, and with them their times."""
+        """The number of fixed steps, checked together with the times they lead to."""
         return arguments.fixed_steps(steps, t_end, t0, before, self._steps.h)
 
     def tangent(
@@ -522,11 +522,11 @@ class Plan:
         return backwards(self, "pullback", start, steps, t_end, t0, by, every, cotangent=cotangent)
 
     def _of_body(self, i: int) -> Plan:
-        """The plan of one body."""
-        own = {name: values[i] for name, values in self.of_each.items()}
+        """The plan of body i alone, with its own parameters."""
+        parameters = {name: values[i] for name, values in self.of_each.items()}
         dense = False if self.adaptive else None
         changed = {"progress": False, "workers": 1, "record": None, "dense": dense}
-        return Plan(**self._given | changed | own)
+        return Plan(**self._given | changed | parameters)
 
     # ---------------------------------------------------------------- step by step
 
@@ -550,33 +550,33 @@ class Plan:
         """
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
-        given: Any = carry
-        if type(given) is Carry and self._steps.owns(given.shape):
-            return self._advanced(given, steps)
-        given = carry_of(self, given, "step")
-        if isinstance(given, SiteCarry):
-            run = self._sites.by_hand(given)
+        current: Any = carry
+        if type(current) is Carry and self._steps.owns(current.shape):
+            return self._advanced(current, steps)
+        current = carry_of(self, current, "step")
+        if isinstance(current, SiteCarry):
+            run = self._sites.by_hand(current)
             run.advance(steps)
             after: Any = run.standing
             return after
-        if given.fictive:
-            made: Any = given.moved(self.in_fictive_time(given.origin)._advanced(given.inner, steps))
-            return made
-        return self._advanced(given, steps)
+        if current.fictive:
+            moved: Any = current.moved(self.in_fictive_time(current.origin)._advanced(current.inner, steps))
+            return moved
+        return self._advanced(current, steps)
 
     def in_fictive_time(self, origin: Any) -> Plan:
         """The plan of the system with its clock that began there."""
-        own: Plan = like(self, system=origin.whole, _steps=origin.steps(self._steps), of_each={})
-        return own
+        plan: Plan = like(self, system=origin.whole, _steps=origin.steps(self._steps), of_each={})
+        return plan
 
     def _advanced(self, carry: Carry, steps: int) -> Carry:
-        """Where a run stands some steps later, without samples between."""
-        made = advanced(self._steps, carry, steps)
-        if made is not None:
-            return made
+        """The carry `steps` steps later, without samples between."""
+        reached = advanced(self._steps, carry, steps)
+        if reached is not None:
+            return reached
         # of a failing step it says why
-        way = dataclasses.replace(self._steps, every=steps)
-        run = Advance(like(self, _steps=way, events=(), recorder=None), carry, 0.0, steps, None, None).trajectory()
+        sparse = dataclasses.replace(self._steps, every=steps)
+        run = Advance(like(self, _steps=sparse, events=(), recorder=None), carry, 0.0, steps, None, None).trajectory()
         if run.carry is None:  # all bodies have stopped
             raise run.stopped[min(run.stopped)].error
         run.carry.met.update(carry.met)
@@ -638,9 +638,9 @@ class Plan:
 
     def __repr__(self) -> str:
         defaults = inspect.signature(Plan).parameters
-        given = [
+        options = [
             f"{n}={x!r}"
             for n, x in self._given.items()
             if n not in ("system", "method") and x is not defaults[n].default
         ]
-        return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
+        return f"Plan({', '.join([repr(self.system), repr(self.method), *options])})"

@@ -44,12 +44,12 @@ class Recorder:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All that is kept."""
+        """Names of all arrays of a sample, parts of the state first."""
         return *self.parts, *self.observed
 
     @property
     def observed(self) -> tuple[str, ...]:
-        """All that is kept instead of parts of the state."""
+        """Names of the arrays that are kept instead of parts of the state."""
         return *self.quantities, *self.chosen
 
     @property
@@ -58,13 +58,13 @@ class Recorder:
         return None if self.parts or not self.chosen else sorted({*sum(self.chosen.values(), ())})
 
     def of_chosen(self, system: Any, name: str, array: np.ndarray) -> np.ndarray:
-        """A part of the states of all sites, (n, ...), of those that are chosen."""
+        """A part of the states at the chosen sites, (n, sites, ...), from that of all."""
         by_site = system.by_site({name: array})[name]
         if by_site.ndim == 2:
             group = getattr(system, "configurations", system.group)
             by_site = group._out_of_rows(by_site, "Element" if name == "g" else "Vec")
-        found: np.ndarray = by_site[:, [*self.chosen[name]]]
-        return found
+        chosen: np.ndarray = by_site[:, [*self.chosen[name]]]
+        return chosen
 
     def needed(self, system: Any, start: Any) -> tuple[str, ...] | None:
         """The parts of the state that a run must have: for a function of the state all that there
@@ -107,28 +107,28 @@ class Recorder:
                     "the samples before are in `.trajectory`"
                 )
             n = getattr(caught, "row", 0) // (run.bodies or 1)
-            some = {name: x[:n] for name, x in states.items()}
-            error.kept = n, self._values(run, kind, t[:n], some, compiled)
+            before = {name: x[:n] for name, x in states.items()}
+            error.kept = n, self._values(run, kind, t[:n], before, compiled)
             raise error from error.__cause__
 
     def _values(
         self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
     ) -> dict[str, np.ndarray]:
-        found = {name: states[name] for name in self.parts}
+        values = {name: states[name] for name in self.parts}
         each = run.bodies and t.ndim == 1  # of an ensemble, whose bodies share the times
-        known = {"t": np.broadcast_to(t[:, None], (len(t), run.bodies)) if each else t, **states}
+        inputs = {"t": np.broadcast_to(t[:, None], (len(t), run.bodies)) if each else t, **states}
         for name in self.chosen:
-            found[name] = self.of_chosen(run.system, name, states[name])
+            values[name] = self.of_chosen(run.system, name, states[name])
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
                 formula = getattr(run.system, quantity)
                 parts = inspect.signature(formula).parameters
-                found[name] = np.asarray(formula(*(known[part] for part in parts)))
+                values[name] = np.asarray(formula(*(inputs[part] for part in parts)))
             elif len(t):
-                found[name] = self._of_function(name, quantity, kind, t, states, run.bodies, compiled)
+                values[name] = self._of_function(name, quantity, kind, t, states, run.bodies, compiled)
             else:
-                found[name] = np.empty(0)
-        return found
+                values[name] = np.empty(0)
+        return values
 
     def _of_function(
         self,
@@ -152,7 +152,7 @@ class Recorder:
         return numbers.reshape(*lead, *np.shape(result))
 
     def _result(self, name: str, function: Any, t: float, state: Any) -> Any:
-        """The value of a function at the first sample."""
+        """The value of a function at the first sample, checked; the layout of all others is its own."""
         result = attempt(function, t, state)
         if hasattr(result, "error"):
             error: Any = reason(result)
@@ -181,8 +181,8 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
     for item in items:
         name, wanted = item if isinstance(item, tuple) and len(item) == 2 else (item, item)
         if isinstance(wanted, str):
-            known = inspect.ismethod(getattr(system, wanted, None)) and wanted not in ("state", "constants")
-            if known:
+            is_method = inspect.ismethod(getattr(system, wanted, None)) and wanted not in ("state", "constants")
+            if is_method:
                 quantities[name] = wanted
             else:
                 parts.append(wanted)
@@ -211,16 +211,16 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
     return Recorder(tuple(parts), quantities, chosen) if quantities or chosen else None
 
 
-def numbers_of_sites(name: str, given: Any, system: Any) -> tuple[int, ...]:
+def numbers_of_sites(name: str, sites: Any, system: Any) -> tuple[int, ...]:
     """The numbers of the sites of which a part of the state is kept.  Raises InvalidInput."""
-    found = np.asarray(given)
+    numbers = np.asarray(sites)
     copies = getattr(getattr(system, "configurations", system.group), "copies", None)
-    what = f"integrate: record=({name!r}, {given!r})"
+    what = f"integrate: record=({name!r}, {sites!r})"
     if copies is None or system.site_form is None:
         raise InvalidInput(f"{what} names sites, which {system!r} has none of")
-    if found.ndim != 1 or found.dtype.kind not in "iu" or not len(found):
+    if numbers.ndim != 1 or numbers.dtype.kind not in "iu" or not len(numbers):
         raise InvalidInput(f"{what} is for a list of the numbers of sites")
-    wrong = found[(found < 0) | (found >= copies)]
+    wrong = numbers[(numbers < 0) | (numbers >= copies)]
     if len(wrong):
         raise InvalidInput(f"{what}: there is no site {wrong[0]}; the sites are 0 to {copies - 1}")
-    return tuple(found.tolist())
+    return tuple(numbers.tolist())

@@ -29,7 +29,7 @@ class AsItIs:
         self.layout, self.kind = layout_of(example), type(example)
 
     def small(self, numbers: np.ndarray) -> Any:
-        """A state as formulas take it."""
+        """The state of one sample, in vectors and matrices, as formulas take it."""
         return build(self.layout, iter(numbers[: self.layout.width].tolist()))
 
     def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
@@ -37,7 +37,7 @@ class AsItIs:
         return unpacked(self.layout, numbers)
 
     def states(self, numbers: np.ndarray) -> Any:
-        """Many states."""
+        """States of many samples, whose arrays have the leading axes of `numbers`."""
         return state_of(self.kind, self.arrays(numbers))
 
     def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
@@ -75,8 +75,8 @@ class InPhysicalTime(AsItIs):
         return small_state(self.kind, {name: x[0] for name, x in arrays.items()})
 
     def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        found: dict[str, np.ndarray] = self.apart(numbers)[1]
-        return found
+        parts: dict[str, np.ndarray] = self.apart(numbers)[1]
+        return parts
 
     def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
         return layout_of(self.small(numbers[0])), flat(self.arrays(numbers), len(numbers))
@@ -100,7 +100,7 @@ class InPhysicalTime(AsItIs):
 
 
 def of_run(run: Any, goes_on: bool = True) -> Any:
-    """The run so far.  goes_on : can it be resumed?"""
+    """The trajectory of the run so far.  goes_on : whether it can be resumed."""
     if run.by_sites:
         return of_sites(run)
     if run.bodies is None:
@@ -111,7 +111,7 @@ def of_run(run: Any, goes_on: bool = True) -> Any:
 def of_body(run: Any, i: int, goes_on: bool = True) -> Any:
     """The run of one body as it would be alone."""
     quantities = run.quantities
-    system, method = run.of(i)
+    system, method = run.laws_of(i)
     watch = run.events.each.get(i) if run.events else None
     fields = _fields(run, quantities) | {
         "system": system,
@@ -126,8 +126,8 @@ def of_body(run: Any, i: int, goes_on: bool = True) -> Any:
     beside = quantities and run.bodies
     samples = quantities.of_body(i, make) if beside else _samples(make, quantities)
     carry = functools.partial(run.carry_of, i) if goes_on else lambda: None
-    known = run.known(i) | ({"dense": None} if quantities else {})
-    return run.run_of.promised(SimpleNamespace(carry=carry), **fields | samples | known)
+    fields_of_control = run.known(i) | ({"dense": None} if quantities else {})
+    return run.run_of.promised(SimpleNamespace(carry=carry), **fields | samples | fields_of_control)
 
 
 def of_bodies(run: Any, goes_on: bool = True) -> Any:
@@ -141,39 +141,39 @@ def of_bodies(run: Any, goes_on: bool = True) -> Any:
         "events": tuple(zip(*events, strict=True)),
         "stopped": Stopped(run.stops, run.why),
     }
-    rest = SimpleNamespace(carry=run.carry if goes_on else lambda: None)
+    promises = SimpleNamespace(carry=run.carry if goes_on else lambda: None)
     samples: dict[str, Any] = {}
     if run.lazy and run.view.lazy and not run.quantities:
-        made = functools.cache(run.together)
-        rest.t, rest.states = lambda: made()[0], lambda: run.view.arrays(made()[1])
+        gathered = functools.cache(run.together)
+        promises.t, promises.states = lambda: gathered()[0], lambda: run.view.arrays(gathered()[1])
     else:
         samples = _samples(lambda: run.view.fields(*run.together()), run.quantities)
-    return run.run_of.promised(rest, **fields | samples | run.known(None))
+    return run.run_of.promised(promises, **fields | samples | run.known(None))
 
 
 def of_start(run: Any) -> Any:
     """The start as the only sample of a run that cannot begin."""
-    known = {"method": run.plan.method, "bodies": run.bodies, "steps": 0}
-    return run.run_of(**known, **run.first_sample())
+    fields = {"method": run.plan.method, "bodies": run.bodies, "steps": 0}
+    return run.run_of(**fields, **run.first_sample())
 
 
-def of_short(found: Any, way: Any, h: Any, bodies: int | None, steps: int, more: Any) -> Any:
-    """A run that one native call has made.  found : has what is made of its numbers when it is asked
-    for.  way : of the steps.  more : other fields.
+def of_short(promises: Any, way: Any, h: Any, bodies: int | None, steps: int, others: Any) -> Any:
+    """A run that one native call has made.  promises : makes fields of its memory when they are asked for.
+    way : the prepared steps.  others : further fields.
     """
-    known = {"system": way.system, "method": way.method, "h": h, "bodies": bodies, "steps": steps}
-    known |= {"stopped": NONE, "compiled": True, "_rest": found}
-    known |= more
-    return Trajectory._of(known)
+    fields = {"system": way.system, "method": way.method, "h": h, "bodies": bodies, "steps": steps}
+    fields |= {"stopped": NONE, "compiled": True, "_rest": promises}
+    fields |= others
+    return Trajectory._of(fields)
 
 
 def of_sites(run: Any) -> Any:
-    """The run of one system of many sites, which has come to a stand."""
+    """The run of one system of many sites, ended or between two pieces."""
     plan = run.plan
     t = run.asked[: run.made].copy()
-    rest = SimpleNamespace(t=lambda: t, states=_states_of_sites(run), carry=lambda: run.standing)
+    promises = SimpleNamespace(t=lambda: t, states=_states_of_sites(run), carry=lambda: run.standing)
     return Trajectory.promised(
-        rest, system=plan.system, method=plan.method, bodies=None, steps=run.most,
+        promises, system=plan.system, method=plan.method, bodies=None, steps=run.most,
         compiled=run.compiled, stopped=NONE, ended=run.ended,
         events=() if run.events is None else run.events.shown,
         observed=() if plan.recorder is None else plan.recorder.observed, **run.known(),
@@ -181,47 +181,47 @@ def of_sites(run: Any) -> Any:
 
 
 def _states_of_sites(run: Any) -> Any:
-    """A function that makes the samples so far."""
-    shape, recorder, here, n = run.shape, run.plan.recorder, run.chosen, run.made
-    totals, own, seen = run.totals[:n].copy(), run.own[:n].copy(), run.seen.array[: n * run.wide]
+    """A function without arguments that makes the arrays of the samples so far."""
+    shape, recorder, chosen, n = run.shape, run.plan.recorder, run.chosen, run.made
+    totals, of_chosen, shown = run.totals[:n].copy(), run.own[:n].copy(), run.seen.array[: n * run.wide]
 
     def states() -> dict[str, np.ndarray]:
-        found = {}
+        parts = {}
         if shape.shown.kept:
-            rows = own if here is not None else seen.reshape(n, run.wide, seen.shape[-1])[..., : run.count]
+            rows = of_chosen if chosen is not None else shown.reshape(n, run.wide, shown.shape[-1])[..., : run.count]
             arrays = unpacked(shape.state, rows.swapaxes(1, 2))
             wanted = arrays if recorder is None else recorder.parts
-            asked = arrays if set(wanted) - set(arrays) else {name: arrays[name] for name in wanted}
-            found = run.plan._one.as_users_see(asked)
-            found = {name: x for name, x in found.items() if asked is not arrays or name in wanted or recorder is None}
-            for name, some in ({} if recorder is None else recorder.chosen).items():
-                at = some if here is None else [here.index(i) for i in some]
-                found[name] = arrays[name][:, at]
+            subset = arrays if set(wanted) - set(arrays) else {name: arrays[name] for name in wanted}
+            parts = run.plan._one.as_users_see(subset)
+            parts = {name: x for name, x in parts.items() if subset is not arrays or name in wanted or recorder is None}
+            for name, sites in ({} if recorder is None else recorder.chosen).items():
+                at = sites if chosen is None else [chosen.index(i) for i in sites]
+                parts[name] = arrays[name][:, at]
         if shape.shown.quantities:
-            found |= dict(zip(run.plan._sites.summed, _columns(shape.shown.totals, totals), strict=True))
-        return found | run.recorded(n)
+            parts |= dict(zip(run.plan._sites.summed, _columns(shape.shown.totals, totals), strict=True))
+        return parts | run.recorded(n)
 
     return states
 
 
 def _columns(layout: Any, rows: np.ndarray) -> list[np.ndarray]:
-    """The parts of a tuple, each (n, ...)."""
-    found, begin = [], 0
+    """The parts of a tuple from its numbers, each (n, ...)."""
+    columns, begin = [], 0
     for part in layout.parts:
-        own = rows[:, begin : begin + part.width]
+        column = rows[:, begin : begin + part.width]
         begin += part.width
-        found.append(own[:, 0] if part.kind == "number" else own)
-    return found
+        columns.append(column[:, 0] if part.kind == "number" else column)
+    return columns
 
 
 def _samples(make: Any, quantities: Any) -> dict[str, Any]:
-    """The fields that are samples: of states, or of functions of them."""
-    found: dict[str, Any] = quantities.fields(make) if quantities else make()
-    return found
+    """The fields that are samples, of states or of functions of them."""
+    fields: dict[str, Any] = quantities.fields(make) if quantities else make()
+    return fields
 
 
 def _fields(run: Any, quantities: Any) -> dict[str, Any]:
-    """Fields of runs of one body and of many."""
+    """The fields that runs of one body and of many have in common."""
     return {
         "compiled": run.compiled or run.lanes.stepping.native is not None,
         "observed": quantities.recorder.observed if quantities else (),
@@ -230,17 +230,17 @@ def _fields(run: Any, quantities: Any) -> dict[str, Any]:
     }
 
 
-def of_tangent(made: Any, steps: int, tangent: dict[str, np.ndarray], **own: Any) -> Any:
-    """A run with its tangent map.  made : the run whose numbers have carried the derivatives; where a step
+def of_tangent(varied: Any, steps: int, tangent: dict[str, np.ndarray], **own: Any) -> Any:
+    """A run with its tangent map.  varied : the run whose numbers have carried the derivatives; where a step
     failed in a direction, what it failed of is raised.
     """
-    known = {"bodies": None, "steps": steps, "compiled": made.compiled, "tangent": tangent}
-    run = TangentTrajectory(**known, **own)
-    if not made.stopped:
+    fields = {"bodies": None, "steps": steps, "compiled": varied.compiled, "tangent": tangent}
+    run = TangentTrajectory(**fields, **own)
+    if not varied.stopped:
         return run
-    first = min(made.stopped, key=lambda i: made.stopped[i].steps)
-    error: Any = made.stopped[first].error
-    error.trajectory = replace(run, steps=made.stopped[first].steps)
+    first = min(varied.stopped, key=lambda i: varied.stopped[i].steps)
+    error: Any = varied.stopped[first].error
+    error.trajectory = replace(run, steps=varied.stopped[first].steps)
     raise error from error.__cause__
 
 
@@ -250,8 +250,8 @@ def of_tangent(made: Any, steps: int, tangent: dict[str, np.ndarray], **own: Any
 def of_some(runs: list[Any], carry: Any = lambda: None, **own: Any) -> Any:
     """The run of all bodies, from runs of one or of some each.  carry : makes what it goes on with."""
     first = runs[0]
-    known = {name: x for name, x in vars(first).items() if name not in ("_rest", "carry")}
-    return type(first).promised(SimpleNamespace(carry=carry), **known | beside(runs) | own)
+    fields = {name: x for name, x in vars(first).items() if name not in ("_rest", "carry")}
+    return type(first).promised(SimpleNamespace(carry=carry), **fields | beside(runs) | own)
 
 
 def of_members(runs: list[Any], stopped: dict[int, Any]) -> Any:
@@ -274,14 +274,14 @@ def beside(runs: list[Any]) -> dict[str, Any]:
     first, h = runs[0], runs[0].h
     bodies = [run.bodies or 1 for run in runs]
 
-    def by_name(kept: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-        return {name: together(runs, [one[name] for one in kept]) for name in kept[0]}
+    def by_name(recorded: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+        return {name: together(runs, [samples[name] for samples in recorded]) for name in recorded[0]}
 
     if first.rejected is not None:
         h = float(np.average([run.h for run in runs], weights=bodies))
     elif any(np.ndim(run.h) or run.h != h for run in runs):
         h = np.concatenate([np.broadcast_to(run.h, n) for run, n in zip(runs, bodies)])
-    found = {
+    fields = {
         "t": clock(runs),
         "states": by_name([run.states for run in runs]),
         "h": h,
@@ -291,16 +291,16 @@ def beside(runs: list[Any]) -> dict[str, Any]:
         "rejected": None if first.rejected is None else sum(run.rejected for run in runs),
     }
     if isinstance(first.dense, DenseOutput | DenseOutputs) or hasattr(first.dense, "sites"):
-        found["dense"] = DenseOutputs(
-            tuple([one for run in runs for one in getattr(run.dense, "bodies", (run.dense,))])
+        fields["dense"] = DenseOutputs(
+            tuple([motion for run in runs for motion in getattr(run.dense, "bodies", (run.dense,))])
         )
     if getattr(first, "tau", None) is not None:
-        found["tau"] = clock(runs, "tau")
+        fields["tau"] = clock(runs, "tau")
     if getattr(first, "z", None) is not None:
-        found["z"] = together(runs, [run.z for run in runs])
+        fields["z"] = together(runs, [run.z for run in runs])
     if hasattr(first, "tangent"):
-        found["tangent"] = by_name([run.tangent for run in runs])
-    return found
+        fields["tangent"] = by_name([run.tangent for run in runs])
+    return fields
 
 
 def together(runs: list[Any], arrays: list[np.ndarray]) -> np.ndarray:
@@ -315,8 +315,8 @@ def clock(runs: list[Any], name: str = "t") -> np.ndarray:
     """The times of several runs, (n, bodies) unless all have the same ones, (n,)."""
     times = [getattr(run, name) for run in runs]
     if all(t.ndim == 1 and np.array_equal(t, times[0]) for t in times):
-        found: np.ndarray = times[0]
-        return found
+        shared: np.ndarray = times[0]
+        return shared
     return together(
         runs,
         [np.repeat(t[:, None], run.bodies, axis=1) if run.bodies and t.ndim == 1 else t for t, run in zip(times, runs)],

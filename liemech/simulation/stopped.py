@@ -46,7 +46,7 @@ class Stopped(Mapping[int, Stop]):
         return f"Stopped({self.steps!r})"
 
     def __getstate__(self) -> dict[str, Any]:
-        """With all reasons and without the run, which would find them out."""
+        """The fields for pickling: all reasons computed, without the run that computes them."""
         return {"steps": self.steps, "_failure": None, "_errors": {body: self[body].error for body in self}}
 
 

@@ -91,17 +91,17 @@ class Trajectory:
         return len(self.t)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All of it, and what was only promised too."""
+        """The fields of the run for pickling; promised ones are computed first."""
         for name in PROMISED:
             getattr(self, name)
         return {name: x for name, x in vars(self).items() if name != "_rest"}
 
     def __eq__(self, other: Any) -> bool:
-        """Are both runs of equal systems and methods, with the same samples and events to the bit?"""
+        """Whether both runs are of equal systems and methods, with the same samples and events to the bit."""
         if type(self) is not type(other):
             return NotImplemented
-        kept, others = self._compared, other._compared
-        return kept.keys() == others.keys() and all(_same(x, others[n]) for n, x in kept.items())
+        mine, others = self._compared, other._compared
+        return mine.keys() == others.keys() and all(_same(x, others[n]) for n, x in mine.items())
 
     def __hash__(self) -> int:
         return hash((type(self), self.steps, self.bodies))
@@ -109,9 +109,9 @@ class Trajectory:
     @property
     def _compared(self) -> dict[str, Any]:
         """The fields that equal runs have equal."""
-        known = {"system": self.system, "method": self.method, "h": self.h, "t": self.t}
+        fields = {"system": self.system, "method": self.method, "h": self.h, "t": self.t}
         events = [[times, state.arrays] for times, state in self._met]
-        return known | {"states": self.states, "steps": self.steps, "events": events}
+        return fields | {"states": self.states, "steps": self.steps, "events": events}
 
     @property
     def _met(self) -> list[Any]:
@@ -122,14 +122,14 @@ class Trajectory:
 
     def __getattr__(self, name: str) -> Any:
         """A part of the state that belongs to this kind of system."""
-        own = vars(self)
-        states = self.states if "_rest" in own else own.get("states", {})
+        fields = vars(self)
+        states = self.states if "_rest" in fields else fields.get("states", {})
         if name in states:
             return self._by_site(name, states[name])
-        found = inspect.getattr_static(type(self), name, None)
+        attribute = inspect.getattr_static(type(self), name, None)
         # it is here since a formula has raised an AttributeError, which Python does not show
-        if isinstance(found, (property, cached_property)):
-            formula: Any = found.fget if isinstance(found, property) else found.func
+        if isinstance(attribute, (property, cached_property)):
+            formula: Any = attribute.fget if isinstance(attribute, property) else attribute.func
             try:
                 return formula(self)
             except AttributeError as error:
@@ -206,13 +206,13 @@ class Trajectory:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
         needed = [*inspect.signature(formula).parameters]
         self._recorded(name, [part for part in needed if part != "t"])
-        known = {
+        inputs = {
             "t": self.t
             if self.bodies is None
             else np.broadcast_to(self.t if self.t.ndim == 2 else self.t[:, None], (len(self.t), self.bodies)),
             **self.states,
         }
-        return formula(*(known[part] for part in needed))
+        return formula(*(inputs[part] for part in needed))
 
     def _recorded(self, what: str, needed: Iterable[str]) -> None:
         """Refuse what needs parts of the state that were not recorded."""
@@ -268,13 +268,13 @@ class Trajectory:
         group: Any = getattr(self.system, "configurations", self.system.group)
         if isinstance(group, ProductGroup):
             turning = (SO3, UnitQuaternions)
-            found = [k for k, f in enumerate(group.factors) if isinstance(f, turning)]
-            if len(found) != 1:
+            factors_that_turn = [k for k, f in enumerate(group.factors) if isinstance(f, turning)]
+            if len(factors_that_turn) != 1:
                 raise InvalidInput(
                     f"Trajectory.rotation is for one rotation of space, and {group!r} has "
-                    f"{len(found) or 'none'}; take the factors apart, {type(group).__name__}.split(run.g)"
+                    f"{len(factors_that_turn) or 'none'}; take the factors apart, {type(group).__name__}.split(run.g)"
                 )
-            g, group = group.split(g)[found[0]], group.factors[found[0]]
+            g, group = group.split(g)[factors_that_turn[0]], group.factors[factors_that_turn[0]]
         if isinstance(group, UnitQuaternions):
             return group.rotation(g)
         if group.element_shape != (3, 3) or not np.all(SO3().contains(g)):
@@ -312,14 +312,14 @@ class Trajectory:
 
     @cached_property
     def _motion(self) -> Any:
-        """The motion between the samples."""
+        """The dense output of the run, or shorter steps of its method; InvalidInput without either."""
         if self.dense is not None:
             return self.dense
         system: Any = self.system
-        kept = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
-        example = system.state(**{name: x[0] for name, x in self.states.items()}) if kept else None
+        complete = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
+        example = system.state(**{name: x[0] for name, x in self.states.items()}) if complete else None
         if isinstance(self.carry, SiteCarry) or isinstance(example, StateOfSites):
-            if kept and self.rejected is None:
+            if complete and self.rejected is None:
                 return self._by_sites.between(self, type(example))
             example = None
         far = abs(self.h) * (1.0 + 1e-6)
@@ -362,10 +362,10 @@ class Trajectory:
         """
         from ..rooms.files.archive import load
 
-        kept = load(path, modules, trusted)
-        if "tangent" in kept:
-            return TangentTrajectory(**kept)
-        return TransformedTrajectory(**kept) if "origin" in kept else Trajectory(**kept)
+        fields = load(path, modules, trusted)
+        if "tangent" in fields:
+            return TangentTrajectory(**fields)
+        return TransformedTrajectory(**fields) if "origin" in fields else Trajectory(**fields)
 
     def to_xarray(self) -> Any:
         """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble
@@ -392,15 +392,15 @@ class Trajectory:
         refused = InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
         if type(self) is not type(rest) or self.carry is None or self.states.keys() != rest.states.keys():
             raise refused
-        end, t, more = self._clock(self.carry), self._clock(), rest._clock()
+        end, t, later = self._clock(self.carry), self._clock(), rest._clock()
         direction = self.h
         if self.rejected is not None and self.bodies is not None:  # every body its own
             direction = np.sign(end - t[0]) if len(t) else 0.0
-        first = more[0] if len(more) else rest._clock(rest.carry)
+        first = later[0] if len(later) else rest._clock(rest.carry)
         if np.any((first - end) * direction < 0.0):
             raise refused
         # kept by both
-        shared = int(len(t) > 0 and len(more) > 0 and bool(np.all(more[0] == end) and np.all(t[-1] == end)))
+        shared = int(len(t) > 0 and len(later) > 0 and bool(np.all(later[0] == end) and np.all(t[-1] == end)))
         return replace(
             rest,
             t=_both(self.t, rest.t[shared:], self.bodies),
@@ -511,19 +511,19 @@ class _Promised:
         self.__doc__ = None  # the class of the run says what it is
 
     def __get__(self, run: Any, owner: Any = None) -> Any:
-        own = {} if run is None else vars(run)
-        rest = own.get("_rest")
-        if rest is None:  # or another thread has kept them all
-            if self.name in own:
-                return own[self.name]
+        fields = {} if run is None else vars(run)
+        promises = fields.get("_rest")
+        if promises is None:  # or another thread has kept them all
+            if self.name in fields:
+                return fields[self.name]
             raise AttributeError(self.name)
         try:
-            made = own.setdefault(self.name, getattr(rest, self.name)())
+            value = fields.setdefault(self.name, getattr(promises, self.name)())
         except AttributeError as error:  # which `__getattr__` would hide
             raise RuntimeError(f"Trajectory.{self.name} could not be made") from error
-        if own.keys() >= _PROMISED:
-            own.pop("_rest", None)
-        return made
+        if fields.keys() >= _PROMISED:
+            fields.pop("_rest", None)
+        return value
 
 
 PROMISED = "t", "states", "carry", "dense"
@@ -639,7 +639,7 @@ def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarr
 
 
 def _same(x: Any, y: Any) -> bool:
-    """Are two parts of runs equal, arrays to the bit?"""
+    """Whether two parts of runs are equal, arrays to the bit."""
     if isinstance(x, np.ndarray) or isinstance(y, np.ndarray):
         alike = np.shape(x) == np.shape(y) and np.asarray(x).dtype == np.asarray(y).dtype
         return alike and np.asarray(x).tobytes() == np.asarray(y).tobytes()

@@ -1,0 +1,17 @@
+"""Systems: what moves, by which energy, under which forces.
+
+In the order in which one reads:
+
+    system.py                                 a state that a group carries along, and its velocity
+    hamiltonian.py, lagrangian.py             energies of a momentum, of a velocity; kinetic_energy.py: quadratic ones
+    lie_poisson.py                            motion on the dual of a Lie algebra
+    potential.py, mechanical.py               fields and loads; a body in them
+    canonical.py, separable.py                positions and momenta in R^n; parts.py: energies in parts that are solved
+    multirate.py, one_term.py                 fast and slow parts of a potential
+    vector_field.py, equations/               equations without an energy: in R^n, on groups, on spaces, on matrices
+    in_time/                                  energies and inputs that change with time, by formulas and by tables
+    many/                                     states of many sites, and the words by which their energies are asked
+    agreement.py, trial.py, inertia.py        checks where a system is made: do energy, gradient and Lagrangian agree?
+
+Systems with constraints, Poisson structures, noise, time transformations and terms over graphs are in `liemech/rooms`.
+"""

@@ -60,7 +60,7 @@ class PhaseSpace(System):
 
     @property
     def group(self) -> VectorSpace:
-        """R^2n under addition."""
+        """The group of displacements, R^2n under addition."""
         return self._phase_space
 
     @common
@@ -69,7 +69,7 @@ class PhaseSpace(System):
 
     @final
     def displaced(self, retraction: Retraction, state: CanonicalState, omega: Vec) -> CanonicalState:
-        """(q, p) + omega."""
+        """The state at (q, p) + omega."""
         y = retraction.compose_tau(self.group, vec(*state.q, *state.p), omega)
         n = len(state.q)
         return CanonicalState(y[:n], y[n : 2 * n])
@@ -130,7 +130,7 @@ class CanonicalSystem(PhaseSpace):
         return -gradient(lambda x: self.energy(x, p), q)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The energy."""
+        """The energy along the motion, {"energy": (...)}."""
         return {"energy": np.asarray(self.energy(states["q"], states["p"]))}
 
 
@@ -154,7 +154,7 @@ class HamiltonianSystem(CanonicalSystem):
 
     @final
     def rate(self, t: float, state: CanonicalState) -> Vec:
-        """(q', p')."""
+        """The rates of change (q', p') = (dH/dp, -dH/dq)."""
         return vec(*self.velocity(state.q, state.p), *self.force(state.q, state.p))
 
     @final

@@ -22,7 +22,7 @@ class Hamiltonian(Record):
     coupled: ClassVar[bool] = False
 
     def energy(self, mu: Vec) -> float:
-        """H(mu).  mu : (dim,)."""
+        """The energy H(mu), which a subclass writes.  mu : (dim,)."""
         raise undefined(self, "energy")
 
     @property

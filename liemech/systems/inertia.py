@@ -41,7 +41,7 @@ def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tup
             f"{name} has shape {array.shape}; give {WORDS[dim]} principal moments or a {dim}x{dim} matrix"
         )
     check_finite(array, name)
-    moments, known, scaled = array, 0.0, ""
+    moments, rounding, scaled = array, 0.0, ""
     if array.ndim == 2:
         scale = float(np.abs(array).max()) or 1.0
         skew = float(np.abs(array - array.T).max())
@@ -50,12 +50,12 @@ def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tup
         array = 0.5 * array + 0.5 * array.T
         if mixed:
             unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(array)), np.finfo(float).tiny))
-            moments, known = np.linalg.eigvalsh(unit[:, None] * array * unit), ROUNDING
+            moments, rounding = np.linalg.eigvalsh(unit[:, None] * array * unit), ROUNDING
             scaled = " if rows and columns are scaled to a diagonal of ones"
         else:
-            moments, known = scale * np.linalg.eigvalsh(array / scale), ROUNDING * scale
+            moments, rounding = scale * np.linalg.eigvalsh(array / scale), ROUNDING * scale
     least = float(moments.min())
-    if least <= known:
-        zero = ", which is zero up to rounding" if abs(least) <= known > 0.0 else ""
+    if least <= rounding:
+        zero = ", which is zero up to rounding" if abs(least) <= rounding > 0.0 else ""
         raise InvalidInput(f"{name} has the principal moment {least:g}{scaled}{zero}; all must be positive")
     return (Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())), moments

@@ -46,8 +46,8 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         if isinstance(self.inertia, vectors.Vec) or np.ndim(self.inertia) == 1:
             inverse: Vec | Mat = 1.0 / self.inertia
         else:
-            made = np.linalg.inv(np.array(self.inertia))
-            inverse = Large(made) if isinstance(self.inertia, Large) else Mat.of(made.tolist())
+            matrix = np.linalg.inv(np.array(self.inertia))
+            inverse = Large(matrix) if isinstance(self.inertia, Large) else Mat.of(matrix.tolist())
         object.__setattr__(self, "inverse", inverse)
 
     def energy(self, mu: Vec) -> float:
@@ -55,7 +55,7 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         return 0.5 * dot(mu, self._velocity(mu))
 
     def gradient(self, mu: Vec) -> Vec:
-        """xi = J^-1 mu."""
+        """The velocity xi = J^-1 mu of a momentum."""
         return self._velocity(mu)
 
     def _velocity(self, mu: Vec) -> Vec:
@@ -66,31 +66,31 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         return 0.5 * dot(xi, self._momentum(xi))
 
     def momentum(self, xi: Vec) -> Vec:
-        """mu = J xi."""
+        """The momentum mu = J xi of a velocity."""
         return self._momentum(xi)
 
     def _momentum(self, xi: Vec) -> Vec:
         return times(self.inertia, xi)
 
     def hessian(self, xi: Vec) -> Mat | Vec:
-        """J."""
+        """The inertia J = d2l/dxi2, a matrix or its diagonal."""
         return self.inertia
 
     @property
     def inertias(self) -> np.ndarray:
         """The inertia as a matrix, (1, dim, dim), or those of all sites."""
         each = isinstance(self.inertia, OfEach)
-        found = self.inertia.values if each else np.array(self.inertia)[None]
-        return found if found.ndim == 3 else found[:, :, None] * np.eye(found.shape[1])
+        inertias = self.inertia.values if each else np.array(self.inertia)[None]
+        return inertias if inertias.ndim == 3 else inertias[:, :, None] * np.eye(inertias.shape[1])
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        known = kind == "Vec" and not isinstance(self.inertia, OfEach)
-        return (len(self.inertia),) if known else None
+        one_vector = kind == "Vec" and not isinstance(self.inertia, OfEach)
+        return (len(self.inertia),) if one_vector else None
 
 
 def has_inertia(energy: Any) -> bool:
-    """Is it a `KineticEnergy` to the word, so that its `inertia` and its `inverse` say everything?  One
-    with an `energy` or a `value` of its own is not.
+    """Whether an energy is a `KineticEnergy` to the word, so that its `inertia` and its `inverse` say everything:
+    one with an `energy` or a `value` of its own is not.
     """
     return (
         isinstance(energy, KineticEnergy)
@@ -104,9 +104,9 @@ def _inverse_of_each(inertia: Each) -> Each:
     values = inertia.values
     if values.ndim == 2 and bool((np.abs(values) >= LEAST).all()):
         return each(1.0 / values)
-    for i, one in enumerate(values):
+    for i, inertia_of_site in enumerate(values):
         try:
-            require_invertible(small(one))
+            require_invertible(small(inertia_of_site))
         except InvalidInput as error:
             raise InvalidInput(f"{error} (value {i} of {inertia!r})") from None
     return each(np.linalg.inv(values))
@@ -139,13 +139,13 @@ def by_entries(energy: Any, group: Any) -> Any:
     if len(inverse) != basis.dim:
         return energy
     unit = np.random.default_rng(1).uniform(1.0, 2.0, (2, basis.dim))
-    m = [Large(basis.covector(one)).numbers for one in unit]
-    x = [Large(basis.hat(inverse * basis.pairing(basis.covector(one)))).numbers for one in unit]
+    m = [Large(basis.covector(probe)).numbers for probe in unit]
+    x = [Large(basis.hat(inverse * basis.pairing(basis.covector(probe)))).numbers for probe in unit]
     with np.errstate(all="ignore"):
         factors = np.where(m[0] == 0.0, 0.0, x[0] / m[0])
     if not np.allclose(factors * m[1], x[1], rtol=1e-14, atol=0.0):
         return energy
-    entries = Large.of(factors, basis.complex)
+    entries = Large.of_numbers(factors, basis.complex)
     return fill(KineticEnergyByEntries, {**fields_of(energy), "entries": entries})
 
 
@@ -154,13 +154,13 @@ def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
     inertia : (dim,) or (dim, dim).
     """
     if isinstance(inertia, vectors.Vec) and _invertible(inertia):
-        made = fill(KineticEnergy, {"inertia": inertia, "inverse": 1.0 / inertia})
-        return laid_out(made, len(inertia))
+        energy = fill(KineticEnergy, {"inertia": inertia, "inverse": 1.0 / inertia})
+        return laid_out(energy, len(inertia))
     return KineticEnergy(inertia)
 
 
 def _invertible(moments: Vec) -> bool:
-    """Have all moments finite inverses?"""
+    """Whether all moments have finite inverses."""
     return _FLOAT.issuperset(map(type, moments)) and all(LEAST <= abs(x) <= MAX for x in moments)
 
 

@@ -16,7 +16,7 @@ class Lagrangian(Record):
     """
 
     def value(self, xi: Vec) -> float:
-        """l(xi).  xi : (dim,)."""
+        """The Lagrangian l(xi), which a subclass writes.  xi : (dim,)."""
         raise undefined(self, "value")
 
     @derived

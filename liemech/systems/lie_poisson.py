@@ -96,19 +96,19 @@ class LiePoissonMotion(System):
         return BodyState(self.group.ad_star(xi, state.mu), None)
 
     def essential_part(self, state: BodyState) -> BodyState:  # type: ignore[override]
-        """The momentum."""
+        """The state without its element: the momentum moves alone."""
         return BodyState(state.mu, None)
 
     def _written_out(self, state: Any) -> Any:
-        """Of many sites all numbers in a row."""
+        """The state with the numbers of all sites in a row."""
         return in_a_row(self, state)
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """Of several species, states with an axis of sites."""
+        """The states of several species with an axis of sites."""
         return by_site(self.group, arrays)
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`."""
+        """The inverse of `by_site`, for every array of a result."""
         return as_users_see(self.group, arrays)
 
     def at_site(self, kind: Any) -> Any:
@@ -136,8 +136,8 @@ class LiePoissonMotion(System):
         """Casimirs and, if the attitude is known, the spatial momentum."""
         mu, g = states["mu"], states.get("g")
         casimirs = np.asarray(self.casimirs(mu))
-        kept = {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
-        return kept if g is None else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
+        constants = {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
+        return constants if g is None else constants | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
 
 
 @record
@@ -166,8 +166,8 @@ class LiePoissonSystem(LiePoissonMotion):
     def __repr__(self) -> str:
         same: Any = self.lagrangian
         alone = same is None or same == self.hamiltonian
-        more = "" if alone else f", lagrangian={self.lagrangian!r}"
-        return f"{type(self).__name__}(group={self.group!r}, hamiltonian={self.hamiltonian!r}{more})"
+        suffix = "" if alone else f", lagrangian={self.lagrangian!r}"
+        return f"{type(self).__name__}(group={self.group!r}, hamiltonian={self.hamiltonian!r}{suffix})"
 
     def __post_init__(self) -> None:
         name = type(self).__name__
@@ -176,14 +176,16 @@ class LiePoissonSystem(LiePoissonMotion):
             energy = enlarged(by_entries(energy, self.group))
         if energy is not self.hamiltonian:
             object.__setattr__(self, "hamiltonian", energy)
-        given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
+        fields: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
         for name, value, kind in zip(
-            ("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)
+            ("group", "hamiltonian", "lagrangian"), fields, (LieGroup, Hamiltonian, Lagrangian)
         ):
             if not isinstance(value, kind):
                 raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
-        own = isinstance(self.hamiltonian, Lagrangian) and written_together(type(self.hamiltonian), "energy", "value")
-        if self.lagrangian is None and own:
+        natural = isinstance(self.hamiltonian, Lagrangian) and written_together(
+            type(self.hamiltonian), "energy", "value"
+        )
+        if self.lagrangian is None and natural:
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
         require_one_body(type(self).__name__, self.group, released(self.hamiltonian), self.lagrangian)
@@ -201,18 +203,18 @@ class LiePoissonSystem(LiePoissonMotion):
 
     @final
     def energy(self, mu: Vec) -> float:
-        """H(mu).  mu : (dim,)."""
+        """The energy H(mu) of the Hamiltonian.  mu : (dim,)."""
         return self.hamiltonian.energy(mu)
 
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
-        """The body velocity."""
+        """The body velocity xi = dH/dmu."""
         return self.velocity(state.mu)
 
     @property
     @closed_form_of("displaced")
     def lie_poisson(self) -> LiePoissonSystem:
-        """The system itself."""
+        """The Lie-Poisson system of the motion, which is this one."""
         return self
 
     @cached_property
@@ -220,8 +222,8 @@ class LiePoissonSystem(LiePoissonMotion):
         """The site form of a system of many sites: that of one body, whose formulas ask the other
         sites for what they need; None if there is none.
         """
-        made: LiePoissonSystem | None = self.at_site(LiePoissonSystem)
-        return made
+        of_site: LiePoissonSystem | None = self.at_site(LiePoissonSystem)
+        return of_site
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs, if the attitude is known, the spatial momentum, and what sites that are coupled
@@ -236,7 +238,7 @@ class LiePoissonSystem(LiePoissonMotion):
 
     @property
     def is_large(self) -> bool:
-        """Are there more sites than formulas would be written out for, or large matrices?"""
+        """Whether there are more sites than formulas would be written out for, or large matrices."""
         return self.group.is_large and isinstance(self.group, (PowerGroup, SpeciesGroup, MatrixLieGroup))
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
@@ -321,7 +323,7 @@ def by_site(group: LieGroup, arrays: dict[str, Any]) -> dict[str, Any]:
 
 
 def as_users_see(group: LieGroup, arrays: dict[str, Any]) -> dict[str, Any]:
-    """The inverse of `by_site`."""
+    """The inverse of `by_site`: species as lists again."""
     if not isinstance(group, SpeciesGroup):
         return arrays
     return {name: group.without_sites(x, KINDS[name]) if name in KINDS else x for name, x in arrays.items()}
@@ -362,19 +364,19 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     large = lies_in_memory(group)
     quick = None if large or isinstance(group, SpeciesGroup) else at_a_glance(mu, dim)
     if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
-        made = fill(BodyState, {"mu": quick, "g": None if g is None else at})
-        return laid_out(made, (dim, None if g is None else shape))
+        start = fill(BodyState, {"mu": quick, "g": None if g is None else at})
+        return laid_out(start, (dim, None if g is None else shape))
     if isinstance(group, SpeciesGroup):
         momenta = rows_of_species(f"{name}: mu", group, mu, "Vec")
         elements = None if g is None else rows_of_species(f"{name}: g", group, g, "Element")
     else:
         momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
         elements = None if g is None else members_of(group, g, f"{name}: g")
-    counts = [len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one]
+    counts = [len(a) for a, single in ((momenta, dim), (elements, shape)) if a is not None and a.shape != single]
     if len(set(counts)) > 1:
         raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
     bodies = counts[0] if counts else None
-    made = BodyState(
+    start = BodyState(
         frozen(momenta, dim, bodies, large), None if elements is None else frozen(elements, shape, bodies, large)
     )
-    return large_members(made, large)
+    return large_members(start, large)

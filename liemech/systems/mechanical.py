@@ -75,12 +75,12 @@ class MechanicalSystem(System):
                 if value is not getattr(self, part):
                     object.__setattr__(self, part, value)
         body = DrivenLiePoissonSystem if self.driven else LiePoissonSystem
-        given: tuple[tuple[str, Any, type, str], ...] = (
+        fields: tuple[tuple[str, Any, type, str], ...] = (
             ("body", self.body, body, "such as RigidBody([1.0, 1.5, 2.0])"),
             ("potential", self.potential, Potential, "a subclass with an `energy(g)`"),
             ("load", self.load or _NO_FORCE, Force, "a subclass with a `covector(t, xi, g)`"),
         )
-        for name, value, kind, words in given:
+        for name, value, kind, words in fields:
             if not isinstance(value, kind):
                 raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}, {words}; got {value!r}")
         if self.driven and self.body.site_form is not None:
@@ -114,7 +114,7 @@ class MechanicalSystem(System):
 
     @property
     def driven(self) -> bool:
-        """Does the energy of the body change with time?"""
+        """Whether the energy of the body changes with time."""
         return isinstance(self.body, DrivenLiePoissonSystem)
 
     @final
@@ -233,20 +233,20 @@ class MechanicalSystem(System):
         return MechanicalSystem(body, of_site(), load=None if load is None else load())
 
     def _written_out(self, state: Any) -> Any:
-        """Of many sites all numbers in a row."""
+        """The state with the numbers of all sites in a row."""
         return in_a_row(self, state)
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """Of several species, states with an axis of sites."""
+        """The states of several species with an axis of sites."""
         return by_site(self.body.group, arrays)
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`."""
+        """The inverse of `by_site`, for every array of a result."""
         return as_users_see(self.body.group, arrays)
 
     @property
     def is_large(self) -> bool:
-        """Are there more sites than formulas would be written out for?"""
+        """Whether there are more sites than formulas would be written out for."""
         return self.body.is_large
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:

@@ -22,6 +22,6 @@ class OneTerm(Potential):
     k: int
 
     def force(self, group: LieGroup, g: Element) -> Vec:
-        """That of the term.  g : an element."""
-        found: Vec = self.terms.force_of(group, g, self.k)
-        return found
+        """The force of term k alone.  g : an element."""
+        force: Vec = self.terms.force_of(group, g, self.k)
+        return force

@@ -134,8 +134,8 @@ class StraightLineFlow(Recognised):
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """y + t B(y) dH(y).  y : (n,)."""
-        here = plain(y)
-        return y + t * structure.sharp(here, self.hamiltonian.gradient(here))
+        start = plain(y)
+        return y + t * structure.sharp(start, self.hamiltonian.gradient(start))
 
 
 @record
@@ -166,8 +166,8 @@ class Affine(Recognised):
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """y + t phi_1(t A) (A y + c), phi_1(x) = (e^x - 1)/x.  y : (n,)."""
-        here = plain(y)
-        return y + phi1m(t * self.rates) @ (t * structure.sharp(here, self.hamiltonian.gradient(here)))
+        start = plain(y)
+        return y + phi1m(t * self.rates) @ (t * structure.sharp(start, self.hamiltonian.gradient(start)))
 
 
 def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
@@ -178,7 +178,7 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
     def velocity(y: Any) -> Any:
         return structure.sharp(y, part.gradient(y))
 
-    found, reason = looked_at(lambda y: (part.energy(y), velocity(y)), [1] * structure.dim)
+    formulas, reason = looked_at(lambda y: (part.energy(y), velocity(y)), [1] * structure.dim)
     if reason:
         return (
             f"the motion of {part!r} is not known: its formula need not be the same at all points "
@@ -189,7 +189,7 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
         points, error = where_defined(velocity, special_nowhere(structure.dim))
         if len(points) < LEAST:
             return f"{part!r} has a velocity at {len(points)} of the points where it was looked at, too few to know it; {error}"
-        energy, speeds = found
+        energy, speeds = formulas
         if straight(velocity, speeds, points):
             return StraightLineFlow(part)
         polynomial = max(map(degree, speeds)) < inf
@@ -213,7 +213,7 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
 
 
 def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -> bool:
-    """Is {V, {V, {V, T}}} = 0?  Then Runge-Kutta-Nystroem splittings are of their order.
+    """Whether {V, {V, {V, T}}} = 0: then Runge-Kutta-Nystroem splittings are of their order.
 
     Told by the degree of T along the straight lines of V; of other polynomials at one to three
     points, to rounding.
@@ -222,14 +222,14 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
     def velocity(y: Any) -> Any:
         return structure.sharp(y, V.gradient(y))
 
-    found, reason = looked_at(lambda y: (T.energy(y), velocity(y)), [1] * structure.dim)
+    formulas, reason = looked_at(lambda y: (T.energy(y), velocity(y)), [1] * structure.dim)
     if reason:
         return False
-    speeds = found[1]
+    speeds = formulas[1]
     if _unmoved(speeds):  # T along a line of constant velocity
         along, _ = looked_at(lambda y: T.energy(y), [int(_moves(v)) for v in speeds])
         return degree(along) <= 2
-    if max(map(degree, [found[0], *speeds])) == inf:
+    if max(map(degree, [formulas[0], *speeds])) == inf:
         return False
 
     def once(y: Any) -> Any:  # {T, V}, the slope of T along the motion of V
@@ -253,7 +253,7 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
 
 
 def straight(velocity: Any, speeds: Any, points: list[Any]) -> bool:
-    """Does a velocity move every point along a straight line?  speeds : what it makes of numbers
+    """Whether a velocity moves every point along a straight line.  speeds : what it makes of numbers
     without a value.
     """
     # what vanishes at some points of nothing special vanishes at all
@@ -272,12 +272,12 @@ def affine(velocity: Any, speeds: Any, points: list[Any]) -> np.ndarray | None:
 
 
 def _moves(speed: Any) -> bool:
-    """Is it not zero everywhere?"""
+    """Whether the component is not zero everywhere."""
     return isinstance(speed, Anything) or speed != 0.0
 
 
 def _unmoved(speeds: Any) -> bool:
-    """Are speeds made of coordinates alone that do not move?"""
+    """Whether speeds are made of coordinates alone that do not move."""
     moving = {i for i, v in enumerate(speeds) if _moves(v)}
     return all(moving.isdisjoint(made_of(v)) for v in speeds)
 
@@ -305,19 +305,19 @@ def where_defined(velocity: Any, points: list[Any]) -> tuple[list[Any], str]:
     """The points at which the velocity has a finite value and derivative, and why another one has
     none.
     """
-    there, why = [], "it is not finite elsewhere"
+    defined, why = [], "it is not finite elsewhere"
     for y in points:
         try:
             v = velocity(y)
             if np.isfinite([*v, *derivative(velocity, y, v)]).all():
-                there.append(y)
+                defined.append(y)
         except (ArithmeticError, ValueError, TypeError) as error:
             why = f"at {vec(*y)}: {error}"
-    return there, why
+    return defined, why
 
 
 def _rests(velocity: Any, y: Any) -> bool:
-    """Is the velocity constant along itself at y, to rounding, each component beside its own terms?"""
+    """Whether the velocity is constant along itself at y, to rounding, each component beside its own terms."""
     v = velocity(y)
     change = np.abs(np.array(derivative(velocity, y, v), dtype=float))
     if not change.any():
@@ -327,7 +327,7 @@ def _rests(velocity: Any, y: Any) -> bool:
 
 
 def _everywhere(rates: np.ndarray, velocity: Any, points: list[Any]) -> bool:
-    """Is this the derivative of the velocity at all points?  Seen along a direction to which every
+    """Whether this is the derivative of the velocity at all points.  Seen along a direction to which every
     column contributes alike.
 
     The columns are compared after the rows, for components have units of their own.  Columns of
@@ -340,7 +340,7 @@ def _everywhere(rates: np.ndarray, velocity: Any, points: list[Any]) -> bool:
     for y in points:
         weights = rng.uniform(0.5, 1.0, len(columns)) * rng.choice([-1.0, 1.0], len(columns))
         for direction in (np.where(felt, weights / np.where(felt, columns, 1.0), 0.0), np.where(felt, 0.0, weights)):
-            found = np.array(derivative(velocity, y, SmallVector.of(direction.tolist())), dtype=float)
-            if not (np.abs(found - rates @ direction) <= ROUNDING * (sizes @ np.abs(direction))).all():
+            slope = np.array(derivative(velocity, y, SmallVector.of(direction.tolist())), dtype=float)
+            if not (np.abs(slope - rates @ direction) <= ROUNDING * (sizes @ np.abs(direction))).all():
                 return False
     return True

@@ -55,11 +55,11 @@ class NoPotential(Potential):
     """No field: V = 0."""
 
     def energy(self, g: Any) -> float:
-        """Zero."""
+        """The energy without a field, zero."""
         return 0.0
 
     def force(self, group: LieGroup, g: Element) -> Vec:
-        """Zero."""
+        """The force without a field, zeros.  (dim,)"""
         return vec(*[0.0 for _ in range(group.dim)])
 
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
@@ -97,7 +97,7 @@ class Force(Record):
     @property
     @derived_from("covector")
     def by_rate(self) -> bool:
-        """Is it a sum of efforts, each of which depends on its own rate alone?"""
+        """Whether the force is a sum of efforts, each of which depends on its own rate alone."""
         return False
 
     def efforts(self, t: float, rates: Vec, g: Any) -> Vec:

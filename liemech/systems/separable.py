@@ -23,11 +23,11 @@ class SeparableEnergy(CanonicalSystem):
     """
 
     def kinetic(self, p: Vec) -> float:
-        """T(p).  p : (n,)."""
+        """The kinetic energy T(p), which a subclass writes.  p : (n,)."""
         raise undefined(self, "kinetic")
 
     def potential(self, q: Vec) -> float:
-        """V(q).  q : (n,)."""
+        """The potential V(q), which a subclass writes.  q : (n,)."""
         raise undefined(self, "potential")
 
     @final
@@ -56,7 +56,7 @@ class SeparableEnergy(CanonicalSystem):
     @cached_property
     @derived
     def quadratic(self) -> bool:
-        """Is T a polynomial of at most second degree?  Asked of its formula: the power series of
+        """Whether T is a polynomial of at most second degree.  Asked of its formula: the power series of
         T(a + b s) ends with s^2.
 
         A formula that cannot be expanded, whose series does not end (|p|^2 by way of a root), or

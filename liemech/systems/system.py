@@ -82,7 +82,7 @@ def member(state: Any, i: int) -> Any:
 
 
 def lies_in_memory(group: LieGroup) -> bool:
-    """Are momenta and elements of the group too large to be written out: large matrices?"""
+    """Whether momenta and elements of the group are too large to be written out: large matrices."""
     return isinstance(group, MatrixLieGroup) and group.is_large
 
 
@@ -156,8 +156,8 @@ class System(Record):
         """The state with the parts to which a run has come: one to begin with, unless there are
         methods that leave where motions begin.
         """
-        own: Any = self
-        return own.state(**parts)
+        system: Any = self
+        return system.state(**parts)
 
     def moving(self, state: Any, xi: Vec) -> Any:
         """xi . y, the rates of a state that moves with this velocity."""
@@ -178,7 +178,7 @@ class System(Record):
 
     @property
     def runs_by_sites(self) -> Any:
-        """Of a site form the class that makes its runs."""
+        """The class that makes the runs of a site form."""
         module, _, name = self.run_by.partition(":")
         return getattr(import_module(f"{LIBRARY}.{module}"), name)
 
@@ -208,7 +208,7 @@ class System(Record):
         return arrays
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`."""
+        """The inverse of `by_site`: the arrays as they are, without sites."""
         return arrays
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -244,10 +244,10 @@ class System(Record):
 
     def _knows(self, state: Any) -> bool:
         """`knows` of a state that nobody else can have passed."""
-        known = _checked.get(state)
-        if known is None or known[:2] != (type(self), self.group):
+        checked = _checked.get(state)
+        if checked is None or checked[:2] != (type(self), self.group):
             return False
-        return not self.bounded or known[2] is self or exact(known[2]) == exact(self)
+        return not self.bounded or checked[2] is self or exact(checked[2]) == exact(self)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Quantities that the motion should keep, by name, each (n, ...), from the samples of a
@@ -383,7 +383,7 @@ def exact_motion(motion: Callable[[np.ndarray], tuple[Any, ...]], times: np.ndar
     number.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        found = motion(times)
-    if not all(np.isfinite(part).all() for part in found):
+        parts = motion(times)
+    if not all(np.isfinite(part).all() for part in parts):
         raise InvalidInput(f"{name}: t = {np.abs(times).max():.3g} is too late: the motion has no finite phase")
-    return found
+    return parts

@@ -52,19 +52,19 @@ def require_results(system: System) -> None:
 
 def _some_arguments(system: System, formula: Any) -> list[Any]:
     """A time, an element of a group, vectors of nothing special."""
-    found: list[Any] = []
+    arguments: list[Any] = []
     for k, name in enumerate(formula.__code__.co_varnames[1 : formula.__code__.co_argcount]):
         kind = "Element" if name == "g" else "Vec"
         shape: Any = () if name == "t" else system._shape(name, kind)
         if shape == ():
-            found.append(0.3)
+            arguments.append(0.3)
         elif len(shape) == 2:
-            found.append(small(np.eye(*shape)))
+            arguments.append(small(np.eye(*shape)))
         elif shape[0] > LARGEST:
             raise ValueError
         elif kind == "Element":
-            found.append(small(np.eye(shape[0])[0]))
+            arguments.append(small(np.eye(shape[0])[0]))
         else:
             rng = np.random.default_rng(k)
-            found.append(small(rng.uniform(0.5, 1.0, shape)))
-    return found
+            arguments.append(small(rng.uniform(0.5, 1.0, shape)))
+    return arguments

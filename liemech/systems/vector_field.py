@@ -59,7 +59,7 @@ class VectorField(System):
 
     @property
     def dim(self) -> int:
-        """n."""
+        """The dimension n of the points y."""
         raise NotDefined(f"{type(self).__name__} must say its dimension, dim: ClassVar[int] = 3")
 
     def velocity(self, y: Vec) -> Vec:
@@ -89,17 +89,17 @@ class VectorField(System):
         return F
 
     def _derived(self, F: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        def of(y: Any) -> Any:
+        def derived_at(y: Any) -> Any:
             at = vec(*y)
             return derivative(F, at, self.velocity(at))
 
-        return of
+        return derived_at
 
     # ---------------------------------------------------------------- how it moves
 
     @property
     def group(self) -> VectorSpace:
-        """R^n under addition."""
+        """The group of displacements, R^n under addition."""
         return self._space
 
     @common
@@ -108,17 +108,17 @@ class VectorField(System):
 
     @final
     def rate(self, t: float, state: PoissonState) -> Vec:
-        """y'."""
+        """The velocity y' at the state's point."""
         return self.velocity(state.y)
 
     @final
     def displaced(self, retraction: Retraction, state: PoissonState, omega: Vec) -> PoissonState:
-        """y + omega."""
+        """The state at the point y + omega."""
         return PoissonState(retraction.compose_tau(self.group, state.y, omega))
 
     @final
     def variation(self, state: PoissonState, omega: Vec) -> tuple[Vec, Vec]:
-        """The displacement, beside |y|."""
+        """The displacement and the sizes |y| that it is compared with."""
         return omega, vec(*[abs(x) for x in state.y])
 
     # ---------------------------------------------------------------- checked input
@@ -137,7 +137,7 @@ class VectorField(System):
         return self.vouched(PoissonState(frozen(array, shape, None if array.shape == shape else len(array))))
 
     def _check_formulas(self, y: np.ndarray) -> None:
-        """Is `velocity` a vector of n numbers?  y : (n,), or (members, n)."""
+        """Whether `velocity` is a vector of n numbers.  y : (n,), or (members, n)."""
         at = small(np.atleast_2d(y)[0])
         self._require_vector("velocity(self, y)", lambda: self.velocity(at))
 
@@ -185,20 +185,20 @@ class SplitField(OfParts, VectorField):
     parts: tuple[VectorField, ...]
 
     def __post_init__(self) -> None:
-        given: Any = self.parts
-        given = tuple(given) if isinstance(given, list) else given
+        parts: Any = self.parts
+        parts = tuple(parts) if isinstance(parts, list) else parts
         name = type(self).__name__
-        if not isinstance(given, tuple) or not given:
-            raise InvalidType(f"{name}: parts must be a tuple of VectorFields; got {given!r}")
-        for part in given:
+        if not isinstance(parts, tuple) or not parts:
+            raise InvalidType(f"{name}: parts must be a tuple of VectorFields; got {parts!r}")
+        for part in parts:
             if not isinstance(part, VectorField):
                 raise InvalidType(f"{name}: parts must be VectorFields; got {part!r}")
-        if len({part.dim for part in given}) > 1:
+        if len({part.dim for part in parts}) > 1:
             raise InvalidInput(
-                f"{name}: the parts are of dimensions {[part.dim for part in given]}; they must be of one"
+                f"{name}: the parts are of dimensions {[part.dim for part in parts]}; they must be of one"
             )
-        found = [recognised_field(part) for part in given]
-        object.__setattr__(self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(given, found)]))
+        recognised = [recognised_field(part) for part in parts]
+        object.__setattr__(self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(parts, recognised)]))
         super().__post_init__()
 
     @property
@@ -214,7 +214,7 @@ class SplitField(OfParts, VectorField):
         return total
 
     def _check_formulas(self, y: np.ndarray) -> None:
-        """Are the velocities and the motions of the parts vectors of n numbers too?"""
+        """Whether the velocities and the motions of the parts are vectors of n numbers too."""
         at = small(np.atleast_2d(y)[0])
         for part in self.parts:
             part._check_formulas(y)
@@ -282,7 +282,7 @@ class AffineField(RecognisedField):
 
 
 def has_flow(field: VectorField) -> bool:
-    """Is its motion written?"""
+    """Whether the class of the field writes its motion, `flow`."""
     return type(field).flow is not VectorField.flow
 
 

@@ -36,11 +36,11 @@ class Coefficients(Record):
     def _rows(self, *fields: str) -> None:
         """Make fields rows of floats.  Raises InvalidType."""
         for field in fields:
-            given: Any = getattr(self, field)
+            sequence: Any = getattr(self, field)
             try:
-                row = tuple(map(float, given))
+                row = tuple(map(float, sequence))
             except (TypeError, ValueError):
-                raise InvalidType(f"{self.name}: {field} is a sequence of numbers; got {given!r}") from None
+                raise InvalidType(f"{self.name}: {field} is a sequence of numbers; got {sequence!r}") from None
             object.__setattr__(self, field, row)
 
     def _failing(self, order: int) -> str:
@@ -58,16 +58,16 @@ class Coefficients(Record):
 
     @classmethod
     def shipped(cls, *values: Any, **more: Any) -> Self:
-        """One of this library, with the fields in their order or by name: its laws are checked by the
+        """A tableau of this library, with the fields in their order or by name: its laws are checked by the
         tests, so that an import does not wait for them.
         """
-        made = object.__new__(cls)
+        tableau = object.__new__(cls)
         fields = dataclasses.fields(cls)
-        given = dict(zip([f.name for f in fields], values, strict=False)) | more
+        by_name = dict(zip([f.name for f in fields], values, strict=False)) | more
         for field in fields:
-            object.__setattr__(made, field.name, given.get(field.name, field.default))
-        made._tidy()
-        return made
+            object.__setattr__(tableau, field.name, by_name.get(field.name, field.default))
+        tableau._tidy()
+        return tableau
 
 
 def numbers(text: str) -> Row:

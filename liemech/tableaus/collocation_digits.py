@@ -66,13 +66,13 @@ def _zeros(p: int, q: int, m: int) -> list[Decimal]:
 
 def _lagrange(c: list[Decimal]) -> list[Polynomial]:
     """The polynomials that are 1 at one of the nodes and 0 at the others."""
-    found = []
+    polynomials = []
     for i, x in enumerate(c):
         p = [Decimal(1)]
         for other in c[:i] + c[i + 1 :]:
             p = [(a - other * b) / (x - other) for a, b in zip([Decimal(0), *p], [*p, Decimal(0)])]
-        found.append(p)
-    return found
+        polynomials.append(p)
+    return polynomials
 
 
 def _integral(p: Polynomial) -> Polynomial:

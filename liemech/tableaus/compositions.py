@@ -105,11 +105,11 @@ class CompositionTableau(Coefficients):
 
     def _failing(self, degree: int) -> str:
         """The first condition of this degree that does not hold, in words; empty if all do."""
-        found, sizes = self._found
+        weights, sizes = self._found
         for word in _words(degree, self._letters):
             wanted = exact_weight(word)
-            if not abs(found[word] - wanted) <= _CLOSE * (sizes[word] + abs(wanted)):
-                return f"the word {' '.join(f'Y_{k}' for k in word)} has the weight {found[word]:.17g} and needs {wanted:.17g}"
+            if not abs(weights[word] - wanted) <= _CLOSE * (sizes[word] + abs(wanted)):
+                return f"the word {' '.join(f'Y_{k}' for k in word)} has the weight {weights[word]:.17g} and needs {wanted:.17g}"
         return ""
 
     @cached_property
@@ -128,8 +128,8 @@ class CompositionTableau(Coefficients):
         words = [word for degree in range(MOST + 1) for word in _words(degree, self._letters)]
         total = {word: 0.0 if word else 1.0 for word in words}
         for x in gamma:
-            one = {word: x ** sum(word) / math.factorial(len(word)) for word in words}
-            total = {w: math.fsum(total[w[:k]] * one[w[k:]] for k in range(len(w) + 1)) for w in words}
+            of_step = {word: x ** sum(word) / math.factorial(len(word)) for word in words}
+            total = {w: math.fsum(total[w[:k]] * of_step[w[k:]] for k in range(len(w) + 1)) for w in words}
         return total
 
 
@@ -146,7 +146,7 @@ def _words(degree: int, letters: Word) -> list[Word]:
     """All words whose letters have degrees that add up to this one."""
     if degree == 0:
         return [()]
-    return [(letter, *rest) for letter in letters if letter <= degree for rest in _words(degree - letter, letters)]
+    return [(letter, *tail) for letter in letters if letter <= degree for tail in _words(degree - letter, letters)]
 
 
 # ---------------------------------------------------------------- from any even order to the next

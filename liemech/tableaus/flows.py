@@ -77,7 +77,7 @@ class FlowTableau(Coefficients):
 
     @cached_property
     def main(self) -> tuple[bool, ...]:
-        """Does the step pass through the stage on its way to the end?"""
+        """Whether the step passes through the stage on its way to the end."""
         return tuple(i in self._stops(self.stages) for i in range(len(self.flows)))
 
     @property
@@ -119,9 +119,9 @@ class FlowTableau(Coefficients):
                 )
         weight, size = self._weights(float), self._weights(abs)
         for word in (word for n in range(1, self.order + 1) for word in words(n)):
-            found, wanted = weight(word), exact_weight(word)
-            if not abs(found - wanted) <= _CLOSE * (size(word) + wanted):
-                fails = f"the word {text(word)} has the weight {found:.16g}, not {wanted:.16g}"
+            actual, wanted = weight(word), exact_weight(word)
+            if not abs(actual - wanted) <= _CLOSE * (size(word) + wanted):
+                fails = f"the word {text(word)} has the weight {actual:.16g}, not {wanted:.16g}"
                 raise LawViolation(f"{self.name} is not of order {self.order}: {fails}")
 
     def _weights(self, of: Callable[[float], float]) -> Callable[[Word], float]:

@@ -105,7 +105,7 @@ class SplittingTableau(Coefficients):
 
     @property
     def carries_force(self) -> bool:
-        """Does a step begin where the one before ended, with a kick?  Then one force serves for
+        """Whether a step begins as the one before ended, with a kick, so that one force serves for
         both kicks.
         """
         return self.kicks[0] != 0.0 and self.kicks[-1] != 0.0
@@ -143,16 +143,16 @@ class SplittingTableau(Coefficients):
         turns = [turn for pair in zip(((1, b) for b in self.kicks), ((0, a) for a in self.drifts)) for turn in pair]
         if parts == 2:
             return tuple([(part, c) for part, c in (*turns, (1, self.kicks[-1])) if c != 0.0])
-        found: list[tuple[int, float]] = []
+        sequence: list[tuple[int, float]] = []
         share = 0.0
         for last_first, coefficient in turns:
             share = coefficient - share
             for part in range(parts - 1, -1, -1) if last_first else range(parts):
-                if len(found) > 0 and found[-1][0] == part:
-                    found[-1] = part, found[-1][1] + share
+                if len(sequence) > 0 and sequence[-1][0] == part:
+                    sequence[-1] = part, sequence[-1][1] + share
                 else:
-                    found.append((part, share))
-        return tuple([(part, c) for part, c in found if c != 0.0])
+                    sequence.append((part, share))
+        return tuple([(part, c) for part, c in sequence if c != 0.0])
 
     def __repr__(self) -> str:
         return f"SplittingTableau({self.name}: order {self.order}, {self.stages} kicks)"
@@ -176,15 +176,15 @@ class SplittingTableau(Coefficients):
     def _failing(self, length: int) -> str:
         """The worst condition of words of this length, in words; empty if all hold."""
         words = _words(length)
-        found, sizes = (np.array([w[word] for word in words]) for w in self._found)
-        rest = found - 1.0 / math.factorial(length)
+        weights, sizes = (np.array([w[word] for word in words]) for w in self._found)
+        residuals = weights - 1.0 / math.factorial(length)
         if self.quadratic:
             for direction in _indifferent(length):
-                rest = rest - (direction @ rest) * direction
-        worst = int(np.argmax(np.abs(rest)))
-        if abs(rest[worst]) <= _CLOSE * (sizes.max() + 1.0 / math.factorial(length)):
+                residuals = residuals - (direction @ residuals) * direction
+        worst = int(np.argmax(np.abs(residuals)))
+        if abs(residuals[worst]) <= _CLOSE * (sizes.max() + 1.0 / math.factorial(length)):
             return ""
-        return f"the word {words[worst]} has a weight that is off by {rest[worst]:.2g}"
+        return f"the word {words[worst]} has a weight that is off by {residuals[worst]:.2g}"
 
     @cached_property
     def _found(self) -> tuple[dict[str, float], dict[str, float]]:

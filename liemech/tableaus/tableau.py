@@ -92,32 +92,32 @@ class ButcherTableau(Coefficients):
 
     @functools.cached_property
     def explicit(self) -> bool:
-        """Does every stage need earlier ones only?"""
+        """Whether every stage needs earlier ones only."""
         return not any(any(row[i:]) for i, row in enumerate(self.A))
 
     @functools.cached_property
     def diagonally_implicit(self) -> bool:
-        """Can the stages be solved one after the other, though some need themselves?"""
+        """Whether the stages can be solved one after the other, though some need themselves."""
         return not self.explicit and not any(any(row[i + 1 :]) for i, row in enumerate(self.A))
 
     @functools.cached_property
     def fsal(self) -> bool:
-        """Is the last slope of a step the first one of the next?"""
+        """Whether the last slope of a step is the first one of the next."""
         return self.stages > 1 and not any(self.A[0]) and self._full[-1] == self.b
 
     @functools.cached_property
     def stiffly_accurate(self) -> bool:
-        """Is the last stage of an implicit method the new state?"""
+        """Whether the last stage of an implicit method is the new state."""
         return not self.explicit and self._full[-1] == self.b
 
     @functools.cached_property
     def embedded(self) -> bool:
-        """Does it estimate its error?"""
+        """Whether a step estimates its own error."""
         return bool(self.b_hat)
 
     @functools.cached_property
     def symplectic(self) -> bool:
-        """Does it keep quadratic invariants, b_i a_ij + b_j a_ji = b_i b_j?
+        """Whether a step keeps quadratic invariants, b_i a_ij + b_j a_ji = b_i b_j.
 
         Source: Hairer, Lubich, Wanner, IV.2, theorem 2.2, and VI.4, theorem 4.3.
         """
@@ -127,8 +127,8 @@ class ButcherTableau(Coefficients):
 
     @functools.cached_property
     def symmetric(self) -> bool:
-        """Is a step back of the new state the old one: does the adjoint b_j - a_ij differ from A by
-        the numbering of stages only?
+        """Whether a step back from the new state leads to the old one: the adjoint b_j - a_ij differs from A by
+        the numbering of stages only.
 
         Source: Hairer, Lubich, Wanner, V.2, theorem 2.3.
         """
@@ -206,11 +206,11 @@ class ButcherTableau(Coefficients):
         rows = list(zip([f"row {i + 1} of A" for i in range(self.stages)], self.A, self.c))
         rows += [(f"row {i + 1} of A_extra", row, x) for i, (row, x) in enumerate(zip(self.A_extra, self.c_extra))]
         for what, row, x in rows:
-            found = math.fsum(row)
-            if not abs(found - x) <= _CLOSE * (abs(x) + math.fsum(map(abs, row))):
+            total = math.fsum(row)
+            if not abs(total - x) <= _CLOSE * (abs(x) + math.fsum(map(abs, row))):
                 which = "c_extra" if what.endswith("extra") else "c"
                 raise LawViolation(
-                    f"{self.name}: {what} sums to {found:.15g}, but {which}_{what.split()[1]} is {x:.15g}"
+                    f"{self.name}: {what} sums to {total:.15g}, but {which}_{what.split()[1]} is {x:.15g}"
                 )
         phi = ElementaryWeights(self.A)
         hat, low = (self.b_hat, self.embedded_order), (self.b_low, self.low_order)
@@ -218,10 +218,10 @@ class ButcherTableau(Coefficients):
         for which, weights, order in claims:
             failing = phi.failing(weights, min(order, MOST)) if weights else None
             if failing:
-                tree, found = failing
+                tree, total = failing
                 raise LawViolation(
                     f"{self.name} is not of order {order}{which}: the order condition of the tree "
-                    f"{text(tree)} fails, {found:.15g} instead of 1/{density(tree)}; the order is "
+                    f"{text(tree)} fails, {total:.15g} instead of 1/{density(tree)}; the order is "
                     f"{order_by_trees(self.A, weights)}"
                 )
             if weights and order > MOST and (proved := order_of(self.A, weights, self.c)) < order:
@@ -241,14 +241,14 @@ class ButcherTableau(Coefficients):
         for n in range(1, self.interpolant_order + 1):
             for tree in trees(n):
                 for power, weights in enumerate(zip(*self.interpolant), start=1):
-                    found, bound = phi.sum(weights, tree)
+                    weight, bound = phi.sum(weights, tree)
                     wanted = 1.0 / density(tree) if power == nodes(tree) else 0.0
-                    if not abs(found - wanted) <= bound + _CLOSE * wanted:
+                    if not abs(weight - wanted) <= bound + _CLOSE * wanted:
                         right = f"1/{density(tree)}" if wanted else "0"
                         raise LawViolation(
                             f"{self.name}: the interpolant is not of order "
                             f"{self.interpolant_order}: in the condition of the tree {text(tree)} "
-                            f"theta^{power} has the factor {found:.15g} instead of {right}"
+                            f"theta^{power} has the factor {weight:.15g} instead of {right}"
                         )
         for i, row in enumerate(self.interpolant):
             at_end, wanted = math.fsum(row), self.b[i] if i < self.stages else 0.0
@@ -266,10 +266,10 @@ class ButcherTableau(Coefficients):
         b, c = _row(self.b, f"{name}: b"), _row(self.c, f"{name}: c")
         A, extra = _rows(self.A, name, "A"), _rows(self.A_extra, name, "A_extra")
         c_extra = _row(self.c_extra, f"{name}: c_extra")
-        given = _rows(self.interpolant, name, "interpolant", "the interpolant")
+        interpolant = _rows(self.interpolant, name, "interpolant", "the interpolant")
         s = len(b)
         shaped: dict[str, Any] = {"A": A, "b": b, "c": c, "A_extra": extra, "c_extra": c_extra}
-        shaped |= {"interpolant": given}
+        shaped |= {"interpolant": interpolant}
         if not s or len(A) != s or len(c) != s:
             raise InvalidInput(
                 f"{name}: A has {len(A)} rows, b {s} weights and c {len(c)} nodes; a stage has one of each"
@@ -290,8 +290,8 @@ class ButcherTableau(Coefficients):
             shaped[letter] = _row(getattr(self, letter), f"{name}: {letter}")
             if shaped[letter] and len(shaped[letter]) != s:
                 raise InvalidInput(f"{name}: {letter} has {len(shaped[letter])} weights, A {s} stages")
-        long = _lengths(given)
-        if given and (len(given) != s + len(extra) or len(set(long)) != 1 or not long[0]):
+        long = _lengths(interpolant)
+        if interpolant and (len(interpolant) != s + len(extra) or len(set(long)) != 1 or not long[0]):
             raise InvalidInput(
                 f"{name}: the interpolant needs {s + len(extra)} rows of one length; they have {long} entries"
             )
@@ -299,7 +299,7 @@ class ButcherTableau(Coefficients):
             ("b", "order", True),
             ("b_hat", "embedded_order", shaped["b_hat"]),
             ("b_low", "low_order", shaped["b_low"]),
-            ("the interpolant", "interpolant_order", given),
+            ("the interpolant", "interpolant_order", interpolant),
         ):
             value = getattr(self, field)
             if present and (type(value) is not int or value < 1):
@@ -311,12 +311,12 @@ class ButcherTableau(Coefficients):
 
     @functools.cached_property
     def _full(self) -> tuple[Row, ...]:
-        """A with its zeros."""
+        """The matrix A with the zeros of explicit methods."""
         return tuple(row + (0.0,) * (self.stages - len(row)) for row in self.A)
 
     @functools.cached_property
     def _size(self) -> float:
-        """The largest coefficient."""
+        """The largest of all coefficients, by its absolute value."""
         return max(map(abs, sum(self.A, self.b)))
 
     # ---------------------------------------------------------------- how it looks
@@ -416,7 +416,7 @@ def _lengths(rows: Sequence[Row]) -> list[int]:
 
 
 def _triangular(rows: Sequence[Row], first: int) -> bool:
-    """Have the rows first, first + 1, ... entries?"""
+    """Whether the rows have first, first + 1, ... entries."""
     return all(len(row) == first + i for i, row in enumerate(rows))
 
 

@@ -34,11 +34,11 @@ def trees(nodes: int) -> tuple[Tree, ...]:
     """All rooted trees with this many nodes: 1, 1, 2, 4, 9, 20, 48, 115, 286, 719 of them."""
     if nodes == 1:
         return ((),)
-    found: set[Tree] = set()
+    grafted: set[Tree] = set()
     for n in range(1, nodes):  # graft a tree of n nodes on a smaller one
         for smaller in trees(nodes - n):
-            found |= {tuple(sorted((*smaller, branch))) for branch in trees(n)}
-    return tuple(sorted(found))
+            grafted |= {tuple(sorted((*smaller, branch))) for branch in trees(n)}
+    return tuple(sorted(grafted))
 
 
 def nodes(tree: Tree) -> int:
@@ -47,7 +47,7 @@ def nodes(tree: Tree) -> int:
 
 
 def density(tree: Tree) -> int:
-    """gamma(tree)."""
+    """The density gamma(tree), a product over all nodes."""
     return nodes(tree) * math.prod(map(density, tree))
 
 
@@ -68,8 +68,8 @@ class ElementaryWeights:
         self.known: dict[Tree, tuple[list[float], list[float]]] = {}
         self.grafted: dict[Tree, tuple[list[float], list[float]]] = {}
 
-    def of(self, tree: Tree) -> tuple[list[float], list[float]]:
-        """phi_i(tree) and their bounds."""
+    def weights_of(self, tree: Tree) -> tuple[list[float], list[float]]:
+        """The weights phi_i(tree) of all stages and their bounds."""
         if tree not in self.known:
             phi, bound = [1.0] * len(self.A), [0.0] * len(self.A)
             for branch in tree:
@@ -82,13 +82,13 @@ class ElementaryWeights:
     def graft(self, branch: Tree) -> tuple[list[float], list[float]]:
         """sum_j a_ij phi_j(branch) and their bounds."""
         if branch not in self.grafted:
-            both = [_sum(row, *self.of(branch)) for row in self.A]
+            both = [_sum(row, *self.weights_of(branch)) for row in self.A]
             self.grafted[branch] = [s for s, _ in both], [e for _, e in both]
         return self.grafted[branch]
 
     def sum(self, weights: Row, tree: Tree) -> tuple[float, float]:
         """sum_i weights_i phi_i(tree) and its bound."""
-        return _sum(weights, *self.of(tree))
+        return _sum(weights, *self.weights_of(tree))
 
     def failing(self, weights: Row, order: int, start: int = 1) -> tuple[Tree, float] | None:
         """The first tree from `start` to `order` nodes whose condition does not hold, and what its
@@ -96,10 +96,10 @@ class ElementaryWeights:
         """
         for n in range(start, order + 1):
             for tree in trees(n):
-                found, bound = self.sum(weights, tree)
+                weight, bound = self.sum(weights, tree)
                 wanted = 1.0 / density(tree)
-                if not abs(found - wanted) <= bound + _EPS * wanted:
-                    return tree, found
+                if not abs(weight - wanted) <= bound + _EPS * wanted:
+                    return tree, weight
         return None
 
 
@@ -126,8 +126,8 @@ def simplifying_assumptions(A: Sequence[Row], b: Row, c: Row) -> tuple[int, int,
     columns = [tuple(w * row[j] if j < len(row) else 0.0 for w, row in zip(b, A)) for j in range(len(b))]
 
     def agree(weights: Row, values: list[float], wanted: float, scale: float = 0.0) -> bool:
-        found, bound = _sum(weights, values, [0.0] * len(values))
-        return abs(found - wanted) <= 4.0 * (bound + _EPS * max(scale, abs(wanted)))
+        total, bound = _sum(weights, values, [0.0] * len(values))
+        return abs(total - wanted) <= 4.0 * (bound + _EPS * max(scale, abs(wanted)))
 
     def largest(holds: list[bool]) -> int:
         return holds.index(False) if False in holds else len(holds)

@@ -41,17 +41,17 @@ def animate(
 
     Returns the Scene; `scene.runs[0]` is the run.  Raises what Scene and `integrate` raise.
     """
-    known = frozenset(name for name, x in start.parts.items() if x is not None)
-    contents = contents_of(system, known, start.bodies is not None, show)
+    parts = frozenset(name for name, x in start.parts.items() if x is not None)
+    contents = contents_of(system, parts, start.bodies is not None, show)
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     needed = {*least, *(part for content in contents for part in content.needs(system))}
     record = [name for name in start.parts if name in needed]
-    given: dict[str, Any] = {"h": h, "steps": steps, "rtol": rtol, "record": record, "t0": t0}
+    arguments: dict[str, Any] = {"h": h, "steps": steps, "rtol": rtol, "record": record, "t0": t0}
     if t_end is not None:
-        given |= {"t_end": t_end, "t_eval": np.linspace(t0, t_end, frames), "dense": False}
+        arguments |= {"t_end": t_end, "t_eval": np.linspace(t0, t_end, frames), "dense": False}
     elif isinstance(steps, (int, np.integer)):
-        given["every"] = max(1, -(-steps // frames))
-    run = integrate(system, method, start, **given)
+        arguments["every"] = max(1, -(-steps // frames))
+    run = integrate(system, method, start, **arguments)
     return Scene(run, contents, title=title, seconds=seconds, frames=frames)
 
 

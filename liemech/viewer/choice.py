@@ -60,10 +60,10 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
     if isinstance(system, CanonicalSystem):
         return (Points(),)
     group, base = configurations(system), base_of(system)
-    own = [contents for kind, contents in SUITED.items() if isinstance(system, kind)]
+    of_kind = [contents for kind, contents in SUITED.items() if isinstance(system, kind)]
     wanted: tuple[type[Content], ...] = ()
-    if own:
-        wanted = own[0]
+    if of_kind:
+        wanted = of_kind[0]
     elif base is not None:
         placed = "g" in parts and (is_pose(base) or is_place(base))
         wanted = (Sites,) if placed else (Spins,) if is_spin(base) else ()
@@ -76,7 +76,7 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
             f"there is no moving picture of {system!r}, whose state is no place; `run.plot()`, or --plot, draws it"
         )
     if ensemble:
-        wanted = () if own else tuple(kind for kind in wanted if kind in (Body, Momentum))
+        wanted = () if of_kind else tuple(kind for kind in wanted if kind in (Body, Momentum))
     fitting = tuple(kind() for kind in wanted if set(kind().needs(system)) <= parts)
     if not fitting:
         raise InvalidInput(

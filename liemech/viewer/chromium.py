@@ -108,7 +108,7 @@ class Chromium:
         shutil.rmtree(self._profile, ignore_errors=True)
 
     def open(self, address: str | Path) -> Page:
-        """A new page, loaded."""
+        """A new page that has loaded this address or file."""
         return Page(self, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address)
 
     def call(
@@ -203,5 +203,5 @@ class Page:
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def close(self) -> None:
-        """Close the page."""
+        """Close the page; the browser stays open."""
         self.browser.call("Target.closeTarget", targetId=self.target)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..models.curves import is_smooth
 from ..models.poses import rotation, toward
-from .shapes import Shape, ball, colored, often, plain, rod
+from .shapes import ThreeShape, ball, colored, often, plain, rod
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class Node:
     """
 
     path: str
-    shape: Shape | None = None
+    shape: ThreeShape | None = None
     still: dict[str, Array] = field(default_factory=dict)
     moving: dict[str, Array] = field(default_factory=dict)
     clock: int = 0
@@ -42,7 +42,7 @@ class Node:
 
 
 @dataclass
-class Panel:
+class Canvas:
     """One of the pictures side by side: what it is called, and which ball (centre and radius) of
     its own space it shows.
 
@@ -68,12 +68,12 @@ class Drawing:
     name : of the nodes of the run.  color : of the run.  clock : the number of its times.
     """
 
-    panel: Panel
+    panel: Canvas
     name: str
     color: str
     clock: int
 
-    def add(self, path: str, shape: Shape | None = None, label: str = "", **channels: ArrayLike) -> Node:
+    def add(self, path: str, shape: ThreeShape | None = None, label: str = "", **channels: ArrayLike) -> Node:
         """Put a shape, or an empty node for others to hang on, at a path below the run.
 
         Channels with one row for each time move; those whose rows do not differ are taken as one.
@@ -95,7 +95,7 @@ class Drawing:
         """The pen for what all runs in the panel share."""
         return replace(self, name=SHARED)
 
-    def once(self, path: str, shape: Shape, label: str = "", **channels: ArrayLike) -> None:
+    def once(self, path: str, shape: ThreeShape, label: str = "", **channels: ArrayLike) -> None:
         """Put a shape that all runs in the panel share."""
         self.shared.add(path, shape, label, **channels)
 
@@ -111,12 +111,12 @@ class Drawing:
         """Round sticks between pairs of points, (n, m, 2, 3) or (m, 2, 3), as one object.  thick : their
         diameter.  colors : one, or m of them.
         """
-        way, count = ends[..., 1, :] - ends[..., 0, :], ends.shape[-3]
-        length = np.linalg.norm(way.reshape(-1, count, 3)[0], axis=-1)
+        vectors, count = ends[..., 1, :] - ends[..., 0, :], ends.shape[-3]
+        length = np.linalg.norm(vectors.reshape(-1, count, 3)[0], axis=-1)
         wide = thick / np.where(length > 0.0, length, 1.0)
         sizes = np.column_stack([wide, wide, np.ones_like(wide)])
         shape = colored(often(rod("#ffffff", 0.5, 8), count, sizes, room=[0.0]), colors)
-        return self.add(path, shape, cloud=ends[..., 0, :], vectors=way)
+        return self.add(path, shape, cloud=ends[..., 0, :], vectors=vectors)
 
     def curve(self, path: str, points: Array, color: str, thick: float = 0.018) -> Node:
         """A curve (n, 3), or its points if it would be invented: lines are one pixel wide in WebGL."""
@@ -166,16 +166,16 @@ def transform(still: dict[str, Array]) -> list[float]:
     return matrix.T.ravel().tolist()
 
 
-def commands(panels: list[Panel]) -> list[dict[str, Any]]:
+def commands(panels: list[Canvas]) -> list[dict[str, Any]]:
     """The scene as it stands at the start, in the commands of meshcat: every object once, every
     transform that stands still once; the tracks move the others.
     """
-    found: list[dict[str, Any]] = []
+    orders: list[dict[str, Any]] = []
     for panel in panels:
         for node in panel.nodes.values():
             if node.shape is not None:
-                found.append({"type": "set_object", "path": node.path, "object": node.shape.three(node.path)})
+                orders.append({"type": "set_object", "path": node.path, "object": node.shape.three(node.path)})
             if PLACED.keys() & node.still.keys():
                 matrix = transform(node.still)
-                found.append({"type": "set_transform", "path": node.path, "matrix": matrix})
-    return found
+                orders.append({"type": "set_transform", "path": node.path, "matrix": matrix})
+    return orders

@@ -117,7 +117,7 @@ class Live:
 
         live = self
 
-        class Stream(tornado.websocket.WebSocketHandler):
+        class StateStream(tornado.websocket.WebSocketHandler):
             def open(self, *args: str, **kwargs: str) -> None:
                 live._pages.add(self)
                 live._seen.set()
@@ -136,7 +136,7 @@ class Live:
 
         prefix = self._address.partition("/")[2]
         application = tornado.web.Application(log_function=lambda handler: None)
-        routes: list[Any] = [(f"/{prefix}/", Document), (f"/{prefix}/stream", Stream)]
+        routes: list[Any] = [(f"/{prefix}/", Document), (f"/{prefix}/stream", StateStream)]
         # and not under a name that somebody else gave this address
         application.add_handlers(r"127\.0\.0\.1", routes)
         server = tornado.httpserver.HTTPServer(application)
@@ -174,13 +174,13 @@ class Live:
         trails: dict[str, Any] = {}
         colors: dict[str, int] = {}
         for run, (t, state) in states.items():
-            one, name = self._scene.shown[run], f"run {run + 1}"
-            motion = Motion.moment(one.motion.system, t, state, one.motion.sites)
+            shown, name = self._scene.shown[run], f"run {run + 1}"
+            motion = Motion.moment(shown.motion.system, t, state, shown.motion.sites)
             for path, content in self._scene.places(run):
                 panel = self._panels[path]
                 shared = {p: node for p, node in panel.nodes.items() if f"/{SHARED}/" in p}
                 now = replace(panel, nodes=dict(shared), tips={})
-                content.draw(motion, Drawing(now, name, one.color, run))
+                content.draw(motion, Drawing(now, name, shown.color, run))
                 for p, (point, color) in now.tips.items():
                     trails[p], colors[p] = [point.tolist()], number(color)
                 for p, node in now.nodes.items():

@@ -76,7 +76,7 @@ class Motion:
         object.__setattr__(self, "states", checked)
 
     @classmethod
-    def of(cls, run: Any, frames: int, body: int | None = None, smooth: bool = False, sites: Any = None) -> Motion:
+    def of_run(cls, run: Any, frames: int, body: int | None = None, smooth: bool = False, sites: Any = None) -> Motion:
         """The motion of a run that is shown: at most `frames` samples of it, evenly chosen, the first and the
         last among them, of many sites fewer.
 
@@ -116,22 +116,22 @@ class Motion:
             numbers = len(chosen) * (7 if "g" in states else 3)
 
         def shown(kept: NDArray[np.intp]) -> dict[str, Any]:
-            some = kept if chosen is None else np.ix_(kept, chosen)
-            return {name: by_site(run.system, name, rows)[some] for name, rows in states.items()}
+            entries = kept if chosen is None else np.ix_(kept, chosen)
+            return {name: by_site(run.system, name, rows)[entries] for name, rows in states.items()}
 
-        kept, notes = shown_samples(len(t), frames, numbers), [note] if note else []
-        left_out = len(t) / len(kept)
-        if left_out > 1.0 and left_out * turn(run.system, shown(kept[:-1]), shown(kept[:-1] + 1)) > FAR:
-            kept = np.arange(len(kept))
-            notes.append(f"the first {len(kept):,} of {len(t):,} samples, to t = {t[kept[-1]]:.6g}")
+        samples, notes = shown_samples(len(t), frames, numbers), [note] if note else []
+        left_out = len(t) / len(samples)
+        if left_out > 1.0 and left_out * turn(run.system, shown(samples[:-1]), shown(samples[:-1] + 1)) > FAR:
+            samples = np.arange(len(samples))
+            notes.append(f"the first {len(samples):,} of {len(t):,} samples, to t = {t[samples[-1]]:.6g}")
         elif left_out >= 2.0:  # fewer are not missed
-            notes.append(f"{len(kept):,} of {len(t):,} samples")
-        found = shown(kept)
-        angle = turn(run.system, *({n: x[k] for n, x in found.items()} for k in (FIRST, LATER)))
+            notes.append(f"{len(samples):,} of {len(t):,} samples")
+        thinned = shown(samples)
+        angle = turn(run.system, *({n: x[k] for n, x in thinned.items()} for k in (FIRST, LATER)))
         if angle > FAR:
             notes.append(f"samples one by one, which are up to {angle:.0f} degrees apart")
         joined = angle <= FAR
-        return cls(run.system, t[kept], found, bodies, chosen, ", ".join(notes), joined)
+        return cls(run.system, t[samples], thinned, bodies, chosen, ", ".join(notes), joined)
 
     @classmethod
     def moment(cls, system: System, t: float, state: State, sites: NDArray[np.intp] | None = None) -> Motion:

@@ -57,16 +57,16 @@ def described(scene: Scene) -> dict[str, Any]:
     nodes = [node for panel in panels for node in panel.nodes.values()]
     return {
         "start": scene.start,
-        "sign": -1 if any(one.motion.t[-1] < one.motion.t[0] for one in scene.shown) else 1,
+        "sign": -1 if any(run.motion.t[-1] < run.motion.t[0] for run in scene.shown) else 1,
         "duration": scene.duration,
         "seconds": scene.seconds,
         "view": scene.view,
-        "joined": [scene.interpolate and one.motion.joined for one in scene.shown],
+        "joined": [scene.interpolate and run.motion.joined for run in scene.shown],
         "title": scene.title,
         "legend": scene.legend(),
         "notes": scene.notes(),
         "unit": scene.unit,
-        "axes": any(content.of_space for one in scene.shown for content in one.contents),
+        "axes": any(content.of_space for run in scene.shown for content in run.contents),
         "panels": [{"path": panel.path, "title": panel.title} for panel in panels],
         "labels": [{"path": node.path, "text": node.label} for node in nodes if node.label],
         "commands": commands(panels),
@@ -77,7 +77,7 @@ def described(scene: Scene) -> dict[str, Any]:
 
 def tracks(node: Node) -> list[dict[str, Any]]:
     """The channels of a node that move."""
-    found = []
+    channels = []
     still = {channel: rows[None] for channel, rows in node.still.items() if channel in MANY}
     for channel, rows in (still | node.moving).items():
         track: dict[str, Any] = {"path": node.path, "channel": channel, "clock": node.clock}
@@ -88,8 +88,8 @@ def tracks(node: Node) -> list[dict[str, Any]]:
         if channel in MANY and len(rows) > 1:  # two bytes each are enough for a screen
             unit = (float(np.abs(rows).max()) or 1.0) / 32767.0
             track |= {"values": np.round(rows / unit).astype(np.int16).ravel(), "unit": unit}
-        found.append(track)
-    return found
+        channels.append(track)
+    return channels
 
 
 def encoded(content: Any) -> str:
@@ -115,11 +115,11 @@ def part(name: str) -> str:
 
 @cache
 def asset_folder() -> Path:
-    """Where meshcat keeps its page; found without importing it."""
-    found = importlib.util.find_spec("meshcat")
-    if found is None or found.origin is None:
+    """The folder where meshcat keeps its page; found without importing it."""
+    spec = importlib.util.find_spec("meshcat")
+    if spec is None or spec.origin is None:
         raise MissingExtra("pages of the viewer need meshcat's file for browsers", extra="viewer")
-    return Path(found.origin).parent / "viewer"
+    return Path(spec.origin).parent / "viewer"
 
 
 @cache

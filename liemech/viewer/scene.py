@@ -20,7 +20,7 @@ from ..plots import COLORS
 from ..plots.style import time_unit
 from .choice import contents_of
 from .contents.content import Content
-from .drawing import Drawing, Panel
+from .drawing import Canvas, Drawing
 from .live import Live
 from .motion import Motion
 from .page import frame, opened, page
@@ -36,7 +36,7 @@ ENSEMBLE_FRAMES = 300
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ShownRun:
     """A run in a scene: what is shown of it, its name and colour."""
 
     motion: Motion
@@ -101,7 +101,7 @@ class Scene:
                 raise InvalidInput(f"Scene: view is (azimuth, elevation) in degrees; got {view!r}")
         self.title, self.frames, self.interpolate = title, int(frames), bool(interpolate)
         self._seconds, self._view, self._unit = seconds, view, unit
-        self.shown: list[Shown] = []
+        self.shown: list[ShownRun] = []
         self.runs: list[Any] = []
         if run is not None:
             self.add(run, show, name=name, color=color, body=body, sites=sites, note=note)
@@ -121,7 +121,7 @@ class Scene:
         bodies, frames = getattr(run, "bodies", None), self.frames
         if bodies is not None and body is None:
             frames = min(frames, ENSEMBLE_FRAMES, max(2, MOST_NUMBERS // (7 * bodies)))
-        motion = Motion.of(run, frames, body, self.interpolate, sites)
+        motion = Motion.of_run(run, frames, body, self.interpolate, sites)
         have = frozenset(motion.states)
         contents = contents_of(motion.system, have, motion.bodies is not None, show)
         color = color or COLORS[len(self.shown) % len(COLORS)]
@@ -129,7 +129,7 @@ class Scene:
         backwards = motion.t[-1] < motion.t[0]
         if self.shown and len(motion) > 1 and backwards != (self._sign() < 0.0) and self.duration:
             raise InvalidInput("Scene.add: this run goes the other way in time; give it a scene of its own")
-        self.shown.append(Shown(motion, contents, name, color, note))
+        self.shown.append(ShownRun(motion, contents, name, color, note))
         self.runs.append(run)
         return self
 
@@ -138,7 +138,7 @@ class Scene:
     @property
     def start(self) -> float:
         """The first time, in s."""
-        return float(self._sign() * min(self._sign() * one.motion.t[0] for one in self._some()))
+        return float(self._sign() * min(self._sign() * run.motion.t[0] for run in self._runs()))
 
     @property
     def duration(self) -> float:
@@ -147,8 +147,8 @@ class Scene:
 
     @property
     def unit(self) -> str:
-        """Of the times: what was given, or that of the first system."""
-        return time_unit(self._some()[0].motion.system) if self._unit is None else self._unit
+        """The unit of the times: what was given, or that of the first system."""
+        return time_unit(self._runs()[0].motion.system) if self._unit is None else self._unit
 
     @property
     def seconds(self) -> float:
@@ -156,11 +156,11 @@ class Scene:
         return self._seconds or min(max(self.duration, 5.0), 15.0)
 
     def _sign(self) -> float:
-        return -1.0 if any(one.motion.t[-1] < one.motion.t[0] for one in self.shown) else 1.0
+        return -1.0 if any(run.motion.t[-1] < run.motion.t[0] for run in self.shown) else 1.0
 
     def clocks(self) -> list[np.ndarray]:
         """The times of each run, counted from the start of the scene."""
-        return [self._sign() * (one.motion.t - self.start) for one in self._some()]
+        return [self._sign() * (run.motion.t - self.start) for run in self._runs()]
 
     # ---------------------------------------------------------------- what it is made of
 
@@ -169,50 +169,50 @@ class Scene:
         """Azimuth and elevation of the eye, in degrees."""
         if self._view is not None:
             return self._view
-        found = {c.eye(one.motion) for one in self._some() for c in one.contents}
-        return found.pop() if len(found) == 1 else ASIDE
+        eyes = {c.eye(run.motion) for run in self._runs() for c in run.contents}
+        return eyes.pop() if len(eyes) == 1 else ASIDE
 
     def legend(self) -> list[dict[str, Any]]:
         """The colours of the runs that have names, and other meanings of colours, each said once."""
-        found: list[dict[str, Any]] = [{"name": one.name, "color": one.color} for one in self._some() if one.name]
-        for one in self.shown:
-            for content in one.contents:
-                found += [entry for entry in content.legend(one.motion) if entry not in found]
-        return found
+        entries: list[dict[str, Any]] = [{"name": run.name, "color": run.color} for run in self._runs() if run.name]
+        for run in self.shown:
+            for content in run.contents:
+                entries += [entry for entry in content.legend(run.motion) if entry not in entries]
+        return entries
 
     def notes(self) -> list[str]:
         """Remarks on the runs: what the pictures leave out of them, what is not to
         scale, why one ended early.
         """
-        found: list[str] = []
-        for one in self._some():
-            own = [one.note, one.motion.note and f"shown: {one.motion.note}"]
-            found += [f"{one.name}: {text}" if one.name and text else text for text in own]
-            found += [content.note(one.motion) for content in one.contents]
-        return [text for text in dict.fromkeys(found) if text]
+        remarks: list[str] = []
+        for run in self._runs():
+            texts = [run.note, run.motion.note and f"shown: {run.motion.note}"]
+            remarks += [f"{run.name}: {text}" if run.name and text else text for text in texts]
+            remarks += [content.note(run.motion) for content in run.contents]
+        return [text for text in dict.fromkeys(remarks) if text]
 
-    def _some(self) -> list[Shown]:
+    def _runs(self) -> list[ShownRun]:
         if not self.shown:
             raise InvalidInput("this scene is empty; put a run into it, scene.add(run)")
         return self.shown
 
     def _pictures(self) -> list[tuple[str, list[tuple[int, Content]]]]:
         """Each panel: its path, and the contents in it with the numbers of their runs."""
-        found: dict[Any, list[tuple[int, Content]]] = {}
-        for run, one in enumerate(self._some()):
-            for content in one.contents:
-                system = one.motion.system
+        panels: dict[Any, list[tuple[int, Content]]] = {}
+        for run, shown in enumerate(self._runs()):
+            for content in shown.contents:
+                system = shown.motion.system
                 place = run if content.own(system) else len(self.shown)  # those shared come last
                 key = place, content.panel, system if content.alike else None
-                found.setdefault(key, []).append((run, content))
-        ordered = sorted(found.items(), key=lambda item: item[0][0])
+                panels.setdefault(key, []).append((run, content))
+        ordered = sorted(panels.items(), key=lambda item: item[0][0])
         return [(f"panel {n}", members) for n, (_, members) in enumerate(ordered, start=1)]
 
     def places(self, run: int) -> list[tuple[str, Content]]:
         """The contents of a run, each with the path of its panel."""
         return [(path, c) for path, members in self._pictures() for k, c in members if k == run]
 
-    def panels(self) -> list[Panel]:
+    def panels(self) -> list[Canvas]:
         """The pictures side by side, drawn."""
         panels = []
         for path, members in self._pictures():
@@ -220,8 +220,8 @@ class Scene:
             named = len(runs) == 1 < len(self.shown)
             panel = _framed(path, [(self.shown[run], c) for run, c in members], named)
             for run, content in members:
-                one = self.shown[run]
-                content.draw(one.motion, Drawing(panel, f"run {run + 1}", one.color, run))
+                shown = self.shown[run]
+                content.draw(shown.motion, Drawing(panel, f"run {run + 1}", shown.color, run))
             panels.append(panel)
         return panels
 
@@ -244,18 +244,18 @@ class Scene:
 
     def __repr__(self) -> str:
         runs = [
-            ", ".join(type(c).__name__ for c in one.contents) + (f" of {one.name!r}" if one.name else "")
-            for one in self.shown
+            ", ".join(type(c).__name__ for c in run.contents) + (f" of {run.name!r}" if run.name else "")
+            for run in self.shown
         ]
         return f"Scene({'; '.join(runs)})"
 
 
-def _framed(path: str, members: Sequence[tuple[Shown, Content]], named: bool) -> Panel:
+def _framed(path: str, members: Sequence[tuple[ShownRun, Content]], named: bool) -> Canvas:
     """An empty panel that is large enough for its contents."""
     first, content = members[0]
     title = f"{content.title}: {first.name}" if named and first.name else content.title
-    points = np.concatenate([c.reach(one.motion) for one, c in members])
+    points = np.concatenate([c.reach(run.motion) for run, c in members])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = low + 0.5 * (high - low)
     unit = float(np.linalg.norm(points - centre, axis=1).max())
-    return Panel(path, title, centre, unit or 1.0)
+    return Canvas(path, title, centre, unit or 1.0)

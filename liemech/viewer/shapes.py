@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Shape:
+class ThreeShape:
     """Something to draw: its kind in three.js, what makes its geometry, its material.
 
     known : what else the page should know to draw it; of a shape that is there many times, as one
@@ -59,25 +59,25 @@ class Shape:
 # ------------------------------------------------------------------ solids
 
 
-def box(size: Array, color: str, opacity: float = 1.0) -> Shape:
+def box(size: Array, color: str, opacity: float = 1.0) -> ThreeShape:
     """A box along the axes; the page draws its edges darker."""
     width, height, depth = map(float, size)
-    return Shape(
+    return ThreeShape(
         "Mesh", lambda: {"type": "BoxGeometry", "width": width, "height": height, "depth": depth}, solid(color, opacity)
     )
 
 
-def ball(radius: float, color: str, opacity: float = 1.0, rows: int = 0) -> Shape:
+def ball(radius: float, color: str, opacity: float = 1.0, rows: int = 0) -> ThreeShape:
     """A sphere; what is behind a transparent one shows through.  rows : of its faces, from pole to
     pole.
     """
     rows = rows or (32 if radius > 0.3 else 12)
     sphere = {"type": "SphereGeometry", "radius": float(radius)}
     faces = {"widthSegments": 2 * rows, "heightSegments": rows}
-    return Shape("Mesh", lambda: sphere | faces, solid(color, opacity))
+    return ThreeShape("Mesh", lambda: sphere | faces, solid(color, opacity))
 
 
-def colored_ball(rows: int, colors: Sequence[str]) -> Shape:
+def colored_ball(rows: int, colors: Sequence[str]) -> ThreeShape:
     """A sphere of radius 1 on whose points the channel `tones` mixes three colours: at latitudes from
     90 degrees to -90, rows + 1 of them, and at longitudes from -180 to 180, 2 rows + 1.  Its pole is
     the second axis.
@@ -87,26 +87,26 @@ def colored_ball(rows: int, colors: Sequence[str]) -> Shape:
     return replace(sphere, material=colored, known={"colors": shares(colors)})
 
 
-def turned(profile: Sequence[tuple[float, float]], color: str, sides: int = 20) -> Shape:
+def turned(profile: Sequence[tuple[float, float]], color: str, sides: int = 20) -> ThreeShape:
     """A solid of revolution about the third axis.  profile : (radius, height) from one end to the
     other, the inside on the left.
     """
     corners = [{"x": r, "y": z} for r, z in profile for _ in range(2)]  # twice: edges stay sharp
     lathe = {"type": "LatheGeometry", "points": corners, "segments": sides}
-    return Shape("Mesh", lambda: lathe, solid(color))
+    return ThreeShape("Mesh", lambda: lathe, solid(color))
 
 
-def arrow(color: str) -> Shape:
+def arrow(color: str) -> ThreeShape:
     """An arrow of length 1 along the third axis, from the origin."""
     return turned([(0.0, 0.0), (0.018, 0.0), (0.018, 0.88), (0.05, 0.88), (0.0, 1.0)], color)
 
 
-def rod(color: str, radius: float = 0.015, sides: int = 12) -> Shape:
+def rod(color: str, radius: float = 0.015, sides: int = 12) -> ThreeShape:
     """A rod of length 1 along the third axis, from the origin."""
     return turned([(0.0, 0.0), (radius, 0.0), (radius, 1.0), (0.0, 1.0)], color, sides)
 
 
-def needle(radius: float, sides: int) -> Shape:
+def needle(radius: float, sides: int) -> ThreeShape:
     """An arrow of length 1 along the third axis, with the origin in its middle.  radius : of its
     head.
     """
@@ -115,7 +115,7 @@ def needle(radius: float, sides: int) -> Shape:
     return turned(profile, "#ffffff", sides)
 
 
-def often(shape: Shape, count: int, sizes: ArrayLike = ((1.0,),), **known: Any) -> Shape:
+def often(shape: ThreeShape, count: int, sizes: ArrayLike = ((1.0,),), **known: Any) -> ThreeShape:
     """A shape that is there many times, drawn at once.
 
     sizes : (1, 1) a factor for all, (count, 1) one for each, (count, 3) three along its axes.
@@ -131,7 +131,7 @@ def often(shape: Shape, count: int, sizes: ArrayLike = ((1.0,),), **known: Any) 
     return replace(shape, kind="InstancedMesh", known=known)
 
 
-def colored(shape: Shape, colors: str | Sequence[str]) -> Shape:
+def colored(shape: ThreeShape, colors: str | Sequence[str]) -> ThreeShape:
     """A shape that is there many times in another colour, or each in its own."""
     if isinstance(colors, str):
         return replace(shape, material=shape.material | {"color": number(colors)})
@@ -139,7 +139,7 @@ def colored(shape: Shape, colors: str | Sequence[str]) -> Shape:
     return replace(shape, known=shape.known | {"tints": tints})
 
 
-def mesh_file(path: str | PathLike[str], color: str) -> Shape:
+def mesh_file(path: str | PathLike[str], color: str) -> ThreeShape:
     """A body from a file: .stl, .obj or .dae.
 
     Raises InvalidInput for what the page could not read, which would leave it blank.
@@ -158,7 +158,7 @@ def mesh_file(path: str | PathLike[str], color: str) -> Shape:
     if wrong:
         raise InvalidInput(f"mesh {str(path)!r} {wrong}")
     data: Any = np.frombuffer(content, dtype=np.uint8) if kind == ".stl" else _text(content)
-    return Shape("Mesh", lambda: {"type": "_meshfile_geometry", "format": kind[1:], "data": data}, solid(color))
+    return ThreeShape("Mesh", lambda: {"type": "_meshfile_geometry", "format": kind[1:], "data": data}, solid(color))
 
 
 def _text(content: bytes) -> str:
@@ -181,8 +181,8 @@ def _no_stl(content: bytes) -> str:
 
 def _no_obj(content: bytes) -> str:
     """Why bytes are no OBJ file of faces; empty if they are one."""
-    found = all(re.search(rb"^\s*" + letter + rb"\s", content, re.MULTILINE) for letter in (b"v", b"f"))
-    return "" if found else "is no OBJ file of faces"
+    has_faces = all(re.search(rb"^\s*" + letter + rb"\s", content, re.MULTILINE) for letter in (b"v", b"f"))
+    return "" if has_faces else "is no OBJ file of faces"
 
 
 def _no_collada(content: bytes) -> str:
@@ -203,7 +203,7 @@ def _no_collada(content: bytes) -> str:
 # ------------------------------------------------------------------ lines
 
 
-def segments(pairs: Array, color: str) -> Shape:
+def segments(pairs: Array, color: str) -> ThreeShape:
     """Straight lines one pixel wide, from (m, 2, 3)."""
     look = {"type": "LineBasicMaterial", "color": number(color)}
 
@@ -212,7 +212,7 @@ def segments(pairs: Array, color: str) -> Shape:
         position = {"itemSize": 3, "type": "Float32Array", "array": array, "normalized": False}
         return {"type": "BufferGeometry", "data": {"attributes": {"position": position}}}
 
-    return Shape("LineSegments", geometry, look)
+    return ThreeShape("LineSegments", geometry, look)
 
 
 # ------------------------------------------------------------------ materials

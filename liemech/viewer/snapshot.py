@@ -75,8 +75,8 @@ def write_film(
         films.mimwrite(file, shots, fps=fps, codec=codec, quality=8, macro_block_size=2)
         return file
     # one palette for all pictures, from some of them side by side
-    some = pillow.fromarray(np.hstack([np.asarray(shot) for shot in shots[:: 1 + len(shots) // 6]]))
-    palette = some.quantize(255, method=pillow.Quantize.MAXCOVERAGE)
+    sheet = pillow.fromarray(np.hstack([np.asarray(shot) for shot in shots[:: 1 + len(shots) // 6]]))
+    palette = sheet.quantize(255, method=pillow.Quantize.MAXCOVERAGE)
     colors = np.array(palette.getpalette()).reshape(-1, 3)
     colors[colors.min(axis=1) > 244] = 255  # white is white
     palette.putpalette(colors.ravel().tolist())

@@ -35,22 +35,22 @@ def shown_sites(system: Any, given: Any) -> tuple[Numbers | None, str]:
     group = of_sites(system)
     count = 0 if group is None else group.copies
     if given is not None:
-        found = np.atleast_1d(np.asarray(given))
-        whole = found.dtype.kind in "iu" and ((found >= 0) & (found < count)).all()
-        if not whole or not 0 < found.size <= MOST_SITES:
+        numbers = np.atleast_1d(np.asarray(given))
+        whole = numbers.dtype.kind in "iu" and ((numbers >= 0) & (numbers < count)).all()
+        if not whole or not 0 < numbers.size <= MOST_SITES:
             raise InvalidInput(
                 f"sites are the numbers of those to show, from 0, {MOST_SITES} at most; {system!r} "
                 f"has {count}; got {given!r}"
             )
-        return found.ravel(), f"{found.size:,} of {count:,} sites"
+        return numbers.ravel(), f"{numbers.size:,} of {count:,} sites"
     if group is None or count <= MOST_SITES:
         return (None if group is None else np.arange(count)), ""
     lattice, stride = lattice_of(system), 3
     shape = (count,) if lattice is None else lattice.shape
     while np.prod([-(-n // stride) for n in shape]) > MOST_SITES:
         stride += 2
-    found = np.arange(count).reshape(shape)[(slice(None, None, stride),) * len(shape)].ravel()
-    return found, f"{len(found):,} of {count:,} sites, one in {stride} along each axis"
+    numbers = np.arange(count).reshape(shape)[(slice(None, None, stride),) * len(shape)].ravel()
+    return numbers, f"{len(numbers):,} of {count:,} sites, one in {stride} along each axis"
 
 
 def shown_samples(n: int, frames: int, numbers: int) -> Numbers:

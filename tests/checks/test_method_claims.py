@@ -26,7 +26,7 @@ from scenes import (
 
 import liemech as lm
 from liemech.checks import Report, check_method
-from liemech.checks.method_claims import Trial
+from liemech.checks.method_claims import MethodTrial
 from liemech.names import everything
 from liemech.rooms.hamilton_jacobi.class_functions import CayleySquare, TraceOfAd
 from liemech.tableaus import KAHAN_LI6, SplittingTableau, gauss
@@ -186,9 +186,9 @@ def is_quick(method: lm.Method, name: str) -> bool:
 @pytest.fixture(autouse=True, scope="module")
 def known_motions() -> Iterator[None]:
     """Where a motion leads does not depend on the method: it is computed once for all of them."""
-    computed, known = Trial.exact.func, {}  # type: ignore[attr-defined]
+    computed, known = MethodTrial.exact.func, {}  # type: ignore[attr-defined]
 
-    def exact(trial: Trial) -> Any:
+    def exact(trial: MethodTrial) -> Any:
         start = (part.tobytes() for part in trial.start.arrays.values())
         key = id(trial.system), trial.time, *start
         if key not in known:
@@ -196,7 +196,7 @@ def known_motions() -> Iterator[None]:
         return known[key][0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Trial, "exact", property(exact))
+        patch.setattr(MethodTrial, "exact", property(exact))
         yield
 
 

@@ -17,7 +17,7 @@ from liemech.errors import IncompatibleSystem, InvalidType, NotDefined
 from liemech.formulas import Record, cos
 from liemech.formulas.classes.derived import _function, _overruled, _reads, stale_forms
 from liemech.formulas.vectors import Mat, Vec
-from liemech.models.space.effectors import Place
+from liemech.models.space.effectors import PoseInSpace
 from liemech.rooms.sites.terms.terms import Site, site_class
 
 for module in pkgutil.walk_packages(lm.__path__, "liemech."):
@@ -138,7 +138,7 @@ class Swelling(lm.DrivenKineticEnergy):
         return lm.vec(1.0 + t, 1.5, 2.0)
 
 
-PLACE = Place(some(3, 7.0), TURN, 750.0, some(3, 6.0))
+PLACE = PoseInSpace(some(3, 7.0), TURN, 750.0, some(3, 6.0))
 M = lm.models
 TOP, ROD = M.ReducedHeavyTop([1.0, 1.5, 2.0], 1.3, [0.1, 0.2, 0.9]), M.RodStrain(0.5, [1.0, 1.1, 1.2, 9.0, 8.0, 7.0])
 CHAIN, POSES = lm.joints.chain(2, axis=[0.0, 1.0, 0.0]), Vec.of([*flat(POSE), *flat(NEXT)])

@@ -1,6 +1,6 @@
 """Every order, measured: all methods on all problems, momentum and attitude apart.
 
-`PYTHONPATH=tests python tests/integrators/test_orders.py --write` puts the table into
+`PYTHONPATH=tests:. python tests/integrators/test_orders.py --write` puts the table into
 docs/proof/verification.md; `--print` only shows it.
 """
 

@@ -1,7 +1,7 @@
 """The orders of symmetric methods, 2, 4, 6 and 8, measured on rotations, rigid motions, SO(4), a
 group given by generators, a top.
 
-`PYTHONPATH=tests python tests/integrators/test_symmetric_orders.py --write` puts the table into
+`PYTHONPATH=tests:. python tests/integrators/test_symmetric_orders.py --write` puts the table into
 docs/proof/verification.md; `--print` only shows it.
 """
 

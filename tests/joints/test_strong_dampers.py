@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import liemech as lm
 from liemech.compiler import kernel
+from liemech.formulas import tanh
 from liemech.joints import (  # fmt: skip
     BallJoint,
     Damper,
@@ -319,3 +321,122 @@ def test_an_ensemble_runs_and_ends_where_one_of_it_would_be_thrown_back(count: i
             x = damping * 0.02 / (2.0 * 0.1)
             rates = np.array([1.0, -2.0, 3.0]) * ((1.0 - x) / (1.0 + x)) ** 5
             assert ran.mu[-1].reshape(3, -1)[:, 2] == pytest.approx(0.1 * rates, rel=1e-12)
+
+
+@lm.record
+class Rubs(lm.Force):
+    """Friction that is bounded, and says so."""
+
+    torque: float
+    speed: float
+
+    def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+        return lm.vec(*[-self.torque * tanh(x / self.speed) for x in xi])
+
+    def resistance(self, t: float, xi: lm.Vec, g: Any, along: lm.Vec) -> lm.Vec:
+        return 0.0 * along
+
+
+@lm.record
+class RubsThere(lm.Term):
+    """As a term of one site."""
+
+    torque: float
+    speed: float
+
+    def covector(self, t: float, a: Any) -> lm.Vec:
+        return lm.vec(*[-self.torque * tanh(x / self.speed) for x in a.xi])
+
+    def resistance(self, t: float, along: lm.Vec, a: Any) -> lm.Vec:
+        return 0.0 * along
+
+
+@lm.record
+class Slows(lm.Term):
+    damping: float
+
+    def covector(self, t: float, a: Any) -> lm.Vec:
+        return -self.damping * a.xi
+
+
+RUBBING = [
+    lm.PerSite(Rubs(0.03, 0.01)),
+    lm.Terms(lm.PerSite(Rubs(0.03, 0.01)), Slows(0.5)),
+    lm.Terms(RubsThere(0.03, 0.01)),
+    lm.Terms(RubsThere(0.03, 0.01), lm.PerSite(Friction(0.5, 0.0))),
+]
+
+
+def rubbed(load: Any, count: int, h: float, how: bool) -> Any:
+    """Wheels of 0.01 kg m^2 that turn about their third axes, and creep."""
+    body = lm.MechanicalSystem(
+        lm.LiePoissonSystem(lm.SO3() ** count, lm.PerSite(lm.KineticEnergy([1e-2] * 3))), lm.NoPotential(), load=load
+    )
+    start = body.state(xi=np.outer(np.ones(count), [0.0, 0.0, 1e-3]), g=np.tile(np.eye(3), (count, 1, 1)))
+    return lm.integrate(body, lm.KickDrift(), start, h=h, steps=4, compiled=how)
+
+
+@pytest.mark.parametrize("how", BOTH)
+@pytest.mark.parametrize("load", RUBBING, ids=lambda load: repr(load)[:30])
+def test_loads_on_sites_say_themselves_what_damps(load: Any, how: bool) -> None:
+    count = 2
+    # T/speed h/2 is one and a half times the inertia; kicks are (h/2) F(w) and then the root of w' - w'' = (h/2) F(w'')/I
+    c, h = (0.0 if "0.5" not in repr(load) else 0.5), 1e-2
+
+    def kick(w: float) -> float:
+        return -0.5 * h * (0.03 * np.tanh(w / 0.01) + c * w) / 1e-2
+
+    rates = [1e-3]
+    for _ in range(4):
+        w = rates[-1] + kick(rates[-1])
+        rates = [*rates, brentq(lambda x, w=w: x - w - kick(x), -1.0, 1.0, xtol=1e-16)]
+    moved = rubbed(load, count, h, how).mu.reshape(5, count, 3)
+    assert moved[:, :, 2] == pytest.approx(np.outer(1e-2 * np.array(rates), np.ones(count)), rel=1e-9)
+
+
+@lm.record
+class Between(lm.Term):
+    """Bounded friction between two masses."""
+
+    torque: float
+
+    def covector(self, t: float, a: Any, b: Any) -> lm.Vec:
+        return lm.vec(-self.torque * tanh((a.xi[0] - b.xi[0]) / 0.01))
+
+    def resistance(self, t: float, along: lm.Vec, a: Any, b: Any) -> lm.Vec:
+        return 0.0 * along
+
+
+@lm.record
+class Nothing(lm.Term):
+    def energy(self, a: Any, b: Any) -> float:
+        return 0.0 * a.g[0] * b.g[0]
+
+
+@pytest.mark.parametrize("small", [0, lm.System.small])
+def test_friction_between_sites_says_itself_what_damps(small: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    # two masses with w and -w: a kick is (h/2) T tanh(2 w/0.01), whose slope is 1.25; the end is a root, as above
+    monkeypatch.setattr(lm.System, "small", small)
+    pair, h = lm.neighbours.chain(2), 0.1
+    free = lm.LiePoissonSystem(lm.VectorSpace(1) ** 2, lm.PerSite(lm.KineticEnergy([1.0])))
+    system = lm.MechanicalSystem(free, lm.Terms(Nothing().over(pair)), load=lm.Terms(Between(0.125).over(pair)))
+    start = system.state(mu=[[1e-3], [-1e-3]], g=np.zeros((2, 1)))
+    moved = lm.integrate(system, lm.KickDrift(), start, h=h, steps=1, compiled=False).mu[-1]
+    w = 1e-3 - 0.5 * h * 0.125 * np.tanh(0.2)
+    w = brentq(lambda x: x - w + 0.5 * h * 0.125 * np.tanh(2.0 * x / 0.01), -1.0, 1.0, xtol=1e-18)
+    assert np.ravel(moved) == pytest.approx([w, -w], rel=1e-9)
+
+
+def test_of_a_sum_what_says_nothing_still_counts() -> None:
+    with pytest.raises(lm.errors.NoConvergence, match=r"c h/\(2 I\) is 5,"):
+        rubbed(lm.Terms(RubsThere(0.1, 0.01), lm.PerSite(Rubs(0.1, 0.01)), Slows(10.0)), 2, 1e-2, False)
+
+
+@pytest.mark.parametrize("base", [lm.Force, JointForce, lm.Term])
+def test_a_field_with_the_name_of_what_the_library_calls_is_refused(base: Any) -> None:
+    @lm.record
+    class Drag(base):  # type: ignore[misc]
+        resistance: float
+
+    with pytest.raises(lm.errors.InvalidType, match=r"Drag\.resistance is a field"):
+        Drag(resistance=0.3)

@@ -13,6 +13,7 @@ import liemech as lm
 from liemech.joints.linkage import Linkage, chain
 from liemech.models.charged_particle import GuidingCentreStructure, MagneticStructure
 from liemech.models.lattices.maxwell_bloch import HalfSquare, MaxwellBlochStructure
+from liemech.models.planets.n_body import EIGHT_PERIOD
 
 STANDARD_GRAVITY, E1, E2, E3 = 9.80665, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)
@@ -103,7 +104,7 @@ def test_the_outer_planets_are_on_their_orbits() -> None:
 def test_three_bodies_on_an_eight_are_each_where_the_next_one_was() -> None:
     """After a third of the period: the first is where the second was, and so on."""
     system, start = lm.models.NBody.figure_eight()
-    period = lm.models.n_body.EIGHT_PERIOD
+    period = EIGHT_PERIOD
     run = lm.integrate(system, lm.RKMK(order=8), start, h=period / 90, steps=30, every=30, compiled=False)
     for now, then in ((run.q[-1], run.q[0]), (run.p[-1], run.p[0])):
         assert np.abs(now.reshape(3, 2) - np.roll(then.reshape(3, 2), -1, axis=0)).max() < 2e-8

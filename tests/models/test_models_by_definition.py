@@ -95,7 +95,7 @@ def test_the_attraction_of_four_masses(full: bool) -> None:
     J = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points))
     R, x, k = TURNS[1], np.array([0.4, -0.5, 0.3]), 3.0
     g = lm.vec(*R.ravel(), *x)
-    field = lm.models.gravity.CentralGravity(k, masses.sum(), J if full else np.diag(J))
+    field = lm.models.CentralGravity(k, masses.sum(), J if full else np.diag(J))
     wanted = -k * sum(m / np.linalg.norm(x + R @ p) for m, p in zip(masses, points))
     whole = -k * masses.sum() / np.linalg.norm(x)
     assert field.energy(g) - whole == pytest.approx(wanted - whole, rel=2e-2)
@@ -147,7 +147,7 @@ def test_a_frame_without_field_keeps_its_angular_momentum() -> None:
 def test_rods_of_a_chain_meet_at_their_ends() -> None:
     """Hanging straight down, they hold together, and half a length further they do not."""
     for axis in (None, [1.0, 0.0, 0.0]):
-        linkage = lm.models.linkage.chain(3, mass=2.0, length=0.8, axis=axis)
+        linkage = lm.joints.chain(3, mass=2.0, length=0.8, axis=axis)
         for step, zero in ((0.8, True), (0.4, False)):
             places = np.array([[0.0, 0.0, -0.4 - step * b] for b in range(3)])
             poses_there = poses_of(np.tile(np.eye(3), (3, 1, 1)), places).reshape(48)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import liemech as lm
 from liemech.formulas import Mat, gradient, vec
-from liemech.models.space.effectors import ConservativeEffector, Place
+from liemech.models.space.effectors import ConservativeEffector, PoseInSpace
 from liemech.models.space.space_forces import SUN_RADIUS, sunlight
 from liemech.systems.kinetic_energy import KineticEnergy
 
@@ -124,7 +124,7 @@ def test_forces_and_torques_are_those_of_the_energy(name: str) -> None:
             return self.of.energy(here)
 
     R = Mat.of(TURN.as_matrix().tolist())
-    here = Place(vec(*POSITION), R, MASS, Mat.of(J.tolist()))
+    here = PoseInSpace(vec(*POSITION), R, MASS, Mat.of(J.tolist()))
     slow = ByEnergy(effector)
     force, torque = np.array(effector.force(here)), np.array(effector.torque(here))
     assert np.allclose(force, np.array(slow.force(here)), rtol=1e-13, atol=1e-14 * np.abs(force).max())

@@ -10,7 +10,7 @@ import pytest
 
 import liemech as lm
 from liemech.simulation.compiled.execution import Execution
-from liemech.simulation.keep import At
+from liemech.simulation.keep import AtTimes
 from liemech.simulation.runs import run as runs
 from liemech.simulation.runs.tolerance import ToleranceRun
 from liemech.tableaus import BOGACKI_SHAMPINE3
@@ -60,7 +60,7 @@ def test_lanes_can_take_over_from_bodies_of_which_no_samples_are_kept(monkeypatc
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("where", [(ToleranceRun, "moved"), (At, "see"), (runs.Run, "_commit")])
+@pytest.mark.parametrize("where", [(ToleranceRun, "moved"), (AtTimes, "see"), (runs.Run, "_commit")])
 def test_after_ctrl_c_every_sample_is_one_of_the_whole_run(where: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Wherever it comes; and from there the run goes on to the same end."""
     turning, times = plan(BODY), [0.0, 0.3, 0.6, 0.9, 1.0]

@@ -16,7 +16,7 @@ from liemech import errors
 from liemech.formulas import derivative, where
 from liemech.formulas.functions import RULES
 from liemech.formulas.numbers.dual import Dual
-from liemech.rooms.derivatives.gradient import Prepared, side_by_side
+from liemech.rooms.derivatives.gradient import PreparedGradient, side_by_side
 
 LEVEL = 0.5
 
@@ -59,13 +59,13 @@ def test_code_that_is_too_long_goes_direction_by_direction(monkeypatch: Any) -> 
     plan = lm.Plan(BODY, lm.RKMK(order=4, retraction=lm.Cayley()), h=0.05, compiled=True)
     wanted = plan.replace(compiled=False).pullback(np.arange(6.0), START, steps=200)["start"]
     seen: Any = []
-    made: Any = Prepared._blocks
+    made: Any = PreparedGradient._blocks
 
     def blocks(directions: Any, *given: Any) -> Any:
         seen.append(directions.side)
         return made(directions, *given)
 
-    monkeypatch.setattr(Prepared, "_blocks", staticmethod(blocks))
+    monkeypatch.setattr(PreparedGradient, "_blocks", staticmethod(blocks))
     monkeypatch.setattr(instructions, "LIMIT", SHORT)
     monkeypatch.setattr(instructions, "WITH_SLOPES", 4)
     found = plan.pullback(np.arange(6.0), START, steps=200)["start"]

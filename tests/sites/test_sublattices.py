@@ -15,7 +15,7 @@ from terms_of_spins import Chiral, Exchange, Twist, Zeeman
 import liemech as lm
 from liemech.compiler.sites.site_calls import shares
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput, InvalidType
-from liemech.rooms.sites.colouring import Places, colours_of, colours_of_bonds, colours_of_edges
+from liemech.rooms.sites.colouring import PlacesByColour, colours_of, colours_of_bonds, colours_of_edges
 from liemech.simulation.runs.carry import SiteCarry
 from liemech.tableaus.splittings import BLANES_MOAN4, STRANG, SYMPLECTIC_EULER
 
@@ -139,7 +139,7 @@ def test_edges_of_one_colour_share_no_site(graph: Any, most: int) -> None:
 
 def test_places_are_whole_groups_and_lead_back() -> None:
     found = colours_of([near.ring(35)], 35)
-    places = Places.of(found)
+    places = PlacesByColour.of_colouring(found)
     assert np.array_equal(places.sites[places.places], np.arange(35))
     for (begin, end), group in zip(places.ranges, found.groups, strict=True):
         assert begin % 16 == end % 16 == 0

@@ -26,7 +26,7 @@ from liemech.models.even_boxes import box_of_inertia
 from liemech.models.poses import quaternions, rotated
 from liemech.plots.spheres.contours import contours, sphere
 from liemech.viewer import Body, Momentum, Motion, Points, Scene, animate
-from liemech.viewer.drawing import Drawing, Panel
+from liemech.viewer.drawing import Canvas, Drawing
 from liemech.viewer.page import described
 
 needs_meshcat = pytest.mark.skipif(
@@ -404,7 +404,7 @@ def test_a_trail_is_made_of_the_steps_between_its_points() -> None:
     s = np.linspace(0.0, 5.0, 80)
     curve = np.stack([np.cos(s), np.sin(s), 0.1 * s**2], axis=-1)
     curve[10] = curve[9]  # a point that is repeated
-    panel = Panel("panel 1", "", np.zeros(3), 1.0)
+    panel = Canvas("panel 1", "", np.zeros(3), 1.0)
     Drawing(panel, "run 1", "#000000", 0).trail("trail", curve)
     (node,) = panel.nodes.values()
     assert (node.still["cloud"] == curve[:-1]).all()

@@ -43,9 +43,9 @@ def compatibility(action: Any, at: At) -> Iterator[Same]:
 
 @axiom(ACTION, "infinitesimal action", "infinitesimal(xi, x) = d/ds exp(s xi) . x at s = 0")
 def infinitesimal_action(action: Any, at: At) -> Iterator[Same]:
-    found = slope(lambda s: action.act(at.group.exp(s * at.eta), at.point))
+    rate = slope(lambda s: action.act(at.group.exp(s * at.eta), at.point))
     yield Same(
-        action.infinitesimal(at.eta, at.point), found, (size(at.point) + size(found)) / STEP, lambda: factors(found)
+        action.infinitesimal(at.eta, at.point), rate, (size(at.point) + size(rate)) / STEP, lambda: factors(rate)
     )
 
 
@@ -66,10 +66,10 @@ def points_stay(action: Any, at: At) -> Iterator[Same]:
 def arguments(at: At) -> Arguments:
     """Values for the arguments of an action's formulas, by their names; covectors are named p."""
     covector = np.random.default_rng(at.dim).normal(size=np.shape(at.point))
-    found = {"g": at.g, "xi": at.xi, "x": at.point, "p": Vec.of(covector.ravel().tolist())}
-    return {name: (value,) for name, value in found.items()}
+    by_name = {"g": at.g, "xi": at.xi, "x": at.point, "p": Vec.of(covector.ravel().tolist())}
+    return {name: (value,) for name, value in by_name.items()}
 
 
 def named(formula: str) -> bool:
-    """Is a formula looked at by a law of its own?"""
+    """Whether a law of its own looks at a formula."""
     return formula in ("infinitesimal", "exp_act")

@@ -27,9 +27,9 @@ def jacobi(a: LieAlgebra, at: At) -> Iterator[Same]:
 
 @axiom(ALGEBRA, "structure constants", "[E_i, E_j] = sum_k c[k][i][j] E_k, and the bracket is bilinear")
 def structure_constants(a: LieAlgebra, at: At) -> Iterator[Same]:
-    given, found = (np.array(a.structure_constants, dtype=float).transpose(1, 2, 0), at.units.constants)
-    order = {"the order of the indices, c[k][i][j] has k first": found.transpose(1, 2, 0)}
-    yield Same(given, found, np.abs(found).max(initial=0.0), lambda: factors(found) | order)
+    constants, commutators = (np.array(a.structure_constants, dtype=float).transpose(1, 2, 0), at.units.constants)
+    order = {"the order of the indices, c[k][i][j] has k first": commutators.transpose(1, 2, 0)}
+    yield Same(constants, commutators, np.abs(commutators).max(initial=0.0), lambda: factors(commutators) | order)
     yield Same(a.bracket(at.xi, at.eta), at.ad @ flat(at.eta), at.units.bracket_size(at.xi, at.eta))
 
 

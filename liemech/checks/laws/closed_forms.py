@@ -59,33 +59,33 @@ def laws_of_closed_forms(
 
 def records_within(record: Any) -> Iterator[Any]:
     """A record, and those that it holds, once each; groups and retractions have checks of their own."""
-    seen: list[Any] = []
+    records: list[Any] = []
     waiting = [record]
     while waiting:
-        one = waiting.pop(0)
-        if type(one) is tuple:
-            waiting.extend(one)
-        elif isinstance(one, GROUPS) or any(one is other for other in seen):
+        item = waiting.pop(0)
+        if type(item) is tuple:
+            waiting.extend(item)
+        elif isinstance(item, GROUPS) or any(item is other for other in records):
             continue
-        elif isinstance(one, Record):
-            seen.append(one)
-            waiting.extend(fields_of(one).values())
-            yield one
+        elif isinstance(item, Record):
+            records.append(item)
+            waiting.extend(fields_of(item).values())
+            yield item
 
 
 def _same(
     owner: Any, closed: Any, follows: Any, arguments: Callable[[Any], Arguments], _: Any, at: Any
 ) -> Iterator[Same]:
-    """Both versions, component by component: their units may differ."""
-    given = arguments(at)
+    """The closed form beside the formula that it stands for, component by component, as their units may differ."""
+    candidates = arguments(at)
     names = [
         name
         for name, parameter in list(inspect.signature(closed).parameters.items())[1:]
-        if name in given or parameter.default is parameter.empty
+        if name in candidates or parameter.default is parameter.empty
     ]
-    if not all(name in given for name in names):
+    if not all(name in candidates for name in names):
         return
-    for values in itertools.product(*(given[name] for name in names)):
+    for values in itertools.product(*(candidates[name] for name in names)):
         try:
             right = follows(owner, *values)
             flat(right)
@@ -111,18 +111,18 @@ def _rounding(f: Callable[..., Any], values: tuple[Any, ...], here: np.ndarray) 
     """To what roundings are relative, for each component: its size, and how fast it changes with
     the arguments.
     """
-    found = np.abs(here)
+    sizes = np.abs(here)
     for signs in range(3):
         rng = np.random.default_rng(signs)
         try:
             with np.errstate(all="ignore"):
-                there = flat(f(*(_nudged(value, rng) for value in values)))
+                nearby = flat(f(*(_nudged(value, rng) for value in values)))
         except Exception:  # at the edge of where it is defined
             continue
-        change = np.abs(there - here) / NUDGE
-        found = np.maximum(found, np.where(np.isfinite(change), change, 0.0))
-    least = found.max(initial=0.0) * 2.0**-14  # a component that is zero rounds as the others do
-    return np.where(found > least, found, least or 1.0)
+        change = np.abs(nearby - here) / NUDGE
+        sizes = np.maximum(sizes, np.where(np.isfinite(change), change, 0.0))
+    least = sizes.max(initial=0.0) * 2.0**-14  # a component that is zero rounds as the others do
+    return np.where(sizes > least, sizes, least or 1.0)
 
 
 def _nudged(value: Any, rng: np.random.Generator) -> Any:

@@ -157,11 +157,11 @@ def gradients(G: LieGroup, mu: Vec) -> np.ndarray:
 @axiom(PLACE, "Casimirs", "casimirs(Ad*_g mu) = casimirs(mu), and their gradients C' have B(mu) C' = 0", "casimirs")
 def casimirs(G: LieGroup, at: At) -> Iterator[Same]:
     moved = G.Ad_star(at.g, at.mu)
-    here, there = (gradients(G, mu) for mu in (at.mu, moved))
+    slopes, moved_slopes = (gradients(G, mu) for mu in (at.mu, moved))
     b = of_rows(lambda a: G.ad_star(a, at.mu), np.eye(at.dim)).T
-    change = float((norm(here, axis=0) + norm(there, axis=0)).max(initial=0.0))
+    change = float((norm(slopes, axis=0) + norm(moved_slopes, axis=0)).max(initial=0.0))
     yield Same(G.casimirs(moved), G.casimirs(at.mu), change * (size(at.mu) + size(moved)) * at.condition)
-    yield vanishes(b @ here, float(norm(b, 2)) * change * math.sqrt(at.dim) / STEP)
+    yield vanishes(b @ slopes, float(norm(b, 2)) * change * math.sqrt(at.dim) / STEP)
 
 
 @axiom(
@@ -189,15 +189,15 @@ def membership(G: LieGroup, at: At) -> Iterator[Same]:
 )
 def nearest(G: LieGroup, at: At) -> Iterator[Same]:
     yield Same(G.nearest(at.g), at.g, at.elements(at.g, at.back))
-    found = G.nearest(at.disturbed(at.g))
-    yield Same(G.defect(found), 0.0, at.share(found, G.inverse(found)))
+    element = G.nearest(at.disturbed(at.g))
+    yield Same(G.defect(element), 0.0, at.share(element, G.inverse(element)))
 
 
 @axiom(PLACE, "random", "random elements are elements, and as many as asked for", "random", once=True)
 def random_elements(G: LieGroup, at: At) -> Iterator[Same]:
-    some = np.asarray(G.random(1, (2, 3)))
-    yield Same(np.array(some.shape), np.array((2, 3, *G.element_shape)))
-    yield Same(np.all(G.contains(some)), True)
+    elements = np.asarray(G.random(1, (2, 3)))
+    yield Same(np.array(elements.shape), np.array((2, 3, *G.element_shape)))
+    yield Same(np.all(G.contains(elements)), True)
 
 
 @axiom(PLACE, "body velocity", "body_velocity(g, d/ds g exp(s xi)) = xi at s = 0", optional=True)

@@ -57,7 +57,7 @@ class Same:
 
 
 def vanishes(x: Any, size: float = 1.0) -> Same:
-    """x = 0."""
+    """The law x = 0, to roundings of a size."""
     return Same(x, 0.0 * x, size)
 
 
@@ -68,7 +68,7 @@ def shaped(x: np.ndarray, shape: tuple[int, ...]) -> Iterator[Same]:
 
 
 def factors(right: Any) -> dict[str, Any]:
-    """The commonest slips."""
+    """The commonest slips: a wrong sign, a factor 2 or 1/2."""
     return {"a wrong sign": -right, "a factor 2 too many": 2.0 * right, "a factor 1/2 too many": 0.5 * right}
 
 
@@ -104,7 +104,7 @@ def axiom(table: list[Law], name: str, formula: str, *closed: str, **options: An
 
 
 def replaced(thing: Any, base: type, name: str) -> bool:
-    """Has the class of a thing its own version of a method of the base?"""
+    """Whether the class of a thing has its own version of a method of the base."""
     return bare(getattr(type(thing), name, None)) is not bare(getattr(base, name, None))
 
 

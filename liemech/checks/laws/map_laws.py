@@ -62,8 +62,8 @@ class Map:
         return [replace(law, name=law.name.format(**words), formula=law.formula.format(**words)) for law in MAPS]
 
     def own(self, name: str) -> bool:
-        """Is the method the author's own?  What a retraction leaves out is made by differentiating
-        tau: his own too.
+        """Whether the method is the author's own.  What a retraction leaves out is made by differentiating tau: his own
+        too.
         """
         if name == "tau_compose":
             return replaced(self.retraction, Retraction, name)
@@ -81,11 +81,11 @@ class Map:
         """
         if (at, side) not in self.differentials:
             if self.is_exp:
-                found = phi1(at.ad if side == "right" else -at.ad), 1.0
+                matrix_and_roundings = phi1(at.ad if side == "right" else -at.ad), 1.0
             else:
                 units, lengths = np.eye(at.dim), at.units.lengths
-                found = self.differences(at, units / lengths, side) * lengths, 1.0 / STEP
-            self.differentials[at, side] = found
+                matrix_and_roundings = self.differences(at, units / lengths, side) * lengths, 1.0 / STEP
+            self.differentials[at, side] = matrix_and_roundings
         return self.differentials[at, side]
 
     def difference(self, at: At, eta: Vec, side: str) -> np.ndarray:
@@ -94,31 +94,31 @@ class Map:
         return self.differences(at, flat(eta)[None] / length, side)[:, 0] * length
 
     def differences(self, at: At, etas: np.ndarray, side: str) -> np.ndarray:
-        """Those of many directions of size one.  etas : (many, dim); (dim, many)."""
+        """The differentials of many directions of size one.  etas : (many, dim); (dim, many)."""
         group, back = self.group, self.group.inverse(self.tau(at.xi))
 
         def moved(xi: Any) -> Any:
-            there = self.tau(xi)
-            return group.compose(there, back) if side == "right" else group.compose(back, there)
+            element = self.tau(xi)
+            return group.compose(element, back) if side == "right" else group.compose(back, element)
 
         changes = slope(lambda s: of_rows(moved, flat(at.xi) + s * etas)).reshape(len(etas), -1)
         return at.units.coordinates(changes.T)
 
     def slips(self, at: At, dual: bool, inverse: bool) -> dict[str, Any]:
         """The maps for which a differential, its inverse or a dual of them is mistaken."""
-        here, there = (self.differential(at, side)[0] for side in ("left", "right"))
+        left, right = (self.differential(at, side)[0] for side in ("left", "right"))
         x = flat(at.mu) if dual else flat(at.eta)
         if inverse:
-            here, there = inv(here), inv(there)
+            left, right = inv(left), inv(right)
         if dual:
-            here, there = here.T, there.T
+            left, right = left.T, right.T
         slips = {
-            "it is the right-trivialised one": there @ x,
-            "it is not the dual" if dual else "it is the dual": here.T @ x,
-            "it is not the inverse" if inverse else "it is the inverse": inv(here) @ x,
+            "it is the right-trivialised one": right @ x,
+            "it is not the dual" if dual else "it is the dual": left.T @ x,
+            "it is not the inverse" if inverse else "it is the inverse": inv(left) @ x,
             "it is not the inverse, and the right-trivialised one"
             if inverse
-            else "it is the inverse of the right-trivialised one": inv(there) @ x,
+            else "it is the inverse of the right-trivialised one": inv(right) @ x,
         }
         if self.is_exp and inverse and not dual:
             sums = np.cumsum(bernoulli_terms(-at.ad, x), axis=0)
@@ -140,8 +140,8 @@ def bernoulli_terms(ad: np.ndarray, eta: np.ndarray) -> np.ndarray:
 @axiom(MAPS, "{tau} at zero", "{tau}(0) = e, and d/ds {tau}(s xi) = xi at s = 0", once=True)
 def map_at_zero(tau: Map, at: At) -> Iterator[Same]:
     yield Same(tau.tau(0.0 * at.xi), tau.group.identity(), at.units.weight)
-    found = at.units.coordinates(slope(lambda s: tau.tau(s * at.eta)))
-    yield Same(found, at.eta, size(at.eta) / STEP, lambda: factors(at.eta))
+    rate = at.units.coordinates(slope(lambda s: tau.tau(s * at.eta)))
+    yield Same(rate, at.eta, size(at.eta) / STEP, lambda: factors(at.eta))
 
 
 @axiom(MAPS, "inverse of {tau}", "{tau}(-xi) = {tau}(xi)^-1")
@@ -164,15 +164,15 @@ def inverse_map(tau: Map, at: At) -> Iterator[Same]:
     for xi in points:
         g = tau.tau(xi)
         try:
-            found = tau.tau_inv(g)
+            logarithm = tau.tau_inv(g)
         except (InvalidInput, NoConvergence):
             if xi is at.xi:
                 raise
             continue  # so close to the cut, to refuse is honest
         beside = cut / (cut - angle * size(xi) / size(at.xi)) if tau.is_exp and size(xi) else 1.0
         scale = at.share(g, tau.group.inverse(g)) * (1.0 + at.length) * beside
-        yield Same(found, xi, (size(xi) + size(at.eta)) * scale * at.condition, partial(factors, xi))
-        yield Same(tau.tau(found), g, at.units.weight * scale)
+        yield Same(logarithm, xi, (size(xi) + size(at.eta)) * scale * at.condition, partial(factors, xi))
+        yield Same(tau.tau(logarithm), g, at.units.weight * scale)
 
 
 @axiom(MAPS, "{tau_Ad_star}", "{tau_Ad_star}(xi, mu) = Ad_star({tau}(xi), mu)", "tau_Ad_star", optional=True)
@@ -223,9 +223,9 @@ DEFINITION = "d/de {tau}(xi + e eta) = {tau}(xi) ({dtau}_xi eta)"
 @axiom(MAPS, "{dtau} by definition", DEFINITION, "dtau", optional=True)
 def differential_by_definition(tau: Map, at: At) -> Iterator[Same]:
     g = tau.tau(at.xi)
-    found = tau.difference(at, at.eta, "left")
-    scale = at.share(g, tau.group.inverse(g)) * (size(found) + size(at.eta)) / STEP
-    yield Same(tau.dtau(at.xi, at.eta), found, scale, partial(tau.slips, at, False, False))
+    difference = tau.difference(at, at.eta, "left")
+    scale = at.share(g, tau.group.inverse(g)) * (size(difference) + size(at.eta)) / STEP
+    yield Same(tau.dtau(at.xi, at.eta), difference, scale, partial(tau.slips, at, False, False))
 
 
 @axiom(MAPS, "{dtau_dual}", "<{dtau_dual}_xi mu, eta> = <mu, {dtau}_xi eta>", "dtau_dual", optional=True)
@@ -242,12 +242,12 @@ def inverse_differential(tau: Map, at: At) -> Iterator[Same]:
     scale = float(norm(inv(d), 2) * cond(d)) * size(at.eta) * (1.0 + at.length)
     slips = partial(tau.slips, at, False, True)
     try:
-        found = tau.dtau_inv(at.xi, at.eta)
+        preimage = tau.dtau_inv(at.xi, at.eta)
     except (OutsideChart, InvalidInput):  # of large matrices its series ends before the chart does
         if at.inside and not lies_in_memory(tau.group):
             raise
         return  # behind the place where dtau is singular, to refuse is honest
-    yield Same(found, inv(d) @ flat(at.eta), scale * roundings, slips)
+    yield Same(preimage, inv(d) @ flat(at.eta), scale * roundings, slips)
     if not tau.is_exp:  # of which the series is accurate enough
         back = tau.dtau_inv(at.xi, tau.dtau(at.xi, at.eta))
         yield Same(back, at.eta, scale * float(cond(d)))
@@ -262,12 +262,12 @@ def dual_of_the_inverse(tau: Map, at: At) -> Iterator[Same]:
     scale = float(norm(inv(d), 2) * cond(d)) * size(at.mu) * (1.0 + at.length) * roundings
     slips = partial(tau.slips, at, True, True)
     try:
-        found = tau.dtau_inv_dual(at.xi, at.mu)
+        image = tau.dtau_inv_dual(at.xi, at.mu)
     except (OutsideChart, InvalidInput):  # of large matrices its series ends before the chart does
         if at.inside and not lies_in_memory(tau.group):
             raise
         return
-    yield Same(found, inv(d).T @ flat(at.mu), scale, slips)
+    yield Same(image, inv(d).T @ flat(at.mu), scale, slips)
 
 
 NEWTON = "r = 0 where p = {dtau_dual}_-xi mu, and dr/dp and dr/dxi are the derivatives of r"
@@ -286,17 +286,17 @@ def residual(tau: Map, at: At) -> Iterator[Same]:
 
     q = p + at.nu
     _, by_p, by_xi = tau.residual(at.xi, q, at.mu)
-    found = slope(lambda s: tau.residual(at.xi + s * at.eta, q + s * at.nu, at.mu)[0])
+    change = slope(lambda s: tau.residual(at.xi + s * at.eta, q + s * at.nu, at.mu)[0])
     by_formula = times(by_xi, at.eta) + times(by_p, at.nu)
     scale = (
         (size(by_xi) + size(by_p) * (size(q) + size(at.nu)) + size(at.mu)) * (1.0 + size(at.eta)) * (1.0 + at.length)
     )
     slips = {
-        "dr/dxi is transposed": found + times(by_xi, at.eta) - times(np.asarray(by_xi).T, at.eta),
-        "the sign of dr/dxi": found + 2.0 * times(by_xi, at.eta),
-        "the sign of dr/dp": found + 2.0 * times(by_p, at.nu),
+        "dr/dxi is transposed": change + times(by_xi, at.eta) - times(np.asarray(by_xi).T, at.eta),
+        "the sign of dr/dxi": change + 2.0 * times(by_xi, at.eta),
+        "the sign of dr/dp": change + 2.0 * times(by_p, at.nu),
     }
-    yield Same(by_formula, found, scale / STEP, lambda: slips)
+    yield Same(by_formula, change, scale / STEP, lambda: slips)
 
 
 def times(derivative: Any, direction: Any) -> np.ndarray:
@@ -352,5 +352,5 @@ def dcayley_inv_as_matrices(cay: Map, at: At) -> Iterator[Same]:
         x, y = np.asarray(hat(at.xi)), np.asarray(hat(at.eta))
         slips = {"it is the right-trivialised one": -x, "a factor 2 too many": 2.0 * x}
         scale = (1.0 + size(x)) ** 2 * size(y)
-        found = hat(cay.dtau_inv(at.xi, at.eta))
-        yield Same(found, product(x), scale, partial(cases, product, slips))
+        image = hat(cay.dtau_inv(at.xi, at.eta))
+        yield Same(image, product(x), scale, partial(cases, product, slips))

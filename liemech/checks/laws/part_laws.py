@@ -24,13 +24,13 @@ CONSTRAINED_PARTS: list[Law] = []
 
 
 def _motion(flow: Callable[[float], Vec], rate: Callable[[Vec], Vec], y: Vec, pace: float) -> Iterator[Same]:
-    """Does a motion begin at y, and follow its velocity, at several times of both signs?"""
+    """The laws of a motion: it begins at y, and follows its velocity at several times of both signs."""
     yield Same(flow(0.0), y, size(y))
     for t in (0.0, 0.1, -0.1, 0.7):
-        there = flow(t / (pace or 1.0))
-        velocity, found = rate(there), derivative(flow, t / (pace or 1.0))
-        scale = size(velocity) + size(found) + (size(y) + size(there)) * (pace or 1.0)
-        yield Same(found, velocity, scale, partial(factors, flat(velocity)))
+        point = flow(t / (pace or 1.0))
+        velocity, change = rate(point), derivative(flow, t / (pace or 1.0))
+        scale = size(velocity) + size(change) + (size(y) + size(point)) * (pace or 1.0)
+        yield Same(change, velocity, scale, partial(factors, flat(velocity)))
 
 
 def on_manifold(system: Any, q: Vec, p: Vec) -> Iterator[Same]:
@@ -43,11 +43,11 @@ def on_manifold(system: Any, q: Vec, p: Vec) -> Iterator[Same]:
 @axiom(FIELDS, "flow", "flow(y, 0) = y, d/dt flow = f(flow), of the field and of its parts", optional=True, slack=CLOSE)
 def flows(system: VectorField, at: AtState) -> Iterator[Same]:
     parts = system.parts if isinstance(system, SplitField) else (system,)
-    known = [part for part in parts if has_flow(part) and not isinstance(part, RecognisedField)]
-    if not known:
+    written = [part for part in parts if has_flow(part) and not isinstance(part, RecognisedField)]
+    if not written:
         raise NotDefined("no motion is written")
     y = at.state.y
-    for part in known:
+    for part in written:
         yield from _motion(partial(part.flow, y), part.velocity, y, at.pace)
 
 
@@ -78,8 +78,8 @@ def motions(system: SplitConstrainedSystem, at: AtState) -> Iterator[Same]:
         raise NotDefined("no motion is written")
 
     def flow(part: Any, t: float) -> Vec:
-        there, after = part.flow(system, q, p, t)
-        return vec(*there, *after)
+        position, after = part.flow(system, q, p, t)
+        return vec(*position, *after)
 
     def rate(number: int, y: Vec) -> Vec:
         return system.rate_of_part(number, vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)]))

@@ -91,7 +91,7 @@ class Entry(Same):
     entries: str = ""
 
     def slips(self, allowed: float) -> str:
-        """The entries."""
+        """The entries of the matrix at fault, in words."""
         return f"a slip in {self.entries}"
 
 
@@ -129,8 +129,8 @@ def jacobi(B: Any, at: AtStructure) -> Iterator[Same]:
 @axiom(POISSON, "closed product", "sharp(y, a) = B(y) a", "sharp", slack=CLOSE)
 def closed_product(B: Any, at: AtStructure) -> Iterator[Same]:
     for j, unit in enumerate(np.eye(at.dim)):
-        given = flat(B.sharp(at.y, Vec.of(unit.tolist())))
-        yield from _entries(given, at.matrix[:, j], at.terms[:, j], f"the component a_{j + 1}")
+        column = flat(B.sharp(at.y, Vec.of(unit.tolist())))
+        yield from _entries(column, at.matrix[:, j], at.terms[:, j], f"the component a_{j + 1}")
 
 
 @axiom(POISSON, "Leibniz' rule", "{F G, H} = F {G, H} + G {F, H}", slack=CLOSE)
@@ -182,11 +182,11 @@ def coordinate_flow(B: Any, at: AtStructure) -> Iterator[Same]:
             def rate(x: Vec, i: int = i, s: float = s) -> Any:
                 return derivative(partial(B.coordinate_flow, x, i), s)
 
-            there, found = B.coordinate_flow(at.y, i, s), flat(rate(at.y))
-            terms = B.terms(there)[:, i] + np.abs(found)
+            point, speed = B.coordinate_flow(at.y, i, s), flat(rate(at.y))
+            terms = B.terms(point)[:, i] + np.abs(speed)
             terms = terms + np.abs(flat(jacobian(rate, at.y)).reshape(n, n)) @ y
-            b = np.array(B.matrix(there), dtype=float)
-            yield from _entries(found, b[:, i], terms, f"the motion of y_{i + 1}")
+            b = np.array(B.matrix(point), dtype=float)
+            yield from _entries(speed, b[:, i], terms, f"the motion of y_{i + 1}")
 
 
 def _entries(left: np.ndarray, right: np.ndarray, sizes: np.ndarray, entries: str) -> Iterator[Entry]:
@@ -197,9 +197,9 @@ def _entries(left: np.ndarray, right: np.ndarray, sizes: np.ndarray, entries: st
 
 @axiom(POISSON, "rank", "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left")
 def rank(B: Any, at: AtStructure) -> Iterator[Same]:
-    found = B.rank_at(at.y)
-    yield Entry(found, at.generic, entries=f"the point: B has rank {found} here, {at.generic} elsewhere")
-    yield Entry(found % 2, 0, entries="the skew symmetry")
+    rank_here = B.rank_at(at.y)
+    yield Entry(rank_here, at.generic, entries=f"the point: B has rank {rank_here} here, {at.generic} elsewhere")
+    yield Entry(rank_here % 2, 0, entries="the skew symmetry")
     if B.rank is not None:
         yield Entry(B.rank, at.generic, entries=f"`rank`, which is {B.rank}")
     number = len(flat(B.casimirs(at.y)))
@@ -237,13 +237,13 @@ def check_poisson(structure: PoissonStructure, points: Any = None, *, raises: bo
 def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtStructure]:
     me, n = "check_poisson", structure.dim
     if points is not None:
-        found = given_points(me, n, points)
+        named_points = given_points(me, n, points)
     else:
         rng = generator(me, seed)
         drawn: list[np.ndarray] = []
         for large in SIZES:  # a negative one is the mirror image of the point before
             drawn.append(components(rng, n, large) if large > 0.0 else -drawn[-1])
-        found = random_points(
+        named_points = random_points(
             me,
             repr(structure),
             [*map(named, SIZES)],
@@ -252,11 +252,11 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtStruc
             lambda y: (structure.matrix(y), structure.casimirs(y)),
         )
     ranks = []
-    for _, y in found:
+    for _, y in named_points:
         try:
             ranks.append(structure.rank_at(y))
         except Exception:  # for the laws to tell
             ranks.append(0)
-    reach = np.abs([flat(y) for _, y in found]).max(axis=0)
-    everywhere = tuple(y for _, y in found)
-    return [AtStructure(name, structure, y, max(ranks), reach, everywhere) for name, y in found]
+    reach = np.abs([flat(y) for _, y in named_points]).max(axis=0)
+    everywhere = tuple(y for _, y in named_points)
+    return [AtStructure(name, structure, y, max(ranks), reach, everywhere) for name, y in named_points]

@@ -55,8 +55,8 @@ def derived(f: Callable[[Any], Any], x: Any) -> tuple[np.ndarray, float]:
         near = STEP / 16.0  # of formulas that grow fast, such as exponentials
         unit = near * (size(x) or 1.0)
         columns = [slope(lambda s, e=e: f(vec(*(flat(x) + s * e))), unit) for e in np.eye(len(x))]  # type: ignore[misc]
-        found = np.stack(columns, axis=-1)
-        return found[0] if len(found) == 1 else found, 1.0 / near
+        slopes = np.stack(columns, axis=-1)
+        return slopes[0] if len(slopes) == 1 else slopes, 1.0 / near
 
 
 def _matches(given: Any, f: Callable[[Any], Any], x: Any, sign: float = 1.0) -> Same:
@@ -96,8 +96,8 @@ def momentum_of_lagrangian(system: LiePoissonSystem, at: AtState) -> Iterator[Sa
 @axiom(BODY, "hessian", "hessian(xi) = d2l/dxi2", "hessian", optional=True, slack=CLOSE)
 def hessian_of_lagrangian(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
     xi = system.velocity(at.state.mu)
-    given = np.asarray(_lagrangian(system).hessian(xi), dtype=float)
-    yield _matches(np.diag(given) if given.ndim == 1 else given, _lagrangian(system).momentum, xi)
+    matrix = np.asarray(_lagrangian(system).hessian(xi), dtype=float)
+    yield _matches(np.diag(matrix) if matrix.ndim == 1 else matrix, _lagrangian(system).momentum, xi)
 
 
 @axiom(
@@ -132,7 +132,7 @@ def independent_casimirs(system: LiePoissonSystem, at: AtState) -> Iterator[Same
 
 
 def _rows(casimirs: Callable[[Any], Any], dim: int) -> Callable[[Any], np.ndarray]:
-    """Gradients as rows."""
+    """The gradients of the Casimirs as rows, a function of the point."""
     return lambda y: derived(casimirs, y)[0].reshape(-1, dim)
 
 
@@ -156,8 +156,8 @@ FIELD: list[Law] = []
 @axiom(FIELD, "force", "<f, eta> = -d/ds V(g exp(s eta)) at s = 0", "force", slack=CLOSE)
 def force_of_potential(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     group, g, V = system.configurations, at.state.g, system.potential
-    rest = vec(*[0.0 for _ in range(group.dim)])
-    yield _matches(V.force(group, g), lambda eta: V.energy(group.compose_exp(g, eta)), rest, -1.0)
+    zero = vec(*[0.0 for _ in range(group.dim)])
+    yield _matches(V.force(group, g), lambda eta: V.energy(group.compose_exp(g, eta)), zero, -1.0)
 
 
 @axiom(FIELD, "load", "a vector of dim finite numbers, and dE/dt = <F, xi>", optional=True, slack=CLOSE)
@@ -169,12 +169,12 @@ def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     xi = system.velocity(mu, **at.timed)
     force = flat(system.load.covector(at.t, xi, g))
     yield from shaped(force, (len(mu),))
-    power, found = float(force @ flat(xi)), []
+    power, comparisons = float(force @ flat(xi)), []
     for place in (at, at.closer):
         energies = [whole.energy(state.mu, state.g, **at.timed) for state in place.nearby]  # of rotors too
         change, scale = place.along(energies)
-        found.append(Same(change, np.array([power]), scale + abs(power)))
-    yield min(found, key=lambda same: same.defect)
+        comparisons.append(Same(change, np.array([power]), scale + abs(power)))
+    yield min(comparisons, key=lambda same: same.defect)
 
 
 # ---------------------------------------------------------------- terms of many sites
@@ -188,8 +188,8 @@ EDGES = 20
 def _terms_of(system: Any) -> list[OfTerms]:
     """The sums of terms in a system whose sites are of one species."""
     kinds = MomentumTerms, PlaceTerms
-    found = [x for x in inside(system, OfTerms) if isinstance(x, kinds) and x.species is None]
-    return [x for x in found if any(part.graph.arity > 1 for part in x.parts)]
+    sums = [x for x in inside(system, OfTerms) if isinstance(x, kinds) and x.species is None]
+    return [x for x in sums if any(part.graph.arity > 1 for part in x.parts)]
 
 
 @axiom(SITES, "ends", "slopes and forces of all ends of an edge are those of each", slack=CLOSE)
@@ -203,12 +203,12 @@ def ends_of_edges(system: Any, at: AtState) -> Iterator[Same]:
             for _, timed, ends in edges[:EDGES] if part.graph.arity > 1 else []:
                 term = at_time(timed, at.t)
                 if momenta:
-                    one, together = partial(term.slope), term.slopes(*ends)
+                    formula, together = partial(term.slope), term.slopes(*ends)
                 else:
-                    one, together = partial(term.force, group), term.forces(group, *ends)
-                for k, given in enumerate(together):
-                    right = flat(one(k, *ends))
-                    yield Same(flat(given), right, size(right), lambda x=right: factors(x))  # type: ignore[misc]
+                    formula, together = partial(term.force, group), term.forces(group, *ends)
+                for k, covector in enumerate(together):
+                    right = flat(formula(k, *ends))
+                    yield Same(flat(covector), right, size(right), lambda x=right: factors(x))  # type: ignore[misc]
 
 
 # ---------------------------------------------------------------- bodies under constraints
@@ -317,12 +317,12 @@ def geodesic(system: Any, at: AtState) -> Iterator[Same]:
         raise NotDefined("the system has none")
     q, p = at.state.q, at.state.p
     t = 0.5 / (at.pace or 1.0)
-    there, after = system.geodesic(q, p, t)
+    position, after = system.geodesic(q, p, t)
     half = system.geodesic(*system.geodesic(q, p, 0.5 * t), 0.5 * t)
-    yield Same(vec(*half[0], *half[1]), vec(*there, *after), size(there) + size(after))
+    yield Same(vec(*half[0], *half[1]), vec(*position, *after), size(position) + size(after))
     begins = derivative(lambda s: system.geodesic(q, p, s)[0], 0.0)
     yield Same(begins, system.velocity(q, p), size(system.velocity(q, p)))
-    yield from on_manifold(system, there, after)
+    yield from on_manifold(system, position, after)
     yield Same(system.kinetic(after), system.kinetic(p), abs(system.kinetic(p)))
 
 
@@ -341,9 +341,9 @@ def casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
     y = at.state.y
     slopes, rounding = derived(system.casimirs, y)
     for row in slopes.reshape(-1, len(y)):
-        there = system.structure.sharp(y, vec(*row.tolist()))
+        moved = system.structure.sharp(y, vec(*row.tolist()))
         scale = size(np.abs(np.asarray(system.structure.matrix(y))) @ np.abs(row)) + size(row)
-        yield vanishes(there, rounding * scale)
+        yield vanishes(moved, rounding * scale)
 
 
 @axiom(
@@ -361,18 +361,18 @@ def independent_casimirs_of_structure(system: PoissonSystem, at: AtState) -> Ite
 
 @axiom(PARTS, "motions of parts", "d/dt flow(y, t) = B dH_i at flow(y, t), at two t", optional=True, slack=CLOSE)
 def motions_of_parts(system: PoissonSystem, at: AtState) -> Iterator[Same]:
-    known = [part for part in system.parts if isinstance(part, Part)]
-    if not known:
+    written = [part for part in system.parts if isinstance(part, Part)]
+    if not written:
         raise NotDefined("no part has a motion that is known")
     y, B = at.state.y, system.structure
-    for part in known:
+    for part in written:
         yield Same(part.flow(B, y, 0.0), y, size(y))
         for t in (0.0, 0.1 / (at.pace or 1.0)):
-            there = part.flow(B, y, t)
-            rate = B.sharp(there, part.gradient(there))
-            found = derivative(partial(part.flow, B, y), t)
-            scale = size(rate) + size(found) + size(y) * (at.pace or 1.0)
-            yield Same(found, rate, scale, lambda rate=rate: factors(flat(rate)))  # type: ignore[misc]
+            point = part.flow(B, y, t)
+            rate = B.sharp(point, part.gradient(point))
+            change = derivative(partial(part.flow, B, y), t)
+            scale = size(rate) + size(change) + size(y) * (at.pace or 1.0)
+            yield Same(change, rate, scale, lambda rate=rate: factors(flat(rate)))  # type: ignore[misc]
 
 
 # ---------------------------------------------------------------- what is kept
@@ -425,15 +425,15 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     """
     yield SYSTEM, system, lambda name: True
     tables: list[tuple[list[Law], Any, Any, Callable[[str], bool]]] = []  # with whose formulas these are
-    own: Callable[[str], bool]
+    written: Callable[[str], bool]
     body = system.body if isinstance(system, (MechanicalSystem, BoundBody)) else system
     field = system.body if isinstance(system, BoundBody) else system
     body = body.body if isinstance(body, MechanicalSystem) else body
     if isinstance(body, LiePoissonSystem):
         tables.append((BODY, body, (body.hamiltonian, body.lagrangian), partial(_written, body)))
     if isinstance(field, MechanicalSystem):
-        own = partial(replaced, field.potential, Potential)
-        tables.append((FIELD, field, (field.potential,), own))
+        written = partial(replaced, field.potential, Potential)
+        tables.append((FIELD, field, (field.potential,), written))
     if _terms_of(system):
         tables.append((SITES, system, (), lambda name: True))
     if isinstance(system, BoundBody):
@@ -443,28 +443,28 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
         base = next(kind for kind in kinds if isinstance(system, kind))
         tables.append((CANONICAL, system, (system,), partial(replaced, system, base)))
     if isinstance(system, ConstrainedSystem):
-        own = partial(replaced, system, ConstrainedSystem)
-        tables.append((CONSTRAINED, system, (system,), own))
+        written = partial(replaced, system, ConstrainedSystem)
+        tables.append((CONSTRAINED, system, (system,), written))
     if isinstance(system, DrivenHamiltonianSystem):
-        own = partial(replaced, system, DrivenHamiltonianSystem)
-        tables.append((DRIVEN, system, (system,), own))
+        written = partial(replaced, system, DrivenHamiltonianSystem)
+        tables.append((DRIVEN, system, (system,), written))
     if isinstance(system, DrivenLiePoissonSystem):
         energy = system.hamiltonian
-        own = partial(replaced, energy, DrivenHamiltonian)
-        tables.append((DRIVEN_BODY, system, (energy,), own))
+        written = partial(replaced, energy, DrivenHamiltonian)
+        tables.append((DRIVEN_BODY, system, (energy,), written))
     if isinstance(system, SplitConstrainedSystem):
         tables.append((CONSTRAINED_PARTS, system, (), lambda name: True))
     if isinstance(system, PoissonSystem):
         tables.append((PARTS, system, (), lambda name: True))
     elif isinstance(system, VectorField):
         tables.append((FIELDS, system, (), lambda name: True))
-    for laws, subject, _, own in tables:
-        yield laws, subject, own
+    for laws, subject, _, written in tables:
+        yield laws, subject, written
     for owner in records_within(system):
         named = {
             name
             for laws, _, owners, _ in tables
-            if any(owner is one for one in owners)
+            if any(owner is record for record in owners)
             for law in laws
             for name in law.closed
         }
@@ -480,28 +480,28 @@ def arguments(owner: Any, at: AtState) -> Arguments:
     if isinstance(system, ExtendedSystem) and owner is not system:  # what it holds knows no time
         inner = system.system
         state = CanonicalState(system.without(state.q), system.without(state.p))
-    found = {"t": t, "system": inner, "state": state}
-    found |= {name: x for name, x in state.parts.items() if x is not None}
+    by_name = {"t": t, "system": inner, "state": state}
+    by_name |= {name: x for name, x in state.parts.items() if x is not None}
     body = isinstance(inner, (LiePoissonMotion, MechanicalSystem, BoundBody))
     if body or isinstance(inner, PhaseSpace):
         where = {"mu": state.mu} if body else state.parts
         v = inner.velocity(*((t,) if at.driven else ()), *where.values(), **at.timed)
-        found |= {"v": v, "xi": v}
+        by_name |= {"v": v, "xi": v}
     if isinstance(inner, PoissonSystem):
-        found |= {"mu": state.y, "a": inner.gradient(state.y), "structure": inner.structure}
+        by_name |= {"mu": state.y, "a": inner.gradient(state.y), "structure": inner.structure}
     if isinstance(inner, HomogeneousEquation):
-        found |= {"xi": at.rate, "g": inner.group.exp(at.rate)}
+        by_name |= {"xi": at.rate, "g": inner.group.exp(at.rate)}
     if body:
         free = isinstance(inner, LiePoissonMotion)
-        found |= {"group": inner.group if free else inner.configurations}
-    several: Arguments = {name: (value,) for name, value in found.items()}
+        by_name |= {"group": inner.group if free else inner.configurations}
+    several: Arguments = {name: (value,) for name, value in by_name.items()}
     if isinstance(owner, MultirateSystem):
         several["k"] = tuple(range(len(owner.parts)))
     return several
 
 
 def _written(body: LiePoissonSystem, name: str) -> bool:
-    """Is a formula written by the Hamiltonian or the Lagrangian of a body?"""
+    """Whether the Hamiltonian or the Lagrangian of a body writes a formula."""
     if name == "gradient":
         return replaced(body.hamiltonian, Hamiltonian, name)
     return body.lagrangian is None or replaced(body.lagrangian, Lagrangian, name)

@@ -91,11 +91,11 @@ class GroupInUnits(SameElements):
         return self.group.compose_exp(g, self.units * xi)
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """Ad of the group."""
+        """The adjoint map Ad_g xi in these units."""
         return self.group.Ad(g, self.units * xi) / self.units
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """Ad* of the group."""
+        """The coadjoint map Ad*_g mu in these units."""
         return self.group.Ad_star(g, mu / self.units) * self.units
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:

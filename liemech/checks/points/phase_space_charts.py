@@ -71,15 +71,15 @@ class Charts:
         """A size of momenta: of a body at rest what its force makes in the time in which it moves by its
         own size.
         """
-        there = size(self.begin.mu)
-        if there > 0.0 or not isinstance(self.system, MechanicalSystem):
-            return there
+        length = size(self.begin.mu)
+        if length > 0.0 or not isinstance(self.system, MechanicalSystem):
+            return length
         force = size(flat(self.system.force(self.begin.g)))
         return force / (pace(self.system, 0.0, self.begin) or 1.0) or 1.0
 
     @property
     def group(self) -> Any:
-        """The configurations."""
+        """The group of the configurations, or of the equation."""
         return (
             self.system.configurations if isinstance(self.system, (MechanicalSystem, BoundBody)) else self.system.group
         )
@@ -119,8 +119,8 @@ class Charts:
             whole = np.asarray(self.system.structure.matrix(at.y))
         else:
             momenta = np.asarray(self.group.algebra.poisson_structure(at.mu))
-            one = np.eye(len(momenta))
-            whole = np.block([[0.0 * one, one], [-one, momenta]]) if self.whole else momenta
+            identity = np.eye(len(momenta))
+            whole = np.block([[0.0 * identity, identity], [-identity, momenta]]) if self.whole else momenta
         return whole / np.outer(self.units, self.units)
 
     def defect(self, trial: Any, apart: float) -> float:
@@ -137,8 +137,8 @@ class Charts:
         shifts = [k * apart * e for e in np.eye(n) for k in range(-half, half + 1)]
         ends = trial.ends([self.displaced(x) for x in shifts])
         end = type(self.begin)(**{name: small(np.asarray(x)) for name, x in ends[half].items()})
-        found = [self.coordinates(end, state) for state in ends]
-        columns = [sum(w * found[size * j + k] for k, w in enumerate(weights)) / apart for j in range(n)]
+        coordinates = [self.coordinates(end, state) for state in ends]
+        columns = [sum(w * coordinates[size * j + k] for k, w in enumerate(weights)) / apart for j in range(n)]
         return end, np.stack(columns, axis=1)
 
 
@@ -190,7 +190,7 @@ class ConstrainedCharts(Charts):
         return {"q": flat(q), "p": flat(self.system.tangent(q, small(y[n:])))}
 
     def coordinates(self, about: Any, state: dict[str, np.ndarray]) -> np.ndarray:
-        """Those of the change that are along the manifold."""
+        """The components along the manifold of the change from a state to another one."""
         change = np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)])
         return np.asarray(self.tangent(about).T @ (change / self.sizes))
 
@@ -210,7 +210,7 @@ class BoundCharts(ConstrainedCharts):
 
     @cached_property
     def ambient(self) -> Charts:
-        """Coordinates of T*G."""
+        """The coordinates of T*G, without regard to the constraints."""
         return Charts(self.system, self.begin, True)
 
     @cached_property
@@ -240,7 +240,7 @@ class BoundCharts(ConstrainedCharts):
         return dict(self.system.consistent(flat(first.mu) + y[n:], np.asarray(g)).arrays)
 
     def coordinates(self, about: Any, state: dict[str, np.ndarray]) -> np.ndarray:
-        """Those of the change that are along the manifold."""
+        """The components along the manifold of the change from a state to another one."""
         return np.asarray(self.tangent(about).T @ self.ambient.coordinates(about, state))
 
     def structure(self, at: Any) -> np.ndarray:

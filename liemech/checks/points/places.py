@@ -54,7 +54,7 @@ NOISE = 512.0 * ROUNDING
 
 
 @dataclass(frozen=True)
-class Place:
+class CheckPlace:
     """A start, small and single, and a time, at which a method is looked at.
 
     system, start : as a user has them; for fictive time those without clock.
@@ -80,7 +80,7 @@ class Place:
 
     @property
     def fictive(self) -> bool:
-        """Are steps those of a fictive time?"""
+        """Whether steps are of a fictive time."""
         return bool(self.method.fictive or self.system.fictive)
 
     @cached_property
@@ -108,7 +108,7 @@ class Place:
         return state
 
     def clock(self, state: Any, elapsed: float) -> float:
-        """How much physical time has passed."""
+        """The physical time that has passed since t0."""
         return float(self.whole.clock(state)) - self.t0 if self.fictive else elapsed
 
     # ---------------------------------------------------------------- steps
@@ -176,7 +176,7 @@ class Place:
 
     @cached_property
     def scale(self) -> float:
-        """How much physical time a unit of the method's time takes here."""
+        """The physical time that a unit of the method's time takes here."""
         if not self.fictive:
             return 1.0
         h = 2.0**-10
@@ -196,19 +196,19 @@ class Place:
         states = [self.start]
         with contextlib.suppress(LiemechError, ArithmeticError, ValueError):
             states.append(self._exactly(0.25 * self.unit, int(FINE)))
-        found: dict[str, float] = {}
+        sizes: dict[str, float] = {}
         for state in states:
             for name, x in state.parts.items():
                 if x is not None and np.isfinite(flat(x)).all():
-                    found[name] = max(found.get(name, 0.0), size(flat(x)))
-        return found
+                    sizes[name] = max(sizes.get(name, 0.0), size(flat(x)))
+        return sizes
 
     def distances(self, a: Any, b: Any) -> dict[str, float]:
-        """How far parts of two states differ, beside their size here, at the start and soon after."""
-        there, here = ({name: flat(x) for name, x in s.parts.items() if x is not None} for s in (a, b))
+        """The distances of parts of two states, beside their size here, at the start and soon after."""
+        parts, reference = ({name: flat(x) for name, x in s.parts.items() if x is not None} for s in (a, b))
         return {
-            name: size(there[name] - x) / (max(size(x), self.sizes[name]) or 1.0)
-            for name, x in here.items()
+            name: size(parts[name] - x) / (max(size(x), self.sizes[name]) or 1.0)
+            for name, x in reference.items()
             if name in self.sizes
         }
 
@@ -227,7 +227,7 @@ class Place:
         ]
 
 
-def places(first: Place) -> Iterator[Place]:
+def places(first: CheckPlace) -> Iterator[CheckPlace]:
     """The start at later times, and other starts, as many as there are; the first is the start
     itself.
     """
@@ -238,19 +238,19 @@ def places(first: Place) -> Iterator[Place]:
     starts = [*_others(base, first.start)]
     for i, (name, state) in enumerate(starts):
         late = first.t0 + LATE[(i + 1) % len(LATE)]
-        there = (replace(first, name=name, start=state, t0=t) for t in (late, first.t0))
-        yield from itertools.islice(filter(_serves, there), 1)
+        candidates = (replace(first, name=name, start=state, t0=t) for t in (late, first.t0))
+        yield from itertools.islice(filter(_serves, candidates), 1)
 
 
-def _serves(place: Place) -> bool:
-    """Is the system defined there, and in motion?"""
+def _serves(place: CheckPlace) -> bool:
+    """Whether the system is defined at a place, and in motion."""
     try:
         with np.errstate(all="ignore"):
             rate = flat(place.base.rate(place.t0, place.start))
             if not np.isfinite(rate).all() or not size(rate):
                 return False
-            there = place.exact(0.25 * place.unit)
-            good = all(np.isfinite(flat(x)).all() for x in there.parts.values() if x is not None)
+            end = place.exact(0.25 * place.unit)
+            good = all(np.isfinite(flat(x)).all() for x in end.parts.values() if x is not None)
             return good and place.begin is not None
     except (LiemechError, ArithmeticError, ValueError):
         return False
@@ -287,7 +287,7 @@ def _maker(system: Any) -> Callable[[Any, float, np.random.Generator], Any] | No
         return group.compose(small(np.asarray(g)), group.exp(small(angle * xi / size(xi))))
 
     def mixed(x: Any, factor: float, rng: np.random.Generator) -> np.ndarray:
-        """All components, a little of the others in each."""
+        """The components of x times a factor, a little at random added to each."""
         x = flat(x)
         return np.asarray(factor * (x + 0.3 * (size(x) or 1.0) / x.size**0.5 * rng.normal(size=x.size)))
 
@@ -297,8 +297,8 @@ def _maker(system: Any) -> Callable[[Any, float, np.random.Generator], Any] | No
 
     def constrained(start: Any, factor: float, rng: np.random.Generator) -> Any:
         q = small(mixed(start.q, 1.0, rng))
-        there = system.across(q, start.p, q)
-        return CanonicalState(there, system.tangent(there, small(mixed(start.p, factor, rng))))
+        on_manifold = system.across(q, start.p, q)
+        return CanonicalState(on_manifold, system.tangent(on_manifold, small(mixed(start.p, factor, rng))))
 
     def body(start: Any, factor: float, rng: np.random.Generator) -> Any:
         mu = small(mixed(start.mu, factor, rng))
@@ -310,8 +310,8 @@ def _maker(system: Any) -> Callable[[Any, float, np.random.Generator], Any] | No
 
     def bound(start: Any, factor: float, rng: np.random.Generator) -> Any:
         g = turned(start.g, system.configurations, rng, 0.3)
-        found = system.consistent(mixed(start.mu, factor, rng), np.asarray(g))
-        return members(found)[0]
+        states = system.consistent(mixed(start.mu, factor, rng), np.asarray(g))
+        return members(states)[0]
 
     def poisson(start: Any, factor: float, rng: np.random.Generator) -> Any:
         y = mixed(start.y, factor, rng)

@@ -34,7 +34,7 @@ class AtPoint:
 
     @cached_property
     def matrix(self) -> np.ndarray:
-        """B(y)."""
+        """The matrix B(y) as an array, (n, n)."""
         return np.array(self.B.matrix(self.y), dtype=float)
 
     def __str__(self) -> str:
@@ -73,14 +73,14 @@ def random_points(
             return True
 
     rows = list(rows)
-    found = [Vec.of(y.tolist()) for y in rows]
-    if not all(map(defined, found)):
+    points = [Vec.of(y.tolist()) for y in rows]
+    if not all(map(defined, points)):
         positive = [0.5 * abs(k) + np.abs(y) for k, y in zip(sizes, rows, strict=True)]
-        found = [Vec.of(y.tolist()) for y in positive]
-    kept = [(name, y) for name, y in zip(names, found, strict=True) if defined(y)]
-    if not kept:
+        points = [Vec.of(y.tolist()) for y in positive]
+    defined_points = [(name, y) for name, y in zip(names, points, strict=True) if defined(y)]
+    if not defined_points:
         raise InvalidInput(f"{me}: {what} is not defined at random points; give some, points=[[...], ...]")
-    return kept
+    return defined_points
 
 
 def own_formulas(structure: PoissonStructure) -> Callable[[str], bool]:

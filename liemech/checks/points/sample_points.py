@@ -56,20 +56,20 @@ def flat(value: Any) -> np.ndarray:
 
 
 def size(value: Any) -> float:
-    """The Euclidean norm."""
+    """The Euclidean norm of all components."""
     return float(np.linalg.norm(flat(value)))
 
 
 def of_rows(f: Callable[[Any], Any], rows: np.ndarray) -> np.ndarray:
     """A formula's values for all rows; where these are long, all in one call."""
     if rows.shape[1] > LARGE:
-        found = np.asarray(f(rows)).reshape(len(rows), -1)
-        return found.view(float) if found.dtype.kind == "c" else found
+        images = np.asarray(f(rows)).reshape(len(rows), -1)
+        return images.view(float) if images.dtype.kind == "c" else images
     return np.stack([flat(f(Vec.of(row))) for row in rows.tolist()])
 
 
 def slope(f: Callable[[float], Any], step: float = STEP) -> np.ndarray:
-    """f'(0) by central differences."""
+    """The derivative f'(0) by central differences."""
     total: Any = 0.0
     for k, weight in STENCIL:
         total = total + (weight / step) * (flat(f(k * step)) - flat(f(-k * step)))
@@ -142,7 +142,7 @@ class Units:
         return np.einsum("i,ijk->kj", flat(xi), self.constants)
 
     def bracket_size(self, *velocities: Vec) -> float:
-        """How large the terms of a nested bracket are."""
+        """The size of the largest terms of a nested bracket of velocities."""
         total = np.abs(flat(velocities[-1]))
         for xi in velocities[-2::-1]:
             total = np.einsum("i,j,ijk->k", np.abs(flat(xi)), total, np.abs(self.constants))
@@ -157,9 +157,7 @@ class Units:
 
     @cached_property
     def are_matrices(self) -> bool:
-        """Are the elements of the group matrices like those of its algebra, with the unit matrix
-        among them?
-        """
+        """Whether the elements of the group are matrices like those of its algebra, with the unit matrix among them."""
         e, x = np.asarray(self.group.identity()), self.hat(self.axes[0])
         return x is not None and e.ndim == 2 and e.shape == x.shape and np.array_equal(e, np.eye(len(e)))
 
@@ -181,7 +179,7 @@ class Units:
 
     @cached_property
     def weight(self) -> float:
-        """How large elements are, not far from the neutral one."""
+        """The size of elements not far from the neutral one."""
         g = self.group
         return max(size(g.identity()), *(size(g.exp(a * (1.0 / r))) for a, r in zip(self.axes, self.lengths))) or 1.0
 
@@ -190,8 +188,8 @@ class Units:
         """The velocities E_1, ..., E_dim as columns of changes of an element at e."""
 
         units = np.diag(1.0 / self.lengths)
-        found = slope(lambda s: of_rows(self.group.exp, s * units)).reshape(self.dim, -1)
-        return np.asarray((self.lengths[:, None] * found).T)
+        changes = slope(lambda s: of_rows(self.group.exp, s * units)).reshape(self.dim, -1)
+        return np.asarray((self.lengths[:, None] * changes).T)
 
     @cached_property
     def _inverse_tangents(self) -> np.ndarray:
@@ -245,28 +243,28 @@ class At:
 
     @cached_property
     def back(self) -> Any:
-        """g^-1."""
+        """The inverse g^-1 of the element."""
         return self.group.inverse(self.g)
 
     @cached_property
     def ad(self) -> np.ndarray:
-        """The matrix of ad_xi."""
+        """The matrix of ad_xi, (dim, dim)."""
         return self.units.ad(self.xi)
 
     @cached_property
     def Ad(self) -> np.ndarray:
-        """The matrix of Ad_g."""
+        """The matrix of Ad_g, (dim, dim)."""
         return of_rows(lambda a: self.group.Ad(self.g, a), np.eye(self.dim)).T
 
     @cached_property
     def length(self) -> float:
-        """The norm of ad_xi."""
+        """The spectral norm of the matrix of ad_xi."""
         return float(np.linalg.norm(self.ad, 2))
 
     @cached_property
     def spectrum(self) -> tuple[float, float]:
-        """How far xi turns and stretches: the largest imaginary and real parts of eigenvalues of
-        ad_xi and of its matrix.
+        """The turning and stretching of xi: the largest imaginary and real parts of eigenvalues of ad_xi and of its
+        matrix.
         """
         x = self.units.hat(self.xi)
         turns, stretches = zip(*[turning(a) for a in (self.ad, x) if a is not None], strict=True)
@@ -274,7 +272,7 @@ class At:
 
     @cached_property
     def inside(self) -> bool:
-        """Does xi turn by less than a full turn, where `dexp` is singular?"""
+        """Whether xi turns by less than a full turn, where `dexp` is singular."""
         return self.spectrum[0] < 2.0 * math.pi
 
     def share(self, *elements: Any) -> float:
@@ -302,8 +300,8 @@ class At:
 
     def __str__(self) -> str:
         group, xi = self.group, self.xi
-        given = group.units * xi if isinstance(group, GroupInUnits) else xi
-        return f"{self.name}, {shown('xi', given)}"
+        in_units = group.units * xi if isinstance(group, GroupInUnits) else xi
+        return f"{self.name}, {shown('xi', in_units)}"
 
 
 def sample_points(group: LieGroup, seed: int) -> list[At]:
@@ -319,18 +317,18 @@ def sample_points(group: LieGroup, seed: int) -> list[At]:
             name, units, *(Vec.of(v.tolist()) for v in (xi, unit(), unit(), rng.normal(size=n), rng.normal(size=n)))
         )
 
-    found = [at("the neutral element", 0.0 * unit()), at("size 1e-8", 1e-8 * unit())]
-    found += [at("random", 1.3 * unit()), at("random", unit())]
-    found += [at("mixed sizes", unit() * 10.0 ** -rng.integers(0, 9, size=n)) for _ in range(3 if n <= LARGE else 1)]
+    points = [at("the neutral element", 0.0 * unit()), at("size 1e-8", 1e-8 * unit())]
+    points += [at("random", 1.3 * unit()), at("random", unit())]
+    points += [at("mixed sizes", unit() * 10.0 ** -rng.integers(0, 9, size=n)) for _ in range(3 if n <= LARGE else 1)]
     for i in range(n) if n <= LARGE else sorted(rng.choice(n, 3, replace=False)):
-        found.append(at(f"along axis {i + 1}", flat(units.of_length(np.eye(n)[i], 1.0))))
+        points.append(at(f"along axis {i + 1}", flat(units.of_length(np.eye(n)[i], 1.0))))
     u = unit()
     imaginary, real = turning(units.ad(Vec.of(u.tolist())))
     turn = 2.0 * math.pi / imaginary if imaginary else math.inf
     far = min(0.95 * turn, 3.0 / real if real else FAR, FAR)
-    found.append(at(f"size {far:.2g}", far * u))
+    points.append(at(f"size {far:.2g}", far * u))
     if 0.95 * turn <= far:  # before and behind the place where `dexp` is singular
         for part in (0.995, 1.6):
             large = at(f"size {part * turn:.3g}", part * turn * u)
-            found.append(dataclasses.replace(large, mu=20.0 * large.mu, nu=0.1 * large.nu))
-    return found
+            points.append(dataclasses.replace(large, mu=20.0 * large.mu, nu=0.1 * large.nu))
+    return points

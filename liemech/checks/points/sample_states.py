@@ -67,7 +67,7 @@ class AtState:
 
     @property
     def driven(self) -> bool:
-        """Does the energy depend on time?"""
+        """Whether the energy depends on time."""
         return isinstance(self.system, (DrivenHamiltonianSystem, DrivenLiePoissonSystem))
 
     @property
@@ -82,7 +82,7 @@ class AtState:
 
     @cached_property
     def pace(self) -> float:
-        """How fast the motion is, relative to where it is: the inverse of a time."""
+        """The speed of the motion, relative to where it is: the inverse of a time."""
         return pace(self.system, self.t, self.state)
 
     @cached_property
@@ -95,15 +95,15 @@ class AtState:
 
     @property
     def unit(self) -> float:
-        """The time between them."""
+        """The time between two states nearby."""
         return self.apart / (self.pace or 1.0)
 
     def along(self, values: list[Any]) -> tuple[np.ndarray, float]:
         """The derivative along the motion of a quantity with these values at the states nearby, and
         the size of its rounding.
         """
-        found = sum(w * flat(v) for w, v in zip(CENTRAL, values, strict=True)) / self.unit
-        return np.asarray(found), max(map(size, values)) / self.unit
+        rate = sum(w * flat(v) for w, v in zip(CENTRAL, values, strict=True)) / self.unit
+        return np.asarray(rate), max(map(size, values)) / self.unit
 
     def __str__(self) -> str:
         parts = (shown(n, flat(x)[:6]) for n, x in self.state.parts.items() if x is not None)
@@ -117,9 +117,9 @@ def pace(system: Any, t: float, state: Any) -> float:
     """
     rate = system.rate(t, state)
     group = system.group
-    found = max(size(group.ad(rate, e)) for e in np.eye(group.dim).tolist()) if group.dim <= 32 else 0.0
+    turning = max(size(group.ad(rate, e)) for e in np.eye(group.dim).tolist()) if group.dim <= 32 else 0.0
     change, large = (flat(x) for x in system.variation(state, rate))
-    return max(float(found), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
+    return max(float(turning), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
 
 
 def as_accepted(method: Any, system: Any, start: Any, compiled: bool | None) -> tuple[Any, bool | None]:
@@ -129,14 +129,14 @@ def as_accepted(method: Any, system: Any, start: Any, compiled: bool | None) -> 
     try:
         method.require(system)
     except IncompatibleSystem:
-        given = {name: np.asarray(x) for name, x in start.arrays.items()}
+        arrays = {name: np.asarray(x) for name, x in start.arrays.items()}
         native = compiled is None and kernel.available() is None
-        return system.state(**given), True if native else compiled
+        return system.state(**arrays), True if native else compiled
     return start, compiled
 
 
 def knows_time(system: Any) -> bool:
-    """May the motion depend on the time?"""
+    """Whether the motion may depend on the time."""
     driven = DrivenHamiltonianSystem, DrivenLiePoissonSystem, GroupEquation, HomogeneousEquation
     body = system.body if isinstance(system, BoundBody) else system
     timed = getattr(body, "load", None) is not None or getattr(body, "driven", False)
@@ -165,21 +165,21 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
         ]
     rng, reason = generator("check_system", seed), ""
     drawn = rng.bit_generator.state
-    found: list[AtState] = []
+    places: list[AtState] = []
     for i, (large, t) in enumerate(zip(SIZES * 4, TIMES * 4, strict=True)):
-        if len(found) < PLACES and (i < PLACES or large == 1.0 or not found):
+        if len(places) < PLACES and (i < PLACES or large == 1.0 or not places):
             if large < 0.0:
                 rng.bit_generator.state = drawn
             name, drawn = named(large), rng.bit_generator.state
             at = at_times(name, system, random_state(system, rng, large), (t,))[0]
             undefined = why_undefined(at)
-            found += [] if undefined else [at]
+            places += [] if undefined else [at]
             reason = undefined or reason
-    if not found:
+    if not places:
         raise InvalidInput(
             f"check_system: {system!r} is not defined at random states ({reason}); give some, states=system.state(...)"
         )
-    return found
+    return places
 
 
 def at_times(name: str, system: Any, state: Any, times: tuple[float, ...]) -> list[AtState]:
@@ -242,8 +242,8 @@ def _consistent(system: ConstrainedSystem, rng: np.random.Generator, large: floa
         q, p = (small(large * x) for x in rng.normal(size=(2, system.degrees)))
         q = q if attempt < 4 else q / large  # where positions may be is for the constraints to say
         try:
-            there = system.across(q, p, q)
-            return CanonicalState(there, system.tangent(there, p))
+            position = system.across(q, p, q)
+            return CanonicalState(position, system.tangent(position, p))
         except (NoConvergence, InconsistentState, ArithmeticError, ValueError):
             pass
     return CanonicalState(q, p)

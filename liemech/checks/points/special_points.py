@@ -40,10 +40,10 @@ SPECIAL: list[Law] = []
     slack=CLOSE,
 )
 def derivatives_at_special_points(system: Any, at: AtState) -> Iterator[Same]:
-    found = [*_energies(system, at)]
-    if not found:
+    energies = [*_energies(system, at)]
+    if not energies:
         raise NotDefined("the system has no energy that this law knows")
-    for energy, first, x, sign in found:
+    for energy, first, x, sign in energies:
         for point in special_points(x):
             yield from _derivatives(energy, first, point, sign)
 
@@ -73,8 +73,8 @@ def _displaced(potential: Any, group: Any, g: Any, eta: Any) -> Any:
     return potential.energy(group.compose_exp(g, eta))
 
 
-def _some(n: int) -> int:
-    """How many axes are visited."""
+def _visited_axes(n: int) -> int:
+    """The number of axes that are visited."""
     return n if n <= LARGE else LARGE // 2
 
 
@@ -83,13 +83,13 @@ def special_points(x: Any) -> Iterator[Any]:
     n, length = len(x), size(x) or 1.0
     yield vec(*[0.0] * n)
     yield vec(*[length / n**0.5] * n)
-    for i in range(_some(n)):
+    for i in range(_visited_axes(n)):
         yield vec(*[length if j == i else 0.0 for j in range(n)])
 
 
 def _derivatives(energy: Function, first: Function, x: Any, sign: float) -> Iterator[Same]:
     unit = STEP * (size(x) or 1.0)
-    directions = [*np.eye(len(x))[: _some(len(x))]]
+    directions = [*np.eye(len(x))[: _visited_axes(len(x))]]
 
     def along(f: Function, d: np.ndarray) -> Callable[[float], Any]:
         return lambda s: f(vec(*(flat(x) + s * d).tolist()))
@@ -107,32 +107,32 @@ def _compared(
 ) -> Iterator[Same]:
     """The derivative along lines beside differences, where the function is smooth."""
     why = f"that of a branch for {', '.join(f'{c:.3g}' for c in point)} alone, or of another energy"
-    found = [_by_differences(line, unit) for line in lines]
-    if all(one is None for one in found):
+    differences = [_by_differences(line, unit) for line in lines]
+    if all(difference is None for difference in differences):
         return
     try:
-        given = derivative()
+        derivatives = derivative()
     except TypeError:  # a formula that does not bear numbers with a derivative
         return
-    for one, x in zip(found, given, strict=True):
-        if one is not None and np.isfinite(flat(x)).all():
-            yield Same(x, one[0], (one[1] + size(x)) / STEP, lambda x=x: {why: x})  # type: ignore[misc]
+    for difference, x in zip(differences, derivatives, strict=True):
+        if difference is not None and np.isfinite(flat(x)).all():
+            yield Same(x, difference[0], (difference[1] + size(x)) / STEP, lambda x=x: {why: x})  # type: ignore[misc]
 
 
 def _by_differences(f: Callable[[float], Any], unit: float) -> tuple[np.ndarray, float] | None:
     """The slope, and the size of its terms; None where f is not smooth or not defined."""
     try:
         with np.errstate(all="ignore"):
-            here, ahead, behind = (flat(f(s)) for s in (0.0, 0.01 * unit, -0.01 * unit))
+            middle, ahead, behind = (flat(f(s)) for s in (0.0, 0.01 * unit, -0.01 * unit))
             halves = [flat(f(s)) for s in (0.005 * unit, -0.005 * unit)]
             coarse, fine = slope(f, unit), slope(f, 0.5 * unit)
     except Exception:  # a point where a formula is not defined is no point of the function
         return None
-    terms = size(here) / unit + size(coarse)
-    if not (np.isfinite(coarse).all() and np.isfinite(fine).all() and np.isfinite(here).all()):
+    terms = size(middle) / unit + size(coarse)
+    if not (np.isfinite(coarse).all() and np.isfinite(fine).all() and np.isfinite(middle).all()):
         return None
-    kink = size(ahead - 2.0 * here + behind) / (0.01 * unit)
-    closer = size(halves[0] - 2.0 * here + halves[1]) / (0.005 * unit)
+    kink = size(ahead - 2.0 * middle + behind) / (0.01 * unit)
+    closer = size(halves[0] - 2.0 * middle + halves[1]) / (0.005 * unit)
     if closer > 0.75 * kink and kink > 1e-3 * terms:  # the slopes on both sides differ
         return None
     if size(coarse - fine) > 1e-9 * terms:  # too coarse for this function

@@ -98,11 +98,11 @@ def load(key: str, fits: Callable[[Any], Any]) -> tuple[Any, bytes] | None:
     for file in _files(key):
         content = _content(file)
         if content is not None:
-            found = fits(json.loads(content[0]))
-            if found is not None:
+            accepted = fits(json.loads(content[0]))
+            if accepted is not None:
                 with contextlib.suppress(OSError):
                     os.utime(file)  # used now
-                return found, content[1]
+                return accepted, content[1]
     return None
 
 

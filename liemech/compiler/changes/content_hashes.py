@@ -46,13 +46,13 @@ identity tells apart.
 """
 
 
-def digest(value: Any, known: Known | None = None) -> str:
+def digest(value: Any, namesakes: Known | None = None) -> str:
     """The token of a value, as a short text; the first of its name has no number, another one has."""
-    return hashlib.sha256(repr(_token(value, {} if known is None else known)).encode()).hexdigest()[:32]
+    return hashlib.sha256(repr(_token(value, {} if namesakes is None else namesakes)).encode()).hexdigest()[:32]
 
 
 def same(a: Any, b: Any) -> bool:
-    """Have two values one token?"""
+    """Whether two values have one token."""
     return a is b or _token(a, {}) == _token(b, {})
 
 
@@ -100,15 +100,15 @@ _ATTRIBUTES: dict[type, tuple[str, ...]] = {
 
 
 def is_mutable(value: Any) -> bool:
-    """Can its content change while it stays the same object?"""
+    """Whether the content of a value can change while it stays the same object."""
     if isinstance(value, (list, dict, set, np.ndarray)):
         return True
     return type(value) not in ATOMS and not isinstance(value, Layout) and any(is_mutable(x) for *_, x in inner(value))
 
 
 def known(value: Any, inside: bool = True) -> bool:
-    """Does the token tell all about a value (and, `inside`, about its parts), so that Python may
-    compute with it before the run?
+    """Whether the token tells all about a value (and, `inside`, about its parts), so that Python may compute with it
+    before the run.
     """
     if isinstance(value, StandIn) or type(value) in ATOMS or type(value) in MADE or is_own(value):
         return True
@@ -133,12 +133,12 @@ _ARRAYS = np.ndarray, np.memmap
 
 
 def has_content(value: Any) -> bool:
-    """Is it more than an object of some class?"""
+    """Whether a value has content that a digest can tell, beside its class."""
     return _head(value, {}) is not None
 
 
 def of_python(cls: type) -> bool:
-    """Is it a class of the user or of liemech, whose methods are formulas?"""
+    """Whether a class is the user's or of liemech, so that its methods are formulas."""
     return bool(cls.__flags__ & _HEAP) and not is_own(cls) and str(cls.__module__).partition(".")[0] not in _SETTLED
 
 
@@ -161,13 +161,12 @@ that the compiler asks about itself (`__missing__`).
 """
 
 _TEXTS = {"__repr__", "__str__", "__format__", "__bytes__"}
-"""Those that say how an object looks: `textual` asks about them."""
+"""The methods that say how an object looks as a text: `textual` asks about them."""
 
 
 def has_operators(cls: type) -> bool:
-    """Does a class, or one of its bases, define something that Python's operators, loops and
-    functions run?  (The methods that a dataclass or a named tuple is given have no file of the
-    user's.)
+    """Whether a class, or one of its bases, defines something that Python's operators, loops and functions run.  (The
+    methods that a dataclass or a named tuple is given have no file of the user's.)
     """
     return any(
         name.startswith("__") and name.endswith("__") and name not in _HARMLESS | _TEXTS
@@ -178,7 +177,9 @@ def has_operators(cls: type) -> bool:
 
 
 def _is_written(member: Any) -> bool:
-    """Did somebody write it, other than `record`, `dataclass`, `enum` or `collections.namedtuple`?"""
+    """Whether a member of a class was written by somebody, not by `record`, `dataclass`, `enum` or
+    `collections.namedtuple`.
+    """
     if member is None:  # `__hash__` beside an `__eq__`
         return False
     code = getattr(member, "__code__", None)
@@ -192,13 +193,13 @@ _MAKERS = {"enum", "dataclasses", "collections", "typing"}
 
 
 def looks_itself(value: Any) -> bool:
-    """Does a class of the user's say how an object, or one in it, looks as a text?"""
-    own = any(
+    """Whether a class of the user's says how an object, or one in it, looks as a text."""
+    written = any(
         name in vars(c) and _is_written(vars(c)[name])
         for c in type(value).__mro__ if of_python(c)
         for name in _TEXTS
     )  # fmt: skip
-    return own or any(looks_itself(x) for *_, x in inner(value))
+    return written or any(looks_itself(x) for *_, x in inner(value))
 
 
 def is_own(value: Any) -> bool:
@@ -218,17 +219,17 @@ _OWN = f"{_LIBRARY}.compiler.", f"{_LIBRARY}.formulas."
 # ------------------------------------------------------------------ tokens
 
 
-def _token(value: Any, known: Known) -> Any:
+def _token(value: Any, namesakes: Known) -> Any:
     """Nested tuples of texts; no two of different values look the same."""
-    head = _head(value, known)
+    head = _head(value, namesakes)
     if head is None:
-        return "object", _one_of(("object", _named(type(value), known)), value, known)
+        return "object", _one_of(("object", _named(type(value), namesakes)), value, namesakes)
     if type(value) in ATOMS:
         return head
     together = _together(value) if type(value) in (tuple, list) else None
     if together is not None:
         return *head, together
-    return *head, *[_token(x, known) for *_, x in parts(value)]
+    return *head, *[_token(x, namesakes) for *_, x in parts(value)]
 
 
 def _together(value: Any) -> str | None:
@@ -254,7 +255,7 @@ def _together(value: Any) -> str | None:
 _NESTED = ATOMS | {tuple, list}
 
 
-def _head(value: Any, known: Known) -> tuple[Any, ...] | None:
+def _head(value: Any, namesakes: Known) -> tuple[Any, ...] | None:
     """The token of a value without its parts; None for an object of unknown content."""
     kind = type(value)
     if kind is float and value != value:
@@ -263,34 +264,34 @@ def _head(value: Any, known: Known) -> tuple[Any, ...] | None:
         return kind.__name__, repr(value)
     for base in _NUMBERS_AND_TEXTS:
         if isinstance(value, base) and not isinstance(value, (enum.Enum, np.generic)):
-            return "of", _named(kind, known), base.__repr__(value)
+            return "of", _named(kind, namesakes), base.__repr__(value)
     if isinstance(value, types.FunctionType):
-        head = "function", _named(value, known), code_token(value.__code__)
-        return *head, _one_of(head, value, known)
+        head = "function", _named(value, namesakes), code_token(value.__code__)
+        return *head, _one_of(head, value, namesakes)
     if isinstance(value, type):
-        return "class", *[_named(c, known) for c in value.__mro__]
+        return "class", *[_named(c, namesakes) for c in value.__mro__]
     if isinstance(value, types.ModuleType):
         return "module", value.__name__
     if isinstance(value, enum.Enum):
-        return "member", _named(kind, known), value.name, _token(value.value, known)
+        return "member", _named(kind, namesakes), value.name, _token(value.value, namesakes)
     if isinstance(value, dict):
-        return _named(kind, known), *[_token(x, known) for x in value]
+        return _named(kind, namesakes), *[_token(x, namesakes) for x in value]
     if isinstance(value, Record):
-        return _named(kind, known), *[f.name for f in dataclasses.fields(value)]  # type: ignore[arg-type]
+        return _named(kind, namesakes), *[f.name for f in dataclasses.fields(value)]  # type: ignore[arg-type]
     if isinstance(value, (tuple, list, *_ATTRIBUTES)):
-        return _named(kind, known), str(len(value)) if isinstance(value, (tuple, list)) else ""
+        return _named(kind, namesakes), str(len(value)) if isinstance(value, (tuple, list)) else ""
     if isinstance(value, (set, frozenset)):  # in the order in which a loop takes them
-        return _named(kind, known), *[_token(x, known) for x in value]
+        return _named(kind, namesakes), *[_token(x, namesakes) for x in value]
     if isinstance(value, (np.ndarray, np.generic)) and not value.dtype.hasobject:
-        return (_named(kind, known), value.dtype.str, str(value.shape), hashlib.sha256(value.tobytes()).hexdigest())
+        return (_named(kind, namesakes), value.dtype.str, str(value.shape), hashlib.sha256(value.tobytes()).hexdigest())
     if isinstance(value, (fractions.Fraction, decimal.Decimal, np.dtype)):
-        return _named(kind, known), repr(value)
+        return _named(kind, namesakes), repr(value)
     if isinstance(value, types.CodeType):
         return "code", code_token(value)
     if isinstance(value, np.ufunc) or (isinstance(value, types.BuiltinFunctionType) and _of_module(value)):
-        return "builtin", _named(value, known)
+        return "builtin", _named(value, namesakes)
     if isinstance(value, _DESCRIPTORS):
-        return "descriptor", _named(value.__objclass__, known), value.__name__
+        return "descriptor", _named(value.__objclass__, namesakes), value.__name__
     return None
 
 
@@ -306,16 +307,16 @@ def _of_module(function: types.BuiltinFunctionType) -> bool:
     return function.__self__ is None or isinstance(function.__self__, types.ModuleType)
 
 
-def _named(value: Any, known: Known) -> str:
+def _named(value: Any, namesakes: Known) -> str:
     name = (
         f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', None) or getattr(value, '__name__', '')}"
     )
-    return name + _one_of(name, value, known) if isinstance(value, type) else name
+    return name + _one_of(name, value, namesakes) if isinstance(value, type) else name
 
 
-def _one_of(common: Any, value: Any, known: Known) -> str:
-    """Which one it is of those that have this in common: '' for the first."""
-    met = known.setdefault(common, [])
+def _one_of(common: Any, value: Any, namesakes: Known) -> str:
+    """The place of a value among those of one token so far, '#1' for the second; '' for the first."""
+    met = namesakes.setdefault(common, [])
     number = next((i for i, x in enumerate(met) if x is value), len(met))
     if number == len(met):
         met.append(value)
@@ -354,8 +355,8 @@ def _constant(value: Any) -> Any:
 
 
 def _has_docstring(code: types.CodeType) -> bool:
-    """Is the first constant, a text, the docstring?  From Python 3.14 on a flag says so; before, it
-    is in every `def`.
+    """Whether the first constant of a code, a text, is its docstring.  From Python 3.14 on a flag says so; before,
+    every `def` has one, None at least.
     """
     if sys.version_info >= (3, 14):
         return bool(code.co_flags & _DOCSTRING)

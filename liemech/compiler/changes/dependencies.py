@@ -57,13 +57,13 @@ class Reads:
         """The compiler computes with a copy of an argument, whose numbers are those of native code."""
         self._admit(copy, value, None, "argument", index)
 
-    def exchanged(self, made: Any, before: Any) -> None:
+    def exchanged(self, new: Any, before: Any) -> None:
         """A record is another one with parts exchanged: what that one has beside its fields, and
         constants that Python computes of them, are its own too.
         """
-        if made is not before:
-            self._before[id(made)] = before
-            self._alive.append(made)
+        if new is not before:
+            self._before[id(new)] = before
+            self._alive.append(new)
 
     # -------------------------------------------------------------- questions of the translation
 
@@ -102,20 +102,20 @@ class Reads:
         """
         for name in ("__new__", "__init__", "__post_init__"):
             home = next(c for c in cls.__mro__ if name in vars(c))
-            made = self._read(cls, "attribute", name)
-            code = getattr(made, "__code__", None)
+            member = self._read(cls, "attribute", name)
+            code = getattr(member, "__code__", None)
             theirs = of_python(home) and not home.__module__.startswith(_LIBRARY)
             if theirs and code is not None and code.co_filename != "<string>":  # of `dataclass`
                 return name
         return ""
 
     def sets_fields(self, cls: type) -> bool:
-        """Do the library's own checks of a record set fields that were left out?"""
+        """Whether the library's own checks of a record set fields that were left out."""
         checks = [vars(c).get("__post_init__") for c in cls.__mro__]
         return any("__setattr__" in inspect.unwrap(c).__code__.co_names for c in checks if c)
 
     def has(self, value: Any, name: str) -> bool:
-        """hasattr(value, name)."""
+        """Whether a value has an attribute: hasattr(value, name)."""
         if id(value) in self._given or (isinstance(value, Record) and id(value) not in self._origins):
             return name in vars(value) or self._read(type(value), "has", name)
         outside = of_python(type(value)) or isinstance(value, (type, types.ModuleType, types.FunctionType))
@@ -124,7 +124,7 @@ class Reads:
         return self._read(value, "has", name)
 
     def of_class(self, value: Any, name: str) -> bool:
-        """Has the class of an object this member?"""
+        """Whether the class of an object has a member of this name."""
         cls = type(value)
         if of_python(cls) and id(cls) in self._origins:
             return bool(self._read(cls, "defines", name))
@@ -154,11 +154,11 @@ class Reads:
         it is written down.
         """
         self.class_of(value)
-        found = False
+        is_instance = False
         for kind in kinds if isinstance(kinds, tuple) else typing.get_args(kinds) or (kinds,):
             decides = isinstance(kind, type) and type(kind) is not type
             if decides and self.from_outside(value) and self.from_outside(kind):
-                found = found or self._related(value, "isinstance", kind)
+                is_instance = is_instance or self._related(value, "isinstance", kind)
             elif decides and any(
                 "__instancecheck__" in vars(c)
                 for c in type(kind).__mro__
@@ -169,8 +169,8 @@ class Reads:
                     "no object from outside: ask before the run"
                 )
             else:
-                found = found or isinstance(value, kind)
-        return found
+                is_instance = is_instance or isinstance(value, kind)
+        return is_instance
 
     def _related(self, left: Any, how: str, right: Any) -> bool:
         """The relation of two things from outside, written down."""
@@ -235,10 +235,10 @@ class Reads:
         if name == "__class__":
             return self.class_of(owner) if after == 0 else cls
         member = member_of(cls, after, name)
-        own = getattr(owner, "__dict__", {}) if after == 0 else {}
-        if name in own and not hasattr(type(member), "__set__"):
+        attributes = getattr(owner, "__dict__", {}) if after == 0 else {}
+        if name in attributes and not hasattr(type(member), "__set__"):
             copied = id(owner) in self._given or id(owner) not in self._origins
-            return own[name] if copied else self._read(owner, "attribute", name)
+            return attributes[name] if copied else self._read(owner, "attribute", name)
         if member is MISSING and id(owner) in self._before:
             return self.attribute(self._before[id(owner)], name, call)
         if member is MISSING or "__getattribute__" in {n for c in cls.__mro__[:-1] for n in vars(c)}:
@@ -262,11 +262,11 @@ class Reads:
         if owner is None or not hasattr(type(member), "__get__"):
             return member
         if isinstance(member, property) and member.fget is not None:
-            made = call(member.fget, owner)
+            computed = call(member.fget, owner)
             # a constant of the owner
-            if isinstance(made, Record) and id(owner) in self._origins and not varies(made):
-                self._admit(made, made, owner, "property", name)
-            return made
+            if isinstance(computed, Record) and id(owner) in self._origins and not varies(computed):
+                self._admit(computed, computed, owner, "property", name)
+            return computed
         if isinstance(member, functools.cached_property):
             return self._cached(member, owner, name, call)
         return self._read(owner, "attribute", name)
@@ -296,34 +296,34 @@ class Reads:
         return self._read(owner, "attribute", name)
 
     def from_outside(self, value: Any) -> bool:
-        """Was it there before the formulas?"""
+        """Whether a value was there before the formulas, so that its reads are written down."""
         return id(value) in self._origins
 
     def made(self, value: Any) -> bool:
-        """Did a formula make it, of what it has read?"""
+        """Whether a value was created during the translation, so that it needs no check of its own."""
         return id(value) not in self._origins or self._is_made(value)
 
     def _is_made(self, value: Any) -> bool:
-        """Does a property make it anew each time, so that it cannot be looked at again?"""
+        """Whether a property makes the value anew each time, so that it cannot be looked at again."""
         holder, how, _ = self._origins.get(id(value), (None, "", ""))
         return how == "property" or (holder is not None and self._is_made(holder))
 
-    def _glance(self, function: Any, cls: type, seen: set[int]) -> None:
+    def _glance(self, function: Any, cls: type, visited: set[int]) -> None:
         """Write down what a function that Python runs names, and what the functions among that
         name.
         """
-        if not isinstance(function, types.FunctionType) or id(function) in seen or is_own(function):
+        if not isinstance(function, types.FunctionType) or id(function) in visited or is_own(function):
             return
-        seen.add(id(function))
+        visited.add(id(function))
         formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
         self._read(formula, "attribute", "__code__")
         for name in content_hashes.names(formula.__code__):
             if name in formula.__globals__:
-                self._glance(self.outer(formula, name), cls, seen)
+                self._glance(self.outer(formula, name), cls, visited)
             member = member_of(cls, 0, name)
             if member is not MISSING:
                 member = self._read(cls, "member 0", name)
-                self._glance(getattr(member, "fget", None) or getattr(member, "func", member), cls, seen)
+                self._glance(getattr(member, "fget", None) or getattr(member, "func", member), cls, visited)
 
     # -------------------------------------------------------------- the record
 
@@ -380,11 +380,11 @@ class Reads:
             return
         self._origins[id(copy)] = holder, how, name
         if copy is value:
-            for way, key, part in inner(value):
-                self._admit(part, part, value, way, key)
+            for relation, key, part in inner(value):
+                self._admit(part, part, value, relation, key)
         else:
-            for (way, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
-                self._admit(part, actual, copy, way, key)
+            for (relation, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
+                self._admit(part, actual, copy, relation, key)
         cls = type(copy)
         if of_python(cls) and id(cls) not in self._origins:
             self._admit(cls, cls, copy, "class", "")
@@ -409,25 +409,25 @@ class Reads:
         return [[*step, token] for step, token in zip(self.steps, self.tokens, strict=True)]
 
     @classmethod
-    def found(cls, entry: Callable[..., Any], args: Sequence[Any], manifest: list[Any]) -> Reads | None:
-        """These reads, made in this process, if everything is as it was."""
+    def from_manifest(cls, entry: Callable[..., Any], args: Sequence[Any], manifest: list[Any]) -> Reads | None:
+        """The reads of a manifest, followed from these arguments; None if a token has changed."""
         reads = cls(entry)
         for parent, how, name, token in manifest:
             reads._note((parent, how, name), None, token)
         return reads if reads.follow(args) else None
 
     def follow(self, args: Sequence[Any]) -> bool:
-        """Follow all paths from these arguments: are the tokens of what is there the same?"""
-        found = self._found_from(args)
-        if found is None:
+        """Follow all paths from these arguments; True if the tokens of the values there are those written down."""
+        followed = self._found_from(args)
+        if followed is None:
             return False
-        (self.values, self.known), self._guard = found, None
+        (self.values, self.known), self._guard = followed, None
         return True
 
     def _found_from(self, args: Sequence[Any]) -> tuple[list[Any], Known] | None:
         """The values at the ends of the paths from these arguments; None if some of them have changed."""
         values: list[Any] = []
-        known: Known = {}
+        namesakes: Known = {}
         try:
             for (parent, how, name), token in zip(self.steps, self.tokens, strict=True):
                 values.append(
@@ -435,27 +435,27 @@ class Reads:
                     if how in RELATIONS
                     else asked(values[parent] if parent >= 0 else (self.entry, args), how, name)
                 )
-                if token and digest(values[-1], known) != token:
+                if token and digest(values[-1], namesakes) != token:
                     return None
         except Exception:  # whatever a path meets that is no longer there
             return None
-        return values, known
+        return values, namesakes
 
     @property
     def guard(self) -> Guard:
-        """Compares what was read with what is there now."""
+        """The guard of this translation, which compares what was read with what is there now."""
         if self._guard is None:
             self._guard = Guard(self.steps, self.values, self.tokens, self.known)
         return self._guard
 
     def guard_of(self, args: Sequence[Any]) -> Guard | None:
-        """A guard of their own for other arguments that lead to the same; None if they do not."""
-        found = self._found_from(args)
-        return None if found is None else Guard(self.steps, found[0], self.tokens, found[1])
+        """A guard for other arguments, from which the paths lead to the same tokens; None if they do not."""
+        followed = self._found_from(args)
+        return None if followed is None else Guard(self.steps, followed[0], self.tokens, followed[1])
 
     def unchanged(self, args: Sequence[Any]) -> bool:
-        """Is all that was read what it was?  The same objects, in a few microseconds, or others
-        with the same tokens.
+        """Whether all that was read is what it was: the same objects, in a few microseconds, or others with the same
+        tokens.
         """
         verdict = self.guard.verdict(args)
         return self.follow(args) if verdict is None else verdict
@@ -470,5 +470,5 @@ _OF_ONE_NAME = (bool, type, enum.Enum, types.ModuleType, types.FunctionType, typ
 
 
 def varies(value: Any) -> bool:
-    """Is a number of the run in it, in a field of a record too?"""
+    """Whether a value holds a number of the run, in a field of a record too."""
     return isinstance(value, StandIn) or any(varies(x) for *_, x in inner(value))

@@ -46,8 +46,8 @@ class Guard:
     different.
     """
 
-    def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str], known: Known) -> None:
-        self.steps, self.values, self.tokens, self.known = steps, values, all_tokens, known
+    def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str], namesakes: Known) -> None:
+        self.steps, self.values, self.tokens, self.known = steps, values, all_tokens, namesakes
         # relations: the reads that lead to the two
         self.pairs: list[tuple[tuple[int, int], int]] = []
         self.compared: list[int] = []
@@ -58,7 +58,7 @@ class Guard:
         self.paths: list[list[tuple[str, Any]] | None] = []
         paths = self.paths
         # by properties: only `_glance` looks at what Python computed from them
-        made: set[int] = set()
+        computed: set[int] = set()
         for i, (parent, how, name) in enumerate(steps):
             above = [] if how == "argument" else paths[parent] if parent >= 0 else None
             if how in RELATIONS:
@@ -66,8 +66,8 @@ class Guard:
                 paths.append(None)
                 continue
             named = isinstance(values[i], (type, types.FunctionType))
-            if how == "property" or (parent in made and not named):
-                made.add(i)
+            if how == "property" or (parent in computed and not named):
+                computed.add(i)
                 paths.append(None)
                 continue
             part = above is not None and not all_tokens[i] and not named
@@ -88,24 +88,24 @@ class Guard:
 
     def _words(self) -> dict[int, list[Word]]:
         """The words that change with reads, as they are now; none of those that often change otherwise."""
-        found = {}
+        shown = {}
         for i in self.compared:
             parent, how, name = self.steps[i]
             if parent >= 0 and self.restless[i] <= LOOKS:
                 words = words_of(self.values[parent], how, name, self.values[i])
                 if words:
-                    found[i] = words
-        return found
+                    shown[i] = words
+        return shown
 
     def _expressions(self, shown: Collection[int]) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
-        """One for each module, which sees its names as any function there does, and one for
-        everything else.
+        """The comparisons of all reads: an expression for each module, which sees its names as any function there does,
+        and one for everything else.
 
         shown : reads that are compared by words.
         """
         general: dict[int, str] = {}
         modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
-        known = {f"v{i}": value for i, value in enumerate(self.values)}
+        namespace = {f"v{i}": value for i, value in enumerate(self.values)}
         for i in self.compared:
             if i in shown:
                 continue
@@ -117,17 +117,17 @@ class Guard:
             # a method has its formula for ever
             elif name != "__formula__" or not (parent in general or parent in shown):
                 general[i] = self._comparison(i, holder, how, name)
-        found = [*general.values()]
+        comparisons = [*general.values()]
         for path, i in self.of_arguments:
-            found.append(f"{self._along(path)} is _values[{i}]")
+            comparisons.append(f"{self._along(path)} is _values[{i}]")
         for pair, i in self.pairs:
             left, right = [f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k]) for k in pair]
             related = self._other(RELATIONS[self.steps[i][1]])
-            found.append(f"{related}({left}, {right}) is {self.values[i]}")
-        same = [_expression(found, known | {f"o{i}": value for i, value in enumerate(self.others)})]
+            comparisons.append(f"{related}({left}, {right}) is {self.values[i]}")
+        same = [_expression(comparisons, namespace | {f"o{i}": value for i, value in enumerate(self.others)})]
         for holder, names in modules.values():
-            made = _expression(names, holder.__globals__)
-            same.append(made if made.__builtins__ is holder.__builtins__ else _never)
+            expression = _expression(names, holder.__globals__)
+            same.append(expression if expression.__builtins__ is holder.__builtins__ else _never)
         return same
 
     def _along(self, path: Any) -> str:
@@ -150,9 +150,9 @@ class Guard:
                 home = next(k for k, c in enumerate(holder.__mro__[after:]) if name in vars(c))
                 hidden = [f"{name!r} not in {space} and " for space in spaces[:home]]
                 return f"{now}.__mro__ is {self._other(holder.__mro__)} and {''.join(hidden)}{spaces[home]}[{name!r}]{then}"
-            seen = super(holder.__mro__[after - 1], holder) if after else holder
-            if getattr(seen, name, MISSING) is self.values[i]:
-                return self._asked(self._other(seen) if after else now, "attribute", name) + then
+            view = super(holder.__mro__[after - 1], holder) if after else holder
+            if getattr(view, name, MISSING) is self.values[i]:
+                return self._asked(self._other(view) if after else now, "attribute", name) + then
         return self._asked(now, how, name) + then
 
     def _other(self, value: Any) -> str:
@@ -167,7 +167,9 @@ class Guard:
         return f"{self._other(asked)}({holder}, {how!r}, {name!r})"
 
     def verdict(self, args: Sequence[Any]) -> bool | None:
-        """Is everything the same?  None: there are other objects, and their tokens must tell."""
+        """True if every read gives what it gave, False if one does not; None: there are other objects, and their
+        tokens must tell.
+        """
         glance, words = self.glance, None
         if glance is None or not glance[0].same():
             words = self._words()  # before they can change
@@ -198,10 +200,10 @@ class Guard:
                 expressions = self._expressions(words)
             else:
                 expressions = self.glance[1]
-            self.glance = Words([x for own in words.values() for x in own]), expressions
+            self.glance = Words([x for group in words.values() for x in group]), expressions
 
     def _content(self) -> bool:
-        """Is what can change in place as it was?"""
+        """Whether the content that can change in place has its old tokens."""
         return all(digest(self.values[i], self.known) == self.tokens[i] for i in self.mutable)
 
     def _by_parts(self, args: Sequence[Any]) -> bool | None:

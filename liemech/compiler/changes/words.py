@@ -36,12 +36,12 @@ class Words:
     def __init__(self, words: Iterable[Word]) -> None:
         by_address = {word[1]: word for word in words}.values()
         self.alive = [word[0] for word in by_address]  # nothing else gets their addresses
-        numbers = [x for _, *rest in by_address for x in rest]
+        numbers = [x for _, *fields in by_address for x in fields]
         self.block = struct.pack(f"{1 + len(numbers)}Q", len(self.alive), *numbers)
         self.look = _look() if self.alive else None
 
     def same(self) -> bool:
-        """Are they?"""
+        """True if every remembered word of memory still has the value that it had when this object was made."""
         return self.look is None or not self.look(self.block)
 
 
@@ -54,8 +54,8 @@ def words_of(holder: Any, how: str, name: Any, value: Any) -> list[Word]:
         return [(holder, id(holder) + places[name], WHOLE, id(value))]
     if function and how == "global" and "names" in places:
         spaces = [holder.__globals__, holder.__builtins__]
-        asked = spaces[:1] if name in spaces[0] else spaces
-        return [_version(space, places["names"], ADDRESS) for space in asked]
+        searched = spaces[:1] if name in spaces[0] else spaces
+        return [_version(space, places["names"], ADDRESS) for space in searched]
     if type(holder) not in CLASSES or "members" not in places:
         return []
     of_members = how.startswith("member") or how in ("defines", "plain")
@@ -74,22 +74,22 @@ def _version(holder: Any, at: int, size: struct.Struct) -> Word:
 
 @functools.cache
 def _places() -> dict[str, int]:
-    """How many bytes after the beginning of a function its parts lie, and of a class and a dict the version:
-    what can be told.
+    """The offsets, in bytes from the beginning, of a function's parts and of the version of a class and of a dict; only
+    those that can be told.
     """
-    known = sys.implementation.name == "cpython" and sys.byteorder == "little"
-    if not known or sysconfig.get_config_var("Py_GIL_DISABLED") or ADDRESS.size != 8:
+    supported = sys.implementation.name == "cpython" and sys.byteorder == "little"
+    if not supported or sysconfig.get_config_var("Py_GIL_DISABLED") or ADDRESS.size != 8:
         return {}
-    one, other = _example(), _example()
-    found = {}
+    function, other = _example(), _example()
+    offsets = {}
     for name, after in [(name, getattr(other, name)) for name in SLOTS]:
-        here: list[set[int]] = []
-        for value in (getattr(one, name), after):
-            setattr(one, name, value)
-            words = enumerate(_words(one, one.__sizeof__(), ADDRESS))
-            here.append({i for i, word in words if word == id(value)})
-        if len(here[0]) == 1 and here[0] == here[1]:
-            found[name] = ADDRESS.size * here[0].pop()
+        matches: list[set[int]] = []
+        for value in (getattr(function, name), after):
+            setattr(function, name, value)
+            words = enumerate(_words(function, function.__sizeof__(), ADDRESS))
+            matches.append({i for i, word in words if word == id(value)})
+        if len(matches[0]) == 1 and matches[0] == matches[1]:
+            offsets[name] = ADDRESS.size * matches[0].pop()
     base: Any = type("Base", (), {"member": 0})
     derived: Any = type("Derived", (base,), {})
     names: dict[str, Any] = {"member": 0}
@@ -100,11 +100,11 @@ def _places() -> dict[str, int]:
             derived.member  # noqa: B018
         of_class.append(_words(derived, type(derived).__basicsize__, VERSION))
         of_dict.append(_words(names, dict.__basicsize__, ADDRESS))
-    for what, seen, size in (("members", of_class, VERSION), ("names", of_dict, ADDRESS)):
-        moving = [i for i, words in enumerate(zip(*seen)) if len({*words}) == len(seen)]
-        if len(moving) == 1 and (what == "names" or seen[-1][moving[0]] == 0):
-            found[what] = size.size * moving[0]
-    return found
+    for what, snapshots, size in (("members", of_class, VERSION), ("names", of_dict, ADDRESS)):
+        moving = [i for i, words in enumerate(zip(*snapshots)) if len({*words}) == len(snapshots)]
+        if len(moving) == 1 and (what == "names" or snapshots[-1][moving[0]] == 0):
+            offsets[what] = size.size * moving[0]
+    return offsets
 
 
 def _words(thing: Any, size: int, word: struct.Struct) -> list[int]:

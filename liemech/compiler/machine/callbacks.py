@@ -47,34 +47,34 @@ _PYTHON = (
 
 @functools.cache
 def addresses() -> dict[str, int]:
-    """Where the definitions find Python's C functions."""
+    """The addresses of Python's C functions that the definitions call, by name."""
     return {name: ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value or 0 for name in _PYTHON.split()}
 
 
 def in_memory(code: bytes) -> dict[str, int]:
-    """Where the tables and the routines of BLAS and LAPACK are that this object code asks for.
+    """The addresses of the tables and of the routines of BLAS and LAPACK that this object code asks for.
 
     Raises LookupError for a table that this process has not made yet.
     """
-    found: dict[str, int] = {}
+    pointers: dict[str, int] = {}
     for content, number in set(re.findall(rb"liemech_table_([0-9a-f]{24})_(\d+)", code)):
         table = TABLES[content.decode()][int(number)]
-        found[f"liemech_table_{content.decode()}_{int(number)}"] = table.ctypes.data
+        pointers[f"liemech_table_{content.decode()}_{int(number)}"] = table.ctypes.data
     for name in set(re.findall(rb"liemech_([dz]ge(?:mm|sv|trf))(?!\w)", code)):
-        found[f"liemech_{name.decode()}"] = blas.addresses()[name.decode()]
+        pointers[f"liemech_{name.decode()}"] = blas.addresses()[name.decode()]
     for name in ("malloc", "free", "memmove"):
         if name.encode() in code:
             library: Any = ctypes.CDLL(None) if os.name != "nt" else ctypes.CDLL("ucrtbase")
             address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
-            found[name] = address or 0
-    return found
+            pointers[name] = address or 0
+    return pointers
 
 
 def definitions(code: bytes) -> str:
-    """In LLVM's language, the functions that this object code asks Python for; '' if there are none."""
+    """The functions that this object code asks Python for, in LLVM's language; '' if there are none."""
     names = set(re.findall(rb"liemech_(?:math|numpy)_\w+?_[12](?!\w)", code))
-    found = [_definition(*name.decode().rsplit("_", 1)) for name in sorted(names)]
-    return f"; 1 instructions\n{_DECLARED}{''.join(found)}" if found else ""
+    functions = [_definition(*name.decode().rsplit("_", 1)) for name in sorted(names)]
+    return f"; 1 instructions\n{_DECLARED}{''.join(functions)}" if functions else ""
 
 
 def _definition(name: str, count: str) -> str:

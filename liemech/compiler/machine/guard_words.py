@@ -29,16 +29,16 @@ Buffer = np.ndarray | tuple[int, int]
 
 
 def checked(kernel: Any, block: bytes, buffers: Sequence[Buffer]) -> None:
-    """One call of a kernel on this block of memory, which names these buffers.  Raises
+    """Call a kernel once, on this block of memory, which names these buffers, with fences around all of them.  Raises
     BufferOverrun.
     """
     before, names = _head(kernel)
     fences = [Fence(x) for x in buffers]
     words = np.frombuffer(block, np.int64).copy()
     words[before : before + len(fences)] = [fence.place for fence in fences]
-    own, given = Fence(words), words.copy()
-    kernel.call(ctypes.c_char_p(own.place))
-    if not own.back() or not np.array_equal(words, given):
+    block_fence, original = Fence(words), words.copy()
+    kernel.call(ctypes.c_char_p(block_fence.place))
+    if not block_fence.back() or not np.array_equal(words, original):
         raise BufferOverrun(_told(kernel, "arguments"))
     for name, fence in zip(names, fences, strict=True):
         if not fence.back():
@@ -46,26 +46,24 @@ def checked(kernel: Any, block: bytes, buffers: Sequence[Buffer]) -> None:
 
 
 def _told(kernel: Any, what: str) -> str:
-    given = ", ".join(map(repr, kernel.kinds[:2]))
+    kinds = ", ".join(map(repr, kernel.kinds[:2]))
     return (
-        f"native code of {kernel.entry.__name__}, for {given[:300]}, has written outside of its {what}: "
+        f"native code of {kernel.entry.__name__}, for {kinds[:300]}, has written outside of its {what}: "
         "please report this with the program that did it"
     )
 
 
 def _head(kernel: Any) -> tuple[int, list[str]]:
-    """How many words lie before the addresses in the block of a kernel, and the names of the
-    buffers.
-    """
+    """The number of words before the addresses in the block of a kernel, and the names of its buffers."""
     names = iter(inspect.signature(kernel.entry).parameters.values())
-    before, found, name = 3, [], ""
+    before, buffers, name = 3, [], ""
     for kind in kernel.kinds:
         parameter = next(names, None)
         name = name if parameter is None else parameter.name  # of *rows the last one stays
         before += kind in ("integer", "rows", "planes")
         if isinstance(kind, tuple) or kind in ("columns", "shared", "rows", "planes"):
-            found.append(name)
-    return before, found + ["scratch memory", "notes", "crew"] * ("planes" in kernel.kinds)
+            buffers.append(name)
+    return before, buffers + ["scratch memory", "notes", "crew"] * ("planes" in kernel.kinds)
 
 
 class Fence:
@@ -95,7 +93,7 @@ class Fence:
         return self.memory.ctypes.data + self.at
 
     def _in(self, memory: np.ndarray) -> np.ndarray:
-        """The buffer in a memory like this."""
+        """The words of the buffer's numbers in a memory laid out like `memory`."""
         shape, strides = self.buffer.shape, self.buffer.strides
         return np.ndarray(shape, np.int64, memory.data, self.at, strides)
 

@@ -42,7 +42,7 @@ come = _raised, _count
 
 @functools.cache
 def addresses() -> dict[str, int]:
-    """Where native code finds what it needs to ask Python."""
+    """The addresses, by name, of what native code needs to ask Python."""
     python = ctypes.pythonapi
     functions = {
         "liemech_ensure": python.PyGILState_Ensure,
@@ -52,8 +52,8 @@ def addresses() -> dict[str, int]:
         "liemech_thread": python.PyThread_get_thread_ident,
         "liemech_is_stopped": _is_stopped,
     }
-    found = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
-    return found | {"liemech_raised": ctypes.addressof(_raised), "liemech_stopped": ctypes.addressof(_count)}
+    pointers = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
+    return pointers | {"liemech_raised": ctypes.addressof(_raised), "liemech_stopped": ctypes.addressof(_count)}
 
 
 def stop_if_asked() -> None:

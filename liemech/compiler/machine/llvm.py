@@ -58,27 +58,29 @@ def processor() -> tuple[str, str, int]:
     Raises InvalidInput for a name that LLVM does not know, and for a processor with instructions for
     numbers that this one lacks.  Others that this one lacks, of the operating system, are not used.
     """
-    asked = os.environ.get("LIEMECH_CPU") or "native"
+    requested = os.environ.get("LIEMECH_CPU") or "native"
     with _lock:
-        here = llvm.get_host_cpu_features()
-        if asked == "native":
-            return llvm.get_host_cpu_name(), here.flatten(), _width([name for name, has in here.items() if has])
+        features = llvm.get_host_cpu_features()
+        if requested == "native":
+            return llvm.get_host_cpu_name(), features.flatten(), _width([name for name, has in features.items() if has])
         if not triple().startswith("x86_64"):
-            raise InvalidInput(f"$LIEMECH_CPU={asked}: on {triple()} code is made for this processor only; unset it")
-        known = _instructions(asked, ["sse2", *here]) if re.fullmatch(r"[\w.-]+", asked) else []
-    if not known:
+            raise InvalidInput(
+                f"$LIEMECH_CPU={requested}: on {triple()} code is made for this processor only; unset it"
+            )
+        instructions = _instructions(requested, ["sse2", *features]) if re.fullmatch(r"[\w.-]+", requested) else []
+    if not instructions:
         raise InvalidInput(
-            f"$LIEMECH_CPU={asked}: LLVM {'.'.join(map(str, llvm.llvm_version_info))} knows no such processor of "
+            f"$LIEMECH_CPU={requested}: LLVM {'.'.join(map(str, llvm.llvm_version_info))} knows no such processor of "
             "64 bits; name one, such as x86-64, x86-64-v3, znver2, skylake-avx512, or native"
         )
-    lacking = [name for name in known if not here.get(name, True)]
+    lacking = [name for name in instructions if not features.get(name, True)]
     of_numbers = [name for name in lacking if name.startswith(OF_NUMBERS) and name != "sse4a"]
     if of_numbers:
         raise InvalidInput(
-            f"$LIEMECH_CPU={asked}: this processor, {llvm.get_host_cpu_name()}, lacks its instructions "
+            f"$LIEMECH_CPU={requested}: this processor, {llvm.get_host_cpu_name()}, lacks its instructions "
             f"{', '.join(sorted(of_numbers))}; name an older one, or native"
         )
-    return asked, ",".join(["+64bit", *[f"-{name}" for name in sorted(lacking)]]), _width(known)
+    return requested, ",".join(["+64bit", *[f"-{name}" for name in sorted(lacking)]]), _width(instructions)
 
 
 OF_NUMBERS = "sse", "ssse", "avx", "fma", "bmi", "lzcnt", "popcnt", "movbe", "f16c", "xop"
@@ -86,12 +88,12 @@ OF_NUMBERS = "sse", "ssse", "avx", "fma", "bmi", "lzcnt", "popcnt", "movbe", "f1
 
 
 def _width(instructions: Sequence[str]) -> int:
-    """How many doubles a vector register holds where there are these instructions."""
+    """The doubles that a vector register holds where there are these instructions."""
     return 8 if "avx512f" in instructions else 4 if "avx2" in instructions else 2
 
 
 def _instructions(processor: str, names: Sequence[str]) -> list[str]:
-    """Those of the instructions that a processor of 64 bits has; none if LLVM does not know it.  LLVM
+    """The instructions, of these, that a processor of 64 bits has; none if LLVM does not know it.  LLVM
     copies a function into one for another processor only if that has all instructions of the first.
     """
     _prepare()
@@ -117,7 +119,7 @@ def triple() -> str:
 
 
 def width() -> int:
-    """How many doubles a vector register holds."""
+    """The doubles that a vector register of the processor holds."""
     return processor()[2]
 
 
@@ -153,8 +155,10 @@ def portable(texts: Sequence[str], target: str | None) -> tuple[bytes, str, str,
             ) from None
         if "p:32:32" in (data := str(machine.target_data)) or "-p:16" in data:
             raise NotCompilable(f"Plan.export: {target!r} has no addresses of 64 bits")
-        own = f'target triple = "{triple()}"'
-        first, *others = [llvm.parse_assembly(text.replace(own, f'target triple = "{triple_of}"')) for text in texts]
+        this_platform = f'target triple = "{triple()}"'
+        first, *others = [
+            llvm.parse_assembly(text.replace(this_platform, f'target triple = "{triple_of}"')) for text in texts
+        ]
         for other in others:
             first.link_in(other)
         first.verify()
@@ -178,9 +182,9 @@ def linked(code: bytes, signature: Any = SIGNATURE) -> tuple[Any, Any]:
     """The owner of the code, and the function; it lives as long as its owner."""
     with _lock:
         library = llvm.JITLibraryBuilder().add_object_img(code).export_symbol("kernel")
-        asked = callbacks.definitions(code)
-        if asked:
-            library.add_object_img(object_code(asked))
+        definitions = callbacks.definitions(code)
+        if definitions:
+            library.add_object_img(object_code(definitions))
         for name, address in (_functions() | callbacks.in_memory(code)).items():
             library.import_symbol(name, address)
         loaded = library.link(_linker(), f"kernel {next(_numbers)}")
@@ -216,7 +220,7 @@ def _optimised(text: str) -> Any:
 
 
 def _pass(module: Any, machine: Any, level: int) -> None:
-    """LLVM's passes."""
+    """Run LLVM's optimizing passes on a module, in place."""
     tuning = llvm.create_pipeline_tuning_options(speed_level=level)
     # lanes are explicit; formulas are scalar on purpose
     tuning.loop_vectorization = tuning.slp_vectorization = False
@@ -243,7 +247,7 @@ def size(text: str) -> int:
 
 @functools.cache
 def _target() -> Any:
-    """The processor that code is made for."""
+    """The target machine of the processor that code is made for."""
     return _target_machine()
 
 
@@ -258,14 +262,14 @@ def _target_machine() -> Any:
 
 @functools.cache
 def _prepare() -> None:
-    """Once in a process: LLVM for this processor."""
+    """Prepare LLVM for this processor, once in a process."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
 
 
 @functools.cache
 def _prepare_all() -> None:
-    """Once in a process: LLVM for all processors."""
+    """Prepare LLVM for all processors, once in a process."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
 
@@ -285,8 +289,8 @@ def _functions() -> dict[str, int]:
 
 
 def _pauses(library: Any) -> list[int]:
-    """Where the functions lie with which a thread sleeps for some microseconds, and with which it lets
-    others that wait have its processor.
+    """The addresses of the functions by which a thread sleeps for some microseconds, and by which it lets others that
+    wait have its processor.
     """
     if os.name == "nt":
         functions = [ctypes.windll.kernel32.SwitchToThread] * 2  # type: ignore[attr-defined]

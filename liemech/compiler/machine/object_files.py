@@ -36,7 +36,7 @@ WORDS = (
 
 
 def is_taken(name: str) -> bool:
-    """Is that a word of C or C++, or of their libraries?"""
+    """Whether a name is a word of C or C++, or of their libraries."""
     return name in WORDS.split() or name.endswith("_t") or hasattr(llvm.c_library(), name)
 
 
@@ -56,10 +56,10 @@ def object_file(kernels: dict[str, str], target: str | None) -> tuple[bytes, str
 
 def _alone(text: str, name: str) -> str:
     """A kernel that asks nothing but the C library."""
-    asked = sorted({f.replace("_", ".", 1) for f in _ASKED.findall(text)})
-    if asked:
+    python_calls = sorted({f.replace("_", ".", 1) for f in _ASKED.findall(text)})
+    if python_calls:
         raise NotCompilable(
-            f"Plan.export: formulas ask Python for {', '.join(asked)}, and C code runs without it; "
+            f"Plan.export: formulas ask Python for {', '.join(python_calls)}, and C code runs without it; "
             "take the functions of liemech.formulas, which are those of the C library"
         )
     text = text.replace(LOOK, _NEVER)
@@ -72,10 +72,10 @@ def _alone(text: str, name: str) -> str:
         if inner not in _C:
             raise NotCompilable(f"Plan.export: native code needs {inner}, which C does not have")
         needed.add(f"declare double @{_C[inner]}({', '.join(['double'] * count)})\n")
-        given = ", ".join(f"double %x{i}" for i in range(count))
+        parameters = ", ".join(f"double %x{i}" for i in range(count))
         return (
-            f'define internal double @"{inner}"({given}) noinline nounwind {{\n'
-            f"  %y = call double @{_C[inner]}({given}) nobuiltin\n  ret double %y\n}}"
+            f'define internal double @"{inner}"({parameters}) noinline nounwind {{\n'
+            f"  %y = call double @{_C[inner]}({parameters}) nobuiltin\n  ret double %y\n}}"
         )
 
     text = _DECLARED.sub(defined, text)
@@ -110,7 +110,7 @@ _LABEL = re.compile(r'^(?:"([^"]+)"|([\w.$-]+)):')
 _TARGET = re.compile(r'label %(?:"([^"]+)"|([\w.$-]+))')
 
 Blocks = dict[str, tuple[list[str], list[str]]]
-"""Of a function by name: its instructions, and the blocks that follow."""
+"""The blocks of a function by name: the instructions of each, and the blocks that follow it."""
 
 
 def bound_of(text: str, name: str) -> Bound | None:
@@ -124,21 +124,21 @@ def bound_of(text: str, name: str) -> Bound | None:
         lambda line: bool(_DIVISION.search(line)),
         lambda line: bool(_CALL.search(line)),
     ]
-    found: list[tuple[int, int]] = []
+    bounds: list[tuple[int, int]] = []
     try:
         for weigh in weights:
             steps: list[int] = []
             total = _most(functions, name, weigh, steps, 0, [])
-            found.append((steps[0], total))
+            bounds.append((steps[0], total))
     except (_Loops, IndexError):
         return None
-    (instructions, total), *others = found
+    (instructions, total), *others = bounds
     arithmetic, divisions, calls = (step for step, _ in others)
     return Bound(instructions, arithmetic, divisions, calls, total - instructions)
 
 
 class _Loops(Exception):
-    """There are loops in a step."""
+    """Raised when there are loops in a step."""
 
 
 STEPS = 3
@@ -146,7 +146,7 @@ STEPS = 3
 
 
 def _blocks(body: str) -> Blocks:
-    found: Blocks = {}
+    blocks: Blocks = {}
     lines: list[str] = []
     follow: list[str] = []
     name = ""
@@ -154,13 +154,13 @@ def _blocks(body: str) -> Blocks:
         label = _LABEL.match(line)
         if label:
             if lines or name:
-                found[name] = lines, follow
+                blocks[name] = lines, follow
             name, lines, follow = label[1] or label[2], [], []
         elif line.strip() and not line.strip().startswith(";"):
             lines.append(line)
             follow += [a or b for a, b in _TARGET.findall(line)]
-    found[name] = lines, follow
-    return found
+    blocks[name] = lines, follow
+    return blocks
 
 
 def _most(
@@ -227,7 +227,7 @@ def _components(nodes: Iterable[str], follow: Callable[[str], list[str]]) -> lis
     low: dict[str, int] = {}
     stack: list[str] = []
     on: set[str] = set()
-    found: list[set[str]] = []
+    components: list[set[str]] = []
     for root in nodes:
         if root in index:
             continue
@@ -236,8 +236,8 @@ def _components(nodes: Iterable[str], follow: Callable[[str], list[str]]) -> lis
         stack.append(root)
         on.add(root)
         while work:
-            node, rest = work[-1]
-            for other in rest:
+            node, pending = work[-1]
+            for other in pending:
                 if other not in index:
                     index[other] = low[other] = len(index)
                     stack.append(other)
@@ -255,5 +255,5 @@ def _components(nodes: Iterable[str], follow: Callable[[str], list[str]]) -> lis
                     while node not in part:
                         part.add(stack.pop())
                     on -= part
-                    found.append(part)
-    return found
+                    components.append(part)
+    return components

@@ -80,14 +80,14 @@ class Look:
         self.turns.add_incoming(ir.Constant(I32, 0), before)
 
     def after_turn(self, loops: Any) -> None:
-        """At the end of a turn."""
+        """Count a turn at its end; after `EVERY` of them check, and leave the loop if the thread is to stop."""
         e, b = loops.emitter, loops.builder
         turns = self.next = b.add(self.turns, ir.Constant(I32, 1))
-        asked, stopped, on = (b.append_basic_block() for _ in range(3))
+        check, stopped, on = (b.append_basic_block() for _ in range(3))
         every = EVERY // e.lanes
         now = b.icmp_unsigned("==", b.and_(turns, ir.Constant(I32, every - 1)), ir.Constant(I32, 0))
-        b.cbranch(now, asked, on).set_weights([1, every])
-        b.position_at_end(asked)
+        b.cbranch(now, check, on).set_weights([1, every])
+        b.position_at_end(check)
         b.cbranch(b.call(look(b.module), [], cconv=KEEPING), stopped, on)
         e.calls += 1
         b.position_at_end(stopped)
@@ -96,17 +96,17 @@ class Look:
         b.position_at_end(on)
 
     def again(self, block: ir.Block) -> None:
-        """Control goes back to the head from this block."""
+        """Note that control goes back to the head from this block."""
         self.turns.add_incoming(self.next, block)
 
 
-class _Written(ir.Function):
-    """A function that is there as text."""
+class _CheckText(ir.Function):
+    """The function `look`, which LLVM reads from the text LOOK."""
 
     def __str__(self) -> str:
         return LOOK
 
 
 def look(module: ir.Module) -> ir.Function:
-    """The check, in a module."""
-    return module.globals.get("look") or _Written(module, ir.FunctionType(I1, []), "look")
+    """The check of a module, declared at its first use."""
+    return module.globals.get("look") or _CheckText(module, ir.FunctionType(I1, []), "look")

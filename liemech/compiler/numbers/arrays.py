@@ -48,12 +48,12 @@ MADE.add(Array)
 
 
 def array(x: Any) -> Any:
-    """Of a vector or matrix the array, of a number the number."""
+    """The array of a vector or matrix; a number as it is."""
     return fill(Array, {"entries": x}) if isinstance(x, (Vec, Mat)) else x
 
 
 def vector(x: Any) -> Any:
-    """Of an array the vector or matrix, also in lists and tuples; anything else is what it is."""
+    """The vector or matrix of an array, also in lists and tuples; anything else as it is."""
     if isinstance(x, Array):
         return x.entries
     return type(x)(map(vector, x)) if type(x) in (list, tuple) else x
@@ -64,10 +64,10 @@ def refuse(what: str) -> NotCompilable:
 
 
 def made(emitter: Emitter, x: Any, options: dict[str, Any]) -> Array:
-    """np.array(x)."""
-    found = small(vector(x))
-    numbers = [n for row in found for n in row] if isinstance(found, Mat) else found
-    if not isinstance(found, (Vec, Mat)) or set(options) - {"dtype"} or options.get("dtype", float) is not float:
+    """The array np.array(x) of a vector or matrix."""
+    content = small(vector(x))
+    numbers = [n for row in content for n in row] if isinstance(content, Mat) else content
+    if not isinstance(content, (Vec, Mat)) or set(options) - {"dtype"} or options.get("dtype", float) is not float:
         raise NotCompilable(f"np.array of one number, or with options: {REMEDY}")
     objects = any(isinstance(n, Operand) for n in numbers)
     if any(isinstance(n, (Vec, Mat, Record, list, tuple)) for n in numbers) or (objects and options):
@@ -79,11 +79,11 @@ def made(emitter: Emitter, x: Any, options: dict[str, Any]) -> Array:
     ):
         raise NotCompilable("np.array of integers or truth values of the run: write float(x)")
     emitter.meet_numpy()
-    return array(found)
+    return array(content)
 
 
 def _squared(x: Any, exponent: Any) -> bool:
-    """Is it x**2, which NumPy multiplies?  In an array of objects Python makes the powers."""
+    """Whether a power is x**2, which NumPy multiplies.  In an array of objects Python makes the powers."""
     return (
         isinstance(x, Array)
         and type(exponent) in (int, float)

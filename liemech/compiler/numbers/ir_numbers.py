@@ -68,7 +68,7 @@ class Emitter:
                 setattr(self, name, before[name])
 
     def meet_numpy(self) -> None:
-        """From here on any number may be one of NumPy's."""
+        """Let any number be one of NumPy's from here on; refused where Python's numbers were taken for granted."""
         if self.python_only:
             raise NotCompilable(self.python_only[0])
         self.of_numpy = True
@@ -88,7 +88,7 @@ class Emitter:
         return self.vectors[kind] if varying else TYPES[kind]
 
     def registers(self, varying: bool) -> int:
-        """How many values make up a number."""
+        """The number of registers that make up a number."""
         return self.lanes // self.width if varying else 1
 
     def num(self, values: Iterable[ir.Value]) -> Num:
@@ -98,7 +98,7 @@ class Emitter:
         return Num(self, values, "f" if scalar is F64 else next(kind for kind, t in TYPES.items() if t == scalar))
 
     def each(self, instruction: Callable[..., ir.Value], *numbers: Values) -> Num:
-        """One instruction for every register."""
+        """The number whose registers are those of one instruction each."""
         return self.num(map(instruction, *numbers))
 
     def constant(self, value: Any, kind: str | None = None, varying: bool = False) -> Num:
@@ -106,8 +106,8 @@ class Emitter:
         python = {"f": float, "i": int, "b": int}[kind](value)
         if kind == "i" and not -HUGE <= python < HUGE:
             raise NotCompilable(f"{python} is beyond the integers of native code, 2**63: make it a float")
-        one = ir.Constant(self.type(kind, varying), [python] * self.width if varying else python)
-        return Num(self, (one,) * self.registers(varying), kind)
+        register = ir.Constant(self.type(kind, varying), [python] * self.width if varying else python)
+        return Num(self, (register,) * self.registers(varying), kind)
 
     def lift(self, value: Any) -> Num:
         if isinstance(value, Num):
@@ -211,10 +211,10 @@ class Emitter:
         return result
 
     def inexact(self, x: Any) -> Any:
-        """Is it so large that a float may not be the integer?"""
-        known = getattr(x.value, "constant", None) if isinstance(x, Num) else x
-        if isinstance(known, (int, float)):
-            return not -EXACT <= known <= EXACT
+        """Whether an integer is so large that no float may equal it."""
+        constant = getattr(x.value, "constant", None) if isinstance(x, Num) else x
+        if isinstance(constant, (int, float)):
+            return not -EXACT <= constant <= EXACT
         return self.logic("or_", self.compare("<", x, -EXACT), self.compare(">", x, EXACT))
 
     def _floats(self, a: Any, b: Any) -> tuple[Values, Values] | None:
@@ -274,19 +274,19 @@ class Emitter:
             overflow = (q == -1) & (p == -HUGE)
             self.fail_if(overflow)
             q = self.select(overflow | (q == 0), 1, q)
-            quotient, rest = (self.each(f, p.values, q.values) for f in (self.builder.sdiv, self.builder.srem))
-            down = (rest != 0) & ((rest < 0) != (q < 0))
+            quotient, mod = (self.each(f, p.values, q.values) for f in (self.builder.sdiv, self.builder.srem))
+            down = (mod != 0) & ((mod < 0) != (q < 0))
             return (self.select(down, self.each(self.builder.sub, quotient.values, self.alike(1, quotient)[1][0]), quotient),
-                    self.select(down, self.each(self.builder.add, rest.values, q.values), rest))  # fmt: skip
-        rest = self.each(self.builder.frem, p.values, q.values)
-        whole = self.each(self.builder.fdiv, (p - rest).values, q.values)
-        down = (rest != 0.0) & ((q < 0.0) != (rest < 0.0))
+                    self.select(down, self.each(self.builder.add, mod.values, q.values), mod))  # fmt: skip
+        mod = self.each(self.builder.frem, p.values, q.values)
+        whole = self.each(self.builder.fdiv, (p - mod).values, q.values)
+        down = (mod != 0.0) & ((q < 0.0) != (mod < 0.0))
         floor = self.call("llvm.floor", self.select(down, whole - 1.0, whole))
         whole = self.select(down, whole - 1.0, whole)
         floor = self.select(whole - floor > 0.5, floor + 1.0, floor)
         sign = self.each(self.builder.fdiv, p.values, q.values)
         return (self.select(whole != 0.0, floor, self.call("llvm.copysign", 0.0, sign)),
-                self.select(rest != 0.0, self.select(down, rest + q, rest), self.call("llvm.copysign", 0.0, q)))  # fmt: skip
+                self.select(mod != 0.0, self.select(down, mod + q, mod), self.call("llvm.copysign", 0.0, q)))  # fmt: skip
 
     def power(self, a: Any, b: Any) -> Any:
         """a ** b, as Python has it: of integers an integer, of floats that of the C library."""
@@ -301,7 +301,7 @@ class Emitter:
         return result
 
     def overflowed(self, result: Num, *x: Any) -> Num:
-        """Is the result of a function nan or infinite, and are its arguments finite?"""
+        """Whether the result of a function is nan or infinite although its arguments are finite."""
         finite = [self.compare("==", a - a, 0.0) for a in x if isinstance(a, Num) and a.kind == "f"]
         return functools.reduce(lambda a, b: self.logic("and_", a, b), finite, result - result != 0.0)
 
@@ -350,18 +350,18 @@ class Emitter:
         return result
 
     def rounded(self, n: Any, kind: str) -> Any:
-        """Is it an integer that is rounded where it becomes one of this kind?"""
+        """Whether a number is an integer that is rounded where it becomes one of this kind."""
         return kind == "f" and kind_of(n) == "i" and self.inexact(n)
 
     def any(self, condition: Any) -> Any:
-        """Does the condition hold in any lane?"""
+        """Whether a condition holds in any lane."""
         if not isinstance(condition, Num) or not condition.varying:
             return condition
         word = ir.IntType(self.width)
-        some, *others = condition.values
+        union, *others = condition.values
         for other in others:
-            some = self.builder.or_(some, other)
-        return self.num([self.builder.icmp_unsigned("!=", self.builder.bitcast(some, word), ir.Constant(word, 0))])
+            union = self.builder.or_(union, other)
+        return self.num([self.builder.icmp_unsigned("!=", self.builder.bitcast(union, word), ir.Constant(word, 0))])
 
     def slot(self) -> list[ir.Value]:
         """A place in memory for a truth value of every lane."""
@@ -397,43 +397,43 @@ class Emitter:
             result = ir.Constant(self.type("f", True), ir.Undefined)
             for lane in range(self.width):
                 at = ir.Constant(I32, lane)
-                one = b.call(function, [b.extract_element(v, at) for v in registers])
-                result = b.insert_element(result, one, at)
+                number = b.call(function, [b.extract_element(v, at) for v in registers])
+                result = b.insert_element(result, number, at)
             return result
 
         return self.each(by_lane, *values)
 
     def uniforms(self, seed: Any, path: Any, number: Any, block: int) -> tuple[Any, Any]:
         """`philox.uniforms`, in integers of 64 bits of which 32 are used."""
-        b, given = self.builder, (seed, path, number)
-        if not any(isinstance(x, Num) for x in given):
+        b, counters = self.builder, (seed, path, number)
+        if not any(isinstance(x, Num) for x in counters):
             return philox.uniforms(seed, path, number, block)
-        varying = any(isinstance(x, Num) and x.varying for x in given)
+        varying = any(isinstance(x, Num) and x.varying for x in counters)
         type_ = self.type("i", varying)
 
-        def known(n: int) -> ir.Constant:
+        def constant(n: int) -> ir.Constant:
             return ir.Constant(type_, [n] * self.width if varying else n)
 
-        def made(*floats: ir.Value) -> tuple[ir.Value, ir.Value]:
+        def generate(*floats: ir.Value) -> tuple[ir.Value, ir.Value]:
             s, p, n = (b.fptosi(x, type_) for x in floats)
-            shift, word = known(32), known(philox.WORD)
-            a, c, e, d = (b.and_(n, word), b.or_(b.lshr(n, shift), known(block << 21)),
+            shift, word = constant(32), constant(philox.WORD)
+            a, c, e, d = (b.and_(n, word), b.or_(b.lshr(n, shift), constant(block << 21)),
                           b.and_(p, word), b.lshr(p, shift))  # fmt: skip
             k, m = b.and_(s, word), b.lshr(s, shift)
             for i in range(philox.ROUNDS):
                 if i > 0:
-                    k, m = (b.and_(b.add(x, known(w)), word) for x, w in zip((k, m), philox.WEYL))
-                first, second = (b.mul(known(w), x) for w, x in zip(philox.MULTIPLIERS, (a, e)))
+                    k, m = (b.and_(b.add(x, constant(w)), word) for x, w in zip((k, m), philox.WEYL))
+                first, second = (b.mul(constant(w), x) for w, x in zip(philox.MULTIPLIERS, (a, e)))
                 a, e = (b.xor(b.xor(b.lshr(x, shift), y), z)
                         for x, y, z in ((second, c, k), (first, d, m)))  # fmt: skip
                 c, d = b.and_(second, word), b.and_(first, word)
-            pairs = (b.or_(b.shl(x, known(20)), b.lshr(y, known(12))) for x, y in ((a, c), (e, d)))
+            pairs = (b.or_(b.shl(x, constant(20)), b.lshr(y, constant(12))) for x, y in ((a, c), (e, d)))
             u, v = (b.sitofp(x, self.type("f", varying)) for x in pairs)
             return u, v
 
-        registers = [self.cast(x, "f", varying) for x in given]
-        found = [made(*floats) for floats in zip(*registers)]
-        u, v = (self.num(x) for x in zip(*found))
+        registers = [self.cast(x, "f", varying) for x in counters]
+        outputs = [generate(*floats) for floats in zip(*registers)]
+        u, v = (self.num(x) for x in zip(*outputs))
         return (u + 0.5) * 2.0**-52, (v + 0.5) * 2.0**-52
 
     def _declared(self, symbol: str, type_: ir.Type, arguments: int) -> ir.Function:
@@ -458,7 +458,7 @@ def kind_of(x: Any) -> str:
 
 
 def is_mixed(x: Any) -> bool:
-    """Is it an integer on one way and a float on another?"""
+    """Whether a number is an integer on one way and a float on another."""
     return isinstance(x, Num) and x.mixed
 
 
@@ -566,13 +566,13 @@ class Num(StandIn):
 
     def _equality(self, op: str, other: Any) -> Any:
         """`==` or `!=`.  What cannot be compared is something else; other numbers and arrays could."""
-        found = self._of(functools.partial(self.emitter.compare, op), self, other)
-        if found is NotImplemented and isinstance(other, (np.generic, np.ndarray, numbers.Number)):
+        truth = self._of(functools.partial(self.emitter.compare, op), self, other)
+        if truth is NotImplemented and isinstance(other, (np.generic, np.ndarray, numbers.Number)):
             raise NotCompilable(
                 f"`{op}` of a number known only at run time and {type(other).__name__}: compare "
                 "floats, array entries one by one"
             )
-        return found
+        return truth
 
     def __pow__(self, other: Any) -> Any:
         if isinstance(other, np.integer) and other < 0 and self.kind != "f":

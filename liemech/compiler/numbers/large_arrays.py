@@ -42,10 +42,10 @@ class Deferred(Large):
 
     @classmethod
     def made(cls, engine: LargeArrays, node: tuple[Any, ...], form: tuple[Any, ...]) -> Deferred:
-        made = object.__new__(cls)
-        made.shape, made.is_complex = form
-        made.numbers, made._place, made.engine, made.node = None, None, engine, node
-        return made
+        deferred = object.__new__(cls)
+        deferred.shape, deferred.is_complex = form
+        deferred.numbers, deferred._place, deferred.engine, deferred.node = None, None, engine, node
+        return deferred
 
     @property
     def place(self) -> Any:
@@ -84,7 +84,7 @@ class LargeArrays:
     # ---------------------------------------------------------------- memory
 
     def allocate(self, count: int) -> Num:
-        """Memory for so many numbers."""
+        """The place of memory for `count` numbers."""
         at, self.used = self.used, self.used + -(-count // WIDE) * WIDE
         self.widest = max(self.widest, count)
         place = self.e.builder.add(self.begin, ir.Constant(I64, 8 * at))
@@ -96,19 +96,19 @@ class LargeArrays:
         return self.e.num([self.blank])
 
     def new(self, form: tuple[Any, ...]) -> Large:
-        """One of this form in memory of its own."""
+        """A vector or matrix of this form in memory of its own."""
         return Large.at(self.allocate(size_of(form)), form)
 
     def stored(self, x: Any) -> Large:
         """The numbers of a vector that is written out, in memory."""
-        found = self.new(((len(x),), False))
-        target = self.address(found)
+        memory = self.new(((len(x),), False))
+        target = self.address(memory)
         for i, c in enumerate(x):
             self.store(self.e.cast(c, "f", False)[0], target, ir.Constant(I64, i))
-        return found
+        return memory
 
     def address(self, x: Large) -> ir.Value:
-        """Where the first number is."""
+        """The address of the first number of a vector or matrix."""
         if x.numbers is not None:
             return constants(self.e, x.numbers.ravel(), F64)
         return self.e.builder.inttoptr(x.place.value, POINTER)
@@ -133,7 +133,7 @@ class LargeArrays:
         return [self.copied(place, form) for place, (_, form) in zip(at, moves)]
 
     def move(self, source: ir.Value, target: ir.Value, count: int) -> None:
-        """Copy so many numbers."""
+        """Copy `count` floats from source to target, by memmove."""
         move = self._function("memmove", BYTE.as_pointer(), [BYTE.as_pointer()] * 2 + [I64])
         b = self.e.builder
         both = [b.bitcast(x, BYTE.as_pointer()) for x in (target, source)]
@@ -141,11 +141,11 @@ class LargeArrays:
 
     def _function(self, name: str, result: ir.Type, arguments: list[ir.Type]) -> ir.Function:
         module = self.e.builder.module
-        known = module.globals.get(name)
-        if known is None:
-            known = ir.Function(module, ir.FunctionType(result, arguments), name)
-            known.attributes.add("nounwind")
-        return known
+        function = module.globals.get(name)
+        if function is None:
+            function = ir.Function(module, ir.FunctionType(result, arguments), name)
+            function.attributes.add("nounwind")
+        return function
 
     # ---------------------------------------------------------------- loops
 
@@ -183,10 +183,10 @@ class LargeArrays:
     def by_numbers(self, op: Any, a: Any, b: Any) -> Large:
         """An operator, number by number."""
         form = next(x.form for x in (a, b) if isinstance(x, Large))
-        found = Deferred.made(self, (_INSTRUCTIONS[op], self._operand(a), self._operand(b)), form)
+        deferred = Deferred.made(self, (_INSTRUCTIONS[op], self._operand(a), self._operand(b)), form)
         if not self.nested:
-            found.place  # noqa: B018
-        return found
+            deferred.place  # noqa: B018
+        return deferred
 
     @contextlib.contextmanager
     def whole(self, nested: bool) -> Iterator[None]:
@@ -207,7 +207,7 @@ class LargeArrays:
         return self.stored(x) if any(isinstance(c, Num) for c in x) else Large(x)
 
     def absolute(self, a: Large) -> Large:
-        """|a_i|, number by number."""
+        """The absolute values |a_i|, number by number."""
         return Large.at(self.computed(("abs", a), a.form), a.form)
 
     def computed(self, node: tuple[Any, ...], form: tuple[Any, ...]) -> Num:
@@ -216,8 +216,8 @@ class LargeArrays:
         leaves: dict[int, ir.Value] = {}
         pattern = self._pattern(node, leaves)
 
-        def body(target: ir.Value, *given: ir.Value) -> None:
-            sources = dict(zip(leaves, given))
+        def body(target: ir.Value, *inputs: ir.Value) -> None:
+            sources = dict(zip(leaves, inputs))
             self.wide(size_of(form), lambda i, width: self.store(self._value(node, sources, i, width, {}), target, i))
 
         self.apart((pattern, size_of(form)), [self.pointer(place), *leaves.values()], body)
@@ -253,28 +253,28 @@ class LargeArrays:
                 function.attributes.add(attribute)
             with b.inside(function, False):
                 b.position_at_end(function.append_basic_block("entry"))
-                made = body(*function.args)
-                b.ret_void() if made is None else b.ret(made)
+                returned = body(*function.args)
+                b.ret_void() if returned is None else b.ret(returned)
         return b.call(function, values)
 
     def _value(
-        self, node: Any, sources: dict[int, ir.Value], i: ir.Value, width: int, known: dict[int, Any]
+        self, node: Any, sources: dict[int, ir.Value], i: ir.Value, width: int, computed: dict[int, Any]
     ) -> ir.Value:
-        if id(node) not in known:
+        if id(node) not in computed:
             b = self.e.builder
             if isinstance(node, Large):
-                known[id(node)] = self.load(sources[id(node)], i, width)
+                computed[id(node)] = self.load(sources[id(node)], i, width)
             elif isinstance(node, Num):
-                known[id(node)] = self.e.spread(sources[id(node)], width)
+                computed[id(node)] = self.e.spread(sources[id(node)], width)
             else:
-                parts = [self._value(x, sources, i, width, known) for x in node[1:]]
+                parts = [self._value(x, sources, i, width, computed) for x in node[1:]]
                 if node[0] == "abs":
                     type_ = parts[0].type
                     name = "llvm.fabs.f64" if width == 1 else f"llvm.fabs.v{width}f64"
-                    known[id(node)] = b.call(self._function(name, type_, [type_]), parts)
+                    computed[id(node)] = b.call(self._function(name, type_, [type_]), parts)
                 else:
-                    known[id(node)] = getattr(b, node[0])(*parts)
-        return known[id(node)]
+                    computed[id(node)] = getattr(b, node[0])(*parts)
+        return computed[id(node)]
 
     # ---------------------------------------------------------------- sums
 
@@ -308,8 +308,8 @@ class LargeArrays:
         def body(*places: ir.Value) -> ir.Value:
             return self._summed(count, lambda i, w: term(i, w, *places))
 
-        given = [self.address(x) for x in of]
-        return self.e.num([self.apart((name, count), given, body, F64)])
+        addresses = [self.address(x) for x in of]
+        return self.e.num([self.apart((name, count), addresses, body, F64)])
 
     def _summed(self, count: int, term: Callable[[ir.Value, int], ir.Value]) -> ir.Value:
         b = self.e.builder
@@ -347,28 +347,28 @@ class LargeArrays:
 
     def product(self, a: Large, b: Large) -> Large:
         """A B, by BLAS: stored by columns, B^T A^T."""
-        found = self.new(((a.shape[0], b.shape[1]), a.is_complex))
+        matrix = self.new(((a.shape[0], b.shape[1]), a.is_complex))
         self.apart(
             ("product", a.form, b.form),
-            [self.address(x) for x in (a, b, found)],
+            [self.address(x) for x in (a, b, matrix)],
             lambda *places: self._multiply(a, b, *places),
         )
-        return found
+        return matrix
 
-    def _multiply(self, a: Large, b: Large, left: ir.Value, right: ir.Value, found: ir.Value) -> None:
+    def _multiply(self, a: Large, b: Large, left: ir.Value, right: ir.Value, target: ir.Value) -> None:
         (m, k), n = a.shape, b.shape[1]
         kind = "z" if a.is_complex else "d"
         no, sizes = self._known(BYTE, ord("N")), [self._known(I32, x) for x in (n, m, k)]
-        one, zero = (constants(self.e, [x, 0.0], F64) for x in (1.0, 0.0))
+        unit, zero = (constants(self.e, [x, 0.0], F64) for x in (1.0, 0.0))
         self._call(
-            f"{kind}gemm", no, no, *sizes, one, right, sizes[0], left, sizes[2], zero, found, sizes[0],
+            f"{kind}gemm", no, no, *sizes, unit, right, sizes[0], left, sizes[2], zero, target, sizes[0],
         )  # fmt: skip
 
     def over(self, b: Large, a: Large) -> Large:
         """B A^-1, by LAPACK; nan if A is singular."""
         build, n, m = self.e.builder, len(a), len(b)
-        found, factors = self.new(b.form), self.new(a.form)
-        for source, target in ((b, found), (a, factors)):
+        quotient, factors = self.new(b.form), self.new(a.form)
+        for source, target in ((b, quotient), (a, factors)):
             self.move(self.address(source), self.address(target), source.size)
         pivots, kind = self.allocate(n), "z" if a.is_complex else "d"
         with build.goto_entry_block():
@@ -377,13 +377,13 @@ class LargeArrays:
         sizes = [self._known(I32, x) for x in (n, m)]
         self._call(
             f"{kind}gesv", *sizes, self.address(factors), sizes[0], self.pointer(pivots),
-            self.address(found), sizes[0], info,
+            self.address(quotient), sizes[0], info,
         )  # fmt: skip
         singular = build.icmp_signed("!=", build.load(info, typ=I32), ir.Constant(I32, 0))
         with build.if_then(singular):
-            nan, target = self.e.constant(float("nan")).value, self.address(found)
-            self.wide(found.size, lambda i, w: self.store(self.e.spread(nan, w), target, i))
-        return found
+            nan, target = self.e.constant(float("nan")).value, self.address(quotient)
+            self.wide(quotient.size, lambda i, w: self.store(self.e.spread(nan, w), target, i))
+        return quotient
 
     def determinant(self, a: Large) -> Any:
         """det A, the product of LAPACK's pivots."""
@@ -399,29 +399,29 @@ class LargeArrays:
         self.move(source, factors, a.size)
         info, size = b.alloca(I32), self._known(I32, n)
         self._call(f"{'z' if a.is_complex else 'd'}getrf", size, size, factors, size, pivots, info)
-        zero, one = (ir.Constant(I64, k) for k in (0, 1))
-        for k, value in ((zero, 1.0), (one, 0.0)):
+        zero, unit = (ir.Constant(I64, k) for k in (0, 1))
+        for k, value in ((zero, 1.0), (unit, 0.0)):
             self.store(ir.Constant(F64, value), both, k)
         with self._range(zero, ir.Constant(I64, n)) as k:
             at = b.load(b.gep(b.bitcast(pivots, I32.as_pointer()), [k], source_etype=I32), typ=I32)
-            own = b.icmp_signed("==", b.sext(at, I64), b.add(k, one))
-            s = b.select(own, ir.Constant(F64, 1.0), ir.Constant(F64, -1.0))
+            unmoved = b.icmp_signed("==", b.sext(at, I64), b.add(k, unit))
+            s = b.select(unmoved, ir.Constant(F64, 1.0), ir.Constant(F64, -1.0))
             place = b.mul(k, ir.Constant(I64, width * (n + 1)))
             x = b.fmul(s, self.load(factors, place, 1))
-            y = b.fmul(s, self.load(factors, b.add(place, one), 1) if width == 2 else ir.Constant(F64, 0.0))
-            re, im = self.load(both, zero, 1), self.load(both, one, 1)
+            y = b.fmul(s, self.load(factors, b.add(place, unit), 1) if width == 2 else ir.Constant(F64, 0.0))
+            re, im = self.load(both, zero, 1), self.load(both, unit, 1)
             self.store(b.fsub(b.fmul(re, x), b.fmul(im, y)), both, zero)
-            self.store(b.fadd(b.fmul(re, y), b.fmul(im, x)), both, one)
+            self.store(b.fadd(b.fmul(re, y), b.fmul(im, x)), both, unit)
 
     def turned(self, a: Large, conjugate: bool) -> Large:
         """The transpose, of complex matrices perhaps of the conjugate, block by block."""
-        found = self.new((a.shape[::-1], a.is_complex))
+        transpose = self.new((a.shape[::-1], a.is_complex))
         self.apart(
             ("turned", a.form, conjugate),
-            [self.address(a), self.address(found)],
+            [self.address(a), self.address(transpose)],
             lambda source, target: self._turn(a, conjugate, source, target),
         )
-        return found
+        return transpose
 
     def _turn(self, a: Large, conjugate: bool, source: ir.Value, target: ir.Value) -> None:
         b, (m, n) = self.e.builder, a.shape
@@ -440,13 +440,13 @@ class LargeArrays:
 
     def without_adjoint(self, a: Large) -> Large:
         """A - A^H, an entry and its mirror image at a time, block by block."""
-        found = self.new(a.form)
+        difference = self.new(a.form)
         self.apart(
             ("without adjoint", a.form),
-            [self.address(a), self.address(found)],
+            [self.address(a), self.address(difference)],
             lambda source, target: self._less_adjoint(a, source, target),
         )
-        return found
+        return difference
 
     def _less_adjoint(self, a: Large, source: ir.Value, target: ir.Value) -> None:
         b, n = self.e.builder, len(a)
@@ -461,12 +461,12 @@ class LargeArrays:
             return b.fmul(x, signs) if a.is_complex else x
 
         with self.turns(n) as i:
-            own = self.load(source, place(i, i), parts)
-            self.store(b.fsub(own, conjugate(own)), target, place(i, i))
-        zero, one = (ir.Constant(I64, x) for x in (0, 1))
+            diagonal = self.load(source, place(i, i), parts)
+            self.store(b.fsub(diagonal, conjugate(diagonal)), target, place(i, i))
+        zero, unit = (ir.Constant(I64, x) for x in (0, 1))
         with (
             self.turns(n, TILE) as i0,
-            self._range(zero, b.add(i0, one), TILE) as j0,
+            self._range(zero, b.add(i0, unit), TILE) as j0,
             self._until(i0, n) as i,
             b.if_then(b.icmp_signed(">", i, j0)),
         ):
@@ -503,34 +503,34 @@ class LargeArrays:
             yield i
 
     def plus(self, a: Large, s: Any) -> Large:
-        """A + s 1."""
-        found, b = self.new(a.form), self.e.builder
-        self.move(self.address(a), self.address(found), a.size)
-        added, target = self.e.cast(s, "f", False)[0], self.address(found)
+        """A + s 1 in new memory: s is added along the diagonal."""
+        shifted, b = self.new(a.form), self.e.builder
+        self.move(self.address(a), self.address(shifted), a.size)
+        added, target = self.e.cast(s, "f", False)[0], self.address(shifted)
         step = (len(a) + 1) * (2 if a.is_complex else 1)
         with self.turns(len(a)) as i:
             at = b.mul(i, ir.Constant(I64, step))
             self.store(b.fadd(self.load(target, at, 1), added), target, at)
-        return found
+        return shifted
 
-    def mapped(self, known: LinearMap, x: Large) -> Large:
+    def mapped(self, linear: LinearMap, x: Large) -> Large:
         """The image of a linear map."""
-        found = self.new(known.target)
+        image = self.new(linear.target)
         self.apart(
-            ("mapped", known.content),
-            [self.address(x), self.address(found)],
-            lambda source, target: self._map(known, source, target),
+            ("mapped", linear.content),
+            [self.address(x), self.address(image)],
+            lambda source, target: self._map(linear, source, target),
         )
-        return found
+        return image
 
-    def _map(self, known: LinearMap, source: ir.Value, target: ir.Value) -> None:
-        b, size = self.e.builder, size_of(known.target)
-        if sum(len(rows) for rows, *_ in known.groups) < size:
+    def _map(self, linear: LinearMap, source: ir.Value, target: ir.Value) -> None:
+        b, size = self.e.builder, size_of(linear.target)
+        if sum(len(rows) for rows, *_ in linear.groups) < size:
             zero = ir.Constant(F64, 0.0)
             self.wide(size, lambda i, w: self.store(self.e.spread(zero, w), target, i))
-        for k, (rows, coefficients, _) in enumerate(known.groups):
+        for k, (rows, coefficients, _) in enumerate(linear.groups):
             terms = coefficients.shape[1]
-            places, factors, at = (self._table(known, k, part) for part in range(3))
+            places, factors, at = (self._table(linear, k, part) for part in range(3))
             with self.turns(len(rows)) as i:
                 first = b.mul(i, ir.Constant(I64, terms))
                 if terms <= 2:
@@ -541,22 +541,22 @@ class LargeArrays:
                     total = self._terms(places, factors, source, first, terms)
                 self.store(total, target, self._integer(at, i))
 
-    def along_diagonals(self, known: DiagonalSolver, x: Large) -> Large:
+    def along_diagonals(self, solver: DiagonalSolver, x: Large) -> Large:
         """The solution of tridiagonal equations along the diagonals, row by row."""
-        found = self.new(x.form)
+        solution = self.new(x.form)
         self.apart(
-            ("along diagonals", known.content),
-            [self.address(x), self.address(found)],
-            lambda source, target: self._along(known, source, target),
+            ("along diagonals", solver.content),
+            [self.address(x), self.address(solution)],
+            lambda source, target: self._along(solver, source, target),
         )
-        return found
+        return solution
 
-    def _along(self, known: DiagonalSolver, source: ir.Value, target: ir.Value) -> None:
-        b, n = self.e.builder, known.shape[0]
+    def _along(self, solver: DiagonalSolver, source: ir.Value, target: ir.Value) -> None:
+        b, n = self.e.builder, solver.shape[0]
         self.move(source, target, 2 * n * n)
-        if known.singular:
+        if solver.singular:
             self._without_trace(target, n)
-        down, up, inverse = (self._global(known.symbol(k), F64) for k in range(3))
+        down, up, inverse = (self._global(solver.symbol(k), F64) for k in range(3))
         row, inner = ir.Constant(I64, 2 * n), 2 * (n - 1)
 
         def at(first: ir.Value, i: ir.Value, back: int = 0) -> ir.Value:
@@ -566,17 +566,19 @@ class LargeArrays:
             """x_i - factor_i x_i+other for the numbers of a row from `to` on."""
 
             def body(i: ir.Value, w: int) -> None:
-                own = at(first, i, to)
-                product = b.fmul(self.load(factor, own, w), self.load(target, at(own, ir.Constant(I64, 0), other), w))
-                self.store(b.fsub(self.load(target, own, w), product), target, own)
+                index = at(first, i, to)
+                product = b.fmul(
+                    self.load(factor, index, w), self.load(target, at(index, ir.Constant(I64, 0), other), w)
+                )
+                self.store(b.fsub(self.load(target, index, w), product), target, index)
 
             self.wide(inner, body)
 
         def scale(first: ir.Value) -> None:
             def body(i: ir.Value, w: int) -> None:
-                own = at(first, i)
-                value = b.fmul(self.load(target, own, w), self.load(inverse, own, w))
-                self.store(value, target, own)
+                index = at(first, i)
+                value = b.fmul(self.load(target, index, w), self.load(inverse, index, w))
+                self.store(value, target, index)
 
             self.wide(2 * n, body)
 
@@ -587,7 +589,7 @@ class LargeArrays:
             first = b.mul(b.sub(ir.Constant(I64, n - 2), j), row)
             eliminate(first, 0, up, 2 * n + 2)
             scale(first)
-        if known.singular:
+        if solver.singular:
             self._without_trace(target, n)
 
     def _without_trace(self, target: ir.Value, n: int) -> None:
@@ -602,13 +604,13 @@ class LargeArrays:
         i, trace = b.phi(I64), b.phi(zero.type)
         i.add_incoming(ir.Constant(I64, 0), before)
         trace.add_incoming(zero, before)
-        more = b.fadd(trace, self.load(target, b.mul(i, step), 2))
+        partial = b.fadd(trace, self.load(target, b.mul(i, step), 2))
         following = b.add(i, ir.Constant(I64, 1))
         i.add_incoming(following, head)
-        trace.add_incoming(more, head)
+        trace.add_incoming(partial, head)
         b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, n)), head, done)
         b.position_at_end(done)
-        mean = b.fmul(more, ir.Constant(zero.type, [1.0 / n] * 2))
+        mean = b.fmul(partial, ir.Constant(zero.type, [1.0 / n] * 2))
         with self.turns(n) as k:
             at = b.mul(k, step)
             self.store(b.fsub(self.load(target, at, 2), mean), target, at)
@@ -616,20 +618,20 @@ class LargeArrays:
     def _terms(self, places: ir.Value, factors: ir.Value, source: ir.Value, first: ir.Value, terms: int) -> ir.Value:
         """The sum of many terms, from left to right."""
         b = self.e.builder
-        begun = self._term(places, factors, source, first)
+        first_term = self._term(places, factors, source, first)
         before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
         b.branch(head)
         b.position_at_end(head)
         t, total = b.phi(I64), b.phi(F64)
         t.add_incoming(ir.Constant(I64, 1), before)
-        total.add_incoming(begun, before)
-        more = b.fadd(total, self._term(places, factors, source, b.add(first, t)))
+        total.add_incoming(first_term, before)
+        partial = b.fadd(total, self._term(places, factors, source, b.add(first, t)))
         following = b.add(t, ir.Constant(I64, 1))
         t.add_incoming(following, b.block)
-        total.add_incoming(more, b.block)
+        total.add_incoming(partial, b.block)
         b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, terms)), head, done)
         b.position_at_end(done)
-        return more
+        return partial
 
     def _term(self, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value) -> ir.Value:
         b = self.e.builder
@@ -639,11 +641,11 @@ class LargeArrays:
         b = self.e.builder
         return b.load(b.gep(table, [at], source_etype=I64), typ=I64, align=8)
 
-    def _table(self, known: LinearMap, group: int, part: int) -> ir.Value:
+    def _table(self, linear: LinearMap, group: int, part: int) -> ir.Value:
         """A table of a linear map, which lies in the memory of this process: the places, the
         coefficients, the rows of a group.
         """
-        return self._global(known.symbol(group, part), F64 if part == 1 else I64)
+        return self._global(linear.symbol(group, part), F64 if part == 1 else I64)
 
     def _global(self, name: str, type_: ir.Type) -> ir.Value:
         """A table in the memory of this process."""
@@ -655,7 +657,7 @@ class LargeArrays:
         return table
 
     def entry(self, a: Large, index: Any) -> Any:
-        """A number of a vector or matrix."""
+        """The number of a vector or matrix at a constant index."""
         indices = index if isinstance(index, tuple) else (index,)
         if len(indices) != a.axes or not all(isinstance(i, int) for i in indices):
             raise NotCompilable("an entry of a large vector or matrix by indices known at run time")
@@ -671,14 +673,14 @@ class LargeArrays:
     # ---------------------------------------------------------------- calls
 
     def _known(self, type_: ir.Type, value: int) -> ir.Value:
-        """The address of a number that routines are told."""
+        """The address of a constant, as routines of BLAS and LAPACK take their arguments."""
         module, name = self.e.builder.module, f"told.{type_}.{value}"
-        found = module.globals.get(name)
-        if found is None:
-            found = ir.GlobalVariable(module, type_, name)
-            found.global_constant, found.linkage = True, "internal"
-            found.initializer = ir.Constant(type_, value)
-        return found
+        variable = module.globals.get(name)
+        if variable is None:
+            variable = ir.GlobalVariable(module, type_, name)
+            variable.global_constant, variable.linkage = True, "internal"
+            variable.initializer = ir.Constant(type_, value)
+        return variable
 
     def _call(self, routine: str, *arguments: ir.Value) -> None:
         b, byte = self.e.builder, BYTE.as_pointer()
@@ -690,8 +692,8 @@ class LargeArrays:
 
 
 def spans(layout: Layout, at: int = 0) -> Iterator[tuple[str, int, Any]]:
-    """Of every number, and of what lies in memory as a whole, the kind, where it begins among the
-    numbers of the layout, and its form.
+    """The numbers of a layout, and the arrays in memory as a whole: kind, place among the numbers of the
+    layout, and form of each.
     """
     if layout.kind == "large":
         yield "large", at, layout.detail

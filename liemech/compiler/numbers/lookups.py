@@ -27,10 +27,10 @@ def picked(e: Emitter, entries: Any, index: Num) -> Any:
     count = len(entries)
     if count < LONG:
         return None
-    found = _columns(entries)
-    if found is None:
+    columnar = _columns(entries)
+    if columnar is None:
         return None
-    layout, columns = found
+    layout, columns = columnar
     types = [{*map(type, column)} for column in columns]
     if not all(len(t) == 1 and t <= {bool, int, float} for t in types):
         return None

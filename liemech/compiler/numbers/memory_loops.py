@@ -32,7 +32,7 @@ out, that of so(9) is not.
 """
 
 
-class Memory:
+class NumbersInMemory:
     """Floats on the stack: register r of number i lies at r * count + i."""
 
     def __init__(self, e: Emitter, count: int, varying: bool, numbers: Sequence[Any] = ()) -> None:
@@ -79,7 +79,7 @@ def turns(b: ir.IRBuilder, count: int) -> Iterator[ir.Value]:
 
 
 def _floats(numbers: Sequence[Any]) -> bool:
-    """Are they floats, and not all known now?"""
+    """Whether numbers are floats, some of them of the run."""
     of_run = [isinstance(x, Num) for x in numbers]
     return any(of_run) and all(x.kind == "f" if run else type(x) is float for x, run in zip(numbers, of_run))
 
@@ -126,7 +126,7 @@ def _product(e: Emitter, a: list[Any], b: list[Any], complex_: bool, varying: bo
     blank = Complex(0.0, 0.0) if complex_ else 0.0
     wide_rows = [[*row, *[blank] * (width - p)] for row in b]
     A, B = _planes(e, a, complex_, varying), _planes(e, wide_rows, complex_, varying)
-    C = [Memory(e, n * width, varying) for _ in A]
+    C = [NumbersInMemory(e, n * width, varying) for _ in A]
     wide = ir.VectorType(F64, side) if side > 1 else e.type("f", varying)
     with turns(builder, n) as i, turns(builder, width // side) as block:
         row, j = builder.mul(i, ir.Constant(I64, m)), builder.mul(block, ir.Constant(I64, side))
@@ -150,11 +150,11 @@ def _product(e: Emitter, a: list[Any], b: list[Any], complex_: bool, varying: bo
     return [[entry(i, j) for j in range(p)] for i in range(n)]
 
 
-def _planes(e: Emitter, rows: list[Any], complex_: bool, varying: bool) -> list[Memory]:
+def _planes(e: Emitter, rows: list[Any], complex_: bool, varying: bool) -> list[NumbersInMemory]:
     """The numbers of a matrix in memory; of a complex one the real parts and the imaginary parts."""
     entries = [x for row in rows for x in row]
     planes = zip(*[x.parts for x in entries]) if complex_ else [entries]
-    return [Memory(e, len(entries), varying, plane) for plane in planes]
+    return [NumbersInMemory(e, len(entries), varying, plane) for plane in planes]
 
 
 def _terms(b: ir.IRBuilder, x: list[ir.Value], y: list[ir.Value]) -> list[ir.Value]:
@@ -179,43 +179,45 @@ def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
     if few or not _floats([*x, *y]):
         return function(table, x, y)
     varying = _varying([*x, *y])
-    X, Y = Memory(e, len(x), varying, x), Memory(e, len(y), varying, y)
+    X, Y = NumbersInMemory(e, len(x), varying, x), NumbersInMemory(e, len(y), varying, y)
     result: list[Any] = [0.0] * len(table)
     for length, rows in by_length.items():
         if length:
             terms = [term for row in rows for term in table[row]]
-            found = _sums(e, function is formulas.antisymmetric_map, terms, len(rows), X, Y)
+            totals = _sums(e, function is formulas.antisymmetric_map, terms, len(rows), X, Y)
             for n, k in enumerate(rows):
-                result[k] = found.number(n)
+                result[k] = totals.number(n)
     return Vec(*result)
 
 
-def _sums(e: Emitter, antisymmetric: bool, terms: list[Any], count: int, X: Memory, Y: Memory) -> Memory:
+def _sums(
+    e: Emitter, antisymmetric: bool, terms: list[Any], count: int, X: NumbersInMemory, Y: NumbersInMemory
+) -> NumbersInMemory:
     """Sums, `count` of them, of equally many terms (c, i, j): of c x_i y_j, or of c (x_i y_j - x_j y_i)."""
     b, length = e.builder, len(terms) // count
     factors = constants(e, [float(c) for c, _, _ in terms], F64)
     places = constants(e, [k for _, i, j in terms for k in (i, j)], I64)
-    Z = Memory(e, count, X.varying)
+    Z = NumbersInMemory(e, count, X.varying)
 
-    def known(table: ir.Value, at: ir.Value, type_: ir.Type) -> ir.Value:
+    def loaded(table: ir.Value, at: ir.Value, type_: ir.Type) -> ir.Value:
         return b.load(b.gep(table, [at], source_etype=type_), typ=type_)
 
     with turns(b, count) as row:
         first = b.mul(row, ir.Constant(I64, length))
-        found: list[list[ir.Value]] = [[] for _ in range(e.registers(X.varying))]
+        products: list[list[ir.Value]] = [[] for _ in range(e.registers(X.varying))]
         for k in range(length):
             term = b.add(first, ir.Constant(I64, k))
-            c = e.cast(e.num([known(factors, term, F64)]), "f", X.varying)[0]
+            c = e.cast(e.num([loaded(factors, term, F64)]), "f", X.varying)[0]
             twice = b.mul(term, ir.Constant(I64, 2))
-            i = known(places, twice, I64)
-            j = known(places, b.add(twice, ir.Constant(I64, 1)), I64)
-            for r, registers in enumerate(found):
+            i = loaded(places, twice, I64)
+            j = loaded(places, b.add(twice, ir.Constant(I64, 1)), I64)
+            for r, registers in enumerate(products):
                 product = b.fmul(X.load(i, r), Y.load(j, r))
                 if antisymmetric:
                     product = b.fsub(product, b.fmul(X.load(j, r), Y.load(i, r)))
                 # by 1 and -1 too: these products are exact
                 registers.append(b.fmul(c, product))
-        for r, registers in enumerate(found):
+        for r, registers in enumerate(products):
             total = formulas.total([e.num([v]) for v in registers])
             Z.store(total.value, row, r)
     return Z

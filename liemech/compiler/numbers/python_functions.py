@@ -31,7 +31,7 @@ from ..changes.content_hashes import is_own
 from ..changes.dependencies import varies
 from ..machine.callbacks import FUNCTIONS
 from ..translation.expressions import holds_number
-from ..translation.iterators import Stream
+from ..translation.iterators import ItemStream
 from ..translation.scopes import Closure
 from . import arrays, memory_loops
 from .arrays import Array, array, refuse, vector
@@ -85,7 +85,7 @@ class PythonFunctions:
             len: self.len,
             list: lambda items=(): list(self.t.iterate(items)),
             tuple: lambda items=(): tuple(self.t.iterate(items)),
-            iter: lambda items: items if isinstance(items, Stream) else self.t.stream(list(items), (items,)),
+            iter: lambda items: items if isinstance(items, ItemStream) else self.t.stream(list(items), (items,)),
             next: self.next,
             zip: self.zip,
             map: self.map,
@@ -121,9 +121,9 @@ class PythonFunctions:
         self.table[functions.fma] = functions.fma
         for f in functions.LIBM:
             self.table[f] = f
-            there = getattr(math, f.__name__)
-            if there.__name__ == f.__name__:  # not another one, put there by the user
-                self.table.setdefault(there, self.of_math(there, f.__name__))
+            original = getattr(math, f.__name__)
+            if original.__name__ == f.__name__:  # not another one, put there by the user
+                self.table.setdefault(original, self.of_math(original, f.__name__))
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
         for python in OF_MATH.keys() & self.table.keys():
@@ -159,7 +159,7 @@ class PythonFunctions:
         """
         if isinstance(value, Array):
             return of_class(np.ndarray)
-        if isinstance(value, (Num, Closure, Stream)):
+        if isinstance(value, (Num, Closure, ItemStream)):
             return self.of_class(name, value, of_class)
         return of_object(value)
 
@@ -167,18 +167,18 @@ class PythonFunctions:
         """The answer to a question about the class of what the compiler computes with, if it is one
         for all classes that it may have in Python.
         """
-        if isinstance(value, Stream):
+        if isinstance(value, ItemStream):
             raise NotCompilable(f"`{name}` of an iterator")
         if isinstance(value, Closure):
             return question(types.FunctionType)
-        own, of_numpy = TYPES[value.kind], NUMPYS[value.kind]
-        answer = question(own)
+        python_type, of_numpy = TYPES[value.kind], NUMPYS[value.kind]
+        answer = question(python_type)
         # an integer may be a truth value on another way
         if value.kind == "i" or value.mixed:
             for other in (int, bool) if value.mixed else (bool,):
                 if question(other) is not answer:
                     raise NotCompilable(
-                        f"`{name}` of a number that may be {own.__name__} or {other.__name__}: give "
+                        f"`{name}` of a number that may be {python_type.__name__} or {other.__name__}: give "
                         "it one kind on every way, by float(x) or int(x), and ask before the run"
                     )
         if question(of_numpy) is not answer:
@@ -236,16 +236,16 @@ class PythonFunctions:
         return result
 
     def sum(self, items: Any, start: Any = 0) -> Any:
-        """From left to right; from Python 3.12 on with the rounding errors of floats carried along.
+        """Python's sum, from left to right; from Python 3.12 on with the rounding errors of floats carried along.
 
         Source: CPython, Python/bltinmodule.c, builtin_sum_impl.
         """
-        total, *rest = start, *self.t.iterate(items)
-        while rest:
+        total, *remaining = start, *self.t.iterate(items)
+        while remaining:
             if COMPENSATED_SUMS and _kind(total) == "f" and isinstance(total, (float, Num)):
                 self.e.unless_numpy("`sum`")  # which carries errors along of Python's floats only
                 lost, taken = 0.0, 0
-                for x in rest:
+                for x in remaining:
                     if _kind(x) not in ("f", "i", "b"):
                         break
                     if _kind(x) == "f":
@@ -257,16 +257,16 @@ class PythonFunctions:
                     taken += 1
                 if taken:
                     total = self.t.where(self.e.logic("and_", lost != 0.0, lost - lost == 0.0), total + lost, total)
-                    rest = rest[taken:]
+                    remaining = remaining[taken:]
                     continue
-            total, rest = total + rest[0], rest[1:]
+            total, remaining = total + remaining[0], remaining[1:]
         return total
 
     def sorted(self, items: Any, **options: Any) -> list[Any]:
-        found, key, reverse = (list(self.t.iterate(items)), options.get("key"), options.get("reverse"))
-        if key is None and not any(isinstance(x, ByValue) or holds_number(x) for x in found):
-            return sorted(found, **options)
-        keys = [*found] if key is None else [self.t.call(key, x) for x in found]
+        ordered, key, reverse = (list(self.t.iterate(items)), options.get("key"), options.get("reverse"))
+        if key is None and not any(isinstance(x, ByValue) or holds_number(x) for x in ordered):
+            return sorted(ordered, **options)
+        keys = [*ordered] if key is None else [self.t.call(key, x) for x in ordered]
         if isinstance(reverse, Num) or not all(isinstance(x, ByValue) or is_any_number(x) for x in keys):
             raise NotCompilable(
                 "`sorted` of run-time numbers sorts by plain numbers, its direction known before "
@@ -276,40 +276,40 @@ class PythonFunctions:
             if isinstance(x, Num):
                 self.t.fail_if(x != x)  # the place of a nan depends on how Python sorts
         if reverse:  # what is equal keeps its order
-            found, keys = found[::-1], keys[::-1]
-        for i in range(1, len(found)):
+            ordered, keys = ordered[::-1], keys[::-1]
+        for i in range(1, len(ordered)):
             for k in range(i, 0, -1):
                 swap = keys[k] < keys[k - 1]
-                for row in (found, keys):
+                for row in (ordered, keys):
                     a, b = row[k - 1 : k + 1]
                     row[k - 1], row[k] = self.t.where(swap, b, a), self.t.where(swap, a, b)
-        return found[::-1] if reverse else found
+        return ordered[::-1] if reverse else ordered
 
     def together(self, operation: str, start: bool, items: Any) -> Any:
         return functools.reduce(lambda a, x: self.e.logic(operation, a, self.t.truth(x)), self.t.iterate(items), start)
 
     def len(self, items: Any) -> int:
-        if isinstance(items, (Stream, Num)):
+        if isinstance(items, (ItemStream, Num)):
             raise NotCompilable("`len` of an iterator or a number")
         return len(items)
 
     # -------------------------------------------------------------- iterators
 
-    def lazily(self, function: Callable[..., Any], *items: Any, **options: Any) -> Stream:
+    def lazily(self, function: Callable[..., Any], *items: Any, **options: Any) -> ItemStream:
         """A function of iterables that gives an iterator: of lists known now a list, of iterators
         one that asks them.
         """
-        found = function(*map(self.t.iterate, items), **options)
-        lazy = any(isinstance(x, Stream) for x in items)
-        return self.t.stream(found if lazy else list(found), items)
+        iterator = function(*map(self.t.iterate, items), **options)
+        lazy = any(isinstance(x, ItemStream) for x in items)
+        return self.t.stream(iterator if lazy else list(iterator), items)
 
-    def zip(self, *items: Any, **options: Any) -> Stream:
+    def zip(self, *items: Any, **options: Any) -> ItemStream:
         return self.lazily(zip, *items, **options)
 
-    def map(self, function: Any, *items: Any) -> Stream:
+    def map(self, function: Any, *items: Any) -> ItemStream:
         return self.t.stream(self.t.call(function, *x) for x in zip(*map(self.t.iterate, items)))
 
-    def filter(self, function: Any, items: Any) -> Stream:
+    def filter(self, function: Any, items: Any) -> ItemStream:
         def chosen() -> Iterator[Any]:
             for x in self.t.iterate(items):
                 test = self.t.truth(x if function is None else self.t.call(function, x))
@@ -321,7 +321,7 @@ class PythonFunctions:
         return self.t.stream(chosen())
 
     def next(self, stream: Any, *default: Any) -> Any:
-        if not isinstance(stream, Stream):
+        if not isinstance(stream, ItemStream):
             raise NotCompilable(f"`next` of what is no iterator, but {type(stream).__name__}")
         try:
             return stream.take(self.t.state.region)
@@ -339,11 +339,11 @@ class PythonFunctions:
             x = tuple(map(value_of, x))
             if any(isinstance(a, (Dual, Series)) for a in x):
                 name = f"{'np' if isinstance(function, np.ufunc) else 'math'}.{function.__name__}"
-                known = f"use liemech.formulas.{function.__name__}"
+                advice = f"use liemech.formulas.{function.__name__}"
                 unknown = "its derivative is not known here; write the gradient or force yourself"
                 raise NotCompilable(
                     f"`{name}` of a number that carries a derivative: "
-                    f"{known if hasattr(functions, function.__name__) else unknown}"
+                    f"{advice if hasattr(functions, function.__name__) else unknown}"
                 )
             if not any(isinstance(a, Num) for a in x):
                 return function(*x)
@@ -390,8 +390,8 @@ class PythonFunctions:
                     "liemech.PiecewisePolynomial"
                 )
             self.e.meet_numpy()
-            known = [float(a) if type(a) is int else small(a) for a in x]
-            return self.t.call(formula, *known, **options)
+            operands = [float(a) if type(a) is int else small(a) for a in x]
+            return self.t.call(formula, *operands, **options)
 
         return value
 
@@ -433,8 +433,8 @@ class PythonFunctions:
         return value
 
     def log(self, x: Any, *base: Any) -> Any:
-        one = self.of_math(math.log, "log")
-        return one(x) / one(*base) if base and holds_number((x, *base)) else math.log(x, *base) if base else one(x)
+        log = self.of_math(math.log, "log")
+        return log(x) / log(*base) if base and holds_number((x, *base)) else math.log(x, *base) if base else log(x)
 
     def or_formula(self, function: Any, of_numbers: Any) -> Callable[..., Any]:
         """A function of NumPy: the formula of the same meaning, of vectors, matrices and numbers
@@ -442,23 +442,23 @@ class PythonFunctions:
         """
 
         def value(*x: Any, **options: Any) -> Any:
-            known = any(isinstance(a, Operand) for a in inside(x))
+            varying = any(isinstance(a, Operand) for a in inside(x))
             if any(isinstance(a, Array) for a in inside(x)):
                 x = vector(x)
-                if not known and isinstance(function, np.ufunc) and of_numbers and not options:
+                if not varying and isinstance(function, np.ufunc) and of_numbers and not options:
                     return array(by_components(of_numbers, *map(small, x)))
-                if not known and function is not np.cross:
+                if not varying and function is not np.cross:
                     raise refuse(f"`np.{function.__name__}`")
                 result = value(*x, **options)
-                return result if known else array(result)
-            if not known:
+                return result if varying else array(result)
+            if not varying:
                 if of_numbers is None:
                     return self.t.known(function, x, options)
                 return of_numbers(*x, **options)
-            found = OF_NUMPY[function](x, options)
-            if found is None:
+            chosen = OF_NUMPY[function](x, options)
+            if chosen is None:
                 return self.t.known(function, x, options)
-            formula, operands, options = found
+            formula, operands, options = chosen
             if isinstance(formula, functools.partial):  # component by component
                 return by_components(functools.partial(applied, *formula.args), *operands)
             return applied(formula, *operands, **options)
@@ -495,7 +495,7 @@ class PythonFunctions:
         return result
 
     def refused(self, function: Any, instead: str) -> Callable[..., Any]:
-        """A function of what is known now only."""
+        """The function of what is known before the run only: numbers of the run are refused."""
 
         def value(*x: Any, **options: Any) -> Any:
             if holds_number((x, options)) or any(isinstance(a, Operand) for a in inside(x)):

@@ -32,10 +32,10 @@ class RowsInLanes:
         rows = [[*row] for row in zip(*columns, strict=True)]
         if len(rows) < 2 or self.e.lanes > 1 or not self.e.packs or not _alike(rows):
             return [self.t.call(formula, *row) for row in rows]
-        found: list[Any] = []
+        values: list[Any] = []
         for i in range(0, len(rows), self.lanes):
-            found += self._group(formula, rows[i : i + self.lanes])
-        return found
+            values += self._group(formula, rows[i : i + self.lanes])
+        return values
 
     def _group(self, formula: Any, rows: list[list[Any]]) -> list[Any]:
         """Up to as many rows as there are lanes; the last one fills those that are left."""
@@ -53,8 +53,8 @@ class RowsInLanes:
                 e.store(False, state.failed)
                 state.escapes.append([])
             packed = iter([self._packed(numbers) for numbers in zip(*flat)])
-            given = [build(form, packed) for form in layouts]
-            result = self.t.call(formula, *given)
+            arguments = [build(form, packed) for form in layouts]
+            result = self.t.call(formula, *arguments)
             failed: Any = False
             if state.escapes:
                 failed = e.any(e.load(state.failed)) if state.raises else False
@@ -68,26 +68,26 @@ class RowsInLanes:
         return [build(layout, iter(row)) for row in zip(*parts, strict=True)]
 
     def _leave(self, escapes: list[Open]) -> None:
-        """Where the formula was given up for all rows, so is what is around it."""
-        here = self.b.block
+        """Give up the attempt around the formula where the formula was given up for all rows."""
+        block = self.b.block
         for o in escapes:
             self.b.position_at_end(o.block)
             self.t.fail_if(True)
             self.t.state.escapes[-1].append(Open(self.b.block, {}))
-        self.b.position_at_end(here)
+        self.b.position_at_end(block)
 
     def _packed(self, numbers: tuple[Any, ...]) -> Any:
-        """One number of every lane."""
+        """The number whose lanes are these numbers, one each; the number itself if all are one."""
         first = numbers[0]
         if all(x is first for x in numbers):
             return first
         values = [self.e.cast(x, "f", False)[0] for x in numbers]
         registers = []
         for begin in range(0, self.lanes, self.width):
-            some: ir.Value = ir.Constant(ir.VectorType(F64, self.width), ir.Undefined)
+            register: ir.Value = ir.Constant(ir.VectorType(F64, self.width), ir.Undefined)
             for k, v in enumerate(values[begin : begin + self.width]):
-                some = self.b.insert_element(some, v, ir.Constant(I32, k))
-            registers.append(some)
+                register = self.b.insert_element(register, v, ir.Constant(I32, k))
+            registers.append(register)
         return self.e.num(registers)
 
     def _apart(self, x: Any, rows: int) -> list[Any]:
@@ -101,7 +101,7 @@ class RowsInLanes:
 
 
 def _alike(rows: list[list[Any]]) -> bool:
-    """Are all rows made of floats in one way, with the same of all else?"""
+    """Whether all rows are of one form and their numbers floats, so that they fit into lanes."""
     forms = [[layout_of(x, is_any_number) for x in row] for row in rows]
     return all(form == forms[0] for form in forms[1:]) and all(
         type(x) is float or (type(x) is Num and x.kind == "f" and not x.mixed)

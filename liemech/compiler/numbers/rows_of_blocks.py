@@ -15,7 +15,7 @@ from .square_blocks import block_at, lead_block, lessen_block, put_block, save_b
 
 
 class SquareBlocks:
-    """The words in native code."""
+    """The words of `square_blocks` in native code."""
 
     def __init__(self, loops: Any) -> None:
         self.loops, self.e, self.b = loops, loops.e, loops.b
@@ -28,12 +28,12 @@ class SquareBlocks:
         }
 
     def _place(self, sites: Any, i: Any, n: int) -> ir.Value:
-        """Where a block lies."""
+        """The address of block number i, n x n."""
         size = self.b.mul(self.e.cast(i, "i", False)[0], I64(n * wide(n)))
         return self.b.gep(sites.pointer, [size], source_etype=F64)
 
     def _row(self, place: ir.Value, i: int, n: int) -> tuple[ir.Value, Any]:
-        """Where a row of a block lies, and the type of it."""
+        """The address of a row of a block, and the vector type of the row."""
         type_ = ir.VectorType(F64, wide(n))
         row = self.b.gep(place, [I64(i * wide(n))], source_etype=F64)
         return self.b.bitcast(row, type_.as_pointer()), type_
@@ -47,12 +47,12 @@ class SquareBlocks:
         return self.b.load(at, align=8, typ=F64)
 
     def at(self, sites: Any, i: Any, n: int) -> Mat:
-        """Its numbers."""
+        """The matrix in block number i, n x n."""
         place = self._place(sites, i, n)
         return Mat(*[Vec(*[self.e.num([self._number(place, k, j, n)]) for j in range(n)]) for k in range(n)])
 
     def put(self, sites: Any, i: Any, block: Mat) -> None:
-        """Its numbers, one by one."""
+        """Store a matrix as block number i, number by number."""
         n, place = len(block), self._place(sites, i, len(block))
         for k, row in enumerate(block):
             for j, x in enumerate(row):
@@ -71,23 +71,23 @@ class SquareBlocks:
             numbers = [e.cast(x, "f", several) for x in row]
             numbers += [zero] * (width - n)
             for r in range(len(zero)):
-                some = [x[r] for x in numbers]
+                vectors = [x[r] for x in numbers]
                 lanes = e.width if several else 1
                 if not several:
-                    some = [self.e.spread(x, 2) for x in some]
-                while len(some) > 1:  # of each lane its numbers come side by side
-                    half = len(some) // 2
-                    size = some[0].type.count
+                    vectors = [self.e.spread(x, 2) for x in vectors]
+                while len(vectors) > 1:  # of each lane its numbers come side by side
+                    half = len(vectors) // 2
+                    size = vectors[0].type.count
                     turn = [x for l in range(size) for x in (l, size + l)]
                     mask = ir.Constant(ir.VectorType(I32, 2 * size), turn)
-                    some = [b.shuffle_vector(x, y, mask) for x, y in zip(some[:half], some[half:])]
+                    vectors = [b.shuffle_vector(x, y, mask) for x, y in zip(vectors[:half], vectors[half:])]
                 for lane in range(lanes):
                     mine = [lane * width + j for j in range(width)]
                     mask = ir.Constant(ir.VectorType(I32, width), mine)
                     site = b.add(first, I64((r * lanes + lane) * count))
                     begin = b.gep(sites.pointer, [b.mul(site, I64(n * width))], source_etype=F64)
-                    found = b.shuffle_vector(some[0], some[0], mask)
-                    b.store(found, self._row(begin, i, n)[0], align=8)
+                    lane_row = b.shuffle_vector(vectors[0], vectors[0], mask)
+                    b.store(lane_row, self._row(begin, i, n)[0], align=8)
 
     def _combined(self, a: list[ir.Value], rows: list[ir.Value]) -> ir.Value:
         """The sum of a_k B_k."""
@@ -98,15 +98,15 @@ class SquareBlocks:
         return total
 
     def lead(self, sites: Any, i: Any, a: Mat) -> None:
-        """Row by row."""
+        """B_i <- A B_i, row by row."""
         n, place = len(a), self._place(sites, i, len(a))
         rows = [self._load_row(place, k, n) for k in range(n)]
-        found = [self._combined([self.e.cast(x, "f", False)[0] for x in row], rows) for row in a]
-        for k, row in enumerate(found):
+        products = [self._combined([self.e.cast(x, "f", False)[0] for x in row], rows) for row in a]
+        for k, row in enumerate(products):
             self.b.store(row, self._row(place, k, n)[0], align=8)
 
     def lessen(self, sites: Any, i: Any, j: Any, k: Any, n: int) -> None:
-        """Row by row."""
+        """B_i <- B_i - B_j B_k, row by row."""
         place, left, right = [self._place(sites, x, n) for x in (i, j, k)]
         rows = [self._load_row(right, m, n) for m in range(n)]
         for m in range(n):

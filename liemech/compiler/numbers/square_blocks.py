@@ -19,12 +19,12 @@ def wide(n: int) -> int:
 def _rows(planes: Planes, i: int, n: int) -> np.ndarray:
     """The rows of block number i, (n, n)."""
     begin, width = i * n * wide(n), wide(n)
-    found: np.ndarray = planes.array.reshape(-1)[begin : begin + n * width].reshape(n, width)
-    return found[:, :n]
+    rows: np.ndarray = planes.array.reshape(-1)[begin : begin + n * width].reshape(n, width)
+    return rows[:, :n]
 
 
 def block_at(planes: Planes, i: int, n: int) -> Mat:
-    """Block number i."""
+    """Block number i, as an n x n matrix."""
     return Mat(*[Vec(*row) for row in _rows(planes, i, n).tolist()])
 
 

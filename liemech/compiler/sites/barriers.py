@@ -116,18 +116,18 @@ often threads have let others have their processor.
 """
 
 
-class _Written(ir.Function):
-    """A function that is there as text."""
+class _BarrierText(ir.Function):
+    """The function `barrier`, which LLVM reads from the text BARRIER."""
 
     def __str__(self) -> str:
         return BARRIER
 
 
 def barrier(module: ir.Module) -> ir.Function:
-    """The barrier of a module."""
-    known = module.globals.get("barrier")
-    if known is None:
+    """The barrier function of a module, declared at its first use."""
+    function = module.globals.get("barrier")
+    if function is None:
         look(module)
         type_ = ir.FunctionType(I64, [I64.as_pointer(), I64])
-        known = _Written(module, type_, "barrier")
-    return known
+        function = _BarrierText(module, type_, "barrier")
+    return function

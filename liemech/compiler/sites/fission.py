@@ -60,9 +60,9 @@ def divided(b: ir.IRBuilder, e: Emitter, over: Any, scratch: Any, first: int) ->
     """Let every pass compute, load or be given what it needs; the number of rows that this takes,
     from row `first` on.
     """
-    here = b.block
+    block = b.block
     rows = Fission(b, e, over, scratch, first).divide()
-    b.position_at_end(here)
+    b.position_at_end(block)
     return rows
 
 
@@ -112,8 +112,8 @@ class Fission:
         self.at = {i: q for i, q in self.at.items() if i in alive}
 
     def _classify(self) -> None:
-        """Which values are the same for all sites, and which follow from the number of the site?
-        The former are computed before their pass.
+        """Find the values that are the same for all sites, which are computed before their pass, and those that follow
+        from the number of the site.
         """
         at: dict[Any, int] = self.at
         hoisted: dict[Pass, list[Any]] = {p: [] for p in self.passes}
@@ -123,32 +123,32 @@ class Fission:
                 continue
             operands = [x for x in used(i) if x in at]
             loads = isinstance(i, kinds.LoadInstr)
-            known = all(x in self.fixed for x in operands)
-            if known and (not loads or self._of_arguments(i)) and i.opname not in ("sdiv", "srem"):
+            fixed = all(x in self.fixed for x in operands)
+            if fixed and (not loads or self._of_arguments(i)) and i.opname not in ("sdiv", "srem"):
                 self.fixed.add(i)
                 hoisted[self.passes[q]].append(i)
             elif isinstance(i, kinds.CallInstr) or (loads and i not in self.again):
                 continue
             elif all(x in self.fixed or x in self.derived for x in operands):
                 self.derived.add(i)
-        for p, some in hoisted.items():
-            gone = set(some)
+        for p, instructions in hoisted.items():
+            gone = set(instructions)
             for block in p.blocks:
                 block.instructions[:] = [i for i in block.instructions if i not in gone]
             end = len(p.before.instructions) - 1
-            p.before.instructions[end:end] = some
-            for i in some:
+            p.before.instructions[end:end] = instructions
+            for i in instructions:
                 i.parent = p.before
                 del at[i]
 
     def _of_arguments(self, i: ir.Value) -> bool:
-        """Does it load one of the kernel's numbers, which do not change?"""
+        """Whether an instruction loads one of the kernel's numbers, which do not change."""
         place = i.operands[0]
         arguments = self.passes[0].function.args[:3]
         return isinstance(place, kinds.GEPInstr) and place.pointer in arguments
 
     def _uses(self) -> dict[ir.Value, set[int]]:
-        """Of each value the later passes that use it."""
+        """The later passes that use each value, by value."""
         uses: dict[ir.Value, set[int]] = {}
         for i, q in self.at.items():
             for x in used(i):
@@ -162,13 +162,13 @@ class Fission:
         """A sum or product of something that is kept anyway and of what all have is made again."""
         for x, by in uses.items():
             if x.opname in CHEAP:
-                own = [o for o in used(x) if o in self.at]
-                kept = [o for o in own if o not in self.derived]
-                if len(kept) == 1 and max(by) <= max(uses.get(kept[0], {0})):
+                operands = [o for o in used(x) if o in self.at]
+                stored = [o for o in operands if o not in self.derived]
+                if len(stored) == 1 and max(by) <= max(uses.get(stored[0], {0})):
                     self.derived.add(x)
 
     def _keep(self, uses: dict[ir.Value, set[int]]) -> int:
-        """Store what is kept, each number in a row of its own while it is needed; how many rows?"""
+        """Store the numbers that later passes need, each in a row while it is needed; returns how many rows that takes."""
         needs: dict[ir.Value, set[int]] = {}
         todo = [(x, q) for x, by in uses.items() for q in by]
         while todo:
@@ -188,21 +188,21 @@ class Fission:
         stored: dict[ir.Block, list[ir.Value]] = {}
         for x in self.row:
             stored.setdefault(x.parent, []).append(x)
-        for block, some in stored.items():
-            self._store(block, some)
+        for block, values in stored.items():
+            self._store(block, values)
         return len(last)
 
-    def _end(self, made: int, needs: set[int]) -> int:
+    def _end(self, home: int, needs: set[int]) -> int:
         """The last pass that needs a value: in a loop around passes every turn needs it again."""
         end = max(needs)
         for first, last in self.loops:
-            if made < first and any(first <= q <= last for q in needs):
+            if home < first and any(first <= q <= last for q in needs):
                 end = max(end, last)
         return end
 
-    def _store(self, block: ir.Block, some: list[ir.Value]) -> None:
+    def _store(self, block: ir.Block, values: list[ir.Value]) -> None:
         """Store values of a block, each behind the instruction that makes it."""
-        for x in some:
+        for x in values:
             behind = block.instructions.index(x)
             while isinstance(x, kinds.PhiInstr) and isinstance(block.instructions[behind + 1], kinds.PhiInstr):
                 behind += 1
@@ -221,33 +221,33 @@ class Fission:
         return b.load(place, align=8, typ=x.type)
 
     def _begins(self, row: int) -> ir.Value:
-        """Where a row begins, found once, before the first pass."""
+        """The address of a row, computed once, before the first pass."""
         if row not in self.places:
-            b, here = self.b, (self.b._block, self.b._anchor)
+            b, cursor = self.b, (self.b._block, self.b._anchor)
             b.position_before(self.passes[0].before.terminator)
             self.places[row] = self.scratch.at(self.e.num([ir.Constant(I64, self.first + row)]))
-            b._block, b._anchor = here
+            b._block, b._anchor = cursor
         return self.places[row]
 
     def _other(self, q: int, x: ir.Value, value: ir.Value | None) -> ir.Value:
         raise NotCompilable(f"a value of the type {x.type} is needed after sites have met: compute it there anew")
 
     def _is_there(self, x: ir.Value, q: int) -> bool:
-        """Does a pass know a value as it stands?"""
+        """Whether a pass can use a value as it stands: computed in it, or outside of all passes."""
         return self.at.get(x, q) == q
 
     def _exchange(self) -> None:
         """Let the instructions of every pass use its own values: first these are made, from
         instructions as they were.
         """
-        found = []
+        exchanges = []
         for i, q in [*self.at.items()]:
             body = self.passes[q].body
             before = i if i.parent is body and not isinstance(i, kinds.PhiInstr) else body.terminator
             for x in dict.fromkeys(used(i)):
                 if not self._is_there(x, q):
-                    found.append((i, x, self._value(x, q, before)))
-        for i, x, value in found:
+                    exchanges.append((i, x, self._value(x, q, before)))
+        for i, x, value in exchanges:
             exchange(i, x, value)
 
     def _value(self, x: ir.Value, q: int, before: ir.Value) -> ir.Value:
@@ -261,8 +261,8 @@ class Fission:
             if x in self.derived:
                 operands = [(o, self._value(o, q, before)) for o in dict.fromkeys(used(x))]
                 new = copied(x, body)
-                for o, there in operands:
-                    exchange(new, o, there)
+                for o, local in operands:
+                    exchange(new, o, local)
                 body.instructions.insert(body.instructions.index(before), new)
             else:
                 self.b._block, self.b._anchor = body, body.instructions.index(before)
@@ -272,7 +272,7 @@ class Fission:
 
 
 def _acts(i: ir.Value) -> bool:
-    """Does an instruction do more than to make a value?"""
+    """Whether an instruction does more than to make a value."""
     if isinstance(i, kinds.CallInstr):
         return "readnone" not in getattr(i.callee, "attributes", ()) and not str(i.callee.name).startswith("llvm.")
     return isinstance(i, (kinds.StoreInstr, kinds.Terminator))

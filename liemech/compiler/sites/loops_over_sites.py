@@ -58,7 +58,7 @@ FEWEST = 3
 
 
 @dataclasses.dataclass(eq=False)
-class Over:
+class LoopOverSites:
     """A loop over sites that is being translated.
 
     passes : the loops that it has become so far.  sites : the rows of the driver.  region : the
@@ -104,23 +104,23 @@ class Published:
     gathered: dict[Any, Any] = dataclasses.field(default_factory=dict)
 
 
-def alike(some: list[Any], others: list[Any]) -> bool:
-    """Do numbers come from the same instructions?"""
-    known: set[tuple[ir.Value, ir.Value]] = set()
+def alike(numbers: list[Any], others: list[Any]) -> bool:
+    """Whether numbers come from the same instructions."""
+    equal: set[tuple[ir.Value, ir.Value]] = set()
     return all(
         x is y
         or (
             isinstance(x, Num)
             and isinstance(y, Num)
             and len(x.values) == len(y.values)
-            and all(_alike(a, b, known) for a, b in zip(x.values, y.values))
+            and all(_alike(a, b, equal) for a, b in zip(x.values, y.values))
         )
-        for x, y in zip(some, others, strict=True)
+        for x, y in zip(numbers, others, strict=True)
     )
 
 
-def _alike(x: ir.Value, y: ir.Value, known: set[tuple[ir.Value, ir.Value]]) -> bool:
-    if x is y or (x, y) in known:
+def _alike(x: ir.Value, y: ir.Value, equal: set[tuple[ir.Value, ir.Value]]) -> bool:
+    if x is y or (x, y) in equal:
         return True
     if not isinstance(x, ir.Instruction) or type(x) is not type(y):
         return isinstance(x, ir.Constant) and str(x) == str(y)
@@ -129,9 +129,9 @@ def _alike(x: ir.Value, y: ir.Value, known: set[tuple[ir.Value, ir.Value]]) -> b
     )
     if not pure or any(getattr(x, n, None) != getattr(y, n, None) for n in ("opname", "op", "flags")):
         return False
-    if not all(_alike(a, b, known) for a, b in zip(x.operands, y.operands, strict=True)):
+    if not all(_alike(a, b, equal) for a, b in zip(x.operands, y.operands, strict=True)):
         return False
-    known.add((x, y))
+    equal.add((x, y))
     return True
 
 
@@ -174,7 +174,7 @@ class SiteLoops:
             rounds.repeated: self.again_and_again,
             rounds.only: self.only,
             rounds.folded: self.folded,
-            Meeting.of: self.of,
+            Meeting.of: self.of_neighbour,
             Meeting.at: self.at,
             Meeting.pairs: self.pairs,
             **{f: f for f in OF_SERIES},
@@ -201,7 +201,7 @@ class SiteLoops:
         t.outliner.divide()
         outer = vars(state).copy()
         with e.side_by_side(self.lanes, self.width):
-            state.over = over = Over(sites, state.region, len(state.escapes) + 1, range_)
+            state.over = over = LoopOverSites(sites, state.region, len(state.escapes) + 1, range_)
             state.failed, state.patience, state.raises, state.marks = e.slot(), 1, 0, 0
             e.store(False, state.failed)
             state.escapes.append([])
@@ -212,8 +212,8 @@ class SiteLoops:
             t.call(formula, *args)
             self._close()
             failed = self._together(over, state.escapes.pop())
-            kept = 2 * over.published
-            self.rows = max(self.rows, kept + divided(b, e, over, self.scratch, kept))
+            first_row = 2 * over.published
+            self.rows = max(self.rows, first_row + divided(b, e, over, self.scratch, first_row))
         for name in ("over", "failed", "patience", "raises", "marks"):
             setattr(state, name, outer[name])
         t.fail_if(failed)
@@ -231,60 +231,60 @@ class SiteLoops:
         over.passes.append(Pass(b, begin, end))
 
     def _share(self, many: ir.Value, place: ir.Value) -> ir.Value:
-        """Where among so many things the thread's begin or end that has this place among the sites."""
+        """Scale a thread's first or last site, `place`, to a count of `many`."""
         b, count = self.b, self.t.state.over.sites.count.value
         place = b.select(b.icmp_signed("<", place, count), place, count)  # the last end is rounded up
         return b.sdiv(b.add(b.mul(many, place), b.sdiv(count, I64(2))), count)
 
     def _close(self, lanes: int | None = None) -> None:
-        """End a pass; where the first site has failed is written down."""
+        """End a pass, and write down the first site that has failed in it."""
         b, state = self.b, self.t.state
-        over, here = state.over, state.over.passes[-1]
+        over, pass_ = state.over, state.over.passes[-1]
         if state.raises:
             before = b.load(over.where, typ=I64)
             failed = b.and_(self.e.any(self.e.load(state.failed)).value, b.icmp_signed("<", before, I64(0)))
-            b.store(b.select(failed, here.index, before), over.where)
-        here.close(b, lanes or self.lanes)
+            b.store(b.select(failed, pass_.index, before), over.where)
+        pass_.close(b, lanes or self.lanes)
 
     def _wait(self, flags: ir.Value) -> ir.Value:
-        """Wait for the other threads; what all of them say."""
+        """Wait at the barrier; returns the bitwise or of the flags of all threads."""
         return self.b.call(barrier(self.b.module), [self.crew, flags])
 
     def _pass_on(self, lanes: int | None = None) -> None:
-        """Where sites meet: the next pass begins when all threads have come to it, unless one has
-        given the step up.
+        """End a pass where sites meet: the next one begins when all threads have come to it, unless one has given the
+        step up.
         """
-        b, here = self.b, self.t.state.over.passes[-1]
+        b, pass_ = self.b, self.t.state.over.passes[-1]
         self._close(lanes)
-        said = self._wait(I64(0))
-        here.left, on = b.append_basic_block(), b.append_basic_block()
-        b.cbranch(b.icmp_signed("!=", said, I64(0)), here.left, on)
+        flags = self._wait(I64(0))
+        pass_.left, on = b.append_basic_block(), b.append_basic_block()
+        b.cbranch(b.icmp_signed("!=", flags, I64(0)), pass_.left, on)
         b.position_at_end(on)
 
-    def _together(self, over: Over, escapes: list[Open]) -> Num:
-        """The ways out of the loop come together; has any site of any thread failed?"""
+    def _together(self, over: LoopOverSites, escapes: list[Open]) -> Num:
+        """Join the ways out of the loop; returns whether any site of any thread has failed."""
         t, e, b = self.t, self.e, self.b
-        ways = []
+        exits = []
         failed = e.any(e.load(t.state.failed)).value
-        ways.append((self._wait(b.zext(failed, I64)), b.block))
+        exits.append((self._wait(b.zext(failed, I64)), b.block))
         if escapes:
             t.join(escapes, {}, b.append_basic_block() if len(escapes) == 1 else None)
-            ways.append((self._wait(I64(GIVEN_UP)), b.block))
-        ways += [(I64(GIVEN_UP), p.left) for p in over.passes if p.left is not None]
+            exits.append((self._wait(I64(GIVEN_UP)), b.block))
+        exits += [(I64(GIVEN_UP), p.left) for p in over.passes if p.left is not None]
         end = b.append_basic_block()
-        for _, block in ways:
+        for _, block in exits:
             b.position_at_end(block)
             b.branch(end)
         b.position_at_end(end)
-        said = b.phi(I64)
-        for value, block in ways:
-            said.add_incoming(value, block)
-        found = b.icmp_signed("!=", said, I64(0))
-        told = b.select(found, b.load(over.where, typ=I64), b.load(self.notes, typ=I64))
-        b.store(told, self.notes)
-        return e.num([found])
+        flags = b.phi(I64)
+        for value, block in exits:
+            flags.add_incoming(value, block)
+        stopped = b.icmp_signed("!=", flags, I64(0))
+        site = b.select(stopped, b.load(over.where, typ=I64), b.load(self.notes, typ=I64))
+        b.store(site, self.notes)
+        return e.num([stopped])
 
-    def _meeting(self, word: str) -> Over:
+    def _meeting(self, word: str) -> LoopOverSites:
         """The loop over sites, at a place where all sites come together."""
         over, t = self.t.state.over, self.t
         if over is None:
@@ -319,10 +319,10 @@ class SiteLoops:
         sites.write(k, value, layout)
 
     def below(self, sites: SiteRows, row: Any) -> SiteRows:
-        """The rows from this one on."""
-        found = copy.copy(sites)
-        found.pointer = sites.at(row)
-        return found
+        """The rows of the sites from row `row` on."""
+        rows = copy.copy(sites)
+        rows.pointer = sites.at(row)
+        return rows
 
     def value_at(self, sites: SiteRows, i: Any, k: Any, layout: Layout) -> Any:
         """Value number k of site i, gathered lane by lane if the lanes ask for several."""
@@ -334,8 +334,8 @@ class SiteLoops:
             place = b.gep(sites.at(rows[0][1]), [self.e.cast(i, "i", False)[0]], source_etype=F64)
             step = [b.mul(sites.step, I64(j)) for j in range(layout.width)]
             numbers = [self.e.num([b.load(sites.after(place, x), align=8, typ=F64)]) for x in step]
-        found = (sites._found(x, kind) for x, kind in zip(numbers, layout.kinds, strict=True))
-        return build(layout, found)
+        values = (sites._found(x, kind) for x, kind in zip(numbers, layout.kinds, strict=True))
+        return build(layout, values)
 
     def put(self, sites: SiteRows, i: Any, k: Any, value: Any, layout: Layout) -> None:
         """Set value number k of site i."""
@@ -356,8 +356,8 @@ class SiteLoops:
         published last.
         """
         if has_series(value):
-            there = company(self._meeting("meet"))
-            return SeriesMeeting(value, self.meet, self._formula_of_series, Meeting, there)
+            partners = company(self._meeting("meet"))
+            return SeriesMeeting(value, self.meet, self._formula_of_series, Meeting, partners)
         over, value = self._meeting("meet"), vector(as_others_see(value))
         layout = carried_layout(value)
         numbers = leaves(value, layout)
@@ -381,11 +381,11 @@ class SiteLoops:
 
     def _formula_of_series(self, formula: Any, *args: Any) -> Any:
         """The value of a call, among whose arguments there may be formulas that are Python's."""
-        known = {x: x for x in args if isinstance(x, types.FunctionType) and x.__closure__}
-        self.t.intrinsics |= {x: x for x in known if x.__module__ == series_of_sites.__name__}
+        closures = {x: x for x in args if isinstance(x, types.FunctionType) and x.__closure__}
+        self.t.intrinsics |= {x: x for x in closures if x.__module__ == series_of_sites.__name__}
         return self.t.call(formula, *args)
 
-    def _publish(self, over: Over, numbers: list[Any]) -> list[tuple[SiteRows, Any]]:
+    def _publish(self, over: LoopOverSites, numbers: list[Any]) -> list[tuple[SiteRows, Any]]:
         """Store numbers where others find them; the rows of two meetings in turn are others."""
         over.meetings += 1
         turn, self.scratch.body = over.meetings % 2, over.passes[-1].index
@@ -394,17 +394,17 @@ class SiteLoops:
             self.scratch.store(self.scratch.first(2 * k + turn), 0, x)
         return [(self.scratch, 2 * k + turn) for k in range(len(numbers))]
 
-    def of(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
-        """Numbers that a neighbour has published, gathered lane by lane, once."""
+    def of_neighbour(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
+        """The numbers that a neighbour, entry d of a table, has published, gathered lane by lane, once."""
         gathered, t = meeting.published.gathered, self.t
         lasts = type(d) is int and t.state.region == self._over("Meeting").region
         key = t.emitter.cast(table.entries.place, "f", False)[0], d
         if not (lasts and key in gathered):
             which, reach = self._entries(table, d, "i"), self._reach(table, d)
-            found = self._published(meeting, lambda rows: self._gathered(rows, which, reach))
+            neighbour = self._published(meeting, lambda rows: self._gathered(rows, which, reach))
             if not lasts:
-                return found
-            gathered[key] = found
+                return neighbour
+            gathered[key] = neighbour
         return gathered[key]
 
     def at(self, meeting: Meeting, j: Any) -> Any:
@@ -423,8 +423,8 @@ class SiteLoops:
         if published.meeting not in (None, over.meetings):
             raise NotCompilable("what sites have published is asked for before they meet again")
         numbers = numbers_of(published.rows)
-        found = (self.scratch._found(x, k) for x, k in zip(numbers, published.layout.kinds))
-        return build(published.layout, found)
+        values = (self.scratch._found(x, k) for x, k in zip(numbers, published.layout.kinds))
+        return build(published.layout, values)
 
     # -------------------------------------------------------------- all pairs
 
@@ -467,9 +467,9 @@ class SiteLoops:
             from_ = b.select(b.icmp_signed("<", i, theirs), theirs, i)
             to = b.add(theirs, block)
             to = b.select(b.icmp_signed("<", to, count), to, count)
-            given = [e.num([v]) for v in (i, from_, to, count, I64(EIGHT))]
+            bounds = [e.num([v]) for v in (i, from_, to, count, I64(EIGHT))]
             sums = Rounds(meeting, self._last(first, layout.width), layout)
-            t.inline(rounds.of_eight, (sums, formula, *given), {})
+            t.inline(rounds.of_eight, (sums, formula, *bounds), {})
             self._pass_on(EIGHT)
             following = b.add(number, I64(1))
             number.add_incoming(I64(0), before)
@@ -477,16 +477,16 @@ class SiteLoops:
             last = b.sub(b.mul(blocks, I64(2)), I64(1))
             b.cbranch(b.icmp_signed("<", following, last), head, end)
             b.position_at_end(end)
-            found, more = e.any(e.load(state.failed)), state.raises
-            state.failed, state.raises = failed, raises + more
-        if more:
-            e.store(e.logic("or_", e.load(failed), found), failed)
+            failing, raised = e.any(e.load(state.failed)), state.raises
+            state.failed, state.raises = failed, raises + raised
+        if raised:
+            e.store(e.logic("or_", e.load(failed), failing), failed)
         self._open()
         return build(layout, iter(self._kept(self._last(first, layout.width))))
 
     def _blocks(self) -> tuple[ir.Value, ir.Value, ir.Value]:
-        """How many sites there are, how many of them are a block of those that meet others together, whole
-        eights, and how many blocks that makes: one for one thread, or so many that threads seldom wait.
+        """The number of sites, the size of a block of sites that meets other blocks, in whole eights, and the number of
+        blocks: one for one thread, or so many that threads seldom wait.
         """
         b, count = self.b, self.t.state.over.sites.count.value
         threads = b.load(self.crew, typ=I64)
@@ -505,31 +505,31 @@ class SiteLoops:
         )
 
     def sums(self, pairs: Rounds, j: Any) -> Any:
-        """Sums of eight sites so far."""
+        """The sums so far of eight sites, from site j on."""
         numbers = [self.e.num(self._eight(place)) for place in self._sums(pairs, j)]
         return build(pairs.layout, iter(numbers))
 
     def keep(self, pairs: Rounds, j: Any, value: Any) -> None:
-        """Set what eight sites have got."""
+        """Set the sums of eight sites, from site j on."""
         for place, x in zip(self._sums(pairs, j), leaves(value, pairs.layout), strict=True):
             self._eight(place, self.e.cast(x, "f", True))
 
     def _sums(self, pairs: Rounds, j: Any) -> list[ir.Value]:
-        """Where the sums of a site lie."""
+        """The addresses of the sums of a site."""
         at = self.e.cast(j, "i", False)[0]
         return [self.scratch.after(self.scratch.at(row), at) for row in pairs.rows]
 
     def _eight(self, place: ir.Value, values: Any = None) -> list[ir.Value]:
         """Eight numbers from this place on, which are loaded or set."""
         e, b = self.e, self.b
-        type_, found = e.type("f", True), []
+        type_, registers = e.type("f", True), []
         for r in range(e.registers(True)):
             at = b.bitcast(self.scratch.after(place, r * e.width), type_.as_pointer())
             if values is None:
-                found.append(b.load(at, align=8, typ=type_))
+                registers.append(b.load(at, align=8, typ=type_))
             else:
                 b.store(values[r], at, align=8)
-        return found
+        return registers
 
     def turned(self, value: Any) -> Any:
         """Numbers of eight sites, each in the place before its own, the first one in the last."""
@@ -542,26 +542,24 @@ class SiteLoops:
         return build(layout, iter(numbers))
 
     def _moved(self, x: Num, by: int, period: int = EIGHT) -> Num:
-        """In each of eight places, or of the first ones, which are then repeated, what is so many places
-        behind it.
-        """
-        v, found = x.values, []
+        """Numbers whose place k holds what was in place k + by, modulo `period`, of eight places."""
+        v, registers = x.values, []
         for r in range(len(v)):
             places = [(r * self.e.width + k + by) % period for k in range(self.e.width)]
             first = places[0] // self.e.width
             within = [(p - first * self.e.width) % EIGHT for p in places]
             among = ir.Constant(ir.VectorType(I32, self.e.width), within)
-            found.append(self.b.shuffle_vector(v[first], v[(first + 1) % len(v)], among))
-        return self.e.num(found)
+            registers.append(self.b.shuffle_vector(v[first], v[(first + 1) % len(v)], among))
+        return self.e.num(registers)
 
-    def _by_period(self, period: Any, found: dict[int, Num]) -> Num:
+    def _by_period(self, period: Any, by_period: dict[int, Num]) -> Num:
         """Numbers of eight sites, one for each period that there may be."""
         e, b = self.e, self.b
         (value,) = e.cast(period, "i", False)
-        *others, rest = found.items()
-        chosen = [*rest[1].values]
-        for one, x in others:
-            same = b.icmp_signed("==", value, I64(one))
+        *others, last = by_period.items()
+        chosen = [*last[1].values]
+        for length, x in others:
+            same = b.icmp_signed("==", value, I64(length))
             chosen = [b.select(same, p, q) for p, q in zip(x.values, chosen)]
         return e.num(chosen)
 
@@ -578,8 +576,8 @@ class SiteLoops:
         def cut(x: Num) -> Num:
             type_ = ir.VectorType(I64, e.width)
             places = [ir.Constant(type_, [*range(r, r + e.width)]) for r in range(0, EIGHT, e.width)]
-            there = [b.icmp_signed("<", p, e.spread(count, e.width)) for p in places]
-            return e.num([b.select(t, v, zero) for t, v in zip(there, x.values, strict=True)])
+            within = [b.icmp_signed("<", p, e.spread(count, e.width)) for p in places]
+            return e.num([b.select(t, v, zero) for t, v in zip(within, x.values, strict=True)])
 
         return self._of_eight(value, cut)
 
@@ -587,33 +585,31 @@ class SiteLoops:
         """Sums of the numbers of eight places that are whole periods apart."""
 
         def sums(x: Num) -> Num:
-            found = {}
+            folds = {}
             for p in (4, 2, 1):
                 x = self.e.each(self.b.fadd, x.values, self._moved(x, p).values)
-                found[p] = x
-            return self._by_period(period, found)
+                folds[p] = x
+            return self._by_period(period, folds)
 
         return self._of_eight(value, sums)
 
     def apart(self, i: Any, j: Any, turn: Any, period: Any) -> Num:
-        """Which of eight sites from i on meet another one, of eight from j on that have been turned so
-        often?
-        """
+        """A mask: which of eight sites from i on meet another site, of eight from j on turned `turn` times."""
         e, b, count = self.e, self.b, self.t.state.over.sites.count.value
         first, second, turns, whole = (e.cast(x, "i", False)[0] for x in (i, j, turn, period))
         other = b.icmp_signed("!=", b.or_(b.xor(first, second), turns), I64(0))
-        ring, found = e.spread(b.sub(whole, I64(1)), e.width), []
+        ring, masks = e.spread(b.sub(whole, I64(1)), e.width), []
         for r in range(0, EIGHT, e.width):
             lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(r, r + e.width)])
             place = b.and_(b.add(lanes, e.spread(turns, e.width)), ring)
-            there = [
+            present = [
                 b.icmp_signed("<", x, e.spread(b.sub(count, y), e.width)) for x, y in ((lanes, first), (place, second))
             ]
-            found.append(b.and_(b.and_(*there), e.spread(other, e.width)))
-        return e.num(found)
+            masks.append(b.and_(b.and_(*present), e.spread(other, e.width)))
+        return e.num(masks)
 
     def rows_in(self, table: SiteTable) -> Any:
-        """How many entries a site has in a table."""
+        """The number of entries that a site has in a table."""
         return self._integer(table.rows) if table.degree is None else table.degree
 
     def _integer(self, x: Any) -> Num:
@@ -622,7 +618,7 @@ class SiteLoops:
         return e.each(lambda v: self.b.fptosi(v, I64), e.cast(x, "f", False))
 
     def _reach(self, table: SiteTable, d: Any) -> list[ir.Value] | None:
-        """How the entries of eight sites each lie in memory; None where it is asked of them."""
+        """The `reach_of` the entries of eight sites each, loaded from memory; None where lanes are no eights."""
         e, b, over = self.e, self.b, self.t.state.over
         if e.lanes == 1 or e.width != EIGHT:
             return None
@@ -632,12 +628,12 @@ class SiteLoops:
         )
         first = b.inttoptr(b.mul(place, I64(8)), I32.as_pointer())
         eight = b.ashr(b.add(b.mul(row, places), over.passes[-1].index), I64(3))
-        found = []
+        reaches = []
         for r in range(e.registers(True)):
             at = b.gep(first, [b.add(eight, I64(r))], source_etype=I32)
-            found.append(b.load(at, align=4, typ=I32))
-            over.again.add(found[-1])
-        return [b.sext(x, I64) for x in found]
+            reaches.append(b.load(at, align=4, typ=I32))
+            over.again.add(reaches[-1])
+        return [b.sext(x, I64) for x in reaches]
 
     def _gathered(self, rows: list[tuple[SiteRows, Any]], which: Num, reach: list[ir.Value] | None = None) -> list[Num]:
         """The numbers of rows at the places of the lanes: side by side, as neighbours on a lattice
@@ -648,33 +644,33 @@ class SiteLoops:
         e, b = self.e, self.b
         firsts = [row.at(k) for row, k in rows]
 
-        def one(k: int, place: ir.Value) -> ir.Value:
+        def number(k: int, place: ir.Value) -> ir.Value:
             return b.load(rows[k][0].after(firsts[k], place), align=8, typ=F64)
 
         if e.lanes == 1:
-            return [e.num([one(k, which.values[0])]) for k in range(len(rows))]
+            return [e.num([number(k, which.values[0])]) for k in range(len(rows))]
         type_, registers = e.type("f", True), range(e.registers(True))
         lanes = [ir.Constant(I32, i) for i in range(e.width)]
 
-        def some(k: int, place: ir.Value) -> ir.Value:
+        def consecutive(k: int, place: ir.Value) -> ir.Value:
             where = rows[k][0].after(firsts[k], place)
             return b.load(b.bitcast(where, type_.as_pointer()), align=8, typ=type_)
 
         def all_of(conditions: Iterable[ir.Value]) -> ir.Value:
             return functools.reduce(b.and_, conditions)
 
-        ways: list[tuple[list[list[ir.Value]], ir.Block]] = []
+        branches: list[tuple[list[list[ir.Value]], ir.Block]] = []
         done = b.append_basic_block()
 
-        def way(load: Callable[[int, int], ir.Value]) -> None:
-            ways.append(([[load(k, r) for r in registers] for k in range(len(rows))], b.block))
+        def branch(load: Callable[[int, int], ir.Value]) -> None:
+            branches.append(([[load(k, r) for r in registers] for k in range(len(rows))], b.block))
             b.branch(done)
 
         def if_so(condition: ir.Value, load: Callable[[int, int], ir.Value]) -> None:
-            here, other = b.append_basic_block(), b.append_basic_block()
-            b.cbranch(condition, here, other)
-            b.position_at_end(here)
-            way(load)
+            taken, other = b.append_basic_block(), b.append_basic_block()
+            b.cbranch(condition, taken, other)
+            b.position_at_end(taken)
+            branch(load)
             b.position_at_end(other)
 
         if reach is None:
@@ -686,36 +682,37 @@ class SiteLoops:
                 for places, first in zip(which.values, begins)
             ]
             together = all_of(b.icmp_signed("==", b.bitcast(x, bits), ir.Constant(bits, -1)) for x in same)
-            if_so(together, lambda k, r: some(k, begins[r]))
+            if_so(together, lambda k, r: consecutive(k, begins[r]))
         else:
             begins = reach
-            if_so(all_of(b.icmp_signed(">=", x, I64(0)) for x in reach), lambda k, r: some(k, begins[r]))
+            if_so(all_of(b.icmp_signed(">=", x, I64(0)) for x in reach), lambda k, r: consecutive(k, begins[r]))
             least = [b.select(b.icmp_signed("<", x, I64(0)), b.not_(x), x) for x in reach]
             among = [b.sub(p, e.spread(x, EIGHT)) for p, x in zip(which.values, least)]
             if_so(
                 all_of(b.icmp_signed("!=", x, I64(FAR)) for x in reach),
                 lambda k, r: b.call(
-                    self._of_sixteen(), [some(k, least[r]), among[r], some(k, b.add(least[r], I64(EIGHT)))]
+                    self._of_sixteen(),
+                    [consecutive(k, least[r]), among[r], consecutive(k, b.add(least[r], I64(EIGHT)))],
                 ),
             )
         singly = [[b.extract_element(places, lane) for lane in lanes] for places in which.values]
 
         def register(k: int, r: int) -> ir.Value:
-            found: ir.Value = ir.Constant(type_, ir.Undefined)
+            packed: ir.Value = ir.Constant(type_, ir.Undefined)
             for lane, place in zip(lanes, singly[r], strict=True):
-                found = b.insert_element(found, one(k, place), lane)
-            return found
+                packed = b.insert_element(packed, number(k, place), lane)
+            return packed
 
-        way(register)
+        branch(register)
         b.position_at_end(done)
-        found = []
+        numbers = []
         for k in range(len(rows)):
             values = [b.phi(type_) for _ in registers]
-            for loaded, end in ways:
+            for loaded, end in branches:
                 for value, x in zip(values, loaded[k], strict=True):
                     value.add_incoming(x, end)
-            found.append(e.num(values))
-        return found
+            numbers.append(e.num(values))
+        return numbers
 
     def _of_sixteen(self) -> ir.Function:
         """The instruction that takes eight numbers, at eight places, of two registers of eight."""
@@ -726,7 +723,9 @@ class SiteLoops:
         return module.globals[name]
 
     def own(self, array: Any, d: Any = None) -> Any:
-        """A site's own parameters."""
+        """The parameters of the sites at hand: a number or vector of an array, or a neighbour's index in row d of a
+        table.
+        """
         self._over("own")
         if isinstance(array, SiteTable):
             return self._entries(array, 0 if d is None else d, "i")
@@ -759,7 +758,7 @@ class SiteLoops:
         over.came[tuple(values)] = rows, row
         return e.num(values)
 
-    def _over(self, word: str) -> Over:
+    def _over(self, word: str) -> LoopOverSites:
         over = self.t.state.over
         if over is None:
             raise NotCompilable(f"`{word}` outside of a loop over sites")
@@ -787,28 +786,28 @@ class SiteLoops:
         before, head, end = b.block, b.append_basic_block(), b.append_basic_block()
         b.branch(head)
         b.position_at_end(head)
-        given = [e.lift(x) for x in leaves(state, form)]
-        phis = [t.phi(x.kind, False) for x in given]
+        initial = [e.lift(x) for x in leaves(state, form)]
+        phis = [t.phi(x.kind, False) for x in initial]
         count = b.phi(I64)
         self._open()
         first = len(over.passes) - 1
-        new, told = t.call(sweep, build(layout, iter(self._kept(rows))))
+        new, summands = t.call(sweep, build(layout, iter(self._kept(rows))))
         unchanged(new, layout)
         self._keep(rows, leaves(new, layout))
-        sums = self.total(told, again=False)
+        sums = self.total(summands, again=False)
         self._wait(I64(0))  # until all have taken these sums
         now, enough = t.call(judge, build(form, iter(phis)), sums)
-        found = leaves(now, form)
-        if any(isinstance(x, Num) and x.varying for x in (*found, enough)):
+        updated = leaves(now, form)
+        if any(isinstance(x, Num) and x.varying for x in (*updated, enough)):
             raise NotCompilable("a judge of sweeps that asks single sites")
         following = b.add(count, I64(1))
-        more = b.and_(e.cast(e.negation(e.lift(enough)), "b", False)[0], b.icmp_signed("<", following, I64(turns)))
-        for phi, x, y in zip(phis, given, found, strict=True):
+        continues = b.and_(e.cast(e.negation(e.lift(enough)), "b", False)[0], b.icmp_signed("<", following, I64(turns)))
+        for phi, x, y in zip(phis, initial, updated, strict=True):
             come_from(phi, e.cast(x, phi.kind, False), before)
             come_from(phi, e.cast(y, phi.kind, False), b.block)
         count.add_incoming(I64(0), before)
         count.add_incoming(following, b.block)
-        b.cbranch(more, head, end)
+        b.cbranch(continues, head, end)
         b.position_at_end(end)
         over.loops.append((first, len(over.passes) - 1))
         self._open()
@@ -857,7 +856,7 @@ class SiteLoops:
             return value
         return self.total(value) / self.e.num(self.e.cast(over.sites.count, "f", False))
 
-    def _sum(self, over: Over, rows: SiteRows, row: Any) -> Num:
+    def _sum(self, over: LoopOverSites, rows: SiteRows, row: Any) -> Num:
         """The sum of a row: sixteen sums side by side, of every sixteenth site, then by halves."""
         e, b = self.e, self.b
         width, type_ = e.width, e.type("f", e.lanes > 1)
@@ -877,8 +876,8 @@ class SiteLoops:
             first = b.add(at, I64(k * width))
             place = b.bitcast(rows.after(start, first), type_.as_pointer())
             x = b.load(place, align=8, typ=type_)
-            there = self._there(first, count)
-            s.add_incoming(b.fadd(s, b.select(there, x, blank)), body)
+            inside = self._there(first, count)
+            s.add_incoming(b.fadd(s, b.select(inside, x, blank)), body)
         at.add_incoming(b.add(at, I64(TOGETHER)), body)
         b.branch(head)
         b.position_at_end(done)
@@ -887,11 +886,11 @@ class SiteLoops:
             for s in sums
             for k in range(width)
         ]
-        found: Num = words.halves(lanes)
-        return found
+        sum_: Num = words.halves(lanes)
+        return sum_
 
     def _there(self, first: ir.Value, count: ir.Value) -> ir.Value:
-        """Which of the lanes from this site on have a site?"""
+        """A mask: which of the lanes from site `first` on have a site."""
         e, b = self.e, self.b
         if e.lanes == 1:
             return b.icmp_signed("<", first, count)

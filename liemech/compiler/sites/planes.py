@@ -27,7 +27,7 @@ class Planes:
 
     @classmethod
     def of_rows(cls, rows: int, count: int) -> Planes:
-        """Rows of zeros, as many as are asked for."""
+        """Planes of zeros, as many as `rows`."""
         return cls(room(rows, padded(count)), count)
 
 

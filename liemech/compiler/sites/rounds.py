@@ -52,12 +52,12 @@ def seen(pairs: Rounds, j: int) -> Any:
 
 
 def sums(pairs: Rounds, j: int) -> Any:
-    """Sums of eight sites so far."""
+    """The sums so far of eight sites, from site j on."""
     _native()
 
 
 def keep(pairs: Rounds, j: int, value: Any) -> None:
-    """Set what eight sites have got."""
+    """Set the sums of eight sites, from site j on."""
     _native()
 
 
@@ -67,7 +67,7 @@ def turned(value: Any) -> Any:
 
 
 def apart(i: int, j: int, turn: int, period: int) -> bool:
-    """Is it two sites that meet, which are there?"""
+    """Whether sites i and j, the latter turned `turn` times, are two different sites, both of which exist."""
     _native()
 
 

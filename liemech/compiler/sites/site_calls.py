@@ -41,9 +41,9 @@ class SiteCalls:
 
     @property
     def notes(self) -> int:
-        """Where the first site has failed."""
-        found = self._notes[self._notes >= 0]
-        return int(found.min()) if len(found) else -1
+        """The first site that has failed; -1 if none has."""
+        failed = self._notes[self._notes >= 0]
+        return int(failed.min()) if len(failed) else -1
 
     def overflowed(self) -> int | None:
         """The first site of which a number that the last call worked with is not finite; it is forgotten."""
@@ -52,13 +52,13 @@ class SiteCalls:
         return int(np.argmax(bad)) if bad.any() else None
 
     def __call__(self, *args: Any) -> None:
-        """One call, on these arguments."""
+        """Call the kernel once on these arguments, on all threads."""
         laid_out: Any = self.kernel.on(*args)
         numbers, integers, arrays, _ = laid_out.args
         self.run(numbers, integers, arrays)
 
     def run(self, numbers: bytes, integers: Sequence[int], arrays: Sequence[Any]) -> None:
-        """One call, on arguments that are laid out already."""
+        """Call the kernel once, on arguments that are laid out already, on all threads."""
         self._notes[:] = -1
         crew = np.zeros(WORDS, dtype=np.int64)
         crew[0], crew[7] = len(self.shares), len(self.scratch)
@@ -75,8 +75,8 @@ class SiteCalls:
 
 
 def shares(count: int, end: int, threads: int) -> list[tuple[int, int]]:
-    """Where the sites of every thread begin and end: whole groups of sixteen, of which none has more
-    than one group more than another.  end : of the last group of lanes.
+    """The first site of every thread and the one behind its last: whole groups of sixteen, of which none has more than
+    one group more than another.  end : of the last group of lanes.
     """
     groups = -(-count // TOGETHER)
     threads = min(threads, groups)
@@ -88,7 +88,7 @@ SHARE = 2**14
 """Sites that are worth a thread: some 20 us of a pass, where threads wait for each other for one or two."""
 
 PAIRS = 2**18
-"""The same, where all pairs of sites meet, in numbers of sites times sites; many barriers divide them."""
+"""Pairs of sites that are worth a thread, where all of them meet; many barriers divide them."""
 
 WORDS = 9
 """Integers that threads share at their barriers; the eighth one says how many rows of scratch memory

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import NotCompilable
 from ...formulas.vectors import Mat, Vec
-from .iterators import Stream
-from .scopes import RETURN, Closure, Env, Frame
+from .iterators import ItemStream
+from .scopes import RETURN, CallFrame, Closure, Env
 
 if TYPE_CHECKING:
     from ..changes.dependencies import Reads
 
 
 class Aliases:
-    """Which lists may have several names; `frames` are the calls that are being inlined."""
+    """The lists that may have several names; `frames` are the calls that are being inlined."""
 
-    def __init__(self, frames: list[Frame], reads: Reads) -> None:
+    def __init__(self, frames: list[CallFrame], reads: Reads) -> None:
         self.frames, self.reads = frames, reads
         self.shared: dict[int, list[Any]] = {}  # by identity
 
@@ -36,53 +36,53 @@ class Aliases:
                 f"`{it}` is changed in place and comes from outside of the formula, where it would "
                 f"be another one in the next step: change a copy, {copy}"
             )
-        own = name.id if isinstance(name, ast.Name) else ""
-        if id(items) in self.shared or self._held(items, [(own, env)]):
+        variable = name.id if isinstance(name, ast.Name) else ""
+        if id(items) in self.shared or self._held(items, [(variable, env)]):
             raise NotCompilable(f"`{it}` is changed in place and has another name: change a copy, {copy}")
 
     def meet(self, name: str, result: Any, ways: Iterable[tuple[Any, Env]]) -> bool:
-        """A variable has these values on the ways that meet here, and becomes the result.  Is a list
-        among them shared from here on?
+        """Note that a variable has these values on the ways that meet, and becomes the result; returns whether a list
+        among them is shared from now on.
         """
         ways = list(ways)
-        found = [x for value, _ in ways for x in lists(value)]
+        all_lists = [x for value, _ in ways for x in lists(value)]
         # what a call returns outlives its variables
         around = [(name, env) for _, env in ways if name != RETURN]
-        held = [x for x in found if id(x) in self.shared or self.reads.from_outside(x) or self._held(x, around)]
+        held = [x for x in all_lists if id(x) in self.shared or self.reads.from_outside(x) or self._held(x, around)]
         if held:
-            self.share([*found, *lists(result)])
+            self.share([*all_lists, *lists(result)])
         return bool(held)
 
     def share(self, items: Iterable[list[Any]]) -> None:
-        """These lists have other names."""
+        """Mark lists as ones that have other names."""
         self.shared |= {id(x): x for x in items}
 
     def _held(self, items: Any, around: list[tuple[str, Env]]) -> bool:
-        """Is a list in something else than the variable of this name, here or around?"""
+        """Whether a list is in something else than the variable of this name, in this call or around it."""
         values = [v for name, env in around for n, v in env.items() if n != name]
         values += [v for frame in self.frames[:-1] for v in frame.env.values()]
         return self._within(values, items, {id(frame) for frame in self.frames})
 
-    def _within(self, values: Iterable[Any], items: Any, seen: set[int]) -> bool:
+    def _within(self, values: Iterable[Any], items: Any, visited: set[int]) -> bool:
         for value in values:
             if value is items:
                 return True
-            if isinstance(value, Stream):
+            if isinstance(value, ItemStream):
                 # its items may still have to be computed, from whatever
-                if value.sources is None or self._within(value.sources, items, seen):
+                if value.sources is None or self._within(value.sources, items, visited):
                     return True
             elif isinstance(value, Closure):
                 inside = [*value.defaults, *value.options.values()]
-                frame: Frame | None = value.frame
-                while frame is not None and id(frame) not in seen:
-                    seen.add(id(frame))
+                frame: CallFrame | None = value.frame
+                while frame is not None and id(frame) not in visited:
+                    visited.add(id(frame))
                     inside += frame.env.values()
                     frame = frame.around
-                if id(value) not in seen:
-                    seen.add(id(value))
-                    if self._within(inside, items, seen):
+                if id(value) not in visited:
+                    visited.add(id(value))
+                    if self._within(inside, items, visited):
                         return True
-            elif self._within(_inside(value), items, seen):
+            elif self._within(_inside(value), items, visited):
                 return True
         return False
 

@@ -19,7 +19,7 @@ RARE = 1000  # how much rarer than the other a rare branch is
 
 
 class Branches(Joins):
-    """`if` on run-time numbers."""
+    """Translation of `if` on numbers that are known at run time only."""
 
     def branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> bool:
         if test.varying:
@@ -48,13 +48,13 @@ class Branches(Joins):
 
     def masked_branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> None:
         e, b = self.emitter, self.builder
-        outer, here = self.state.base, self.everyone(self.active(env))
+        outer, running = self.state.base, self.everyone(self.active(env))
         before = {name: value for name, value in env.items() if name != ACTIVE}
         merged, ends, someone_left = dict(before), [], False
         certain: list[set[str]] = []  # for each way, the variables that have a value at its end
         self.state.depth += 1
         for mask, statements in ((test, body), (e.negation(test), orelse)):
-            lanes = e.logic("and_", mask, here)
+            lanes = e.logic("and_", mask, running)
             if ACTIVE in env:  # lanes that have left keep what they had
                 mask = lanes
             if not statements:
@@ -63,7 +63,7 @@ class Branches(Joins):
                 continue
             aside = not _only_leaves(statements)
             if aside:
-                some, skip, calls = e.any(lanes), b.block, e.calls
+                any_lane, skip, calls = e.any(lanes), b.block, e.calls
                 start = b.append_basic_block()
                 b.position_at_end(start)
             inside = dict(before)
@@ -92,7 +92,7 @@ class Branches(Joins):
             if aside:
                 end_of_body, merged = b.block, {}
                 self.join(
-                    [Open(end_of_body, after), Open(skip, skipped, self._entering(some, start, e.calls > calls))],
+                    [Open(end_of_body, after), Open(skip, skipped, self._entering(any_lane, start, e.calls > calls))],
                     merged,
                 )
             else:
@@ -102,17 +102,17 @@ class Branches(Joins):
                 ends.append(merged.pop("<end>", lanes))
         self.state.depth -= 1
         live = env.get(ACTIVE)
-        known = {has(n) for n in (set.intersection(*certain) if certain else merged)}
-        replace(env, {n: v for n, v in merged.items() if n not in known})
+        assigned = {has(n) for n in (set.intersection(*certain) if certain else merged)}
+        replace(env, {n: v for n, v in merged.items() if n not in assigned})
         if someone_left:
             env[ACTIVE] = NO_LANE if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
         elif live is not None:
             env[ACTIVE] = live
 
-    def _entering(self, some: Num, start: ir.Block, rare: bool) -> Callable[[ir.Block], None]:
-        return lambda into: self._weigh(self.builder.cbranch(some.value, start, into), rare, False)
+    def _entering(self, any_lane: Num, start: ir.Block, rare: bool) -> Callable[[ir.Block], None]:
+        return lambda into: self._weigh(self.builder.cbranch(any_lane.value, start, into), rare, False)
 
 
 def _only_leaves(statements: list[ast.stmt]) -> bool:
-    """Is this `break` or `continue` alone, which changes masks and needs no way of its own?"""
+    """Whether a branch is `break` or `continue` alone, which changes masks and needs no block of its own."""
     return all(isinstance(statement, (ast.Break, ast.Continue)) for statement in statements)

@@ -23,7 +23,7 @@ from ..numbers.ir_numbers import F64, I64, Num
 from .aliases import lists
 
 
-class Unknown(Exception):
+class UnknownForm(Exception):
     """An argument whose form cannot be told: the call is written out."""
 
 
@@ -52,10 +52,10 @@ class CallForms:
         # by its identity, a constant and what tells it from others
         self.kept: dict[int, tuple[Any, Any]] = {}
 
-    def of(self, function: Any, given: dict[str, Any]) -> Call | None:
-        """None if there is an argument whose form cannot be told."""
+    def call_of(self, function: Any, env: dict[str, Any]) -> Call | None:
+        """The forms of a call and its numbers; None if there is an argument whose form cannot be told."""
         active = self.t.active(self.t.frames[-1].env) if self.t.frames else None
-        seen: dict[Any, int] = {}
+        numbered: dict[Any, int] = {}
         numbers: list[Num] = []
         constants: list[int] = []
         parts: list[Any] = []
@@ -66,10 +66,10 @@ class CallForms:
                 place = self._parameter(x)
                 if place is not None:
                     return "parameter", place
-                if x.values not in seen:
-                    seen[x.values] = len(numbers)
+                if x.values not in numbered:
+                    numbered[x.values] = len(numbers)
                     numbers.append(x)
-                return x.kind, x.varying, x.mixed, seen[x.values]
+                return x.kind, x.varying, x.mixed, numbered[x.values]
             if type(x) is float:
                 if general and inside:
                     constants.append(len(numbers))
@@ -79,7 +79,7 @@ class CallForms:
             if x is None or isinstance(x, (bool, int, str, bytes)) or self._whole(x):
                 return self._told(x)
             if not isinstance(x, _STRUCTURES):
-                raise Unknown
+                raise UnknownForm
             if id(x) in places:
                 return "again", places[id(x)]
             places[id(x)] = len(parts)
@@ -89,16 +89,16 @@ class CallForms:
             return kind, tuple([form(y, inside, general) for y in _parts(x)])
 
         try:
-            items = [*given.items(), ("<mask>", active)]
-            known = tuple([(name, form(x, False, False)) for name, x in items])
+            items = [*env.items(), ("<mask>", active)]
+            specific = tuple([(name, form(x, False, False)) for name, x in items])
             of_known, all_parts = [*numbers], [*parts]
-            for container in (numbers, seen, places, parts):
+            for container in (numbers, numbered, places, parts):
                 container.clear()
             general = tuple([(name, form(x, False, True)) for name, x in items])
-        except Unknown:
+        except UnknownForm:
             return None
-        here = function, self.e.lanes, bool(self.t.state.escapes)
-        return Call((*here, known), (*here, general), of_known, numbers, constants, all_parts)
+        context = function, self.e.lanes, bool(self.t.state.escapes)
+        return Call((*context, specific), (*context, general), of_known, numbers, constants, all_parts)
 
     def _told(self, x: Any) -> Any:
         """The key of a constant: of records and tuples that formulas made the content, else the
@@ -109,10 +109,10 @@ class CallForms:
         if type(x) is float:
             return "float", struct.pack("<d", x)
         if id(x) not in self.kept:
-            told: Any = "object", id(x)
+            key: Any = "object", id(x)
             if (type(x) is tuple or isinstance(x, Record)) and self.t.reads.made(x):
-                told = type(x), tuple([self._told(y) for y in _parts(x)])
-            self.kept[id(x)] = x, told
+                key = type(x), tuple([self._told(y) for y in _parts(x)])
+            self.kept[id(x)] = x, key
         return self.kept[id(x)][1]
 
     def _whole(self, x: Any) -> bool:
@@ -128,7 +128,9 @@ class CallForms:
         return isinstance(x, Record) and not layout_of(x).width
 
     def _parameter(self, x: Num) -> int | None:
-        """Which of the kernel's arguments a number is: the functions read these themselves."""
+        """The place among the kernel's arguments of a number that was loaded from there, None for others: functions
+        read these themselves.
+        """
         v = x.values[0]
         place = self._parameter_of(x)
         return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None
@@ -142,12 +144,12 @@ class CallForms:
         return None
 
     def _loaded(self, place: int) -> Num:
-        """This argument of the kernel, in the present function."""
+        """A number of the kernel's arguments, loaded in the present function."""
         b = self.e.builder
         return self.e.num([b.load(b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64)])
 
     def inside(
-        self, given: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool
+        self, env: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool
     ) -> tuple[dict[str, Any], list[Any]]:
         """The arguments as the function sees them, and their parts."""
         of = {x.values: y for x, y in zip(call.passed(general), inner)}
@@ -180,17 +182,17 @@ class CallForms:
                 self.t.aliases.share([parts[place]])
             return parts[place]
 
-        return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
+        return {name: seen(x, False) for name, x in [*env.items(), ("<mask>", active)]}, parts
 
     def pattern(self, result: Any, inner: list[Num], parts: list[Any]) -> tuple[tuple[str, Any], list[Num]]:
-        """How a caller puts a result together, of arguments, constants and numbers that the function
+        """The recipe by which a caller puts a result together, of arguments, constants and numbers that the function
         returns; and these numbers.  inner, parts : the arguments as the function sees them.
         """
         arguments = {x.values: i for i, x in enumerate(inner)}
         whole_arguments = {id(x): i for i, x in enumerate(parts)}
         numbers: list[Num] = []
         at: dict[Any, int] = {}
-        made: list[list[Any]] = []  # lists in the result
+        listed: list[list[Any]] = []  # lists in the result
 
         def pattern(x: Any) -> tuple[str, Any]:
             if isinstance(x, Num):
@@ -208,9 +210,9 @@ class CallForms:
             if id(x) in whole_arguments:
                 return "part", whole_arguments[id(x)]
             if isinstance(x, list):
-                if self.t.reads.from_outside(x) or any(x is y for y in made):
+                if self.t.reads.from_outside(x) or any(x is y for y in listed):
                     raise NotCompilable("a list that has another name")
-                made.append(x)
+                listed.append(x)
             if not isinstance(x, _STRUCTURES):
                 raise NotCompilable(f"a result that holds {type(x).__name__}")
             return "structure", (x, [pattern(y) for y in _parts(x)])
@@ -252,7 +254,7 @@ def _parts(x: Any) -> list[Any]:
 
 
 def _of_parts(x: Any, parts: list[Any]) -> Any:
-    """A thing like x, made of these parts."""
+    """A value of the form of x, made of these parts."""
     if isinstance(x, PAIRS):
         layout = dataclasses.replace(
             layout_of(x, is_any_number), parts=tuple([layout_of(y, is_any_number) for y in parts])

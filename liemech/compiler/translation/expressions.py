@@ -16,7 +16,7 @@ from ...formulas.classes.pytree import is_any_number
 from ...formulas.numbers.bases import ByValue
 from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.series import Series
-from ...formulas.vectors import Entries, Equal, Mat, Unequal, Vec
+from ...formulas.vectors import Entries, EqualComponents, Mat, UnequalComponents, Vec
 from ..changes.content_hashes import looks_itself
 from ..changes.dependencies import varies
 from ..numbers import arrays, lookups, memory_loops
@@ -24,9 +24,9 @@ from ..numbers.arrays import Array
 from ..numbers.ir_numbers import Num
 from .advice import instead_of_syntax
 from .instructions import TooLong
-from .iterators import Stream
+from .iterators import ItemStream
 from .loops import Loops
-from .scopes import Closure, Env, Frame, Function, Undefined
+from .scopes import CallFrame, Closure, Env, Function, Undefined
 from .state import Snapshot
 
 OPERATORS: dict[type, Callable[..., Any]] = {
@@ -91,8 +91,8 @@ class Expressions(Loops):
             raise arrays.refuse("the truth")
         if isinstance(value, Entries):
             value = value.together
-        if isinstance(value, (Equal, Unequal)):
-            return self.call(all if isinstance(value, Equal) else any, value)
+        if isinstance(value, (EqualComponents, UnequalComponents)):
+            return self.call(all if isinstance(value, EqualComponents) else any, value)
         if any(self.reads.of_class(value, name) for name in ("__bool__", "__len__")):
             self.reads.settled(value)
         try:
@@ -218,8 +218,8 @@ class Expressions(Loops):
         if isinstance(node.op, ast.Mod) and isinstance(operands[0], (str, bytes)):
             self.textual(operands[1])
         try:
-            found = arrays.computed(self.emitter, operator_, operands)
-            return memory_loops.matmul(self.emitter, operator_, operands) if found is None else found
+            combined = arrays.computed(self.emitter, operator_, operands)
+            return memory_loops.matmul(self.emitter, operator_, operands) if combined is None else combined
         except NotCompilable:
             raise
         except TypeError as error:
@@ -237,12 +237,12 @@ class Expressions(Loops):
             )
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
-        found: list[Any] = []
+        values: list[Any] = []
         for n in nodes:
-            found += (
+            values += (
                 self.iterate(self.expression(n.value, env)) if isinstance(n, ast.Starred) else [self.expression(n, env)]
             )
-        return found
+        return values
 
     def key(self, node: ast.expr, env: Env) -> Any:
         return self.known_key(self.expression(node, env), node)
@@ -262,8 +262,8 @@ class Expressions(Loops):
         }
         return Closure(self.frames[-1], node, tuple(self.items(a.defaults, env)), options)
 
-    def within(self, frame: Frame, work: Callable[[], Any]) -> Any:
-        """Do some work in a frame of its own, which is called from here."""
+    def within(self, frame: CallFrame, work: Callable[[], Any]) -> Any:
+        """Do some work in a frame of its own, which is called from the present one."""
         base, depth = self.state.base, self.state.depth
         if self.frames:
             self.state.base = self.active(self.frames[-1].env)
@@ -277,11 +277,11 @@ class Expressions(Loops):
     def comprehension(self, node: ast.ListComp | ast.GeneratorExp, env: Env) -> Iterator[Any]:
         """The items of a comprehension, each computed when it is asked for."""
         around = self.frames[-1]
-        frame = Frame(around.source, node, {}, around, node=around.node)
+        frame = CallFrame(around.source, node, {}, around, node=around.node)
         first = self.iterate(self.expression(node.generators[0].iter, env))
 
         def turns(generators: list[ast.comprehension], items: Iterator[Any]) -> Iterator[Any]:
-            generator, *rest = generators
+            generator, *nested = generators
             for item in items:
                 self.within(frame, lambda: self.assign(generator.target, item, frame.env))  # noqa: B023
                 tests = (
@@ -290,9 +290,9 @@ class Expressions(Loops):
                 )
                 if not all(map(_known, tests)):
                     continue
-                if rest:
+                if nested:
                     yield from turns(
-                        rest, self.within(frame, lambda: self.iterate(self.expression(rest[0].iter, frame.env)))
+                        nested, self.within(frame, lambda: self.iterate(self.expression(nested[0].iter, frame.env)))
                     )
                 else:
                     yield self.within(frame, lambda: self.expression(node.elt, frame.env))
@@ -303,45 +303,45 @@ class Expressions(Loops):
         """`any` and `all` of a generator expression: no item is computed after the one that
         decides.
         """
-        around, some = self.frames[-1], function is any
-        frame = Frame(around.source, node, {}, around, node=around.node)
+        around, is_any = self.frames[-1], function is any
+        frame = CallFrame(around.source, node, {}, around, node=around.node)
         first = self.iterate(self.expression(node.generators[0].iter, env))
 
         def turns(generators: list[ast.comprehension], items: Iterator[Any]) -> Any:
-            generator, *rest = generators
+            generator, *nested = generators
 
             def turn(item: Any) -> ast.expr:
                 def inner() -> Any:
-                    if rest:
-                        return turns(rest, self.iterate(self.expression(rest[0].iter, frame.env)))
+                    if nested:
+                        return turns(nested, self.iterate(self.expression(nested[0].iter, frame.env)))
                     return self.truth(self.expression(node.elt, frame.env))
 
                 def value() -> Any:
                     self.assign(generator.target, item, frame.env)
-                    tests = generator.ifs if some else [ast.UnaryOp(ast.Not(), test) for test in generator.ifs]
-                    return self.decided(some, [*tests, Later(inner)], frame.env)
+                    tests = generator.ifs if is_any else [ast.UnaryOp(ast.Not(), test) for test in generator.ifs]
+                    return self.decided(is_any, [*tests, Later(inner)], frame.env)
 
                 return Later(value)
 
-            return self.decided(not some, [turn(item) for item in items], frame.env)
+            return self.decided(not is_any, [turn(item) for item in items], frame.env)
 
         return self.within(frame, lambda: turns(node.generators, first))
 
     def decided(self, every: bool, tests: list[ast.expr], env: Env) -> Any:
-        """Do all of these tests hold, or any; those after the one that decides are not made."""
+        """Whether all of these tests hold, or any; those after the one that decides are not made."""
         if not tests:
             return every
         node = ast.BoolOp(ast.And() if every else ast.Or(), tests) if len(tests) > 1 else tests[0]
         return self.truth(self.expression(node, env))
 
-    def stream(self, items: list[Any] | Iterator[Any], sources: tuple[Any, ...] | None = None) -> Stream:
-        """An iterator made here."""
-        self.streams.append(Stream(items, self.state.region, sources))
+    def stream(self, items: list[Any] | Iterator[Any], sources: tuple[Any, ...] | None = None) -> ItemStream:
+        """A stream over items, made by the formula itself."""
+        self.streams.append(ItemStream(items, self.state.region, sources))
         return self.streams[-1]
 
     def iterate(self, value: Any) -> Iterator[Any]:
         """The items of something that is iterated over."""
-        if not isinstance(value, Stream):
+        if not isinstance(value, ItemStream):
             if isinstance(value, Num):
                 raise NotCompilable("a number is iterated over")
             if isinstance(value, Array):
@@ -350,7 +350,7 @@ class Expressions(Loops):
             return iter(list(value))
         return self._taken(value)
 
-    def _taken(self, stream: Stream) -> Iterator[Any]:
+    def _taken(self, stream: ItemStream) -> Iterator[Any]:
         while True:
             try:
                 yield stream.take(self.state.region)
@@ -362,7 +362,7 @@ class Expressions(Loops):
     def attribute(self, value: Any, name: str) -> Any:
         if isinstance(value, Num):
             raise NotCompilable(f"`{name}` of a number known only at run time: use functions")
-        if isinstance(value, (Closure, Stream)):
+        if isinstance(value, (Closure, ItemStream)):
             raise NotCompilable(
                 f"`{name}` of {'an inner function' if isinstance(value, Closure) else 'an iterator'}"
                 ": leave it out, or define it at the top of the module"
@@ -429,23 +429,27 @@ class Expressions(Loops):
         first = node.values[0]
         value, either = self.expression(first, env), isinstance(node.op, ast.Or)
         test = self.truth(value)
-        rest = self._others(node)
+        others = self._others(node)
         if not isinstance(test, Num):
-            return value if test is either else self.expression(rest, env)
-        if rest not in self.branching:
-            here, block, raises = Snapshot(self, env), self.builder.block, self.state.raises
-            other = self.expression(rest, env)
-            acts = any(isinstance(n, ast.NamedExpr) for n in ast.walk(rest)) or any(
-                stream.taken != before for stream, before, _ in here.streams
+            return value if test is either else self.expression(others, env)
+        if others not in self.branching:
+            snapshot, block, raises = Snapshot(self, env), self.builder.block, self.state.raises
+            other = self.expression(others, env)
+            acts = any(isinstance(n, ast.NamedExpr) for n in ast.walk(others)) or any(
+                stream.taken != before for stream, before, _ in snapshot.streams
             )
             if self.builder.block is block and self.state.raises == raises and not acts:
                 if all(isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b") for x in (value, other)):
                     return self.emitter.logic("or_" if either else "and_", test, other)
                 return self.where(test, value, other) if either else self.where(test, other, value)
-            here.restore()
-            self.branching.add(rest)
-        known = Later(lambda: value)
-        choice = ast.IfExp(Later(lambda: test), known, rest) if either else ast.IfExp(Later(lambda: test), rest, known)
+            snapshot.restore()
+            self.branching.add(others)
+        decided = Later(lambda: value)
+        choice = (
+            ast.IfExp(Later(lambda: test), decided, others)
+            if either
+            else ast.IfExp(Later(lambda: test), others, decided)
+        )
         return self.choice(ast.copy_location(choice, node), env)
 
     def _others(self, node: ast.BoolOp) -> ast.expr:
@@ -453,8 +457,8 @@ class Expressions(Loops):
         _, *others = node.values
         if len(others) == 1:
             return others[0]
-        rest = ast.copy_location(ast.BoolOp(node.op, others), node)
-        return self.others.setdefault(node, rest)
+        remaining = ast.copy_location(ast.BoolOp(node.op, others), node)
+        return self.others.setdefault(node, remaining)
 
     def comparison(self, node: ast.Compare, env: Env) -> Any:
         """`a < b < c` is `a < b and b < c`, with b computed once."""
@@ -480,22 +484,22 @@ class Expressions(Loops):
                     raise NotCompilable(f"`{ast.unparse(node)}`: {in_words(error)}") from None
         if len(node.ops) == 1:
             return first
-        rest = ast.Compare(Later(lambda: right), node.ops[1:], node.comparators[1:])
-        return self.boolean(ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env)
+        remaining = ast.Compare(Later(lambda: right), node.ops[1:], node.comparators[1:])
+        return self.boolean(ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), remaining]), node), env)
 
     def among(self, x: Any, items: Any) -> Any:
         """`x in items`: is it equal to one of them?  (Of nan, identity would decide.)"""
-        if isinstance(items, (str, bytes, Stream)):
+        if isinstance(items, (str, bytes, ItemStream)):
             raise NotCompilable("`in` a text or an iterator, of a number known only at run time")
         if isinstance(items, (set, frozenset, dict)) and not _hashable(x):
             raise NotCompilable("`in` a set or a dict, of what is no key: use a tuple of floats")
-        found: Any = False
+        is_among: Any = False
         for item in list(items):
-            found = self.emitter.logic("or_", found, self.equal(x, item))
-        return found
+            is_among = self.emitter.logic("or_", is_among, self.equal(x, item))
+        return is_among
 
     def equal(self, x: Any, item: Any) -> Any:
-        """Is a number, or a tuple of some, equal to an item?  (Of nan, identity would decide.)"""
+        """Whether a number, or a tuple of some, equals an item.  (Of nan, identity would decide.)"""
         if isinstance(x, tuple) and isinstance(item, tuple):
             if len(x) != len(item):
                 return False
@@ -589,7 +593,7 @@ def in_words(error: TypeError) -> str:
 
 
 def holds_number(value: Any) -> bool:
-    """Is a run-time number among these things?"""
+    """Whether a value, or a part of it, is a number of the run."""
     if isinstance(value, slice):
         return holds_number((value.start, value.stop, value.step))
     if isinstance(value, dict):

@@ -19,7 +19,7 @@ from . import state
 from .call_forms import Call, CallForms
 from .instructions import Growing, TooLong
 from .native_functions import NativeFunction, NativeFunctions, Small
-from .scopes import Frame
+from .scopes import CallFrame
 from .state import Snapshot
 
 LONG = 2500
@@ -78,9 +78,9 @@ class Outliner:
         self.grown: set[Any] = set()  # formulas that were too large to be written out
         self.divided: set[Any] = set()  # formulas in which sites meet, which are always written out
         # in lanes a formula has as many instructions more as its numbers take registers
-        one = self.e.lanes == 1
-        translator.state.patience = ALONE if one else self.e.registers(True)
-        translator.state.huge = (ALONE if one else WHOLE) * state.HUGE
+        single = self.e.lanes == 1
+        translator.state.patience = ALONE if single else self.e.registers(True)
+        translator.state.huge = (ALONE if single else WHOLE) * state.HUGE
 
     def fitting(self, layout: Layout) -> Layout:
         """The layout of a state, refused if it is too wide.  Raises TooLong."""
@@ -95,24 +95,24 @@ class Outliner:
             self.t.state.patience, self.t.state.huge = 1, state.HUGE
         return layout
 
-    def enter(self, frame: Frame) -> Any:
+    def enter(self, frame: CallFrame) -> Any:
         """The value of a call, made here or written out."""
         t = self.t
         if not t.frames:
             return t.enter(frame)
-        function, given = frame.source.function, dict(frame.env)
+        function, env = frame.source.function, dict(frame.env)
         if function in self.divided:
-            return self._written_out(frame, given)
+            return self._written_out(frame, env)
         often = function in self.large and self.e.builder.emitted >= LONG * t.state.patience
-        call = self.forms.of(function, given) if often or function in self.grown else None
+        call = self.forms.call_of(function, env) if often or function in self.grown else None
         if call and not often:
-            return self._grown(call, frame, given)
+            return self._grown(call, frame, env)
         key, general = self._chosen(call) if call else (None, False)
         if call and key:
-            made = self.made.get(key) or self.make(key, call, frame, given, general)
-            if made is not None:
-                return self.functions.emit(made, call, general)
-        return self._tried(frame, given)
+            native = self.made.get(key) or self.make(key, call, frame, env, general)
+            if native is not None:
+                return self.functions.emit(native, call, general)
+        return self._tried(frame, env)
 
     def divide(self) -> None:
         """Sites meet here: all formulas around are written out, however large."""
@@ -121,13 +121,13 @@ class Outliner:
         t.state.begun[:] = [math.inf for _ in t.state.begun]
         self.e.builder.room = math.inf
 
-    def _tried(self, frame: Frame, given: dict[str, Any]) -> Any:
+    def _tried(self, frame: CallFrame, env: dict[str, Any]) -> Any:
         """The value of a call that is written out, unless it turns out to be too large for it."""
         t, b, function = self.t, self.e.builder, frame.source.function
-        here, before, spent = Snapshot(t, t.frames[-1].env), b.emitted, t.state.spent
+        snapshot, before, spent = Snapshot(t, t.frames[-1].env), b.emitted, t.state.spent
         try:
             with self._limited(before):
-                result = self._copy(frame, given)
+                result = self._copy(frame, env)
             large = b.emitted - before >= t.state.huge
         except Growing:
             large = b.emitted - before >= MOST * t.state.huge
@@ -137,88 +137,88 @@ class Outliner:
         if function in self.divided:
             return result
         if large:  # it becomes a function
-            here.restore()
+            snapshot.restore()
             self.grown.add(function)
-            call = self.forms.of(function, given)
-            return self._grown(call, frame, given) if call else self._written_out(frame, given)
+            call = self.forms.call_of(function, env)
+            return self._grown(call, frame, env) if call else self._written_out(frame, env)
         if cost >= LARGE and spent is t.state.spent:
             self.large.add(function)
-            call = self.forms.of(function, given)
+            call = self.forms.call_of(function, env)
             if call:
                 forms = dict.fromkeys((call.known, call.general))
                 spent += [(form, cost) for form in forms]
         return result
 
-    def _grown(self, call: Call, frame: Frame, given: dict[str, Any]) -> Any:
+    def _grown(self, call: Call, frame: CallFrame, env: dict[str, Any]) -> Any:
         """The value of a call of a formula that has been too large to be written out."""
         for key, general in ((call.general, True), (call.known, False)):
             if key not in self.made:
-                self.make(key, call, frame, given, general, WORTH)
-            made = self.made[key]
-            if made is not None:
-                return self.functions.emit(made, call, general)
-        return self._written_out(frame, given)
+                self.make(key, call, frame, env, general, WORTH)
+            native = self.made[key]
+            if native is not None:
+                return self.functions.emit(native, call, general)
+        return self._written_out(frame, env)
 
-    def _copy(self, frame: Frame, given: dict[str, Any]) -> Any:
+    def _copy(self, frame: CallFrame, env: dict[str, Any]) -> Any:
         """The value of a call that is written out; from the second call of one form on as a copy,
         which LLVM makes.
         """
         function, b = frame.source.function, self.e.builder
-        call = self.forms.of(function, given) if function in self.copied else None
+        call = self.forms.call_of(function, env) if function in self.copied else None
         if call and call.known in self.copies:
-            made = self.copies[call.known]
-            if made is None:
-                made = self.make(("copy", call.known), call, frame, given, False, 0, True) or False
-                self.copies[call.known] = made
-            if isinstance(made, NativeFunction):
-                before, result = b.emitted, self.functions.emit(made, call, False)
+            copy = self.copies[call.known]
+            if copy is None:
+                copy = self.make(("copy", call.known), call, frame, env, False, 0, True) or False
+                self.copies[call.known] = copy
+            if isinstance(copy, NativeFunction):
+                before, result = b.emitted, self.functions.emit(copy, call, False)
                 b.emitted = before
-                b.grow(made.size)
-                self.t.state.spent += made.spent
+                b.grow(copy.size)
+                self.t.state.spent += copy.spent
                 return result
         before = b.emitted
         result = self.t.enter(frame)
         cost = b.emitted - before
         if cost >= COPIED:
-            call = call or self.forms.of(function, given)
+            call = call or self.forms.call_of(function, env)
             if call and cost >= COPIED + PER_NUMBER * len(call.numbers):
                 self.copied.add(function)
                 self.copies.setdefault(call.known)
         return result
 
-    def _written_out(self, frame: Frame, given: dict[str, Any]) -> Any:
+    def _written_out(self, frame: CallFrame, env: dict[str, Any]) -> Any:
         """The value of a call that has to be written out, however large: what is around it does not
         count that.
         """
-        b, begun, room = self.e.builder, self.t.state.begun, self.e.builder.room
+        b, starts, room = self.e.builder, self.t.state.begun, self.e.builder.room
         self.t.state.begun, b.room, before = [], math.inf, b.emitted
         try:
-            return self.t.enter(Frame(frame.source, frame.scope, given))
+            return self.t.enter(CallFrame(frame.source, frame.scope, env))
         finally:
-            begun[:] = [x + b.emitted - before for x in begun]
-            self.t.state.begun, b.room = begun, room + b.emitted - before
+            starts[:] = [x + b.emitted - before for x in starts]
+            self.t.state.begun, b.room = starts, room + b.emitted - before
 
     @contextlib.contextmanager
     def _limited(self, begin: int) -> Iterator[None]:
         """Raises Growing where the formula that is being written out becomes huge."""
-        begun, b = self.t.state.begun, self.e.builder
-        begun.append(begin)
-        b.room = begun[0] + SLACK * self.t.state.huge
+        starts, b = self.t.state.begun, self.e.builder
+        starts.append(begin)
+        b.room = starts[0] + SLACK * self.t.state.huge
         try:
             yield
         finally:
-            begun.pop()
-            b.room = begun[0] + SLACK * self.t.state.huge if begun else math.inf
+            starts.pop()
+            b.room = starts[0] + SLACK * self.t.state.huge if starts else math.inf
 
     def _chosen(self, call: Call) -> tuple[Any, bool]:
         """The form in which a call becomes one of a function, and whether it is the general one;
         None for neither.
         """
-        known, general = self._cost(call.known), self._cost(call.general)
-        for key, is_general, worth in ((call.general, True, general > known), (call.known, False, True)):
+        specific, general = self._cost(call.known), self._cost(call.general)
+        for key, is_general, worth in ((call.general, True, general > specific), (call.known, False, True)):
             if self.made.get(key) is not None:
                 return key, is_general
-            if worth and key not in self.made and (general if is_general else known) >= WORTH:
+            if worth and key not in self.made and (general if is_general else specific) >= WORTH:
                 return key, is_general
         return None, False
 
@@ -229,8 +229,8 @@ class Outliner:
         self,
         key: Any,
         call: Call,
-        frame: Frame,
-        given: dict[str, Any],
+        frame: CallFrame,
+        env: dict[str, Any],
         general: bool,
         least: int = 0,
         copied: bool = False,
@@ -238,9 +238,9 @@ class Outliner:
         """The native function of a formula, for calls of this form; None if it must be written out."""
         name = f"{frame.source.function.__name__}.{len(self.made)}"
         try:
-            made = self.functions.make(name, call, frame, given, general, least, copied)
+            native = self.functions.make(name, call, frame, env, general, least, copied)
         except Small:
-            made = None
+            native = None
             self.made.setdefault(call.known)
-        self.made[key] = made
-        return made
+        self.made[key] = native
+        return native

@@ -100,9 +100,9 @@ class Builder(ir.IRBuilder):
 
     def floats(self, op: str, a: ir.Value, b: ir.Value) -> ir.Value:
         """Arithmetic of two floats of one type."""
-        made = Arithmetic(self._block, op, a, b)
-        self._insert(made)
-        return made
+        instruction = Arithmetic(self._block, op, a, b)
+        self._insert(instruction)
+        return instruction
 
 
 class Arithmetic(ir.Instruction):
@@ -138,13 +138,13 @@ def _called(function: ir.Function) -> set[ir.Function]:
 
 
 def _alive(functions: list[ir.Function]) -> set[ir.Function]:
-    """These functions and those that are called by them, by these, ..."""
-    found, open_ = set(functions), list(functions)
+    """All functions that these functions reach by calls, and these themselves."""
+    reachable, open_ = set(functions), list(functions)
     while open_:
-        new = _called(open_.pop()) - found
-        found |= new
+        new = _called(open_.pop()) - reachable
+        reachable |= new
         open_ += new
-    return found
+    return reachable
 
 
 def _reachable(functions: list[ir.Function]) -> int:

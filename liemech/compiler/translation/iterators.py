@@ -19,7 +19,7 @@ and whether it is a loop.
 """
 
 
-class Stream:
+class ItemStream:
     """An iterator: a list of items of which some are taken, or a generator, which cannot go back.
 
     sources : what the items are taken from; None if they may be computed from anything.

@@ -25,9 +25,9 @@ from ...formulas.vectors import Mat, Vec
 from ..changes.dependencies import Reads
 from ..numbers.ir_numbers import Emitter, Num, Values
 from .aliases import Aliases
-from .iterators import Stream
-from .scopes import RETURN, Env, Frame, Undefined, has
-from .state import State
+from .iterators import ItemStream
+from .scopes import RETURN, CallFrame, Env, Undefined, has
+from .state import TranslationState
 
 # lanes still running at this point, where some have left (absent: all for which the code was
 # entered)
@@ -99,11 +99,11 @@ class Joins:
         self.branching: set[ast.expr] = set()
         # of more than two operands, those after the first
         self.others: dict[ast.BoolOp, ast.expr] = {}
-        self.frames: list[Frame] = []
+        self.frames: list[CallFrame] = []
         self.aliases = Aliases(self.frames, reads)
-        self.state = State()
+        self.state = TranslationState()
         self.regions = 0
-        self.streams: list[Stream] = []
+        self.streams: list[ItemStream] = []
         self.worked = 0  # expressions so far, with those that were taken back
 
     def block(self, statements: list[ast.stmt], env: Env) -> bool:
@@ -219,17 +219,17 @@ class Joins:
         merged: Env = {}
         blocks = [o.block for o in opens]
         for name in dict.fromkeys(name for o in opens for name in o.env if not name.startswith("<has ")):
-            there = [o.env[name] for o in opens if name in o.env]
+            values = [o.env[name] for o in opens if name in o.env]
             certain = [o.env.get(has(name), name in o.env) for o in opens]
-            if len(there) < len(opens):
+            if len(values) < len(opens):
                 if name.startswith("<"):
                     continue
-                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(there[0])
-                there = [o.env.get(name, blank) for o in opens]
-            merged[name] = self._together(into, blocks, there)
-            if any(v is not merged[name] for v in there):
-                ways = [(o.env[name], o.env) for o in opens if name in o.env]
-                self.aliases.meet(name, merged[name], ways)
+                blank = next((v for v in values if isinstance(v, Undefined)), None) or self.blank(values[0])
+                values = [o.env.get(name, blank) for o in opens]
+            merged[name] = self._together(into, blocks, values)
+            if any(v is not merged[name] for v in values):
+                variants = [(o.env[name], o.env) for o in opens if name in o.env]
+                self.aliases.meet(name, merged[name], variants)
             if not all(c is True for c in certain):
                 merged[has(name)] = self._together(into, blocks, certain)
         for o in opens:
@@ -285,9 +285,7 @@ class Joins:
 
 
 def leveled(items: list[Any]) -> list[Any]:
-    """These values at one level: a number becomes a pair (of derivative, of what it remembers, zero) where it
-    meets one.
-    """
+    """The values at one level: a number becomes a pair (of derivative, of what it remembers, zero) where it meets one."""
     makers: dict[Any, Any] = {Vec: lambda v: Vec(*v), Mat: lambda v: Mat(*v), tuple: tuple, list: list}
     kind = type(items[0])
     if kind in makers and len(items[0]) and all(type(v) is kind and len(v) == len(items[0]) for v in items):

@@ -101,7 +101,7 @@ class Loops(Branches):
         form = self.loop_forms.get(key, Form(self._parting(body))).copy()
         env |= {name: _grown(env[name], new) for name, new in form.grown.items()}
         while True:
-            here = Snapshot(self, env)
+            snapshot = Snapshot(self, env)
             marks = {FOUND, HAS_FOUND} if FOUND in env else set()
             carried = sorted((changed | marks | {*map(has, changed)}) & env.keys())
             try:
@@ -111,24 +111,24 @@ class Loops(Branches):
                     self.loop_forms[key] = form
                 return True
             except Returns as wanted:
-                here.restore()
+                snapshot.restore()
                 env |= {FOUND: wanted.blank, HAS_FOUND: False}
                 form.types.clear()
             except Promote as wanted:
-                here.restore()
+                snapshot.restore()
                 form.grown |= wanted.variables
                 env |= {name: _grown(env[name], new) for name, new in wanted.variables.items()}
                 form.types.clear()
             except Retype as wanted:
-                here.restore()
+                snapshot.restore()
                 if wanted.number is None:
                     form.masked = True
                 else:
                     form.types[wanted.number] = wanted.type
 
     def _parting(self, body: list[ast.stmt]) -> bool:
-        """Will lanes leave a loop one after the other?  Where a formula has a `break`; that of a
-        driver is for all of them.
+        """Whether lanes leave a loop one after the other: where a formula has a `break`.  That of a driver is for all
+        of them.
         """
         leaves = breaks(body) or returns(body)
         formula = not all(is_part_of_driver(frame.source.function) for frame in self.frames[1:])
@@ -262,13 +262,13 @@ class NativeLoop:
         for name in self.carried:
             # a mark that is gone: the variable has a value now
             new, old, layout = inside.get(name, True), self.at_head[name], self.layouts[name]
-            found = layout_of(new, is_any_number)
+            actual = layout_of(new, is_any_number)
             if isinstance(new, Undefined):
                 changed.append(f"`{name}` changes its structure in the loop: {new.reason}")
             elif _grows(self.env[name], new, layout):
                 grown[name] = new
-            elif found != layout:
-                changed.append(f"`{name}` changes its structure in the loop: from {layout} to {found}")
+            elif actual != layout:
+                changed.append(f"`{name}` changes its structure in the loop: from {layout} to {actual}")
             else:
                 self._refuse_other_names(name, new, old, inside)
                 pairs = [*zip(leaves(new, layout), leaves(old, layout), strict=True)]
@@ -287,15 +287,15 @@ class NativeLoop:
             self.types |= retyped
             raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
         if moves:
-            there = self.e.large.carried([(x, form) for x, form, _ in moves])
-            for place, (*_, phi) in zip(there, moves):
+            places = self.e.large.carried([(x, form) for x, form, _ in moves])
+            for place, (*_, phi) in zip(places, moves):
                 come_from(phi, place.values, self.b.block)
 
     def _refuse_other_names(self, name: str, new: Any, old: Any, inside: Env) -> None:
         """Refuse a list that has another name at the end of a turn, where lists are changed."""
         # the variables of a turn alone have no value in the next one
-        kept = {n: v for n, v in inside.items() if n in self.at_head}
-        if self.t.aliases.meet(name, old, [(new, kept)]) and changes_lists(self.body, inside):
+        carried = {n: v for n, v in inside.items() if n in self.at_head}
+        if self.t.aliases.meet(name, old, [(new, carried)]) and changes_lists(self.body, inside):
             copy = f", `[*{name}]`" if isinstance(new, list) else " of these lists"
             raise NotCompilable(
                 f"`{name}` has another name at the end of a turn of a loop that changes lists in "
@@ -319,7 +319,7 @@ class NativeLoop:
         return None
 
     def _go_back(self, inside: Env, raises: int, marks: int) -> None:
-        """From the end of a turn to the head, with the lanes that are still in the loop."""
+        """Let control go from the end of a turn to the head, with the lanes that are still in the loop."""
         e, b, state = self.e, self.b, self.state
         if self.masked:
             broken = inside.get(BROKEN, False)
@@ -339,7 +339,7 @@ class NativeLoop:
             b.branch(self.head)
 
     def _leave(self, loop: Loop, start: ir.Block, go_on: Any, end_of_head: ir.Block) -> None:
-        """The ways out of the loop come together."""
+        """Join the ways out of the loop."""
         b, env, exits = self.b, self.env, list(loop.breaks)
         local = changed_names(self.body) - env.keys()
         b.position_at_end(end_of_head)
@@ -365,8 +365,8 @@ def _grown(value: Any, new: Any) -> Any:
 
 
 def _grows(value: Any, new: Any, layout: Layout) -> bool:
-    """Does a value of this layout need another structure, to become the new one: a derivative where
-    it has none, not even a zero?
+    """Whether a value of this layout needs another structure to become the new one: a derivative where it has none, not
+    even a zero.
     """
     first, now = leveled([value, new])
     if layout_of(now, is_any_number) != layout_of(first, is_any_number):

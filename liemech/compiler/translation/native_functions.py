@@ -16,7 +16,7 @@ from ..numbers.ir_numbers import I32, TYPES, Num
 from .call_forms import Call, CallForms
 from .instructions import Names, TooLong
 from .joins import Open
-from .scopes import Frame
+from .scopes import CallFrame
 
 RETURNED = 64
 """Registers of results up to which a native function returns them; more it writes into memory."""
@@ -61,7 +61,7 @@ class NativeFunctions:
     # -------------------------------------------------------------- the function
 
     def make(
-        self, name: str, call: Call, frame: Frame, given: dict[str, Any], general: bool, least: int, copied: bool
+        self, name: str, call: Call, frame: CallFrame, env: dict[str, Any], general: bool, least: int, copied: bool
     ) -> NativeFunction | None:
         """The native function for calls of this form; None if the formula must be written out.
         Raises Small if it has fewer instructions than `least`.
@@ -72,13 +72,13 @@ class NativeFunctions:
         active, failed = t.active(t.frames[-1].env), t.state.failed if t.state.escapes else []
         passed = call.passed(general)
         function = self._declared(b.module.get_unique_name(name), passed, len(failed), copied)
-        made = None
+        native = None
         try:
             with self._within(function, copied):
                 b.position_at_end(function.append_basic_block("entry"))
                 values = iter(function.args[1:])
                 inner = [Num(e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed]
-                arguments, parts = self.forms.inside(given, active, call, inner, general)
+                arguments, parts = self.forms.inside(env, active, call, inner, general)
                 t.state.base = arguments.pop("<mask>")
                 if failed:
                     t.state.failed, t.state.escapes = e.slot(), [[]]
@@ -87,15 +87,15 @@ class NativeFunctions:
                 b.branch(start)
                 b.position_at_end(start)
                 # between the variables of two native functions
-                t.frames.append(Frame(frame.source, frame.scope, {}))
+                t.frames.append(CallFrame(frame.source, frame.scope, {}))
                 before = b.emitted
-                result = t.enter(Frame(frame.source, frame.scope, arguments))
+                result = t.enter(CallFrame(frame.source, frame.scope, arguments))
                 size = b.emitted - before
                 if b.emitted < least:
                     raise Small
-                made = self._finished(function, result, inner, parts, copied)
+                native = self._finished(function, result, inner, parts, copied)
                 if copied:
-                    function.size, made.size, made.spent = size, size, t.state.spent
+                    function.size, native.size, native.spent = size, size, t.state.spent
                 else:
                     b.finished += b.emitted
         except TooLong:
@@ -103,9 +103,9 @@ class NativeFunctions:
         except NotCompilable:
             pass
         finally:
-            if made is None:
+            if native is None:
                 del b.module.globals[function.name]
-        return made
+        return native
 
     def _declared(self, name: str, passed: list[Num], failed: int, copied: bool) -> ir.Function:
         """A function of these numbers, and of so many registers that say which lanes have failed."""
@@ -181,23 +181,23 @@ class NativeFunctions:
         escaped: list[bool],
         without: int = 0,
     ) -> None:
-        """Return these values, but for the first so many."""
+        """Return these values from the function, but for the first `without` of them."""
         b, e = self.e.builder, self.e
         lanes = e.load(self.t.state.failed).values if failed else ()
         values = [*registers, *lanes, *[ir.Constant(TYPES["b"], x) for x in escaped]]
-        given = [*enumerate(values)][without:]
+        returned = [*enumerate(values)][without:]
         if buffer is not None:
-            for i, v in given:
+            for i, v in returned:
                 b.store(v, _field(b, buffer, i))
             b.ret_void()
             return
         structure = ir.Constant(type_, ir.Undefined)
-        for i, v in given:
+        for i, v in returned:
             structure = b.insert_value(structure, v, i)
-        b.ret(structure) if given else b.ret_void()
+        b.ret(structure) if returned else b.ret_void()
 
     def _gather(self, opens: list[Open]) -> None:
-        """Control comes from all of these places to one."""
+        """Lead control from all of these places to one."""
         b = self.e.builder
         gone = b.append_basic_block()
         for o in opens:
@@ -208,13 +208,13 @@ class NativeFunctions:
     @staticmethod
     def _retyped(function: ir.Function, type_: ir.Type | None, buffer: ir.Value | None) -> None:
         """The function gets the type that it has turned out to have."""
-        result, more = (ir.VoidType(), [buffer]) if buffer is not None else (type_, [])
+        result, extra = (ir.VoidType(), [buffer]) if buffer is not None else (type_, [])
         if result is None:
             return
-        arguments = [*function.ftype.args, *(x.type for x in more)]
+        arguments = [*function.ftype.args, *(x.type for x in extra)]
         function.ftype = ir.FunctionType(result, arguments)
         function.type = function.ftype.as_pointer()
-        function.args = (*function.args, *more)
+        function.args = (*function.args, *extra)
         if buffer is None:
             function.return_value = ir.values.ReturnValue(function, result)
 
@@ -230,46 +230,46 @@ class NativeFunctions:
 
     # -------------------------------------------------------------- the call
 
-    def emit(self, made: NativeFunction, call: Call, general: bool) -> Any:
+    def emit(self, native: NativeFunction, call: Call, general: bool) -> Any:
         """A call of the function, and its value."""
         t, b, e = self.t, self.e.builder, self.e
         passed = call.passed(general)
         arguments = [b.function.args[0], *(v for x in passed for v in x.values)]
         if t.state.escapes:
             arguments += e.load(t.state.failed).values
-        if made.memory is not None:
-            arguments.append(self._buffer(made.memory))
-        results = self._results(made, b.call(made.function, arguments, cconv="fastcc"), arguments)
+        if native.memory is not None:
+            arguments.append(self._buffer(native.memory))
+        results = self._results(native, b.call(native.function, arguments, cconv="fastcc"), arguments)
 
         def number(kind: str, varying: bool, mixed: bool = False) -> Num:
             values = tuple([next(results) for _ in range(e.registers(varying))])
             return Num(e, values, kind, mixed)
 
-        numbers = [number(*kind) for kind in made.kinds]
-        if made.failed:
+        numbers = [number(*kind) for kind in native.kinds]
+        if native.failed:
             e.store(number("b", e.lanes > 1), t.state.failed)
-        if made.escapes:
+        if native.escapes:
             escaped = next(results)
             gone, on = b.append_basic_block(), b.append_basic_block()
             b.cbranch(escaped, gone, on)
             t.state.escapes[-1].append(Open(gone, {}))
             b.position_at_end(on)
-        t.state.raises += made.raises
-        e.calls += made.calls
-        return self.forms.restored(made.pattern, call, passed, numbers)
+        t.state.raises += native.raises
+        e.calls += native.calls
+        return self.forms.restored(native.pattern, call, passed, numbers)
 
-    def _results(self, made: NativeFunction, structure: ir.Value, arguments: list[ir.Value]) -> Iterator[ir.Value]:
+    def _results(self, native: NativeFunction, structure: ir.Value, arguments: list[ir.Value]) -> Iterator[ir.Value]:
         """The values that a call has returned, or written into memory, one after the other."""
         b = self.e.builder
         for i in itertools.count():
-            if made.memory is None:
+            if native.memory is None:
                 yield b.extract_value(structure, i)
             else:
                 place = _field(b, arguments[-1], i)
-                yield b.load(place, typ=made.memory.elements[i])
+                yield b.load(place, typ=native.memory.elements[i])
 
     def _buffer(self, type_: ir.Type) -> ir.Value:
-        """Where functions leave results of this form for the present one."""
+        """The memory of the present function where functions leave results of this form."""
         b = self.e.builder
         places = self.buffers.setdefault(b.function, {})
         if str(type_) not in places:
@@ -279,5 +279,5 @@ class NativeFunctions:
 
 
 def _field(b: ir.IRBuilder, place: ir.Value, i: int) -> ir.Value:
-    """The address of a result."""
+    """The address of result number i in a buffer."""
     return b.gep(place, [ir.Constant(I32, 0), ir.Constant(I32, i)], inbounds=True)

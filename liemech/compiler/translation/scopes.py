@@ -48,7 +48,7 @@ class Undefined:
 
 
 @dataclasses.dataclass(eq=False)
-class Frame:
+class CallFrame:
     """One call being inlined, or one comprehension: its variables, and the frame of the function
     around it.
     """
@@ -56,7 +56,7 @@ class Frame:
     source: Source
     scope: Function | Comprehension
     env: Env
-    around: Frame | None = None
+    around: CallFrame | None = None
     returns: list[Open] = dataclasses.field(default_factory=list)
     loops: list[Loop] = dataclasses.field(default_factory=list)
     node: ast.AST | None = None  # the statement being translated
@@ -67,7 +67,7 @@ class Frame:
 
         With it the condition under which it has a value here.
         """
-        frame: Frame | None = self
+        frame: CallFrame | None = self
         while frame is not None:
             if name in frame.env:
                 value = frame.env[name]
@@ -89,7 +89,7 @@ class Frame:
 class Closure:
     """A function inside a formula: a `lambda` or a `def`, and the frame whose variables it sees."""
 
-    frame: Frame
+    frame: CallFrame
     node: Function
     defaults: tuple[Any, ...]
     options: dict[str, Any]  # of parameters that are given by name only
@@ -191,7 +191,7 @@ def changed_names(body: list[Any]) -> set[str]:
 
 
 def changes_lists(body: list[Any], env: Env) -> bool:
-    """Do these statements change a list in place, where the variables have these values?"""
+    """Whether these statements change a list in place, where the variables have these values."""
     for n in _of_scope(body):
         match n:
             case ast.Subscript(ctx=ast.Store()):
@@ -204,15 +204,15 @@ def changes_lists(body: list[Any], env: Env) -> bool:
 
 
 def returns(body: list[ast.stmt]) -> bool:
-    """Do these statements leave the function?"""
+    """Whether these statements leave the function."""
     return any(isinstance(n, ast.Return) for n in _of_scope(body))
 
 
 def breaks(body: list[ast.stmt]) -> bool:
-    """Do these statements leave the loop around them?"""
+    """Whether these statements leave the loop around them."""
     inner = [n for n in _of_scope(body) if isinstance(n, (ast.For, ast.While))]
-    own = {id(n) for loop in inner for n in _of_scope(loop.body)}
-    return any(isinstance(n, ast.Break) and id(n) not in own for n in _of_scope(body))
+    of_inner = {id(n) for loop in inner for n in _of_scope(loop.body)}
+    return any(isinstance(n, ast.Break) and id(n) not in of_inner for n in _of_scope(body))
 
 
 def _body(node: Function) -> list[Any]:
@@ -220,9 +220,7 @@ def _body(node: Function) -> list[Any]:
 
 
 def _of_scope(nodes: list[Any]) -> Iterator[ast.AST]:
-    """These nodes and those inside them, but not what is in the scope of a nested function or
-    comprehension.
-    """
+    """The nodes and those inside them, but not what is in the scope of a nested function or comprehension."""
     for node in nodes:
         yield node
         if isinstance(node, Function):  # its defaults are evaluated outside

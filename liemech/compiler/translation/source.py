@@ -81,14 +81,14 @@ def _from_its_lines(code: types.CodeType, lines: list[str]) -> ast.FunctionDef |
     except SyntaxError:
         return None
     place = code.co_name, code.co_firstlineno
-    made = [c for c in _nested(module) if (c.co_name, c.co_firstlineno) == place]
-    if len(made) != 1 or code_token(made[0]) != code_token(code):
+    codes = [c for c in _nested(module) if (c.co_name, c.co_firstlineno) == place]
+    if len(codes) != 1 or code_token(codes[0]) != code_token(code):
         return None
     return next(n for n in nodes if isinstance(n, ast.FunctionDef) and n.name == code.co_name)
 
 
 def _margin(line: str) -> int:
-    """How far a line is indented."""
+    """The number of characters by which a line is indented."""
     return len(line) - len(line.lstrip())
 
 
@@ -138,11 +138,9 @@ Place = tuple[tuple[int, int], tuple[int, int]]
 
 
 def _places(code: types.CodeType) -> list[Place]:
-    """Where the instructions of a function are in the text; those that begin and end at no place
-    left out.
-    """
-    known = [p for p in code.co_positions() if None not in p]
-    return [((a, c), (b, d)) for a, b, c, d in known if (a, c) != (b, d)]  # type: ignore[misc]
+    """The places of a function's instructions in the text, those that begin and end at no place left out."""
+    positions = [p for p in code.co_positions() if None not in p]
+    return [((a, c), (b, d)) for a, b, c, d in positions if (a, c) != (b, d)]  # type: ignore[misc]
 
 
 def _body(node: ast.FunctionDef | ast.Lambda) -> Place:

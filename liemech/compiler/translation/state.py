@@ -21,7 +21,7 @@ formula.
 
 
 @dataclasses.dataclass(eq=False)
-class State:
+class TranslationState:
     """Where the translation of one native function is.
 
     base : the lanes for which the present code was entered, None for all.  depth : conditions
@@ -49,13 +49,13 @@ class State:
     begun: list[int] = dataclasses.field(default_factory=list)
     over: Any = None
 
-    def of_function(self, copied: bool) -> State:
+    def of_function(self, copied: bool) -> TranslationState:
         """The state in which the translation of another native function begins.  copied : it is one
         that LLVM copies, which counts as written out here.
         """
         if not copied:
-            return State(region=self.region)
-        return State(region=self.region, patience=self.patience, huge=self.huge, begun=self.begun)
+            return TranslationState(region=self.region)
+        return TranslationState(region=self.region, patience=self.patience, huge=self.huge, begun=self.begun)
 
 
 class Snapshot:
@@ -76,7 +76,7 @@ class Snapshot:
         self.take_back = back()
 
     def restore(self) -> None:
-        """Take back what was emitted since."""
+        """Take back what was emitted since this point, and set all of the state to what it was."""
         self.take_back()
         for items, length in self.lengths:
             del items[length:]

@@ -1,4 +1,4 @@
-"""Statements of formulas."""
+"""Translation of the statements of formulas, one after the other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..numbers.arrays import Array
 from ..numbers.ir_numbers import Num
 from .advice import instead_of_syntax
 from .expressions import OPERATORS, Expressions, Later
-from .iterators import Stream
+from .iterators import ItemStream
 from .joins import ACTIVE, NO_LANE, Open, Returns, Retype
 from .loops import UNROLL, forms
 from .scopes import CHANGES, FOUND, HAS_FOUND, RETURN, Env, breaks, has
@@ -30,11 +30,11 @@ class Statements(Expressions):
         frame = self.frames[-1]
         for i, node in enumerate(statements):
             frame.node, frame.env = node, env
-            rest = statements[i + 1 :]
-            if isinstance(node, ast.If) and rest and not node.orelse and _leaves(node.body):
+            following = statements[i + 1 :]
+            if isinstance(node, ast.If) and following and not node.orelse and _leaves(node.body):
                 test = self.truth(self.expression(node.test, env))
                 if isinstance(test, Num):  # what follows runs only where the branch was not taken
-                    return self.branch(test, node.body, rest, env) and self.running(env)
+                    return self.branch(test, node.body, following, env) and self.running(env)
                 if test:
                     return self.block(node.body, env)
                 continue
@@ -225,11 +225,11 @@ class Statements(Expressions):
 
         form = node, forms(env)
         if not isinstance(node.test, ast.Constant) and form not in self.lasting:
-            here = Snapshot(self, env)
+            snapshot = Snapshot(self, env)
             try:
                 return self.written_out([*[turn] * UNROLL, too_many], node.body, env)
             except Retype as wanted:
-                here.restore()
+                snapshot.restore()
                 if wanted.number is None:
                     self.lasting.add(form)
         inside = FOUND in env
@@ -243,8 +243,8 @@ class Statements(Expressions):
         """
         if FOUND not in env:
             return True
-        found, left = env.pop(FOUND), env.pop(HAS_FOUND)
-        value = ast.Return(Later(lambda: found))
+        returned, left = env.pop(FOUND), env.pop(HAS_FOUND)
+        value = ast.Return(Later(lambda: returned))
         if always:
             return self.statement(value, env)
         return self.statement(ast.If(Later(lambda: left), [value], []), env)
@@ -268,7 +268,7 @@ class Statements(Expressions):
         else:
             items = self.expression(iterable, env)
         name = f"<items of line {node.lineno}>"  # a list among them must not be changed in the loop
-        if isinstance(items, (list, Stream)):
+        if isinstance(items, (list, ItemStream)):
             env[name] = items
 
         def turn(value: Any) -> Callable[[Env], None]:
@@ -341,17 +341,17 @@ class _Breaks(ast.NodeTransformer):
 
 
 def _changes_in_place(cls: type, operator: ast.operator) -> bool:
-    """Has a class a method of its own for `x += y` and its like?"""
+    """Whether a class has a method of its own for `x += y` and its like."""
     name = getattr(OPERATORS.get(type(operator)), "__name__", "").strip("_")
     return hasattr(cls, f"__i{name}__")
 
 
-def _lines(found: Any) -> list[Any]:
-    return found if isinstance(found, list) else [found]
+def _lines(body: Any) -> list[Any]:
+    return body if isinstance(body, list) else [body]
 
 
 def _leaves(body: list[ast.stmt]) -> bool:
-    """Does control never come to the end of these statements?"""
+    """Whether control never comes to the end of these statements."""
     last = body[-1]
     if isinstance(last, ast.If) and last.orelse:
         return _leaves(last.body) and _leaves(last.orelse)

@@ -60,7 +60,7 @@ from .advice import instead_of, instead_of_syntax
 from .expressions import in_words
 from .inlining import Outliner
 from .joins import Open, leveled
-from .scopes import RETURN, Closure, Env, Frame, Undefined, acts_unexecuted, bound
+from .scopes import RETURN, CallFrame, Closure, Env, Undefined, acts_unexecuted, bound
 from .source import Source
 from .statements import Statements
 
@@ -127,7 +127,7 @@ class Interpreter(Statements):
             return self.call(function.__func__, function.__self__, *args, **options)
         if isinstance(function, Closure):
             self.deeper()
-            frame = Frame(function.frame.source, function.node, function.arguments(args, options), function.frame)
+            frame = CallFrame(function.frame.source, function.node, function.arguments(args, options), function.frame)
             return self.enter(frame)
         intrinsic = self.intrinsics.get(function) if isinstance(function, Hashable) else None
         if intrinsic is not None:
@@ -180,8 +180,8 @@ class Interpreter(Statements):
             )
         if name in _OF_DICTS and not varies([*args[:1]]):
             self.reads.settled(*args)
-            found = function(*args)
-            return found if name == "dict.get" else list(found)
+            entries = function(*args)
+            return entries if name == "dict.get" else list(entries)
         if "out" in options or (isinstance(function, np.ufunc) and len(args) > function.nin):
             raise NotCompilable(f"`{name}` changes an array in place: assign its result to a name")
         if varies([*args, *options.values(), *([function.__self__] if method else [])]):
@@ -201,18 +201,18 @@ class Interpreter(Statements):
         source = self.reads.source(function)
         if bare(function) is not function and any(isinstance(x, Array) for x in args):
             raise refuse(f"`{function.__qualname__}`")
-        made = self.outliner.enter(Frame(source, source.node, _parameters(source, args, options)))
+        returned = self.outliner.enter(CallFrame(source, source.node, _parameters(source, args, options)))
         promised = getattr(function, "__promise__", None)
-        return made if promised is None else self.promised(promised, function, vector(made))
+        return returned if promised is None else self.promised(promised, function, vector(returned))
 
-    def promised(self, promised: Any, function: types.FunctionType, made: Any) -> Any:
+    def promised(self, promised: Any, function: types.FunctionType, returned: Any) -> Any:
         """The value of a method, a list as a vector; refused if it is not what its base promises."""
         try:
-            return kept(promised, function.__qualname__, made)
+            return kept(promised, function.__qualname__, returned)
         except InvalidType as error:
             raise NotCompilable(str(error)) from None
 
-    def enter(self, frame: Frame) -> Any:
+    def enter(self, frame: CallFrame) -> Any:
         """The value that a function returns, its body translated in a frame of its own."""
 
         never = acts_unexecuted(frame.scope)
@@ -228,7 +228,7 @@ class Interpreter(Statements):
                 return self.expression(frame.scope.body, frame.env)  # type: ignore[union-attr]
             if self.block(frame.scope.body, frame.env):
                 frame.returns.append(Open(self.builder.block, {RETURN: None} | frame.captured(frame.env)))
-            if not any(RETURN in way.env for way in frame.returns):
+            if not any(RETURN in open_.env for open_ in frame.returns):
                 raise NotCompilable("every way through the formula raises")
             frame.env = {}
             self.join(frame.returns, frame.env)
@@ -242,38 +242,38 @@ class Interpreter(Statements):
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         """A record made by a formula: its fields, converted, without liemech's checks of them."""
         fields = self.reads.fields(cls)
-        given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
+        values = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
         for f in fields:
-            if f.name not in given:
+            if f.name not in values:
                 if f.default is dataclasses.MISSING or not f.init:
                     raise NotCompilable(
                         f"{cls.__name__} needs its field {f.name} (derived fields cannot be made by formulas)"
                     )
-                given[f.name] = f.default
-        if len(given) != len(fields) or len(args) > len(fields):
+                values[f.name] = f.default
+        if len(values) != len(fields) or len(args) > len(fields):
             raise NotCompilable(f"{cls.__name__} has the fields {[f.name for f in fields]}")
-        own = self.reads.construction(cls)
-        if own:
+        method = self.reads.construction(cls)
+        if method:
             raise NotCompilable(
-                f"{cls.__name__}.{own} would run where a formula makes one: make it before the run, "
+                f"{cls.__name__}.{method} would run where a formula makes one: make it before the run, "
                 "or a record without it"
             )
-        left = [f.name for f in fields if given[f.name] is None and f.default is None]
+        left = [f.name for f in fields if values[f.name] is None and f.default is None]
         if left and self.reads.sets_fields(cls):
             raise NotCompilable(
                 f"{cls.__name__} finds its {' and '.join(left)} itself when it is made, which a "
                 "formula cannot do: make it before the run, as a field or a global name"
             )
-        made = fill(cls, {f.name: given[f.name] for f in fields})
+        record = fill(cls, {f.name: values[f.name] for f in fields})
         try:
             converted = {
-                name: convert(made, name, given[name])
+                name: convert(record, name, values[name])
                 for name, convert, easy, _ in converters(cls)
-                if type(given[name]) not in easy
+                if type(values[name]) not in easy
             }
         except (InvalidInput, InvalidType) as error:
             raise NotCompilable(str(error)) from None
-        return fill(cls, vars(made) | converted)
+        return fill(cls, vars(record) | converted)
 
     def replaced(self, record: Any, **changes: Any) -> Any:
         """The record with some of its fields changed."""
@@ -289,8 +289,8 @@ class Interpreter(Statements):
         frame = self.frames[-1]
         if frame.scope is not frame.source.node:
             raise NotCompilable("`super()` in an inner function: call it in the method itself")
-        own = frame.source.function.__code__.co_varnames[0]
-        return super(frame.source.outer("__class__"), frame.env[own])
+        self_name = frame.source.function.__code__.co_varnames[0]
+        return super(frame.source.outer("__class__"), frame.env[self_name])
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
         if isinstance(yes, Series) or isinstance(no, Series):
@@ -321,9 +321,7 @@ class Interpreter(Statements):
         return joined[""]
 
     def accepted(self, value: Any, shown: Any, layout: Any = None) -> Num:
-        """Did the attempt go through, and is what it shows finite?  A sum is finite only if its
-        terms are.
-        """
+        """Whether an attempt went through, and what it shows is finite: a sum is finite only if its terms are."""
         part = self.call(shown, value)
         total = driver.pairwise_sum(driver.terms(part, layout_of(part)))
         finite = total - total == 0.0

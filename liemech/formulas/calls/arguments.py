@@ -25,9 +25,9 @@ def checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: di
     formula, arguments = signature.formula, signature.bound(args, options)
     where = f"{type(owner).__name__}.{signature.name}"
     if arguments is None:
-        known = keywords(formula)
-        if known is not None and not options.keys() <= known.keys():
-            raise misspelt(where, known, options)
+        parameters = keywords(formula)
+        if parameters is not None and not options.keys() <= parameters.keys():
+            raise misspelt(where, parameters, options)
         # a TypeError of Python's own: the number of arguments
         return formula(owner, *args, **options)
     for name, value in arguments.items():
@@ -103,14 +103,14 @@ def _truth(value: Any) -> bool:
 
 def _generator(value: Any) -> Any:
     """A seed or generator of random numbers, as it came."""
-    known = (np.random.Generator, np.random.BitGenerator, np.random.SeedSequence)
-    if not isinstance(value, known) and (value := _whole(value)) < 0:
+    generators = (np.random.Generator, np.random.BitGenerator, np.random.SeedSequence)
+    if not isinstance(value, generators) and (value := _whole(value)) < 0:
         raise ValueError
     return value
 
 
 def _axes(value: Any) -> tuple[int, ...]:
-    """Leading axes: one number or several."""
+    """The leading axes of a result, from one number or several."""
     axes = tuple(map(_whole, value)) if isinstance(value, (tuple, list)) else (_whole(value),)
     if not all(0 <= n < 2**31 for n in axes) or math.prod(axes) >= 2**31:
         raise ValueError
@@ -142,7 +142,7 @@ def _whole_array(signature: Signature, space: Any, where: str, name: str, value:
 
 
 def _is_small(value: Any, kind: str) -> bool:
-    """Is it what formulas hand to each other, a number or a small vector?"""
+    """Whether a value is what formulas hand to each other: a number, or a vector or matrix."""
     if kind != "float":
         return isinstance(value, (Vec, Mat, InMemory))
     if isinstance(value, (int, float, np.integer, np.floating)):

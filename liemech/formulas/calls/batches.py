@@ -40,8 +40,8 @@ def broadcast(
     for name in numbers:
         kind, value = kinds[name], arguments[name]
         if kind != "float":
-            given, value = value, space._in_rows(value, kind)
-            reshaped = reshaped or value is not given
+            as_given, value = value, space._in_rows(value, kind)
+            reshaped = reshaped or value is not as_given
         array = real_array(value, f"{where}: {name}", space._complex(kind))
         shape = () if kind == "float" else space._shape(name, kind)
         axes = AXES.get(kind, 0) if shape is None else len(shape)
@@ -56,20 +56,20 @@ def broadcast(
         leading = np.broadcast_shapes(*leads) if len(leads) > 1 else leads.pop()
     except ValueError:
         raise InvalidInput(f"{where}: the leading axes {lead} do not broadcast") from None
-    rest = {k: v for k, v in arguments.items() if k not in arrays}
+    others = {k: v for k, v in arguments.items() if k not in arrays}
     flat = {k: _flattened(a, leading, a.shape[len(lead[k]) :]) for k, a in arrays.items()}
     elements = tuple([name for name in arrays if kinds[name] == "Element"])
     promise = signature if signature.promise else None
-    batch = Batch(signature.formula, owner, flat, rest, elements, space, where, leading, promise)
+    batch = Batch(signature.formula, owner, flat, others, elements, space, where, leading, promise)
     if not math.prod(leading):  # an element of the right shape tells the shape of nothing
-        some = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
-        one = dataclasses.replace(batch, arrays=some, leading=(1,))
-        results = _none_of(_stacked([one.row(0)], where))
+        examples = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
+        single = dataclasses.replace(batch, arrays=examples, leading=(1,))
+        results = _none_of(_stacked([single.row(0)], where))
     else:
         results = batch.in_numpy() if owner.is_large else None
         results = evaluate_rows(batch) if results is None else results
-    found = _unflattened(results, leading)
-    return _reshaped(found, space) if reshaped else found
+    stacked = _unflattened(results, leading)
+    return _reshaped(stacked, space) if reshaped else stacked
 
 
 def refuse(space: Any, where: str, name: str, value: Any, shown: str | None = None) -> None:
@@ -193,7 +193,7 @@ _SMALL: tuple[Any, ...] = None, float, Vec.of, Mat.of
 
 
 def _is_element(group: Any, array: np.ndarray) -> bool:
-    """Told from the defect, as in native code."""
+    """Whether a row is an element, told from its defect as in native code."""
     if group.is_large:
         return False  # ask for its objection, which is computed in NumPy
     try:
@@ -225,8 +225,8 @@ def _none_of(results: Any) -> Any:
 def _first_not_finite(results: Any) -> int | None:
     """The first row with an infinity or a nan."""
     if isinstance(results, tuple):
-        found = [i for part in results if (i := _first_not_finite(part)) is not None]
-        return min(found) if found else None
+        rows = [i for part in results if (i := _first_not_finite(part)) is not None]
+        return min(rows) if rows else None
     finite = np.isfinite(results)
     return None if finite.all() else int(np.argmin(finite.reshape(len(results), -1).all(axis=1)))
 
@@ -285,12 +285,12 @@ def _stacked(results: Sequence[Any], where: str) -> Any:
     first = results[0]
     if isinstance(first, tuple) and not isinstance(first, Vec):
         return tuple(_stacked(list(part), where) for part in zip(*results, strict=True))
-    if all(isinstance(one, bool) for one in results):
+    if all(isinstance(row, bool) for row in results):
         return np.array(results)
-    results = [_real(one) for one in results]
-    for one in results:
-        if not isinstance(one, (float, int, Complex, Vec, Mat, Large, np.ndarray, np.number)):
-            raise InvalidType(_no_value(where, one))
+    results = [_real(row) for row in results]
+    for row in results:
+        if not isinstance(row, (float, int, Complex, Vec, Mat, Large, np.ndarray, np.number)):
+            raise InvalidType(_no_value(where, row))
     try:
         return np.array(results, dtype=float)
     except ValueError:

@@ -49,7 +49,7 @@ class Broadcasting:
 
     @property
     def is_large(self) -> bool:
-        """Are its matrices too large for formulas that are written out?"""
+        """Whether the owner's matrices are too large for formulas that are written out."""
         return False
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
@@ -67,7 +67,7 @@ class Broadcasting:
         return results
 
     def _complex(self, kind: str) -> bool:
-        """May an argument of this kind have complex entries?  Subclasses know."""
+        """Whether an argument of this kind may have complex entries, as subclasses say."""
         return False
 
     def _objection(self, argument: str, value: Any) -> str | None:
@@ -94,8 +94,8 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
             return checked(signature, self, args, options)
         for value, passing in zip(args, signature.trusted):
             if passing is not None and type(value) not in passing:
-                found = one_row(signature, self, args)
-                return checked(signature, self, args, options) if found is None else found
+                single = one_row(signature, self, args)
+                return checked(signature, self, args, options) if single is None else single
         if at is None or at < len(args):
             space = self if at is None else args[at]
             try:
@@ -104,8 +104,8 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
                 shapes = signature.shapes(space)
             for value, shape in zip(args, shapes):
                 if shape is not None and value is not None:
-                    found = len(value) if type(value) is Vec else value.shape
-                    if found != shape:
+                    actual = len(value) if type(value) is Vec else value.shape
+                    if actual != shape:
                         return checked(signature, self, args, options)
         try:
             try:

@@ -25,10 +25,10 @@ _DOUBLE, _COMPLEX = np.dtype(float), np.dtype(complex)
 
 
 class OneRow:
-    """How a method of one owner takes a row: the shapes of its arguments (None: any of so many axes),
-    and which are elements.
+    """The form of a row that a method of one owner takes: the shapes of its arguments (None: any of so many axes), and
+    which are elements.
 
-    native : the same in native code, once that pays.
+    native : the method in native code, once that pays.
     """
 
     __slots__ = ("axes", "batch", "dtypes", "elements", "formula", "least", "native", "next", "shapes", "spent")
@@ -49,8 +49,8 @@ class OneRow:
     def rows(self, args: tuple[Any, ...]) -> Batch:
         """The arguments as a batch of one row."""
         signature, owner = self.batch
-        given = zip(signature.names, args, self.dtypes)
-        arrays = {name: np.array(value, dtype=dtype)[None] for name, value, dtype in given}
+        columns = zip(signature.names, args, self.dtypes)
+        arrays = {name: np.array(value, dtype=dtype)[None] for name, value, dtype in columns}
         elements = tuple([signature.names[i] for i in self.elements if i < len(args)])
         where = f"{type(owner).__name__}.{signature.name}"
         promise = signature if signature.promise else None
@@ -91,15 +91,15 @@ def one_row(signature: Signature, owner: Any, args: tuple[Any, ...]) -> Any:
                 return None
             values.append(small(value))
         elif shape:
-            made = at_a_glance(value, shape)
-            if made is None:
+            vector = at_a_glance(value, shape)
+            if vector is None:
                 return None
-            values.append(made)
+            values.append(vector)
         elif type(value) is not float or not math.isfinite(value):
             return None
         else:
             values.append(value)
-    begun = perf_counter()
+    started = perf_counter()
     try:
         for i in row.elements:
             if i < len(values) and not who_knows_elements(owner).defect(values[i]) <= MEMBERSHIP:
@@ -110,7 +110,7 @@ def one_row(signature: Signature, owner: Any, args: tuple[Any, ...]) -> Any:
         result = _array(result)
     except Exception:  # it will be raised again, with all that can be said about it
         return None
-    row.spent += perf_counter() - begun
+    row.spent += perf_counter() - started
     if row.spent > row.next and result is not None and prepare is not None:
         prepare(row, args, result)
     return result
@@ -138,8 +138,8 @@ def _array(result: Any) -> Any:
         return np.array(result if kind is Vec else [*map(tuple, rows)]) if finite else None
     if kinds != _PAIRS:
         return None
-    made = np.array(result, dtype=complex)
-    return made if np.isfinite(made).all() else None
+    array = np.array(result, dtype=complex)
+    return array if np.isfinite(array).all() else None
 
 
 def _remembered(signature: Signature, owner: Any) -> OneRow | None:
@@ -171,5 +171,5 @@ def _row(signature: Signature, owner: Any) -> OneRow | None:
         large = owner.is_large or not owner._takes_rows
     except Exception:  # an owner that lacks something, of which the long way will speak
         return None
-    known = zip(row.shapes, row.axes)
-    return row if not large and all(n if s is None else len(s) <= 2 for s, n in known) else None
+    forms = zip(row.shapes, row.axes)
+    return row if not large and all(n if s is None else len(s) <= 2 for s, n in forms) else None

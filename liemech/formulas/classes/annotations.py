@@ -84,21 +84,21 @@ def members(annotation: Any, *places: Mapping[str, Any]) -> tuple[Any, ...]:
     """
     if isinstance(annotation, str) and "|" in annotation and not set(annotation) & set("[]()'\""):
         return _union([part.strip() for part in annotation.split("|")], places)
-    found = _value(annotation, places)
-    if found is Element or found is Ambient:
-        return (found,)
-    origin, inner = typing.get_origin(found), typing.get_args(found)
+    type_ = _value(annotation, places)
+    if type_ is Element or type_ is Ambient:
+        return (type_,)
+    origin, inner = typing.get_origin(type_), typing.get_args(type_)
     if origin in (typing.Union, types.UnionType):
         return _union(inner, places)
     if origin in (Annotated, typing.Final):
         return members(inner[0], *places)
-    if isinstance(found, NewType):
-        return members(found.__supertype__, *places)
-    if isinstance(found, TypeVar):
-        return members(found.__bound__ or Any, *places)
-    if type(found).__name__ == "TypeAliasType":  # `type A = ...`, from Python 3.12 on
-        return members(_later(lambda: found.__value__), *places)
-    return (type(None) if found is None else found,)
+    if isinstance(type_, NewType):
+        return members(type_.__supertype__, *places)
+    if isinstance(type_, TypeVar):
+        return members(type_.__bound__ or Any, *places)
+    if type(type_).__name__ == "TypeAliasType":  # `type A = ...`, from Python 3.12 on
+        return members(_later(lambda: type_.__value__), *places)
+    return (type(None) if type_ is None else type_,)
 
 
 def _union(parts: Iterable[Any], places: tuple[Mapping[str, Any], ...]) -> tuple[Any, ...]:
@@ -121,11 +121,11 @@ def _value(annotation: Any, places: tuple[Mapping[str, Any], ...]) -> Any:
     return UNKNOWN
 
 
-def _attribute(found: Any, name: str) -> Any:
+def _attribute(holder: Any, name: str) -> Any:
     """An attribute that is there; an annotation is no reason to load a part of a package."""
-    if isinstance(found, types.ModuleType) and name not in WELL_KNOWN and name not in vars(found):
+    if isinstance(holder, types.ModuleType) and name not in WELL_KNOWN and name not in vars(holder):
         return UNKNOWN
-    return getattr(found, name, UNKNOWN)
+    return getattr(holder, name, UNKNOWN)
 
 
 def _later(value: Callable[[], Any]) -> Any:
@@ -142,16 +142,16 @@ _WRAPPERS = {id(x) for x in (typing.Optional, typing.Union, Annotated, typing.Fi
 
 
 def kind_of(annotation: Any, names: Mapping[str, Any]) -> str | None:
-    """Which of `signatures.KINDS` the annotation of an argument is, None apart; every class pays
-    for it on import.
+    """The one of `signatures.KINDS` that the annotation of an argument is, None apart; every class pays for it on
+    import.
     """
     if type(annotation) is str:
         if annotation.isidentifier():
-            found = names.get(annotation, names)
-            if found is names:
-                found = vars(builtins).get(annotation) or WELL_KNOWN.get(annotation)
-            if id(found) in _KINDS or isinstance(found, type):
-                return _KINDS.get(id(found))
+            type_ = names.get(annotation, names)
+            if type_ is names:
+                type_ = vars(builtins).get(annotation) or WELL_KNOWN.get(annotation)
+            if id(type_) in _KINDS or isinstance(type_, type):
+                return _KINDS.get(id(type_))
         elif "[" in annotation and "|" not in annotation:
             generic, _, _ = annotation.partition("[")
             if id(_value(generic, (names,))) not in _WRAPPERS:

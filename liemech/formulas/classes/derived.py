@@ -65,7 +65,7 @@ def closed_forms(cls: type) -> Iterator[tuple[str, Any, Any]]:
 
 
 def is_derived(member: Any) -> bool:
-    """Was it marked?"""
+    """Whether a member is marked as derived."""
     return getattr(_function(member), "__derived__", False)
 
 
@@ -74,10 +74,10 @@ def stale_forms(cls: type) -> Iterator[tuple[str, type, type | None]]:
     the name, the class that wrote it, and the base whose method is to stand for it, if there is one.
     """
     for name, home, base in _overruled(cls):
-        own = _function(vars(home)[name])
-        if home is cls or getattr(own, "__final__", False):
+        formula = _function(vars(home)[name])
+        if home is cls or getattr(formula, "__final__", False):
             continue
-        changed = _written_anew(cls, home, own if hasattr(own, "__sources__") or not base else vars(base)[name])
+        changed = _written_anew(cls, home, formula if hasattr(formula, "__sources__") or not base else vars(base)[name])
         if changed and not _is_of_the_library(cls, (name, *changed)):
             yield name, home, base
 
@@ -117,10 +117,10 @@ def _overruled(cls: type) -> Iterator[tuple[str, type, type | None]]:
     """
     for name in sorted({name for base in cls.__mro__ for name in vars(base)}):
         homes = [base for base in cls.__mro__ if name in vars(base)]
-        own = _function(vars(homes[0])[name])
-        if is_derived(own) or name.startswith("__"):
+        formula = _function(vars(homes[0])[name])
+        if is_derived(formula) or name.startswith("__"):
             continue
-        if hasattr(own, "__sources__"):
+        if hasattr(formula, "__sources__"):
             yield name, homes[0], homes[1] if len(homes) > 1 else None
         elif base := next((base for base in homes if is_derived(vars(base)[name])), None):
             yield name, homes[0], base
@@ -134,11 +134,15 @@ def _written_anew(cls: type, home: type, member: Any) -> set[str]:
     direct = _reads(_function(member))
     changed = set()
     for name in _reached(cls, direct) - _fields(home):
-        own, known = _definer(cls, name), _definer(home, name)
-        if known is None and name in direct:  # `home` is a mixin, or leaves it to subclasses
-            if own is not None and cls.__mro__.index(own) < cls.__mro__.index(home):
+        definer, original = _definer(cls, name), _definer(home, name)
+        if original is None and name in direct:  # `home` is a mixin, or leaves it to subclasses
+            if definer is not None and cls.__mro__.index(definer) < cls.__mro__.index(home):
                 changed.add(name)
-        elif own is not known and known and (name in direct or not _is_abstract(_function(vars(known)[name]))):
+        elif (
+            definer is not original
+            and original
+            and (name in direct or not _is_abstract(_function(vars(original)[name])))
+        ):
             changed.add(name)
     return changed
 
@@ -149,13 +153,13 @@ def _fields(cls: type) -> frozenset[str]:
 
 
 def written_together(cls: type, *names: str) -> bool:
-    """Are the methods of these names of one class, or together from one of the library?"""
-    own = len({_definer(cls, name) for name in names}) == 1
-    return own or _is_of_the_library(cls, names)
+    """Whether the methods of these names are of one class, or together from one of the library."""
+    together = len({_definer(cls, name) for name in names}) == 1
+    return together or _is_of_the_library(cls, names)
 
 
 def _is_of_the_library(cls: type, names: Iterable[str]) -> bool:
-    """Has a class the methods of these names together from one class of the library?"""
+    """Whether a class has the methods of these names together from one class of the library."""
     return any(
         all(_definer(base, name) is _definer(cls, name) for name in names) for base in cls.__mro__ if not theirs(base)
     )
@@ -166,21 +170,21 @@ def _definer(cls: type, name: str) -> type | None:
 
 
 def _is_abstract(formula: Any) -> bool:
-    """Does it only say that a subclass has to write it?"""
+    """Whether a method only says that a subclass has to write it."""
     names = getattr(getattr(formula, "__code__", None), "co_names", ())
-    known = {"undefined", "NotDefined", "NotImplementedError"}
-    return getattr(formula, "__isabstractmethod__", False) or not known.isdisjoint(names)
+    refusals = {"undefined", "NotDefined", "NotImplementedError"}
+    return getattr(formula, "__isabstractmethod__", False) or not refusals.isdisjoint(names)
 
 
 def _reached(cls: type, names: frozenset[str]) -> set[str]:
-    """These names of methods, and those of what they call in turn, by every version that a class
-    inherits, for `super` may call any.
+    """The names of these methods and of those that they call in turn, by every version that a class inherits, for
+    `super` may call any.
     """
     return _in_turn(names, lambda name: [_function(vars(base).get(name)) for base in cls.__mro__])
 
 
 def _called(cls: type, names: frozenset[str]) -> set[str]:
-    """These methods, as a class has them, and those that they call in turn."""
+    """The names of these methods, as a class has them, and of those that they call in turn."""
 
     def versions(name: str) -> Iterator[Any]:
         for base in cls.__mro__:
@@ -233,15 +237,15 @@ def _read_by(formula: types.FunctionType) -> frozenset[str]:
     read: set[str] = set()
     if code.co_argcount and not _read_of(code, code.co_varnames[0], read):
         return frozenset(read)
-    known, waiting = {formula}, [formula]
+    reached, waiting = {formula}, [formula]
     while waiting:
         function = waiting.pop()
         names, constants = _written_in(function.__code__)
         read |= names | constants
         cells = [cell.cell_contents for cell in function.__closure__ or () if cell != _EMPTY]
         for called in map(_function, (*cells, *[function.__globals__.get(name) for name in names])):
-            if isinstance(called, types.FunctionType) and theirs(called) and called not in known:
-                known.add(called)
+            if isinstance(called, types.FunctionType) and theirs(called) and called not in reached:
+                reached.add(called)
                 waiting.append(called)
     return frozenset(read)
 
@@ -276,6 +280,6 @@ def _written_in(code: types.CodeType) -> tuple[set[str], set[str]]:
     names, texts = {*code.co_names}, {x for x in code.co_consts if isinstance(x, str)}
     for inner in code.co_consts:
         if isinstance(inner, types.CodeType):
-            more = _written_in(inner)
-            names, texts = names | more[0], texts | more[1]
+            nested = _written_in(inner)
+            names, texts = names | nested[0], texts | nested[1]
     return names, texts

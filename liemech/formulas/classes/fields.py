@@ -57,9 +57,7 @@ class FrozenDict(dict[Any, Any]):
 
 
 class OfEach:
-    """In place of a number, a vector or a matrix: one for each of many, which a formula is given in
-    turn.
-    """
+    """The base of values for each of many, in place of a number, a vector or a matrix: a formula is given one in turn."""
 
     __slots__ = ()
 
@@ -104,7 +102,7 @@ def frozen_array(array: np.ndarray, name: str) -> np.ndarray:
 
 
 def array_held(owner: Any, name: str, value: Any) -> Any:
-    """Of a list the array that nobody can write to, else as `immutable`."""
+    """The array of a list, which nobody can write to; any other value as `immutable`."""
     if not isinstance(value, list):
         return immutable(owner, name, value)
     try:
@@ -129,23 +127,23 @@ def _unknown(owner: Any, name: str) -> str:
 
 @functools.cache
 def converters(cls: Any) -> tuple[tuple[str, Convert, set[type], bool], ...]:
-    """For each field its name, what converts its value, the types of value that need no conversion,
-    and whether it can wait.
+    """The name of each field, what converts its value, the types of value that need no conversion, and whether it can
+    wait.
 
-    What says nothing before the class itself has had its say can wait: refusals of lists and of
-    numbers that are no integers.
+    What says nothing before the class itself has had its say can wait: refusals of lists and of numbers that are no
+    integers.
     """
-    found: list[tuple[str, Convert, set[type], bool]] = []
+    entries: list[tuple[str, Convert, set[type], bool]] = []
     for field in dataclasses.fields(cls):
         _require_types(cls, field)
         convert = _conversion(field.type, _places(cls, field.name))
         if convert is None:
-            found.append((field.name, cls._held, set(CONSTANT), True))
+            entries.append((field.name, cls._held, set(CONSTANT), True))
         else:
-            found.append(
+            entries.append(
                 (field.name, _or_default(convert, field.default), set(_EASY.get(convert, ())), convert is _integer)
             )
-    return tuple(found)
+    return tuple(entries)
 
 
 def _require_types(cls: Any, field: Any) -> None:
@@ -331,7 +329,7 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
 
 
 def _sequence(args: tuple[Any, ...], fixed: bool, places: Places) -> Convert:
-    """To tuples: of parts of one kind, or of one kind each for `tuple[A, B]`."""
+    """The conversion to tuples: of parts of one kind, or of one kind each for `tuple[A, B]`."""
     fixed = fixed and bool(args) and args[-1] is not Ellipsis
     parts = [_conversion(a, places) or immutable for a in args if a is not Ellipsis] if args else [_nested]
 
@@ -344,13 +342,17 @@ def _sequence(args: tuple[Any, ...], fixed: bool, places: Places) -> Convert:
         if fixed and len(items) != len(parts):
             raise InvalidInput(f"{type(owner).__name__}.{name} is a tuple of {len(parts)} parts; got {value!r}")
         chosen = parts if fixed else parts * len(items)
-        made = tuple(
+        converted = tuple(
             [
                 x if c is _number and type(x) is float else c(owner, f"{name}[{i}]", x)
                 for i, (x, c) in enumerate(zip(items, chosen))
             ]
         )
-        return value if items is value and type(value) is tuple and not any(map(operator.is_not, made, value)) else made
+        return (
+            value
+            if items is value and type(value) is tuple and not any(map(operator.is_not, converted, value))
+            else converted
+        )
 
     return convert
 

@@ -31,7 +31,7 @@ MISSING = dataclasses.MISSING
 
 @dataclasses.dataclass(frozen=True)
 class _Example:
-    """From which it is taken how `dataclasses` marks a class, a field and what is none."""
+    """A model, from which it is taken how `dataclasses` marks a class, a field and what is none."""
 
     field: Any
     other: ClassVar[Any] = None
@@ -54,37 +54,37 @@ def frozen(cls: Any = None, *, eq: bool = True, repr: bool = True) -> Any:
     """
     if cls is None:
         return functools.partial(frozen, eq=eq, repr=repr)
-    made = cls
+    class_ = cls
     fields: dict[str, Any] = {}
     for base in cls.__mro__[:0:-1]:
         fields |= getattr(base, _FIELDS, {})
         if _PARAMS in vars(base) and not vars(base)[_PARAMS].frozen:
             raise TypeError("cannot inherit frozen dataclass from a non-frozen one")
-    fields |= _own_fields(made)
-    setattr(made, _FIELDS, fields)
-    setattr(made, _PARAMS, vars(_Example)[_PARAMS])
+    fields |= _own_fields(class_)
+    setattr(class_, _FIELDS, fields)
+    setattr(class_, _PARAMS, vars(_Example)[_PARAMS])
     in_order = [f for f in fields.values() if f._field_type is not _NO_FIELD and f.init and not f.kw_only]
     needed = [f.default is MISSING and f.default_factory is MISSING for f in in_order]
     if needed != sorted(needed, reverse=True):
-        _initialiser(made)  # which says what is wrong
+        _initialiser(class_)  # which says what is wrong
     unwanted = {"__eq__": eq, "__hash__": eq, "__repr__": repr}
-    own = {*vars(made), *[name for name, wanted in unwanted.items() if not wanted]}
-    if eq and vars(made).get("__hash__") is None and "__eq__" in own:  # which Python puts beside `__eq__`
-        own.discard("__hash__")
-    methods = _methods(made, [f for f in fields.values() if f._field_type is _FIELD])
+    written = {*vars(class_), *[name for name, wanted in unwanted.items() if not wanted]}
+    if eq and vars(class_).get("__hash__") is None and "__eq__" in written:  # which Python puts beside `__eq__`
+        written.discard("__hash__")
+    methods = _methods(class_, [f for f in fields.values() if f._field_type is _FIELD])
     for name, value in methods.items():
-        if name not in own:
-            setattr(made, name, value)
+        if name not in written:
+            setattr(class_, name, value)
         elif name in ("__setattr__", "__delattr__"):
-            raise TypeError(f"Cannot overwrite attribute {name} in class {made.__name__}")
-    if "__match_args__" not in own:
-        made.__match_args__ = tuple([f.name for f in in_order])  # type: ignore[misc]
-    if "__init__" not in own:
-        made.__init__ = _WhenAsked(made, "__init__", _initialiser)
-    if not made.__doc__:
-        made.__doc__ = _WhenAsked(made, "__doc__", _documentation)
-    made.__replace__ = dataclasses.replace  # which `copy.replace` asks for
-    abc.update_abstractmethods(made)
+            raise TypeError(f"Cannot overwrite attribute {name} in class {class_.__name__}")
+    if "__match_args__" not in written:
+        class_.__match_args__ = tuple([f.name for f in in_order])  # type: ignore[misc]
+    if "__init__" not in written:
+        class_.__init__ = _WhenAsked(class_, "__init__", _initialiser)
+    if not class_.__doc__:
+        class_.__doc__ = _WhenAsked(class_, "__doc__", _documentation)
+    class_.__replace__ = dataclasses.replace  # which `copy.replace` asks for
+    abc.update_abstractmethods(class_)
     return cls
 
 
@@ -121,8 +121,8 @@ def _fields_by_dataclasses(cls: Any, annotations: Any) -> dict[str, Any]:
         if hasattr(cls, name):
             setattr(carrier, name, getattr(cls, name))
     dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(carrier)
-    found: dict[str, Any] = vars(carrier)[_FIELDS]
-    return found
+    fields: dict[str, Any] = vars(carrier)[_FIELDS]
+    return fields
 
 
 _NO_FIELDS = ClassVar, InitVar, KW_ONLY
@@ -130,7 +130,7 @@ _NAMES_OF_NONE = "ClassVar", "InitVar", "KW_ONLY"
 
 
 def _is_field(cls: Any, text: Any) -> bool:
-    """Is an annotation, which is a text, for certain that of an ordinary field?"""
+    """Whether an annotation, which is a text, is for certain that of an ordinary field."""
     if type(text) is not str or any(name in text for name in _NAMES_OF_NONE):
         return False
     word = _WORD.match(text)
@@ -144,10 +144,10 @@ _WORD = re.compile(r"\w+")
 
 def _field(cls: Any, name: str, text: str) -> Any:
     """The field of a name, as `dataclasses` makes it."""
-    given = getattr(cls, name, MISSING)
-    if isinstance(given, types.MemberDescriptorType):
-        given = MISSING
-    field: Any = given if isinstance(given, dataclasses.Field) else dataclasses.field(default=given)
+    default = getattr(cls, name, MISSING)
+    if isinstance(default, types.MemberDescriptorType):
+        default = MISSING
+    field: Any = default if isinstance(default, dataclasses.Field) else dataclasses.field(default=default)
     if field.default.__class__.__hash__ is None:
         raise ValueError(f"mutable default {type(field.default)} for field {name} is not allowed: use default_factory")
     field.name, field.type, field._field_type = name, text, _FIELD
@@ -185,11 +185,11 @@ def _methods(cls: Any, fields: list[Any]) -> dict[str, Any]:
             raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
         super(cls, self).__delattr__(name)
 
-    made = __repr__, __eq__, __hash__, __setattr__, __delattr__
-    for method in made:
+    methods = __repr__, __eq__, __hash__, __setattr__, __delattr__
+    for method in methods:
         method.__qualname__ = f"{cls.__qualname__}.{method.__name__}"
         method.__module__ = cls.__module__
-    return {m.__name__: m for m in made} | {"__repr__": _once(__repr__)}
+    return {m.__name__: m for m in methods} | {"__repr__": _once(__repr__)}
 
 
 # as of those that `dataclasses` writes, their code is of no file: nobody who asks what a user has
@@ -252,8 +252,8 @@ def _initialiser(cls: Any) -> Any:
     space = {"__module__": cls.__module__, "__qualname__": cls.__qualname__, "__doc__": "of fields"}
     if hasattr(cls, "__post_init__"):
         space["__post_init__"] = cls.__post_init__
-    made: Any = dataclasses.dataclass(frozen=True, repr=False, eq=False)(type(cls.__name__, (base,), space))
-    return made.__init__
+    twin: Any = dataclasses.dataclass(frozen=True, repr=False, eq=False)(type(cls.__name__, (base,), space))
+    return twin.__init__
 
 
 def _documentation(cls: Any) -> str:

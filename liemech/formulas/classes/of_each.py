@@ -39,9 +39,9 @@ class Each(Record, OfEach):
 
     @property
     def values(self) -> np.ndarray:
-        """All of them, (n, ...)."""
-        found: np.ndarray = self.numbers.array
-        return found.reshape(-1, *self.shape)
+        """The values of all edges or sites, (n, ...)."""
+        numbers: np.ndarray = self.numbers.array
+        return numbers.reshape(-1, *self.shape)
 
     def of(self, i: Any) -> Any:
         """The value number i, from 0."""

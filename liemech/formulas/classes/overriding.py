@@ -23,7 +23,7 @@ class WrongResult(InvalidType):
 
 
 def theirs(cls: type | types.FunctionType) -> bool:
-    """Is it a class, or a method, of a user's?"""
+    """Whether a class or a function is a user's, not the library's."""
     return (cls.__module__ or "").partition(".")[0] != _LIBRARY  # None: of a text that was executed
 
 
@@ -38,16 +38,16 @@ def require_signatures(cls: type, formula_of: Any) -> None:
             base = overridden(cls, home, name)
             if base is None or not isinstance(member, types.FunctionType) or not theirs(member):
                 continue
-            own, other = formula_of(member), formula_of(base[1])
-            if _yields(own) and not _yields(other):
+            formula, other = formula_of(member), formula_of(base[1])
+            if _yields(formula) and not _yields(other):
                 raise InvalidType(
                     f"{home.__name__}.{name} yields, and is called once for a result: end it with `return ...`"
                 )
-            taken, wanted = _positional(own), _positional(other)
+            taken, wanted = _positional(formula), _positional(other)
             if None in (taken, wanted):
                 continue
             least, most, names = taken
-            by_name = _by_name_only(own)
+            by_name = _by_name_only(formula)
             if not least <= len(wanted[2]) or not most >= wanted[0] or by_name:
                 names = (*names, *(("*", *by_name) if by_name else ()))
                 promised = ", ".join(("self", *wanted[2]))
@@ -61,7 +61,7 @@ def require_signatures(cls: type, formula_of: Any) -> None:
                     f"{home.__name__}.{name} takes ({', '.join(('self', *names))}), and is called "
                     f"as {base[0].__name__}.{name}({promised}): write `def {name}({promised})`{clock}"
                 )
-            if _gives_nothing(own) and not _gives_nothing(other):
+            if _gives_nothing(formula) and not _gives_nothing(other):
                 raise InvalidType(f"{home.__name__}.{name} returns nothing: end it with `return ...`")
 
 
@@ -87,18 +87,18 @@ def _positional(function: Any) -> Any:
 
 def _by_name_only(function: Any) -> tuple[str, ...]:
     """The arguments that must be given, and by their names."""
-    code, given = function.__code__, function.__kwdefaults__ or {}
+    code, defaults = function.__code__, function.__kwdefaults__ or {}
     names = code.co_varnames[code.co_argcount : code.co_argcount + code.co_kwonlyargcount]
-    return tuple([name for name in names if name not in given])
+    return tuple([name for name in names if name not in defaults])
 
 
 def _yields(function: Any) -> bool:
-    """Is what it gives an iterator, or to be awaited?"""
+    """Whether a function gives an iterator, or is to be awaited."""
     return bool(function.__code__.co_flags & (inspect.CO_GENERATOR | inspect.CO_COROUTINE))
 
 
 def _gives_nothing(function: Any) -> bool:
-    """Does it return, and always None?"""
+    """Whether a function returns, and always None."""
     if _yields(function):
         return False
     before, returns = None, []
@@ -120,15 +120,13 @@ _PROMISES = {
 
 
 def promise(cls: type, name: str) -> tuple[int, str, str] | None:
-    """How many axes the results of a user's method have, in words, and the remedy; None if nothing
-    is said.
-    """
+    """The axes that the results of a user's method have, in words too, and the remedy; None if nothing is promised."""
     base = overridden(cls, cls, name) if theirs(cls) else None
     return base and _PROMISES.get(str(base[1].__annotations__.get("return", "")))
 
 
 def breaks(promised: tuple[int, str, str], result: Any) -> bool:
-    """Is the result no number, vector or matrix, whichever was promised?"""
+    """Whether a result is no number, vector or matrix, whichever was promised."""
     kind = type(result)
     if isinstance(result, InMemory):
         return bool(result.axes != promised[0])
@@ -140,9 +138,9 @@ def kept(promised: tuple[int, str, str], where: str, result: Any) -> Any:
     something else than promised.
     """
     _axes, wanted, remedy = promised
-    made = small(result) if isinstance(result, (list, tuple, np.ndarray)) else result
-    if not breaks(promised, made):
-        return made
+    converted = small(result) if isinstance(result, (list, tuple, np.ndarray)) else result
+    if not breaks(promised, converted):
+        return converted
     if result is None:
         remedy = "end every way through it with `return ...`"
     got = "None" if result is None else f"{type(result).__name__}, {result!r}"[:90]

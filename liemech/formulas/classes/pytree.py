@@ -55,7 +55,7 @@ class Layout:
 
     @functools.cached_property
     def width(self) -> int:
-        """How many numbers the value holds."""
+        """The count of numbers that the value holds."""
         if self.kind == "large":
             return size_of(self.detail)
         return 1 if self.kind in _ONE else sum(part.width for part in self.parts)
@@ -71,40 +71,40 @@ class Layout:
 
     @functools.cached_property
     def exact(self) -> bool:
-        """Are there integers or truth values among its numbers?"""
+        """Whether there are integers or truth values among the numbers."""
         return not {"integer", "truth"}.isdisjoint(self.kinds)
 
     @functools.cached_property
     def plain(self) -> bool:
-        """Are all parts numbers?"""
+        """Whether there are parts, and all of them are numbers."""
         return bool(self.parts) and all(part.kind == "number" for part in self.parts)
 
     @functools.cached_property
     def remembers(self) -> bool:
-        """Are there numbers in it that carry a rest or a derivative along?"""
+        """Whether there are numbers that carry a rest or a derivative along."""
         inside = any(part.remembers for part in self.parts)
         return inside or (self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual))
 
     @functools.cached_property
     def levels(self) -> tuple[float, ...]:
-        """Those of the derivatives that its numbers carry along."""
-        own = (self.detail[1],) if self.kind == "pair" and self.detail[0] is Dual else ()
-        return own + tuple([level for part in self.parts for level in part.levels])
+        """The levels of the derivatives that its numbers carry along."""
+        direct = (self.detail[1],) if self.kind == "pair" and self.detail[0] is Dual else ()
+        return direct + tuple([level for part in self.parts for level in part.levels])
 
     @functools.cached_property
     def directions(self) -> int:
         """Along how many directions its numbers carry derivatives, at most."""
-        own = self.parts[1].width if self.kind == "pair" and self.detail[0] is Dual else 0
-        return max([own, *[part.directions for part in self.parts]])
+        direct = self.parts[1].width if self.kind == "pair" and self.detail[0] is Dual else 0
+        return max([direct, *[part.directions for part in self.parts]])
 
     @functools.cached_property
     def long(self) -> bool:
-        """Are there numbers of two doubles in it?"""
+        """Whether there are numbers of two doubles."""
         return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(part.long for part in self.parts)
 
     @functools.cached_property
     def in_memory(self) -> bool:
-        """Is there something in it that is too large to be written out?"""
+        """Whether a part of the value is too large to be written out."""
         return self.kind == "large" or any(part.in_memory for part in self.parts)
 
     @functools.cached_property
@@ -133,8 +133,8 @@ class Layout:
             fields = ", ".join(f"{n}={p!r}" for n, p in zip(names, self.parts, strict=True))
             return f"{cls.__module__}.{cls.__qualname__}({fields})"
         if self.kind == "pair":
-            cls, *more = self.detail
-            return f"{cls.__name__}({', '.join([inside, *map(str, more)])})"
+            cls, *options = self.detail
+            return f"{cls.__name__}({', '.join([inside, *map(str, options)])})"
         return (
             f"{self.kind}({self.detail})"
             if self.kind in ("large", "place")
@@ -279,33 +279,33 @@ def _of_number(value: Any) -> Layout:
     return TRUTH if isinstance(value, bool) else INTEGER if isinstance(value, int) else NUMBER
 
 
-def fits(found: Layout, layout: Layout) -> bool:
-    """Can a value laid out so be written where the other layout is: a float may come from an
-    integer, everything else is the same?
+def fits(actual: Layout, layout: Layout) -> bool:
+    """Whether a value laid out as `actual` can be written where `layout` is: a float may come from an integer,
+    everything else is the same.
     """
-    if found is layout or found == layout:
+    if actual is layout or actual == layout:
         return True
     if layout.kind == "number":
-        return found.kind in ("integer", "truth")
+        return actual.kind in ("integer", "truth")
     return (
-        (found.kind, len(found.parts)) == (layout.kind, len(layout.parts))
+        (actual.kind, len(actual.parts)) == (layout.kind, len(layout.parts))
         and layout.kind != "static"
-        and found.detail == layout.detail
-        and all(map(fits, found.parts, layout.parts))
+        and actual.detail == layout.detail
+        and all(map(fits, actual.parts, layout.parts))
     )
 
 
-def difference(found: Layout, layout: Layout, name: str) -> str:
+def difference(actual: Layout, layout: Layout, name: str) -> str:
     """The first part in which a value does not fit a layout, in words."""
     record = layout.kind == "record"
-    if found.kind == layout.kind and found.detail == layout.detail and layout.kind != "static":
-        if len(found.parts) != len(layout.parts) and layout.kind in ("tuple", "list"):
-            return f"{name} had {len(layout.parts)} parts and has {len(found.parts)}"
+    if actual.kind == layout.kind and actual.detail == layout.detail and layout.kind != "static":
+        if len(actual.parts) != len(layout.parts) and layout.kind in ("tuple", "list"):
+            return f"{name} had {len(layout.parts)} parts and has {len(actual.parts)}"
         names = layout.detail[1] if record else [f"[{i}]" for i in range(len(layout.parts))]
-        for part, old, new in zip(names, layout.parts, found.parts, strict=False):
+        for part, old, new in zip(names, layout.parts, actual.parts, strict=False):
             if not fits(new, old):
                 return difference(new, old, f"{name}.{part}" if record else f"{name}{part}")
-    return f"{name} was {_in_words(layout)} and becomes {_in_words(found)}"
+    return f"{name} was {_in_words(layout)} and becomes {_in_words(actual)}"
 
 
 def _in_words(layout: Layout) -> str:
@@ -379,7 +379,7 @@ def _matrix(rows: tuple[Layout, ...]) -> Layout:
 
 
 def is_static(value: Any) -> bool:
-    """A tuple of plain constants, however nested."""
+    """Whether a value is a plain constant, or a tuple of such, however nested."""
     if isinstance(value, tuple) and not isinstance(value, Vec):
         return all(map(is_static, value))
     return not isinstance(value, (Vec, Mat, Record, Table, Large, StandIn, *PAIRS))
@@ -387,28 +387,28 @@ def is_static(value: Any) -> bool:
 
 def leaves(value: Any, layout: Layout) -> list[Any]:
     """The numbers of a value, in order."""
-    found: list[Any] = []
-    _gather(value, layout, found)
-    return found
+    numbers: list[Any] = []
+    _gather(value, layout, numbers)
+    return numbers
 
 
-def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
+def _gather(value: Any, layout: Layout, numbers: list[Any]) -> None:
     """Append the numbers of a value."""
     if layout.kind in _SINGLE:
-        found.append(value)
+        numbers.append(value)
     elif layout.kind in ("table", "place"):
-        found.append(value.place)
+        numbers.append(value.place)
     elif layout.kind == "large":
-        found.extend(value.flat)
+        numbers.extend(value.flat)
     elif layout.kind == "record":
         for name, part in zip(layout.detail[1], layout.parts, strict=True):
             if part.width:
-                _gather(getattr(value, name), part, found)
+                _gather(getattr(value, name), part, numbers)
     elif layout.plain and layout.kind != "pair":
-        found.extend(value)
+        numbers.extend(value)
     elif layout.width:
         for item, part in zip(value.parts if layout.kind == "pair" else value, layout.parts, strict=True):
-            _gather(item, part, found)
+            _gather(item, part, numbers)
 
 
 @functools.lru_cache(256)
@@ -464,9 +464,9 @@ def build(layout: Layout, numbers: Iterator[Any]) -> Any:
 
 
 def paired(form: tuple[Any, ...], parts: Iterable[Any]) -> Any:
-    """The number of this form made of two."""
-    cls, *more = form
-    return cls(*parts, *more)
+    """The number of this form made of two parts."""
+    cls, *options = form
+    return cls(*parts, *options)
 
 
 def restricted(value: Any, layout: Layout) -> Any:
@@ -474,9 +474,9 @@ def restricted(value: Any, layout: Layout) -> Any:
     if known_layout(value) == layout:
         return value
     parts = zip(layout.detail[1], layout.parts, strict=True)
-    made = fill(type(value), {n: getattr(value, n) if part.kind != "static" else part.detail for n, part in parts})
-    _know(made, layout)
-    return made
+    record = fill(type(value), {n: getattr(value, n) if part.kind != "static" else part.detail for n, part in parts})
+    _know(record, layout)
+    return record
 
 
 def laid_out(value: Any, key: Any) -> Any:
@@ -494,10 +494,10 @@ _layouts: dict[Any, Layout] = {}
 
 def fill(cls: type, fields: dict[str, Any]) -> Any:
     """An instance of a record class with these fields, unchecked."""
-    made: Any = object.__new__(cls)
+    record: Any = object.__new__(cls)
     for name, value in fields.items():
-        object.__setattr__(made, name, value)
-    return made
+        object.__setattr__(record, name, value)
+    return record
 
 
 def inside(value: Any, kind: type) -> list[Any]:
@@ -511,27 +511,29 @@ def inside(value: Any, kind: type) -> list[Any]:
     return []
 
 
-def exchanged(value: Any, kind: type, others: Iterable[Any], told: Callable[[Any, Any], None] | None = None) -> Any:
+def exchanged(
+    value: Any, kind: type, others: Iterable[Any], on_exchange: Callable[[Any, Any], None] | None = None
+) -> Any:
     """The value with other records of a kind, as many as `inside` finds, in order.  What a record
     has beside its fields, the new one has too, unless there are records of the kind in it.
 
-    told : of every new record that one and the old one.
+    on_exchange : called with every new record and the old one.
     """
-    given = iter(others)
+    replacements = iter(others)
 
     def changed(x: Any) -> Any:
         if isinstance(x, kind):
-            return next(given)
+            return next(replacements)
         if not inside(x, kind):
             return x
         if not isinstance(x, Record):
             return type(x)([changed(part) for part in x])
         fields = fields_of(x)
         beside = {n: y for n, y in vars(x).items() if n not in fields and not inside(y, kind)}
-        made = fill(type(x), beside | {n: changed(part) for n, part in fields.items()})
-        if told is not None:
-            told(made, x)
-        return made
+        record = fill(type(x), beside | {n: changed(part) for n, part in fields.items()})
+        if on_exchange is not None:
+            on_exchange(record, x)
+        return record
 
     return changed(value)
 
@@ -646,7 +648,7 @@ def _like(value: Any, parts: list[Any]) -> Any:
 
 
 def vector(n: int) -> Layout:
-    """The layout of so many numbers."""
+    """The layout of a vector of n floats."""
     return layout_of(Vec(*[0.0] * n))
 
 

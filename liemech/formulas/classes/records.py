@@ -31,7 +31,7 @@ from .annotations import own_annotations
 from .derived import follow_anew
 from .fields import FrozenDict, converters, immutable
 from .frozen import MISSING, frozen
-from .overriding import require_signatures, theirs
+from .overriding import overridden, require_signatures, theirs
 from .signatures import bare, keywords, misspelt
 
 T = TypeVar("T", bound=type)
@@ -68,8 +68,8 @@ class Record(Broadcasting):
             follow_anew(cls)
 
     def __new__(cls, *args: Any, **options: Any) -> Any:
-        known, new = _complete.get(cls) or _completed(cls)
-        if options and not known.issuperset(options):
+        parameters, new = _complete.get(cls) or _completed(cls)
+        if options and not parameters.issuperset(options):
             wanted = keywords(inspect.unwrap(cls.__init__))
             if wanted is not None:
                 raise misspelt(cls.__qualname__, wanted, options)
@@ -113,10 +113,10 @@ def refilled(cls: Any, fields: dict[str, Any]) -> Any:
     """A record with these fields, all of them, to the bit.  Raises what its class raises for them, and
     InvalidInput as `require_as_made`.
     """
-    made = object.__new__(cls)
-    made.__setstate__(fields)
-    _convert(made, True)
-    return made
+    record = object.__new__(cls)
+    record.__setstate__(fields)
+    _convert(record, True)
+    return record
 
 
 def require_as_made(record: Any) -> None:
@@ -128,9 +128,9 @@ def require_as_made(record: Any) -> None:
     taken = _taken(cls)
     if taken is None:
         return
-    made = cls(**{name: getattr(record, name) for name in taken})
+    remade = cls(**{name: getattr(record, name) for name in taken})
     for name in names_of(cls):
-        value, other = getattr(record, name), getattr(made, name)
+        value, other = getattr(record, name), getattr(remade, name)
         if value is not other and not _alike(value, other):
             raise InvalidInput(f"{cls.__qualname__}: {name} is {value!r}, and by the other fields {other!r}")
 
@@ -158,25 +158,25 @@ def names_of(cls: Any) -> tuple[str, ...]:
     return tuple([f.name for f in dataclasses.fields(cls)])
 
 
-def _alike(one: Any, other: Any) -> bool:
-    """Are two values equal but for real numbers?  Of tables their own classes know the sizes."""
-    if type(one) is not type(other):
+def _alike(value: Any, other: Any) -> bool:
+    """Whether two values are equal but for real numbers.  Tables know their sizes by their own classes."""
+    if type(value) is not type(other):
         return False
-    if type(one) is float or isinstance(one, (complex, Table)):
+    if type(value) is float or isinstance(value, (complex, Table)):
         return True
-    if isinstance(one, Record):
-        cls: Any = type(one)
-        return all(_alike(getattr(one, name), getattr(other, name)) for name in names_of(cls))
-    if isinstance(one, np.ndarray):
-        return one.shape == other.shape and (one.dtype.kind in "fc" or np.array_equal(one, other))
-    if isinstance(one, Large):
-        return np.shape(one) == np.shape(other)
-    if isinstance(one, FrozenDict):
-        return one.keys() == other.keys() and all(_alike(x, other[key]) for key, x in one.items())
-    if isinstance(one, (Vec, Mat, tuple)):
-        alike = len(one) == len(other)
-        return alike and ({*map(type, one), *map(type, other)} == _FLOAT or all(map(_alike, one, other)))
-    return not isinstance(one, (int, np.integer, str, bytes, frozenset, type)) or bool(one == other)
+    if isinstance(value, Record):
+        cls: Any = type(value)
+        return all(_alike(getattr(value, name), getattr(other, name)) for name in names_of(cls))
+    if isinstance(value, np.ndarray):
+        return value.shape == other.shape and (value.dtype.kind in "fc" or np.array_equal(value, other))
+    if isinstance(value, Large):
+        return np.shape(value) == np.shape(other)
+    if isinstance(value, FrozenDict):
+        return value.keys() == other.keys() and all(_alike(x, other[key]) for key, x in value.items())
+    if isinstance(value, (Vec, Mat, tuple)):
+        alike = len(value) == len(other)
+        return alike and ({*map(type, value), *map(type, other)} == _FLOAT or all(map(_alike, value, other)))
+    return not isinstance(value, (int, np.integer, str, bytes, frozenset, type)) or bool(value == other)
 
 
 _FLOAT = {float}
@@ -228,19 +228,19 @@ def _completed(cls: Any) -> tuple[frozenset[str], Callable[[type], Any]]:
     _require_methods_in_sight(cls)
     require_signatures(cls, bare)
     _require_final_methods(cls)
-    known = frozenset(keywords(inspect.unwrap(cls.__init__)) or ())
-    _complete[cls] = known, super(Record, cls).__new__
+    parameters = frozenset(keywords(inspect.unwrap(cls.__init__)) or ())
+    _complete[cls] = parameters, super(Record, cls).__new__
     return _complete[cls]
 
 
 def _require_dataclass(cls: Any) -> None:
     params = vars(cls).get("__dataclass_params__")
     if params is None:
-        known = [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
+        fields = [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
         forgotten = [n for n, a in own_annotations(cls).items() if "ClassVar" not in str(a)]
-        if not known and not forgotten and not dataclasses.is_dataclass(cls):
+        if not fields and not forgotten and not dataclasses.is_dataclass(cls):
             raise InvalidType(f"{cls.__name__} is no dataclass yet: put @liemech.record above the class")
-        if not set(forgotten) <= set(known):
+        if not set(forgotten) <= set(fields):
             raise InvalidType(
                 f"{cls.__name__} has the fields {', '.join(forgotten)}: put @liemech.record above the class"
             )
@@ -255,6 +255,7 @@ def _require_methods_in_sight(cls: Any) -> None:
     for field in dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ():
         for base in cls.__mro__:
             if field.name in own_annotations(base) or not field.init:
+                _require_free(cls, base, field.name)
                 break
             if isinstance(vars(base).get(field.name), _METHODS):
                 raise InvalidType(
@@ -262,6 +263,16 @@ def _require_methods_in_sight(cls: Any) -> None:
                     f"field: one would hide the other; give the field its value, {cls.__name__}(..., "
                     f"{field.name}=...), or name the method otherwise"
                 )
+
+
+def _require_free(cls: Any, home: Any, name: str) -> None:
+    """Refuse a field of a user's class with the name of a method by which the library would ask for something else."""
+    base = overridden(cls, home, name) if theirs(home) else None
+    if base is not None:
+        raise InvalidType(
+            f"{home.__name__}.{name} is a field, and {base[0].__name__}.{name} a method that the library calls: give the "
+            "field another name"
+        )
 
 
 def _require_final_methods(cls: Any) -> None:

@@ -19,17 +19,17 @@ class common(functools.cached_property[Any]):
     """
 
     def __get__(self, owner: Any, cls: type | None = None) -> Any:  # type: ignore[override]
-        made = super().__get__(owner, cls)
-        if owner is not None and _is_its_fields(made):
-            made = vars(owner)[self.attrname] = _in_use.setdefault(exact(made), made)
-        return made
+        computed = super().__get__(owner, cls)
+        if owner is not None and _is_its_fields(computed):
+            computed = vars(owner)[self.attrname] = _in_use.setdefault(exact(computed), computed)
+        return computed
 
 
 _in_use: weakref.WeakValueDictionary[Any, Any] = weakref.WeakValueDictionary()
 
 
 def _is_its_fields(value: Any) -> bool:
-    """Do its fields say all about a value?"""
+    """Whether the fields of a value say all about it."""
     if isinstance(value, Record):
         cls, fields = type(value), fields_of(value)
         beside = [getattr(cls, name, None) for name in vars(value) if name not in fields]
@@ -56,6 +56,6 @@ class Remembered:
         return entry[1] if entry is not None and entry[0]() is owner else None
 
     def set(self, owner: Any, value: Any) -> None:
-        """Remember a value."""
+        """Remember a value for as long as its owner lives."""
         key, entries = id(owner), self._entries
         entries[key] = weakref.ref(owner, lambda _: entries.pop(key, None)), value

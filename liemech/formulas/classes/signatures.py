@@ -61,15 +61,15 @@ class Signature:
 
     @property
     def says_nothing(self) -> bool:
-        """Are there no arguments to check, and is no result promised?"""
+        """Whether there are no arguments to check, and no result is promised."""
         first = next(iter(self.classes.values()), "Any")
         return not self.kinds and first == "Any" and self.promise is None
 
     @functools.cached_property
     def defaults(self) -> dict[str, Any]:
         """The arguments that may be left out."""
-        given = self.formula.__defaults__ or ()
-        return dict(zip(self.names[len(self.names) - len(given) :], given))
+        trailing = self.formula.__defaults__ or ()
+        return dict(zip(self.names[len(self.names) - len(trailing) :], trailing))
 
     @functools.cached_property
     def space_at(self) -> int | None:
@@ -82,11 +82,11 @@ class Signature:
         """
         kinds = [(name, self.kinds.get(name, "float")) for name in self.names]
         shapes = [space._shape(name, kind) if kind != "float" else None for name, kind in kinds]
-        found = tuple([s[0] if s and len(s) == 1 else s or None for s in shapes])
+        lengths = tuple([s[0] if s and len(s) == 1 else s or None for s in shapes])
         if not hasattr(space, "_shapes"):
             object.__setattr__(space, "_shapes", {})
-        space._shapes[self] = found
-        return found
+        space._shapes[self] = lengths
+        return lengths
 
     @functools.cached_property
     def trusted(self) -> tuple[set[type] | None, ...]:
@@ -102,15 +102,15 @@ class Signature:
             return _SMALL.get(kind, {Vec, Mat}) | none
         if text == "float":
             return ({float} if self.kinds else set()) | none
-        known = text in PLAIN or text in ARRAYS or text in RECORDS
-        return PLAIN.get(text, set()) | none if known else None
+        simple = text in PLAIN or text in ARRAYS or text in RECORDS
+        return PLAIN.get(text, set()) | none if simple else None
 
     def text(self, name: str) -> str:
         """The annotation of an argument, whether or not it may be None."""
         return self.classes.get(name, "").removesuffix(" | None")
 
     def optional(self, name: str) -> bool:
-        """May the argument be None?"""
+        """Whether the argument of this name may be None."""
         allowed = self.classes.get(name, "").split(" | ")
         return self.defaults.get(name, 0) is None or "None" in allowed
 
@@ -155,10 +155,10 @@ def _said(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str],
         member = base.__dict__.get(name)
         if not isinstance(member, types.FunctionType):
             continue
-        for argument, told in zip(names, _told(bare(member))):
-            if told is None:
+        for argument, description in zip(names, _told(bare(member))):
+            if description is None:
                 continue
-            kind, text = told
+            kind, text = description
             if kind is not None:
                 before = kinds.get(argument, kind)
                 kinds[argument] = kind if KINDS.index(kind) < KINDS.index(before) else before
@@ -170,27 +170,27 @@ def _said(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str],
 Told = tuple["str | None", "str | None"] | None
 
 _KNOWN: dict[types.FunctionType, list[Told]] = {}
-"""What is told of formulas of the library."""
+"""The kinds and classes of the arguments of the library's formulas, as `_told` finds them."""
 
 
 def _told(formula: types.FunctionType) -> list[Told]:
-    """Of each argument of a formula the kind and the class that it says, None for one without an
-    annotation; classes not where there may be more arguments.
+    """The kind and the class that each argument of a formula is annotated with, None for one without an
+    annotation; no classes where there may be more arguments.
     """
-    known = _KNOWN.get(formula)
-    if known is not None:
-        return known
+    remembered = _KNOWN.get(formula)
+    if remembered is not None:
+        return remembered
     annotations = own_annotations(formula)
     counted = not formula.__code__.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
-    found: list[Told] = [
+    described: list[Told] = [
         None
         if name not in annotations
         else (kind_of(annotations[name], formula.__globals__), class_text(annotations[name]) if counted else None)
         for name in arguments(formula)
     ]
     if (formula.__module__ or "").partition(".")[0] == LIBRARY:
-        _KNOWN[formula] = found
-    return found
+        _KNOWN[formula] = described
+    return described
 
 
 def class_text(annotation: Any) -> str:
@@ -214,29 +214,29 @@ def keywords(function: Any) -> dict[str, None] | None:
     return dict.fromkeys(names[max(code.co_posonlyargcount - 1, 0) :])
 
 
-def misspelt(where: str, known: Iterable[str], options: Iterable[str]) -> InvalidType:
+def misspelt(where: str, parameters: Iterable[str], options: Iterable[str]) -> InvalidType:
     """The error for a keyword that is not known, with the nearest one that is."""
     import difflib
 
-    unknown = next(name for name in options if name not in known)
-    near = difflib.get_close_matches(unknown, known, 1)
-    hint = f". Did you mean {near[0]!r}?" if near else f"; it takes {', '.join(known) or 'none'}"
+    unknown = next(name for name in options if name not in parameters)
+    near = difflib.get_close_matches(unknown, parameters, 1)
+    hint = f". Did you mean {near[0]!r}?" if near else f"; it takes {', '.join(parameters) or 'none'}"
     return InvalidType(f"{where}() got an unexpected keyword argument {unknown!r}{hint}")
 
 
 def spelt(function: F) -> F:
     """A function, or method, that answers a misspelt keyword with the nearest of its arguments."""
     code = function.__code__
-    known = dict.fromkeys(code.co_varnames[: code.co_argcount + code.co_kwonlyargcount])
+    parameters = dict.fromkeys(code.co_varnames[: code.co_argcount + code.co_kwonlyargcount])
 
     @functools.wraps(function)
     def checked(*args: Any, **options: Any) -> Any:
         try:
             return function(*args, **options)
         except TypeError:
-            if known.keys() >= options.keys():
+            if parameters.keys() >= options.keys():
                 raise
             where = function.__qualname__.removesuffix(".__init__")
-            raise misspelt(where, [name for name in known if name != "self"], options) from None
+            raise misspelt(where, [name for name in parameters if name != "self"], options) from None
 
     return checked  # type: ignore[return-value]

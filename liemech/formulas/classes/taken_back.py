@@ -12,7 +12,7 @@ _here = threading.local()
 
 
 def noted(undo: Callable[[], object]) -> None:
-    """Something was kept that this takes away again."""
+    """Note how to take away again what was just kept."""
     journal = getattr(_here, "journal", None)
     if journal is not None:
         journal.append(undo)

@@ -16,19 +16,20 @@ from .bases import Operand, StandIn
 ASKED = "it depends on a comparison, a sign or a rounding"
 
 
-class Asked(TypeError):
+class ValueAsked(TypeError):
     """A formula asked for a value, or for a sign."""
 
 
 def _asked(self: Anything, *others: Any) -> Any:
-    raise Asked(ASKED)
+    raise ValueAsked(ASKED)
 
 
 class Anything(Operand, StandIn):
-    """Some number, nobody knows which.
+    """A stand-in for any number, with which formulas are run to see of what degree a result is in the numbers that
+    count.
 
-    degree : as a polynomial of the numbers that count; 0 for what does not depend on them, infinite
-    for what is no polynomial.
+    degree : as a polynomial of the numbers that count; 0 for what does not depend on them, infinite for what is no
+    polynomial.
     of : the numbers of which it is made.
     """
 
@@ -77,7 +78,7 @@ class Anything(Operand, StandIn):
     __pos__ = __neg__
 
     def _function(self, *others: Any) -> Anything:
-        """Some function of this number and others."""
+        """A function of this number and others: no polynomial, unless all of them are constant."""
         numbers = [self, *(x for x in others if isinstance(x, Anything))]
         return Anything(inf if any(x.degree for x in numbers) else 0, frozenset().union(*(x.of for x in numbers)))
 

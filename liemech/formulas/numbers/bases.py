@@ -28,12 +28,12 @@ class StandIn:
 
     @property
     def is_integer(self) -> bool:
-        """Does it take the place of an int?"""
+        """Whether the number takes the place of an int."""
         return False
 
     @property
     def is_truth(self) -> bool:
-        """Does it take the place of a bool?"""
+        """Whether the number takes the place of a bool."""
         return False
 
     def settled(self, what: str) -> Any:
@@ -41,7 +41,7 @@ class StandIn:
         return self
 
     def fails(self) -> None:
-        """Python raises here if this truth value holds."""
+        """Let the attempt fail, where Python raises, if this truth value holds."""
 
     def elementary(self, name: str, *x: Any) -> Any:
         """The elementary function of this name, of numbers of which one is `self`."""
@@ -78,11 +78,11 @@ class Operand:
         return getattr(function, method)(*_arrays(x), **_arrays(options))
 
     def __array_function__(self, function: Any, types: Any, x: Any, options: Any) -> Any:
-        found = OF_NUMPY[function](x, options) if function in OF_NUMPY else None
-        if found is None:
+        match = OF_NUMPY[function](x, options) if function in OF_NUMPY else None
+        if match is None:
             return function(*_arrays(x), **_arrays(options))
-        formula, operands, known = found
-        return formula(*operands, **known)
+        formula, operands, keywords = match
+        return formula(*operands, **keywords)
 
 
 class InMemory(Operand):
@@ -91,7 +91,7 @@ class InMemory(Operand):
     __slots__ = ()
 
     def inner_with(self, other: Any) -> Any:
-        """The scalar product."""
+        """The scalar product with another vector or matrix."""
         raise NotImplementedError
 
     def each(self, linear: Callable[[Any], Any]) -> Any:
@@ -100,24 +100,24 @@ class InMemory(Operand):
 
     @property
     def T(self) -> Any:
-        """The transpose."""
+        """The transpose A^T; a vector stays as it is."""
         raise NotImplementedError
 
     @property
     def H(self) -> Any:
-        """The conjugate transpose."""
+        """The conjugate transpose A^H; a vector stays as it is."""
         raise NotImplementedError
 
     def plus(self, s: float) -> Any:
-        """A + s 1."""
+        """The sum A + s 1, of a square matrix."""
         raise NotImplementedError
 
     def over(self, a: Any) -> Any:
-        """B A^-1."""
+        """The quotient B A^-1, where `a` is a square matrix."""
         raise NotImplementedError
 
     def determinant(self) -> Any:
-        """det A."""
+        """The determinant det A of a square matrix."""
         raise NotImplementedError
 
 

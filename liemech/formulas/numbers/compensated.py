@@ -49,8 +49,8 @@ class Compensated(ByValue):
 
     def settled(self) -> Compensated:
         """The number, from here on one that remembers, if only zero."""
-        known = not isinstance(self.rest, StandIn)
-        return self if known else Compensated(self.value, 1.0 * self.rest)
+        remembers = not isinstance(self.rest, StandIn)
+        return self if remembers else Compensated(self.value, 1.0 * self.rest)
 
     def __add__(self, other: Any) -> Any:
         if not _is_operand(other):
@@ -118,8 +118,8 @@ class Compensated(ByValue):
 
 def _rest(x: Compensated) -> Any:
     """The rest that x remembers, on whichever way it came here."""
-    rest = x.rest
-    return rest.settled(_ON_ONE_WAY) if isinstance(rest, StandIn) else rest
+    remainder = x.rest
+    return remainder.settled(_ON_ONE_WAY) if isinstance(remainder, StandIn) else remainder
 
 
 _ON_ONE_WAY = (
@@ -129,7 +129,7 @@ _ON_ONE_WAY = (
 
 
 def _is_operand(x: Any) -> bool:
-    """May x be added to a compensated number here, and not by rules of its own?"""
+    """Whether x may be added to a compensated number here, and not by rules of its own."""
     return isinstance(x, (int, float, StandIn, Compensated))
 
 

@@ -44,7 +44,7 @@ class Complex(Pair):
         return self.re, self.im
 
     def conjugate(self) -> Complex:
-        """re - i im."""
+        """The complex conjugate, re - i im."""
         return Complex(self.re, -self.im)
 
     def __add__(self, other: Any) -> Any:
@@ -119,5 +119,5 @@ class Complex(Pair):
 
 
 def _ours(x: Any) -> Complex:
-    """Any number as one of ours."""
+    """Any complex or real number as a `Complex`."""
     return x if isinstance(x, Complex) else Complex(x.real, x.imag) if isinstance(x, complex) else Complex(x, 0.0)

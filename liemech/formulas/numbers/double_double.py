@@ -83,8 +83,8 @@ class DoubleDouble(ByValue):
         if isinstance(other, DoubleDouble):  # algorithm 17
             high = self.value / other.value
             product = other * high
-            rest = (self.value - product.value) + (self.low - product.low)
-            return DoubleDouble(*fast_two_sum(high, rest / other.value))
+            residual = (self.value - product.value) + (self.low - product.low)
+            return DoubleDouble(*fast_two_sum(high, residual / other.value))
         if not _is_operand(other):
             return NotImplemented
         high = self.value / other  # algorithm 15
@@ -151,12 +151,12 @@ class DoubleDouble(ByValue):
 
 
 def _is_operand(x: Any) -> bool:
-    """Can x be an operand beside such a number here, and has it no rules of its own?"""
+    """Whether x can be an operand beside a number of two doubles here, and has no rules of its own."""
     return isinstance(x, (int, float, StandIn, DoubleDouble))
 
 
 def is_long(x: Any) -> bool:
-    """Is it a number of two doubles?"""
+    """Whether a number is a sum of two doubles."""
     return isinstance(x, DoubleDouble)
 
 
@@ -192,13 +192,13 @@ def two_product(a: Any, b: Any) -> tuple[Any, Any]:
 def divided(x: DoubleDouble, y: Any) -> tuple[DoubleDouble, DoubleDouble]:
     """x // y and x % y, with 32 digits of x; the remainder has the sign of y."""
     many = _whole((x / y).value)
-    rest = x - DoubleDouble(many) * y
-    few = _whole((rest / y).value)  # 0, unless there were more than 2^51
-    rest = rest - few * y
+    remainder = x - DoubleDouble(many) * y
+    few = _whole((remainder / y).value)  # 0, unless there were more than 2^51
+    remainder = remainder - few * y
     sign = f.copysign(1.0, rounded_number(1.0 * y))
-    below = 1.0 * (sign * rest.value < 0.0)
-    rest = rest + below * y
-    return DoubleDouble(*two_sum(many, few)) - below, rest
+    below = 1.0 * (sign * remainder.value < 0.0)
+    remainder = remainder + below * y
+    return DoubleDouble(*two_sum(many, few)) - below, remainder
 
 
 def floor(x: DoubleDouble, of_double: Any) -> Any:
@@ -216,8 +216,8 @@ def truncated(x: DoubleDouble, of_double: Any) -> Any:
 def nearest(x: DoubleDouble, of_double: Any) -> Any:
     """The integer next to x; of two the even one."""
     whole = floor(x, of_double)
-    rest = x - DoubleDouble(1.0 * whole) - 0.5
-    up = (rest.value > 0.0) | ((rest.value == 0.0) & (whole % 2 == 1))
+    excess = x - DoubleDouble(1.0 * whole) - 0.5
+    up = (excess.value > 0.0) | ((excess.value == 0.0) & (whole % 2 == 1))
     return whole + 1 * up
 
 
@@ -283,10 +283,10 @@ def _whole(x: Any) -> Any:
 def _reduced(x: Any, words: tuple[float, ...]) -> tuple[Any, Any]:
     """The whole k next to x over a constant, and what is left, x - k constant."""
     k = _whole(x.value * (1.0 / words[0]))
-    rest = x
+    remainder = x
     for word in words:
-        rest = rest - DoubleDouble(*two_product(k, word))
-    return k, rest
+        remainder = remainder - DoubleDouble(*two_product(k, word))
+    return k, remainder
 
 
 def sin_cos(x: Any) -> tuple[Any, Any]:

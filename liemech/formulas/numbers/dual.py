@@ -128,8 +128,8 @@ class Dual(ByValue):
             return n.__rpow__(self)
         exponent, by_exponent = n.parts if isinstance(n, Dual) and n.level == self.level else (n, 0)
         value = self.value**exponent
-        some = 1.0 * (constant(exponent) != 0.0) if _rests(exponent) else 1.0
-        rise = exponent * self.value ** (exponent - some)  # x^0 = 1 at x = 0 too
+        nonzero = 1.0 * (constant(exponent) != 0.0) if _rests(exponent) else 1.0
+        rise = exponent * self.value ** (exponent - nonzero)  # x^0 = 1 at x = 0 too
         return Dual(
             value, _sum(_scaled(rise, self.slope), _by_exponent(self.value, exponent, value, by_exponent)), self.level
         )
@@ -225,12 +225,12 @@ def _sum(a: Any, b: Any) -> Any:
 
 
 def _scaled(k: Any, slope: Any) -> Any:
-    """k times a slope."""
+    """The product of k and a slope; an int, which is zero, stays."""
     return slope if type(slope) is int else k * slope
 
 
 def _over(slope: Any, k: Any) -> Any:
-    """A slope over k."""
+    """The quotient of a slope and k; an int, which is zero, stays."""
     return slope if type(slope) is int else slope / k
 
 
@@ -256,9 +256,7 @@ _NO_SLOPE = (
 
 
 def _order(x: Any) -> float:
-    """How many derivatives a number carries, one inside the other; those of a power series are
-    endless.
-    """
+    """The count of derivatives that a number carries, one inside the other; those of a power series are endless."""
     if isinstance(x, Dual):
         return _order(x.value) + (type(x.slope) is not int)
     return math.inf if hasattr(x, "term") else 0
@@ -304,7 +302,7 @@ def constant(x: Any) -> Any:
 
 
 def is_series(x: Any) -> bool:
-    """Is it a power series, or does it carry derivatives of one?"""
+    """Whether a number is a power series, or carries derivatives of one."""
     return hasattr(value_of(x), "term")
 
 

@@ -61,9 +61,9 @@ def normals(seed: float, path: float, number: float, count: int) -> list[Any]:
 
     Source: Box and Muller, Ann. Math. Statist. 29 (1958), 610.
     """
-    found: list[Any] = []
+    samples: list[Any] = []
     for block in range((count + 1) // 2):
         u, v = uniforms(seed, path, number, block)
         size, angle = sqrt(-2.0 * log(u)), 2.0 * math.pi * v
-        found = [*found, size * cos(angle), size * sin(angle)]
-    return found[:count]
+        samples = [*samples, size * cos(angle), size * sin(angle)]
+    return samples[:count]

@@ -28,14 +28,14 @@ PAIR = 8
 """The term from which on two are, of less than `LEAST`: before, packing takes as long as it saves."""
 
 
-class Terms(Protocol):
-    """A power series."""
+class TermByTerm(Protocol):
+    """A power series as products ask for it: term by term."""
 
     def term(self, k: int) -> Any:
-        """c_k; None if there is no such term."""
+        """The coefficient c_k; None if there is no such term."""
 
 
-def cauchy(a: Terms, b: Terms, k: int, first: int = 0) -> Any:
+def cauchy(a: TermByTerm, b: TermByTerm, k: int, first: int = 0) -> Any:
     """The Cauchy product, sum_j a_j b_(k-j) over j >= first; a term of b is not looked at where a
     has none.
 
@@ -54,7 +54,7 @@ def cauchy(a: Terms, b: Terms, k: int, first: int = 0) -> Any:
     return plus(None if total is None else total + total, middle) if square else total
 
 
-def _times(a: Terms, i: int, b: Terms, j: int) -> Any:
+def _times(a: TermByTerm, i: int, b: TermByTerm, j: int) -> Any:
     x = a.term(i)
     y = None if x is None else b.term(j)
     return None if y is None else x * y
@@ -76,7 +76,7 @@ class Products:
         self._known: list[_Product] = []
         self._in_rows = False
 
-    def joined(self, a: Terms, b: Terms, rank: int) -> Callable[[int], Any]:
+    def joined(self, a: TermByTerm, b: TermByTerm, rank: int) -> Callable[[int], Any]:
         """The terms of one more product, a b."""
         product = _Product(a, b, rank)
         self._known.append(product)
@@ -100,9 +100,9 @@ class Products:
             for begin in range(0, len(products), MOST):
                 group = products[begin : begin + MOST]
                 if len(group) >= LEAST:
-                    _Rows(group, FIRST)
+                    _RowsOfProducts(group, FIRST)
                 elif len(group) > 1:
-                    _Rows(group[:2], PAIR)
+                    _RowsOfProducts(group[:2], PAIR)
 
     def _alone_again(self) -> None:
         self._in_rows = False
@@ -113,10 +113,10 @@ class Products:
 class _Product:
     """A product a b, alone or in rows of products."""
 
-    def __init__(self, a: Terms, b: Terms, rank: int) -> None:
+    def __init__(self, a: TermByTerm, b: TermByTerm, rank: int) -> None:
         self.factors, self.rank = (a, b), rank
         self.wanted = False
-        self.rows: _Rows | None = None
+        self.rows: _RowsOfProducts | None = None
         self.place = 0
 
     @property
@@ -126,7 +126,7 @@ class _Product:
         return self.rank, a is b, *[x.term(k) is None for x in (a, b) for k in range(FIRST)]
 
     def term(self, k: int) -> Any:
-        """The term k."""
+        """The term k of the product, computed in its rows of products if it has some."""
         if k > 0 and not self.wanted:
             self.wanted = True
             noted(functools.partial(setattr, self, "wanted", False))
@@ -134,7 +134,7 @@ class _Product:
         return terms[self.place] if terms else cauchy(*self.factors, k)
 
 
-class _Rows:
+class _RowsOfProducts:
     """Products a b side by side: one product of two series whose terms are rows of numbers.
 
     first : the first term that is computed so.
@@ -162,13 +162,13 @@ class _Rows:
 
 
 class _Unlike(Exception):
-    """Terms cannot lie side by side."""
+    """Raised where terms cannot lie side by side."""
 
 
 class _Row:
     """Series side by side: the term k is the row of their terms k."""
 
-    def __init__(self, series: Sequence[Terms]) -> None:
+    def __init__(self, series: Sequence[TermByTerm]) -> None:
         self._series = series
         self._terms: list[Any] = []
 
@@ -183,8 +183,8 @@ class _Row:
         absent = [c is None for c in terms]
         if all(absent):
             return None
-        some = next((c for c in terms if isinstance(c, StandIn)), None)
-        row = None if some is None or any(absent) else some.beside(terms)
+        of_run = next((c for c in terms if isinstance(c, StandIn)), None)
+        row = None if of_run is None or any(absent) else of_run.beside(terms)
         if row is None:
             raise _Unlike
         return row

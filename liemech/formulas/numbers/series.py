@@ -54,13 +54,13 @@ class Series(Operand):
         return self._terms[k]
 
     def __getitem__(self, k: int) -> Any:
-        """c_k, a number."""
+        """The coefficient c_k, zero if there is no such term."""
         term = self.term(k)
         return 0.0 if term is None else term
 
     @property
     def head(self) -> Any:
-        """c_0."""
+        """The coefficient c_0, zero if there is no such term."""
         term = self.term(0)
         return 0.0 if term is None else term
 
@@ -111,8 +111,8 @@ class Series(Operand):
         def rule(k: int) -> Any:  # a_k = sum_j b_j q_(k-j)
             if k == 0:
                 return _each(lambda c: c / other.head, self.term(0))
-            rest = _difference(self.term(k), cauchy(other, quotient, k, first=1))
-            return _each(lambda c: c * inverse.head, rest)
+            residual = _difference(self.term(k), cauchy(other, quotient, k, first=1))
+            return _each(lambda c: c * inverse.head, residual)
 
         return quotient.by(rule)
 
@@ -146,7 +146,7 @@ class Series(Operand):
         return _made(lambda k: self.term(k) if k else self[0] % other, self)
 
     def __floordiv__(self, other: Any) -> Any:
-        """How often a number goes into it where the series begins: that does not change."""
+        """The quotient, rounded down, of the first term alone: it does not change along the series."""
         return NotImplemented if isinstance(other, Series) else self[0] // other
 
     def __neg__(self) -> Series:
@@ -207,7 +207,7 @@ class Series(Operand):
 
     @staticmethod
     def chosen(choose: Callable[[Any, Any], Any], yes: Any, no: Any) -> Series:
-        """Term by term one or the other."""
+        """The series each of whose terms is chosen from two series."""
         a, b = (x if isinstance(x, Series) else Series(x) for x in (yes, no))
         return _made(lambda k: None if a.term(k) is None and b.term(k) is None else choose(a[k], b[k]), a, b)
 
@@ -262,8 +262,8 @@ class Series(Operand):
             return vec(*[Series.coefficient(part, k) for part in x])
         if not isinstance(x, Pair):
             return x[k]
-        kind, *more = x.form
-        return kind(*[Series.coefficient(part, k) for part in x.parts], *more)
+        kind, *options = x.form
+        return kind(*[Series.coefficient(part, k) for part in x.parts], *options)
 
     def grow(self, rate: Any, h: Any) -> None:
         """Let this unknown series y solve y' = h rate, where the rate may depend on y."""
@@ -278,12 +278,12 @@ class Series(Operand):
         self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
 
     def among(self, products: Products) -> Series:
-        """This series, its products and those of what is made of it among these."""
+        """The series itself; its products, and those of what is made of it, are among these from now on."""
         self._products = products
         return self
 
     def by(self, rule: Callable[[int], Any]) -> Series:
-        """This series, its further terms made by a rule; the first is computed at once."""
+        """The series itself, its further terms made by a rule; the first is computed at once."""
         self._rule = rule
         if not self._terms:
             self._terms.append(rule(0))
@@ -297,8 +297,8 @@ def _unset(pair: Any, products: Products) -> Any:
         return vec(*[_unset(part, products) for part in pair])
     if not isinstance(pair, Pair):
         return Series(None).among(products)
-    kind, *more = pair.form
-    return kind(*[_unset(part, products) for part in pair.parts], *more)
+    kind, *options = pair.form
+    return kind(*[_unset(part, products) for part in pair.parts], *options)
 
 
 def _made(rule: Callable[[int], Any], *of: Series) -> Series:
@@ -307,17 +307,17 @@ def _made(rule: Callable[[int], Any], *of: Series) -> Series:
 
 def _undetermined(*of: Series) -> Series:
     """A series of which the term k is made of the terms k of others, by sums."""
-    found = Series() if all(type(x) is Series for x in of) else SeriesInMemory()
-    found._rank = max(x._rank for x in of)
-    found._products = next((x._products for x in of if x._products), None)
-    return found
+    series = Series() if all(type(x) is Series for x in of) else SeriesInMemory()
+    series._rank = max(x._rank for x in of)
+    series._products = next((x._products for x in of if x._products), None)
+    return series
 
 
 def _multiple(factor: Any, of: Series) -> Series:
-    found = _made(lambda k: _each(lambda c: factor * c, of.term(k)), of)
+    multiple = _made(lambda k: _each(lambda c: factor * c, of.term(k)), of)
     within, base = of._multiple or (None, of)
-    found._multiple = factor if within is None else factor * within, base
-    return found
+    multiple._multiple = factor if within is None else factor * within, base
+    return multiple
 
 
 def _multiplied(a: Series, b: Series) -> Series:
@@ -353,9 +353,9 @@ class _Rule:
 
 def _inverse(x: Series) -> Series:
     """1/x_0, computed when a first term needs it."""
-    found = Series()
-    found._rule = lambda k: 1.0 / x.head
-    return found
+    inverse = Series()
+    inverse._rule = lambda k: 1.0 / x.head
+    return inverse
 
 
 # ------------------------------------------------------------------ of what lies in memory
@@ -388,7 +388,7 @@ class SeriesInMemory(Series, InMemory):
 
     @property
     def _one(self) -> Any:
-        """A term that is there."""
+        """The first term that there is, for its shape."""
         k = 0
         while self.term(k) is None:
             k += 1
@@ -396,7 +396,7 @@ class SeriesInMemory(Series, InMemory):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """That of its terms."""
+        """The shape that each of its terms has."""
         shape: tuple[int, ...] = self._one.shape
         return shape
 
@@ -443,22 +443,22 @@ class SeriesInMemory(Series, InMemory):
 
     @property
     def T(self) -> SeriesInMemory:
-        """The transpose."""
+        """The transpose A^T, term by term."""
         return self.each(lambda c: c.T)
 
     @property
     def H(self) -> SeriesInMemory:
-        """The conjugate transpose."""
+        """The conjugate transpose A^H, term by term."""
         return self.each(lambda c: c.H)
 
     def without_adjoint(self) -> SeriesInMemory:
-        """A - A^H."""
+        """The difference A - A^H, term by term."""
         return self.each(lambda c: c.without_adjoint())
 
     def plus(self, s: float) -> SeriesInMemory:
-        """A + s 1."""
-        found: Any = SeriesInMemory(self.coefficient_of(0).plus(s))
-        return cast(SeriesInMemory, found.by(self.term))
+        """The sum A + s 1: only the first term changes."""
+        shifted: Any = SeriesInMemory(self.coefficient_of(0).plus(s))
+        return cast(SeriesInMemory, shifted.by(self.term))
 
 
 def _as_series(x: Any) -> Any:
@@ -466,7 +466,7 @@ def _as_series(x: Any) -> Any:
     return SeriesInMemory(x) if isinstance(x, InMemory) and not isinstance(x, Series) else x
 
 
-def _convolved(a: Series, b: Series, product: Callable[[Any, Any], Any], found: Series) -> Any:
+def _convolved(a: Series, b: Series, product: Callable[[Any, Any], Any], series: Series) -> Any:
     """sum_j a_j b_(k-j) of a product that does not commute."""
 
     def rule(k: int) -> Any:
@@ -476,7 +476,7 @@ def _convolved(a: Series, b: Series, product: Callable[[Any, Any], Any], found: 
             total = total if x is None or y is None else plus(total, product(x, y))
         return total
 
-    return found.by(rule)
+    return series.by(rule)
 
 
 # ------------------------------------------------------------------ elementary functions:
@@ -486,18 +486,18 @@ def _convolved(a: Series, b: Series, product: Callable[[Any, Any], Any], found: 
 def _integral(y: Series, slope: Callable[[Series], Any], x: Series) -> Series:
     """y, given its first term, with y' = slope(y) x'."""
     y._rank, y._products = x._rank + 1, x._products
-    given, weighted = slope(y), Series()
-    g = given if isinstance(given, Series) else Series(given)
+    steepness, weighted = slope(y), Series()
+    g = steepness if isinstance(steepness, Series) else Series(steepness)
     # s x', no term before its time
     weighted._rule = lambda k: _each(lambda c: float(k) * c, x.term(k) if k else None)
     return y.by(lambda k: _each(lambda c: c * (1.0 / k), cauchy(weighted, g, k)))
 
 
-def _divided(y: Series, x: Series, d: Series, rest: Callable[[int], Any]) -> Series:
+def _divided(y: Series, x: Series, d: Series, residual: Callable[[int], Any]) -> Series:
     """y, a function of x, given its first term, with d_0 y_k = rest(k)."""
     y._rank, y._products = x._rank + 1, x._products
     inverse = _inverse(d)
-    return y.by(lambda k: _each(lambda c: c * inverse[0], rest(k)))
+    return y.by(lambda k: _each(lambda c: c * inverse[0], residual(k)))
 
 
 def _power(y: Series, n: Any, x: Series) -> Series:
@@ -517,11 +517,11 @@ def _sqrt(x: Series) -> Series:
     """The root y of y^2 = x."""
     y = Series(f.sqrt(x[0]))
 
-    def rest(k: int) -> Any:
-        known = _Rule(lambda j: y.term(j) if 0 < j < k else None)
-        return _difference(x.term(k), cauchy(known, known, k))
+    def residual(k: int) -> Any:
+        middle = _Rule(lambda j: y.term(j) if 0 < j < k else None)
+        return _difference(x.term(k), cauchy(middle, middle, k))
 
-    return _divided(y, x, 2.0 * y, rest)
+    return _divided(y, x, 2.0 * y, residual)
 
 
 def _rule(function: Callable[..., Any], slope: Callable[[Series, Series], Any]) -> Callable[[Series], Series]:
@@ -535,16 +535,16 @@ def _over(function: Callable[..., Any], steepness: Callable[[Series], Series]) -
     d y' = x':   d_0 y_k = x_k - sum_j (j/k) y_j d_(k-j),   0 < j < k
     """
 
-    def of(x: Series) -> Series:
+    def series_of(x: Series) -> Series:
         y, d = Series(function(x[0])), steepness(x)
 
-        def rest(k: int) -> Any:
-            known = _Rule(lambda j: _each(lambda c: (j / k) * c, y.term(j) if 0 < j < k else None))
-            return _difference(x.term(k), cauchy(known, d, k))
+        def residual(k: int) -> Any:
+            middle = _Rule(lambda j: _each(lambda c: (j / k) * c, y.term(j) if 0 < j < k else None))
+            return _difference(x.term(k), cauchy(middle, d, k))
 
-        return _divided(y, x, d, rest)
+        return _divided(y, x, d, residual)
 
-    return of
+    return series_of
 
 
 def _circle(

@@ -23,7 +23,7 @@ from .series import Series
 
 
 def has_series(value: Any) -> bool:
-    """Are there power series among the numbers of a value?"""
+    """Whether there are power series among the numbers of a value."""
     return any(type(x) is Series for x in leaves(value, layout_of(value, _number)))
 
 
@@ -37,8 +37,8 @@ def company(holder: Any) -> list[SeriesMeeting]:
     """
     if holder.company is None or any(len(x.meetings) > 1 for x in holder.company):
         holder.company = []
-    found: list[SeriesMeeting] = holder.company
-    return found
+    meetings: list[SeriesMeeting] = holder.company
+    return meetings
 
 
 class SeriesMeeting:
@@ -143,21 +143,22 @@ class SeriesMeeting:
             return [next(numbers) if k == 0 or type(x) is Series else None for x in self.leaves]
 
         terms = self._asks(ask)
-        found = [self._series(terms, i) if type(x) is Series else terms[0][i] for i, x in enumerate(self.leaves)]
-        return build(self.layout, iter(found))
+        parts = [self._series(terms, i) if type(x) is Series else terms[0][i] for i, x in enumerate(self.leaves)]
+        return build(self.layout, iter(parts))
 
     def _last(self, numbers: Any, k: int) -> list[Any]:
-        """Of all terms of every series that was published the last."""
+        """The last of the terms of every series that was published."""
         rows = [(x, [next(numbers) for _ in self._terms(x, k)]) for x in self.leaves]
         return [row[-1] for x, row in rows if type(x) is Series]
 
     def _polynomials(self, numbers: Any, k: int) -> Any:
         """A published value up to the order k."""
-        given = iter(numbers)
-        found = [
-            Series(*[next(given) for _ in range(k + 1)]) if type(x) is Series else next(given) for x in self.leaves
+        coefficients = iter(numbers)
+        parts = [
+            Series(*[next(coefficients) for _ in range(k + 1)]) if type(x) is Series else next(coefficients)
+            for x in self.leaves
         ]
-        return build(self.layout, iter(found))
+        return build(self.layout, iter(parts))
 
     def _sums(
         self, method: Any, formula: Any, start: Any, before: tuple[Any, ...], behind: tuple[Any, ...], ends: int
@@ -171,21 +172,21 @@ class SeriesMeeting:
             noted(functools.partial(setattr, self, "summed", False))
 
         def ask(met: Any, k: int) -> list[Any]:
-            def of_order(*given: Any) -> Any:
+            def of_order(*values: Any) -> Any:
                 outer, self.inside = self.inside, (met, k)
                 try:
-                    sites = [self._polynomials(x, k) for x in given[:ends]]
-                    value = self.call(formula, *sites, *given[ends:])
+                    sites = [self._polynomials(x, k) for x in values[:ends]]
+                    value = self.call(formula, *sites, *values[ends:])
                 finally:
                     self.inside = outer
                 return _coefficient(value, k)
 
-            found = self.call(method, met, *before, of_order, _coefficient(start, k), *behind)
-            return list(found) if isinstance(found, Vec) else [found]
+            sums = self.call(method, met, *before, of_order, _coefficient(start, k), *behind)
+            return list(sums) if isinstance(sums, Vec) else [sums]
 
         terms = self._asks(ask)
-        found = [self._series(terms, i) for i in range(len(terms[0]))]
-        return Vec(*found) if isinstance(start, Vec) else found[0]
+        series = [self._series(terms, i) for i in range(len(terms[0]))]
+        return Vec(*series) if isinstance(start, Vec) else series[0]
 
 
 def _coefficient(x: Any, k: int) -> Any:
@@ -196,6 +197,6 @@ def _coefficient(x: Any, k: int) -> Any:
     if isinstance(x, Series):
         return x[k]
     if isinstance(x, Pair):
-        kind, *more = x.form
-        return kind(*[_coefficient(part, k) for part in x.parts], *more)
+        kind, *options = x.form
+        return kind(*[_coefficient(part, k) for part in x.parts], *options)
     return x if k == 0 else 0.0

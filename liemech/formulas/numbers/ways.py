@@ -25,7 +25,7 @@ from ..vectors import vec
 from .bases import CarriesMore, Operand, StandIn
 
 MOST = 64
-"""Of more ways nothing is told, or of so many comparisons on one."""
+"""Ways, and comparisons on one way, beyond which nothing is told of a formula."""
 
 APART = 1e-9
 """Two numbers that should be equal and differ by more than this, relative to their terms, are two."""
@@ -35,7 +35,7 @@ PRIME = 2**127 - 1
 """By which residues are taken."""
 
 KNOWN, ANY, MOVING = 0, 1, 2
-"""What a number is made of: parameters whose values are known, what may have any value, the state."""
+"""Kinds of numbers: made of parameters whose values are known, of what may have any value, of the state."""
 
 
 class Undecided(TypeError):
@@ -68,31 +68,31 @@ class Ways:
         raise Undecided("a formula has too many branches")
 
     def answer(self, kind: str, x: Number) -> bool:
-        """Is x positive, or, of the other kind, zero?"""
+        """Whether x is positive, or, of the other kind, zero."""
         if x.moves == MOVING and not self.of_moving and np.any(x.at):
             raise Undecided("a formula compares numbers that move")
         if x.moves == KNOWN:
             holds = x.at > 0.0 if kind == "positive" else x.at == 0.0
-            some = np.broadcast_arrays(self.there, holds)[0]
-            if not (some & holds).any() or not (some & ~holds).any():
-                return bool((some & holds).any())
+            undecided = np.broadcast_arrays(self.there, holds)[0]
+            if not (undecided & holds).any() or not (undecided & ~holds).any():
+                return bool((undecided & holds).any())
             answer = self._next(kind, x)
-            self.there = some & (holds == answer)
+            self.there = undecided & (holds == answer)
             return answer
         if not np.any(x.at):
             return kind == "zero"
-        for (other, seen), answer in zip(self._asked, self._answers):
-            if other == kind and self.equal(seen, x.at):
+        for (other, compared), answer in zip(self._asked, self._answers):
+            if other == kind and self.equal(compared, x.at):
                 return answer
             opposite = other == kind and (kind == "zero" or answer or x.moves == MOVING)
-            if opposite and self.equal(seen, -x.at):
+            if opposite and self.equal(compared, -x.at):
                 return answer if kind == "zero" else not answer
         self.branch = True
         return self._next(kind, x)
 
-    def equal(self, one: Any, other: Any) -> bool:
-        """Are numbers equal wherever points go this way and they are finite?"""
-        return not ((np.abs(one - other) > APART * (np.abs(one) + np.abs(other))) & self.there).any()
+    def equal(self, number: Any, other: Any) -> bool:
+        """Whether numbers are equal wherever points go this way and they are finite."""
+        return not ((np.abs(number - other) > APART * (np.abs(number) + np.abs(other))) & self.there).any()
 
     def _next(self, kind: str, x: Number) -> bool:
         """The answer on this way to what was not asked before."""
@@ -150,12 +150,12 @@ class Number(Operand, StandIn):
         return self
 
     def elementary(self, name: str, *x: Any) -> Any:
-        """The function of this name."""
+        """The value of the elementary function of this name."""
         if name == "copysign":
             return abs(x[0]) if x[1] > 0.0 else -abs(x[0])
         values = [values_of(y) for y in x]
-        found = values[0] * values[1] + values[2] if name == "fma" else getattr(functions, name)(*values)
-        return self.made(found, *x)
+        image = values[0] * values[1] + values[2] if name == "fma" else getattr(functions, name)(*values)
+        return self.made(image, *x)
 
     def __gt__(self, other: Any) -> bool:
         return self.ways.answer("positive", self - other)
@@ -196,18 +196,18 @@ class Residue:
         self.n = n % PRIME
 
     @staticmethod
-    def of(x: Any) -> Residue:
-        """That of a float, or one itself."""
+    def from_number(x: Any) -> Residue:
+        """The residue of a float; a residue as it is."""
         if isinstance(x, Residue):
             return x
         above, below = float(x).as_integer_ratio()
         return Residue(above * pow(below, -1, PRIME))
 
     def __add__(self, other: Any) -> Residue:
-        return Residue(self.n + Residue.of(other).n)
+        return Residue(self.n + Residue.from_number(other).n)
 
     def __mul__(self, other: Any) -> Residue:
-        return Residue(self.n * Residue.of(other).n)
+        return Residue(self.n * Residue.from_number(other).n)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -215,27 +215,27 @@ class Residue:
         return Residue(-self.n)
 
     def __sub__(self, other: Any) -> Residue:
-        return self + -Residue.of(other)
+        return self + -Residue.from_number(other)
 
     def __rsub__(self, other: Any) -> Residue:
         return -self + other
 
     def __truediv__(self, other: Any) -> Residue:
-        return Residue(self.n * pow(Residue.of(other).n, -1, PRIME))
+        return Residue(self.n * pow(Residue.from_number(other).n, -1, PRIME))
 
     def __rtruediv__(self, other: Any) -> Residue:
-        return Residue.of(other) / self
+        return Residue.from_number(other) / self
 
     def __pow__(self, other: Any) -> Residue:
         if not isinstance(other, Residue) and float(other).is_integer():
             return Residue(pow(self.n, int(other), PRIME))
-        return self._any("pow", Residue.of(other).n)
+        return self._any("pow", Residue.from_number(other).n)
 
     def __rpow__(self, other: Any) -> Residue:
-        return Residue.of(other)._any("pow", self.n)
+        return Residue.from_number(other)._any("pow", self.n)
 
     def __abs__(self) -> float:
-        """How far it is from zero: as far as anything else that is not zero."""
+        """The distance from zero: 1 for all that is not zero."""
         return float(self.n != 0)
 
     def __bool__(self) -> bool:
@@ -251,7 +251,7 @@ class Residue:
 
 
 class AnyFunction:
-    """In place of a table: some function of a number, or, of so many components, a vector.
+    """A function of a number in place of a table: its value is a number, or, of so many components, a vector.
 
     some : makes a number by chance.
     """
@@ -261,13 +261,13 @@ class AnyFunction:
         self._known: list[tuple[np.ndarray, Any]] = []
 
     def __call__(self, x: Any) -> Any:
-        """Its value, equal for equal arguments."""
+        """The value of the function, equal for equal arguments."""
         if not isinstance(x, Number) or (x.moves == MOVING and not x.ways.of_moving):
             raise Undecided("a table of a number that moves")
-        for seen, value in self._known:
-            if x.ways.equal(seen, x.at):
+        for argument, value in self._known:
+            if x.ways.equal(argument, x.at):
                 return value
-        found = [y.made(y.at, x) for y in [self.some() for _ in range(max(self.size, 1))]]
-        value = vec(*found) if self.size else found[0]
+        components = [y.made(y.at, x) for y in [self.some() for _ in range(max(self.size, 1))]]
+        value = vec(*components) if self.size else components[0]
         self._known.append((x.at, value))
         return value

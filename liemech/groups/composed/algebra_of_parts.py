@@ -39,25 +39,25 @@ class AlgebraOfParts(LieAlgebra):
         raise undefined(self, "_of_equations")
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """[xi, eta]."""
+        """The bracket [xi, eta] of velocities, part by part."""
         return self._of_velocities("bracket", xi, eta)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """ad*_xi mu."""
+        """The coadjoint operator ad*_xi mu, part by part."""
         return self._of_momenta("ad_star", xi, mu)
 
     # the exponential
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_exp(xi) mu."""
+        """The coadjoint map Ad*_exp(xi) mu, part by part."""
         return self._of_momenta("exp_Ad_star", xi, mu)
 
     def dexp(self, xi: Vec, eta: Vec) -> Vec:
-        """dexp_xi eta."""
+        """The differential dexp_xi eta, part by part."""
         return self._of_velocities("dexp", xi, eta)
 
     def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """(dexp_xi)* mu."""
+        """The transposed differential (dexp_xi)* mu, part by part."""
         return self._of_momenta("dexp_dual", xi, mu)
 
     def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
@@ -79,23 +79,23 @@ class AlgebraOfParts(LieAlgebra):
     # the Cayley map
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_cay(xi) mu."""
+        """The coadjoint map Ad*_cay(xi) mu, part by part."""
         return self._of_momenta("cayley_Ad_star", xi, mu)
 
     def dcayley(self, xi: Vec, eta: Vec) -> Vec:
-        """dcay_xi eta."""
+        """The differential dcay_xi eta, part by part."""
         return self._of_velocities("dcayley", xi, eta)
 
     def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """(dcay_xi)* mu."""
+        """The transposed differential (dcay_xi)* mu, part by part."""
         return self._of_momenta("dcayley_dual", xi, mu)
 
     def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
-        """dcay_xi^-1 eta."""
+        """The inverse differential dcay_xi^-1 eta, part by part."""
         return self._of_velocities("dcayley_inv", xi, eta)
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """(dcay_xi^-1)* mu."""
+        """The transposed inverse differential (dcay_xi^-1)* mu, part by part."""
         return self._of_momenta("dcayley_inv_dual", xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:

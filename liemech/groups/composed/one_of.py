@@ -47,9 +47,9 @@ def widened(x: Any, n: int, width: int, rest: float) -> Mat:
     else:
         diagonal = [*x] if isinstance(x, vectors.Vec) else [x for _ in range(n)]
         rows = [[diagonal[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
-    more = [0.0 for _ in range(width - n)]
+    padding = [0.0 for _ in range(width - n)]
     unit = [[rest if i == j else 0.0 for j in range(width)] for i in range(n, width)]
-    return mat(*[vec(*row, *more) for row in rows], *[vec(*row) for row in unit])
+    return mat(*[vec(*row, *padding) for row in rows], *[vec(*row) for row in unit])
 
 
 @record
@@ -65,35 +65,35 @@ class AlgebraOfOne(AlgebraOfParts):
 
     @property
     def dim(self) -> int:
-        """The largest."""
+        """The largest dimension among the kinds."""
         return self.size
 
     def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
-        """The map of its kind.  xi, eta : (dim,)."""
+        """The map `name` of the site's kind, padded with zeros.  xi, eta : (dim,)."""
 
-        def of(k: int) -> Vec:
+        def map_of_kind(k: int) -> Vec:
             kind = self.kinds[k]
             return lengthened(getattr(kind, name)(xi[: kind.dim], eta[: kind.dim], *more), eta)
 
-        return chosen(self.which, self.kinds, of)
+        return chosen(self.which, self.kinds, map_of_kind)
 
     def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
-        """The map of its kind.  xi, mu : (dim,)."""
+        """The map `name` of the site's kind, padded with zeros.  xi, mu : (dim,)."""
         return self._of_velocities(name, xi, mu)
 
     def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
-        """The equations of its kind, and p = mu for what is behind.  xi, p, mu : (dim,)."""
+        """The equations of the site's kind, and p = mu for the numbers behind.  xi, p, mu : (dim,)."""
 
-        def of(k: int) -> tuple[Vec, Mat, Mat]:
+        def equations_of_kind(k: int) -> tuple[Vec, Mat, Mat]:
             kind = self.kinds[k]
             n = kind.dim
             r, by_p, by_xi = getattr(kind, name)(xi[:n], p[:n], mu[:n])
             return (lengthened(r, p - mu), widened(by_p, n, self.dim, 1.0), widened(by_xi, n, self.dim, 0.0))
 
-        return chosen(self.which, self.kinds, of)
+        return chosen(self.which, self.kinds, equations_of_kind)
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """Is it that of its kind?"""
+        """Whether xi lies in the chart of exp of the site's kind."""
         kinds = self.kinds
         return chosen(self.which, kinds, lambda k: kinds[k].is_exp_chart(xi[: kinds[k].dim]))
 
@@ -104,7 +104,7 @@ class OneOf(LieGroup):
     row by row and complex entries as two, and end in zeros where others have more; so do velocities
     and momenta.
 
-    kinds : the groups.  those : of their algebras.  Make it by `OneOf.of`.
+    kinds : the groups.  those : of their algebras.  Make it by `OneOf.of_kinds`.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
     """
@@ -113,24 +113,24 @@ class OneOf(LieGroup):
     those: AlgebraOfOne
 
     @classmethod
-    def of(cls, kinds: tuple[Any, ...], which: SiteArray) -> OneOf:
-        """That of these groups.  which : of every site the number of its group."""
+    def of_kinds(cls, kinds: tuple[Any, ...], which: SiteArray) -> OneOf:
+        """The group whose kind depends on the site.  which : of every site the number of its group."""
         algebras = tuple([kind.algebra for kind in kinds])
         return cls(kinds, AlgebraOfOne(algebras, which, max([kind.dim for kind in kinds])))
 
     @property
     def algebra(self) -> AlgebraOfOne:
-        """That of one of them."""
+        """The Lie algebra: vectors padded with zeros, of the kind of the site at hand."""
         return self.those
 
     @cached_property
     def widths(self) -> tuple[int, ...]:
-        """How many real numbers an element of each is."""
+        """The widths of elements of each kind, in real numbers."""
         return tuple([width_of(kind) for kind in self.kinds])
 
     @cached_property
     def element_shape(self) -> tuple[int, ...]:
-        """One vector."""
+        """The shape of elements as vectors of the widest kind."""
         return (max(self.widths),)
 
     @cached_property
@@ -150,42 +150,42 @@ class OneOf(LieGroup):
     # ---------------------------------------------------------------- maps to elements
 
     def identity(self) -> Element:
-        """That of its kind."""
+        """The neutral element of the site's kind."""
         return self.chosen(lambda k, kind: self._filled(kind.identity()))
 
     def compose(self, g: Element, h: Element) -> Element:
-        """g h."""
+        """The product g h in the site's kind."""
         return self.chosen(lambda k, kind: self._like(kind.compose(self.element(k, g), self.element(k, h)), g))
 
     def inverse(self, g: Element) -> Element:
-        """g^-1."""
+        """The inverse g^-1 in the site's kind."""
         return self.chosen(lambda k, kind: self._like(kind.inverse(self.element(k, g)), g))
 
     def exp(self, xi: Vec) -> Element:
-        """exp xi."""
+        """The exponential map exp(xi) of the site's kind."""
         return self.chosen(lambda k, kind: self._filled(kind.exp(xi[: kind.dim])))
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
-        """g exp xi."""
+        """The product g exp(xi) in the site's kind."""
         return self.chosen(lambda k, kind: self._like(kind.compose_exp(self.element(k, g), xi[: kind.dim]), g))
 
     def why_no_cayley(self) -> str | None:
-        """The first kind that has none."""
+        """The reason of the first kind without a Cayley map, or None."""
         for kind in self.kinds:
             if kind.why_no_cayley() is not None:
                 return f"{kind!r} has none: {kind.why_no_cayley()}"
         return None
 
     def cayley(self, xi: Vec) -> Element:
-        """cay xi."""
+        """The Cayley map cay(xi) of the site's kind."""
         return self.chosen(lambda k, kind: self._filled(kind.cayley(xi[: kind.dim])))
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """g cay xi."""
+        """The product g cay(xi) in the site's kind."""
         return self.chosen(lambda k, kind: self._like(kind.compose_cayley(self.element(k, g), xi[: kind.dim]), g))
 
     def nearest(self, g: Ambient) -> Element:
-        """That of its kind."""
+        """The element of the site's kind nearest to g."""
         return self.chosen(lambda k, kind: self._like(kind.nearest(self.element(k, g)), g))
 
     def _filled(self, g: Any) -> Vec:
@@ -197,11 +197,11 @@ class OneOf(LieGroup):
     # ---------------------------------------------------------------- maps to vectors
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """Ad_g xi."""
+        """The adjoint action Ad_g xi of the site's kind."""
         return self.chosen(lambda k, kind: lengthened(kind.Ad(self.element(k, g), xi[: kind.dim]), xi))
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """Ad*_g mu."""
+        """The coadjoint action Ad*_g mu of the site's kind."""
         return self.chosen(lambda k, kind: lengthened(kind.Ad_star(self.element(k, g), mu[: kind.dim]), mu))
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
@@ -211,17 +211,17 @@ class OneOf(LieGroup):
         )
 
     def log(self, g: Element) -> Vec:
-        """log g."""
+        """The logarithm of g in the site's kind."""
         return self.chosen(lambda k, kind: self._velocity(kind.log(self.element(k, g))))
 
     def scale(self, g: Element | None) -> Vec:
-        """That of its kind."""
+        """The sizes of shifts, as the site's kind measures them."""
         if g is None:
             return self.chosen(lambda k, kind: self._velocity(kind.scale(None)))
         return self.chosen(lambda k, kind: self._velocity(kind.scale(self.element(k, g))))
 
     def defect(self, g: Ambient) -> float:
-        """That of its kind."""
+        """The defect of the invariants of the site's kind."""
         return self.chosen(lambda k, kind: kind.defect(self.element(k, g)))
 
     def _velocity(self, xi: Vec) -> Vec:
@@ -229,9 +229,9 @@ class OneOf(LieGroup):
 
     @property
     def by_adjoint(self) -> LieGroup | None:
-        """One of those of the kinds."""
-        found: list[Any] = [kind.by_adjoint for kind in self.kinds]
-        return None if None in found else OneOf.of(tuple(found), self.those.which)
+        """The group of the kinds with the Cayley map of Ad_g; None if a kind has none."""
+        groups: list[Any] = [kind.by_adjoint for kind in self.kinds]
+        return None if None in groups else OneOf.of_kinds(tuple(groups), self.those.which)
 
 
 def width_of(group: LieGroup) -> int:

@@ -86,11 +86,11 @@ class OppositeGroup(SameElements):
         return OppositeAlgebra(self.group.algebra)
 
     def compose(self, g: Element, h: Element) -> Element:
-        """h g."""
+        """The opposite product, h g in the group."""
         return self.group.compose(h, g)
 
     def exp(self, xi: Vec) -> Element:
-        """exp(xi)."""
+        """The exponential map exp(xi) of the group."""
         return self.group.exp(xi)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
@@ -98,15 +98,15 @@ class OppositeGroup(SameElements):
         return self.group.compose_exp(g, self.Ad(plain(g), xi))
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """Ad of g^-1."""
+        """The adjoint action, Ad of g^-1 in the group."""
         return self.group.Ad(self.group.inverse(g), xi)
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """Ad* of g^-1."""
+        """The coadjoint action, Ad* of g^-1 in the group."""
         return self.group.Ad_star(self.group.inverse(g), mu)
 
     def log(self, g: Element) -> Vec:
-        """log g."""
+        """The logarithm of g in the group."""
         return self.group.log(g)
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
@@ -116,7 +116,7 @@ class OppositeGroup(SameElements):
     # the Cayley map
 
     def cayley(self, xi: Vec) -> Element:
-        """cay(xi)."""
+        """The Cayley map cay(xi) of the group."""
         return self.group.cayley(xi)
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
@@ -124,14 +124,14 @@ class OppositeGroup(SameElements):
         return self.group.compose_cayley(g, self.Ad(plain(g), xi))
 
     def cayley_inv(self, g: Element) -> Vec:
-        """cay^-1 g."""
+        """The inverse Cayley map of the group."""
         return self.group.cayley_inv(g)
 
     @property
     def by_adjoint(self) -> LieGroup | None:
-        """The opposite of that of the group."""
-        found = self.group.by_adjoint
-        return None if found is None else OppositeGroup(found)
+        """The opposite of the group with the Cayley map of Ad_g; None if there is none."""
+        group = self.group.by_adjoint
+        return None if group is None else OppositeGroup(group)
 
     # momenta and arrays
 

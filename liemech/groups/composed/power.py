@@ -41,7 +41,7 @@ class PowerAlgebra(DirectSum):
 
     @property
     def factors(self) -> tuple[Any, ...]:
-        """The algebra, as often as it is there."""
+        """The factors of the direct sum, all of them the base's algebra."""
         return tuple([self.base for _ in range(self.copies)])
 
     @property
@@ -90,22 +90,22 @@ class PowerGroup(DirectProduct):
 
     @property
     def factors(self) -> tuple[Any, ...]:
-        """The group, as often as it is there."""
+        """The factors of the product, all of them the base."""
         return tuple([self.base for _ in range(self.copies)])
 
     @cached_property
     def algebra(self) -> PowerAlgebra:
-        """The direct sum."""
+        """The direct sum of the copies of the base's algebra."""
         return PowerAlgebra(self.base.algebra, self.copies)
 
     @property
     def by_adjoint(self) -> LieGroup | None:
-        """The power of that of the base."""
-        found = self.base.by_adjoint
-        return None if found is None else PowerGroup(found, self.copies)
+        """The power of the base with the Cayley map of Ad_g; None if there is none."""
+        base = self.base.by_adjoint
+        return None if base is None else PowerGroup(base, self.copies)
 
     def why_no_cayley(self) -> str | None:
-        """That of the base."""
+        """The reason why the base has no Cayley map, or None."""
         return self.base.why_no_cayley()
 
     @property
@@ -127,7 +127,7 @@ class PowerGroup(DirectProduct):
 
     @cached_property
     def element_shape(self) -> tuple[int, ...]:
-        """One vector."""
+        """The shape of elements as one vector, (copies width,)."""
         return (self.copies * self.width,)
 
     @cached_property
@@ -161,18 +161,18 @@ class PowerGroup(DirectProduct):
         """An array with an axis of sites as one without, (..., copies, dim) as (..., copies dim);
         anything else as it is.  kind : "Vec", or "Element".
         """
-        one = (self.base.dim,) if kind == "Vec" else self.base.element_shape
+        site_shape = (self.base.dim,) if kind == "Vec" else self.base.element_shape
         try:
             array = np.asarray(value)
         except ValueError:
             return value
-        axes = 1 + len(one)
-        if array.shape[-axes:] != (self.copies, *one):
+        axes = 1 + len(site_shape)
+        if array.shape[-axes:] != (self.copies, *site_shape):
             return value
         lead = array.shape[:-axes]
         if kind != "Vec" and self.base.is_complex:
             array = np.ascontiguousarray(array, dtype=complex).view(float)
-        return array.reshape(*lead, self.copies * (one[0] if kind == "Vec" else self.width))
+        return array.reshape(*lead, self.copies * (site_shape[0] if kind == "Vec" else self.width))
 
     def by_site(self, array: Any, kind: str | None = None) -> Any:
         """An array (..., copies dim) of momenta or velocities with an axis of sites, (..., copies,
@@ -190,14 +190,14 @@ class PowerGroup(DirectProduct):
         return array.reshape(*lead, self.copies, *self.base.element_shape)
 
     def without_sites(self, array: Any, kind: str) -> Any:
-        """The inverse of `by_site`."""
+        """The inverse of `by_site`: sites in a row."""
         return self.in_a_row(array, kind)
 
     # ---------------------------------------------------------------- many sites, on arrays
 
     @property
     def is_large(self) -> bool:
-        """Are there more sites than formulas would be written out for?"""
+        """Whether there are more sites than formulas would be written out for."""
         return self.dim > WRITTEN_OUT
 
     def objection(self, g: np.ndarray) -> str | None:
@@ -210,13 +210,13 @@ class PowerGroup(DirectProduct):
         kinds = {name: "Element" if name in ELEMENTS else "Vec" for name in arguments}
         if method not in SITE_BY_SITE:
             return None
-        given = [self.by_site(x, kinds[name]) for name, x in arguments.items()]
-        found = np.asarray(getattr(self.base, method)(*given))
+        by_site = [self.by_site(x, kinds[name]) for name, x in arguments.items()]
+        values = np.asarray(getattr(self.base, method)(*by_site))
         if method in ("defect", "contains"):
-            return found.max(axis=1) if method == "defect" else found.all(axis=1)
-        if np.iscomplexobj(found):
-            found = np.ascontiguousarray(found).view(float)
-        return found.reshape(len(found), math.prod(found.shape[1:]))
+            return values.max(axis=1) if method == "defect" else values.all(axis=1)
+        if np.iscomplexobj(values):
+            values = np.ascontiguousarray(values).view(float)
+        return values.reshape(len(values), math.prod(values.shape[1:]))
 
     def _in_rows(self, value: Any, kind: str) -> Any:
         return self.in_a_row(value, "Vec" if kind == "Vec" else "Element")

@@ -48,7 +48,7 @@ class DirectSum(AlgebraOfParts):
         return _stacked([getattr(f, name)(x, q, m) for f, x, q, m in shares])
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """Is it each factor's?"""
+        """Whether each part of xi lies in its factor's chart."""
         inside = True
         for factor, x in zip(self.factors, self.parts(xi)):
             inside = inside and factor.is_exp_chart(x)
@@ -138,12 +138,12 @@ class DirectProduct(LieGroup):
 
     def _each(self, formula: Callable[..., Any], *arguments: Sequence[Any]) -> Vec:
         """The vector of a formula's values, for each factor and its share of the arguments."""
-        return joined([entries(formula(*one)) for one in zip(self.factors, *arguments)])
+        return joined([entries(formula(*shares)) for shares in zip(self.factors, *arguments)])
 
     # ---------------------------------------------------------------- group
 
     def identity(self) -> Element:
-        """The neutral elements."""
+        """The neutral elements of the factors, in a row."""
         return self._each(lambda f: f.identity())
 
     def compose(self, g: Element, h: Element) -> Element:
@@ -151,15 +151,15 @@ class DirectProduct(LieGroup):
         return self._each(lambda f, a, b: f.compose(a, b), self._elements(g), self._elements(h))
 
     def inverse(self, g: Element) -> Element:
-        """(g_1^-1, g_2^-1, ...)."""
+        """The inverses of the parts, (g_1^-1, g_2^-1, ...)."""
         return self._each(lambda f, a: f.inverse(a), self._elements(g))
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """Ad of each factor."""
+        """The adjoint action, Ad of each factor on its part."""
         return self._each(lambda f, a, x: f.Ad(a, x), self._elements(g), self._parts(xi))
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """Ad* of each factor."""
+        """The coadjoint action, Ad* of each factor on its part."""
         return self._each(lambda f, a, m: f.Ad_star(a, m), self._elements(g), self._parts(mu))
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
@@ -178,8 +178,8 @@ class DirectProduct(LieGroup):
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
         """The further invariants of the factors, if each of them knows."""
         ends = np.cumsum([factor.dim for factor in self.factors])
-        found = [f.further_invariants(part) for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)]
-        return None if None in found else tuple(x for known in found for x in known or ())
+        invariants = [f.further_invariants(part) for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)]
+        return None if None in invariants else tuple(x for of_factor in invariants for x in of_factor or ())
 
     def scale(self, g: Element | None) -> Vec:
         """The scales of the factors."""
@@ -201,7 +201,7 @@ class DirectProduct(LieGroup):
     # ---------------------------------------------------------------- membership
 
     def defect(self, g: Ambient) -> float:
-        """The largest among the factors."""
+        """The largest defect among the factors."""
         worst = 0.0
         for factor, a in zip(self.factors, self._elements(g)):
             worst = max(worst, factor.defect(a))
@@ -241,7 +241,7 @@ class DirectProduct(LieGroup):
     # ---------------------------------------------------------------- Cayley map
 
     def why_no_cayley(self) -> str | None:
-        """The first factor that has none."""
+        """The reason of the first factor without a Cayley map, or None."""
         for factor in self.factors:
             if factor.why_no_cayley() is not None:
                 return f"its factor {factor!r} has none: {factor.why_no_cayley()}"
@@ -294,14 +294,14 @@ class ProductGroup(DirectProduct):
 
     @cached_property
     def algebra(self) -> ProductAlgebra:
-        """The direct sum."""
+        """The direct sum of the factors' algebras."""
         return ProductAlgebra(tuple([factor.algebra for factor in self.factors]))
 
     @property
     def by_adjoint(self) -> LieGroup | None:
-        """The product of those of the factors."""
-        found = [factor.by_adjoint for factor in self.factors]
-        return None if None in found else ProductGroup(*found)
+        """The product of the factors with the Cayley map of Ad_g; None if a factor has none."""
+        factors = [factor.by_adjoint for factor in self.factors]
+        return None if None in factors else ProductGroup(*factors)
 
 
 # ------------------------------------------------------------------ parts of vectors
@@ -313,7 +313,7 @@ def spans(widths: list[int]) -> list[tuple[int, int]]:
 
 
 def joined(parts: list[Vec]) -> Vec:
-    """One vector from several."""
+    """The parts as one vector, in their order."""
     return vec(*[x for part in parts for x in part])
 
 
@@ -339,8 +339,8 @@ def shaped(group: LieGroup, numbers: Any) -> Any:
 
 def _stacked(equations: list[Any]) -> tuple[Vec, Mat, Mat]:
     """One equation r = 0 from several, and its derivatives, block by block."""
-    r = joined([one for one, _, _ in equations])
-    by_p = [x if isinstance(x, vectors.Mat) else _multiple(x, len(one)) for one, x, _ in equations]
+    r = joined([residual for residual, _, _ in equations])
+    by_p = [x if isinstance(x, vectors.Mat) else _multiple(x, len(residual)) for residual, x, _ in equations]
     return r, _block_diagonal(by_p), _block_diagonal([x for _, _, x in equations])
 
 

@@ -28,7 +28,7 @@ class SameElements(LieGroup):
         return self.group.inverse(g)
 
     def why_no_cayley(self) -> str | None:
-        """The reason why the group has none."""
+        """The reason why the group has no Cayley map, or None."""
         return self.group.why_no_cayley()
 
     def defect(self, g: Ambient) -> float:

@@ -95,7 +95,7 @@ class SemidirectAlgebra(LieAlgebra):
         return vec(*self.acting.dexp_inv_dual(w, m - c), *q)
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """Is xi's part in the chart of the group?"""
+        """Whether xi's part lies in the chart of the group."""
         return self.acting.is_exp_chart(self.parts(xi)[0])
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
@@ -131,8 +131,8 @@ class SemidirectAlgebra(LieAlgebra):
     def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
         """(dcay_xi^-1 eta, (1 + xi/2)(v - eta . u/2))."""
         (x, u), (a, v) = self.parts(xi), self.parts(eta)
-        rest = v - 0.5 * self.action.infinitesimal(a, u)
-        return vec(*self.acting.dcayley_inv(x, a), *(rest + 0.5 * self.action.infinitesimal(x, rest)))
+        difference = v - 0.5 * self.action.infinitesimal(a, u)
+        return vec(*self.acting.dcayley_inv(x, a), *(difference + 0.5 * self.action.infinitesimal(x, difference)))
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """((dcay_xi^-1)* m - J(u, q)/2, q) with q = p . (1 + xi/2)."""
@@ -141,7 +141,7 @@ class SemidirectAlgebra(LieAlgebra):
         return vec(*(self.acting.dcayley_inv_dual(x, m) - 0.5 * self.action.momentum(u, q)), *q)
 
     def _exp_Ad(self, xi: Vec, eta: Vec) -> Vec:
-        """Ad_exp(xi) eta."""
+        """The adjoint map Ad_exp(xi) eta, by phi1 of the action."""
         (x, u), (y, v), action = self.parts(xi), self.parts(eta), self.action
         g = action.group.exp(x)
         moved = action.group.Ad(g, y)
@@ -216,12 +216,14 @@ class SemidirectProduct(LieGroup):
             raise InvalidInput(f"SemidirectProduct: {self.action!r} is no action of {self.acting!r}")
 
     def __repr__(self) -> str:
-        own = type(self.action) in (LinearAction, RotationAction)
-        return f"SemidirectProduct({self.acting!r})" if own else f"SemidirectProduct({self.acting!r}, {self.action!r})"
+        usual = type(self.action) in (LinearAction, RotationAction)
+        return (
+            f"SemidirectProduct({self.acting!r})" if usual else f"SemidirectProduct({self.acting!r}, {self.action!r})"
+        )
 
     @cached_property
     def algebra(self) -> SemidirectAlgebra:
-        """The semidirect sum."""
+        """The semidirect sum of the algebra and the vector space."""
         return SemidirectAlgebra(self.action)
 
     @cached_property
@@ -249,7 +251,7 @@ class SemidirectProduct(LieGroup):
     # ---------------------------------------------------------------- group
 
     def identity(self) -> Element:
-        """(e, 0)."""
+        """The neutral element of the pairs, (e, 0)."""
         return self._pairs.identity()
 
     def compose(self, g: Element, h: Element) -> Element:
@@ -258,7 +260,7 @@ class SemidirectProduct(LieGroup):
         return self.join(self.acting.compose(a, b), x + self.action.act(a, y))
 
     def inverse(self, g: Element) -> Element:
-        """(a^-1, -a^-1 . x)."""
+        """The inverse of the pair (a, x), (a^-1, -a^-1 . x)."""
         a, x = self.split(g)
         back = self.acting.inverse(a)
         return self.join(back, -self.action.act(back, x))
@@ -323,7 +325,7 @@ class SemidirectProduct(LieGroup):
     # ---------------------------------------------------------------- exponential
 
     def exp(self, xi: Vec) -> Element:
-        """(exp xi, phi1(xi) u)."""
+        """The exponential map, (exp xi, phi1(xi) u)."""
         x, u = self.algebra.parts(xi)
         return self.join(self.acting.exp(x), self.action.phi1(x, u))
 
@@ -341,7 +343,7 @@ class SemidirectProduct(LieGroup):
     # ---------------------------------------------------------------- Cayley map
 
     def why_no_cayley(self) -> str | None:
-        """The reason why the action has none."""
+        """The reason why the action has no Cayley map, or None."""
         return self.action.why_no_cayley()
 
     def cayley(self, xi: Vec) -> Element:

@@ -44,19 +44,19 @@ class SpeciesGroup(DirectProduct):
 
     @property
     def factors(self) -> tuple[Any, ...]:
-        """The powers."""
+        """The factors: one power for each species."""
         return self.powers
 
     @cached_property
     def algebra(self) -> ProductAlgebra:
-        """The direct sum."""
+        """The direct sum of the powers' algebras."""
         return ProductAlgebra(tuple([power.algebra for power in self.powers]))
 
     @property
     def by_adjoint(self) -> LieGroup | None:
-        """The product of those of the powers."""
-        found: Any = [power.by_adjoint for power in self.powers]
-        return None if None in found else SpeciesGroup(tuple(found))
+        """The product of the powers with the Cayley map of Ad_g; None if a power has none."""
+        powers: Any = [power.by_adjoint for power in self.powers]
+        return None if None in powers else SpeciesGroup(tuple(powers))
 
     # ---------------------------------------------------------------- sites
 
@@ -67,7 +67,7 @@ class SpeciesGroup(DirectProduct):
 
     @cached_property
     def firsts(self) -> tuple[int, ...]:
-        """Of each species the number of its first site among all."""
+        """The number of the first site of each species among all."""
         return tuple([first for first, _ in spans([power.copies for power in self.powers])])
 
     @property
@@ -116,7 +116,7 @@ class SpeciesGroup(DirectProduct):
         if len(kinds) == 1:
             return kinds[0]
         numbers = [float(kinds.index(power.base)) for power in self.powers]
-        return OneOf.of(tuple(kinds), SiteArray.of(np.repeat(numbers, self.counts)))
+        return OneOf.of_kinds(tuple(kinds), SiteArray.of(np.repeat(numbers, self.counts)))
 
     @property
     def counts(self) -> list[int]:
@@ -127,21 +127,21 @@ class SpeciesGroup(DirectProduct):
 
     @property
     def is_large(self) -> bool:
-        """Are there more sites than formulas would be written out for?"""
+        """Whether there are more sites than formulas would be written out for."""
         return self.dim > WRITTEN_OUT
 
     @cached_property
     def _columns(self) -> dict[str, np.ndarray]:
         """For each number of a row of all sites its place in an array with an axis of sites."""
-        found, wide = {}, {"Vec": self.base.dim, "Element": self._width}
+        columns, wide = {}, {"Vec": self.base.dim, "Element": self._width}
         for kind, width in wide.items():
-            own = [p.base.dim if kind == "Vec" else p.width for p in self.powers]
+            sizes = [p.base.dim if kind == "Vec" else p.width for p in self.powers]
             rows = [
                 (width * (first + np.arange(p.copies))[:, None] + np.arange(n)).ravel()
-                for p, first, n in zip(self.powers, self.firsts, own)
+                for p, first, n in zip(self.powers, self.firsts, sizes)
             ]
-            found[kind] = np.concatenate(rows)
-        return found
+            columns[kind] = np.concatenate(rows)
+        return columns
 
     @property
     def _width(self) -> int:
@@ -152,17 +152,17 @@ class SpeciesGroup(DirectProduct):
         those that have fewer numbers end in zeros.
         """
         lead, width = array.shape[:-1], self.base.dim if kind == "Vec" else self._width
-        found = np.zeros((*lead, self.copies * width))
-        found[..., self._columns[kind]] = array
-        found = found.reshape(*lead, self.copies, width)
+        padded = np.zeros((*lead, self.copies * width))
+        padded[..., self._columns[kind]] = array
+        padded = padded.reshape(*lead, self.copies, width)
         if kind == "Vec" or isinstance(self.base, OneOf):
-            return found
+            return padded
         if self.base.is_complex:
-            found = found.view(complex)
-        return found.reshape(*lead, self.copies, *self.base.element_shape)
+            padded = padded.view(complex)
+        return padded.reshape(*lead, self.copies, *self.base.element_shape)
 
     def without_sites(self, array: Any, kind: str) -> np.ndarray:
-        """The inverse of `by_site`."""
+        """The inverse of `by_site`: a row without the zeros behind."""
         array = np.ascontiguousarray(array)
         axes = 2 if kind == "Vec" else 1 + len(self.base.element_shape)
         rows = array.reshape(*array.shape[: array.ndim - axes], -1)
@@ -182,8 +182,8 @@ class SpeciesGroup(DirectProduct):
         if not isinstance(value, (list, tuple)) or len(value) != len(self.powers):
             return value
         parts = [np.asarray(p.in_a_row(x, kind)) for p, x in zip(self.powers, value)]
-        one = [(p.dim,) if kind == "Vec" else p.element_shape for p in self.powers]
-        if any(x.shape[-1:] != shape for x, shape in zip(parts, one)):
+        row_shapes = [(p.dim,) if kind == "Vec" else p.element_shape for p in self.powers]
+        if any(x.shape[-1:] != shape for x, shape in zip(parts, row_shapes)):
             return value
         lead = np.broadcast_shapes(*[x.shape[:-1] for x in parts])
         return np.concatenate([np.broadcast_to(x, (*lead, x.shape[-1])) for x in parts], axis=-1)
@@ -191,14 +191,14 @@ class SpeciesGroup(DirectProduct):
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
         if method not in SITE_BY_SITE:
             return None
-        found = []
+        blocks = []
         for power, vectors, elements in zip(self.powers, self.algebra_spans, self.places):
             spans_of = {name: elements if name in ELEMENTS else vectors for name in arguments}
-            own = {name: x[..., slice(*spans_of[name])] for name, x in arguments.items()}
-            found.append(power._in_numpy(method, own))
+            slices = {name: x[..., slice(*spans_of[name])] for name, x in arguments.items()}
+            blocks.append(power._in_numpy(method, slices))
         if method in ("defect", "contains"):
-            return np.max(found, axis=0) if method == "defect" else np.all(found, axis=0)
-        return np.concatenate(found, axis=1)
+            return np.max(blocks, axis=0) if method == "defect" else np.all(blocks, axis=0)
+        return np.concatenate(blocks, axis=1)
 
     def _in_rows(self, value: Any, kind: str) -> Any:
         return self.in_a_row(value, "Vec" if kind == "Vec" else "Element")

@@ -45,10 +45,10 @@ def casimir_polynomials(basis: MatrixBasis, algebra: LieAlgebra) -> Found:
 
     def is_new(gradient: np.ndarray, size: float) -> bool:
         nonlocal gradients
-        rest = gradient - (gradient @ gradients.T) @ gradients
-        if len(gradients) >= missing or np.linalg.norm(rest) <= INDEPENDENT * size:
+        remainder = gradient - (gradient @ gradients.T) @ gradients
+        if len(gradients) >= missing or np.linalg.norm(remainder) <= INDEPENDENT * size:
             return False
-        gradients = np.vstack([gradients, rest / np.linalg.norm(rest)])
+        gradients = np.vstack([gradients, remainder / np.linalg.norm(remainder)])
         return True
 
     linear = [z for z in null_space(ad.reshape(-1, dim)) if is_new(z, float(np.linalg.norm(z)))]

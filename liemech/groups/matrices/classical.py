@@ -46,9 +46,9 @@ class ClassicalGroup(MatrixLieGroup):
     def generators(self) -> np.ndarray:
         """The basis as an array, (dim, n, n): of large groups nobody needs it but who asks."""
         k, i, j, values = self._entries()
-        found = np.zeros((int(k[-1]) + 1, self.n, self.n), dtype=values.dtype)
-        found[k, i, j] = values
-        return found
+        basis = np.zeros((int(k[-1]) + 1, self.n, self.n), dtype=values.dtype)
+        basis[k, i, j] = values
+        return basis
 
     @cached_property
     def generated(self) -> MatrixBasis:
@@ -70,12 +70,12 @@ class ClassicalGroup(MatrixLieGroup):
         if self.generated.complex:
             values = np.linalg.eigvalsh(-1j * m)
             return np.stack([(values**k).sum(axis=-1) for k in self._powers()], axis=-1)
-        power, found = m, []
+        power, traces = m, []
         for k in range(1, max(self._powers()) + 1):
             power = m if k == 1 else power @ m
             if k in self._powers():
-                found.append(np.trace(power, axis1=-2, axis2=-1))
-        return np.stack(found, axis=-1)
+                traces.append(np.trace(power, axis1=-2, axis2=-1))
+        return np.stack(traces, axis=-1)
 
     def casimirs(self, mu: Vec) -> Vec:
         """The traces of powers of the matrix that stands for mu."""
@@ -192,14 +192,14 @@ class SO(ClassicalGroup):
         """
         from scipy.linalg import schur
 
-        found = []
+        casimirs = []
         for x in m:
             blocks, q = schur(2.0 * x)  # hat(mu) is twice the matrix that stands for mu
             rates = np.diag(blocks, 1)  # of which one is zero between two planes
             values = [np.sum(rates ** (2 * k)) for k in range(1, (self.n + 1) // 2)]
             planes = [] if self.n % 2 else [np.linalg.det(q) * np.prod(-rates[::2])]
-            found.append([*values, *planes])
-        return np.array(found)
+            casimirs.append([*values, *planes])
+        return np.array(casimirs)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
         """None: the Casimirs tell the angular velocities in all planes, for even n with the
@@ -249,7 +249,7 @@ class SL(ClassicalGroup):
 
     @cached_property
     def invariants(self) -> Invariants:
-        """det g = 1."""
+        """The law of unimodular matrices, det g = 1."""
         return Invariants(determinant="1")
 
     def nearest(self, g: Ambient) -> Element:
@@ -274,7 +274,7 @@ class GL(ClassicalGroup):
     __repr__ = named_by_size
 
     def _entries(self) -> tuple[np.ndarray, ...]:
-        """E_ij, row by row."""
+        """The entries of E_ij, row by row."""
         k = np.arange(self.n**2)
         return k, k // self.n, k % self.n, np.ones(len(k))
 
@@ -357,7 +357,7 @@ class U(ClassicalGroup):
 
     @cached_property
     def invariants(self) -> Invariants:
-        """g^H g = 1."""
+        """The law of unitary matrices, g^H g = 1."""
         return Invariants(hermitian=(np.eye(self.n),), determinant="unit")
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
@@ -416,10 +416,10 @@ class Sp(ClassicalGroup):
         n, half, d = self.n, self.n // 2, np.arange(self.n)
         i, j = np.triu_indices(n, 1)
         k = n + np.arange(len(i))
-        found = []
+        parts = []
         for at, row, column in ((d, d, d), (k, i, j), (k, j, i)):
-            found.append((at, (row + half) % n, column, np.where(row < half, 1.0, -1.0)))
-        return _in_order(*found)
+            parts.append((at, (row + half) % n, column, np.where(row < half, 1.0, -1.0)))
+        return _in_order(*parts)
 
     @cached_property
     def invariants(self) -> Invariants:
@@ -447,9 +447,9 @@ class Sp(ClassicalGroup):
 
 def _in_order(*parts: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
     """Entries of a basis, one generator after the other."""
-    k, *rest = (np.concatenate(x) for x in zip(*parts, strict=True))
+    k, *columns = (np.concatenate(x) for x in zip(*parts, strict=True))
     order = np.argsort(k, kind="stable")
-    return (k[order], *(x[order] for x in rest))
+    return (k[order], *(x[order] for x in columns))
 
 
 def _differences(n: int, first: int, unit: complex = 1.0) -> list[tuple[np.ndarray, ...]]:

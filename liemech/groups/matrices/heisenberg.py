@@ -20,23 +20,23 @@ class HeisenbergAlgebra(MatrixLieAlgebra):
     """
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu + ad*_xi mu."""
+        """The coadjoint map Ad*_exp(xi) mu = mu + ad*_xi mu."""
         return mu + self.ad_star(xi, mu)
 
     def dexp(self, xi: Vec, eta: Vec) -> Vec:
-        """eta - [xi, eta]/2."""
+        """The differential eta - [xi, eta]/2 of exp."""
         return eta + self.bracket(-0.5 * xi, eta)
 
     def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """mu - ad*_xi mu/2."""
+        """The transposed differential mu - ad*_xi mu/2."""
         return mu + self.ad_star(-0.5 * xi, mu)
 
     def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
-        """eta + [xi, eta]/2."""
+        """The inverse differential eta + [xi, eta]/2."""
         return self.dexp(-xi, eta)
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """mu + ad*_xi mu/2."""
+        """The transposed inverse differential mu + ad*_xi mu/2."""
         return self.dexp_dual(-xi, mu)
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
@@ -44,23 +44,23 @@ class HeisenbergAlgebra(MatrixLieAlgebra):
         return p - self.dexp_dual(-xi, mu), 1.0, -0.5 * self._ad_star_of_basis(mu)
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu + ad*_xi mu."""
+        """The coadjoint map of cay = exp, mu + ad*_xi mu."""
         return self.exp_Ad_star(xi, mu)
 
     def dcayley(self, xi: Vec, eta: Vec) -> Vec:
-        """eta - [xi, eta]/2."""
+        """The differential of cay = exp, eta - [xi, eta]/2."""
         return self.dexp(xi, eta)
 
     def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """mu - ad*_xi mu/2."""
+        """The transposed differential of cay = exp, mu - ad*_xi mu/2."""
         return self.dexp_dual(xi, mu)
 
     def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
-        """eta + [xi, eta]/2."""
+        """The inverse differential of cay = exp, eta + [xi, eta]/2."""
         return self.dexp_inv(xi, eta)
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """mu + ad*_xi mu/2."""
+        """The transposed inverse differential of cay = exp, mu + ad*_xi mu/2."""
         return self.dexp_inv_dual(xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
@@ -115,7 +115,7 @@ class Heisenberg(MatrixLieGroup):
         return self._element(q, p, z + 0.5 * dot(q, p))
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
-        """q and p are added."""
+        """The product g exp(xi), where q and p are added."""
         q, p, z = self._parts(g)
         dq, dp, dz = self._split(xi)
         return self._element(q + dq, p + dp, z + (dz + 0.5 * dot(dq, dp) + dot(q, dp)))
@@ -134,7 +134,7 @@ class Heisenberg(MatrixLieGroup):
         return mu + self.algebra.ad_star(self.log(g), mu)
 
     def casimirs(self, mu: Vec) -> Vec:
-        """The momentum along Z."""
+        """The only Casimir, the momentum along Z."""
         return vec(mu[2 * self.n])
 
     @property
@@ -155,15 +155,15 @@ class Heisenberg(MatrixLieGroup):
     # ---------------------------------------------------------------- Cayley map
 
     def cayley(self, xi: Vec) -> Element:
-        """exp(xi)."""
+        """The Cayley map, which is exp(xi)."""
         return self.exp(xi)
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """g exp(xi)."""
+        """The product g cay(xi) = g exp(xi)."""
         return self.compose_exp(g, xi)
 
     def cayley_inv(self, g: Element) -> Vec:
-        """log(g)."""
+        """The inverse Cayley map, which is log(g)."""
         return self.log(g)
 
     # ---------------------------------------------------------------- parts

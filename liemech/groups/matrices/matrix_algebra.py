@@ -49,12 +49,12 @@ class MatrixLieAlgebra(LieAlgebra):
 
     @cached_property
     def is_large(self) -> bool:
-        """Are the matrices too large for formulas?"""
+        """Whether the matrices are too large for formulas."""
         return self.generated.large
 
     @cached_property
     def dim(self) -> int:
-        """The number of generators."""
+        """The dimension, which is the number of generators."""
         return self.generated.dim
 
     @cached_property
@@ -83,7 +83,7 @@ class MatrixLieAlgebra(LieAlgebra):
         return bilinear_map(self.generated.ad_star_terms, xi, mu)
 
     def hat(self, xi: Vec) -> Mat:
-        """sum_i xi_i E_i."""
+        """The matrix of a velocity, sum_i xi_i E_i."""
         if self.is_large:
             return self.generated.hat_map(xi)
         return self._assembled(self.generated.hat_terms, xi)
@@ -187,20 +187,20 @@ class MatrixLieAlgebra(LieAlgebra):
         size2 = self.ad_size2(xi)
         if self.generated.large:
             return LieAlgebra.exp_residual(self, xi, p, mu)
-        tiny, one = digits(size2)
+        tiny, unit = digits(size2)
         k = 2.0
         term = self.ad_star(0.5 * xi, mu)
         slope, bound = 0.5 * self._ad_star_of_basis(mu), size2
         by_xi, change = slope, term
         while bound > ROUGH and k < 64.0:
             k = k + 1.0
-            x = (one / k) * xi
-            slope = self._ad_star_of_columns(x, slope) + (one / k) * self._ad_star_of_basis(term)
+            x = (unit / k) * xi
+            slope = self._ad_star_of_columns(x, slope) + (unit / k) * self._ad_star_of_basis(term)
             term = self.ad_star(x, term)
             by_xi, change, bound = by_xi + slope, change + term, bound * (size2 / (k * k))
         while bound > tiny and k < 64.0:
             k = k + 1.0
-            term = self.ad_star((one / k) * xi, term)
+            term = self.ad_star((unit / k) * xi, term)
             change, bound = change + term, bound * (size2 / (k * k))
         carried = mu + change if size2 <= 4.0 else self.dexp_dual(-xi, mu)
         return p - carried, 1.0, -by_xi
@@ -238,8 +238,8 @@ class MatrixLieAlgebra(LieAlgebra):
         if self.dim <= AT_ONCE:
             return super()._ad_matrices
         units = np.eye(self.dim)
-        found = np.asarray(self.bracket(units[:, None], units[None])).transpose(0, 2, 1)
-        return np.where(np.abs(found) <= 1e-13 * np.abs(found).max(), 0.0, found)
+        matrices = np.asarray(self.bracket(units[:, None], units[None])).transpose(0, 2, 1)
+        return np.where(np.abs(matrices) <= 1e-13 * np.abs(matrices).max(), 0.0, matrices)
 
     def ad_matrix(self, xi: Vec) -> Mat:
         """The matrix of ad_xi, from the structure constants."""
@@ -344,7 +344,7 @@ class MatrixLieAlgebra(LieAlgebra):
 
 
 def adjoint(m: Mat) -> Mat:
-    """The conjugate transpose."""
+    """The conjugate transpose m^H, m^T for real entries."""
     if isinstance(m, InMemory):
         return m.H
     if isinstance(m[0, 0], Complex):
@@ -364,13 +364,13 @@ def _series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float, first: flo
     """The sum of A^k v first!/(k + first)! for k = 1, 2, ..., A = action(x, .) with |A|^2 <= size2:
     exp(A) v - v for first = 0.
     """
-    tiny, one = digits(size2)
+    tiny, unit = digits(size2)
     k = first + 1.0
-    term = action((one / k) * x, v)
+    term = action((unit / k) * x, v)
     result, bound = term, size2
     while bound > tiny and k < 64.0:
         k = k + 1.0
-        term = action((one / k) * x, term)
+        term = action((unit / k) * x, term)
         result, bound = result + term, bound * (size2 / (k * k))
     return result
 

@@ -22,7 +22,7 @@ def of_group(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> A
     """The value of a group's method, for arrays whose first axis is the batch; None if it is not
     here.
     """
-    basis, one = group.generated, np.eye(group.generated.n)
+    basis, unit = group.generated, np.eye(group.generated.n)
     match method, *arguments.values():
         case "compose", g, h:
             return g @ h
@@ -49,7 +49,7 @@ def of_group(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> A
         case "compose_cayley", g, xi if basis.without_cayley is None:
             return g @ _cayley(basis, xi)
         case "cayley_inv", g if basis.without_cayley is None:
-            return basis.vee(2.0 * np.linalg.solve(g + one, g - one))
+            return basis.vee(2.0 * np.linalg.solve(g + unit, g - unit))
         case "casimirs", mu:
             return casimirs(group, mu)
         case "defect", g:
@@ -66,11 +66,11 @@ def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]
     Source: Higham, Functions of Matrices (2008), theorem 3.6 (the differential of exp from a block
     matrix).
     """
-    basis, one = algebra.generated, np.eye(algebra.generated.n)
-    given = list(arguments.values())
+    basis, unit = algebra.generated, np.eye(algebra.generated.n)
+    operands = list(arguments.values())
     if method.startswith(("dexp", "dcayley")) and arguments.get("side") != "right":
-        given[0] = -given[0]  # below stand the right-trivialised ones
-    match method, *given:
+        operands[0] = -operands[0]  # below stand the right-trivialised ones
+    match method, *operands:
         case "hat", xi:
             return basis.hat(xi)
         case "vee", matrix:
@@ -97,21 +97,21 @@ def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]
             return basis.pairing(_phi_inverse(_star(basis.hat(xi)), basis.covector(mu)))
     if basis.without_cayley is not None:
         return None
-    match method, *given:
+    match method, *operands:
         case "dcayley", xi, eta, *_:
             half = 0.5 * basis.hat(xi)
-            back = np.linalg.inv(one + half)
-            return basis.vee(np.linalg.solve(one - half, basis.hat(eta)) @ back)
+            back = np.linalg.inv(unit + half)
+            return basis.vee(np.linalg.solve(unit - half, basis.hat(eta)) @ back)
         case "dcayley_inv", xi, eta, *_:
             half = 0.5 * basis.hat(xi)
-            return basis.vee((one - half) @ basis.hat(eta) @ (one + half))
+            return basis.vee((unit - half) @ basis.hat(eta) @ (unit + half))
         case "dcayley_inv_dual", xi, mu, *_:
             half = 0.5 * _star(basis.hat(xi))
-            return basis.pairing((one - half) @ basis.covector(mu) @ (one + half))
+            return basis.pairing((unit - half) @ basis.covector(mu) @ (unit + half))
         case "dcayley_dual", xi, mu, *_:
             half = 0.5 * _star(basis.hat(xi))
-            back = np.linalg.inv(one + half)
-            return basis.pairing(np.linalg.solve(one - half, basis.covector(mu)) @ back)
+            back = np.linalg.inv(unit + half)
+            return basis.pairing(np.linalg.solve(unit - half, basis.covector(mu)) @ back)
         case "cayley_Ad_star", xi, mu:
             return _coadjoint(basis, _cayley(basis, xi), _cayley(basis, -xi), mu)
     return None
@@ -123,13 +123,13 @@ def casimirs(group: MatrixLieGroup, mu: np.ndarray) -> np.ndarray:
     """
     if not hasattr(group, "_casimirs_of"):
         return np.zeros((len(mu), 0))
-    found: np.ndarray = group._casimirs_of(group.generated.covector(mu))
-    return found
+    traces: np.ndarray = group._casimirs_of(group.generated.covector(mu))
+    return traces
 
 
 def _cayley(basis: MatrixBasis, xi: np.ndarray) -> np.ndarray:
-    half, one = 0.5 * basis.hat(xi), np.eye(basis.n)
-    return np.linalg.solve(one - half, one + half)
+    half, unit = 0.5 * basis.hat(xi), np.eye(basis.n)
+    return np.linalg.solve(unit - half, unit + half)
 
 
 def _star(m: np.ndarray) -> np.ndarray:
@@ -172,8 +172,8 @@ def _phi_inverse(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return _phi_inverse_series(x, y)
     with np.errstate(all="ignore"):
         factor = np.where(z == 0.0, 1.0, z / np.expm1(z))
-    found = vectors @ (factor * np.linalg.solve(vectors, y @ vectors)) @ np.linalg.inv(vectors)
-    return found if np.iscomplexobj(x) else found.real
+    z_of_y = vectors @ (factor * np.linalg.solve(vectors, y @ vectors)) @ np.linalg.inv(vectors)
+    return z_of_y if np.iscomplexobj(x) else z_of_y.real
 
 
 def _phi_inverse_series(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -182,9 +182,9 @@ def _phi_inverse_series(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """
     z = y
     for _ in range(200):
-        rest = y - _phi(x, z)
-        z = z + rest
-        if np.linalg.norm(rest) <= 1e-15 * np.linalg.norm(y):
+        residual = y - _phi(x, z)
+        z = z + residual
+        if np.linalg.norm(residual) <= 1e-15 * np.linalg.norm(y):
             return z
     raise InvalidInput("dexp_inv: xi is too large for a matrix without a basis of eigenvectors")
 

@@ -108,15 +108,15 @@ class MatrixBasis:
         """
         from scipy.sparse.csgraph import connected_components
 
-        there = np.abs(self.core.generators) > 2.0**-40 * np.abs(self.core.generators).max()
-        _, block = connected_components(there.any(axis=0), connection="strong")
-        found = []
-        for entries in there:
+        nonzero = np.abs(self.core.generators) > 2.0**-40 * np.abs(self.core.generators).max()
+        _, block = connected_components(nonzero.any(axis=0), connection="strong")
+        of_generators = []
+        for entries in nonzero:
             blocks = {(int(j), int(block[i])) for i, j in np.argwhere(entries)}
             within = any(block[j] == b for j, b in blocks)
             rows = [(j, tuple(np.flatnonzero(block == b).tolist())) for j, b in sorted(blocks)]
-            found.append(() if within else tuple(rows))
-        return tuple(found)
+            of_generators.append(() if within else tuple(rows))
+        return tuple(of_generators)
 
     def to_core(self, g: np.ndarray) -> np.ndarray:
         """A matrix in the units of `core`.  g : (..., n, n)."""
@@ -196,8 +196,8 @@ class MatrixBasis:
 
     @cached_property
     def tabled(self) -> bool:
-        """Are brackets quicker by structure constants than by the products of matrices that are
-        large?
+        """Whether brackets are quicker by structure constants than by products of matrices, which those of
+        small ones always are.
         """
         if not self.large:
             return True
@@ -360,15 +360,15 @@ class MatrixBasis:
         """For each component of the dual of y -> x y x, applied to mu, the terms (c, i, l, k),
         standing for c x_i x_l mu_k.
         """
-        found: list[list[Any]] = [[] for _ in range(self.dim)]
+        dual_terms: list[list[Any]] = [[] for _ in range(self.dim)]
         for k, terms in enumerate(self.triple_terms):
             for c, i, l, j in terms:
-                found[j].append((c, i, l, k))
-        return tuple(map(tuple, found))
+                dual_terms[j].append((c, i, l, k))
+        return tuple(map(tuple, dual_terms))
 
     @cached_property
     def few_triples(self) -> bool:
-        """Is x y x quicker by its constants than by products of matrices?"""
+        """Whether x y x is quicker by its constants than by products of matrices."""
         if self.large or self.without_cayley is not None:
             return False
         return sum(map(len, self.triple_terms)) <= self.n**3
@@ -377,22 +377,22 @@ class MatrixBasis:
 
     @cached_property
     def hat_map(self) -> LinearMap:
-        """hat of large vectors."""
+        """The hat map of large vectors, a sparse matrix."""
         return LinearMap(self._interleaved(self.columns), self._vector, self._matrix)
 
     @cached_property
     def vee_map(self) -> LinearMap:
-        """vee of large matrices."""
+        """The vee map of large matrices, a sparse matrix."""
         return LinearMap(self._interleaved(self.rows.T).T, self._matrix, self._vector)
 
     @cached_property
     def covector_map(self) -> LinearMap:
-        """covector of large vectors."""
+        """The covector map of large vectors, a sparse matrix."""
         return LinearMap(self._interleaved(self.rows.T), self._vector, self._matrix)
 
     @cached_property
     def pairing_map(self) -> LinearMap:
-        """pairing of large matrices."""
+        """The pairing map of large matrices, a sparse matrix."""
         return LinearMap(self._interleaved(self.columns).T, self._matrix, self._vector)
 
     @property
@@ -404,7 +404,7 @@ class MatrixBasis:
         return (self.n, self.n), self.complex
 
     def _interleaved(self, columns: Any) -> Any:
-        """Of complex matrices the imaginary parts behind the real ones, entry by entry, as they lie
+        """Columns with the imaginary parts of complex matrices behind the real ones, entry by entry, as they lie
         in memory.
         """
         size = self.n**2
@@ -428,9 +428,9 @@ class SparseBasis(MatrixBasis):
     def generators(self) -> np.ndarray:  # type: ignore[override]
         """E_1, E_2, ...: (dim, n, n), for those who ask."""
         k, i, j, values = self._sparse
-        found = np.zeros((self.dim, self.n, self.n), dtype=values.dtype)
-        found[k, i, j] = values
-        return found
+        basis = np.zeros((self.dim, self.n, self.n), dtype=values.dtype)
+        basis[k, i, j] = values
+        return basis
 
     @cached_property
     def columns(self) -> Any:
@@ -440,10 +440,10 @@ class SparseBasis(MatrixBasis):
         at, size = i * self.n + j, self.n**2
         parts = np.concatenate([values.real, values.imag]) if self.complex else values
         rows = np.concatenate([at, size + at]) if self.complex else at
-        there = np.flatnonzero(parts)
-        of = np.tile(k, 2)[there] if self.complex else k[there]
+        nonzero = np.flatnonzero(parts)
+        generator = np.tile(k, 2)[nonzero] if self.complex else k[nonzero]
         shape = (2 if self.complex else 1) * size, self.dim
-        return coo_array((parts[there], (rows[there], of)), shape=shape).tocsr()
+        return coo_array((parts[nonzero], (rows[nonzero], generator)), shape=shape).tocsr()
 
     @cached_property
     def units(self) -> tuple[np.ndarray, np.ndarray]:
@@ -459,18 +459,18 @@ class SparseBasis(MatrixBasis):
         columns = self.columns.tocsc()
         gram = (columns.T @ columns).tocsr()
         alone = np.diff(gram.indptr) == 1
-        rest = np.flatnonzero(~alone)
+        coupled = np.flatnonzero(~alone)
         scale = np.where(alone, 1.0 / gram.diagonal(), 0.0)
-        found = csr_array(columns.T.tocsr() * scale[:, None])
-        if len(rest):
-            block = columns[:, rest]
+        inverses = csr_array(columns.T.tocsr() * scale[:, None])
+        if len(coupled):
+            block = columns[:, coupled]
             touched = np.unique(block.indices)
             inverse = clean(np.linalg.pinv(block[touched].toarray(), rcond=1e-15))
             i, j = np.nonzero(inverse)
-            more = coo_array((inverse[i, j], (rest[i], touched[j])), shape=found.shape)
-            found = csr_array(found + more.tocsr())
-        found.eliminate_zeros()
-        return found
+            of_coupled = coo_array((inverse[i, j], (coupled[i], touched[j])), shape=inverses.shape)
+            inverses = csr_array(inverses + of_coupled.tocsr())
+        inverses.eliminate_zeros()
+        return inverses
 
     @property
     def shifts(self) -> tuple[Any, ...]:
@@ -578,11 +578,11 @@ def power_of_two(sizes: np.ndarray) -> np.ndarray:
 
 def linear_terms(row: np.ndarray) -> tuple[tuple[float, int], ...]:
     """(coefficient, index) of what is not zero, positive coefficients first."""
-    found = [(float(row[k]), int(k)) for k in np.flatnonzero(row)]
-    return tuple(sorted(found, key=lambda term: term[0] < 0.0))
+    terms = [(float(row[k]), int(k)) for k in np.flatnonzero(row)]
+    return tuple(sorted(terms, key=lambda term: term[0] < 0.0))
 
 
 def products(square: np.ndarray) -> tuple[tuple[float, int, int], ...]:
     """(coefficient, row, column) of what is not zero, positive coefficients first."""
-    found = [(float(square[i, j]), int(i), int(j)) for i, j in np.argwhere(square != 0.0)]
-    return tuple(sorted(found, key=lambda term: term[0] < 0.0))
+    terms = [(float(square[i, j]), int(i), int(j)) for i, j in np.argwhere(square != 0.0)]
+    return tuple(sorted(terms, key=lambda term: term[0] < 0.0))

@@ -39,7 +39,7 @@ def frobenius2(m: Mat) -> float:
 
 
 def plus(m: Mat, s: float) -> Mat:
-    """m + s 1."""
+    """The matrix m + s 1, for a number s."""
     if isinstance(m, InMemory):
         return m.plus(s)
     return mat(*[vec(*[m[i, j] + s if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))])
@@ -116,16 +116,16 @@ def _pade(x: Large, size2: float) -> Large:
 
 def _series(x: Mat, size2: float) -> Mat:
     """x + x^2/2 + x^3/6 + ..., as cosh(x) - 1 + x (sinh(x)/x), for a matrix of norm 1 at most."""
-    tiny, one = digits(size2)
+    tiny, unit = digits(size2)
     square = x @ x
     term = 0.5 * square
-    even, odd = term, (one / 3.0) * term
+    even, odd = term, (unit / 3.0) * term
     bound, k = 0.5 * size2, 2.0
     while bound * bound > tiny * size2 and k < 64.0:
         bound = bound * (size2 / ((k + 1.0) * (k + 2.0)))
-        term = (one / ((k + 1.0) * (k + 2.0))) * (term @ square)
+        term = (unit / ((k + 1.0) * (k + 2.0))) * (term @ square)
         k = k + 2.0
-        even, odd = even + term, odd + (one / (k + 1.0)) * term
+        even, odd = even + term, odd + (unit / (k + 1.0)) * term
     return x + (even + x @ odd)
 
 
@@ -136,7 +136,7 @@ def _series_by_characteristic(x: Mat, size2: float) -> Mat:
     Source: the theorem of Cayley and Hamilton; Gantmacher, The Theory of Matrices, volume 1,
     chapter 4.
     """
-    tiny, one = digits(size2)
+    tiny, unit = digits(size2)
     square = x @ x
     s = x[0, 0] + x[1, 1] + x[2, 2]
     t = 0.5 * (square[0, 0] + square[1, 1] + square[2, 2] - s * s)
@@ -147,7 +147,7 @@ def _series_by_characteristic(x: Mat, size2: float) -> Mat:
     bound, k = 0.25 * size2 * size2, 2.0
     while bound > tiny * size2 and k < 64.0:
         k = k + 1.0
-        part = one / k
+        part = unit / k
         a, b, c = part * (s * a + b), part * (t * a + c), part * (d * a)
         of_square, of_x, of_one, bound = (of_square + a, of_x + b, of_one + c, bound * (size2 * (part * part)))
     return x + plus(square * of_square + x * of_x, of_one)
@@ -179,12 +179,12 @@ def phi1m(a: Mat) -> Mat:
         size2, halvings = frobenius2(a), halvings + 1.0
     if halvings > LOST:
         a, halvings = a * (INFINITE - INFINITE), 0.0
-    tiny, one = digits(size2)
+    tiny, unit = digits(size2)
     term, k, bound = 0.5 * a, 2.0, 0.25 * size2
     phi = plus(term, 1.0)
     while bound > tiny and k < 64.0:
         k = k + 1.0
-        term, bound = (one / k) * (term @ a), bound * (size2 / (k * k))
+        term, bound = (unit / k) * (term @ a), bound * (size2 / (k * k))
         phi = phi + term
     e = a @ phi
     while halvings > 0.0:
@@ -235,10 +235,10 @@ def atanhm(z: Mat) -> Mat:
     """The series z + z^3/3 + z^5/5 + ..., for norms well below 1.  z : (n, n)."""
     square = z @ z
     size2 = frobenius2(z)
-    tiny, one = digits(size2)
+    tiny, unit = digits(size2)
     power, sum_, k, bound = z, z, 1.0, 1.0
     while bound * bound > tiny and k < 200.0:
         power = power @ square
         k, bound = k + 2.0, bound * size2
-        sum_ = sum_ + (one / k) * power
+        sum_ = sum_ + (unit / k) * power
     return sum_

@@ -73,7 +73,7 @@ class MatrixLieGroup(LieGroup):
 
     @cached_property
     def is_large(self) -> bool:
-        """Are the matrices too large for formulas?"""
+        """Whether the matrices are too large for formulas."""
         return self.generated.large
 
     @cached_property
@@ -105,7 +105,7 @@ class MatrixLieGroup(LieGroup):
     # ---------------------------------------------------------------- group
 
     def identity(self) -> Element:
-        """The unit matrix."""
+        """The neutral element, the unit matrix."""
         return _constant(np.eye(self.generated.n, dtype=self._kind), self.is_large)
 
     @property
@@ -140,7 +140,7 @@ class MatrixLieGroup(LieGroup):
 
     @cached_property
     def keeps_lengths(self) -> bool:
-        """Are all elements orthogonal or unitary?"""
+        """Whether all elements are orthogonal or unitary."""
         return self._form is not None and min(self._form) == 1.0
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
@@ -168,12 +168,12 @@ class MatrixLieGroup(LieGroup):
         xi, off2, near, tries = self.algebra.vee(plus(g, -1.0)), 1.0, g, 0.0
         while off2 > 1e-20 and tries < 2.0:
             xi = self.algebra.vee(logm(near))
-            rest = plus(self.exp(-xi) @ g, -1.0)
-            off2, turns = frobenius2(rest), 0.0
+            remainder = plus(self.exp(-xi) @ g, -1.0)
+            off2, turns = frobenius2(remainder), 0.0
             while 1e-31 < off2 < 0.01 and turns < 6.0:
-                xi = xi + self.dexp_inv(xi, self.algebra.vee(log1pm(rest)))
-                rest = plus(self.exp(-xi) @ g, -1.0)
-                off2, turns = frobenius2(rest), turns + 1.0
+                xi = xi + self.dexp_inv(xi, self.algebra.vee(log1pm(remainder)))
+                remainder = plus(self.exp(-xi) @ g, -1.0)
+                off2, turns = frobenius2(remainder), turns + 1.0
             off2 = off2 if off2 < 1.0 else 1.0
             near, tries = g @ self._neighbour, tries + 1.0
         if off2 > 1e-16 * max(1.0, frobenius2(g)):
@@ -210,7 +210,7 @@ class MatrixLieGroup(LieGroup):
         return g + g @ self._cayley1(xi)
 
     def _cayley1(self, xi: Vec) -> Mat:
-        """cay(xi) - 1."""
+        """The Cayley map less the unit matrix, cay(xi) - 1."""
         self._require_cayley()
         x = self.algebra.hat(xi)
         if self.is_large:
@@ -284,15 +284,15 @@ class MatrixLieGroup(LieGroup):
         """
         if g is None or not any(self.generated.shifts):
             return super().scale(None)
-        here, found = self._in_core(g), []
+        core, sizes = self._in_core(g), []
         for unit, blocks in zip(identity_matrix(self.dim), self.generated.shifts):
             if not blocks:
-                found.append(1.0)
+                sizes.append(1.0)
                 continue
             moved = self._in_core(g @ self.algebra.hat(unit))
-            away, by = (total([abs2(x[i, j]) for j, rows in blocks for i in rows]) for x in (here, moved))
-            found.append(sqrt(away / by))
-        return vec(*found)
+            away, by = (total([abs2(x[i, j]) for j, rows in blocks for i in rows]) for x in (core, moved))
+            sizes.append(sqrt(away / by))
+        return vec(*sizes)
 
     # ---------------------------------------------------------------- membership
 
@@ -300,7 +300,7 @@ class MatrixLieGroup(LieGroup):
         """The largest defect of the invariants, relative to the size of an element."""
         if isinstance(g, Large):
             return float(matrix_arrays.of_group(self, "defect", {"g": g.array[None]})[0])
-        given, g = g, self._in_core(g)
+        element, g = g, self._in_core(g)
         vectors, covectors, commuting, forms, hermitian, coforms, cohermitian, _, _ = self._laws
         spread = max(1.0, frobenius2(g) / len(g))
         if not spread < HUGE:
@@ -313,7 +313,7 @@ class MatrixLieGroup(LieGroup):
         of_forms = max([0.0, 0.0] + [abs2(x) for m in second for row in m for x in row]) / (spread * spread)
         of_vectors = max([0.0, 0.0] + [abs2(x) for v in first for x in v]) / spread
         of_matrices = max([0.0, 0.0] + [abs2(x) for m in commutators for row in m for x in row]) / spread
-        others = max(self._determinant_defect(g), self._normaliser_defect(given), self._further_defect(g))
+        others = max(self._determinant_defect(g), self._normaliser_defect(element), self._further_defect(g))
         return max(sqrt(max(of_forms, of_vectors, of_matrices)), others)
 
     def _determinant_defect(self, g: Mat) -> float:
@@ -327,19 +327,19 @@ class MatrixLieGroup(LieGroup):
         return off / max(1.0, scale)
 
     def _further_defect(self, g: Mat) -> float:
-        """That of cubic forms and of directions that are stretched."""
+        """The largest defect of cubic forms and of directions that are stretched."""
         worst, spread, columns = 0.0, max(1.0, frobenius2(g) / len(g)), g.T
         *_, rays, cubic = self._laws
         for v in rays:
-            there = g @ v
-            off = there - max(dot(v, there), 0.0) * v
+            image = g @ v
+            off = image - max(dot(v, image), 0.0) * v
             worst = max(worst, dot(off, off) / spread)
         for form in cubic:
             # T(g x, ., .) first, then the others
             once = [total([scaled(a, t) for a, t in zip(x, form)]) for x in columns]
-            for i, one in enumerate(once):
-                there = columns @ (one @ g) - form[i]
-                worst = max(worst, *[abs2(x) / (spread * spread * spread) for row in there for x in row])
+            for i, contracted in enumerate(once):
+                image = columns @ (contracted @ g) - form[i]
+                worst = max(worst, *[abs2(x) / (spread * spread * spread) for row in image for x in row])
         return sqrt(worst)
 
     def _normaliser_defect(self, g: Mat) -> float:
@@ -423,7 +423,7 @@ class GeneratedGroup(MatrixLieGroup):
 
     @property
     def generators(self) -> np.ndarray:
-        """The matrices."""
+        """The matrices E_i by which the group was given."""
         return self.matrices.array
 
     def __repr__(self) -> str:

@@ -48,18 +48,18 @@ def invariants_of(basis: MatrixBasis) -> Invariants:
     conditions on g to conditions on X).
     """
     e, n = basis.generators, basis.n
-    one, traces = np.eye(n), np.einsum("iaa->i", e)
+    unity, traces = np.eye(n), np.einsum("iaa->i", e)
     transposed, conjugate = e.swapaxes(1, 2), np.conj(e)
     size = np.abs(e).max()
 
     def unknown(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, ...]:
         """All B with left_i B + B right_i = 0."""
-        equations = np.einsum("iac,bd->iabcd", left, one) + np.einsum("idb,ac->iabcd", right, one)
+        equations = np.einsum("iac,bd->iabcd", left, unity) + np.einsum("idb,ac->iabcd", right, unity)
         return tuple(b.reshape(n, n) for b in null_space(equations.reshape(-1, n * n)))
 
     vectors = null_space(e.reshape(-1, n))
     covectors = null_space(transposed.reshape(-1, n))
-    commuting = [a for a in unknown(e, -e) if np.abs(a - a[0, 0] * one).max() > 1e-9]
+    commuting = [a for a in unknown(e, -e) if np.abs(a - a[0, 0] * unity).max() > 1e-9]
     forms, coforms = unknown(transposed, e), unknown(e, transposed)
     hermitian: tuple[np.ndarray, ...] = ()
     cohermitian: tuple[np.ndarray, ...] = ()
@@ -67,7 +67,7 @@ def invariants_of(basis: MatrixBasis) -> Invariants:
         hermitian = unknown(conjugate.swapaxes(1, 2), e)
         cohermitian = unknown(e, conjugate.swapaxes(1, 2))
     free, unit = np.abs(traces).max() <= 1e-12 * size, np.abs(traces.real).max() <= 1e-12 * size
-    found = Invariants(
+    laws = Invariants(
         tuple(vectors),
         tuple(covectors),
         tuple(commuting),
@@ -78,11 +78,11 @@ def invariants_of(basis: MatrixBasis) -> Invariants:
         "1" if free else "unit" if unit else "any" if basis.complex else "positive",
         rays=() if free and n < 2 else _rays(e),
     )
-    enough = basis.dim == _freedom(found, n, basis.complex)
+    enough = basis.dim == _freedom(laws, n, basis.complex)
     if not enough and n <= CUBIC:
-        found = replace(found, cubic=_cubic_forms(e))
-        enough = basis.dim == _freedom(found, n, basis.complex)
-    return replace(found, enough=enough)
+        laws = replace(laws, cubic=_cubic_forms(e))
+        enough = basis.dim == _freedom(laws, n, basis.complex)
+    return replace(laws, enough=enough)
 
 
 def _rays(e: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -92,15 +92,15 @@ def _rays(e: np.ndarray) -> tuple[np.ndarray, ...]:
     if np.iscomplexobj(e):
         return ()
     values, vectors = np.linalg.eig(np.einsum("k,kij->ij", np.cos(np.arange(1.0, len(e) + 1.0)), e))
-    found = []
+    rays = []
     for k, (value, v) in enumerate(zip(values, vectors.T, strict=True)):
         apart = np.abs(np.delete(values, k) - value).min(initial=np.inf)
         if abs(value.imag) == 0.0 and apart > 1e-6 * np.abs(values).max():
             v = v.real / np.linalg.norm(v.real)
             moved = e @ v
             if np.abs(moved - np.outer(moved @ v, v)).max() <= 1e-10 * np.abs(e).max():
-                found.append(v)
-    return tuple(found)
+                rays.append(v)
+    return tuple(rays)
 
 
 def _cubic_forms(e: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -114,9 +114,9 @@ def _cubic_forms(e: np.ndarray) -> tuple[np.ndarray, ...]:
         for i, j, l in permutations(place):
             spread[i, j, l, k] = 1.0
     rows = _moved_cubic(e, spread)[(slice(None), *np.transpose(places))]
-    found = null_space(rows.reshape(-1, len(places)))
-    mixed = spread @ (np.cos(np.arange(len(found))) @ found)
-    return (mixed,) if len(found) else ()
+    forms = null_space(rows.reshape(-1, len(places)))
+    mixed = spread @ (np.cos(np.arange(len(forms))) @ forms)
+    return (mixed,) if len(forms) else ()
 
 
 def _not_inverse(coforms: tuple[np.ndarray, ...], forms: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
@@ -204,11 +204,11 @@ def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> li
     g : (n, n).
     """
     size, star = max(1.0, float(np.linalg.norm(g)) / len(g) ** 0.5), np.conj(g).T
-    found: list[tuple[float, str]] = []
+    breaches: list[tuple[float, str]] = []
 
     def law(off: np.ndarray, scale: float, words: str) -> None:
         worst = float(np.abs(off).max(initial=0.0))
-        found.append((worst / scale if scale < np.inf else np.inf, words.format(worst)))
+        breaches.append((worst / scale if scale < np.inf else np.inf, words.format(worst)))
 
     def form(kind: str, transposed: str, b: np.ndarray, off: np.ndarray) -> None:
         name = "the unit matrix" if np.array_equal(b, np.eye(len(b))) else "B"
@@ -240,7 +240,7 @@ def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> li
         law(g @ v - max(along, 0.0) * v, size, words + ", but is off by {:.1e}")
     if laws.determinant == "positive":
         if np.linalg.det(g) < 0.0:
-            found.append((1.0, "its determinant is negative"))
+            breaches.append((1.0, "its determinant is negative"))
     elif laws.determinant != "any":
         det = np.linalg.det(g)
         scale = max(1.0, float(np.prod(np.linalg.norm(g, axis=1))))
@@ -254,15 +254,15 @@ def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> li
             words = "its determinant is -1, it is a reflection"
         law(np.array([det - 1.0 if laws.determinant == "1" else abs(det) - 1.0]), scale, words)
     if np.linalg.det(g) == 0.0:
-        found.append((1.0, "it is singular"))
+        breaches.append((1.0, "it is singular"))
     if not laws.enough and basis is not None and np.linalg.det(g) != 0.0:
         moved = g @ basis.generators @ np.linalg.inv(g)
         off = basis.sticks_out(moved) / np.maximum(np.linalg.norm(moved, axis=(1, 2)), 1e-300)
         worst = int(off.argmax())
-        found.append(
+        breaches.append(
             (float(off[worst]), f"g E_{worst + 1} g^-1 sticks out of the algebra by {off[worst]:.1e} of its size")
         )
-    return found
+    return breaches
 
 
 def _shown(values: Any) -> str:

@@ -81,7 +81,7 @@ def nearest_unitary(g: np.ndarray, oriented: bool) -> np.ndarray | None:
 
 
 def _all_that_keep(basis: MatrixBasis, form: np.ndarray, determinant: str) -> bool:
-    """Is the group that of all matrices which keep the form, up to the determinant?"""
+    """Whether the group is that of all matrices which keep the form, up to the determinant."""
     n = basis.n
     if basis.complex:
         return basis.dim == n * n - (determinant == "1")
@@ -158,8 +158,8 @@ def _turning(basis: MatrixBasis, g: np.ndarray) -> np.ndarray | None:
         return None
     log_moved, ad = np.asarray(logm(moved)).real, basis.structure_constants.transpose(1, 0, 2)
     x, *_ = np.linalg.lstsq(ad.reshape(basis.dim, -1).T, log_moved.ravel(), rcond=None)
-    found = expm(basis.hat(x))
-    return found if np.isfinite(found).all() else None
+    turn = expm(basis.hat(x))
+    return turn if np.isfinite(turn).all() else None
 
 
 def _along(basis: MatrixBasis, h: np.ndarray, g: np.ndarray) -> np.ndarray:
@@ -173,12 +173,12 @@ def _along(basis: MatrixBasis, h: np.ndarray, g: np.ndarray) -> np.ndarray:
         if not len(turning):
             continue
         part = expm(2.0 * np.pi / (turning.min() * TURN) * e)
-        there = h
+        candidate = h
         for _ in range(TURN):
-            there = there @ part
-            off = float(np.linalg.norm(there - g))
+            candidate = candidate @ part
+            off = float(np.linalg.norm(candidate - g))
             if off < least:
-                best, least = there, off
+                best, least = candidate, off
     return best
 
 

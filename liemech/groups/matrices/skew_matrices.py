@@ -34,23 +34,23 @@ def pairs(array: np.ndarray, terms: np.ndarray | None = None) -> list[tuple[int,
     analysis).
     """
     units, n = like_sizes(array), len(array)
-    rest = units[:, None] * array * units
-    size = np.abs(rest) if terms is None else units[:, None] * terms * units
+    remaining = units[:, None] * array * units
+    size = np.abs(remaining) if terms is None else units[:, None] * terms * units
     left = np.arange(n)
-    found: list[tuple[int, int]] = []
+    pivots: list[tuple[int, int]] = []
     while True:
-        rest[np.abs(rest) <= ROUNDINGS * n * np.finfo(float).eps * size] = 0.0
-        if not rest.any():
-            return found
-        own = like_sizes(rest)
-        like = np.abs(own[:, None] * rest * own)
-        given = np.abs(rest) / units[left][:, None] / units[left]
-        i, j = divmod(int(np.where(like >= GOOD * like.max(), given, 0.0).argmax()), len(left))
-        found.append((int(left[i]), int(left[j])))
-        product = np.outer(rest[:, i], rest[:, j] / rest[i, j])
+        remaining[np.abs(remaining) <= ROUNDINGS * n * np.finfo(float).eps * size] = 0.0
+        if not remaining.any():
+            return pivots
+        scale = like_sizes(remaining)
+        like = np.abs(scale[:, None] * remaining * scale)
+        entries = np.abs(remaining) / units[left][:, None] / units[left]
+        i, j = divmod(int(np.where(like >= GOOD * like.max(), entries, 0.0).argmax()), len(left))
+        pivots.append((int(left[i]), int(left[j])))
+        product = np.outer(remaining[:, i], remaining[:, j] / remaining[i, j])
         others = np.ix_(*2 * [[k for k in range(len(left)) if k not in (i, j)]])
         size = (size + np.abs(product) + np.abs(product.T))[others]
-        rest, left = (rest - product + product.T)[others], np.delete(left, (i, j))
+        remaining, left = (remaining - product + product.T)[others], np.delete(left, (i, j))
 
 
 def null_vectors(array: np.ndarray) -> tuple[Vec, ...]:

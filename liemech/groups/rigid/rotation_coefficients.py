@@ -162,8 +162,8 @@ def sin_cos_root(x: float, low: float = 0.0) -> tuple[float, float]:
         return sin_cos(sqrt(x))
     t = sqrt(x)
     high = SPLITTER * t - (SPLITTER * t - t)
-    rest = t - high
-    e = ((((x - high * high) - 2.0 * high * rest) - rest * rest) + low) / (2.0 * t)
+    low_half = t - high
+    e = ((((x - high * high) - 2.0 * high * low_half) - low_half * low_half) + low) / (2.0 * t)
     s, c = sin(t), cos(t)
     near = 1.0
     if t > SPLITTER:
@@ -182,8 +182,8 @@ def lost_in_square(w: Vec, x: float) -> float:
     total, lost = 0.0, 0.0
     for c in w:
         square, high = c * c, SPLITTER * c - (SPLITTER * c - c)
-        rest = c - high
-        of_square = ((high * high - square) + 2.0 * high * rest) + rest * rest
+        low_half = c - high
+        of_square = ((high * high - square) + 2.0 * high * low_half) + low_half * low_half
         total, of_sum = two_sum(total, square)
         lost = lost + (of_square + of_sum)
     return (total - x) + lost

@@ -72,7 +72,7 @@ def rotation_vector(R: Mat) -> Vec:
 
 
 def _by_arctangent(v: Vec, w: Any, square: Any) -> Vec:
-    """2 atan2(|v|, w) v/|v|."""
+    """The rotation vector 2 atan2(|v|, w) v/|v| of a quaternion (v, w)."""
     if constant(square) == 0.0:  # asked before the root, which has no slope there
         return 2.0 * v  # v is zero or its square underflows; w is 1
     size = sqrt(square)

@@ -33,7 +33,7 @@ class SE2Algebra(LieAlgebra):
 
     @property
     def dim(self) -> int:
-        """Three."""
+        """The dimension of se(2), 3."""
         return 3
 
     @property
@@ -155,11 +155,11 @@ class SE2(LieGroup):
 
     @cached_property
     def algebra(self) -> SE2Algebra:
-        """se(2)."""
+        """The Lie algebra of planar motions, se(2)."""
         return SE2Algebra()
 
     def identity(self) -> Element:
-        """The unit matrix."""
+        """The neutral element, the unit matrix."""
         return mat(vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0))
 
     def compose(self, g: Element, h: Element) -> Element:
@@ -168,7 +168,7 @@ class SE2(LieGroup):
         return _moved(g, c, s, h[0, 2], h[1, 2])
 
     def inverse(self, g: Element) -> Element:
-        """(R^T, -R^T p)."""
+        """The inverse motion, (R^T, -R^T p)."""
         c, s, x, y = g[0, 0], g[1, 0], g[0, 2], g[1, 2]
         return _motion(c, -s, -(c * x + s * y), s * x - c * y)
 
@@ -183,12 +183,12 @@ class SE2(LieGroup):
         return vec(mu[0] + (mu[1] * g[1, 2] - mu[2] * g[0, 2]), c * mu[1] + s * mu[2], c * mu[2] - s * mu[1])
 
     def casimirs(self, mu: Vec) -> Vec:
-        """P.P."""
+        """The only Casimir, P.P of mu = (Pi, P)."""
         return vec(mu[1] * mu[1] + mu[2] * mu[2])
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """Pi and P."""
+        """The numbers of components that share a unit: Pi and P."""
         return (1, 2)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
@@ -310,7 +310,7 @@ def _motion(c: float, s: float, x: float, y: float) -> Mat:
 
 
 def _moved(g: Mat, c: float, s: float, x: float, y: float) -> Mat:
-    """g times that motion."""
+    """The product of g with the motion by the angle of (c, s) and by (x, y)."""
     a, b, d, e = g[0, 0], g[0, 1], g[1, 0], g[1, 1]
     return mat(
         vec(a * c + b * s, b * c - a * s, g[0, 2] + (a * x + b * y)),
@@ -338,7 +338,7 @@ def _exp_less_one(xi: Vec) -> tuple[float, float, float, float]:
 
 
 def _cayley_factor(xi: Vec) -> float:
-    """4/(4 + w^2)."""
+    """The factor 4/(4 + w^2) of the Cayley map."""
     return 4.0 / (4.0 + xi[0] * xi[0])
 
 

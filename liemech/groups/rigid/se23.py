@@ -31,7 +31,7 @@ class SE23Algebra(AlgebraOfParts):
 
     @property
     def dim(self) -> int:
-        """Nine."""
+        """The dimension of se_2(3), 9."""
         return 9
 
     def hat(self, xi: Vec) -> Mat:
@@ -55,8 +55,8 @@ class SE23Algebra(AlgebraOfParts):
         """The map of both rigid motions, whose angular parts are added.  xi, mu : (dim,)."""
         (w, a, u), (m, k, p), formula = thirds(xi), thirds(mu), getattr(SE3Algebra(), name)
         turned, first = halves(formula(join(w, a), join(m, k)))
-        more, second = halves(formula(join(w, u), join(vec(*ZERO), p)))
-        return vec(*(turned + more), *first, *second)
+        angular, second = halves(formula(join(w, u), join(vec(*ZERO), p)))
+        return vec(*(turned + angular), *first, *second)
 
     def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """The equations of both rigid motions, whose angular parts are added; dr/dxi is
@@ -66,11 +66,11 @@ class SE23Algebra(AlgebraOfParts):
         zero, formula = vec(*ZERO), getattr(SE3Algebra(), name)
         r1, by_p, A = formula(join(w, a), join(l, q1), join(m, k1))
         r2, _, B = formula(join(w, u), join(zero, q2), join(zero, k2))
-        (angular, first), (more, second) = halves(r1), halves(r2)
+        (angular, first), (angular2, second) = halves(r1), halves(r2)
         top = [vec(*(A[i] + B[i])[:3], *A[i][3:], *B[i][3:]) for i in range(3)]
         left = [vec(*A[i + 3], *ZERO) for i in range(3)]
         right = [vec(*B[i + 3][:3], *ZERO, *ZERO) for i in range(3)]
-        return vec(*(angular + more), *first, *second), by_p, mat(*top, *left, *right)
+        return vec(*(angular + angular2), *first, *second), by_p, mat(*top, *left, *right)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """|w| < 2 pi: less than a whole turn."""
@@ -92,11 +92,11 @@ class SE23(LieGroup):
 
     @cached_property
     def algebra(self) -> SE23Algebra:
-        """se_2(3)."""
+        """The Lie algebra of extended poses, se_2(3)."""
         return SE23Algebra()
 
     def identity(self) -> Element:
-        """The unit matrix."""
+        """The neutral element, the unit matrix."""
         return extended(SO3().identity(), vec(*ZERO), vec(*ZERO), 0.0)
 
     def compose(self, g: Element, h: Element) -> Element:
@@ -121,13 +121,13 @@ class SE23(LieGroup):
         return vec(*((m - (cross(v, k) + cross(x, p))) @ R), *(k @ R), *(p @ R))
 
     def casimirs(self, mu: Vec) -> Vec:
-        """k.k, p.p and k.p."""
+        """The three Casimirs k.k, p.p and k.p of mu = (m, k, p)."""
         _, k, p = thirds(mu)
         return vec(dot(k, k), dot(p, p), dot(k, p))
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """m, k and p."""
+        """The numbers of components that share a unit: m, k and p."""
         return (3, 3, 3)
 
     # ---------------------------------------------------------------- membership
@@ -230,8 +230,8 @@ def extended(R: Mat, v: Vec, p: Vec, t: float, corner: float = 1.0) -> Mat:
 
 def defect(g: Any) -> float:
     """The defect of the rotation, and the distance of the last rows from 0 0 0 1 t and 0 0 0 0 1."""
-    (a, b, c, _, _), (d, e, f, _, _), (p, q, r, _, _), (x, y, z, one, _), (x2, y2, z2, z3, one2) = g
-    rows = max(abs(x), abs(y), abs(z), abs(one - 1.0), abs(x2), abs(y2), abs(z2), abs(z3))
+    (a, b, c, _, _), (d, e, f, _, _), (p, q, r, _, _), (x, y, z, one1, _), (x2, y2, z2, z3, one2) = g
+    rows = max(abs(x), abs(y), abs(z), abs(one1 - 1.0), abs(x2), abs(y2), abs(z2), abs(z3))
     return max(rotation_defect(a, b, c, d, e, f, p, q, r), rows, abs(one2 - 1.0))
 
 

@@ -53,7 +53,7 @@ class SE3Algebra(LieAlgebra):
 
     @property
     def dim(self) -> int:
-        """Six."""
+        """The dimension of se(3), 6."""
         return 6
 
     @property
@@ -182,8 +182,8 @@ class SE3Algebra(LieAlgebra):
     def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
         """(dcay_w^-1 a, (1 + W/2)(u + v x a/2))."""
         (w, v), (a, u) = halves(xi), halves(eta)
-        rest = u + 0.5 * cross(v, a)
-        return join(SO3Algebra().dcayley_inv(w, a), rest + 0.5 * cross(w, rest))
+        sheared = u + 0.5 * cross(v, a)
+        return join(SO3Algebra().dcayley_inv(w, a), sheared + 0.5 * cross(w, sheared))
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """((dcay_w^-1)* Pi - v x P'/2, P') with P' = (1 - W/2) P."""
@@ -227,11 +227,11 @@ class SE3(LieGroup):
 
     @cached_property
     def algebra(self) -> SE3Algebra:
-        """se(3)."""
+        """The Lie algebra of rigid motions, se(3)."""
         return SE3Algebra()
 
     def identity(self) -> Element:
-        """The unit matrix."""
+        """The neutral element, the unit matrix."""
         return _matrix(SO3().identity(), vec(0.0, 0.0, 0.0))
 
     def compose(self, g: Element, h: Element) -> Element:
@@ -240,7 +240,7 @@ class SE3(LieGroup):
         return _matrix(R @ S, p + R @ q)
 
     def inverse(self, g: Element) -> Element:
-        """(R^T, -R^T p)."""
+        """The inverse motion, (R^T, -R^T p)."""
         R, p = _parts(g)
         return _matrix(R.T, -(p @ R))
 
@@ -262,7 +262,7 @@ class SE3(LieGroup):
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """Pi and P."""
+        """The numbers of components that share a unit: Pi and P."""
         return (3, 3)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
@@ -283,8 +283,8 @@ class SE3(LieGroup):
 
     def defect(self, g: Ambient) -> float:
         """The defect of the rotation, and how far the last row is from 0 0 0 1."""
-        (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, one) = g
-        return max(rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(one - 1.0))
+        (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, corner) = g
+        return max(rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(corner - 1.0))
 
     def objection(self, g: np.ndarray) -> str | None:
         """The last row is not 0 0 0 1, or the rotation is none."""
@@ -422,7 +422,7 @@ class SE3ByAdjoint(SE3):
 
     @cached_property
     def algebra(self) -> SE3Algebra:
-        """se(3)."""
+        """The Lie algebra se(3) with the Cayley map of Ad_g."""
         return SE3ByAdjointAlgebra()
 
     def cayley(self, xi: Vec) -> Element:
@@ -451,7 +451,7 @@ def halves(xi: Vec) -> tuple[Vec, Vec]:
 
 
 def join(w: Vec, v: Vec) -> Vec:
-    """(w, v)."""
+    """The vector (w, v) of two halves."""
     return vec(w[0], w[1], w[2], v[0], v[1], v[2])
 
 
@@ -461,7 +461,7 @@ def _exchanged(mu: Vec) -> Vec:
 
 
 def _square(xi: Vec) -> tuple[float, float]:
-    """|w + eps v|^2."""
+    """The square |w + eps v|^2 = |w|^2 + 2 eps w.v as a pair."""
     w, v = halves(xi)
     return dot(w, w), 2.0 * dot(w, v)
 
@@ -496,7 +496,7 @@ def _dual_series(k: Pair, dk: Pair | None, w: Vec, v: Vec, a: Vec, u: Vec) -> tu
 
 
 def _dexp(xi: Vec) -> tuple[Pair, Pair]:
-    """The coefficients of dexp."""
+    """The coefficients of dexp and their slopes."""
     x, slope = _square(xi)
     _, b, c, _, b_slope, c_slope = all_coefficients(x)
     return (-b, c), (-slope * b_slope, slope * c_slope)
@@ -510,7 +510,7 @@ def _dexp_inv(xi: Vec) -> tuple[Pair, Pair]:
 
 
 def _cayley_factor(xi: Vec) -> Pair:
-    """4/(4 + |xi|^2)."""
+    """The factor 4/(4 + |xi|^2) of the Cayley map and its slope."""
     x, slope = _square(xi)
     f = 4.0 / (4.0 + x)
     return f, (-0.25 * slope) * (f * f)
@@ -539,10 +539,10 @@ def _parts(g: Mat) -> tuple[Mat, Vec]:
 
 
 def _matrix(R: Mat, p: Vec, corner: float = 1.0) -> Mat:
-    """[[R, p], [0, 1]]."""
+    """The block matrix [[R, p], [0, corner]] of a motion."""
     return mat(vec(*R[0], p[0]), vec(*R[1], p[1]), vec(*R[2], p[2]), vec(0.0, 0.0, 0.0, corner))
 
 
 def _blocks(a: Mat, b: Mat, c: Mat) -> Mat:
-    """[[a, b], [c, 0]]."""
+    """The block matrix [[a, b], [c, 0]] of halves."""
     return mat(*[vec(*a[i], *b[i]) for i in range(3)], *[vec(*c[i], 0.0, 0.0, 0.0) for i in range(3)])

@@ -39,7 +39,7 @@ class SGal3Algebra(LieAlgebra):
 
     @property
     def dim(self) -> int:
-        """Ten."""
+        """The dimension of sgal(3), 10."""
         return 10
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
@@ -85,17 +85,17 @@ class SGal3Algebra(LieAlgebra):
         """The transpose, term by term."""
         (w, a, u), (m, k, p), s = thirds(xi), thirds(mu), xi[9]
         turned, boosted = halves(SE3Algebra().dexp_dual(join(w, a), join(m, k + s * p)))
-        more, moved = halves(SE3Algebra().dexp_dual(join(w, u), join(vec(0.0, 0.0, 0.0), p)))
+        angular, moved = halves(SE3Algebra().dexp_dual(join(w, u), join(vec(0.0, 0.0, 0.0), p)))
         lever, mean = _mean2(-w, a), _mean2(w, p)
         swept = _mean2_slope_dual(-w, a, p) - SO3Algebra().dexp_dual(w, cross(lever, p))
-        return vec(*(turned + more + s * swept), *(boosted - s * mean), *moved, mu[9] - dot(lever, p))
+        return vec(*(turned + angular + s * swept), *(boosted - s * mean), *moved, mu[9] - dot(lever, p))
 
     def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """The solution of dexp, part by part.  Raises OutsideChart unless |w| < 2 pi."""
         (w, a, _), (w1, a1, u1), s1 = thirds(xi), thirds(eta), eta[9]
         first = SE3Algebra().dexp_inv(join(w, a), join(w1, a1))
-        _, _, rest = thirds(self.dexp(xi, vec(*first, 0.0, 0.0, 0.0, s1)))
-        return vec(*first, *SO3Algebra().dexp_inv(w, u1 - rest), s1)
+        _, _, shift = thirds(self.dexp(xi, vec(*first, 0.0, 0.0, 0.0, s1)))
+        return vec(*first, *SO3Algebra().dexp_inv(w, u1 - shift), s1)
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The solution of dexp_dual, part by part.  Raises OutsideChart unless |w| < 2 pi."""
@@ -133,11 +133,11 @@ class SGal3(LieGroup):
 
     @cached_property
     def algebra(self) -> SGal3Algebra:
-        """sgal(3)."""
+        """The Lie algebra of Galilean motions, sgal(3)."""
         return SGal3Algebra()
 
     def identity(self) -> Element:
-        """The unit matrix."""
+        """The neutral element, the unit matrix."""
         return extended(SO3().identity(), vec(0.0, 0.0, 0.0), vec(0.0, 0.0, 0.0), 0.0)
 
     def compose(self, g: Element, h: Element) -> Element:

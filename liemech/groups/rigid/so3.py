@@ -45,12 +45,12 @@ class SO3Algebra(LieAlgebra):
 
     @property
     def dim(self) -> int:
-        """Three."""
+        """The dimension of so(3), 3."""
         return 3
 
     @property
     def structure_constants(self) -> Constants:
-        """The Levi-Civita symbol."""
+        """The structure constants, the Levi-Civita symbol."""
         return (
             ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
             ((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
@@ -58,7 +58,7 @@ class SO3Algebra(LieAlgebra):
         )
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """xi x eta."""
+        """The bracket of velocities, xi x eta."""
         return cross(xi, eta)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
@@ -177,23 +177,23 @@ class SO3(LieGroup):
 
     @cached_property
     def algebra(self) -> SO3Algebra:
-        """so(3)."""
+        """The Lie algebra of rotations, so(3)."""
         return SO3_ALGEBRA
 
     def identity(self) -> Element:
-        """The unit matrix."""
+        """The neutral element, the unit matrix."""
         return mat(vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0))
 
     def inverse(self, g: Element) -> Element:
-        """The transpose."""
+        """The inverse rotation, the transpose g^T."""
         return g.T
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """g xi."""
+        """The adjoint action, the rotated velocity g xi."""
         return g @ xi
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """g^T mu."""
+        """The coadjoint action, the momentum g^T mu."""
         return mu @ g
 
     def defect(self, g: Ambient) -> float:
@@ -338,7 +338,7 @@ def _cayley_turn(xi: Vec) -> Mat:
 
 
 def plus(m: Mat, s: float) -> Mat:
-    """m + s 1."""
+    """The matrix m + s 1, for a number s."""
     a, b, c = m
     return mat(vec(a[0] + s, a[1], a[2]), vec(b[0], b[1] + s, b[2]), vec(c[0], c[1], c[2] + s))
 

@@ -46,7 +46,7 @@ class UnitQuaternions(LieGroup):
         return SO3_ALGEBRA
 
     def identity(self) -> Element:
-        """(0, 0, 0, 1)."""
+        """The neutral element, (0, 0, 0, 1)."""
         return vec(0.0, 0.0, 0.0, 1.0)
 
     def compose(self, g: Element, h: Element) -> Element:
@@ -55,7 +55,7 @@ class UnitQuaternions(LieGroup):
         return _quaternion(g[3] * v + h[3] * u + cross(u, v), g[3] * h[3] - dot(u, v))
 
     def inverse(self, g: Element) -> Element:
-        """The conjugate."""
+        """The inverse, which is the conjugate (-v, w)."""
         return vec(-g[0], -g[1], -g[2], g[3])
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
@@ -65,7 +65,7 @@ class UnitQuaternions(LieGroup):
         return xi + (g[3] * turned + cross(v, turned))
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """The vector rotated back."""
+        """The coadjoint action, the momentum rotated back."""
         v = _vector(g)
         turned = 2.0 * cross(v, mu)
         return mu + (cross(v, turned) - g[3] * turned)
@@ -145,7 +145,7 @@ class UnitQuaternions(LieGroup):
     # ---------------------------------------------------------------- exponential
 
     def exp(self, xi: Vec) -> Element:
-        """(sin(th/2)/th xi, cos(th/2))."""
+        """The exponential map, (sin(th/2)/th xi, cos(th/2)), th = |xi|."""
         half = 0.5 * xi
         s, _, c = _half_angle(half)
         return _quaternion(s * half, c)
@@ -203,12 +203,12 @@ class UnitQuaternions(LieGroup):
 
 
 def _vector(q: Vec) -> Vec:
-    """The vector part."""
+    """The vector part v of (v, w)."""
     return vec(q[0], q[1], q[2])
 
 
 def _quaternion(v: Vec, w: float) -> Vec:
-    """(v, w)."""
+    """The quaternion (v, w) of its parts."""
     return vec(v[0], v[1], v[2], w)
 
 

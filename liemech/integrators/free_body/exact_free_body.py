@@ -103,7 +103,7 @@ class ExactFreeBody(Method):
 
     @property
     def name(self) -> str:
-        """Exact free body."""
+        """The name of the method in tables."""
         return "Exact free body"
 
     def require(self, system: Any) -> None:
@@ -156,13 +156,13 @@ class ExactFreeBody(Method):
         for k, factor in enumerate(group.factors):
             i = sum([other.dim for other in group.factors[:k]])
             j = i + factor.dim
-            one = with_fields(system, group=factor)
-            there = BodyState(state.mu[i:j], None if elements is None else elements[k])
-            own = _block(inverse, i, j)
+            of_factor = with_fields(system, group=factor)
+            part = BodyState(state.mu[i:j], None if elements is None else elements[k])
+            block = _block(inverse, i, j)
             if isinstance(factor, VectorSpace):
-                moved = one.displaced(Exponential(), there, h * times(own, there.mu))
+                moved = of_factor.displaced(Exponential(), part, h * times(block, part.mu))
             else:
-                moved = self._turned(one, own, there, h)
+                moved = self._turned(of_factor, block, part, h)
             mu = [*mu, *moved.mu]
             g = g if elements is None else [*g, *entries(moved.g)]
         return fitted(BodyState(vec(*mu), None if elements is None else vec(*g)), layout_of(state))
@@ -173,11 +173,11 @@ class ExactFreeBody(Method):
         mu: list[Any] = []
         g: list[Any] = []
         for i in range(group.copies):
-            one = with_fields(
+            of_site = with_fields(
                 system, group=group.base_of(i), hamiltonian=system.hamiltonian.of_one_at(i), lagrangian=None
             )
-            there = None if state.g is None else group.site(state.g, i)
-            after = self.step(one, t, BodyState(group.momentum_of(state.mu, i), there), h)
+            element = None if state.g is None else group.site(state.g, i)
+            after = self.step(of_site, t, BodyState(group.momentum_of(state.mu, i), element), h)
             mu = [*mu, *after.mu]
             g = g if after.g is None else [*g, *entries(after.g)]
         return BodyState(vec(*mu), None if state.g is None else vec(*g))
@@ -186,8 +186,8 @@ class ExactFreeBody(Method):
         """The step of a site that is of one of several species."""
 
         def step(group: Any, energy: Any, mu: Any, g: Any) -> tuple[Any, Any]:
-            one = with_fields(system, group=group, hamiltonian=energy, lagrangian=None)
-            after = self.step(one, t, BodyState(mu, g), h)
+            of_site = with_fields(system, group=group, hamiltonian=energy, lagrangian=None)
+            after = self.step(of_site, t, BodyState(mu, g), h)
             return after.mu, after.g
 
         return BodyState(*system.hamiltonian.moved(state.mu, state.g, step))
@@ -361,8 +361,8 @@ def _with_flight(system: Any, x: Vec, mu: Vec, h: float) -> Vec:
     if len(mu) == 3:
         return x
     v = system.velocity(mu)
-    way = h * vec(v[3], v[4], v[5])
-    return join(x, way - 0.5 * cross(x, way))
+    flight = h * vec(v[3], v[4], v[5])
+    return join(x, flight - 0.5 * cross(x, flight))
 
 
 def _why_not(system: Any) -> str:
@@ -376,7 +376,7 @@ def _why_not(system: Any) -> str:
     if isinstance(body.hamiltonian, OfSpecies):
         many: Any = body.hamiltonian
         species = zip(many.species.groups, many.of_species)
-        return next((why for one in species if (why := _why_no_body(*one))), "")
+        return next((why for kind in species if (why := _why_no_body(*kind))), "")
     return _why_no_body(body.group, body.hamiltonian)
 
 

@@ -33,7 +33,7 @@ def momentum_of(system: Any, w: Mat) -> Any:
 
 
 def velocity_of(system: Any, w: Mat) -> Mat:
-    """X = hat(dH/dmu)."""
+    """The velocity X = hat(dH/dmu) as a matrix."""
     m = w if system.group.keeps_lengths else adjoint(w)
     return system.velocity_matrix(m)
 
@@ -46,8 +46,8 @@ def midpoint(system: Any, w0: Mat, guess: Mat, method: Any, h: float) -> tuple[M
     that is, W = W_0 - [P, W] + P W P and W_1 = W_0 - 2 [P, W].  Raises NoConvergence.
     """
     sweep = lambda both: midpoint_sweep(system, w0, both[0], h)  # noqa: E731
-    found: tuple[Mat, Mat] = fixed_point(sweep, (guess, plain(guess)), method, h)
-    return found
+    middle: tuple[Mat, Mat] = fixed_point(sweep, (guess, plain(guess)), method, h)
+    return middle
 
 
 def midpoint_sweep(system: Any, w0: Mat, w: Mat, h: float) -> tuple[tuple[Mat, Mat], float, float]:
@@ -102,8 +102,8 @@ def stages(
     Where all matrices are antihermitian R_i is the adjoint of Q_i.  Raises NoConvergence.
     """
     sweep = lambda found: stages_sweep(system, rows, w0, found, h)  # noqa: E731
-    found: tuple[Any, ...] = fixed_point(sweep, guess, method, h)
-    return found
+    increments: tuple[Any, ...] = fixed_point(sweep, guess, method, h)
+    return increments
 
 
 def stages_sweep(
@@ -125,10 +125,10 @@ def stages_sweep(
 
 def increments(system: Any, row: Row, found: tuple[Any, ...]) -> tuple[Mat, Mat]:
     """Q - 1 and R - 1 for the weights of a row."""
-    q = combination(row, [one[0] for one in found])
+    q = combination(row, [of_stage[0] for of_stage in found])
     if system.group.keeps_lengths:
         return q, adjoint(q)
-    return q, combination(row, [one[1] for one in found])
+    return q, combination(row, [of_stage[1] for of_stage in found])
 
 
 def conjugated(system: Any, w: Mat, q: Mat, r: Mat) -> Mat:
@@ -141,10 +141,10 @@ def conjugated(system: Any, w: Mat, q: Mat, r: Mat) -> Mat:
 
 
 def antihermitian(m: Mat) -> Mat:
-    """m - m^H."""
+    """The antihermitian difference m - m^H, twice the part of m."""
     return m.without_adjoint() if isinstance(m, Large) else m - adjoint(m)
 
 
 def apart2(a: Mat, b: Mat) -> Any:
-    """|a - b|^2."""
+    """The squared distance |a - b|^2 of two matrices."""
     return distance2(a, b) if isinstance(a, Large) else frobenius2(a - b)

@@ -49,19 +49,19 @@ class ImplicitMidpoint(Implicit):
 
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
-    damped: ClassVar[bool] = True  # are motions along orbits moved, too, whose velocity is none of an energy?
+    damped: ClassVar[bool] = True  # does it step damped and noisy motions along orbits, too?
 
     @property
     def name(self) -> str:
-        """Implicit midpoint."""
+        """The name of the method in tables."""
         return "Implicit midpoint"
 
     def asked(self, m: Vec, mu: Vec) -> Vec:
-        """Of one rotation the momentum whose velocity counts."""
+        """The momentum m of a single rotation at which the velocity is taken."""
         return m
 
     def stretch(self, m: Vec, mu: Vec) -> float:
-        """Of one rotation x over h times that velocity."""
+        """The ratio x/(h xi) of a single rotation: 1 here, |mu|/|m| in the spherical rule."""
         return 1.0
 
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
@@ -110,9 +110,9 @@ class ImplicitMidpoint(Implicit):
         for k in range(len(m) // 3):
             i, j = 3 * k, 3 * k + 3
             r = [*r, *((m[i:j] - start[i:j]) - cross(m[i:j], x[i:j]))]
-            turned, own = hat(m[i:j]) @ mat(*[by_m[n] for n in range(i, j)]), hat(x[i:j])
+            turned, spin = hat(m[i:j]) @ mat(*[by_m[n] for n in range(i, j)]), hat(x[i:j])
             for a in range(3):
-                row = [own[a][n - i] - turned[a][n] if i <= n < j else -turned[a][n] for n in range(len(m))]
+                row = [spin[a][n - i] - turned[a][n] if i <= n < j else -turned[a][n] for n in range(len(m))]
                 rows = [*rows, vec(*[y + 1.0 if n == i + a else y for n, y in enumerate(row)])]
         return vec(*r), mat(*rows), 1.0
 
@@ -143,28 +143,28 @@ class SphericalMidpoint(ImplicitMidpoint):
 
     @property
     def name(self) -> str:
-        """Spherical midpoint."""
+        """The name of the method in tables."""
         return "Spherical midpoint"
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
         """The mean is the momentum itself, whose length must have a square: raises InvalidInput."""
         mu = super().first(system, state, h)
         for i in range(0, len(mu), 3):
-            own = mu[i : i + 3]
-            there = abs(own[0]) + abs(own[1]) + abs(own[2])
-            if there > 0.0 and not RANGE < dot(own, own) < 1.0 / RANGE:
+            part = mu[i : i + 3]
+            size = abs(part[0]) + abs(part[1]) + abs(part[2])
+            if size > 0.0 and not RANGE < dot(part, part) < 1.0 / RANGE:
                 raise InvalidInput(
-                    f"{self!r}: the square of a momentum of {there:.1e} leaves the range of floats; take another unit "
+                    f"{self!r}: the square of a momentum of {size:.1e} leaves the range of floats; take another unit "
                     "of mass or time, or ImplicitMidpoint()"
                 )
         return mu
 
     def asked(self, m: Vec, mu: Vec) -> Vec:
-        """Of one rotation s m."""
+        """The momentum m of a single rotation, scaled to the length of mu."""
         return _scale(m, mu) * m
 
     def stretch(self, m: Vec, mu: Vec) -> float:
-        """Of one rotation s."""
+        """The ratio x/(h xi) of a single rotation, |mu|/|m|."""
         return _scale(m, mu)
 
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
@@ -282,18 +282,18 @@ class Isospectral(Implicit):
         w = isospectral_matrices.matrix_of(system, state.mu)
         g = state.g
         if self.order == 2:
-            found, turned = isospectral_matrices.midpoint(system, w, guess, self, h)
+            stages, turned = isospectral_matrices.midpoint(system, w, guess, self, h)
             change = -2.0 * turned
             if g is not None:
-                g = g + g @ isospectral_matrices.midpoint_turn(system, found, h)
+                g = g + g @ isospectral_matrices.midpoint_turn(system, stages, h)
         else:
-            found = isospectral_matrices.stages(system, self.tableau[0], w, guess, self, h)
-            q, r = isospectral_matrices.increments(system, self.tableau[1], found)
+            stages = isospectral_matrices.stages(system, self.tableau[0], w, guess, self, h)
+            q, r = isospectral_matrices.increments(system, self.tableau[1], stages)
             change = isospectral_matrices.conjugated(system, w, q, r)
             if g is not None:
                 g = g + g @ isospectral_matrices.on_group(system.group, r)
         mu = state.mu + isospectral_matrices.momentum_of(system, change)
-        return Memory(BodyState(mu, g), memory.node, (found, *memory.past[:-1]))
+        return Memory(BodyState(mu, g), memory.node, (stages, *memory.past[:-1]))
 
     def _iterated(self, system: Any, h: float, mu: Vec, guess: list[Mat]) -> list[Mat]:
         """The Z_j = h B_j Q_j, iterated until they change no more."""
@@ -313,7 +313,7 @@ class Isospectral(Implicit):
 
 
 def by_matrices(system: Any) -> bool:
-    """Is it a Lie-Poisson system of a group of matrices that is given by generators?"""
+    """Whether this is a Lie-Poisson system of a group of matrices given by generators."""
     served = isinstance(system, (LiePoissonSystem, IsospectralFlow))
     return served and isinstance(system.group, MatrixLieGroup)
 
@@ -348,10 +348,10 @@ def require_rotations(method: Method, system: Any, damped: bool = False, product
         factors = {type(factor) for factor in group.factors}
         served = factors <= {SO3, UnitQuaternions, VectorSpace} and factors != {VectorSpace}
     if not served:
-        more = ", or on a product of it with vector spaces" if products else ""
+        extension = ", or on a product of it with vector spaces" if products else ""
         raise IncompatibleSystem(
             f"{method!r} is a method for momenta on so(3)*, a LiePoissonSystem on SO3() such as "
-            f"RigidBody([1.0, 1.5, 2.0]){more}; got {system!r}. RKMK(order=4) accepts every system"
+            f"RigidBody([1.0, 1.5, 2.0]){extension}; got {system!r}. RKMK(order=4) accepts every system"
         )
 
 
@@ -376,7 +376,7 @@ def among(group: Any, m: Vec, mu: Vec) -> Vec:
     """
     if not isinstance(group, ProductGroup):
         return m
-    found, k = [*mu], 0
+    momenta, k = [*mu], 0
     for i, j in rotations(group):
-        found, k = [*found[:i], *m[k : k + 3], *found[j:]], k + 3
-    return vec(*found)
+        momenta, k = [*momenta[:i], *m[k : k + 3], *momenta[j:]], k + 3
+    return vec(*momenta)

@@ -45,11 +45,11 @@ class MoserVeselov(Implicit):
 
     @property
     def name(self) -> str:
-        """Moser-Veselov."""
+        """The name of the method in tables."""
         return "Moser-Veselov"
 
     def require(self, system: Any) -> None:
-        """A free rigid body."""
+        """Refuse systems that are no free rigid body."""
         super().require(system)
         require_free_body(self, system)
 
@@ -185,7 +185,7 @@ class ExactMoserVeselov(MoserVeselov):
 
     @property
     def name(self) -> str:
-        """Exact Moser-Veselov."""
+        """The name of the method in tables."""
         return "Exact Moser-Veselov"
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
@@ -193,8 +193,8 @@ class ExactMoserVeselov(MoserVeselov):
         fitted to this start and h.
         """
         other = abs(h) != abs(self.h)
-        for found, wanted in zip(_fingerprint(system, state.mu), self.constants):
-            other = other or abs(found - wanted) > FITTED * abs(wanted)
+        for actual, wanted in zip(_fingerprint(system, state.mu), self.constants):
+            other = other or abs(actual - wanted) > FITTED * abs(wanted)
         return where(other, NAN, h) * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
@@ -208,7 +208,7 @@ class ExactMoserVeselov(MoserVeselov):
         return super().step(system, t, memory, h)
 
     def inertia(self, system: Any) -> Vec | Mat:
-        """The fitted moments."""
+        """The fitted moments in place of the system's."""
         return self.moments
 
 
@@ -246,18 +246,18 @@ def _exact_displacement(inverse: Vec, mu: Vec, h: float) -> Vec:
     for _ in range(int(parts) - 1):
         mu = SO3().algebra.cayley_Ad_star(x, mu)
         x = orbit.displacement(mu, unit)
-        more = 0.5 * x
-        left = 1.0 - dot(z, more)  # tan of half the angle, times the axis: Rodrigues' formula
-        z = (1.0 / left if left > 0.0 else NAN) * (z + more + cross(z, more))
+        half = 0.5 * x
+        left = 1.0 - dot(z, half)  # tan of half the angle, times the axis: Rodrigues' formula
+        z = (1.0 / left if left > 0.0 else NAN) * (z + half + cross(z, half))
     return 2.0 * z
 
 
 def _combined(a: Vec, b: Vec, wanted: Vec) -> tuple[float, float, Vec]:
     """The s and d with s a + d b = wanted, and what is left of it; s = 0 if a and b are parallel."""
     size = dot(b, b) or 1.0
-    across, rest = (v - (dot(v, b) / size) * b for v in (a, wanted))
+    across, wanted_across = (v - (dot(v, b) / size) * b for v in (a, wanted))
     spread = dot(across, across)
-    s = dot(across, rest) / spread if spread > PARALLEL * dot(a, a) else 0.0
+    s = dot(across, wanted_across) / spread if spread > PARALLEL * dot(a, a) else 0.0
     d = dot(b, wanted - s * a) / size
     return s, d, wanted - s * a - d * b
 
@@ -270,7 +270,7 @@ def _fingerprint(system: Any, mu: Vec) -> Vec:
 
 
 def _minus(m: Mat, s: float) -> Mat:
-    """-(m + s 1)."""
+    """The matrix -(m + s 1), for a number s."""
     return -1.0 * plus(m, s)
 
 

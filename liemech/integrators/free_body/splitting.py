@@ -35,7 +35,7 @@ class ThreeRotations(Method):
 
     @property
     def name(self) -> str:
-        """Three rotations."""
+        """The name of the method in tables."""
         return "Three rotations"
 
     def require(self, system: Any) -> None:

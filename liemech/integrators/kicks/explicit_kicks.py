@@ -31,7 +31,7 @@ def negative_pivots(m: Mat, conditions: float = 0.0) -> float:
 
 
 def throws_back(system: Any, t: float, mu: Vec, g: Element, h: float) -> bool:
-    """Does a kick of length h by the load of a free body, as it is at its start, turn a velocity round?
+    """Whether a kick of length h by the load of a free body, as it is at its start, turns a velocity round.
 
     J - h C has a negative eigenvalue then; where the energy is not quadratic, J^-1 - h J^-1 C J^-1 has more of them
     than J^-1.
@@ -63,7 +63,7 @@ def refusal(what: str, ratio: float, h: float, share: float = 1.0) -> NoConverge
 
 
 def free_refusal(method: Any, system: Any, t: float, mu: Vec, g: Element, kick: float, h: float) -> NoConvergence:
-    """That of a load on a free body, under a kick of this length in a step h."""
+    """The error of a load on a free body, under a kick of this length in a step h."""
     return refusal_by(method, system, *damping_and_slopes(system, t, mu, g), kick, h)
 
 
@@ -75,13 +75,13 @@ def damping_and_slopes(system: Any, t: float, mu: Vec, g: Element) -> tuple[Mat,
 
 
 def turns_round(damping: Mat, slopes: Mat, kick: float) -> bool:
-    """Does a kick of this length turn a velocity round?"""
+    """Whether a kick of this length turns a velocity round."""
     turned = slopes - kick * (slopes @ (damping @ slopes))
     return negative_pivots(turned) > negative_pivots(slopes)
 
 
 def refusal_by(method: Any, system: Any, damping: Any, slopes: Any, kick: float, h: float) -> NoConvergence:
-    """That of a load with this damping on what has these slopes, under a kick of this length in a step h."""
+    """The error of a load with this damping and these slopes, under a kick of this length in a step h."""
     C, S = np.array(damping), np.array(slopes)
     ratio = kick * float(np.linalg.eigvals(0.5 * (C + C.T) @ S).real.max())
     return refusal(f"{method!r}: {system.load!r}", ratio, h)
@@ -90,13 +90,13 @@ def refusal_by(method: Any, system: Any, damping: Any, slopes: Any, kick: float,
 def bound_refusal(
     method: Any, system: Any, t: float, mu: Vec, g: Element, h: float, share: float = 1.0
 ) -> NoConvergence:
-    """That of bodies under conditions, in a step of length h: it names the joint, where it is one of a Linkage."""
+    """The error of bodies under conditions, in a step of length h; it names the joint of a Linkage."""
     from scipy.linalg import eigh, null_space
 
     whole, load = system._with_rotors if getattr(system, "geared", False) else system, system.body.load
     rows, inverse = (
-        one.toarray() if hasattr(one, "toarray") else np.array(one)
-        for one in (whole._matrix(whole.rows_at(t, g)), system._inverse)
+        matrix.toarray() if hasattr(matrix, "toarray") else np.array(matrix)
+        for matrix in (whole._matrix(whole.rows_at(t, g)), system._inverse)
     )
     yields = np.array([*whole.constraint.yields] or [0.0] * len(rows))
     J = np.linalg.inv(inverse)

@@ -39,8 +39,8 @@ class FieldSplitting(Remembering):
     def require(self, system: Any) -> None:
         """A body in a field, that the free motion accepts."""
         if not isinstance(system, MechanicalSystem):
-            told = alternatives(system, f"Without a field it is {self.free!r}")  # type: ignore[attr-defined]
-            raise IncompatibleSystem(f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}")
+            advice = alternatives(system, f"Without a field it is {self.free!r}")  # type: ignore[attr-defined]
+            raise IncompatibleSystem(f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {advice}")
         body: Any = system.body
         frozen = self._frozen(system)
         self.free.require(body.at(0.0) if frozen else body)  # type: ignore[attr-defined]
@@ -81,7 +81,7 @@ class FieldSplitting(Remembering):
         return system.body._at(t) if self._frozen(system) else system.body
 
     def _frozen(self, system: Any) -> bool:
-        """Is it one of the time in the middle of the drift?"""
+        """Whether the body's energy is frozen in the middle of each drift."""
         return system.driven and not self.free.timed  # type: ignore[attr-defined]
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
@@ -89,7 +89,7 @@ class FieldSplitting(Remembering):
         step.
         """
         free, tableau, state, force = self.free, self.tableau, memory.state, memory.node  # type: ignore[attr-defined]
-        kept: list[Any] = []
+        pasts: list[Any] = []
         ends = len(tableau.drifts)
         for i in range(ends + 1):
             time = t + tableau.nodes[i] * h
@@ -101,8 +101,8 @@ class FieldSplitting(Remembering):
                 body = self._body(system, time + 0.5 * drift)
                 past = free.resume(body, state, memory.past[i], drift)
                 after = free.step(body, time, past, drift)
-                state, kept = free.observe(after), [*kept, free.past(after)]
-        return Memory(state, force if tableau.kicks[0] != 0.0 else None, tuple(kept))
+                state, pasts = free.observe(after), [*pasts, free.past(after)]
+        return Memory(state, force if tableau.kicks[0] != 0.0 else None, tuple(pasts))
 
     def _kick(
         self, system: Any, t: float, state: BodyState, force: Vec, h: float, ends: bool, begins: bool, whole: float
@@ -139,8 +139,8 @@ class FieldSplitting(Remembering):
         """The k = h F at mu + k, by Newton's method."""
         guess = h * _load(system, t, state.mu, state.g)
         coupled = system.load.coupled or system.body.hamiltonian.coupled
-        kick, rest, enough, _ = newton(lambda k: self._excess(system, t, state, h, k), guess, coupled=coupled)
-        if not rest <= enough:
+        kick, residual, enough, _ = newton(lambda k: self._excess(system, t, state, h, k), guess, coupled=coupled)
+        if not residual <= enough:
             raise NoConvergence(
                 f"{self!r}: no momentum found that fits the load at the end of a kick; try h = {0.5 * h:g}"
             )
@@ -162,8 +162,8 @@ def _load(system: Any, t: float, mu: Vec, g: Any) -> Vec:
 
 
 def _feels_velocity(system: Any, start: BodyState) -> bool:
-    """Is the load another one at another velocity, at some time?  Looked at where the body starts; of an ensemble
-    where the first one does.
+    """Whether the load depends on the velocity, at some time, where the body starts; of an ensemble where its first
+    member does.
     """
     if isinstance(system.load, OfManySites):
         return bool(system.load.feels_velocity)
@@ -173,8 +173,10 @@ def _feels_velocity(system: Any, start: BodyState) -> bool:
             xi = vec(*[Number(x, ways, MOVING) for x in rng.normal(size=(system.body.group.dim, 2))])
             tables = [AnyFunction(x.size, lambda: Number(rng.normal(size=2), ways, ANY)) for x in inputs(system.load)]
             load = exchanged(system.load, PiecewisePolynomial, tables)
-            found = [np.broadcast_to(values_of(x), 2) for x in load.covector(Number(np.full(2, 0.3), ways, ANY), xi, g)]
-            if any(one != other for one, other in found):
+            components = [
+                np.broadcast_to(values_of(x), 2) for x in load.covector(Number(np.full(2, 0.3), ways, ANY), xi, g)
+            ]
+            if any(still != moving for still, moving in components):
                 return True
     except Exception:  # of a formula that asks for more it is not known
         return True
@@ -248,20 +250,20 @@ class KickDrift(FieldSplitting):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """Is the method for the free motion symmetric?"""
+        """Whether the method for the free motion is symmetric."""
         return self.free.symmetric
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """Is the method for the free motion symplectic, with the elements?"""
+        """Whether the method for the free motion is symplectic, with the elements."""
         return self.free.symplectic and not self.free.of_momenta
 
     def require(self, system: Any) -> None:
         """A body in a field that the free motion accepts, with an energy that the tableau accepts."""
         super().require(system)
-        one = self._body(system, 0.0)
-        one = one.site_form or one
-        energies = one.hamiltonian.of_species
+        body = self._body(system, 0.0)
+        body = body.site_form or body
+        energies = body.hamiltonian.of_species
         if self.tableau.quadratic and not all(map(has_inertia, energies)):
             raise IncompatibleSystem(
                 f"{self!r} is for energies quadratic in the momentum; {system.body!r} has another "

@@ -48,5 +48,5 @@ class LieVerlet(FieldSplitting):
 
     @property
     def name(self) -> str:
-        """Lie-Verlet and the retraction."""
+        """The name of the method in tables, with its retraction."""
         return f"Lie-Verlet ({type(self.retraction).__name__})"

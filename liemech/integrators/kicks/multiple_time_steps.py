@@ -252,7 +252,7 @@ class MultipleTimeSteps(Remembering):
         return (*[system.part_force(k, q) for k in range(parts)], slowest)
 
     def beginning(self, system: Any, state: Any, h: float) -> Any:
-        """That of the fastest steps of bodies; nothing else."""
+        """The past of the fastest steps of bodies; empty otherwise."""
         if not isinstance(system, MechanicalSystem):
             return ()
         for ratio in self.ratios:
@@ -265,9 +265,9 @@ class MultipleTimeSteps(Remembering):
         if isinstance(system, SplitField):
             return Memory(self._of_fields(system, len(self.ratios), state, h), None, ())
         if isinstance(system, MechanicalSystem):
-            begun = Memory(state, forces[0], memory.past)
+            before = Memory(state, forces[0], memory.past)
             parts = self._parts(system)
-            after, slow = self._of_terms(parts, len(self.ratios), t, begun, forces[1], h)
+            after, slow = self._of_terms(parts, len(self.ratios), t, before, forces[1], h)
             return Memory(after.state, (after.node, slow), after.past)
         if not self.mollified:
             return Memory(*self._advanced(system, len(self.ratios), state, forces, h), ())
@@ -355,7 +355,7 @@ def _kicked(memory: Memory, kick: Vec) -> Memory:
 
 
 def sum_of(vectors: list[Vec]) -> Vec:
-    """The sum of vectors."""
+    """The sum of one vector or more."""
     total = vectors[0]
     for v in vectors[1:]:
         total = total + v
@@ -368,5 +368,5 @@ def off(phase: float) -> float:
 
 
 def _is_jointed(system: Any) -> bool:
-    """Is it a linkage that is stepped by loops over bodies and joints?"""
+    """Whether the system is a linkage that is stepped by loops over bodies and joints."""
     return system.site_form is not None and system.site_form.jointed

@@ -158,7 +158,7 @@ def _place(orbit: Any, start: Mat | None, e: Any, psi: Any, rows: np.ndarray) ->
 _MOVED = batch.Driver(moved)
 
 
-class _Prepared(NamedTuple):
+class _PreparedMotion(NamedTuple):
     """The data that all times of a motion from one start share.  start : g(0) P(e(0))^T in the
     principal frame.
     """
@@ -170,13 +170,13 @@ class _Prepared(NamedTuple):
 
 
 @functools.lru_cache(256)
-def _prepared(inertia: Vec | Mat, mu: Vec, g: Mat | None) -> _Prepared:
+def _prepared(inertia: Vec | Mat, mu: Vec, g: Mat | None) -> _PreparedMotion:
     orbit, unit, e0 = _motion(inertia, mu)
     start = None
     if g is not None:
         rows = [vec(*[in_body(orbit.axes, *x, j) for j in range(3)]) for x in (*frame(e0), e0)]
         start = mat(*[vec(*[dot(x, y) for y in rows]) for x in g])
-    return _Prepared(orbit, unit, start, batch.Values(orbit, start))
+    return _PreparedMotion(orbit, unit, start, batch.Values(orbit, start))
 
 
 # --- the data, in the principal frame and in units of their own
@@ -193,7 +193,7 @@ class _Unit(NamedTuple):
 
     @property
     def extreme(self) -> bool:
-        """Are they no floats?  Then times and momenta are scaled before and after."""
+        """Whether the scales are no floats: then times and momenta are scaled before and after."""
         return max(map(abs, self)) > 1000
 
     @property
@@ -211,7 +211,7 @@ class _Motion(NamedTuple):
 
 
 def _frozen(value: Any) -> Any:
-    """As small vectors and matrices, which can be looked up."""
+    """The array as a small vector or matrix, which can be looked up."""
     if isinstance(value, (vectors.Vec, vectors.Mat)):
         return value
     array = np.asarray(value, dtype=float)
@@ -246,11 +246,11 @@ def _motion(inertia: Vec | Mat, mu: Vec) -> _Motion:
 
 def _principal(inertia: Vec | Mat) -> tuple[Vec, Mat]:
     """Principal moments (3,) and axes (3, 3), the axes as the rows of a rotation."""
-    one = identity_matrix(3)
+    identity = identity_matrix(3)
     if isinstance(inertia, vectors.Vec):
-        return inertia, one
+        return inertia, identity
     if inertia == diagonal(vec(*[inertia[i, i] for i in range(3)])):
-        return vec(*[inertia[i, i] for i in range(3)]), one
+        return vec(*[inertia[i, i] for i in range(3)]), identity
     matrix = np.array(inertia)
     exponent = math.frexp(abs(matrix).max())[1]
     moments, columns = np.linalg.eigh(_times_power_of_two(matrix, -exponent))
@@ -340,8 +340,8 @@ def _steady(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: Mat, u
     others = J[1] * J[2], J[2] * J[0], J[0] * J[1]
     velocity2 = sum([(x * other) ** 2 for x, other in zip(m, others, strict=True)])
     rate = _root(velocity2, (J[0] * J[1] * J[2]) ** 2, J_scale - m_scale)
-    here = _from(pole, e0)
-    return _Motion(_Steady(here, rate, mat(*_from(pole, axes.rows)), *unit.factors), unit, here)
+    axis = _from(pole, e0)
+    return _Motion(_Steady(axis, rate, mat(*_from(pole, axes.rows)), *unit.factors), unit, axis)
 
 
 def _orbit(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Vec], unit: _Unit) -> _Motion:
@@ -425,7 +425,7 @@ def _means(k1: float) -> list[tuple[float, float]]:
 
 
 def _quarter_period(means: list[tuple[float, float]]) -> float:
-    """K. Source: DLMF 19.8.5."""
+    """The quarter period K of sn and cn.  Source: DLMF 19.8.5."""
     return 0.5 * math.pi / means[-1][0]
 
 

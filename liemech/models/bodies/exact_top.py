@@ -94,13 +94,13 @@ class Tilting(NamedTuple):
     def amplitudes(self, s: Any, c: Any) -> tuple[Any, Any, Any, Any]:
         """|alpha| and |beta|, or with the sign of sn, of cn; and sn, cn over them."""
         half = math.sqrt(0.5 * self.width)
-        one, one_over = np.sqrt(0.5 * (self.least[0] + self.width * s * s)), None
-        two, two_over = np.sqrt(0.5 * (self.least[1] + self.width * c * c)), None
+        alpha, s_over = np.sqrt(0.5 * (self.least[0] + self.width * s * s)), None
+        beta, c_over = np.sqrt(0.5 * (self.least[1] + self.width * c * c)), None
         if self.signed[0]:
-            one, one_over = half * s, np.full(np.shape(s), 1.0 / half)
+            alpha, s_over = half * s, np.full(np.shape(s), 1.0 / half)
         if self.signed[1]:
-            two, two_over = half * c, np.full(np.shape(c), 1.0 / half)
-        return (one, two, s / one if one_over is None else one_over, c / two if two_over is None else two_over)
+            beta, c_over = half * c, np.full(np.shape(c), 1.0 / half)
+        return (alpha, beta, s / alpha if s_over is None else s_over, c / beta if c_over is None else c_over)
 
     def at(self, t: np.ndarray) -> tuple[Quaternion, Any, Any]:
         """Attitude, and the body velocities about the transverse axes, at the times t."""
@@ -109,21 +109,21 @@ class Tilting(NamedTuple):
         p, r = (self._phase(phase, t, s, c, d, turns) for phase in self.phases)
         odd = 1.0 - 2.0 * np.abs(turns - 2.0 * np.round(0.5 * turns))
         s, c = odd * s, odd * c
-        one, two, s_over, c_over = self.amplitudes(s, c)
+        alpha, beta, s_over, c_over = self.amplitudes(s, c)
         tilting = -self.width * self.rate * d * s_over * c_over
         if self.signed[1]:
-            turning = self.spin * two / one if not self.signed[0] else 0.0 * s
+            turning = self.spin * beta / alpha if not self.signed[0] else 0.0 * s
         elif self.signed[0]:
-            turning = -self.spin * one / two
+            turning = -self.spin * alpha / beta
         else:
-            up, down = (self.sums[0] - 2.0 * self.spin * one * one, self.sums[1] + 2.0 * self.spin * two * two)
-            turning = np.where(np.abs(two) < np.abs(one), down, up) / (2.0 * one * two)
+            up, down = (self.sums[0] - 2.0 * self.spin * alpha * alpha, self.sums[1] + 2.0 * self.spin * beta * beta)
+            turning = np.where(np.abs(beta) < np.abs(alpha), down, up) / (2.0 * alpha * beta)
         turning = turning / self.A
         (cp, sp), (cr, sr) = ((np.cos(x), np.sin(x)) for x in (p, r))
         # of psi = p - r, with the rounding errors of the attitude
         cosine, sine = cp * cr + sp * sr, sp * cr - cp * sr
         velocity = tilting * cosine + turning * sine, turning * cosine - tilting * sine
-        return (one * cp, two * cr, two * sr, one * sp), *velocity
+        return (alpha * cp, beta * cr, beta * sr, alpha * sp), *velocity
 
     def _phase(self, phase: Phase, t: Any, s: Any, c: Any, d: Any, turns: Any) -> Any:
         if not phase.factor:
@@ -157,8 +157,8 @@ def lagrange_top(A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.nda
     if M == 0.0:
         return _free(A, C, mu, q, t)
     motion = _tilting(A, C, M, mu, (w, x, y, z))
-    attitude, one, two = motion.at(t)
-    return attitude, np.stack([A * one, A * two, np.full(t.shape, spin)], axis=-1)
+    attitude, first, second = motion.at(t)
+    return attitude, np.stack([A * first, A * second, np.full(t.shape, spin)], axis=-1)
 
 
 def quaternion(g: np.ndarray) -> Quaternion:
@@ -190,7 +190,7 @@ def _free(A: float, C: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Qu
     """Without weight: a turn about the momentum with |mu|/A, after one about the axis of the body
     with mu_3 (1/C - 1/A).
     """
-    own, size = (1.0 / C - 1.0 / A) * float(mu[2]) * t, math.hypot(*mu)
+    about_axis, size = (1.0 / C - 1.0 / A) * float(mu[2]) * t, math.hypot(*mu)
     c, s = np.cos(0.5 * size / A * t), np.sin(0.5 * size / A * t)
     e = [s * float(m) / size for m in mu]
     w, x, y, z = q  # q (c, e): the turn about the momentum, seen from the body at the start
@@ -200,9 +200,9 @@ def _free(A: float, C: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Qu
         w * e[1] + y * c + z * e[0] - x * e[2],
         w * e[2] + z * c + x * e[1] - y * e[0],
     )
-    cosine, sine = np.cos(own), np.sin(own)
+    cosine, sine = np.cos(about_axis), np.sin(about_axis)
     momenta = (mu[0] * cosine + mu[1] * sine, mu[1] * cosine - mu[0] * sine, np.full(t.shape, float(mu[2])))
-    return _spun(turned, 0.5 * own), np.stack(momenta, axis=-1)
+    return _spun(turned, 0.5 * about_axis), np.stack(momenta, axis=-1)
 
 
 def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting:
@@ -234,10 +234,10 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
         p_part = Decimal(0) if signed[0] else high / (2 * A * below * rate)
         r_part = Decimal(0) if signed[1] else low / (2 * A * (1 - u1) * rate)
         p_nu, r_nu = (Decimal(0) if signed[0] else width / below), -width / (1 - u1)
-        own = p3 / (2 * C) - p3 / (2 * A)
+        rate_about_axis = p3 / (2 * C) - p3 / (2 * A)
         v = [float(c) for c in (m1 / A, m2 / A, p3 / C)]
         motion = Tilting(
-            jacobi=Jacobi.of(float((gap / span).sqrt())),
+            jacobi=Jacobi.of_modulus(float((gap / span).sqrt())),
             A=A_,
             spin=float(p3),
             sums=(float(high), float(low)),
@@ -247,8 +247,8 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
             start=(float(s0), float(c0)),
             signed=signed,
             phases=(
-                Phase(0.0, float(own), float(p_part), float(p_nu), float(1 + p_nu), float(below / span)),
-                Phase(0.0, -float(own), float(r_part), float(r_nu), float(above / (1 - u1)), 0.0),
+                Phase(0.0, float(rate_about_axis), float(p_part), float(p_nu), float(1 + p_nu), float(below / span)),
+                Phase(0.0, -float(rate_about_axis), float(r_part), float(r_nu), float(above / (1 - u1)), 0.0),
             ),
         )
     return motion._replace(phases=_begun(motion, [float(c) for c in (w, x, y, z)], v))
@@ -258,16 +258,16 @@ def _begun(motion: Tilting, q: list[float], v: list[float]) -> tuple[Phase, Phas
     """The phases at the start; of a number that vanishes there, from its rate of change."""
     w, x, y, z = q
     s, c = motion.start
-    one, two, _, _ = motion.amplitudes(np.float64(s), np.float64(c))
+    size_alpha, size_beta, _, _ = motion.amplitudes(np.float64(s), np.float64(c))
     alpha, beta = (w, z), (x, y)
-    if motion.signed[0] and one == 0.0:
-        alpha, one = (-(x * v[0] + y * v[1]), x * v[1] - y * v[0]), 1.0
-    if motion.signed[1] and two == 0.0:
-        beta, two = (w * v[0] - z * v[1], w * v[1] + z * v[0]), -s
+    if motion.signed[0] and size_alpha == 0.0:
+        alpha, size_alpha = (-(x * v[0] + y * v[1]), x * v[1] - y * v[0]), 1.0
+    if motion.signed[1] and size_beta == 0.0:
+        beta, size_beta = (w * v[0] - z * v[1], w * v[1] + z * v[0]), -s
     first, second = motion.phases
     return tuple(  # type: ignore[return-value]
         phase._replace(begin=math.atan2(math.copysign(1.0, size) * pair[1], math.copysign(1.0, size) * pair[0]))
-        for phase, pair, size in ((first, alpha, one), (second, beta, two))
+        for phase, pair, size in ((first, alpha, size_alpha), (second, beta, size_beta))
     )
 
 

@@ -33,7 +33,7 @@ class FixedPointGravity(Potential):
         _check_load(self)
 
     def energy(self, g: Mat) -> float:
-        """w Gamma . c."""
+        """The potential energy w Gamma . c, Gamma the vertical in the body."""
         return self.weight * dot(g[2], self.centre)
 
     def force(self, group: LieGroup, g: Element) -> Vec:
@@ -105,7 +105,7 @@ class CentralGravity(Potential):
     inertia: Vec | Mat
 
     def energy(self, g: Vec) -> float:
-        """Of the mass, and of its distribution."""
+        """The potential energy of the mass and of its distribution."""
         x = vec(g[9], g[10], g[11])
         r = sqrt(dot(x, x))
         u = vec(*[dot(vec(g[i], g[3 + i], g[6 + i]), x) for i in range(3)]) / r

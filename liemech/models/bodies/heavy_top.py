@@ -53,7 +53,7 @@ class HeavyTop(MechanicalSystem):
 
     @property
     def reduced(self) -> ReducedHeavyTop:
-        """This top on se(3)*."""
+        """The reduced top on se(3)*, without turns about the vertical."""
         return ReducedHeavyTop(self.inertia, self.weight, self.centre)
 
 
@@ -147,12 +147,12 @@ class HeavyTopEnergy(Hamiltonian):
     centre: Vec
 
     def energy(self, mu: Vec) -> float:
-        """Kinetic and potential energy."""
+        """The kinetic and potential energy of (pi, gamma)."""
         pi, gamma = halves(mu)
         return self.kinetic.energy(pi) + self.weight * dot(gamma, self.centre)
 
     def gradient(self, mu: Vec) -> Vec:
-        """(J^-1 pi, w c)."""
+        """The derivative of the energy, (J^-1 pi, w c)."""
         pi, _ = halves(mu)
         return join(self.kinetic.gradient(pi), self.weight * self.centre)
 

@@ -32,8 +32,8 @@ class Jacobi(NamedTuple):
     k1: float
 
     @classmethod
-    def of(cls, k1: float) -> Jacobi:
-        """Those of k', 0 <= k' <= 1."""
+    def of_modulus(cls, k1: float) -> Jacobi:
+        """The functions of the complementary modulus k', 0 <= k' <= 1."""
         if k1 < LEAST:
             return cls(vec(1.0), vec(1.0), 0.0, 0.0)
         means = _means(k1)
@@ -59,5 +59,5 @@ class Jacobi(NamedTuple):
             c = 2.0 * decay / (1.0 + decay * decay)
             return np.tanh(u), c, c, np.zeros_like(u)
         turns = nearest(u / self.half)
-        rest, modulus = u - turns * self.half, self  # type: Any, Any
-        return *elliptic(modulus, np.where(np.abs(rest) <= self.half, rest, 0.0)), turns
+        argument_left, modulus = u - turns * self.half, self  # type: Any, Any
+        return *elliptic(modulus, np.where(np.abs(argument_left) <= self.half, argument_left, 0.0)), turns

@@ -63,13 +63,13 @@ class ManakovBody(LiePoissonSystem):
         l = np.array(self.moments)
         square = np.diag((l / l.max()) ** 2)
         powers = [m, np.broadcast_to(square, m.shape)]
-        found = []
+        traces = []
         for k in range(2, self.group.n + 1):
             by_m = [p @ m for p in powers]
             by_l = [p @ square for p in powers]
             powers = [by_m[0], *[a + b for a, b in zip(by_m[1:], by_l)], by_l[-1]]
-            found += [np.trace(p, axis1=-2, axis2=-1) / k for j, p in enumerate(powers) if (k - j) % 2 == 0 and j < k]
-        return np.stack(found, axis=-1)
+            traces += [np.trace(p, axis1=-2, axis2=-1) / k for j, p in enumerate(powers) if (k - j) % 2 == 0 and j < k]
+        return np.stack(traces, axis=-1)
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
@@ -80,5 +80,5 @@ class ManakovBody(LiePoissonSystem):
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs, the spatial momentum if the attitude is known, and Manakov's integrals."""
         values = self.integrals(states["mu"])
-        own = {f"Manakov ({k}, {j})": values[..., i] for i, (k, j) in enumerate(self.pairs) if j > 0}
-        return super().constants(states) | own
+        manakov = {f"Manakov ({k}, {j})": values[..., i] for i, (k, j) in enumerate(self.pairs) if j > 0}
+        return super().constants(states) | manakov

@@ -47,12 +47,12 @@ class OrthogonalBody(SeparableConstrainedSystem):
             )
 
     def _mass_moments(self) -> Vec:
-        """tr(J)/2 - J."""
+        """The second moments of mass D = tr(J)/2 - J."""
         J = self.inertia
         return vec(*[0.5 * (J[0] + J[1] + J[2]) - J[i] for i in range(3)])
 
     def _over(self, p: Vec) -> Vec:
-        """P D^-1."""
+        """The velocity P D^-1 of a momentum P, row by row."""
         D = self._mass_moments()
         return vec(*[p[3 * i + j] / D[j] for i in range(3) for j in range(3)])
 
@@ -61,7 +61,7 @@ class OrthogonalBody(SeparableConstrainedSystem):
         return 0.5 * dot(p, self._over(p))
 
     def potential(self, q: Vec) -> float:
-        """Nothing.  q : (9,)."""
+        """The potential of a free body, zero.  q : (9,)."""
         return 0.0 * q[0]
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
@@ -69,7 +69,7 @@ class OrthogonalBody(SeparableConstrainedSystem):
         return self._over(p)
 
     def force(self, q: Vec, p: Vec) -> Vec:
-        """Nothing.  q, p : (9,)."""
+        """The force on a free body, zeros.  q, p : (9,)."""
         return 0.0 * q
 
     def constraint(self, q: Vec) -> Vec:

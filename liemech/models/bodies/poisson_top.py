@@ -60,13 +60,13 @@ class Turn(Part):
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """Both vectors turned about the axis by -t mu_i/J_i.  y : (6,)."""
-        here, j, k = plain(y), (self.axis + 1) % 3, (self.axis + 2) % 3
-        half = 0.5 * (t * (here[self.axis] / self.moment))
+        before, j, k = plain(y), (self.axis + 1) % 3, (self.axis + 2) % 3
+        half = 0.5 * (t * (before[self.axis] / self.moment))
         s, c = sin(half), cos(half)
         sine, versine = 2.0 * (s * c), 2.0 * (s * s)
         new = [*y]
         for start in (0, 3):
-            a, b = here[start + j], here[start + k]
+            a, b = before[start + j], before[start + k]
             new[start + j] = y[start + j] + (sine * b - versine * a)
             new[start + k] = y[start + k] - (sine * a + versine * b)
         return vec(*new)

@@ -75,8 +75,8 @@ def direction(p: Polhode, t: Any) -> tuple[Direction, Any, Any, Any]:
     """
     u = p.begin + p.rate * t
     turns = nearest(u / p.half)
-    rest = u - turns * p.half
-    s, c, d = elliptic(p, where(abs(rest) <= p.half, rest, 0.0))
+    argument = u - turns * p.half
+    s, c, d = elliptic(p, where(abs(argument) <= p.half, argument, 0.0))
     odd = abs(0.5 * turns - nearest(0.5 * turns))  # a half
     sign = 1.0 - 4.0 * odd
     x, y, z = p.amplitude[0] * (sign * c), p.amplitude[1] * (sign * s), p.amplitude[2] * d

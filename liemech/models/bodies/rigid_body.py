@@ -1,4 +1,4 @@
-"""The free rigid body."""
+"""The free rigid body, as a Lie-Poisson system of rotations."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class RigidBody(LiePoissonSystem):
 
 
 def _inertia(value: Any) -> Vec | Mat:
-    """The inertia, checked."""
+    """The checked inertia: principal moments, (3,), or a matrix, (3, 3)."""
     inertia, moments = checked_inertia(value, "RigidBody: inertia", 3)
     a, b, c = sorted([float(x) for x in moments])
     if not (a >= 1.0 / MAX and b <= MAX and c <= MAX):

@@ -42,7 +42,7 @@ class BlochIserles(IsospectralFlow):
 
     @property
     def size(self) -> int:
-        """n."""
+        """The number n of rows of the matrices."""
         return len(self.skew)
 
     @cached_property
@@ -61,12 +61,12 @@ class BlochIserles(IsospectralFlow):
         """
         l, skew = self.matrix(mu), np.array(self.skew)
         powers: list[Any] = [l, np.broadcast_to(skew, l.shape)]
-        found = []
+        integrals = []
         for k in range(2, self.size + 1):
             by_l, by_n = [p @ l for p in powers], [p @ skew for p in powers]
             powers = [by_l[0], *[a + b for a, b in zip(by_l[1:], by_n)], by_n[-1]]
-            found += [np.trace(powers[j], axis1=-2, axis2=-1) / k for j in range(2, k, 2)]
-        return np.stack(found, axis=-1) if found else np.zeros((*l.shape[:-2], 0))
+            integrals += [np.trace(powers[j], axis1=-2, axis2=-1) / k for j in range(2, k, 2)]
+        return np.stack(integrals, axis=-1) if integrals else np.zeros((*l.shape[:-2], 0))
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The eigenvalues and the other integrals."""

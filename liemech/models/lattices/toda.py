@@ -42,16 +42,16 @@ class FlaschkaStructure(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """Springs and particles."""
+        """The dimension: springs and particles together."""
         return self.springs + self.particles
 
     @property
     def rank(self) -> int:  # type: ignore[override]
-        """2n - 2."""
+        """The rank 2n - 2, n the number of particles."""
         return 2 * self.particles - 2
 
     def matrix(self, y: Vec) -> Mat:
-        """B(y).  y : (dim,)."""
+        """The matrix B(y) of the bracket.  y : (dim,)."""
         m, n = self.springs, self.particles
         rows = [[0.0 for _ in range(m + n)] for _ in range(m + n)]
         for i in range(m):
@@ -64,9 +64,9 @@ class FlaschkaStructure(PoissonStructure):
         m, n = self.springs, self.particles
         stretch = [0.25 * y[i] * (a[m + (i + 1) % n] - a[m + i]) for i in range(m)]
         pull = [0.25 * y[i] * a[i] for i in range(m)]
-        own = [pull[i] if i < m else 0.0 for i in range(n)]
-        other = [pull[i - 1] if i > 0 else pull[n - 1] if self.periodic else 0.0 for i in range(n)]
-        return vec(*stretch, *[own[i] - other[i] for i in range(n)])
+        right = [pull[i] if i < m else 0.0 for i in range(n)]
+        left = [pull[i - 1] if i > 0 else pull[n - 1] if self.periodic else 0.0 for i in range(n)]
+        return vec(*stretch, *[right[i] - left[i] for i in range(n)])
 
     def casimirs(self, y: Vec) -> Vec:
         """sum b_i and, for a periodic lattice, sum ln a_i.  y : (dim,), a positive."""
@@ -103,8 +103,8 @@ class TodaKinetic(Part):
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """a_i exp(t (b_i+1 - b_i)), b.  y : (dim,)."""
-        here, m, n = plain(y), self.springs, self.particles
-        grown = [here[i] * exp(t * (here[m + (i + 1) % n] - here[m + i])) for i in range(m)]
+        start, m, n = plain(y), self.springs, self.particles
+        grown = [start[i] * exp(t * (start[m + (i + 1) % n] - start[m + i])) for i in range(m)]
         return vec(*grown, *[y[m + i] for i in range(n)])
 
 
@@ -148,10 +148,10 @@ class TodaSite(OfParts, VectorField):
         quadratic: ClassVar[bool] = True
 
     @classmethod
-    def of(cls, particles: int) -> TodaSite:
-        """That of so many particles."""
-        number, made = np.arange(particles)[None], cls  # type: Any, Any
-        return made(*[SiteTable.of((number + step) % particles) for step in (-1, 1)])
+    def of_particles(cls, particles: int) -> TodaSite:
+        """The site form of a chain of so many particles."""
+        number, make = np.arange(particles)[None], cls  # type: Any, Any
+        return make(*[SiteTable.of((number + step) % particles) for step in (-1, 1)])
 
     def energy(self, y: Vec) -> float:
         """The share of this site, 4 a^2 + 2 b^2.  y : (2,)."""
@@ -171,17 +171,17 @@ class TodaSite(OfParts, VectorField):
         """The motions of the two energies one after the other."""
         y = state.y
         for part, t in turns:
-            here = plain(y)
-            others = meet(here)
+            at_turn = plain(y)
+            others = meet(at_turn)
             if part == 0:
                 b = others.of(self.after, 0)[1]
-                y = vec(here[0] * exp(t * (b - here[1])), y[1])
+                y = vec(at_turn[0] * exp(t * (b - at_turn[1])), y[1])
             else:
-                y = vec(y[0], y[1] + t * self._pull(here, others))
+                y = vec(y[0], y[1] + t * self._pull(at_turn, others))
         return PoissonState(y)
 
     def unknown_motion(self) -> str:
-        """Both are known."""
+        """The empty string: the motions of both energies are known."""
         return ""
 
 
@@ -252,7 +252,7 @@ class TodaLattice(PoissonSystem):
     @closed_form_of("energy")
     def site_form(self) -> TodaSite | None:
         """The site form; None of few particles, which are faster written out."""
-        return TodaSite.of(self.particles) if self.dim > self.small else None
+        return TodaSite.of_particles(self.particles) if self.dim > self.small else None
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Points as (..., n, 2), a and b of each particle."""
@@ -260,12 +260,12 @@ class TodaLattice(PoissonSystem):
 
     def _divided(self, y: Any) -> np.ndarray:
         m = self.structure.springs
-        found = np.zeros((*y.shape[:-1], self.particles, 2))
-        found[..., :m, 0], found[..., 1] = y[..., :m], y[..., m:]
-        return found
+        by_site = np.zeros((*y.shape[:-1], self.particles, 2))
+        by_site[..., :m, 0], by_site[..., 1] = y[..., :m], y[..., m:]
+        return by_site
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """Points as (..., dim)."""
+        """The points as users see them, (..., dim), from sites."""
         m = self.structure.springs
         return {
             name: np.concatenate([x[..., :m, 0], x[..., 1]], axis=-1) if name == "y" else x
@@ -273,10 +273,10 @@ class TodaLattice(PoissonSystem):
         }
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The Casimirs."""
+        """The Casimirs: the sum of b, and of a ring that of log a."""
         m, y = self.structure.springs, states["y"]
-        kept = {"Casimir 1": y[..., m:].sum(axis=-1)}
-        return kept | ({"Casimir 2": np.log(y[..., :m]).sum(axis=-1)} if self.periodic else {})
+        casimirs = {"Casimir 1": y[..., m:].sum(axis=-1)}
+        return casimirs | ({"Casimir 2": np.log(y[..., :m]).sum(axis=-1)} if self.periodic else {})
 
     def lax(self, y: Vec) -> Mat:
         """The symmetric matrix L, tridiagonal (and with corners if periodic), whose eigenvalues

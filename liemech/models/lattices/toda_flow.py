@@ -40,7 +40,7 @@ class TodaFlow(IsospectralFlow):
 
     @property
     def size(self) -> int:
-        """n."""
+        """The number n of rows of L."""
         return self.n
 
     @cached_property
@@ -74,14 +74,14 @@ class TodaFlow(IsospectralFlow):
         Source: Symes, Physica D 4 (1982) 275.
         """
         values, vectors = np.linalg.eigh(self.matrix(np.asarray(start.mu)))
-        found = []
+        matrices = []
         for time in np.atleast_1d(real_array(t, "TodaFlow.exact: t")):
             order = np.argsort(-time * values, kind="stable")  # large rows first, for small ones to count
             l = values[order]
             q, r = np.linalg.qr(np.exp(time * (l - l[0]))[:, None] * vectors.T[order])
             q = q * np.where(np.diag(r) < 0.0, -1.0, 1.0)
-            found.append((q.T @ (l[:, None] * q)).ravel())
-        return np.array(found) if np.ndim(t) else found[0]
+            matrices.append((q.T @ (l[:, None] * q)).ravel())
+        return np.array(matrices) if np.ndim(t) else matrices[0]
 
     def of_flaschka(self, mu: Vec) -> np.ndarray:
         """a and b of a tridiagonal L, (2 n - 1,), as `TodaLattice` has them.  mu : (n^2,)."""

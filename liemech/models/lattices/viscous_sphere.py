@@ -54,13 +54,13 @@ class ViscousSphere(Dissipative):
         j, k = np.indices((n, n))
         rows, columns, values = [], [], []
         lower, diagonal, upper = laplacian(n)
-        for shift, own in ((-1, lower), (0, diagonal + 2.0), (1, upper)):
-            there = (np.minimum(j, k) + shift >= 0) & (np.maximum(j, k) + shift < n) & (own != 0.0)
-            at = n * j[there] + k[there]
+        for shift, coefficients in ((-1, lower), (0, diagonal + 2.0), (1, upper)):
+            nonzero = (np.minimum(j, k) + shift >= 0) & (np.maximum(j, k) + shift < n) & (coefficients != 0.0)
+            at = n * j[nonzero] + k[nonzero]
             for part in (0, 1):
                 rows.append(2 * at + part)
                 columns.append(2 * (at + shift * (n + 1)) + part)
-                values.append(own[there])
+                values.append(coefficients[nonzero])
         size, form = 2 * n * n, ((n, n), True)
         places = np.concatenate(rows), np.concatenate(columns)
         return LinearMap(coo_array((np.concatenate(values), places), (size, size)), form, form)

@@ -29,7 +29,7 @@ class ExpectedEnergy(Hamiltonian):
         return dot(self.rate, mu)
 
     def gradient(self, mu: Vec) -> Vec:
-        """xi.  mu : (dim,)."""
+        """The constant velocity xi = dE/dmu.  mu : (dim,)."""
         return self.rate + 0.0 * mu
 
 
@@ -110,10 +110,10 @@ class VonNeumann(LiePoissonSystem):
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, populations, and the spatial momentum if the element is known."""
         mu, g = states["mu"], states.get("g")
-        kept = {"energy": np.asarray(self.energy(mu)), "populations": self.populations(mu)}
+        constants = {"energy": np.asarray(self.energy(mu)), "populations": self.populations(mu)}
         if g is None:
-            return kept
-        return kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
+            return constants
+        return constants | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
 
 
 def require_hermitian(name: str, h: np.ndarray) -> None:

@@ -56,7 +56,7 @@ class SphereEnergy(Hamiltonian):
 
     @cached_property
     def group(self) -> SU:
-        """SU(N)."""
+        """The group of the matrices, SU(N)."""
         return SU(self.n)
 
     def energy(self, mu: Vec) -> float:
@@ -106,8 +106,8 @@ class ZeitlinSphere(LiePoissonSystem):
     rotation: float = 0.0
 
     def __repr__(self) -> str:
-        more = f", rotation={self.rotation}" if self.rotation else ""
-        return f"{type(self).__name__}({self.n}{more})"
+        suffix = f", rotation={self.rotation}" if self.rotation else ""
+        return f"{type(self).__name__}({self.n}{suffix})"
 
     def __post_init__(self) -> None:
         n = whole_number("ZeitlinSphere", self.n, matrix_basis.SMALL + 1)
@@ -127,7 +127,7 @@ class ZeitlinSphere(LiePoissonSystem):
 
     @property
     def hbar(self) -> float:
-        """2/sqrt(N^2 - 1)."""
+        """The scale of brackets, 2/sqrt(N^2 - 1)."""
         return float(2.0 / np.sqrt(self.n**2 - 1.0))
 
     @property
@@ -144,15 +144,15 @@ class ZeitlinSphere(LiePoissonSystem):
         coefficients : {(l, m): a}, or an array (L + 1, 2 L + 1) of a[l, L + m].  l from 1 to N - 1.
         Raises InvalidInput for other degrees: the sum of the vorticity over the sphere is zero.
         """
-        found = np.zeros((self.n, 2 * self.n - 1))
+        by_degree = np.zeros((self.n, 2 * self.n - 1))
         for (l, m), a in _given(coefficients).items():
             if not 1 <= l < self.n or abs(m) > l:
                 raise InvalidInput(
                     f"ZeitlinSphere.from_harmonics: (l, m) = ({l}, {m}); l goes from 1 to N - 1 = "
                     f"{self.n - 1}, m from -l to l"
                 )
-            found[l, self.n - 1 + m] = a
-        matrix = self._matrix_of(found)
+            by_degree[l, self.n - 1 + m] = a
+        matrix = self._matrix_of(by_degree)
         return self.state(self.group.algebra.pairing(1j * self._momentum_scale * matrix))
 
     def from_matrix(self, matrix: Any) -> BodyState:
@@ -192,20 +192,20 @@ class ZeitlinSphere(LiePoissonSystem):
 
     def _matrix_of(self, a: np.ndarray) -> np.ndarray:
         """F, hermitian, of coefficients a[l, N - 1 + m]."""
-        n, found = self.n, np.zeros((self.n, self.n), dtype=complex)
-        there = np.flatnonzero(a.any(axis=1))
-        largest = int(there[-1]) if len(there) else 0
+        n, matrix = self.n, np.zeros((self.n, self.n), dtype=complex)
+        degrees = np.flatnonzero(a.any(axis=1))
+        largest = int(degrees[-1]) if len(degrees) else 0
         for m in range(largest + 1):
             up, down = a[m : largest + 1, n - 1 + m], a[m : largest + 1, n - 1 - m]
             if not (up.any() or down.any()):
                 continue
             vectors = self._along(m, largest)
             size = np.sqrt(n / (4.0 * np.pi)) if m == 0 else np.sqrt(n / (8.0 * np.pi))
-            own = size * (vectors @ (up if m == 0 else up - 1j * down))
+            band = size * (vectors @ (up if m == 0 else up - 1j * down))
             j = np.arange(n - m)
-            found[j, j + m] = own
-            found[j + m, j] = np.conj(own)
-        return found
+            matrix[j, j + m] = band
+            matrix[j + m, j] = np.conj(band)
+        return matrix
 
     def _along(self, m: int, largest: int) -> np.ndarray:
         """Along the diagonal m the eigenvectors of the Laplacian for l = m, ..., largest, positive
@@ -230,16 +230,16 @@ class ZeitlinSphere(LiePoissonSystem):
         """
         n, f = self.n, self.matrix(mu)
         largest = n - 1 if degrees is None else min(whole_number("degrees", degrees, 0), n - 1)
-        found = np.zeros((*f.shape[:-2], largest + 1, 2 * largest + 1))
+        by_degree = np.zeros((*f.shape[:-2], largest + 1, 2 * largest + 1))
         for m in range(largest + 1):
             j = np.arange(n - m)
             size = np.sqrt(n / (4.0 * np.pi)) if m == 0 else np.sqrt(n / (8.0 * np.pi))
-            own = f[..., j, j + m] @ self._along(m, largest) / size
-            found[..., m:, largest + m] = own.real
+            band = f[..., j, j + m] @ self._along(m, largest) / size
+            by_degree[..., m:, largest + m] = band.real
             if m:
-                found[..., m:, largest - m] = -own.imag
-        found[..., 0, :] = 0.0
-        return found
+                by_degree[..., m:, largest - m] = -band.imag
+        by_degree[..., 0, :] = 0.0
+        return by_degree
 
     def vorticity(self, mu: Any, latitude: Any, longitude: Any, degrees: int | None = None) -> np.ndarray:
         """The absolute vorticity on a grid, in rad/s.  mu : (..., N^2 - 1), latitude : (a,),
@@ -291,10 +291,10 @@ class ZeitlinSphere(LiePoissonSystem):
         """Energy, moments of the vorticity, and angular momentum."""
         mu = states["mu"]
         moments, turning = self.moments(mu), self.angular_momentum(mu)
-        kept = {"energy": np.asarray(self.energy(mu)), "enstrophy": 0.5 * moments[..., 0]}
-        kept |= {f"moment {k}": moments[..., k - 2] for k in (3, 4)}
+        constants = {"energy": np.asarray(self.energy(mu)), "enstrophy": 0.5 * moments[..., 0]}
+        constants |= {f"moment {k}": moments[..., k - 2] for k in (3, 4)}
         along = turning[..., 2] if self.rotation else turning
-        return kept | {"angular momentum": along}
+        return constants | {"angular momentum": along}
 
 
 def _is_whole(k: Any) -> bool:
@@ -305,15 +305,15 @@ def _given(coefficients: Any) -> dict[tuple[int, int], float]:
     """Coefficients by degree and order."""
     name = "ZeitlinSphere.from_harmonics: coefficients"
     if isinstance(coefficients, dict):
-        found = {}
+        by_degree = {}
         for key, a in coefficients.items():
             if not (isinstance(key, tuple) and len(key) == 2 and all(_is_whole(k) for k in key)):
                 raise InvalidInput(f"{name} have the key {key!r}; it must be (l, m), two integers")
             number = real_array(a, f"{name}[{key}]")
             if number.ndim or not np.isfinite(number):
                 raise InvalidInput(f"{name}[{key}] is {a!r}; it must be a finite real number")
-            found[int(key[0]), int(key[1])] = float(number)
-        return found
+            by_degree[int(key[0]), int(key[1])] = float(number)
+        return by_degree
     a = real_array(coefficients, "ZeitlinSphere.from_harmonics: coefficients")
     if a.ndim != 2 or a.shape[1] != 2 * a.shape[0] - 1:
         raise InvalidInput(
@@ -354,15 +354,15 @@ def legendre(m: int, largest: int, z: np.ndarray) -> np.ndarray:
 
     Source: NIST Handbook of Mathematical Functions, 14.10.3 and 14.30.1.
     """
-    found = np.zeros((largest - m + 1, *z.shape))
-    own = np.full(z.shape, np.sqrt(1.0 / (4.0 * np.pi)))
+    functions = np.zeros((largest - m + 1, *z.shape))
+    sectoral = np.full(z.shape, np.sqrt(1.0 / (4.0 * np.pi)))
     for k in range(1, m + 1):
-        own = own * np.sqrt((2.0 * k + 1.0) / (2.0 * k) * (1.0 - z * z))
-    found[0] = own
+        sectoral = sectoral * np.sqrt((2.0 * k + 1.0) / (2.0 * k) * (1.0 - z * z))
+    functions[0] = sectoral
     if largest > m:
-        found[1] = np.sqrt(2.0 * m + 3.0) * z * own
+        functions[1] = np.sqrt(2.0 * m + 3.0) * z * sectoral
     for l in range(m + 2, largest + 1):
         a = np.sqrt((4.0 * l * l - 1.0) / (l * l - m * m))
         b = np.sqrt(((l - 1.0) ** 2 - m * m) / (4.0 * (l - 1.0) ** 2 - 1.0))
-        found[l - m] = a * (z * found[l - m - 1] - b * found[l - m - 2])
-    return found
+        functions[l - m] = a * (z * functions[l - m - 1] - b * functions[l - m - 2])
+    return functions

@@ -56,7 +56,7 @@ class RodStrain(Term):
     retraction: Retraction = Exponential()
 
     def displacement(self, a: Any, b: Any) -> Vec:
-        """x = tau^-1(g_a^-1 g_b)."""
+        """The displacement between both frames, x = tau^-1(g_a^-1 g_b)."""
         return self.retraction.tau_inv(SE3(), SE3().compose(SE3().inverse(a.g), b.g))
 
     def strain(self, a: Any, b: Any) -> Vec:
@@ -80,7 +80,7 @@ class RodStrain(Term):
         return -self.retraction.dtau_inv_dual(group, x, self.wrench(x))
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
-        """Those on both frames."""
+        """The covectors of torque and force on both frames."""
         x = self.displacement(*sites)
         m, tau = self.wrench(x), self.retraction
         return tau.dtau_inv_dual(group, -x, m), -tau.dtau_inv_dual(group, x, m)
@@ -91,12 +91,12 @@ class RodStrain(Term):
         """
         tau, x = self.retraction, self.displacement(*sites)
         m, rigidity = self.wrench(x), (1.0 / self.length) * self.stiffness
-        found: list[Any] = []
+        by_ends: list[Any] = []
         for y, sign in ((x, -1.0), (-x, 1.0)):
             by_end = mat(*[tau.dtau_inv(group, y, unit) for unit in UNITS])  # its transpose
             _, weight, slope = tau.residual(group, -y, m, tau.dtau_inv_dual(group, y, m))
-            found = [*found, (by_end, by_end @ with_inertia((sign / weight) * slope, rigidity))]
-        (b, on_b), (a, on_a) = found
+            by_ends = [*by_ends, (by_end, by_end @ with_inertia((sign / weight) * slope, rigidity))]
+        (b, on_b), (a, on_a) = by_ends
         return (on_a @ a.T, -(on_a @ b.T)), (-(on_b @ a.T), on_b @ b.T)
 
 
@@ -114,11 +114,11 @@ class DeadForce(Term):
     pull: Vec
 
     def energy(self, a: Any) -> float:
-        """-F . p."""
+        """The potential -F . p of a force F in space."""
         return -dot(self.pull, vec(a.g[0, 3], a.g[1, 3], a.g[2, 3]))
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """(0, R^T F)."""
+        """The torque and the force in the frame, (0, R^T F)."""
         return join(vec(0.0, 0.0, 0.0), turned_back(sites[0].g, self.pull))
 
 
@@ -142,7 +142,7 @@ class RodLoad(Force):
 
 
 def turned_back(g: Any, a: Vec) -> Vec:
-    """R^T a."""
+    """The vector R^T a in the frame's axes."""
     return vec(*[a[0] * g[0, j] + a[1] * g[1, j] + a[2] * g[2, j] for j in range(3)])
 
 
@@ -201,9 +201,9 @@ class CosseratRod(MechanicalSystem):
             by_end[end].append(node)
         group = SE3() ** len(nodes)
         kinetic: Any = PerSite(KineticEnergy(each(J)))
-        one = self.element
+        element = self.element
         pairs = np.stack([np.arange(n), (np.arange(n) + 1) % len(nodes)], axis=1)
-        terms: list[Any] = [one.over(edges(pairs, sites=len(nodes), ordered=True))]
+        terms: list[Any] = [element.over(edges(pairs, sites=len(nodes), ordered=True))]
         pull, M, w = self.loads
         if pull.any():
             terms.append(DeadForce(each(pull)).over())
@@ -243,14 +243,14 @@ class CosseratRod(MechanicalSystem):
         if self.damping < 0.0:
             raise InvalidInput(f"{name}: damping is not negative; got {self.damping:g}")
         if not isinstance(self.rest, Each):
-            rest = real_array(self.rest, f"{name}: rest")
-            check_finite(rest, f"{name}: rest")
-            if rest.shape not in ((6,), (self.elements, 6)):
+            strain = real_array(self.rest, f"{name}: rest")
+            check_finite(strain, f"{name}: rest")
+            if strain.shape not in ((6,), (self.elements, 6)):
                 raise InvalidInput(
                     f"{name}: rest is a strain, (6,), or one for each element, ({self.elements}, 6); "
-                    f"got shape {rest.shape}"
+                    f"got shape {strain.shape}"
                 )
-            object.__setattr__(self, "rest", Vec.of(rest) if rest.ndim == 1 else each(rest))
+            object.__setattr__(self, "rest", Vec.of(strain) if strain.ndim == 1 else each(strain))
         if self.closed and (any(self.tip_force) or any(self.tip_moment) or any(self.following)):
             raise InvalidInput(f"{name}: a closed rod has no tip to load")
 
@@ -273,7 +273,7 @@ class CosseratRod(MechanicalSystem):
 
     @property
     def inertias(self) -> np.ndarray:
-        """Of the frames, (frames, 6): those of half of the elements at each."""
+        """The inertias of the frames, (frames, 6): at each frame half of the elements beside it."""
         share = np.full(self.frames, self.length / self.elements)
         if not self.closed:
             share[[0, -1]] *= 0.5
@@ -294,10 +294,10 @@ class CosseratRod(MechanicalSystem):
     @property
     def free(self) -> np.ndarray:
         """Which components of the displacements of the frames the ends leave free, (6 frames,)."""
-        found = np.ones((self.frames, 6), dtype=bool)
+        free = np.ones((self.frames, 6), dtype=bool)
         for k, end in zip((0, -1), () if self.closed else self.ends):
-            found[k, {"clamped": 0, "hinged": 3, "free": 6}[end] :] = False
-        return found.ravel()
+            free[k, {"clamped": 0, "hinged": 3, "free": 6}[end] :] = False
+        return free.ravel()
 
     @property
     def rest_strain(self) -> np.ndarray:
@@ -314,12 +314,12 @@ class CosseratRod(MechanicalSystem):
         strain = self.rest_strain if u is None else real_array(u, f"{name}: u")
         if strain.shape not in ((6,), (n, 6)):
             raise InvalidInput(f"{name}: u is (6,) or ({n}, 6); got shape {strain.shape}")
-        found = np.empty((self.frames, 4, 4))
-        found[0] = np.eye(4) if start is None else start
+        frames = np.empty((self.frames, 4, 4))
+        frames[0] = np.eye(4) if start is None else start
         h = self.retraction.tau(SE3(), np.broadcast_to(strain, (n, 6)) * (self.length / n))
         for k in range(self.frames - 1):
-            found[k + 1] = found[k] @ h[k]
-        return found
+            frames[k + 1] = frames[k] @ h[k]
+        return frames
 
     def along(self, curve: Any, twist: float = 0.0) -> np.ndarray:
         """Frames along a curve, (frames, 4, 4), with e3 along it, and e1, e2 turning about it by
@@ -364,10 +364,10 @@ class CosseratRod(MechanicalSystem):
         e1 = e1 / np.linalg.norm(e1, axis=1)[:, None]
         e2 = np.cross(t, e1)
         c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-        found = np.tile(np.eye(4), (self.frames, 1, 1))
-        found[:, :3, :3] = np.stack([c * e1 + s * e2, c * e2 - s * e1, t], axis=-1)
-        found[:, :3, 3] = x
-        return found
+        frames = np.tile(np.eye(4), (self.frames, 1, 1))
+        frames[:, :3, :3] = np.stack([c * e1 + s * e2, c * e2 - s * e1, t], axis=-1)
+        frames[:, :3, 3] = x
+        return frames
 
     def at_rest(self, g: Any = None) -> Any:
         """The start of a rod that does not move.  g : its frames, (frames, 4, 4); without force if
@@ -392,9 +392,9 @@ class CosseratRod(MechanicalSystem):
         first, second, x = self._displacements("between", g)
         s = np.arange(pieces)[:, None] / pieces
         moved = np.asarray(self.retraction.tau(SE3(), s * x[..., None, :]))
-        found = SE3().compose(first[..., None, :, :], moved)
-        found = found.reshape(*first.shape[:-3], -1, 4, 4)
-        return np.concatenate([found, second[..., -1:, :, :]], axis=-3)
+        frames = SE3().compose(first[..., None, :, :], moved)
+        frames = frames.reshape(*first.shape[:-3], -1, 4, 4)
+        return np.concatenate([frames, second[..., -1:, :, :]], axis=-3)
 
     def _displacements(self, name: str, g: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The frames at both ends of the elements, and x = tau^-1(g_a^-1 g_b), (..., N, 6)."""
@@ -431,15 +431,15 @@ class CosseratRod(MechanicalSystem):
         return equilibrium(self, near, stages)
 
     def _frames(self, name: str, g: Any) -> np.ndarray:
-        found = real_array(g, f"{type(self).__name__}.{name}: g")
-        if found.shape != (self.frames, 4, 4):
-            raise InvalidInput(f"{type(self).__name__}.{name}: g is ({self.frames}, 4, 4); got shape {found.shape}")
-        return found
+        frames = real_array(g, f"{type(self).__name__}.{name}: g")
+        if frames.shape != (self.frames, 4, 4):
+            raise InvalidInput(f"{type(self).__name__}.{name}: g is ({self.frames}, 4, 4); got shape {frames.shape}")
+        return frames
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
         """Angular momentum about the origin and linear momentum of the whole rod in space, (..., 6)."""
-        found: np.ndarray = np.asarray(SE3().K(np.asarray(g), np.asarray(mu))).sum(axis=-2)
-        return found
+        momentum: np.ndarray = np.asarray(SE3().K(np.asarray(g), np.asarray(mu))).sum(axis=-2)
+        return momentum
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The total momentum of a rod that nothing holds and pulls at.  states : mu, (..., frames, 6),

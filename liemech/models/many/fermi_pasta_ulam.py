@@ -30,7 +30,7 @@ class Spring(Term):
     beta: float
 
     def energy(self, a: Any, b: Any) -> float:
-        """Of two masses."""
+        """The energy of the spring between two masses."""
         return _energy(b.g[0] - a.g[0], self.alpha, self.beta)
 
 
@@ -45,13 +45,13 @@ class Walls(Term):
     beta: float
 
     def energy(self, a: Any) -> float:
-        """Of one mass."""
+        """The energy of the springs between a wall and a mass."""
         left = a.left * _energy(a.g[0], self.alpha, self.beta)
         return left + a.right * _energy(-a.g[0], self.alpha, self.beta)
 
 
 def _energy(d: float, alpha: float, beta: float) -> float:
-    """Of a spring that is longer by d."""
+    """The energy of a spring that is longer by d."""
     return d * d * (0.5 + d * (alpha / 3.0 + d * (0.25 * beta)))
 
 
@@ -78,12 +78,12 @@ class FermiPastaUlam(SeparableSites):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """n."""
+        """The number n of coordinates, one of each particle."""
         return self.particles
 
     @property
     def sites(self) -> int:
-        """n."""
+        """The number n of sites, one of each particle."""
         return self.particles
 
     def masses_in_space(self) -> MechanicalSystem:

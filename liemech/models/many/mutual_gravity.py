@@ -50,7 +50,7 @@ class MutualGravity(Term):
     constant: float = NEWTON
 
     def energy(self, a: Any, b: Any) -> float:
-        """Of two bodies."""
+        """The potential energy of two bodies, to second order in their sizes."""
         d = _centre(b.g) - _centre(a.g)
         first, second = _turned_back(a.g, d), _turned_back(b.g, d)
         square = dot(d, d)
@@ -63,22 +63,22 @@ class MutualGravity(Term):
         """Torque and force on body k: the torque in its axes, the force in its axes on SE3(), else
         in space.
         """
-        one, other = sites[k], sites[1 - k]
-        d = _centre(other.g) - _centre(one.g)
-        own, theirs = _turned_back(one.g, d), _turned_back(other.g, d)
-        turned, pulled = _times(one.inertia, own), _times(other.inertia, theirs)
+        body, other = sites[k], sites[1 - k]
+        d = _centre(other.g) - _centre(body.g)
+        d_in_body, d_in_other = _turned_back(body.g, d), _turned_back(other.g, d)
+        turned, pulled = _times(body.inertia, d_in_body), _times(other.inertia, d_in_other)
         square = dot(d, d)
         cube = self.constant / (square * sqrt(square))
         far = 3.0 * cube / square
-        trace = other.mass * _trace(one.inertia) + one.mass * _trace(other.inertia)
-        along = other.mass * dot(own, turned) + one.mass * dot(theirs, pulled)
-        radial = cube * (one.mass * other.mass) + far * (0.5 * trace - 2.5 * along / square)
-        torque = (far * other.mass) * cross(own, turned)
-        beside = _turned(other.g, (far * one.mass) * pulled)
-        if len(one.g) == 4:
-            force = radial * own + (far * other.mass) * turned + _turned_back(one.g, beside)
+        trace = other.mass * _trace(body.inertia) + body.mass * _trace(other.inertia)
+        along = other.mass * dot(d_in_body, turned) + body.mass * dot(d_in_other, pulled)
+        radial = cube * (body.mass * other.mass) + far * (0.5 * trace - 2.5 * along / square)
+        torque = (far * other.mass) * cross(d_in_body, turned)
+        beside = _turned(other.g, (far * body.mass) * pulled)
+        if len(body.g) == 4:
+            force = radial * d_in_body + (far * other.mass) * turned + _turned_back(body.g, beside)
         else:
-            force = radial * d + _turned(one.g, (far * other.mass) * turned) + beside
+            force = radial * d + _turned(body.g, (far * other.mass) * turned) + beside
         return join(torque, force)
 
 
@@ -90,23 +90,23 @@ def _rows(g: Any) -> Any:
 
 
 def _centre(g: Any) -> Vec:
-    """The centre of mass."""
+    """The place of the centre of mass, (3,)."""
     return vec(g[0][3], g[1][3], g[2][3]) if len(g) == 4 else g[9:12]
 
 
 def _turned(g: Any, x: Vec) -> Vec:
-    """R x."""
+    """The vector R x in space."""
     return vec(*[dot(row, x) for row in _rows(g)])
 
 
 def _turned_back(g: Any, x: Vec) -> Vec:
-    """R^T x."""
+    """The vector R^T x in body axes."""
     rows = _rows(g)
     return vec(*[rows[0][k] * x[0] + rows[1][k] * x[1] + rows[2][k] * x[2] for k in range(3)])
 
 
 def _times(J: Any, x: Vec) -> Vec:
-    """J x."""
+    """The product J x of a matrix or diagonal."""
     return J @ x if isinstance(J, vectors.Mat) else J * x
 
 
@@ -200,10 +200,10 @@ class GravitatingBodies(MechanicalSystem):
         ):
             if value.shape != shape:
                 raise InvalidInput(f"{name}: {what} have shape {value.shape}; give {shape}")
-        found: SiteState = self.state(  # type: ignore[assignment]
+        start: SiteState = self.state(  # type: ignore[assignment]
             mu=np.column_stack([np.array(self.inertias) * w, m[:, None] * v]), g=np.column_stack([R.reshape(n, 9), x])
         )
-        return found
+        return start
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, momentum, and angular momentum about the origin, of spins and orbits together."""
@@ -237,8 +237,8 @@ class GravitatingBodies(MechanicalSystem):
         along, across = np.eye(3)[:2]
         turn = SO3().exp(np.array([tilt, 0.0, 0.0])), SO3().exp(np.array([0.0, 0.0, libration]))
         places = share * (KW4_DISTANCE * along)
-        rest = system.state_of(places, 0.0 * places, np.stack(turn), np.zeros((2, 3)))
-        pull = -np.array(system.force(rest.g))[1, 3]  # of Alpha on Beta
+        at_rest = system.state_of(places, 0.0 * places, np.stack(turn), np.zeros((2, 3)))
+        pull = -np.array(system.force(at_rest.g))[1, 3]  # of Alpha on Beta
         rate = np.sqrt(pull / (m[0] * m[1] / m.sum() * KW4_DISTANCE))
         spins = np.array([[0.0, 0.0, 2.0 * np.pi / KW4_SPIN], [0.0, 0.0, rate]])
         velocities = share * (rate * KW4_DISTANCE * across)

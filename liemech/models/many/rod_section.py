@@ -48,7 +48,7 @@ class RodSection(Record):
         cls, area: float, I1: float, I2: float, torsion: float, shear: float, young: float,
         density: float, poisson: float,
     ) -> RodSection:  # fmt: skip
-        """That of an area, its second moments about e1 and e2, its torsion constant and its shear
+        """The section of an area, its second moments about e1 and e2, its torsion constant and its shear
         coefficient.
         """
         if not -1.0 < poisson <= 0.5:

@@ -40,10 +40,10 @@ class ElementInRows(Record):
     def balance(self, numbers: Vec) -> Vec:
         """Forces on both frames, and the four blocks of their derivatives, in a row of 156 numbers."""
         a, b = (Site(g=_pose(numbers[16 * k : 16 * k + 16])) for k in range(2))
-        one = type(self.element)(self.element.length, self.element.stiffness, numbers[32:38], self.element.retraction)
-        forces, blocks = one.forces(SE3(), a, b), one.stiffnesses(SE3(), a, b)
+        beam = type(self.element)(self.element.length, self.element.stiffness, numbers[32:38], self.element.retraction)
+        forces, blocks = beam.forces(SE3(), a, b), beam.stiffnesses(SE3(), a, b)
         rows = [x for f in forces for x in f]
-        return vec(*rows, *[x for some in blocks for block in some for row in block for x in row])
+        return vec(*rows, *[x for pair in blocks for block in pair for row in block for x in row])
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
         return (38,)
@@ -63,22 +63,22 @@ def balance(rod: Any, g: np.ndarray, share: float = 1.0) -> tuple[np.ndarray, An
 
     n, count = rod.elements, rod.frames
     first, second = np.arange(n), (np.arange(n) + 1) % count
-    flat, rest = g.reshape(count, 16), np.broadcast_to(rod.rest_strain, (n, 6))
-    rows = np.concatenate([flat[first], flat[second], rest], axis=1)
-    found = np.asarray(ElementInRows(rod.element).balance(rows)).reshape(n, 156)
+    flat, strain = g.reshape(count, 16), np.broadcast_to(rod.rest_strain, (n, 6))
+    rows = np.concatenate([flat[first], flat[second], strain], axis=1)
+    of_elements = np.asarray(ElementInRows(rod.element).balance(rows)).reshape(n, 156)
     force = np.zeros((count, 6))
-    for ends, part in ((first, found[:, :6]), (second, found[:, 6:12])):
+    for ends, part in ((first, of_elements[:, :6]), (second, of_elements[:, 6:12])):
         np.add.at(force, ends, part)
-    blocks = [found[:, 12 + 36 * k : 48 + 36 * k].reshape(n, 6, 6) for k in range(4)]
+    blocks = [of_elements[:, 12 + 36 * k : 48 + 36 * k].reshape(n, 6, 6) for k in range(4)]
     places = [(i, j) for i in (first, second) for j in (first, second)]
     pull, moment, following = rod.loads
     turned = np.swapaxes(g[:, :3, :3], 1, 2)
     pulled, twisted = ((turned @ (share * x)[:, :, None])[:, :, 0] for x in (pull, moment))
     force += share * following + np.concatenate([twisted, pulled], axis=1)
-    own = np.zeros((count, 6, 6))
+    of_loads = np.zeros((count, 6, 6))
     hat = SO3().algebra.hat
-    own[:, :3, :3], own[:, 3:, :3] = -np.asarray(hat(twisted)), -np.asarray(hat(pulled))
-    blocks, places = [*blocks, own], [*places, (np.arange(count),) * 2]
+    of_loads[:, :3, :3], of_loads[:, 3:, :3] = -np.asarray(hat(twisted)), -np.asarray(hat(pulled))
+    blocks, places = [*blocks, of_loads], [*places, (np.arange(count),) * 2]
     six = np.arange(6)
     row = np.concatenate([np.repeat(6 * i[:, None] + six, 6, axis=1).ravel() for i, _ in places])
     column = np.concatenate([np.tile(6 * j[:, None] + six, 6).ravel() for _, j in places])
@@ -92,7 +92,7 @@ def equilibrium(rod: Any, g: np.ndarray, stages: int) -> np.ndarray:
     """
     free, easy = rod.free, "free" in rod.ends and not rod.closed
     for stage in range(1, stages + 1):
-        last, done, way, before = False, False, 0.0, np.inf
+        last, done, path, before = False, False, 0.0, np.inf
         for k in range(4 * LIMIT):
             part = 0.0 if easy else 4.0**-k if k < SHARP else LEAST
             force, stiffness = balance(rod, g, stage / stages)
@@ -104,8 +104,8 @@ def equilibrium(rod: Any, g: np.ndarray, stages: int) -> np.ndarray:
             if not np.isfinite(size):
                 break
             g = moved(rod, g, min(1.0, LONGEST / max(size, LONGEST)) * zeta)
-            way += size
-            small = size <= max(TOLERANCE * way, ROUNDING)
+            path += size
+            small = size <= max(TOLERANCE * path, ROUNDING)
             small |= 0.5 * before <= size <= TOLERANCE  # rounding, where the rod gives way easily
             before = size
             done, last = last, small and (easy or k >= SHARP)
@@ -131,11 +131,11 @@ def solution(stiffness: Any, force: np.ndarray, part: float) -> np.ndarray:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MatrixRankWarning)
-        for more in (part, LEAST):
-            found = spsolve(stiffness + diags(more * np.abs(stiffness.diagonal())), force)
-            if np.isfinite(found).all():
+        for stiffening in (part, LEAST):
+            displacement = spsolve(stiffness + diags(stiffening * np.abs(stiffness.diagonal())), force)
+            if np.isfinite(displacement).all():
                 break
-    return np.asarray(found)
+    return np.asarray(displacement)
 
 
 def moved(rod: Any, g: np.ndarray, zeta: np.ndarray) -> np.ndarray:
@@ -149,13 +149,13 @@ def moved(rod: Any, g: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     tau, group = rod.retraction, SE3()
     x = np.asarray(tau.tau_inv(group, group.compose(group.inverse(g[:-1]), g[1:])))
     x = x + np.asarray(tau.dtau_inv(group, x, zeta[1:])) - np.asarray(tau.dtau_inv(group, -x, zeta[:-1]))
-    found, h = np.empty_like(g), np.asarray(tau.tau(group, x))
+    frames, h = np.empty_like(g), np.asarray(tau.tau(group, x))
     if rod.ends[1] == "free":
-        found[0] = group.compose_exp(g[0], zeta[0])
+        frames[0] = group.compose_exp(g[0], zeta[0])
         for k in range(rod.elements):
-            found[k + 1] = found[k] @ h[k]
+            frames[k + 1] = frames[k] @ h[k]
     else:
-        found[-1] = group.compose_exp(g[-1], zeta[-1])
+        frames[-1] = group.compose_exp(g[-1], zeta[-1])
         for k in range(rod.elements - 1, -1, -1):
-            found[k] = found[k + 1] @ np.asarray(group.inverse(h[k]))
-    return found
+            frames[k] = frames[k + 1] @ np.asarray(group.inverse(h[k]))
+    return frames

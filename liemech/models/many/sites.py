@@ -46,23 +46,23 @@ def by_site(system: Any, name: str, rows: Array) -> Array:
 
 
 def is_spin(group: LieGroup | None) -> bool:
-    """Are momenta vectors in space, as those of rotations are?"""
+    """Whether momenta are vectors in space, as those of rotations are."""
     return turns(group) or (group is not None and turns(group.by_adjoint))
 
 
 def is_place(group: LieGroup | None) -> bool:
-    """Are the elements places, or displacements?"""
+    """Whether the elements are places or displacements."""
     return isinstance(group, VectorSpace) and group.dim <= 3
 
 
 def energies_of(system: Any) -> list[OfTerms]:
     """The sums of terms that are energies of a system."""
-    found = [
+    candidates = [
         getattr(part, name, None)
         for part in (system, getattr(system, "body", None))
         for name in ("potential", "hamiltonian")
     ]
-    return [energy for energy in found if isinstance(energy, OfTerms)]
+    return [energy for energy in candidates if isinstance(energy, OfTerms)]
 
 
 def terms_of(system: Any) -> list[BoundTerm]:
@@ -72,8 +72,8 @@ def terms_of(system: Any) -> list[BoundTerm]:
 
 def lattice_of(system: Any) -> Lattice | None:
     """The lattice on which the sites of a system are, of several the one with the most axes."""
-    found = [part.graph for part in terms_of(system) if isinstance(part.graph, Lattice)]
-    return max(found, key=lambda graph: len(graph.shape), default=None)
+    lattices = [part.graph for part in terms_of(system) if isinstance(part.graph, Lattice)]
+    return max(lattices, key=lambda graph: len(graph.shape), default=None)
 
 
 def fixed_places(system: Any, positions: Any = None, name: str = "positions") -> Array:
@@ -160,9 +160,9 @@ def edges_of_sites(system: Any) -> tuple[Array | None, bool]:
 def atoms_of(system: Any) -> Array | None:
     """The atoms of the molecules that sites are, (k, 3) in their axes, of a term that knows them."""
     for part in terms_of(system):
-        found = getattr(getattr(part.term, "term", part.term), "atoms", None)
-        if found is not None:
-            return np.array(found)
+        atoms = getattr(getattr(part.term, "term", part.term), "atoms", None)
+        if atoms is not None:
+            return np.array(atoms)
     return None
 
 
@@ -175,10 +175,10 @@ def box_of(system: Any) -> Array | None:
 
 def spacing(places: Array) -> float:
     """How far the next site is, in the middle of all; 1 where there is none."""
-    some = np.unique(np.linspace(0, len(places) - 1, SAMPLED).round().astype(np.intp))
-    apart = [np.linalg.norm(places - places[i], axis=1) for i in some]
-    found = float(np.median([one[one > 0.0].min(initial=np.inf) for one in apart]))
-    return found if np.isfinite(found) else 1.0
+    sample = np.unique(np.linspace(0, len(places) - 1, SAMPLED).round().astype(np.intp))
+    apart = [np.linalg.norm(places - places[i], axis=1) for i in sample]
+    nearest = float(np.median([distances[distances > 0.0].min(initial=np.inf) for distances in apart]))
+    return nearest if np.isfinite(nearest) else 1.0
 
 
 def turn(system: Any, states: dict[str, Array], later: dict[str, Array]) -> float:
@@ -188,19 +188,19 @@ def turn(system: Any, states: dict[str, Array], later: dict[str, Array]) -> floa
     """
     group, angles = base_of(system) or configurations(system), [np.zeros(1)]
     if "g" in states and group is not None and is_pose(group):
-        q, p = (attitude(group, one["g"].reshape(-1, *group.element_shape)) for one in (states, later))
+        q, p = (attitude(group, samples["g"].reshape(-1, *group.element_shape)) for samples in (states, later))
         angles.append(2.0 * np.minimum(_angles(q, p), _angles(q, -p)))
     if isinstance(system, Linkage) and "g" in states:
-        q, p = (quaternions(system.poses(one["g"])[..., :3, :3].reshape(-1, 3, 3)) for one in (states, later))
+        q, p = (quaternions(system.poses(samples["g"])[..., :3, :3].reshape(-1, 3, 3)) for samples in (states, later))
         angles.append(2.0 * np.minimum(_angles(q, p), _angles(q, -p)))
     if {"q", "p"} <= states.keys() or (is_place(group) and {"g", "mu"} <= states.keys()):
-        points = [_points(system, one) for one in (states, later)]
+        points = [_points(system, samples) for samples in (states, later)]
         mean, spread = points[0].mean(axis=0), points[0].std(axis=0)
-        units = [(one - mean) / np.where(spread > 0.0, spread, 1.0) for one in points]
+        units = [(samples - mean) / np.where(spread > 0.0, spread, 1.0) for samples in points]
         angles.append(_angles(*units).ravel())
     if "mu" in states and is_spin(group) and states["mu"].shape[-1] == 3:
         angles.append(_angles(states["mu"], later["mu"]))
-    return float(np.degrees(max(np.quantile(one, 0.98) if one.size else 0.0 for one in angles)))
+    return float(np.degrees(max(np.quantile(samples, 0.98) if samples.size else 0.0 for samples in angles)))
 
 
 def _points(system: Any, states: dict[str, Array]) -> Array:
@@ -208,8 +208,8 @@ def _points(system: Any, states: dict[str, Array]) -> Array:
     if "q" not in states:
         return np.concatenate([states["g"], states["mu"]], axis=-1)
     q, p = states["q"], states["p"]
-    found = places(system, q, p)
-    return np.concatenate([found.reshape(*q.shape[:-1], -1), p], axis=-1)
+    positions = places(system, q, p)
+    return np.concatenate([positions.reshape(*q.shape[:-1], -1), p], axis=-1)
 
 
 def _angles(u: Array, v: Array) -> Array:
@@ -219,5 +219,5 @@ def _angles(u: Array, v: Array) -> Array:
     """
     sizes = np.linalg.norm(u, axis=-1, keepdims=True), np.linalg.norm(v, axis=-1, keepdims=True)
     a, b = u * sizes[1], v * sizes[0]
-    found: Array = 2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
-    return found
+    angles: Array = 2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+    return angles

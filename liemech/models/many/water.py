@@ -78,13 +78,13 @@ class SPC(PointTerm):
         super().__post_init__()
 
     def __repr__(self) -> str:
-        given = {f.name: f.default for f in dataclasses.fields(self) if f.init}
-        own = [f"{n}={getattr(self, n):g}" for n, x in given.items() if getattr(self, n) != x]
-        return f"SPC({', '.join(own)})"
+        defaults = {f.name: f.default for f in dataclasses.fields(self) if f.init}
+        changed = [f"{n}={getattr(self, n):g}" for n, x in defaults.items() if getattr(self, n) != x]
+        return f"SPC({', '.join(changed)})"
 
     @property
     def kinetic_energy(self) -> KineticEnergy:
-        """That of one molecule: moments of inertia in u A^2, and its mass in u."""
+        """The inertia of one molecule: moments in u A^2, and its mass in u."""
         return KineticEnergy(self.moments)
 
     def points(self, g: Any) -> tuple[Vec, ...]:
@@ -141,7 +141,7 @@ class SPC(PointTerm):
 
 
 def _turned_back(g: Any, x: Vec) -> Vec:
-    """R^T x."""
+    """The vector R^T x in the molecule's axes."""
     return vec(*[g[0][k] * x[0] + g[1][k] * x[1] + g[2][k] * x[2] for k in range(3)])
 
 
@@ -158,7 +158,7 @@ class Gravity(Term):
     constant: float = 1.0
 
     def energy(self, a: Any, b: Any) -> float:
-        """Of two masses."""
+        """The potential energy of two masses, -G m_a m_b/r."""
         return -self.constant * a.mass * b.mass / norm(a.g - b.g)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
@@ -166,7 +166,7 @@ class Gravity(Term):
         return self.forces(group, *sites)[k]
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
-        """The pulls on both."""
+        """The pulls of two masses on each other."""
         a, b = sites
         d = b.g - a.g
         square = dot(d, d)

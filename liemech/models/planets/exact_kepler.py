@@ -104,16 +104,16 @@ def first_guess(c: Conic, tau: float) -> float:
 def _sum(a: float, b: float) -> tuple[float, float]:
     """a + b, and what rounding takes from it."""
     total = a + b
-    there = total - a
-    return total, (a - (total - there)) + (b - there)
+    share = total - a
+    return total, (a - (total - share)) + (b - share)
 
 
 def _placed(c: Conic, times: Any, rows: Any) -> None:
     """The driver of native code: one time."""
-    found = attempt(place, c, read(times, 0, NUMBER))
+    position = attempt(place, c, read(times, 0, NUMBER))
     write(rows, 0, vec(NAN, NAN, NAN, NAN), PLACE)
-    if accepted(found, itself):
-        write(rows, 0, found, PLACE)
+    if accepted(position, itself):
+        write(rows, 0, position, PLACE)
 
 
 _PLACED = batch.Driver(_placed)
@@ -146,15 +146,15 @@ def exact_kepler(q: Vec, p: Vec, attraction: float, t: np.ndarray) -> np.ndarray
 # ------------------------------------------------------------------ the constants
 
 
-class _Prepared(NamedTuple):
+class _PreparedOrbit(NamedTuple):
     conic: Conic
     values: batch.Values
 
 
 @functools.lru_cache(256)
-def _prepared(q: Vec, p: Vec, attraction: float) -> _Prepared:
-    made = conic(q, p, attraction)
-    return _Prepared(made, batch.Values(made))
+def _prepared(q: Vec, p: Vec, attraction: float) -> _PreparedOrbit:
+    orbit = conic(q, p, attraction)
+    return _PreparedOrbit(orbit, batch.Values(orbit))
 
 
 def conic(q: Vec, p: Vec, attraction: float) -> Conic:
@@ -176,13 +176,13 @@ def conic(q: Vec, p: Vec, attraction: float) -> Conic:
             e, along, across = Decimal(0), Decimal(1), Decimal(0)
         b, pericentre = 2 - eta * eta - rise * rise, eta * eta / (1 + e)
         c, s = (along / e, across / e) if e else (along, across)
-        here, side = (x / r0, y / r0), (-turns * y / r0, turns * x / r0)
-        first = [c * m - s * n for m, n in zip(here, side)]
-        second = [s * m + c * n for m, n in zip(here, side)]
+        start, side = (x / r0, y / r0), (-turns * y / r0, turns * x / r0)
+        first = [c * m - s * n for m, n in zip(start, side)]
+        second = [s * m + c * n for m, n in zip(start, side)]
         since, period = _since(b, e, pericentre, rise) * unit, Decimal(0)
         if b > 0:
             period = 2 * PI / (b * b.sqrt()) * unit
-        parts, begun = _parts(period, (26, 26, 53)), _parts(since, (53, 53))
+        parts, since_parts = _parts(period, (26, 26, 53)), _parts(since, (53, 53))
         if not math.isfinite(parts[0]):
             parts = [0.0, 0.0, 0.0]
         frame = [(first[i], second[i]) for i in range(2)]
@@ -190,7 +190,7 @@ def conic(q: Vec, p: Vec, attraction: float) -> Conic:
             vec(*parts),
             float(1 / period) if parts[0] else 0.0,
             1.001 * math.pi * float(b) ** -1.5 if parts[0] else math.inf,
-            vec(*begun),
+            vec(*since_parts),
             float(1 / unit),
             float(b),
             float(e),
@@ -226,12 +226,12 @@ def _since(b: Decimal, e: Decimal, pericentre: Decimal, rise: Decimal) -> Decima
 
 def _parts(x: Decimal, digits: tuple[int, ...]) -> list[float]:
     """Floats of so many binary digits, whose sum is x."""
-    found = []
+    floats = []
     for count in digits:
         whole = float(x)
         mantissa, exponent = math.frexp(whole)
         if math.isfinite(whole):
             whole = math.ldexp(round(math.ldexp(mantissa, count)), exponent - count)
             x = x - Decimal(whole)
-        found.append(whole)
-    return found
+        floats.append(whole)
+    return floats

@@ -28,7 +28,7 @@ class HenonHeiles(SeparableSystem):
     coupling: float = 1.0
 
     def kinetic(self, p: Vec) -> float:
-        """|p|^2/2.  p : (2,)."""
+        """The kinetic energy |p|^2/2 of unit mass.  p : (2,)."""
         return 0.5 * (p @ p)
 
     def potential(self, q: Vec) -> float:

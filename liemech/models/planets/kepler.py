@@ -58,7 +58,7 @@ class Kepler(SeparableSystem):
         return (-self.attraction / (square * norm(q))) * q
 
     def relative_force(self, q: Vec) -> Vec:
-        """-q/|q|^2.  q : (2,)."""
+        """The force over the depth of the potential, f/(-V) = -q/|q|^2.  q : (2,)."""
         return (-1.0 / dot(q, q)) * q
 
     def angular_momentum(self, q: Vec, p: Vec) -> float:
@@ -75,8 +75,8 @@ class Kepler(SeparableSystem):
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, angular momentum, Runge-Lenz vector."""
         q, p = states["q"], states["p"]
-        kept = {"angular momentum": self.angular_momentum(q, p), "Runge-Lenz vector": self.runge_lenz(q, p)}
-        return super().constants(states) | {name: np.asarray(value) for name, value in kept.items()}
+        constants = {"angular momentum": self.angular_momentum(q, p), "Runge-Lenz vector": self.runge_lenz(q, p)}
+        return super().constants(states) | {name: np.asarray(value) for name, value in constants.items()}
 
     # ---------------------------------------------------------------- the exact motion
 

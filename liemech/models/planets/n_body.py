@@ -73,12 +73,12 @@ class NBody(SeparableSites):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """N times the dimension."""
+        """The number of coordinates, N times the dimension."""
         return self.dimension * len(self.masses)
 
     @property
     def sites(self) -> int:
-        """N."""
+        """The number N of bodies, which are sites."""
         return len(self.masses)
 
     def masses_in_space(self) -> MechanicalSystem:
@@ -118,16 +118,16 @@ class NBody(SeparableSites):
     def force(self, q: Vec, p: Vec) -> Vec:
         """-G sum_j m_i m_j (q_i - q_j)/|q_i - q_j|^3.  q, p : (N dimension,)."""
         d = self.dimension
-        found = [0.0 for _ in range(self.degrees)]
+        force = [0.0 for _ in range(self.degrees)]
         for i in range(len(self.masses)):
             for j in range(i):
                 x = self._apart(q, i, j)
                 square = x @ x
                 pull = self.gravity * self.masses[i] * self.masses[j] / (square * norm(x))
                 for k in range(d):
-                    found[i * d + k] = found[i * d + k] - pull * x[k]
-                    found[j * d + k] = found[j * d + k] + pull * x[k]
-        return vec(*found)
+                    force[i * d + k] = force[i * d + k] - pull * x[k]
+                    force[j * d + k] = force[j * d + k] + pull * x[k]
+        return vec(*force)
 
     def momentum(self, p: Vec) -> Vec:
         """The sum of all momenta, (dimension,).  p : (N dimension,)."""
@@ -142,14 +142,14 @@ class NBody(SeparableSites):
         return vec(*[sum([q[i + a] * p[i + b] - q[i + b] * p[i + a] for i in bodies]) for a, b in planes])
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Energy, momentum, angular momentum."""
+        """The energy, momentum and angular momentum."""
         return super().constants(states) | self.momenta_of_sites(states)
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Momentum, angular momentum."""
+        """The momentum and angular momentum, sums over the bodies."""
         q, p = states["q"], states["p"]
-        kept = {"momentum": self.momentum(p), "angular momentum": self.angular_momentum(q, p)}
-        return {name: np.asarray(value) for name, value in kept.items()}
+        momenta = {"momentum": self.momentum(p), "angular momentum": self.angular_momentum(q, p)}
+        return {name: np.asarray(value) for name, value in momenta.items()}
 
     def _apart(self, q: Vec, i: int, j: int) -> Vec:
         d = self.dimension

@@ -88,9 +88,9 @@ class KeplerMotions(Part):
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """Every planet along its orbit.  y : (6n,)."""
-        here, n = plain(y), len(self.masses)
-        places = [_body(here, i) for i in range(n)]
-        speeds = [_body(here, n + i) / m for i, m in enumerate(self.masses)]
+        start, n = plain(y), len(self.masses)
+        places = [_body(start, i) for i in range(n)]
+        speeds = [_body(start, n + i) / m for i, m in enumerate(self.masses)]
         moved = in_lanes(kepler_step, places, speeds, [*self.attractions], [t for _ in range(n)])
         gains = [x for gain, _ in moved for x in gain]
         kicks = [m * x for m, (_, kick) in zip(self.masses, moved) for x in kick]
@@ -138,7 +138,7 @@ class Perturbation(Hamiltonian):
         slopes = [vec(0.0, 0.0, 0.0) for _ in m]
         for (i, j), pull in zip(pairs, pulls):
             slopes[i], slopes[j] = slopes[i] + pull, slopes[j] - pull
-        found: list[Any] = []
+        gradient: list[Any] = []
         outside = vec(0.0, 0.0, 0.0)
         for i in range(n - 1, 0, -1):
             slope = slopes[i] + (m[i] / inside) * outside
@@ -146,20 +146,20 @@ class Perturbation(Hamiltonian):
             if i > 1:
                 slope = slope + pulls[len(pairs) + i - 2]
             outside = outside + slopes[i]
-            found = [*slope, *found]
-        return vec(*found, *[0.0 for _ in range(3 * (n - 1))])
+            gradient = [*slope, *gradient]
+        return vec(*gradient, *[0.0 for _ in range(3 * (n - 1))])
 
     def places(self, mu: Vec) -> Any:
         """Positions seen from the sun."""
         m, inside = self.masses, self.masses[0]
         centre = vec(0.0, 0.0, 0.0)
-        found = [centre]
+        places = [centre]
         for i in range(1, len(m)):
             Q = _body(mu, i - 1)
-            found = [*found, centre + Q]
+            places = [*places, centre + Q]
             inside = inside + m[i]
             centre = centre + (m[i] / inside) * Q
-        return found
+        return places
 
 
 def _pull(x: Vec, strength: float) -> Vec:
@@ -207,8 +207,8 @@ class PlanetarySystem(PoissonSystem):
             )
         object.__setattr__(self, "structure", Canonical(3 * (len(m) - 1)))
         kepler = KeplerMotions(Vec.of(reduced.tolist()), Vec.of(pulls.tolist()))
-        rest = StraightLineFlow(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
-        object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, rest)))
+        perturbation = StraightLineFlow(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
+        object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, perturbation)))
         super().__post_init__()
 
     def state_of(self, q: Any, p: Any) -> PoissonState:
@@ -235,14 +235,14 @@ class PlanetarySystem(PoissonSystem):
         whole, n = np.cumsum(m), len(m) - 1
         reduced = m[1:] * whole[:-1] / whole[1:]
         halves = y.reshape(*y.shape[:-1], 2, n, 3)
-        found = []
+        of_bodies = []
         for values in (halves[..., 0, :, :], halves[..., 1, :, :] / reduced[:, None]):
             centre, places = np.zeros_like(values[..., 0, :]), [np.zeros_like(values[..., 0, :])]
             for i in range(n):
                 places.append(centre + values[..., i, :])
                 centre = centre + m[i + 1] / whole[i + 1] * values[..., i, :]
-            found.append(np.stack(places, axis=-2) - centre[..., None, :])
-        q, p = found[0], found[1] * m[:, None]
+            of_bodies.append(np.stack(places, axis=-2) - centre[..., None, :])
+        q, p = of_bodies[0], of_bodies[1] * m[:, None]
         return q.reshape(*y.shape[:-1], -1), p.reshape(*y.shape[:-1], -1)
 
     @classmethod

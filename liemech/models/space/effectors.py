@@ -32,7 +32,7 @@ class Flight(Record):
 
 
 @record
-class Place(Record):
+class PoseInSpace(Record):
     """Where a spacecraft is, which an energy may ask for, with mass and inertia as in a Flight."""
 
     position: Vec

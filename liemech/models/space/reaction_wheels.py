@@ -91,9 +91,9 @@ class ReactionWheels(Record):
 
     @property
     def passive(self) -> bool:
-        """Do neither motors nor friction change the momenta of the wheels?"""
-        own = type(self).command is not ReactionWheels.command or self.torques is not None
-        return not own and self.viscous is None and self.coulomb is None
+        """Whether neither motors nor friction change the momenta of the wheels."""
+        driven = type(self).command is not ReactionWheels.command or self.torques is not None
+        return not driven and self.viscous is None and self.coulomb is None
 
 
 PER_WHEEL = "torque_limits", "speed_limits", "viscous", "coulomb"
@@ -136,14 +136,14 @@ class GyrostatEnergy(KineticEnergy):
         super().__post_init__()
 
     def _velocity(self, mu: Vec) -> Vec:
-        """(w, v, W)."""
+        """The velocity (w, v, W) of a momentum (Pi, p, h)."""
         h = mu[6:]
         w = self.without @ (mu[0:3] - h @ self.axes)
         spins = [h[i] / self.wheels[i] - dot(self.axes[i], w) for i in range(len(self.wheels))]
         return vec(*w, *(mu[3:6] / self.mass), *spins)
 
     def _momentum(self, xi: Vec) -> Vec:
-        """(Pi, p, h)."""
+        """The momentum (Pi, p, h) of a velocity (w, v, W)."""
         w, spins = xi[0:3], xi[6:]
         about = self.wheels * spins
         h = [about[i] + self.wheels[i] * dot(self.axes[i], w) for i in range(len(self.wheels))]

@@ -62,10 +62,10 @@ class FallingBody(MechanicalSystem):
         mu, g, t = np.array(start.mu), np.array(start.g), exact_times(t, "FallingBody.exact")
         turning = RigidBody(self.inertia)
         turned = turning.exact(turning.state(mu[:3], g[:3, :3]), t)
-        begun = g[:3, :3] @ mu[3:] / self.mass
-        v = begun - self.gravity * t[..., None] * np.array([0.0, 0.0, 1.0])
+        start_velocity = g[:3, :3] @ mu[3:] / self.mass
+        v = start_velocity - self.gravity * t[..., None] * np.array([0.0, 0.0, 1.0])
         with np.errstate(over="ignore"):
-            fallen = 0.5 * (begun + v) * t[..., None]
+            fallen = 0.5 * (start_velocity + v) * t[..., None]
         if not np.isfinite(fallen).all():
             raise InvalidInput(
                 f"FallingBody.exact: t = {np.abs(t).max():.3g} is too late: the fall has no finite length"

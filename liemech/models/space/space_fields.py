@@ -29,18 +29,18 @@ class PointGravity(ConservativeEffector):
         check_positive(self, "attraction")
 
     def energy(self, here: Any) -> float:
-        """-k m/r."""
+        """The potential energy -k m/r in the field."""
         x = here.position
         return -self.attraction * here.mass / sqrt(dot(x, x))
 
     def force(self, here: Any) -> Vec:
-        """-k m x/r^3."""
+        """The force -k m x/r^3 in space."""
         x = here.position
         square = dot(x, x)
         return -(self.attraction * here.mass / (square * sqrt(square))) * x
 
     def torque(self, here: Any) -> Vec:
-        """None."""
+        """The torque on a point mass, zero."""
         return vec(0.0, 0.0, 0.0)
 
 
@@ -129,5 +129,5 @@ class Oblateness(ConservativeEffector):
         return part * vec((s - 1.0) * x[0], (s - 1.0) * x[1], (s - 3.0) * x[2])
 
     def torque(self, here: Any) -> Vec:
-        """None."""
+        """The torque, zero: the body counts as a point."""
         return vec(0.0, 0.0, 0.0)

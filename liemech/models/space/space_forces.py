@@ -53,7 +53,7 @@ class Drag(Effector):
         return (-0.5 * self.area * self.density_at(here) * norm(wind)) * wind
 
     def torque(self, here: Any) -> Vec:
-        """centre x R^T F."""
+        """The torque centre x R^T F about the centre of mass."""
         return _lever(self.centre, here, self.force(here))
 
 
@@ -106,7 +106,7 @@ class SolarPressure(Effector):
         return -(whole * self.light(here) / (square * sqrt(square))) * s
 
     def torque(self, here: Any) -> Vec:
-        """centre x R^T F."""
+        """The torque centre x R^T F about the centre of mass."""
         return _lever(self.centre, here, self.force(here))
 
 

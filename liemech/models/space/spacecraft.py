@@ -20,7 +20,7 @@ from ...systems.potential import Force, NoPotential, Potential
 from ...systems.system import points
 from ..bodies.rigid_body import RigidBody
 from ..swinging.pendulums import check_positive
-from .effectors import ConservativeEffector, Effector, Flight, Place
+from .effectors import ConservativeEffector, Effector, Flight, PoseInSpace
 from .reaction_wheels import GyrostatEnergy, ReactionWheels
 from .space_bodies import with_mass
 
@@ -39,21 +39,21 @@ class EffectorFields(Potential):
 
     def energy(self, g: Vec) -> float:
         """The sum of their energies."""
-        here, total = self._at(g), 0.0
+        place, total = self._at(g), 0.0
         for effector in self.effectors:
-            total = total + effector.energy(here)
+            total = total + effector.energy(place)
         return total
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The sums of torques and forces; none on the wheels."""
-        here, torque, force = self._at(g), vec(0.0, 0.0, 0.0), vec(0.0, 0.0, 0.0)
+        place, torque, force = self._at(g), vec(0.0, 0.0, 0.0), vec(0.0, 0.0, 0.0)
         for effector in self.effectors:
-            torque, force = torque + effector.torque(here), force + effector.force(here)
+            torque, force = torque + effector.torque(place), force + effector.force(place)
         return vec(*torque, *force, *[0.0 for _ in range(self.wheels)])
 
-    def _at(self, g: Vec) -> Place:
+    def _at(self, g: Vec) -> PoseInSpace:
         x, R = vec(g[9], g[10], g[11]), mat(g[0:3], g[3:6], g[6:9])
-        return Place(x, R, self.mass, self.inertia)
+        return PoseInSpace(x, R, self.mass, self.inertia)
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
         return (12 + self.wheels,)
@@ -80,13 +80,13 @@ class EffectorLoads(Force):
         """Torques, forces, torques on the wheels."""
         x, R = vec(g[9], g[10], g[11]), mat(g[0:3], g[3:6], g[6:9])
         speeds = None if self.wheels is None else xi[6:]
-        here = Flight(t, x, xi[3:6], R, xi[0:3], speeds, self.mass, self.inertia)
+        flight = Flight(t, x, xi[3:6], R, xi[0:3], speeds, self.mass, self.inertia)
         torque, force = vec(0.0, 0.0, 0.0), vec(0.0, 0.0, 0.0)
         for effector in self.effectors:
-            torque, force = torque + effector.torque(here), force + effector.force(here)
+            torque, force = torque + effector.torque(flight), force + effector.force(flight)
         if self.wheels is None:
             return vec(*torque, *force)
-        return vec(*torque, *force, *self.wheels.torque(here))
+        return vec(*torque, *force, *self.wheels.torque(flight))
 
 
 @record
@@ -131,8 +131,8 @@ class Spacecraft(MechanicalSystem):
         name, turning = type(self).__name__, RigidBody(self.inertia)
         object.__setattr__(self, "inertia", turning.inertia)
         check_positive(self, "mass")
-        given: Any = self.effectors
-        object.__setattr__(self, "effectors", tuple(given if isinstance(given, (list, tuple)) else [given]))
+        effectors: Any = self.effectors
+        object.__setattr__(self, "effectors", tuple(effectors if isinstance(effectors, (list, tuple)) else [effectors]))
         for effector in self.effectors:
             if not isinstance(effector, (Effector, ConservativeEffector)):
                 raise InvalidType(
@@ -141,7 +141,7 @@ class Spacecraft(MechanicalSystem):
                 )
         if self.wheels is not None and not isinstance(self.wheels, ReactionWheels):
             raise InvalidType(f"{name}: wheels must be ReactionWheels(axes, inertias); got {self.wheels!r}")
-        n, own = self._wheels, (self.mass, self.inertia)
+        n, inertias = self._wheels, (self.mass, self.inertia)
         group = ProductGroup(SO3(), VectorSpace(3), *[VectorSpace(n) for _ in range(n > 0)])
         kinetic = KineticEnergy(with_mass(self.inertia, self.mass))
         if self.wheels is not None:
@@ -152,8 +152,8 @@ class Spacecraft(MechanicalSystem):
         loads = tuple([e for e in self.effectors if isinstance(e, Effector)])
         free = not loads and (self.wheels is None or self.wheels.passive)
         object.__setattr__(self, "body", LiePoissonSystem(group, kinetic))
-        object.__setattr__(self, "potential", EffectorFields(fields, *own, n) if fields else NoPotential())
-        object.__setattr__(self, "load", None if free else EffectorLoads(loads, self.wheels, *own))
+        object.__setattr__(self, "potential", EffectorFields(fields, *inertias, n) if fields else NoPotential())
+        object.__setattr__(self, "load", None if free else EffectorLoads(loads, self.wheels, *inertias))
         super().__post_init__()
 
     @property
@@ -190,8 +190,8 @@ class Spacecraft(MechanicalSystem):
         group: Any = self.configurations
         lead = np.broadcast_shapes(R.shape[:-2], *[a.shape[:-1] for a in (x, v, w, wheels)])
         xi = np.concatenate([np.broadcast_to(a, (*lead, a.shape[-1])) for a in (w, v, wheels)], axis=-1)
-        found: BodyState = self.state(xi=xi, g=group.join(R, x, *[np.zeros((*lead, n))][: n > 0]))
-        return found
+        start: BodyState = self.state(xi=xi, g=group.join(R, x, *[np.zeros((*lead, n))][: n > 0]))
+        return start
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy without a load; the angular momentum of spin and orbit together where all effectors
@@ -199,12 +199,12 @@ class Spacecraft(MechanicalSystem):
         nothing acts on the spin in space and the momentum.
         """
         mu, g = states["mu"], states["g"]
-        kept = {} if self.load is not None else {"energy": np.asarray(self.energy(mu, g))}
+        constants = {} if self.load is not None else {"energy": np.asarray(self.energy(mu, g))}
         if any(isinstance(e, Effector) for e in self.effectors):
-            return kept
+            return constants
         if not self.effectors:
-            return kept | {"spin in space": spin_in_space(mu, g), "momentum": mu[..., 3:6]}
-        return kept | self.potential.symmetry(self.configurations, mu, g)
+            return constants | {"spin in space": spin_in_space(mu, g), "momentum": mu[..., 3:6]}
+        return constants | self.potential.symmetry(self.configurations, mu, g)
 
 
 def spin_in_space(mu: Any, g: Any) -> np.ndarray:

@@ -76,7 +76,7 @@ class AndrewsMechanism(ConstrainedLagrangianSystem):
         )
 
     def potential(self, q: Vec) -> float:
-        """That of the spring, less the moment times beta, in J.  q : (7,)."""
+        """The energy of the spring, less the moment times beta, in J.  q : (7,)."""
         c, s = cos(q[2]), sin(q[2])
         x, y = SD * c + SC * s + XB - XC, SD * s - SC * c + YB - YC
         stretch = sqrt(x * x + y * y) - self.rest

@@ -144,7 +144,7 @@ class ChainPendulum(SeparableConstrainedSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """The number of coordinates."""
+        """The number of coordinates, masses times dimension."""
         return len(self.masses) * self.dimension
 
     # ---------------------------------------------------------------- many masses
@@ -155,22 +155,22 @@ class ChainPendulum(SeparableConstrainedSystem):
         bodies, rods, makes = Link, RigidRod, Linkage  # type: Any, Any, Any
         links = [bodies(m, [m * l * l] * 3) for m, l in zip(self.masses, self.lengths)]
         joints = [rods(k, k - 1 if k else None, length=l, name=f"rod {k}") for k, l in enumerate(self.lengths)]
-        found: LinkedForm = makes(links, joints, self.gravity).linked
-        return found
+        form: LinkedForm = makes(links, joints, self.gravity).linked
+        return form
 
     def label(self, joint: int) -> str:
-        """A rod, in messages."""
+        """The name of a rod in messages."""
         return f"rod {joint}"
 
     @property
     @closed_form_of("kinetic", "potential", "constraint")
     def site_form(self) -> Links | None:
-        """That of a long chain."""
+        """The site form of a long chain, None of a short one."""
         return self.linked.links if self.degrees > self.small else None
 
     @property
     def _axes(self) -> list[int]:
-        """Those of space that positions have."""
+        """The axes of space along which positions are free."""
         return [0, 1, 2] if self.dimension == 3 else [0, 2]
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
@@ -188,7 +188,7 @@ class ChainPendulum(SeparableConstrainedSystem):
         return {"mu": mu, "g": g}
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`."""
+        """The inverse of `by_site`: positions and momenta from poses."""
         if "g" not in arrays:
             return arrays
         mu, g, count = arrays["mu"], arrays["g"], len(self.masses)
@@ -205,7 +205,7 @@ class ChainPendulum(SeparableConstrainedSystem):
         return [end if i == 0 else end - ends[i - 1] for i, end in enumerate(ends)]
 
     def _over_masses(self, p: Vec) -> Vec:
-        """p_i/m_i."""
+        """The velocities p_i/m_i of all coordinates."""
         inverse = [1.0 / m for m in self.masses]
         return vec(*[inverse[i // self.dimension] * x for i, x in enumerate(p)])
 
@@ -252,11 +252,11 @@ class ChainPendulum(SeparableConstrainedSystem):
         """The scales of both constraints: those of the base class, whose rows are mostly zeros."""
         d, v, sizes, speeds = self.dimension, self._over_masses(p), [], []  # type: Any, Any, Any, Any
         for i, (r, l) in enumerate(zip(self._links(q), self.lengths)):
-            some = [(i, k) for k in range(d)] + [(i - 1, k) for k in range(d) if i > 0]
-            s = sum([abs(r[k] / l) * abs(q[d * j + k]) for j, k in some])
+            moving = [(i, k) for k in range(d)] + [(i - 1, k) for k in range(d) if i > 0]
+            s = sum([abs(r[k] / l) * abs(q[d * j + k]) for j, k in moving])
             falls = self.gravity * abs(r[d - 1] / l) * (2.0 if i > 0 else 1.0)
             sizes = [*sizes, s]
-            speeds = [*speeds, sum([abs(r[k] / l) * abs(v[d * j + k]) for j, k in some]) + sqrt(s * abs(falls))]
+            speeds = [*speeds, sum([abs(r[k] / l) * abs(v[d * j + k]) for j, k in moving]) + sqrt(s * abs(falls))]
         return vec(*sizes), vec(*speeds)
 
     def _check_rank(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
@@ -272,11 +272,11 @@ class ChainPendulum(SeparableConstrainedSystem):
         other, (n,).
         """
         d, at = self.dimension, [0.0 for _ in range(self.dimension)]
-        found: list[float] = []
+        positions: list[float] = []
         for i, l in enumerate(self.lengths):
             at = [at[k] + l * directions[d * i + k] for k in range(d)]
-            found = [*found, *at]
-        return vec(*found)
+            positions = [*positions, *at]
+        return vec(*positions)
 
     def vertical_momentum(self, q: Vec, p: Vec) -> float:
         """The angular momentum about the vertical, in kg m^2/s; in space only.  q, p : (n,)."""
@@ -286,10 +286,10 @@ class ChainPendulum(SeparableConstrainedSystem):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, the constraints and, in space, the angular momentum about the vertical."""
-        kept = super().constants(states)
+        constants = super().constants(states)
         if self.dimension == 3:
-            kept |= {"vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))}
-        return kept
+            constants |= {"vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))}
+        return constants
 
 
 @record
@@ -323,7 +323,7 @@ class FourBarLinkage(SeparableConstrainedSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """The number of coordinates."""
+        """The number of coordinates, 2 (loops + 1)."""
         return 2 * self.loops + 2
 
     @cached_property

@@ -41,7 +41,7 @@ class Swing(NamedTuple):
 
     @property
     def rate(self) -> float:
-        """u'."""
+        """The rate u' of the argument of the elliptic functions."""
         return self.k * self.frequency if self.turns else self.frequency
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,6 +85,6 @@ def pendulum(theta: float, momentum: float, mass: float, gravity: float, length:
         return None
     sign = -1.0 if momentum < 0.0 else 1.0
     turns = least < 0
-    jacobi = Jacobi.of(k1 / k if turns else k1)
+    jacobi = Jacobi.of_modulus(k1 / k if turns else k1)
     begin = jacobi.argument(sign * S, C) if turns else jacobi.argument(sign * S / k, C if not jacobi.k1 else V / k)
     return Swing(jacobi, turns, k, frequency, begin, sign, shift)

@@ -42,7 +42,7 @@ class OrthonormalFrame(SeparableConstrainedSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """n k."""
+        """The number n k of entries of the frame."""
         return len(self.field) * len(self.field[0])
 
     def _matrix(self, x: Vec) -> Mat:
@@ -90,16 +90,16 @@ class OrthonormalFrame(SeparableConstrainedSystem):
         moved = mat(*[vec(*x, *v) for x, v in zip(Q, V)]) @ expm(t * mat(*upper, *lower))
         turned = expm((-t) * A)
         ends = [mat(*[vec(*[row[j] for j in range(i, i + k)]) for row in moved]) @ turned for i in (0, k)]
-        found = [vec(*[x for row in end for x in row]) for end in ends]
-        return found[0], self.mass * found[1]
+        rows = [vec(*[x for row in end for x in row]) for end in ends]
+        return rows[0], self.mass * rows[1]
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy and the constraints; without a field the angular momentum too, Q P^T - P Q^T
         above its diagonal.
         """
-        kept, n, k = super().constants(states), len(self.field), len(self.field[0])
+        constants, n, k = super().constants(states), len(self.field), len(self.field[0])
         if not np.array(self.field).any():
             Q, P = (states[name].reshape(*states[name].shape[:-1], n, k) for name in ("q", "p"))
             whole = Q @ P.swapaxes(-1, -2) - P @ Q.swapaxes(-1, -2)
-            kept |= {"angular momentum": whole[(..., *np.triu_indices(n, 1))]}
-        return kept
+            constants |= {"angular momentum": whole[(..., *np.triu_indices(n, 1))]}
+        return constants

@@ -38,7 +38,7 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """The number of coordinates."""
+        """The number of coordinates, one of each axis."""
         return len(self.axes)
 
     def kinetic(self, p: Vec) -> float:
@@ -46,7 +46,7 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
         return dot(p, p) / (2.0 * self.mass)
 
     def potential(self, q: Vec) -> float:
-        """Nothing.  q : (n,)."""
+        """The potential of a free particle, zero.  q : (n,)."""
         return 0.0 * q[0]
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
@@ -54,7 +54,7 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
         return (1.0 / self.mass) * p
 
     def force(self, q: Vec, p: Vec) -> Vec:
-        """Nothing.  q, p : (n,)."""
+        """The force on a free particle, zeros.  q, p : (n,)."""
         return 0.0 * q
 
     def constraint(self, q: Vec) -> Vec:

@@ -52,5 +52,5 @@ def colors(values: NDArray[np.float64]) -> NDArray[np.float64]:
     from matplotlib import colormaps
 
     rank = np.argsort(np.argsort(values, kind="stable"), kind="stable")
-    found: NDArray[np.float64] = colormaps[SCALE](rank / max(1, len(rank) - 1))
-    return found
+    rgba: NDArray[np.float64] = colormaps[SCALE](rank / max(1, len(rank) - 1))
+    return rgba

@@ -22,11 +22,11 @@ def contours(energy: Callable[[Array], Any], radius: float, count: int) -> Array
     """
     points, triangles = sphere()
     values = np.asarray(energy(radius * points), dtype=float)
-    known = np.isfinite(values)
-    if not known.any() or np.ptp(values[known]) <= 1e-12 * np.abs(values[known]).max():
+    finite = np.isfinite(values)
+    if not finite.any() or np.ptp(values[finite]) <= 1e-12 * np.abs(values[finite]).max():
         return np.empty((0, 2, 3))
-    low, high = values[known].min(), values[known].max()
-    triangles = triangles[known[triangles].all(axis=1)]
+    low, high = values[finite].min(), values[finite].max()
+    triangles = triangles[finite[triangles].all(axis=1)]
     curves = []
     for level in low + (high - low) * (np.arange(count) + 0.5) / count:
         above = values[triangles] > level

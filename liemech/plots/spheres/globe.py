@@ -57,7 +57,7 @@ def globe(ax: Axes | None, view: tuple[float, float], title: str | None, names: 
 
 
 def bare(ax: Axes, title: str | None) -> None:
-    """No frame and no ticks, but a title if there is one."""
+    """Take frame and ticks off the axes, and set a title if there is one."""
     ax.set_axis_off()
     if title:
         ax.set_title(title, fontsize=11, color=INK, pad=4)
@@ -81,8 +81,8 @@ def directions(values: Array) -> Array:
     largest = np.abs(values).max(axis=-1, keepdims=True)
     values = np.divide(values, largest, out=np.zeros_like(values), where=largest > 0.0)
     size = np.linalg.norm(values, axis=-1, keepdims=True)
-    found: Array = np.divide(values, size, out=values, where=size > 0.0)
-    return found
+    units: Array = np.divide(values, size, out=values, where=size > 0.0)
+    return units
 
 
 def line(ax: Axes, curve: Array, back: float, zorder: float, **style: Any) -> None:
@@ -114,8 +114,8 @@ def dots(ax: Axes, points: Array, color: Any, marker: str, label: str | None) ->
     from matplotlib.colors import to_rgb, to_rgba_array
 
     if len(points) > MOST_DOTS:
-        kept = thinned(len(points))
-        points, color = points[kept], color if isinstance(color, str) else color[kept]
+        samples = thinned(len(points))
+        points, color = points[samples], color if isinstance(color, str) else color[samples]
     size = float(np.clip(46.0 / np.sqrt(len(points)), 2.0, 4.2))
     ahead = points[:, 2] >= 0.0
     if not isinstance(color, str):

@@ -31,7 +31,7 @@ class ZeroOrderHold:
         self.reset()
 
     def reset(self) -> None:
-        """Take the next command."""
+        """Forget the command, so that the next look takes one."""
         self._looks, self._command = 0, None
 
     def __call__(self, command: Any) -> Any:
@@ -64,7 +64,7 @@ class FirstOrderHold:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last command."""
+        """Forget the last command; the next one begins anew, from `first` if there is one."""
         self._last = None if self.first is None else command_of(self.first, "first")
 
     def __call__(self, t: float, command: Any) -> Any:
@@ -125,7 +125,7 @@ class RateLimit:
         self._last = self.first
 
     def __call__(self, command: Any) -> Any:
-        """Where the actuator is as this command is given."""
+        """The position of the actuator as this command is given."""
         most = self.rate * self.period
         away = command_of(command, "command") - self._last
         # reached without a rest
@@ -139,8 +139,8 @@ class RateLimit:
 def ramp(t: float, value: np.ndarray, slope: np.ndarray) -> Ramp:
     """A ramp from the time t on, whose numbers are checked already."""
     both = (small(value), small(slope)) if value.ndim else (float(value), float(slope))
-    made: Ramp = fill(Ramp, {"value": both[0], "slope": both[1], "t0": float(t)})
-    return made
+    command: Ramp = fill(Ramp, {"value": both[0], "slope": both[1], "t0": float(t)})
+    return command
 
 
 def command_of(value: Any, name: str) -> np.ndarray:
@@ -151,7 +151,7 @@ def command_of(value: Any, name: str) -> np.ndarray:
 
 
 def positive(value: Any, name: str) -> float:
-    """A positive number."""
+    """The number given, refused unless it is positive."""
     number = arguments.real(value, name)
     if not number > 0.0:
         raise InvalidInput(f"{name} must be positive; got {value!r}")

@@ -15,7 +15,7 @@ from ...formulas.classes.pytree import Layout, gatherer, layout_of, leaves
 from ...formulas.tables import Table
 from ...simulation.compiled.control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
 from ...simulation.compiled.parameters import Input, full_name
-from ...simulation.compiled.prepared import Shape
+from ...simulation.compiled.prepared import RunShape
 from ...simulation.runs.short import ENDLESS
 from ...systems.system import State
 
@@ -61,22 +61,22 @@ def export(plan: Any, path: str | os.PathLike[str], start: Any, inputs: Any, tar
         )
     steps = plan._steps
     lanes = shape.lanes_of(steps, STRAIGHT, (), shape.side)
-    entry, *given = lanes.stepping.call
-    kernels = {f"{name}_advance": kernel.translated(entry, *given)}
+    entry, *arguments = lanes.stepping.call
+    kernels = {f"{name}_advance": kernel.translated(entry, *arguments)}
     if shape.order is None:
         beginning: Any = shape.beginning(steps, lanes)
         kernels[f"{name}_start"] = kernel.translated(*beginning.call)
     code, platform, processor, bound = object_file(kernels, target)
     named = {} if inputs is None else inputs_of(plan, inputs)
     text = Header(name, plan, shape, lanes, named, bound, platform, processor)
-    made, header, example = (path.with_name(name + end) for end in (".o", ".h", "_example.c"))
-    made.write_bytes(code)
+    machine_code, header, example = (path.with_name(name + end) for end in (".o", ".h", "_example.c"))
+    machine_code.write_bytes(code)
     header.write_text(text.header(), encoding="utf-8")
     example.write_text(text.example(start), encoding="utf-8")
-    return Exported(made, header, example, bound, platform, processor)
+    return Exported(machine_code, header, example, bound, platform, processor)
 
 
-def laid_out(plan: Any, start: Any) -> tuple[Shape, Any]:
+def laid_out(plan: Any, start: Any) -> tuple[RunShape, Any]:
     """The layouts of runs from a start; without one those of the only kind that the plan has made."""
     if plan.adaptive or plan.fictive or isinstance(plan._steps.h, tuple) or plan.of_each:
         raise IncompatibleSystem(
@@ -105,44 +105,44 @@ def inputs_of(plan: Any, names: Any) -> dict[str, Input]:
 
     if isinstance(names, str) or not all(isinstance(x, str) for x in names):
         raise InvalidType(f"Plan.export: inputs are names such as ['torque']; got {names!r}")
-    found: dict[str, Input] = {}
+    inputs: dict[str, Input] = {}
     for name in names:
         full = full_name(plan.system, name, "Plan.export")
-        one = Input(plan.system, full, "Plan.export")
-        if one.places is None:
+        entry = Input(plan.system, full, "Plan.export")
+        if entry.places is None:
             raise InvalidInput(
                 f"Plan.export: other numbers of the system follow from {full}, or it is checked when a "
                 "system is made, so it is no input of C code; a field that formulas read as it is can be "
                 "one"
             )
-        if "table" in one.layout.kinds:
+        if "table" in entry.layout.kinds:
             raise InvalidInput(f"Plan.export: {full} is a table, which is a constant of C code")
         short = re.sub(r"\W", "_", name)
         if short in WORDS.split():
             raise InvalidInput(f"Plan.export: the input {short} has a meaning in C or C++ already; rename the field")
-        if short in found:
+        if short in inputs:
             raise InvalidInput(f"Plan.export: two inputs are called {short}")
-        found[short] = one
-    return found
+        inputs[short] = entry
+    return inputs
 
 
 class Header:
     """The texts of the header and of the example."""
 
     def __init__(
-        self, name: str, plan: Any, shape: Shape, lanes: Any, inputs: dict[str, Input],
+        self, name: str, plan: Any, shape: RunShape, lanes: Any, inputs: dict[str, Input],
         bound: Any, platform: str, processor: str,
     ) -> None:  # fmt: skip
         self.name, self.plan, self.shape, self.lanes, self.inputs = name, plan, shape, lanes, inputs
         self.bound, self.platform, self.processor = bound, platform, processor
         self.h = float(plan._steps.h)
         things = lanes.arguments[:3]
-        self.numbers = [x for one in things for x in leaves(one, layout_of(one))]
-        self.kinds = [kind for one in things for kind in layout_of(one).kinds]
+        self.numbers = [x for thing in things for x in leaves(thing, layout_of(thing))]
+        self.kinds = [kind for thing in things for kind in layout_of(thing).kinds]
         self.first = layout_of(things[0]).width  # number of the system
 
     def header(self) -> str:
-        """The header."""
+        """The text of the header file: types, functions and constants of the run."""
         name, carried, shown = self.name, self.shape.layout.width, self.shape.shown
         tables = {i: Table.at(x) for i, (x, kind) in enumerate(zip(self.numbers, self.kinds))
                   if kind == "table"}  # fmt: skip
@@ -173,11 +173,11 @@ class Header:
             lines += [
                 "/* What may change between steps: fields of the system. */",
                 "typedef struct {",
-                *[f"  double {short}{dimensions(one)};  /* {one.name} */" for short, one in self.inputs.items()],
+                *[f"  double {short}{dimensions(entry)};  /* {entry.name} */" for short, entry in self.inputs.items()],
                 f"}} {name}_inputs;",
                 "",
             ]
-        given = f", const {name}_inputs *inputs" if self.inputs else ""
+        argument = f", const {name}_inputs *inputs" if self.inputs else ""
         lines += [
             "/* A run: the arguments of native code, what the method carries along, its clock, its goal",
             "   and the state. */",
@@ -208,8 +208,8 @@ class Header:
             *wrapped(constants or ["0.0"]),
             "};",
             "",
-            *self._begin(tables, given),
-            *self._step(given),
+            *self._begin(tables, argument),
+            *self._step(argument),
             "/* The time, t0 + n h after n steps, in s. */",
             f"static inline double {name}_time(const {name} *run) {{ return run->clock[{TIME}]; }}",
             "#endif",
@@ -231,14 +231,14 @@ class Header:
             f"{b.overhead} beside that of its steps.  There are no loops in a step.",
         ]
 
-    def _begin(self, tables: dict[int, Table], given: str) -> list[str]:
+    def _begin(self, tables: dict[int, Table], argument: str) -> list[str]:
         name, order = self.name, self.shape.order
         clock = [real(x) for x in (0.0, self.h, *FRESH)]
         goal = [real(x) for x in (math.inf, 0.0, 0.0, 0.0, ENDLESS, 0.0)]
         lines = [
             "/* Begin at a state and a time; 0 if the method cannot begin there.",
-            *(["   inputs: NULL leaves those of the system. */"] if given else ["   */"]),
-            f"static inline int {name}_begin({name} *run, const {name}_state *start{given}, double t0) {{",
+            *(["   inputs: NULL leaves those of the system. */"] if argument else ["   */"]),
+            f"static inline int {name}_begin({name} *run, const {name}_state *start{argument}, double t0) {{",
             f"  static const double clock[] = {{{', '.join(clock)}}};",
             f"  static const double goal[] = {{{', '.join(goal)}}};",
         ]
@@ -257,7 +257,7 @@ class Header:
             f"  run->clock[{TIME}] = run->goal[5] = t0;",
             "  run->state = *start;",
         ]
-        if given:
+        if argument:
             lines.append(f"  if (inputs) {name}_take(run, inputs);")
         if order is not None:
             lines += [
@@ -269,11 +269,11 @@ class Header:
         before: list[str] = []
         if self.inputs:
             before += [f"static inline void {name}_take({name} *run, const {name}_inputs *inputs) {{"]
-            for short, one in self.inputs.items():
+            for short, entry in self.inputs.items():
                 source = f"&inputs->{short}"
                 before += [
                     f"  memcpy(run->constants + {self.first + place}, {source}, sizeof inputs->{short});"
-                    for place in one.places or ()
+                    for place in entry.places or ()
                 ]
             before += ["}", ""]
         if order is None:
@@ -294,7 +294,7 @@ class Header:
             ]
         return [*before, *lines, "}", ""]
 
-    def _step(self, given: str) -> list[str]:
+    def _step(self, argument: str) -> list[str]:
         name = self.name
         again = self.shape.order is None
         take = f"  if (inputs) {name}_take(run, inputs);"
@@ -302,10 +302,10 @@ class Header:
             take = f"  if (inputs) {{ {name}_take(run, inputs); if (!{name}_restart(run)) return 0; }}"
         return [
             "/* Go on by so many steps; how many were made: fewer if one fails, before which the run stands.",
-            *(["   inputs: NULL leaves them as they are. */"] if given else ["   */"]),
-            f"static inline int64_t {name}_step({name} *run{given}, int64_t steps) {{",
+            *(["   inputs: NULL leaves them as they are. */"] if argument else ["   */"]),
+            f"static inline int64_t {name}_step({name} *run{argument}, int64_t steps) {{",
             f"  const double before = run->clock[{TAKEN}];",
-            *([take] if given else []),
+            *([take] if argument else []),
             "  run->words[0] = 1, run->words[1] = 0, run->words[2] = 1;",
             "  run->words[3] = 1, run->words[4] = steps;",
             "  run->words[5] = (intptr_t)run->goal, run->words[6] = (intptr_t)run->carried;",
@@ -323,7 +323,7 @@ class Header:
         """A program that makes steps and prints the time and the numbers of the state, 17 digits each."""
         name, width = self.name, self.shape.shown.width
         numbers = [0.0] * width if start is None else gatherer(self.shape.given)(start)
-        given = "&inputs, " if self.inputs else ""
+        argument = "&inputs, " if self.inputs else ""
         lines = [
             f"/* cc {name}_example.c {name}.o -lm -o {name} && ./{name} 10 5 */",
             "#include <stdio.h>",
@@ -344,14 +344,14 @@ class Header:
         if self.inputs:
             lines.append(f"  {name}_inputs inputs;")
         lines.append("  memcpy(&start, numbers, sizeof start);")
-        for short, one in self.inputs.items():
-            place = self.first + (one.places or (0,))[0]
+        for short, entry in self.inputs.items():
+            place = self.first + (entry.places or (0,))[0]
             lines.append(f"  memcpy(&inputs.{short}, {name}_constants + {place}, sizeof inputs.{short});")
         lines += [
-            f"  if (!{name}_begin(&run, &start, {given}0.0)) return 1;",
+            f"  if (!{name}_begin(&run, &start, {argument}0.0)) return 1;",
             "  for (row = 0; row <= rows; row++) {",
-            *(["    /* NULL: inputs as they are; or &inputs, with a new command in it */"] if given else []),
-            f"    if (row && {name}_step(&run, {'NULL, ' if given else ''}every) != every) return 2;",
+            *(["    /* NULL: inputs as they are; or &inputs, with a new command in it */"] if argument else []),
+            f"    if (row && {name}_step(&run, {'NULL, ' if argument else ''}every) != every) return 2;",
             f'    printf("%.17g", {name}_time(&run));',
             f'    for (i = 0; i < {width}; i++) printf(" %.17g", shown[i]);',
             '    printf("\\n");',
@@ -379,14 +379,14 @@ def members(shown: Layout) -> list[str]:
     return lines
 
 
-def dimensions(one: Input) -> str:
-    """The shape of an input in C."""
-    shape = (one.width,) if one.shape is None else one.shape
+def dimensions(entry: Input) -> str:
+    """The shape of an input as C writes it behind a name."""
+    shape = (entry.width,) if entry.shape is None else entry.shape
     return "".join(f"[{n}]" for n in shape)
 
 
 def real(x: float) -> str:
-    """A double in C, exactly."""
+    """A literal of a double in C, in hexadecimal digits, so that no bit is lost."""
     if math.isnan(x):
         return "NAN"
     if math.isinf(x):
@@ -395,7 +395,7 @@ def real(x: float) -> str:
 
 
 def wrapped(items: list[str], margin: str = "  ") -> list[str]:
-    """Items in lines of four."""
+    """Lines of an initialiser in C, four items each."""
     return [margin + ", ".join(items[i : i + 4]) + "," for i in range(0, len(items), 4)]
 
 

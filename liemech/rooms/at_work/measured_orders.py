@@ -55,11 +55,11 @@ class Orders:
     duration: float
 
     def __getitem__(self, name: str) -> Measured:
-        for one in self.methods:
-            if one.name == name:
-                return one
-        known = ", ".join(one.name for one in self.methods)
-        raise InvalidInput(f"Orders: {name!r} was not measured; known are: {known}")
+        for method in self.methods:
+            if method.name == name:
+                return method
+        names = ", ".join(method.name for method in self.methods)
+        raise InvalidInput(f"Orders: {name!r} was not measured; known are: {names}")
 
     def __float__(self) -> float:
         if len(self.methods) != 1 or self.methods[0].order is None:
@@ -68,10 +68,10 @@ class Orders:
 
     def __str__(self) -> str:
         lines = [f"{'method':<40} {'order':>6} {'steps':>7} {'error':>9} {'ms':>9}"]
-        for one in self.methods:
-            order = "-" if one.order is None else f"{one.order:.2f}"
-            steps, seconds = round(self.duration / one.h[-1]), 1e3 * one.seconds[-1]
-            lines.append(f"{one.name:<40} {order:>6} {steps:>7} {one.errors[-1]:>9.1e} {seconds:>9.3f}")
+        for method in self.methods:
+            order = "-" if method.order is None else f"{method.order:.2f}"
+            steps, seconds = round(self.duration / method.h[-1]), 1e3 * method.seconds[-1]
+            lines.append(f"{method.name:<40} {order:>6} {steps:>7} {method.errors[-1]:>9.1e} {seconds:>9.3f}")
         return "\n".join(lines)
 
     @property
@@ -80,11 +80,11 @@ class Orders:
         before, seconds.
         """
         rows = []
-        for one in self.methods:
-            slopes = np.diff(np.log(one.errors)) / np.diff(np.log(one.h))
-            for k, (h, error, seconds) in enumerate(zip(one.h, one.errors, one.seconds, strict=True)):
+        for method in self.methods:
+            slopes = np.diff(np.log(method.errors)) / np.diff(np.log(method.h))
+            for k, (h, error, seconds) in enumerate(zip(method.h, method.errors, method.seconds, strict=True)):
                 slope = float(slopes[k - 1]) if k else float("nan")
-                rows.append((one.name, float(h), float(error), slope, float(seconds)))
+                rows.append((method.name, float(h), float(error), slope, float(seconds)))
         return WrittenTable(("method", "h", "error", "order", "seconds"), tuple(rows))
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str | None:
@@ -98,12 +98,12 @@ class Orders:
     @property
     def errors(self) -> dict[str, Array]:
         """The errors by name, for `lm.plots.orders(found.methods[0].h, found.errors)`."""
-        return {one.name: one.errors for one in self.methods}
+        return {method.name: method.errors for method in self.methods}
 
     @property
     def work(self) -> dict[str, tuple[Array, Array]]:
         """Errors and seconds by name, for `lm.plots.work_precision(found.work)`."""
-        return {one.name: (one.errors, one.seconds) for one in self.methods}
+        return {method.name: (method.errors, method.seconds) for method in self.methods}
 
 
 def measure_order(
@@ -139,25 +139,25 @@ def measure_order(
     if start.bodies is not None:
         raise InvalidInput("measure_order takes one body, not an ensemble")
     wanted = _reference(system, start, float(t_end), counts[-1], compiled) if exact is None else exact
-    found = []
+    measured = []
     for name, method in named.items():
         errors, seconds = [], []
         for n in counts:
             plan = Plan(system, method, h=t_end / n, every=n, compiled=compiled, progress=False)
             took = []
             for _ in range(4):  # the first one compiles
-                begun = time.process_time()
+                since = time.process_time()
                 last = plan.run(start, steps=n).last
-                took.append(time.process_time() - begun)
+                took.append(time.process_time() - since)
             errors.append(_distance(last, wanted))
             seconds.append(min(took[1:]))
         h = float(t_end) / np.array(counts)
-        found.append(Measured(name, h, np.array(errors), np.array(seconds)))
-    return Orders(tuple(found), float(t_end))
+        measured.append(Measured(name, h, np.array(errors), np.array(seconds)))
+    return Orders(tuple(measured), float(t_end))
 
 
 def _named(methods: Any) -> dict[str, Any]:
-    """Methods by name."""
+    """Methods by their names, from one, several, or a mapping."""
     if not isinstance(methods, Mapping):
         several = [methods] if isinstance(methods, Method) else [*methods]
         methods = {getattr(m, "name", repr(m)): m for m in several}
@@ -182,10 +182,10 @@ def _distance(state: Any, exact: Any) -> float:
     """The largest relative difference of a part of the state."""
     worst = 0.0
     for name, x in state.parts.items():
-        there = exact.parts.get(name)
-        if x is None or there is None:
+        target = exact.parts.get(name)
+        if x is None or target is None:
             continue
-        a, b = np.asarray(x, dtype=float), np.asarray(there, dtype=float)
+        a, b = np.asarray(x, dtype=float), np.asarray(target, dtype=float)
         worst = max(worst, float(np.abs(a - b).max() / (np.abs(b).max() or 1.0)))
     return worst
 
@@ -198,15 +198,15 @@ def order_of(h: ArrayLike, error: ArrayLike) -> float | None:
     rounding. None where fewer than two errors fall.
     """
     steps, errors = np.asarray(h, dtype=float), np.asarray(error, dtype=float)
-    some = falling(steps, errors)
-    slopes = np.diff(np.log(errors[some])) / np.diff(np.log(steps[some]))
+    rows = falling(steps, errors)
+    slopes = np.diff(np.log(errors[rows])) / np.diff(np.log(steps[rows]))
     return float(np.median(slopes[-SLOPES:])) if len(slopes) else None
 
 
 def falling(steps: Array, errors: Array) -> NDArray[np.intp]:
-    """Which errors lie above the floor of rounding, from the largest step down."""
-    there = np.flatnonzero(np.isfinite(errors) & (errors > 0.0))
-    there = there[np.argsort(-steps[there], kind="stable")]
-    slopes = np.diff(np.log(errors[there])) / np.diff(np.log(steps[there]))
+    """Numbers of the errors above the floor of rounding, from the largest step down."""
+    rows = np.flatnonzero(np.isfinite(errors) & (errors > 0.0))
+    rows = rows[np.argsort(-steps[rows], kind="stable")]
+    slopes = np.diff(np.log(errors[rows])) / np.diff(np.log(steps[rows]))
     flat = np.flatnonzero(~(slopes >= 0.5 * np.maximum.accumulate(np.maximum(slopes, 0.0))) | ~(slopes > 0.0))
-    return there[: int(flat[0]) + 1 if len(flat) else len(there)]
+    return rows[: int(flat[0]) + 1 if len(flat) else len(rows)]

@@ -171,8 +171,7 @@ class Work:
 
 
 def _run(plan: Any, start: Any, how: dict[str, Any], unless: str | None = None) -> Any:
-    """A chunk, where it is computed.  What its run raises is a result: an error of `submit` tells
-    of a lost worker.
+    """Run a chunk where it is computed.  Errors of its run are results: one of `submit` tells of a lost worker.
 
     unless : a file; when it is there, nobody waits for the chunk.
     """
@@ -214,7 +213,7 @@ def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:
 
 
 def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int]]:
-    """Where chunks begin and end."""
+    """Pairs (first, end) of the bodies of each chunk, in whole lanes."""
     wanted = 4 * workers if workers else CHUNKS
     size = max(-(-bodies // wanted), CHUNK // max(1, steps))
     size = -(-min(size, bodies) // LANES) * LANES
@@ -222,9 +221,9 @@ def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int
 
 
 def _part_of(plan: Any, first: int, end: int) -> Any:
-    """The plan of some bodies."""
-    own = {name: [*values][first:end] for name, values in plan.of_each.items()}
-    return plan.replace(progress=False, **own)
+    """The plan of the bodies from `first` to `end`, with their own parameters."""
+    parameters = {name: [*values][first:end] for name, values in plan.of_each.items()}
+    return plan.replace(progress=False, **parameters)
 
 
 def _times_of(how: dict[str, Any], first: int, end: int) -> dict[str, Any]:
@@ -242,27 +241,27 @@ def _members(start: Any, first: int, end: int) -> Any:
 
 
 def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
-    """The runs of all chunks as one."""
+    """The trajectories of all chunks as that of the ensemble, with a warning of bodies that stopped."""
     bodies = chunks[-1][1]
     places = {begin + i: (run, i) for (begin, _), run in zip(chunks, runs) for i in run.stopped}
     steps = {body: run.stopped.steps[i] for body, (run, i) in places.items()}
     stopped = Stopped(steps, lambda body: places[body][0].stopped[places[body][1]].error)
     if steps:
-        some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
+        examples = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
         warn(
-            f"integrate: {len(steps)} of {bodies} bodies stopped early: {some}. {stopped[min(steps)].error}",
+            f"integrate: {len(steps)} of {bodies} bodies stopped early: {examples}. {stopped[min(steps)].error}",
             RuntimeWarning,
         )
-    own: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     if isinstance(runs[0], TransformedTrajectory):
-        own = {"origin": _origin(runs)}
-    own |= {
+        fields = {"origin": _origin(runs)}
+    fields |= {
         "system": _systems(plan, runs),
         "method": plan.method,
         "stopped": stopped,
-        "events": tuple([sum(found, ()) for found in zip(*(run.events for run in runs))]),
+        "events": tuple([sum(events, ()) for events in zip(*(run.events for run in runs))]),
     }
-    return of_some(runs, lambda: _carry([run.carry for run in runs], own.get("origin")), **own)
+    return of_some(runs, lambda: _carry([run.carry for run in runs], fields.get("origin")), **fields)
 
 
 def _systems(plan: Any, runs: list[Any]) -> Any:
@@ -273,20 +272,20 @@ def _systems(plan: Any, runs: list[Any]) -> Any:
 
 
 def _origin(runs: list[Any]) -> Any:
-    """Where the motions began: one for all, or a tuple if it is so of some."""
+    """The origin of all motions: one, or a tuple with one for each body if chunks have such."""
     origins = [run.origin for run in runs]
-    if not any(isinstance(one, tuple) for one in origins):
-        return dataclasses.replace(origins[0], start=all_of([one.start for one in origins]))
+    if not any(isinstance(origin_of_chunk, tuple) for origin_of_chunk in origins):
+        return dataclasses.replace(origins[0], start=all_of([origin_of_chunk.start for origin_of_chunk in origins]))
     return tuple([origin_of(run.origin, i) for run in runs for i in range(run.bodies)])
 
 
 def _carry(carries: list[Any], origin: Any) -> Any:
-    """Where all bodies stand; None if those of a chunk have all ended."""
+    """The carry of all bodies; None if those of a chunk have all ended."""
     if None in carries:
         return None
     if origin is None:
         return Carry.beside(carries)
-    inner, here = Carry.beside([one.inner for one in carries]), None
-    if any(one.here is not None for one in carries):
-        here = np.concatenate([one.standing for one in carries], axis=1)
-    return FictiveCarry(origin, inner, here)
+    inner, standing = Carry.beside([carry.inner for carry in carries]), None
+    if any(carry.here is not None for carry in carries):
+        standing = np.concatenate([carry.standing for carry in carries], axis=1)
+    return FictiveCarry(origin, inner, standing)

@@ -24,7 +24,7 @@ from ...simulation.compiled.systems import OfBodies, each_of
 from ...simulation.runs import short
 from ...simulation.runs.carry import Carry, SiteCarry
 from ...simulation.runs.equal import WORTH
-from ...simulation.runs.short import ENDLESS, Place, place_of
+from ...simulation.runs.short import ENDLESS, FixedPlaces, place_of
 from ...simulation.stopped import Stopped
 from ...systems.system import State
 from ..fictive_time.origin import FictiveCarry
@@ -67,17 +67,17 @@ class Stepper:
         with self._lock:
             if inputs:
                 self._set(inputs)
-            here = self._here
-            while here is not None and steps:
-                some = steps if steps < here.most else here.most
+            body = self._here
+            while body is not None and steps:
+                wanted = steps if steps < body.most else body.most
                 try:
-                    made = here.advance(some)
+                    taken = body.advance(wanted)
                 except KeyboardInterrupt:
                     raise IntegrationInterrupted(
-                        f"Stepper.step: interrupted after {here.taken} steps, where it stands now"
+                        f"Stepper.step: interrupted after {body.taken} steps, where it stands now"
                     ) from None
-                steps -= made
-                if made < some:
+                steps -= taken
+                if taken < wanted:
                     break
             if steps:
                 self._slowly(steps)
@@ -112,9 +112,9 @@ class Stepper:
                 )
             if t == now:
                 return self.state
-            found = self._here.at(t - now) if isinstance(self._here, InPlace) else None
-            if found is not None:
-                return found
+            between = self._here.at(t - now) if isinstance(self._here, InPlace) else None
+            if between is not None:
+                return between
             plan = self.plan
             if plan.recorder is not None or plan.record is not None or plan._steps.every != 1:
                 plan = plan.replace(record=None, every=1)
@@ -126,18 +126,18 @@ class Stepper:
     def inputs(self) -> dict[str, Any]:
         """The values of all inputs that were given, by their full names."""
         with self._lock:
-            systems, found = each_of(self.plan.system), {}
-            for one in {x.name: x for x in self._known.values()}.values():
-                values = [parameter(system, one.name) for system in systems]
-                alone = len(values) == 1 or one.shape is None
-                found[one.name] = values[0] if alone else np.array(values)
-            return found
+            systems, values_by_name = each_of(self.plan.system), {}
+            for entry in {x.name: x for x in self._known.values()}.values():
+                values = [parameter(system, entry.name) for system in systems]
+                alone = len(values) == 1 or entry.shape is None
+                values_by_name[entry.name] = values[0] if alone else np.array(values)
+            return values_by_name
 
     @property
     def start(self) -> State:
         """The state in which it began."""
-        begun: State = self._begun.state
-        return begun
+        state: State = self._begun.state
+        return state
 
     @property
     def plan(self) -> Any:
@@ -164,29 +164,29 @@ class Stepper:
     def _standing(self) -> Any:
         if self._here is None:
             return self._carry
-        inner, given = self._here.carry, self._carry
+        inner, outer = self._here.carry, self._carry
         if isinstance(inner, Carry) and self._fictive:
-            return FictiveCarry(given.origin, inner, met=given.met)
+            return FictiveCarry(outer.origin, inner, met=outer.met)
         return inner
 
     @property
     def t(self) -> Any:
         """The time, in s: t0 + n h after n steps; in fictive time the physical one."""
-        here = self._here
-        if here is None:
+        body = self._here
+        if body is None:
             return self._carry.t
         if not self._fictive:
-            return here.t
+            return body.t
         with self._lock:
             whole = self._carry.origin.whole
-            times = whole.apart({name: x[None] for name, x in here.parts.items()})[0][0]
+            times = whole.apart({name: x[None] for name, x in body.parts.items()})[0][0]
             return times if np.ndim(times) else float(times)
 
     @property
     def steps(self) -> int:
         """How many steps were taken, from the start on."""
-        here = self._here
-        return int(self._carry.step) if here is None else here.taken
+        body = self._here
+        return int(self._carry.step) if body is None else body.taken
 
     @property
     def stopped(self) -> Stopped:
@@ -230,21 +230,21 @@ class Stepper:
 
     def _set(self, inputs: dict[str, Any]) -> None:
         """Give parameters other values, all of them or none."""
-        bodies, known, new = self._carry.bodies, self._known, []
-        held, here = self._held.copy(), self._here
+        bodies, inputs_by_name, new = self._carry.bodies, self._known, []
+        held, body = self._held.copy(), self._here
         for name, value in inputs.items():
-            one = known.get(name) or self._input(name)
-            numbers = one.numbers(value) if bodies is None else one.columns(value, bodies)
-            new.append(Held(one, numbers, value))
-            held[one.name] = new[-1]
+            entry = inputs_by_name.get(name) or self._input(name)
+            numbers = entry.numbers(value) if bodies is None else entry.columns(value, bodies)
+            new.append(Held(entry, numbers, value))
+            held[entry.name] = new[-1]
         try:
-            if here is not None and here.take(new, held):
+            if body is not None and body.take(new, held):
                 self._held = held
                 return
             self._become(self._plan_with(held), anew=True)
         except BaseException:
-            if here is not None and self._here is here:
-                here.take([*self._held.values()], self._held)
+            if body is not None and self._here is body:
+                body.take([*self._held.values()], self._held)
             raise
 
     def _input(self, name: str) -> Input:
@@ -257,9 +257,9 @@ class Stepper:
             )
         system = each_of(self._plan.system)[0]
         full = full_name(system, name, "Stepper.step")
-        known = next((one for one in self._known.values() if one.name == full), None)
-        self._known[name] = one = known or Input(system, full, "Stepper.step")
-        return one
+        former = next((entry for entry in self._known.values() if entry.name == full), None)
+        self._known[name] = entry = former or Input(system, full, "Stepper.step")
+        return entry
 
     def _plan_with(self, held: dict[str, Held]) -> Any:
         """The plan of the system with these values, or of those of all bodies."""
@@ -291,10 +291,10 @@ class Stepper:
         key = next((key for key, shape in [*old.items()] if shape is carry.shape), None)
         shape = plan._steps.shapes.get(key)
         if shape is None or (anew and shape.order is None):
-            begun = plan.begin(state, carry.t0)  # no method begins by the time
-            shape = begun.shape
+            fresh = plan.begin(state, carry.t0)  # no method begins by the time
+            shape = fresh.shape
             if shape.order is None and anew:
-                carry = dataclasses.replace(carry, numbers=begun.numbers)
+                carry = dataclasses.replace(carry, numbers=fresh.numbers)
         carry = dataclasses.replace(carry, shape=shape)
         vars(carry)["state"] = state
         self._plan, self._held = plan, {}
@@ -303,7 +303,7 @@ class Stepper:
     # ---------------------------------------------------------------- how it steps
 
     def _stand(self, carry: Any) -> None:
-        """Stand where this carry does; if there is native code, it goes on from there in place."""
+        """Take over a carry; if there is native code, go on from there in place."""
         self._carry, self._fictive = carry, isinstance(carry, FictiveCarry)
         self._here: InPlace | BodiesInPlace | SitesInPlace | None = None
         if isinstance(carry, SiteCarry):
@@ -324,36 +324,36 @@ class Stepper:
                 self._here = BodiesInPlace(steps, lanes, inner, self._plan.options.workers)
 
     def _slowly(self, steps: int) -> None:
-        """Go on by `Plan.step`: in plain Python, and for a step that fails."""
+        """Go on by `Plan.step`, for plain Python and for a step that fails."""
         self._settle()
         while steps:
-            carry, some = self.carry, steps
+            carry, count = self.carry, steps
             try:
-                there = self._plan.step(carry, some)
+                reached = self._plan.step(carry, count)
             except (Exception, KeyboardInterrupt) as error:
                 run = getattr(error, "trajectory", None)
                 if run is None or not 0 < run.steps < steps:
                     raise
                 if isinstance(error, KeyboardInterrupt):
-                    there = run.carry
-                    if self._fictive and there is not None:
-                        there = FictiveCarry(carry.origin, there, met=carry.met)
-                    self._stand(there or carry)
+                    reached = run.carry
+                    if self._fictive and reached is not None:
+                        reached = FictiveCarry(carry.origin, reached, met=carry.met)
+                    self._stand(reached or carry)
                     raise
-                some = run.steps  # to the last one that can be made, and fail there
-                there = self._plan.step(carry, some)
-            self._stand(there)
-            steps -= some
+                count = run.steps  # to the last one that can be made, and fail there
+                reached = self._plan.step(carry, count)
+            self._stand(reached)
+            steps -= count
 
 
-def _again(given: Any, begun: Any, plan: Any, carry: Any, names: list[str]) -> Stepper:
-    """A stepper from a file or another process."""
-    made = Stepper(given, begun)
-    made._plan = plan
-    made._stand(carry)
+def _again(plan_given: Any, start: Any, plan: Any, carry: Any, names: list[str]) -> Stepper:
+    """A stepper from a file or another process, at this carry, with these inputs known."""
+    stepper = Stepper(plan_given, start)
+    stepper._plan = plan
+    stepper._stand(carry)
     for name in names:
-        made._input(name)
-    return made
+        stepper._input(name)
+    return stepper
 
 
 class Held(NamedTuple):
@@ -369,56 +369,56 @@ class Held(NamedTuple):
 
 
 class SitesInPlace:
-    """Where the sites of one system stand, in memory in which they go on.
+    """The sites of one system, in memory in which their run goes on.
 
     most : so many steps at once.
     """
 
     most = arguments.MOST
 
-    def __init__(self, plan: Any, begun: SiteCarry) -> None:
-        self.run = plan._sites.by_hand(begun)
+    def __init__(self, plan: Any, carry: SiteCarry) -> None:
+        self.run = plan._sites.by_hand(carry)
 
     @property
     def taken(self) -> int:
-        """How many steps were taken."""
+        """The number of steps taken, from the start on."""
         return int(self.run.taken)
 
     @property
     def t(self) -> float:
-        """The time, in s."""
+        """The time of the sites, in s."""
         return float(self.run.t)
 
     @property
     def parts(self) -> dict[str, Any]:
-        """The arrays of the state."""
+        """Arrays of the state by name, copies."""
         arrays: dict[str, Any] = self.carry.state.arrays
         return arrays
 
     def advance(self, steps: int) -> int:
-        """Go on by so many steps.  Raises what `integrate` raises."""
+        """Go on by `steps` steps and return them.  Raises what `integrate` raises."""
         self.run.advance(steps)
         return steps
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
-        """Take the new inputs; False if that is more than to write them down."""
+        """Take over new inputs; False if more would change than numbers in place."""
         write = getattr(self.run, "take", None)
         return write is not None and write([(x.input, x.numbers) for x in new])
 
     @property
     def renewable(self) -> bool:
-        """Can it go on with another system?"""
+        """Whether the run can go on with another system."""
         return hasattr(self.run, "become")
 
     @property
     def carry(self) -> SiteCarry:
-        """A copy."""
-        found: SiteCarry = self.run.standing
-        return found
+        """The carry of the sites, a copy."""
+        carry: SiteCarry = self.run.standing
+        return carry
 
 
 class InPlace:
-    """Where one body stands, in memory that native code advances in place.
+    """One body, in memory that native code advances in place.
 
     memory : as of a short run; the last numbers are the sample.  parts : views of the sample.
     most : so many steps come back in milliseconds.
@@ -433,11 +433,11 @@ class InPlace:
         *("beginning", "native", "system"),
     )
 
-    def __init__(self, place: Place, native: Kernel, begun: Carry) -> None:
-        self.place, self.native, self.begun = place, native, begun
+    def __init__(self, place: FixedPlaces, native: Kernel, carry: Carry) -> None:
+        self.place, self.native, self.begun = place, native, carry
         self.beginning = None if place.beginning is None else place.beginning.of_a_run()
         self.memory = np.empty(place.kept + place.sampled)
-        place.go_on(begun, self.memory)
+        place.go_on(carry, self.memory)
         self.most = short.LONGEST // place.carried**2
         self.parts = unpacked(place.shape.shown, self.memory[place.kept :])
         self.buffers = place.prepared(self.memory, 1, place.kept)
@@ -455,16 +455,16 @@ class InPlace:
 
     @property
     def taken(self) -> int:
-        """How many steps were taken."""
+        """The number of steps taken, from the start on."""
         return int(self.memory.item(self.place.taken))
 
     @property
     def t(self) -> float:
-        """The time, in s."""
+        """The time t0 + n h, in s."""
         return float(self.begun.t0 + self.taken * self.begun.h)
 
     def advance(self, steps: int) -> int:
-        """Go on by so many steps, as far as they can be made; how many were?"""
+        """Go on by at most `steps` steps; returns how many could be made."""
         taken, at = self.memory.item, self.place.taken
         before = taken(at)
         _STEPS(self.block, _AT_STEPS, steps)
@@ -472,7 +472,9 @@ class InPlace:
         return int(taken(at) - before)
 
     def at(self, length: float) -> State | None:
-        """The state a step of this length further; None if it is to be found in another way."""
+        """The state after a step of this length, made in a copy of the memory; None if the method begins with more
+        than the state, or fails.
+        """
         place, memory, block = self.place, self.memory.copy(), changing(bytes(self.block))
         if self.again is not None:
             return None
@@ -484,24 +486,24 @@ class InPlace:
         self.native.on_memory(block, buffers)
         if memory.item(place.taken) != 1.0:
             return None
-        found: State = build(place.shape.shown, iter(memory[place.kept :].tolist()))
-        return found
+        state: State = build(place.shape.shown, iter(memory[place.kept :].tolist()))
+        return state
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
-        """Take the new ones of all inputs; False if that is more than to write them down."""
-        made = self.system
-        for one, numbers, _ in new:
-            if one.places is None:
-                made = one.in_system(made, numbers)
-        if made is not self.system:
-            numbers = gatherer(layout_of(made))(made)
+        """Take over new inputs; False if more would change than numbers in place."""
+        system = self.system
+        for entry, numbers, _ in new:
+            if entry.places is None:
+                system = entry.in_system(system, numbers)
+        if system is not self.system:
+            numbers = gatherer(layout_of(system))(system)
             for block, at in self.blocks:
                 struct.pack_into(f"{len(numbers)}d", block, at, *numbers)
-            self.system, new = made, [*held.values()]
-        for one, numbers, _ in new:
-            for place in one.places or ():
+            self.system, new = system, [*held.values()]
+        for entry, numbers, _ in new:
+            for place in entry.places or ():
                 for block, at in self.blocks:
-                    one.pack(block, at + 8 * place, *numbers)
+                    entry.pack(block, at + 8 * place, *numbers)
         return self.again is None or self._begin_again()
 
     def _begin_again(self) -> bool:
@@ -520,11 +522,11 @@ class InPlace:
 
     @property
     def carry(self) -> Carry:
-        """A copy."""
-        begun: Any = self.begun
+        """The carry of the body, a copy."""
+        start: Any = self.begun
         now, place = self.memory.copy(), self.place
-        given = begun.shape, begun.t0, begun.h, self.taken, now[: place.carried], now[place.kept :]
-        return Carry.quickly(*given, begun.met)
+        standing = start.shape, start.t0, start.h, self.taken, now[: place.carried], now[place.kept :]
+        return Carry.quickly(*standing, start.met)
 
 
 _STEPS, _AT_STEPS = struct.Struct("q").pack_into, 8 * 4
@@ -537,44 +539,44 @@ def changing(block: bytes) -> Any:
 
 
 class BodiesInPlace:
-    """Where the bodies of an ensemble stand, in memory that native code advances in place.
+    """The bodies of an ensemble, in memory that native code advances in place.
 
     table : a column for each, as of a run.  rows : two samples, of which number `now` is here.
     before : the table before a call of native code, to which it goes back if a body fails, and after
     Ctrl-C.  most : so many steps come back in milliseconds.
     """
 
-    def __init__(self, steps: Steps, lanes: Any, begun: Carry, workers: int) -> None:
-        shape: Any = begun.shape
-        self.begun, self.lanes, self.workers, self.count = begun, lanes, workers, begun.bodies or 1
+    def __init__(self, steps: Steps, lanes: Any, carry: Carry, workers: int) -> None:
+        shape: Any = carry.shape
+        self.begun, self.lanes, self.workers, self.count = carry, lanes, workers, carry.bodies or 1
         self.beginning: Any = None if shape.order is not None else shape.beginning(steps, lanes).of_a_run()
         columns, self.whole = shape.columns(self.count), shape.whole(self.count)
         self.table, self.now = np.zeros((lanes.height, columns)), 0
         self.rows = np.zeros((2, 1, shape.shown.width, columns))
         self.most = max(1, short.LONGEST // (lanes.layout.width**2 * columns))
         self.numbers, self.clocks, goals, *self.own = lanes.parts(self.table)
-        self.numbers[:, : self.count] = begun.numbers
-        self.rows[0, 0, :, : self.count] = begun.last
-        self.clocks[:] = np.array([begun.t, begun.h, *FRESH])[:, None]
-        self.clocks[TAKEN] = begun.step
-        goals[:] = np.array([math.inf, 0.0, 0.0, 0.0, ENDLESS, begun.t0])[:, None]
-        for mine, given in zip(self.own, lanes.own, strict=True):
-            mine[:, : self.count] = given[:, : self.count]
+        self.numbers[:, : self.count] = carry.numbers
+        self.rows[0, 0, :, : self.count] = carry.last
+        self.clocks[:] = np.array([carry.t, carry.h, *FRESH])[:, None]
+        self.clocks[TAKEN] = carry.step
+        goals[:] = np.array([math.inf, 0.0, 0.0, 0.0, ENDLESS, carry.t0])[:, None]
+        for mine, parameters in zip(self.own, lanes.own, strict=True):
+            mine[:, : self.count] = parameters[:, : self.count]
         self._fill(self.table)
         self.before = self.table.copy()
 
     def _fill(self, table: np.ndarray) -> None:
-        """Lanes that are left over repeat the last body."""
+        """Repeat the last body in the lanes that are left over."""
         table[:, self.count :] = table[:, self.count - 1 : self.count]
 
     @property
     def taken(self) -> int:
-        """How many steps were taken."""
+        """The number of steps taken, from the start on."""
         return int(self.clocks.item(TAKEN, 0))
 
     @property
     def t(self) -> float:
-        """The time, in s."""
+        """The time t0 + n h, in s."""
         return float(self.begun.t0 + self.taken * self.begun.h)
 
     @property
@@ -583,16 +585,16 @@ class BodiesInPlace:
 
     @property
     def parts(self) -> dict[str, Any]:
-        """The arrays of the state."""
+        """Arrays of the state by name, with a leading axis of bodies."""
         return unpacked(self.begun.shape.shown, self._sample.T)  # type: ignore[union-attr]
 
     def advance(self, steps: int) -> int:
-        """Go on by so many steps; by none if a body cannot make them."""
+        """Go on by `steps` steps, or by none if a body cannot make them; returns how many."""
         reached, was = self.taken + steps, self.now
         np.copyto(self.before, self.table)
         try:
-            given = self.table, self.rows[1 - was], 1, self.workers, steps, 0, self.whole
-            self.lanes.natively(*given, worth=WORTH)
+            call = self.table, self.rows[1 - was], 1, self.workers, steps, 0, self.whole
+            self.lanes.natively(*call, worth=WORTH)
             if (self.clocks[TAKEN, : self.whole] == reached).all():
                 self.now = 1 - was
                 return steps
@@ -603,7 +605,7 @@ class BodiesInPlace:
         return 0
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
-        """Take the new inputs; False if that is more than to write them down."""
+        """Take over new inputs; False if more would change than numbers in place."""
         if any(x.input.places is None for x in new):
             return False
         if isinstance(self.lanes.arguments[1], Several):
@@ -615,8 +617,8 @@ class BodiesInPlace:
         if any(x.numbers.shape[1] > 1 for x in new):
             return False
         constants = bytearray(self.lanes.constants)
-        way = self.lanes.arguments[0]
-        begin = 0 if isinstance(way, Several) else 8 * layout_of(way).width
+        method = self.lanes.arguments[0]
+        begin = 0 if isinstance(method, Several) else 8 * layout_of(method).width
         for x in new:
             for place in x.input.places:  # type: ignore[union-attr]
                 x.input.pack(constants, begin + 8 * place, *x.numbers[:, 0])
@@ -633,9 +635,9 @@ class BodiesInPlace:
             beginning.compile()  # commands come often
         if beginning.native is None or shape.given != shape.shown:
             return False
-        here, before = self.rows[self.now, 0], self.table.copy()
-        arrays = *self.own, here, self.clocks, self.numbers, here
-        beginning.run(self.lanes.constants, (), arrays, here.shape[1], 0, self.whole)
+        states, before = self.rows[self.now, 0], self.table.copy()
+        arrays = *self.own, states, self.clocks, self.numbers, states
+        beginning.run(self.lanes.constants, (), arrays, states.shape[1], 0, self.whole)
         if self.clocks[MARK, : self.whole].any():
             self.table[:] = before
             return False
@@ -643,8 +645,8 @@ class BodiesInPlace:
 
     @property
     def carry(self) -> Carry:
-        """A copy."""
-        begun: Any = self.begun
+        """The carry of all bodies, a copy."""
+        start: Any = self.begun
         numbers, last = self.numbers[:, : self.count].copy(), self._sample.copy()
-        given = begun.shape, begun.t0, begun.h, self.taken, numbers, last
-        return Carry.quickly(*given, begun.met, bodies=begun.bodies)
+        standing = start.shape, start.t0, start.h, self.taken, numbers, last
+        return Carry.quickly(*standing, start.met, bodies=start.bodies)

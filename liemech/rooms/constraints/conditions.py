@@ -99,11 +99,11 @@ def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
 
 def yielding(system: Any, m: list[list[Any]]) -> list[list[Any]]:
     """m with what conditions yield to their own multipliers on its diagonal."""
-    found, yields = m, system.constraint.yields
+    matrix, yields = m, system.constraint.yields
     for k, (x, (diagonal, _, _, _)) in enumerate(zip(yields, system.elimination)):
         row = [y + x if i == diagonal else y for i, y in enumerate(m[k])]
-        found = [row if i == k else other for i, other in enumerate(found)]
-    return found
+        matrix = [row if i == k else other for i, other in enumerate(matrix)]
+    return matrix
 
 
 def solved_sparse(system: Any, m: list[list[Any]], rhs: list[Any]) -> tuple[Vec, list[Any]]:
@@ -119,8 +119,8 @@ def solved_sparse(system: Any, m: list[list[Any]], rhs: list[Any]) -> tuple[Vec,
     x: list[Any] = [0.0 for _ in rhs]
     for k in range(len(rhs) - 1, -1, -1):
         diagonal, last, _, beyond = system.elimination[k]
-        rest = rows[k][last]
+        remainder = rows[k][last]
         for place, j in beyond:
-            rest = rest - rows[k][place] * x[j]
-        x[k] = rest / rows[k][diagonal]
+            remainder = remainder - rows[k][place] * x[j]
+        x[k] = remainder / rows[k][diagonal]
     return vec(*x), [row[ends[0]] for row, ends in zip(rows, system.elimination)]

@@ -96,8 +96,8 @@ class ConstrainedSystem(CanonicalSystem):
     @property
     @derived_from("energy", "kinetic", "mass")
     def linear_velocity(self) -> bool:
-        """Is the velocity of first degree in p, as for a kinetic energy p . M(q)^-1 p/2?  Whoever says so
-        saves time.
+        """Whether the velocity is of first degree in p, as for a kinetic energy p . M(q)^-1 p/2; a subclass that says
+        so saves time.
         """
         return False
 
@@ -176,9 +176,9 @@ class ConstrainedSystem(CanonicalSystem):
         weights = inverse_sizes(rows, vec(*[0.0 for _ in q]), q)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
-            there = q + x @ normals
-            G = self.constraint_jacobian(there)
-            return (weights * self.constraint(there), scaled(cross_products(G, normals), weights), 1.0)
+            position = q + x @ normals
+            G = self.constraint_jacobian(position)
+            return (weights * self.constraint(position), scaled(cross_products(G, normals), weights), 1.0)
 
         x, size, enough, _ = newton(equation, vec(*zero), solved=in_order)
         if not size <= enough:
@@ -210,9 +210,9 @@ class ConstrainedSystem(CanonicalSystem):
         weights = inverse_sizes(G, v, 0.0 * v)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
-            there = p - x @ G
-            products = cross_products(G, self.normals(q, there))
-            return weights * (G @ self.velocity(q, there)), -scaled(products, weights), 1.0
+            momentum = p - x @ G
+            products = cross_products(G, self.normals(q, momentum))
+            return weights * (G @ self.velocity(q, momentum)), -scaled(products, weights), 1.0
 
         x, size, enough, _ = newton(equation, x, solved=in_order)
         if not size <= enough:
@@ -237,8 +237,8 @@ class ConstrainedSystem(CanonicalSystem):
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, and the constraints: g(q) and G H_p, zero both."""
         q, p = states["q"], states["p"]
-        kept = {"constraint": self.constraint(q), "hidden constraint": self.hidden_constraint(q, p)}
-        return super().constants(states) | {name: np.asarray(x) for name, x in kept.items()}
+        defects = {"constraint": self.constraint(q), "hidden constraint": self.hidden_constraint(q, p)}
+        return super().constants(states) | {name: np.asarray(x) for name, x in defects.items()}
 
     # ---------------------------------------------------------------- checked input
 
@@ -253,26 +253,26 @@ class ConstrainedSystem(CanonicalSystem):
         """
         both, members = self._points(q, p)
         self._check_formulas(both[0])
-        where, one = f"{type(self).__name__}.state", members is None
+        where, single = f"{type(self).__name__}.state", members is None
         q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in both)
-        self._check_rank(where, q, p, one)
+        self._check_rank(where, q, p, single)
         failing = np.asarray(self.defects(q, p)).reshape(len(q), 2, -1)
         bad = np.flatnonzero(~(failing <= CONSISTENT).all(axis=(1, 2)))
         if len(bad):
             i = bad[0]
             g, hidden = (np.array(self.constraint(q[i])), np.array(self.hidden_constraint(q[i], p[i])))
-            told = [
+            violations = [
                 f"{name}[{k}] = {value:.3g}, {defect:.1e} of its terms"
                 for name, values, relative in (("g(q)", g, failing[i, 0]), ("G H_p", hidden, failing[i, 1]))
                 for k, (value, defect) in enumerate(zip(values, relative, strict=True))
                 if not defect <= CONSISTENT
             ]
-            member = "" if one else f" of member {i}"
+            member = "" if single else f" of member {i}"
             raise InvalidInput(
-                f"{where}: the start{member} is not consistent: {'; '.join(told)} (at most "
+                f"{where}: the start{member} is not consistent: {'; '.join(violations)} (at most "
                 f"{CONSISTENT:.0e}). Use `consistent(q, p)`, which gives the nearest state that is"
             )
-        self._check_motion(where, q, p, one)
+        self._check_motion(where, q, p, single)
         return self._canonical_state(both, members)
 
     @final
@@ -296,15 +296,15 @@ class ConstrainedSystem(CanonicalSystem):
         """
         both, members = self._points(q, p)
         self._check_formulas(both[0])
-        where, one = f"{type(self).__name__}.consistent", members is None
+        where, single = f"{type(self).__name__}.consistent", members is None
         q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in both)
-        self._check_rank(where, q, p, one)
+        self._check_rank(where, q, p, single)
         try:
-            found = [self._nearest(small(a), small(b)) for a, b in zip(q, p, strict=True)]
+            nearest = [self._nearest(small(a), small(b)) for a, b in zip(q, p, strict=True)]
         except (NoConvergence, InconsistentState, ZeroDivisionError) as error:
             raise InvalidInput(f"{where}: {error}. Give a start that is nearer to g(q) = 0") from error
-        q, p = (np.array(x) for x in zip(*found, strict=True))
-        return self.state(q[0], p[0]) if one else self.state(q, p)
+        q, p = (np.array(x) for x in zip(*nearest, strict=True))
+        return self.state(q[0], p[0]) if single else self.state(q, p)
 
     def _nearest(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
         """The nearest position y = q + x H_pp G(y)^T by Newton's method from the one across the
@@ -312,34 +312,34 @@ class ConstrainedSystem(CanonicalSystem):
         """
         n = len(q)
         try:
-            there = self.across(q, p, q)
+            position = self.across(q, p, q)
         except NoConvergence:
             near = self._stepwise(q, p)
-            there = self.across(near, p, near)
+            position = self.across(near, p, near)
 
         def off(z: Vec) -> Vec:
             y, x = z[:n], z[n:]
             return vec(*(y - q - x @ self.normals(y, p)), *self.constraint(y))
 
-        z = vec(*there, *[0.0 for _ in self.constraint(q)])
+        z = vec(*position, *[0.0 for _ in self.constraint(q)])
         for _ in range(NEAREST):
             change = solve(jacobian(off, z), off(z))
             z = z - change
             if max(abs(change)) <= CONSISTENT * max(abs(z)):
                 y = z[:n]
-                if max(abs(y - there)) <= max(abs(there - q)):
-                    there = self.across(y, p, y)
+                if max(abs(y - position)) <= max(abs(position - q)):
+                    position = self.across(y, p, y)
                 break
-        return there, self._tangent_nearby(there, p)
+        return position, self._tangent_nearby(position, p)
 
     def _tangent_nearby(self, q: Vec, p: Vec) -> Vec:
         """`tangent`; of constraints nearly parallel by eliminations with exchange, which leave no
         more than rounding of their large impulses, until that is small too.
         """
         try:
-            found = self.tangent(q, p)
-            if max(self.defects(q, found)) <= CONSISTENT:
-                return found
+            momentum = self.tangent(q, p)
+            if max(self.defects(q, momentum)) <= CONSISTENT:
+                return momentum
         except NoConvergence:
             pass
         G = self.constraint_jacobian(q)
@@ -359,7 +359,7 @@ class ConstrainedSystem(CanonicalSystem):
         return y
 
     def _check_formulas(self, q: np.ndarray) -> None:
-        """Is `constraint` a vector of numbers?  q : (n,), or (members, n)."""
+        """Raise InvalidInput unless `constraint` gives a vector of numbers.  q : (n,), or (members, n)."""
         value = self.constraint(small(np.atleast_2d(q)[0]))
         if not isinstance(value, SmallVec):
             raise InvalidInput(
@@ -400,13 +400,13 @@ class ConstrainedSystem(CanonicalSystem):
             if np.linalg.matrix_rank(rows[: k + 1], tol=np.sqrt(INDEPENDENT)) <= k:
                 weights = np.linalg.lstsq(rows[:k].T, rows[k], rcond=None)[0]
                 others = ", ".join(f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6))
-                told = f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
-                here, unit = small(np.array(q, dtype=float)), np.linalg.norm(G[: k + 1], axis=1)
-                values = np.array(self.constraint(here))[: k + 1] / unit
+                text = f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
+                position, unit = small(np.array(q, dtype=float)), np.linalg.norm(G[: k + 1], axis=1)
+                values = np.array(self.constraint(position))[: k + 1] / unit
                 off = float(abs(values[k] - weights @ values[:k])) * unit[k]
-                if off > np.sqrt(CONSISTENT) * (np.abs(G[k]) @ np.abs(np.array(here))):
-                    return f"{told}At this place they contradict each other: constraint[{k}] is {off:.3g} where the others are zero"
-                return f"{told}Leave out those that are redundant; at a dead point the motion is not determined"
+                if off > np.sqrt(CONSISTENT) * (np.abs(G[k]) @ np.abs(np.array(position))):
+                    return f"{text}At this place they contradict each other: constraint[{k}] is {off:.3g} where the others are zero"
+                return f"{text}Leave out those that are redundant; at a dead point the motion is not determined"
         return f"the matrix G H_pp G^T is singular ({at}): the constraints do not determine their forces"
 
 
@@ -439,7 +439,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
     @property
     @closed_form_of("energy")
     def linear_velocity(self) -> bool:
-        """Yes, whatever the mass: the kinetic energy is quadratic."""
+        """Whether the velocity is of first degree in p: yes, the kinetic energy is quadratic whatever the mass."""
         return True
 
     def mass(self, q: Vec) -> Mat:
@@ -447,7 +447,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
         raise undefined(self, "mass")
 
     def potential(self, q: Vec) -> float:
-        """U(q).  q : (n,)."""
+        """The potential energy U(q).  q : (n,)."""
         raise undefined(self, "potential")
 
     @final
@@ -472,7 +472,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
         return self.mass(q) @ v
 
     def _check_formulas(self, q: np.ndarray) -> None:
-        """Are the masses symmetric and positive too?
+        """Raise InvalidInput also unless the masses are symmetric and positive.
 
         Source: Horn and Johnson, Matrix Analysis, 2nd ed., theorem 4.5.8 (Sylvester's law of
         inertia).
@@ -563,7 +563,7 @@ class Constrained(ConstrainedSystem):
 
     @property
     def separable(self) -> bool:  # type: ignore[override]
-        """Is the system separable?"""
+        """Whether the constrained system is separable, H = T(p) + V(q)."""
         return isinstance(self.system, SeparableSystem)
 
     def energy(self, q: Vec, p: Vec) -> float:
@@ -599,7 +599,7 @@ def pushed(system: Any, q: Vec, p: Vec, G: Mat) -> Mat:
 
 
 def scaled(m: Mat, weights: Vec) -> Mat:
-    """Each row times its weight."""
+    """The rows of m, each times its weight: diag(weights) m."""
     return mat(*[weight * row for row, weight in zip(m, weights)])
 
 
@@ -644,8 +644,8 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
             rows[i] = rows[i] - (rows[i][k] * inverse[k]) * rows[k]
     x = [0.0 for _ in range(n)]
     for k in range(n - 1, -1, -1):
-        rest = rows[k][n] - sum([rows[k][j] * x[j] for j in range(k + 1, n)])
-        x[k] = rest * inverse[k]
+        remainder = rows[k][n] - sum([rows[k][j] * x[j] for j in range(k + 1, n)])
+        x[k] = remainder * inverse[k]
     return vec(*x), vec(*[rows[k][k] for k in range(n)])
 
 
@@ -666,7 +666,7 @@ def in_order(m: Mat, rhs: Vec) -> Vec:
 
 
 def independent(pivots: Vec, G: Mat, normals: Mat) -> Any:
-    """Is something left of every constraint beside those before it?"""
+    """Whether something is left of every constraint beside those before it, by the pivots."""
     good = True
     for pivot, row, normal in zip(pivots, G, normals):
         good = good and abs(pivot) > INDEPENDENT * dot(abs(row), abs(normal))

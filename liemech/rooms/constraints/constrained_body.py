@@ -97,10 +97,10 @@ class BoundBody(System):
         groups: tuple[LieGroup, ...] = (group,)
         if self.separate:
             touches, groups = self.constraint.touches(group, conditions), factors_of(group)
-        ends = np.cumsum([one.dim for one in groups]).tolist()
-        found = connections(touches, len(groups))
-        found["places"] = tuple((end - one.dim, end) for one, end in zip(groups, ends, strict=True))
-        for name, value in found.items():
+        ends = np.cumsum([factor.dim for factor in groups]).tolist()
+        graph = connections(touches, len(groups))
+        graph["places"] = tuple((end - factor.dim, end) for factor, end in zip(groups, ends, strict=True))
+        for name, value in graph.items():
             object.__setattr__(self, name, value)
 
     @final
@@ -124,12 +124,12 @@ class BoundBody(System):
 
     @property
     def inertias(self) -> tuple[Vec | Mat, ...]:
-        """J, block by block."""
+        """The diagonal blocks of the inertia J."""
         return tuple([_block(self.body.body.lagrangian.inertia, start, end) for _, start, end in self.blocks])
 
     @property
     def inverses(self) -> tuple[Vec | Mat, ...]:
-        """J^-1, block by block."""
+        """The diagonal blocks of the inverse inertia J^-1."""
         return tuple([_block(self.body.body.lagrangian.inverse, start, end) for _, start, end in self.blocks])
 
     @property
@@ -210,10 +210,10 @@ class BoundBody(System):
 
     def _slips(self, t: float, g: Any, xi: Vec) -> list[Any]:
         """G xi + dc/dt, condition by condition."""
-        found = speeds(self, self.rows_at(t, g), xi)
+        slips = speeds(self, self.rows_at(t, g), xi)
         if self.constraint.rheonomic:
-            found = [a + b for a, b in zip(found, self.constraint.at_time(t).paces(g))]
-        return found
+            slips = [a + b for a, b in zip(slips, self.constraint.at_time(t).paces(g))]
+        return slips
 
     def strongest_damper(self, t: float, xi: Vec, g: Any, mode: Vec) -> str:
         """The load, or the joint with the load, that damps a motion most, in words.  xi, mode : (dim,)."""
@@ -257,18 +257,18 @@ class BoundBody(System):
         InconsistentState for a start off the constraint, with the cure: `consistent(mu, g)` is the
         nearest start on it.
         """
-        state = self._given("state", mu, g, xi)
-        for k, (one, where) in enumerate(_members(state)):
+        state = self._body_state("state", mu, g, xi)
+        for k, (member, where) in enumerate(_members(state)):
             self._require_independent(
                 where, f"{type(self).__name__}.state" + ("" if state.bodies is None else f": body {k}")
             )
-            self._require_consistent(one, where)
+            self._require_consistent(member, where)
         return self.vouched(state)
 
     @final
     def _reached(self, **parts: Any) -> BodyState:
         """The state with these parts, whether it obeys the constraint or not."""
-        return self._given("state", parts.get("mu"), parts.get("g"), None)
+        return self._body_state("state", parts.get("mu"), parts.get("g"), None)
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
         """Raise InconsistentState for a velocity off the constraint, beside what velocities of its
@@ -290,7 +290,7 @@ class BoundBody(System):
         return np.asarray(np.sqrt(energy * (rows @ inverse @ rows.T).diagonal()))
 
     def _paces(self, g: Any) -> Any:
-        """dc/dt, (m,), or 0."""
+        """The rate of the conditions where bodies rest, dc/dt, (m,), or 0."""
         return np.array(self.constraint.paces(g)) if self.constraint.rheonomic else 0.0
 
     def _require_zero(self, what: str, value: np.ndarray, scale: np.ndarray) -> None:
@@ -301,16 +301,16 @@ class BoundBody(System):
                 f"{value[i]:.3g}. `consistent(mu, g)` gives the nearest start on the constraint"
             )
 
-    def _one(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
-        """One start, on the constraint or not."""
-        state = self._given(what, mu, g, xi)
+    def _single(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
+        """A single start, on the constraint or not; InvalidInput for an ensemble."""
+        state = self._body_state(what, mu, g, xi)
         if state.bodies is not None:
             raise InvalidInput(f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble")
         return state
 
     def _start(self, what: str, mu: Any, g: Any, xi: Any) -> tuple[np.ndarray, Any]:
-        """One start, with independent conditions."""
-        state = self._one(what, mu, g, xi)
+        """Momentum and configuration of a single start whose conditions are independent."""
+        state = self._single(what, mu, g, xi)
         start = small(np.array(state.g))
         self._require_independent(start, f"{type(self).__name__}.{what}")
         return np.array(state.mu), start
@@ -325,7 +325,7 @@ class BoundBody(System):
             momentum = momentum - G.T @ _solved(G @ inverse @ G.T, off)
         return momentum
 
-    def _given(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
+    def _body_state(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
         name = f"{type(self).__name__}.{what}"
         if g is None:
             raise InvalidInput(
@@ -335,9 +335,7 @@ class BoundBody(System):
 
     @property
     def _sparse(self) -> bool:
-        """Are there so many bodies that matrices of all conditions and velocities are made without
-        their zeros?
-        """
+        """Whether there are so many bodies that matrices of all conditions and velocities are made without their zeros."""
         return self.conditions * self.configurations.dim > DENSE
 
     @property
@@ -359,7 +357,7 @@ class BoundBody(System):
             for start, _ in (self.places[b],)
             for j, x in enumerate(part)
         ]
-        at, columns, values = (np.array(some) for some in zip(*entries, strict=True))
+        at, columns, values = (np.array(numbers) for numbers in zip(*entries, strict=True))
         shape = self.conditions, self.configurations.dim
         if self._sparse:
             return sparse().csr_array((values, (at, columns)), shape)
@@ -481,8 +479,8 @@ class ConstrainedBody(BoundBody):
     alternatives: ClassVar[str] = "LieRATTLE() keeps the constraint"
 
     def _count(self, g: Any) -> int:
-        given: Any = self.constraint
-        if not isinstance(given, Constraint) or isinstance(given, VelocityConstraint):
+        constraint: Any = self.constraint
+        if not isinstance(constraint, Constraint) or isinstance(constraint, VelocityConstraint):
             wanted = "a Constraint, a subclass with a `value(g)` (conditions on velocities: NonholonomicBody)"
             raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
         value = self.constraint.value(g)
@@ -508,17 +506,17 @@ class ConstrainedBody(BoundBody):
         mu, xi : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is
         too far off.
         """
-        state = self._one("consistent", mu, g, xi)
-        there = self._nearest(small(np.array(state.g)))
-        self._require_independent(there, f"{type(self).__name__}.consistent")
-        return self.state(self._projected(np.array(state.mu), there), np.array(there))
+        state = self._single("consistent", mu, g, xi)
+        nearest = self._nearest(small(np.array(state.g)))
+        self._require_independent(nearest, f"{type(self).__name__}.consistent")
+        return self.state(self._projected(np.array(state.mu), nearest), np.array(nearest))
 
     def _nearest(self, start: Any) -> Any:
         """The configuration on the constraint nearest to one that is close to it."""
-        there = self._reached_from(start, np.zeros(self.configurations.dim))
-        if there is None:
+        nearest = self._reached_from(start, np.zeros(self.configurations.dim))
+        if nearest is None:
             self._refuse_far(start)
-        return there
+        return nearest
 
     def _refuse_far(self, start: Any) -> NoReturn:
         """Say why no configuration on the constraint was found."""
@@ -532,7 +530,7 @@ class ConstrainedBody(BoundBody):
         """
         group, inverse, change = self.configurations, self._inverse, np.inf
         for _ in range(PATIENCE):
-            before, there = change, group.compose_exp(start, Vec.of(x))
+            before, g = change, group.compose_exp(start, Vec.of(x))
             algebras, pieces = (
                 [group.algebra for group, _, _ in self.blocks],
                 [Vec.of(x[slice(*place)]) for place in self.places],
@@ -540,10 +538,10 @@ class ConstrainedBody(BoundBody):
             try:
                 bent = [
                     [algebras[b].dexp_dual(pieces[b], part) for part, (b, _) in zip(row, ties)]
-                    for row, ties in zip(self.rows(there), self.touches)
+                    for row, ties in zip(self.rows(g), self.touches)
                 ]
                 G = self._matrix(bent)
-                aim = G @ x - np.array(self.constraint.value(there))
+                aim = G @ x - np.array(self.constraint.value(g))
                 new = inverse @ (G.T @ _solved(G @ inverse @ G.T, aim))
             except (np.linalg.LinAlgError, ArithmeticError):
                 return None
@@ -582,9 +580,9 @@ class ConstrainedBody(BoundBody):
         flat = entries.ravel()
         sizes = [np.size(group.identity()) for group, _, _ in self.blocks]
         ends, total = np.cumsum(sizes), np.zeros(self.conditions)
-        for some in _apart(self.touches, len(sizes)):
-            for i in range(max(sizes[b] for b in some)):
-                at = [ends[b] - sizes[b] + i for b in some if i < sizes[b]]
+        for blocks in _apart(self.touches, len(sizes)):
+            for i in range(max(sizes[b] for b in blocks)):
+                at = [ends[b] - sizes[b] + i for b in blocks if i < sizes[b]]
                 direction = np.zeros(len(flat))
                 direction[at] = flat[at].real
                 total += np.abs(np.array(derivative(self.constraint.value, g, small(direction.reshape(entries.shape)))))
@@ -693,7 +691,7 @@ def _block(inertia: Vec | Mat, start: int, end: int) -> Vec | Mat:
 
 
 def _separate(group: LieGroup, inertia: np.ndarray) -> bool:
-    """Does the inertia leave the factors of the group to themselves?"""
+    """Whether the inertia leaves the factors of the group to themselves."""
     if inertia.ndim == 1:
         return True
     ends = np.cumsum([factor.dim for factor in factors_of(group)])

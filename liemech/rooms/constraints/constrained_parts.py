@@ -87,17 +87,17 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given: Any = self.parts
-        given = tuple(given) if isinstance(given, list) else given
-        object.__setattr__(self, "parts", given)
-        if not isinstance(given, tuple) or not given:
-            raise InvalidType(f"{type(self).__name__}: parts must be a tuple of ConstrainedParts; got {given!r}")
-        for part in given:
+        parts: Any = self.parts
+        parts = tuple(parts) if isinstance(parts, list) else parts
+        object.__setattr__(self, "parts", parts)
+        if not isinstance(parts, tuple) or not parts:
+            raise InvalidType(f"{type(self).__name__}: parts must be a tuple of ConstrainedParts; got {parts!r}")
+        for part in parts:
             if not isinstance(part, ConstrainedPart):
                 raise InvalidType(f"{type(self).__name__}: parts must be ConstrainedParts; got {part!r}")
-        if type(self).quadratic and len(given) != 2:
+        if type(self).quadratic and len(parts) != 2:
             raise InvalidInput(
-                f"{type(self).__name__}: quadratic says that the parts are two, T and V; they are {len(given)}"
+                f"{type(self).__name__}: quadratic says that the parts are two, T and V; they are {len(parts)}"
             )
 
     @final
@@ -142,11 +142,11 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
     @final
     def in_turn(self, state: CanonicalState, turns: list[tuple[int, float]]) -> CanonicalState:
         """The motions of parts one after the other."""
-        here = plain(state)
-        q, p = here.q, here.p
+        start = plain(state)
+        q, p = start.q, start.p
         for number, t in turns:
             q, p = self.parts[number].flow(self, q, p, t)
-        return CanonicalState(state.q + (q - here.q), state.p + (p - here.p))
+        return CanonicalState(state.q + (q - start.q), state.p + (p - start.p))
 
     @final
     def unknown_motion(self) -> str:
@@ -179,17 +179,17 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
         relative to its terms; zero on M.  q, p : (n,).
         """
         G, speeds = self.constraint_jacobian(q), self._terms(q, p)[1]
-        found: list[Any] = []
+        shares: list[Any] = []
         for part in self.parts:
             v = part.velocity(q, p)
             for row, speed in zip(G, speeds):
                 size = dot(abs(row), abs(v)) + (CONSISTENT / ACROSS) * speed
-                found = [*found, abs(dot(row, v)) / where(size > 0.0, size, 1.0)]
-        return vec(*found)
+                shares = [*shares, abs(dot(row, v)) / where(size > 0.0, size, 1.0)]
+        return vec(*shares)
 
     def _check_flows(self, q: Vec, p: Vec) -> None:
         """Raise InvalidType, InvalidInput unless each flow is a pair of vectors.  q, p : (n,)."""
-        given = "flow(self, system, q, p, t)"
+        signature = "flow(self, system, q, p, t)"
         for part in self.parts:
             name = f"{type(part).__name__}.flow"
             try:
@@ -197,14 +197,14 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
             except (ArithmeticError, ValueError, LiemechError):  # the run will tell
                 continue
             except TypeError as error:
-                raise InvalidType(f"{name} cannot be evaluated: {error}. It is {given}") from error
+                raise InvalidType(f"{name} cannot be evaluated: {error}. It is {signature}") from error
             if (
                 not isinstance(value, tuple)
                 or len(value) != 2
                 or not all(isinstance(x, SmallVec) and len(x) == self.degrees for x in value)
             ):
                 raise InvalidInput(
-                    f"{name} returns {value!r}; {given} must return positions and momenta, two "
+                    f"{name} returns {value!r}; {signature} must return positions and momenta, two "
                     f"vectors of {self.degrees} numbers"
                 )
 

@@ -53,7 +53,7 @@ class Constraint(Record):
 
     @property
     def rheonomic(self) -> bool:
-        """Do they change with time?"""
+        """Whether the conditions depend on time."""
         return False
 
     @property
@@ -89,7 +89,7 @@ class VelocityConstraint(Constraint):
         raise undefined(self, "matrix")
 
     def value(self, g: Any) -> Vec:
-        """None: raises NotDefined."""
+        """Not defined, for conditions on velocities come from no c(g): raises NotDefined."""
         raise NotDefined(f"{type(self).__name__}: conditions on velocities come from no function c(g)")
 
     @derived

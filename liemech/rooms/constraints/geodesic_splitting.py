@@ -55,15 +55,15 @@ class GeodesicSplitting(ChosenByOrder):
         """Kick, drift along a geodesic, kick, ...; before the last kick the position is put on the
         constraints.
         """
-        here, (kicks, drifts) = plain(state), (self.tableau.kicks, self.tableau.drifts)
-        q, p = here.q, here.p
+        start, (kicks, drifts) = plain(state), (self.tableau.kicks, self.tableau.drifts)
+        q, p = start.q, start.p
         for a, b in zip(drifts, kicks):
             if b != 0.0:
                 p = self._kicked(system, q, p, b * h)
             q, p = system.geodesic(q, p, a * h)
         q = system.across(q, p, q)  # what rounding has left
         p = self._kicked(system, q, p, kicks[len(drifts)] * h)
-        return CanonicalState(state.q + (q - here.q), state.p + (p - here.p))
+        return CanonicalState(state.q + (q - start.q), state.p + (p - start.p))
 
     def _kicked(self, system: Any, q: Vec, p: Vec, t: float) -> Vec:
         """p + t f, without what is across the constraints, rounding of the steps before included."""

@@ -72,8 +72,8 @@ class IndexReduction(Wrapping):
         if not self.project:
             return memory
         state: Any = self.method.observe(memory)
-        here = plain(state)
-        q = system.across(here.q, here.p, here.q)
-        p = system.tangent(q, here.p)
-        moved = CanonicalState(state.q + (q - here.q), state.p + (p - here.p))
+        drifted = plain(state)
+        q = system.across(drifted.q, drifted.p, drifted.q)
+        p = system.tangent(q, drifted.p)
+        moved = CanonicalState(state.q + (q - drifted.q), state.p + (p - drifted.p))
         return self.method.resume(system, moved, self.method.past(memory), h)

@@ -147,8 +147,8 @@ class LieRATTLE(Remembering):
         which the same applies.  What is followed is the unknown over the part s of the step.
         """
         mu, g, size = (plain(memory.state.mu), plain(memory.state.g), self._size(system, memory.state.g))
-        begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
-        solution, slope, y = 0.0 * guess, begun, guess
+        first_guess = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
+        solution, slope, y = 0.0 * guess, first_guess, guess
         reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
         while True:
             part = min(1.0, reached + piece)
@@ -197,24 +197,24 @@ class LieRATTLE(Remembering):
             upright = upright and good
             free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
         through = led(system, C)
-        rest = [
+        mismatch = [
             vectors.sum([dot(through[b][i], free[b]) for b, i in ties]) - value
             for ties, value in zip(system.touches, c)
         ]
         m = joint(system, through, pushed)
-        dl, pivots = solved_sparse(system, m, rest)
+        dl, pivots = solved_sparse(system, m, mismatch)
         dx = [less(y, columns, [dl[a] for a, _ in held]) for y, columns, held in zip(free, pushed, system.held)]
         return vec(*[x for part in dx for x in part], *dl), upright and regular(system, m, pivots, h)
 
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
         """c(g tau(x)), and its derivative by x, by rows and blocks."""
-        there = self.retraction.compose_tau(system.configurations, g, x)
-        rows, blocks, parts = (system.rows(there), system.blocks, [x[start:end] for start, end in system.places])
+        g_end = self.retraction.compose_tau(system.configurations, g, x)
+        rows, blocks, parts = (system.rows(g_end), system.blocks, [x[start:end] for start, end in system.places])
         bends = [
             [self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i]) for i, (b, _) in enumerate(ties)]
             for a, ties in enumerate(system.touches)
         ]
-        return system.constraint.value(there), bends
+        return system.constraint.value(g_end), bends
 
     def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
         """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
@@ -229,8 +229,8 @@ class LieRATTLE(Remembering):
             raise bound_refusal(self, system, t, mu, g, h)
 
     def _throws_back(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> bool:
-        """Has J - h C a negative eigenvalue on the velocities that the constraint allows?  Of loads at joints
-        1 - h A c, with the rates A by their efforts and the damping c of each.
+        """Whether J - h C, or of loads at joints 1 - h A c, has a negative eigenvalue on the velocities that the
+        constraint allows; A: the rates by their efforts, c: the damping of each.
         """
         load, xi = system.body.load, system.velocity(mu)
 
@@ -242,13 +242,15 @@ class LieRATTLE(Remembering):
             damping = load.resistances(t, w, g)
             answers = jacobian(lambda k: load.rates(system.velocity(held(load.spread(t, k, g))), g), 0.0 * w)
             count = range(len(w))
-            kept = [vec(*[(1.0 if i == j else 0.0) - h * answers[i, j] * damping[j] for j in count]) for i in count]
+            damped_rows = [
+                vec(*[(1.0 if i == j else 0.0) - h * answers[i, j] * damping[j] for j in count]) for i in count
+            ]
         else:
-            kept = []
+            damped_rows = []
             for unit in identity_matrix(len(mu)):
                 p = system.body.body.lagrangian.momentum(unit)
-                kept = [*kept, p - h * held(load.resistance(t, xi, g, system.velocity(held(p))))]
-        return negative_pivots(mat(*kept)) > 0.0
+                damped_rows = [*damped_rows, p - h * held(load.resistance(t, xi, g, system.velocity(held(p))))]
+        return negative_pivots(mat(*damped_rows)) > 0.0
 
     def _load_at_the_end(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> Vec:
         """The kick h F at the velocity that it leads to, on the constraint.
@@ -263,8 +265,8 @@ class LieRATTLE(Remembering):
 
         def led_to(k: Vec) -> tuple[Vec, float]:
             pushed = mu + load.spread(t, k, g)
-            found = load.rates(system.velocity(held_of(pushed)), g)
-            return found, dot(guess, guess) + dot(found, found)
+            speeds = load.rates(system.velocity(held_of(pushed)), g)
+            return speeds, dot(guess, guess) + dot(speeds, speeds)
 
         def equation(w: Vec) -> tuple[Vec, Mat, float]:
             def rates(y: Vec) -> Vec:
@@ -275,17 +277,17 @@ class LieRATTLE(Remembering):
 
         guess = load.rates(system.velocity(held_of(mu)), g)
         if load.by_rate:
-            w, rest, enough = newton_of_kicks(lambda y: h * load.efforts(t, y, g), led_to, guess)
+            w, mismatch, enough = newton_of_kicks(lambda y: h * load.efforts(t, y, g), led_to, guess)
         else:
-            w, rest, enough, _ = newton(equation, guess)
-        if not rest <= enough:
+            w, mismatch, enough, _ = newton(equation, guess)
+        if not mismatch <= enough:
             raise NoConvergence(f"{self!r}: no velocity found that fits the load at the end of a step; try h = {h:g}")
         return h * load.at_rates(t, w, g)
 
     # ---------------------------------------------------------------- sizes
 
     def _square(self, system: Any, x: Vec) -> float:
-        """x . J x."""
+        """The square of the norm by the inertia, x . J x."""
         return dot(x, system.body.body.lagrangian.momentum(x))
 
     def _size(self, system: Any, g: Element) -> float:
@@ -351,7 +353,7 @@ def less(y: Vec, columns: Any, shares: Any) -> Vec:
 
 
 def split(unknown: Vec, dim: int) -> tuple[Vec, Vec]:
-    """Displacement and impulses."""
+    """Displacement, (dim,), and impulses, the pieces of the unknown."""
     return unknown[:dim], unknown[dim:]
 
 
@@ -374,18 +376,18 @@ def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool
         same = where(sign * rows[k][k] > 0.0, same, -same)
         pivot = 1.0 / rows[k][k]
         rows = [row if i <= k else row - (pivot * row[k]) * rows[k] for i, row in enumerate(rows)]
-    found: list[Any] = []  # from the last row upwards, each of all columns
+    solution: list[Any] = []  # from the last row upwards, each of all columns
     for k in range(n - 1, -1, -1):
-        rest = vec(*rows[k][n:])
-        for i, x in enumerate(found):
-            rest = rest - rows[k][n - 1 - i] * x
-        found = [*found, rest / rows[k][k]]
-    return [vec(*[found[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], same > 0.0
+        remainder = vec(*rows[k][n:])
+        for i, x in enumerate(solution):
+            remainder = remainder - rows[k][n - 1 - i] * x
+        solution = [*solution, remainder / rows[k][k]]
+    return [vec(*[solution[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], same > 0.0
 
 
 def regular(system: Any, m: list[list[Any]], pivots: list[Any], sign: float) -> bool:
-    """Has det m the sign of that of a positive matrix times `sign`, with no pivot below DEPENDENT
-    times what it was before?
+    """Whether det m has the sign of that of a positive matrix times `sign`, with no pivot below DEPENDENT times what it
+    was before.
     """
     same, far = 1.0, True
     for row, pivot, ends in zip(m, pivots, system.elimination):

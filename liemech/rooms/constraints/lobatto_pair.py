@@ -62,8 +62,8 @@ class LobattoPair(OnConstraints):
         """The stages, from the start as a guess; then into the tangent space by an impulse at the
         end.
         """
-        here, b = plain(state), self.tableau[2]
-        q, p, s, G = here.q, here.p, len(b), system.constraint_jacobian(here.q)
+        start, b = plain(state), self.tableau[2]
+        q, p, s, G = start.q, start.p, len(b), system.constraint_jacobian(start.q)
         zero = vec(*[0.0 for _ in G])
         guess = [q for _ in range(s)], [p for _ in range(s)], [zero for _ in range(s - 1)]
         Q, P, L = fixed_point(lambda stages: self._sweep(system, h, q, p, stages), guess, self, h)
@@ -78,9 +78,7 @@ class LobattoPair(OnConstraints):
         return CanonicalState(state.q + drift, state.p + (kick + impulse))
 
     def _sweep(self, system: Any, h: float, q: Vec, p: Vec, stages: Any) -> tuple[Any, float | Vec, float | Vec]:
-        """All stages anew from the forces of the last ones; multipliers by Newton's method with
-        these.
-        """
+        """The next iterate of the stages, from the forces of the last ones; multipliers by Newton's method with these."""
         A, B, _ = self.tableau
         Q, P, L = stages
         s, m = len(Q), len(L[0])
@@ -108,10 +106,10 @@ class LobattoPair(OnConstraints):
         return (qs, ps, L), off, one_norms(q, blocks) + one_norms(qs[s - 1] - q, blocks)
 
     def _slope(self, h: float, rows: list[Mat], normals: list[Mat]) -> Mat:
-        """How the g(Q_i), i = 2..s, change with the -L_j, j = 1..s-1, through the momenta."""
+        """The derivatives of the g(Q_i), i = 2..s, by the -L_j, j = 1..s-1, through the momenta."""
         A, B, _ = self.tableau
         s, m = len(rows), len(rows[0])
-        found: list[Vec] = []
+        slope_rows: list[Vec] = []
         for i in range(1, s):
             for k in range(m):
                 row = [
@@ -119,12 +117,12 @@ class LobattoPair(OnConstraints):
                     for j in range(s - 1)
                     for l in range(m)
                 ]
-                found = [*found, vec(*row)]
-        return mat(*found)
+                slope_rows = [*slope_rows, vec(*row)]
+        return mat(*slope_rows)
 
 
 def _entry(A: tuple[Row, ...], B: tuple[Row, ...], i: int, j: int) -> float:
-    """(A B)_ij."""
+    """The entry i, j of the matrix product A B."""
     total = 0.0
     for k in range(len(A)):
         total = total + A[i][k] * B[k][j]
@@ -133,10 +131,10 @@ def _entry(A: tuple[Row, ...], B: tuple[Row, ...], i: int, j: int) -> float:
 
 def _of_positions(blocks: tuple[int, ...], n: int) -> tuple[int, ...]:
     """The blocks of positions and momenta that n positions fill."""
-    found: list[int] = []
+    position_blocks: list[int] = []
     filled = 0
     for size in blocks:
         if filled < n:
-            found = [*found, size]
+            position_blocks = [*position_blocks, size]
         filled = filled + size
-    return tuple(found)
+    return tuple(position_blocks)

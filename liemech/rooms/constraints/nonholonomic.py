@@ -36,7 +36,7 @@ class LagrangeDAlembert(LieRATTLE):
 
     @property
     def name(self) -> str:
-        """Lagrange-d'Alembert and the retraction."""
+        """The name of the method, with the class of its retraction."""
         return f"Lagrange-d'Alembert ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:
@@ -52,5 +52,5 @@ class LagrangeDAlembert(LieRATTLE):
         return self._crossing(system, g, x), [[rows[a][b] for b, _ in ties] for a, ties in enumerate(system.touches)]
 
     def _crossing(self, system: Any, g: Element, x: Vec) -> Vec:
-        there = self.retraction.compose_tau(system.configurations, g, x)
-        return 0.5 * (system.jacobian(g) @ x + system.jacobian(there) @ x)
+        g_end = self.retraction.compose_tau(system.configurations, g, x)
+        return 0.5 * (system.jacobian(g) @ x + system.jacobian(g_end) @ x)

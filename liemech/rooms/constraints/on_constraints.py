@@ -42,7 +42,7 @@ class OnConstraints(Method):
     symplectic: ClassVar[bool] = True
 
     def require(self, system: Any) -> None:
-        """A constrained system."""
+        """Raise IncompatibleSystem unless the system is a ConstrainedSystem."""
         if not isinstance(system, ConstrainedSystem):
             raise IncompatibleSystem(
                 f"{self!r} needs a ConstrainedSystem, an energy and equations g(q) = 0; got "
@@ -92,8 +92,8 @@ class OnConstraints(Method):
                 raise self._unsolved(system, h, q, p, "the positions found are on another branch of the constraints")
             folding = folding or abs(then) < FOLD * abs(now) or abs(now) < FOLD * abs(then)
         if folding:
-            for row, begun, normal in zip(G_there, G, normals):
-                if not dot(abs(row), abs(normal)) > LOST * dot(abs(begun), abs(normal)):
+            for row, row_at_q, normal in zip(G_there, G, normals):
+                if not dot(abs(row), abs(normal)) > LOST * dot(abs(row_at_q), abs(normal)):
                     raise self._ended(there)
             for value, row in zip(system.constraint(there), G_there):
                 if not abs(value) <= CONSISTENT * dot(abs(row), abs(q) + abs(there)):
@@ -153,12 +153,12 @@ class Ahead:
         self.lengths = np.linalg.norm(np.array(system.constraint_jacobian(q)), axis=1)
 
     def at(self, s: float) -> Vec:
-        """q + s v."""
+        """The position q + s v on the straight line."""
         return small(self.q + s * self.v)
 
     def weakest(self, end: float) -> tuple[Vec, float]:
-        """Where from s = -end to end the least singular value of G H_pp G^T, rows measured at
-        s = 0, is least; and that value.
+        """The s from -end to end at which the least singular value of G H_pp G^T, rows measured at s = 0, is least; and
+        that value.
         """
         s, step = np.linspace(-end, end, 129), end / 64
         best = float(s[np.argmin([self._least(x) for x in s])])
@@ -168,7 +168,7 @@ class Ahead:
         return self.at(best), self._least(best)
 
     def kink(self, end: float) -> Vec | None:
-        """Where up to s = end the derivative G jumps; None where it changes in proportion to s."""
+        """The s up to end at which the derivative G jumps; None where it changes in proportion to s."""
         begin, width = 0.0, end
         whole = jump = 0.0
         for halvings in range(40):
@@ -186,8 +186,8 @@ class Ahead:
         return rows
 
     def _products(self, s: float) -> np.ndarray:
-        there = self.at(s)
-        return np.array(self.system.constraint_jacobian(there)) @ np.array(self.system.normals(there, self.p)).T
+        position = self.at(s)
+        return np.array(self.system.constraint_jacobian(position)) @ np.array(self.system.normals(position, self.p)).T
 
     def _least(self, s: float) -> float:
         values = np.linalg.svd(self._products(s) / np.outer(self.unit, self.unit), compute_uv=False)
@@ -195,11 +195,11 @@ class Ahead:
 
 
 def lengths(vectors: np.ndarray) -> np.ndarray:
-    """The length of each, (bodies,)."""
-    found: np.ndarray = np.linalg.norm(vectors, axis=-1)
-    return found
+    """The Euclidean length of each vector, (bodies,)."""
+    norms: np.ndarray = np.linalg.norm(vectors, axis=-1)
+    return norms
 
 
 def shown(q: Vec) -> tuple[float, ...]:
-    """Coordinates in a message."""
+    """Coordinates to six digits, for a message."""
     return tuple(float(f"{x:.6g}") for x in q)

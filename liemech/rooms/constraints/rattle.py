@@ -37,23 +37,23 @@ class Projected(OnConstraints, Remembering):
 
     def beginning(self, system: Any, state: CanonicalState, h: float) -> tuple[Vec, Vec, Vec]:
         """Impulses, the multipliers times h: half of those of the state, as a guess."""
-        here = plain(state)
-        return repeated((0.5 * h) * system.multipliers(here.q, here.p))
+        start = plain(state)
+        return repeated((0.5 * h) * system.multipliers(start.q, start.p))
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Onto g = 0 by an impulse at the beginning, into the tangent space by one at the end."""
-        here, (_, after) = plain(memory.state), self.shares
-        q, p, G = here.q, here.p, system.constraint_jacobian(here.q)
+        start, (_, after) = plain(memory.state), self.shares
+        q, p, G = start.q, start.p, system.constraint_jacobian(start.q)
         guess = extrapolated(*memory.past)
         find = self._explicitly if system.separable else self._implicitly
-        there, drift, free, pull, impulses, size, enough = find(system, h, q, p, G, guess)
+        q_end, drift, free, pull, impulses, size, enough = find(system, h, q, p, G, guess)
         if not size <= enough:
             raise self._unsolved(system, h, q, p, f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}")
         if after != 0.0:
-            free = free + (after * h) * system.force(there, p + (free + pull))
+            free = free + (after * h) * system.force(q_end, p + (free + pull))
         kick = free + pull  # the pull comes last: it waits for Newton's method
-        impulse, pivots = system.tangent_impulse(there, p + kick)
-        self.check_branch(system, h, q, there, p + kick, G, pivots)
+        impulse, pivots = system.tangent_impulse(q_end, p + kick)
+        self.check_branch(system, h, q, q_end, p + kick, G, pivots)
         state = CanonicalState(memory.state.q + drift, memory.state.p + (kick + impulse))
         return Memory(state, None, followed(memory.past, impulses))
 
@@ -72,9 +72,9 @@ class Projected(OnConstraints, Remembering):
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             ph = p + (free - x @ G)
-            there = q + h * system.velocity(q, ph)
-            slope = cross_products(system.constraint_jacobian(there), pushed(system, q, ph, G))
-            return system.constraint(there), -h * slope, 1.0
+            q_end = q + h * system.velocity(q, ph)
+            slope = cross_products(system.constraint_jacobian(q_end), pushed(system, q, ph, G))
+            return system.constraint(q_end), -h * slope, 1.0
 
         x, size, enough, _ = newton(equation, guess, solved=in_order, weights=weights)
         pull = -(x @ G)
@@ -90,8 +90,8 @@ class Projected(OnConstraints, Remembering):
         weights = inverse_sizes(G, drift - guess @ normals, q)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
-            there = aim - x @ normals
-            return (system.constraint(there), -cross_products(system.constraint_jacobian(there), normals), 1.0)
+            q_end = aim - x @ normals
+            return (system.constraint(q_end), -cross_products(system.constraint_jacobian(q_end), normals), 1.0)
 
         x, size, enough, _ = newton(equation, guess, solved=in_order, weights=weights)
         moved = x @ normals
@@ -110,14 +110,14 @@ class Projected(OnConstraints, Remembering):
         )
 
         def residual(z: Vec) -> Vec:
-            ph, there = p + z[n : 2 * n], q + z[:n]
+            ph, q_end = p + z[n : 2 * n], q + z[:n]
             x = vec(*[z[2 * n + k] for k in range(m)])
             moved, kicked = 0.0 * q, -(x @ G)
             if before != 0.0:
                 moved, kicked = ((before * h) * system.velocity(q, ph), kicked + (before * h) * system.force(q, ph))
             if after != 0.0:
-                moved = moved + (after * h) * system.velocity(there, ph)
-            return weights * vec(*(there - q - moved), *(ph - p - kicked), *system.constraint(there))
+                moved = moved + (after * h) * system.velocity(q_end, ph)
+            return weights * vec(*(q_end - q - moved), *(ph - p - kicked), *system.constraint(q_end))
 
         guesses = vec(*drift, *kick, *guess)
         z, size, enough, _ = newton(lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, solved=in_order)
@@ -151,7 +151,7 @@ class RATTLE(Projected):
 
     @property
     def name(self) -> str:
-        """RATTLE."""
+        """The name of the method, without parameters."""
         return "RATTLE"
 
 
@@ -181,7 +181,7 @@ class ConstrainedEuler(Projected):
 
     @cached_property
     def shares(self) -> tuple[float, float]:
-        """All of the force before the drift, or after it."""
+        """The shares of the force before and after the drift: (1, 0), or (0, 1)."""
         return (1.0, 0.0) if self.first == "kick" else (0.0, 1.0)
 
     @property

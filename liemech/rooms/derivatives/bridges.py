@@ -105,7 +105,7 @@ def to_torch(
     torch = _needed("torch", "lm.to_torch")
     move = _Move(plan, steps, t_end, t0, every)
 
-    class Run(torch.autograd.Function):  # type: ignore[name-defined]
+    class TorchRun(torch.autograd.Function):  # type: ignore[name-defined]
         @staticmethod
         def forward(ctx: Any, names: Any, *tensors: Any) -> Any:
             ctx.names = names
@@ -135,7 +135,7 @@ def to_torch(
                     f"{x.dtype} on {x.device}: x.double().cpu()"
                 )
         names = tuple(map(tuple, both))
-        return dict(zip(names[0], Run.apply(names, *tensors), strict=True))
+        return dict(zip(names[0], TorchRun.apply(names, *tensors), strict=True))
 
     return run
 

@@ -95,7 +95,7 @@ class Gradient:
 
 
 @frozen
-class Parameter:
+class LossParameter:
     """A parameter by which a loss is differentiated.
 
     name : as it was given.  place : the first direction, of a table None.  shape : of its value.
@@ -111,7 +111,7 @@ class Parameter:
     values: bool = False
 
 
-class Directions:
+class ParameterDirections:
     """The parameters by which all bodies are differentiated.
 
     plan : with fixed steps.  of_state : directions of the state.  count : those of parameters of which each
@@ -126,13 +126,13 @@ class Directions:
         way: Steps = plan._steps
         self.own = isinstance(way.system, OfBodies)
         self.own_methods = own_methods = isinstance(way.method, OfBodies)
-        several = [way.of(i) for i in range(bodies or 1)] if self.own else [way.one]
+        several = [way.system_of(i) for i in range(bodies or 1)] if self.own else [way.one]
         methods = [way.method_of(i) for i in range(bodies or 1)] if own_methods else [way.method_of(0)]
         if "h" in names:
             if isinstance(way.h, tuple):
                 raise InvalidInput("Plan.gradient: by h is for one h of all bodies")
             methods = [with_step(method, way.h, t0)(method) for method in methods]
-        self.parameters: list[Parameter] = []
+        self.parameters: list[LossParameter] = []
         self.count = 0
         by_system: list[Any] = []
         by_method: list[Any] = []
@@ -149,7 +149,7 @@ class Directions:
                 known = [p.varied for p in self.parameters if p.varied]
                 table = table_of(several[0], name, "Plan.gradient", known)
                 if table is not None:
-                    self.parameters.append(Parameter(name, None, (), False, *table))
+                    self.parameters.append(LossParameter(name, None, (), False, *table))
                     continue
                 full = full_name(several[0], name, "Plan.gradient")
                 moves = [parameter_moves(system, full) for system in several]
@@ -158,7 +158,7 @@ class Directions:
                 by_method += [None] * len(moves[0])
             shape = shape_of(layout_of(value))
             shape = (len(moves[0]),) if shape is None else shape
-            self.parameters.append(Parameter(name, self.count, shape, by_system[-1] is None))
+            self.parameters.append(LossParameter(name, self.count, shape, by_system[-1] is None))
             self.count += len(moves[0])
         self.side = side = side or side_by_side(of_state + self.count, numbers)
         self.tables = [*{id(p.varied): p.varied for p in self.parameters if p.varied}.values()]
@@ -298,7 +298,7 @@ def divisor(number: int, limit: int) -> int:
     return max(d for d in found if d <= limit)
 
 
-class Met:
+class MetIntervals:
     """The intervals of a table that blocks meet.
 
     first, count : (blocks, bodies) the first one, and how many.  intervals : of the table.
@@ -353,7 +353,7 @@ def side_by_side(count: int, numbers: int) -> int:
     return min(sides, key=lambda n: (-(-count // n) * (1.0 + 0.6 * n + 0.05 * n * n), -n))
 
 
-class Prepared:
+class PreparedGradient:
     """Layouts and native code that gradients of one system by the same names share.
 
     frames : of each part of a state the directions in which it moves.  count : of all parts.
@@ -363,7 +363,7 @@ class Prepared:
         self.system, self.frames = plan.system, frames_of(plan._steps.one, one)
         self.count = sum(len(of(np.asarray(one.parts[n])[None])[0]) for n, of in self.frames.items())
         self.given = plan, bodies, names, t0, self.count, layout_of(one).width
-        self.directions = Directions(*self.given)
+        self.directions = ParameterDirections(*self.given)
         self.blocks: Blocks | None = None
 
     def blocks_of(self, way: Steps, forward: Forward, work: int) -> Blocks:
@@ -376,24 +376,24 @@ class Prepared:
             if not several:
                 raise
             # direction by direction the code is shorter
-            self.directions = Directions(*self.given, 1)
+            self.directions = ParameterDirections(*self.given, 1)
             blocks = self._blocks(self.directions, way, forward)
             own = blocks.of_a_run(forward.t0, work, False)
         self.blocks = blocks
         return own
 
     @staticmethod
-    def _blocks(directions: Directions, way: Steps, forward: Forward) -> Blocks:
+    def _blocks(directions: ParameterDirections, way: Steps, forward: Forward) -> Blocks:
         given = dataclasses.replace(way, system=directions.systems.example, method=directions.raw[0], shapes={})
         return Blocks(given, directions, forward.example)
 
 
-def prepared(plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool) -> Prepared:
-    """The `Prepared` of this plan, from before or made now.  lasting : do its steps not depend on a run?"""
+def prepared(plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool) -> PreparedGradient:
+    """The `PreparedGradient` of this plan, from before or made now.  lasting : do its steps not depend on a run?"""
     key = names, bodies, layout_of(one), t0 if "h" in names else None
-    known: Prepared | None = plan._backwards.get(key) if lasting else None
+    known: PreparedGradient | None = plan._backwards.get(key) if lasting else None
     if known is None or known.system is not plan.system:
-        known = Prepared(plan, bodies, one, names, t0)
+        known = PreparedGradient(plan, bodies, one, names, t0)
         if lasting:
             plan._backwards[key] = known
     return known
@@ -406,7 +406,7 @@ class Backward:
     gives the derivatives by the states there, (edges, bodies, N).
     """
 
-    def __init__(self, forward: Forward, known: Prepared, at_end: np.ndarray, along: Any) -> None:
+    def __init__(self, forward: Forward, known: PreparedGradient, at_end: np.ndarray, along: Any) -> None:
         self.forward, self.along = forward, along
         way = forward.plan._steps
         bodies, count = at_end.shape
@@ -424,7 +424,7 @@ class Backward:
             np.zeros((bodies if directions.own else 1, int(t.table.intervals), t.width)) for t in directions.tables
         ]
 
-        self.met = [Met(forward, tables) for tables in directions.of_things]
+        self.met = [MetIntervals(forward, tables) for tables in directions.of_things]
 
     def go(self) -> None:
         """Go backwards through all blocks."""

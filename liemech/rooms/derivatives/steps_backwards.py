@@ -74,8 +74,8 @@ from ..sites.terms.terms_at_site import SlopesOfLoad, TermsOfSite, at_this_site
 
 
 @record
-class Part(Record):
-    """A part of a step, all numbers: which of the `Motion`s it is, when it begins, and how long it is.
+class StepPart(Record):
+    """A part of a step, all numbers: which of the `SiteMotion`s it is, when it begins, and how long it is.
 
     given : is a derivative by the state before it given?  momenta, elements : of what is kept of the
     energies that were asked, the row of the first.  begin, end : the places of the sites that turn,
@@ -98,7 +98,7 @@ class Part(Record):
 
 
 @record
-class Asked(Record):
+class Question(Record):
     """A question to an energy in a step: its derivative along `along` at a place, at a time.
 
     place : the momentum of the site, or its element.
@@ -116,12 +116,12 @@ class Back(Record):
     """
 
     w: Any
-    momenta: tuple[Asked, ...]
-    elements: tuple[Asked, ...]
+    momenta: tuple[Question, ...]
+    elements: tuple[Question, ...]
 
 
 @record
-class Motion(Record):
+class SiteMotion(Record):
     """A part of a step that has a way back, of one site; abstract.
 
     momenta, elements : how often it asks energies, `Back`.  A subclass writes `moved` and `back`.
@@ -142,11 +142,11 @@ class Motion(Record):
         """How often it asks potentials."""
         return 0
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The state after it."""
         raise undefined(self, "moved")
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """J^T w.  free : the system with held sites `released`.  w : components at the state after it,
         as a state.
         """
@@ -154,7 +154,7 @@ class Motion(Record):
 
 
 @record
-class WholeStep(Motion):
+class WholeStep(SiteMotion):
     """A step of a method in one piece; abstract.  A subclass writes `momenta` and `back`.
 
     in_a_field : are there potentials, which are asked as often as energies of momenta?
@@ -172,7 +172,7 @@ class WholeStep(Motion):
         """As often as energies of momenta, in a field."""
         return self.momenta if self.in_a_field else 0
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The step."""
         return fresh(self.method, system, part.t, state, part.h)
 
@@ -213,7 +213,7 @@ def released(site: Any, slopes: Any = None) -> Any:
     return found if slopes is None else with_fields(found, load=slopes)
 
 
-def parts_of(method: Any, site: Any) -> tuple[tuple[Motion, ...], list[tuple[int, float, float]]]:
+def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple[int, float, float]]]:
     """The motions that a step is made of; of each part in turn which it is, when it begins and how long
     it is, as shares of the step.
     """
@@ -228,7 +228,7 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[Motion, ...], list[tuple[int
     if isinstance(method, (FieldSplitting, SeparableSplitting)):
         given: Any = method
         tableau, in_a_field = given.tableau, isinstance(method, FieldSplitting)
-        free: Any = Drift(given.free) if in_a_field else PointDrift()
+        free: Any = FreeDrift(given.free) if in_a_field else PointDrift()
         nodes = tableau.nodes if in_a_field else [0.0 for _ in tableau.kicks]
         loaded = in_a_field and site.load is not None
         last, rows = len(tableau.drifts), []
@@ -292,7 +292,7 @@ class RungeKutta(WholeStep):
                 felt.append(i)
         return tuple(felt)
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """The stages once more, and then backwards."""
         method, t, h = self.method, part.t, part.h
         tableau, start = method.tableau.bare, plain(system.essential_part(before))
@@ -309,8 +309,8 @@ class RungeKutta(WholeStep):
         omega = combination(tableau.b, slopes, h)
         w, bent = _displaced(method.retraction, system, before, omega, w)
         felt: list[Any] = [None if b == 0.0 else (b * h) * bent for b in tableau.b]
-        momenta: list[Asked] = []
-        elements: list[Asked] = []
+        momenta: list[Question] = []
+        elements: list[Question] = []
         for i in range(len(found) - 1, -1, -1):
             if felt[i] is not None:
                 omega, place, xi = found[i]
@@ -326,7 +326,7 @@ class RungeKutta(WholeStep):
                 w = BodyState(w.mu + there.mu, w.g if there.g is None else w.g + there.g)
         return Back(w, tuple(momenta), tuple(elements))
 
-    def _back_by_sweeps(self, system: Any, free: Any, part: Part, before: Any, start: Any, w: Any) -> Back:
+    def _back_by_sweeps(self, system: Any, free: Any, part: StepPart, before: Any, start: Any, w: Any) -> Back:
         """That of an implicit tableau."""
         method, t, h = self.method, part.t, part.h
         tableau = method.tableau.bare
@@ -362,8 +362,8 @@ class RungeKutta(WholeStep):
             return new, sqrt(change), sqrt(size)
 
         felt = fixed_point(sweep, [(b * h) * bent for b in tableau.b], method, h)
-        momenta: list[Asked] = []
-        elements: list[Asked] = []
+        momenta: list[Question] = []
+        elements: list[Question] = []
         for i in stages:
             there, _, of_momenta, of_elements = of_stage(i, felt[i])
             momenta, elements = [*momenta, *of_momenta], [*elements, *of_elements]
@@ -413,7 +413,7 @@ def _rate(system: Any, free: Any, t: float, place: Any, along: Vec) -> Any:
     if not isinstance(system, MechanicalSystem):
         along = moving(system.hamiltonian, along)
         mu = derivative(lambda m: free.rate(t, BodyState(m, None)), place.mu, along)
-        return BodyState(mu, None), [Asked(t, place.mu, along)], []
+        return BodyState(mu, None), [Question(t, place.mu, along)], []
     n = system.configurations.dim
     xi, turned = vec(*along[:n]), vec(*along[n:])
     kick, asked = _force(system, free, t, place.g, turned)
@@ -421,7 +421,7 @@ def _rate(system: Any, free: Any, t: float, place: Any, along: Vec) -> Any:
         by_xi, more = _load(system, free, t, place, turned)
         xi, kick = xi + by_xi, kick + more
     mu = derivative(lambda m: system.velocity(m, t), place.mu, xi)
-    return BodyState(mu, kick), [Asked(t, place.mu, xi)], [asked]
+    return BodyState(mu, kick), [Question(t, place.mu, xi)], [asked]
 
 
 def _load(system: Any, free: Any, t: float, place: Any, along: Vec) -> tuple[Vec, Vec]:
@@ -439,13 +439,13 @@ def _load(system: Any, free: Any, t: float, place: Any, along: Vec) -> tuple[Vec
     )
 
 
-def _force(system: Any, free: Any, t: float, g: Any, along: Vec) -> tuple[Vec, Asked]:
+def _force(system: Any, free: Any, t: float, g: Any, along: Vec) -> tuple[Vec, Question]:
     """That of the force: D_lambda f - ad*_lambda f."""
     group = system.configurations
     along = moving(system.potential, along)
     still = vec(*[0.0 for _ in along])
     force, slope = tangent(lambda x: free.force(group.compose_exp(g, x)), still, along)
-    return slope - group.ad_star(along, force), Asked(t, g, -along)
+    return slope - group.ad_star(along, force), Question(t, g, -along)
 
 
 # ------------------------------------------------------------------ flows, and midpoints
@@ -467,7 +467,7 @@ class Flows(WholeStep):
         """Once in every stage."""
         return self.method.tableau.stages
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """The flows once more, and then backwards."""
         data, t, h, exponential = self.method.tableau, part.t, part.h, Exponential()
         place, places, slopes, flows = before, [], [], []  # type: Any, list[Any], list[Any], list[Any]
@@ -484,8 +484,8 @@ class Flows(WholeStep):
             flows = [*flows, gone]
         felt: list[Any] = [None for _ in slopes]
         at: list[Any] = [*[None for _ in slopes], w]
-        momenta: list[Asked] = []
-        elements: list[Asked] = []
+        momenta: list[Question] = []
+        elements: list[Question] = []
         for i in range(len(flows) - 1, -1, -1):
             there = at[i + 1]
             for row, begin, omega in flows[i][::-1]:
@@ -527,7 +527,7 @@ class Mean(WholeStep):
         """Once."""
         return 1
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """By sweeps over all sites."""
         mu, h, method = before.mu, part.h, self.method
         m = 0.5 * (mu + after.mu)
@@ -555,7 +555,7 @@ class Mean(WholeStep):
         along = bent - 0.5 * cross(nu, m)
         more = by_both(along)[1] - nu
         asked = moving(system.hamiltonian, (h * method.stretch(m, mu)) * along)
-        return Back(BodyState(w.mu + more, w.g), (Asked(part.t, place, asked),), ())
+        return Back(BodyState(w.mu + more, w.g), (Question(part.t, place, asked),), ())
 
 
 @record
@@ -569,7 +569,7 @@ class Symplectic(WholeStep):
 
     momenta: ClassVar[int] = 0
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """By the step backwards, of all sites."""
         back = lambda there: fresh(self.method, system, part.t + part.h, there, -part.h)  # noqa: E731
         return Back(carried_back(system.group, back, before, after, w), (), ())
@@ -579,7 +579,7 @@ class Symplectic(WholeStep):
 
 
 @record
-class Kick(Motion):
+class Kick(SiteMotion):
     """mu + h f(g), with g at rest.
 
     Source: Hairer, Lubich, Wanner, II.5.
@@ -590,18 +590,18 @@ class Kick(Motion):
         """Once."""
         return 1
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The kick."""
         return BodyState(state.mu + part.h * system.force(state.g), state.g)
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """Only w_g changes."""
         kick, asked = _force(system, free, part.t, before.g, part.h * w.mu)
         return Back(BodyState(w.mu, w.g + kick), (), (asked,))
 
 
 @record
-class LoadedKick(Motion):
+class LoadedKick(SiteMotion):
     """mu + h (f + F) with g at rest: the load F as it is before the kick, or, of one that ends a
     drift, as it is after it.  There mu_1 = mu + h (f + F(mu_1)) has the transposed equation
 
@@ -625,12 +625,12 @@ class LoadedKick(Motion):
         """Once."""
         return 1
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The kick."""
         force, ends = system.force(state.g), self.ends
         return self.method._kick(system, part.t, state, force, part.h, ends, not ends, part.h)
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """Where it is an equation, of one site by Newton's method, else by sweeps."""
         place = after if self.ends else before
         nu = self._solved(system, free, part, place, w.mu) if self.ends else w.mu
@@ -638,9 +638,9 @@ class LoadedKick(Motion):
         by_xi, more = _load(system, free, part.t, place, part.h * nu)
         bent = derivative(lambda m: system.velocity(m, part.t), place.mu, by_xi)
         mu = nu if self.ends else nu + bent
-        return Back(BodyState(mu, w.g + kick + more), (Asked(part.t, place.mu, by_xi),), (asked,))
+        return Back(BodyState(mu, w.g + kick + more), (Question(part.t, place.mu, by_xi),), (asked,))
 
-    def _solved(self, system: Any, free: Any, part: Part, place: Any, w: Vec) -> Vec:
+    def _solved(self, system: Any, free: Any, part: StepPart, place: Any, w: Vec) -> Vec:
         """nu, of all sites."""
 
         def bent(nu: Vec) -> Vec:
@@ -666,7 +666,7 @@ class LoadedKick(Motion):
 
 
 @record
-class Drift(Motion):
+class FreeDrift(SiteMotion):
     """A step of the free body by a method that is symmetric and symplectic, or Runge-Kutta.
 
     Source: Hairer, Lubich, Wanner, II.5 and VI.4.
@@ -681,11 +681,11 @@ class Drift(Motion):
         """As often as Runge-Kutta does."""
         return RungeKutta(self.free).momenta if isinstance(self.free, RKMK) else 0
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The step."""
         return fresh(self.free, system.body, part.t, state, part.h)
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """J^T = Omega J^-1 Omega^-1."""
         if isinstance(self.free, RKMK):
             return RungeKutta(self.free).back(system.body, free.body, part, before, after, w)
@@ -711,7 +711,7 @@ def carried_back(group: Any, inverse: Any, before: Any, after: Any, w: Any) -> B
 
 
 @record
-class PointKick(Motion):
+class PointKick(SiteMotion):
     """p + h f(q), with q at rest.
 
     Source: Hairer, Lubich, Wanner, I.1.4.
@@ -722,29 +722,29 @@ class PointKick(Motion):
         """Once."""
         return 1
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The kick."""
         return CanonicalState(state.q, state.p + part.h * system.force(state.q, state.p))
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """Only w_q changes."""
         along = moving(system.mass.potential, part.h * w.p)
         more = derivative(lambda q: free.force(q, before.p), before.q, along)
-        return Back(CanonicalState(w.q + more, w.p), (), (Asked(part.t, before.q, -along),))
+        return Back(CanonicalState(w.q + more, w.p), (), (Question(part.t, before.q, -along),))
 
 
 @record
-class PointDrift(Motion):
+class PointDrift(SiteMotion):
     """q + h v(p), with p at rest.
 
     Source: Hairer, Lubich, Wanner, I.1.4.
     """
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The drift."""
         return CanonicalState(state.q + part.h * system.velocity(state.q, state.p), state.p)
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """Only w_p changes."""
         more = derivative(lambda p: system.velocity(before.q, p), before.p, part.h * w.q)
         return Back(CanonicalState(w.q, w.p + more), (), ())
@@ -754,7 +754,7 @@ class PointDrift(Motion):
 
 
 @record
-class BondTurn(Motion):
+class BondTurn(SiteMotion):
     """The two sites of every bond of one colour turned about their sum, or all sites by a term of one: the
     exact motion of its energy, whose inverse is that of the time -h.
 
@@ -765,7 +765,7 @@ class BondTurn(Motion):
 
     energy: Any
 
-    def turned(self, group: Any, part: Part, state: Any, time: float) -> BodyState:
+    def turned(self, group: Any, part: StepPart, state: Any, time: float) -> BodyState:
         """A site some time later."""
         energy, mu = at_time(self.energy, part.t), state.mu
         if isinstance(energy, BondsOfSite):
@@ -773,18 +773,18 @@ class BondTurn(Motion):
             return BodyState(*turned(group, mu, state.g, -theirs, mine + theirs))
         return BodyState(*turned(group, mu, state.g, time * at_this_site(energy).gradient(mu)))
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The turn."""
         return self.turned(system.group, part, state, part.h)
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+    def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """J^T = Omega J^-1 Omega^-1, where elements are known or not: nothing depends on them."""
         back = lambda there: self.turned(system.group, part, there, -part.h)  # noqa: E731
         return Back(carried_back(system.group, back, before, after, w), (), ())
 
 
 @record
-class Turn(Motion):
+class FieldTurn(SiteMotion):
     """The sites of one colour, or all of them, turned about the velocities that a term gives them, while
     the others rest.  Backwards first those that turn feel their own turn, and then others what they
     have been turned by.
@@ -802,21 +802,21 @@ class Turn(Motion):
         """Once."""
         return 1
 
-    def omega(self, part: Part, mu: Vec) -> Vec:
+    def omega(self, part: StepPart, mu: Vec) -> Vec:
         """The displacement of a site that turns."""
         return part.h * at_time(self.field, part.t).velocity(int(part.term), mu)
 
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
+    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """A site that turns."""
         return BodyState(*turned(system.group, state.mu, state.g, self.omega(part, state.mu)))
 
-    def of_turned(self, system: Any, part: Part, before: Any, w: Any) -> tuple[Any, Vec]:
+    def of_turned(self, system: Any, part: StepPart, before: Any, w: Any) -> tuple[Any, Vec]:
         """J^T w of its own turn, and the direction along which the energy was asked."""
         omega = self.omega(part, before.mu)
         w, bent = _displaced(Exponential(), system, before, omega, w)
         return w, moving(self.field.field, part.h * bent)
 
-    def of_others(self, part: Part, mu: Vec, along: Vec) -> Vec:
+    def of_others(self, part: StepPart, mu: Vec, along: Vec) -> Vec:
         """The derivative by the momentum of a site that others turn by.  along : its own direction."""
         field = at_time(self.released, part.t)
         return derivative(lambda m: field.velocity(int(part.term), m), mu, along)

@@ -47,7 +47,7 @@ class AdaptiveVerlet(Remembering):
 
     @property
     def name(self) -> str:
-        """Adaptive Verlet."""
+        """The name of the method, without parameters."""
         return "Adaptive Verlet"
 
     def require(self, system: Any) -> None:
@@ -67,17 +67,17 @@ class AdaptiveVerlet(Remembering):
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Half a kick, a drift, half a kick."""
         inner, half, n = system.system, 0.5 * h, system.degrees - 1
-        q, p, rest = memory.state.q, memory.state.p, plain(memory.state.p)[n]  # rest = -H_0
-        here, (force, potential, scale, slope) = system.without(plain(q)), memory.node
-        push = (half * scale) * force - (half * (potential + rest)) * slope
-        kinetic = self._kinetic(inner, here, system.without(plain(p)) + push, -half * slope, h)
+        q, p, momentum_of_time = memory.state.q, memory.state.p, plain(memory.state.p)[n]  # rest = -H_0
+        start, (force, potential, scale, slope) = system.without(plain(q)), memory.node
+        push = (half * scale) * force - (half * (potential + momentum_of_time)) * slope
+        kinetic = self._kinetic(inner, start, system.without(plain(p)) + push, -half * slope, h)
         kick = push - (half * kinetic) * slope
         p = p + vec(*kick, 0.0)
-        v = inner.velocity(here, system.without(plain(p)))
-        time = half * (scale + self._scale(inner, system.sigma, here, v, scale, slope, half))
+        v = inner.velocity(start, system.without(plain(p)))
+        time = half * (scale + self._scale(inner, system.sigma, start, v, scale, slope, half))
         q = q + vec(*(time * v), time)
         node = force, potential, scale, slope = self.at_node(system, CanonicalState(q, p), h)
-        kick = (half * scale) * force - (half * (kinetic + potential + rest)) * slope
+        kick = (half * scale) * force - (half * (kinetic + potential + momentum_of_time)) * slope
         return Memory(CanonicalState(q, p + vec(*kick, 0.0)), node, ())
 
     def at_node(self, system: Any, state: CanonicalState, h: float) -> tuple[Vec, float, float, Vec]:

@@ -10,7 +10,7 @@ from ...compiler import kernel
 from ...compiler.driver import attempt, read
 from ...formulas.classes.frozen import frozen
 from ...formulas.classes.pytree import NUMBER, layout_of, rounded
-from ...simulation.between.dense import Between, evaluated, report, unpacked
+from ...simulation.between.dense import MotionBetween, evaluated, report, unpacked
 from ...simulation.compiled.control import landed
 
 
@@ -33,12 +33,12 @@ def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> t
     passed, gone = (system.clock(now) - target) * h >= 0.0, 0.0
     while not passed:
         after = method.step(system, gone, memory, h)
-        seen = rounded(method.observe(after))
-        passed = (system.clock(seen) - target) * h >= 0.0
+        sample_after = rounded(method.observe(after))
+        passed = (system.clock(sample_after) - target) * h >= 0.0
         if not passed:
-            memory, now, gone = after, seen, gone + h
-    found, s = landed(method, system, memory, h, target)
-    return found, gone + s
+            memory, now, gone = after, sample_after, gone + h
+    arrival, s = landed(method, system, memory, h, target)
+    return arrival, gone + s
 
 
 def arrivals(
@@ -63,7 +63,7 @@ def velocity_in_time(system: Any, t: float, state: Any) -> Any:
 
 
 @frozen(eq=False)
-class FictiveMotion(Between):
+class FictiveMotion(MotionBetween):
     """The motion between the samples of a run: from the last one before, steps of the method, the
     last of them shorter.
 
@@ -101,10 +101,10 @@ class FictiveMotion(Between):
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         """Behind the numbers of the states, the fictive times."""
-        own = self.method, self.system, self.example, self.h, given[:, :-2], self.wanted, body
-        found = arrivals(*own)
-        found[:, -1] = given[:, -2] + (found[:, -1] - given[:, -1])
-        return found
+        run = self.method, self.system, self.example, self.h, given[:, :-2], self.wanted, body
+        ends = arrivals(*run)
+        ends[:, -1] = given[:, -2] + (ends[:, -1] - given[:, -1])
+        return ends
 
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
         """By the velocities at both ends, in physical time."""
@@ -112,5 +112,5 @@ class FictiveMotion(Between):
         return self._by_velocities(velocity_in_time, system.system.group, before, after, body)
 
     def apart(self, numbers: np.ndarray) -> tuple[Any, dict[str, np.ndarray]]:
-        own = unpacked(layout_of(self.example), numbers[:, : self.width])
-        return self.kind, self.system.apart(own)[1]
+        states = unpacked(layout_of(self.example), numbers[:, : self.width])
+        return self.kind, self.system.apart(states)[1]

@@ -30,7 +30,7 @@ class ClockedState(State):
         return _remade, (self.inner, self.clock, tuple(self.parts.values()))
 
     def without_clock(self) -> Any:
-        """The state itself."""
+        """The state of the system itself, without time and z."""
         return self.inner(*[getattr(self, name) for name in self.names])
 
 
@@ -85,12 +85,12 @@ class Clocked(Record):
             z = 1.0 / self.sigma.value_at(self.system, t0, start)
         else:
             members = [member(start, i) for i in range(start.bodies)]
-            sigma = [self.sigma.value_at(self.system, t0, one) for one in members]
+            sigma = [self.sigma.value_at(self.system, t0, body) for body in members]
             time, z = np.full(start.bodies, t0), 1.0 / np.array(sigma)
         kind: Any = type(start)
         return clocked(kind)(*start.parts.values(), time, z)
 
     def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
         """The samples taken apart: the times, the parts of the states, and z."""
-        rest = dict(states)
-        return rest.pop("time"), rest, rest.pop("z")
+        parts = dict(states)
+        return parts.pop("time"), parts, parts.pop("z")

@@ -33,18 +33,18 @@ class Origin:
     @cached_property
     def whole(self) -> Any:
         """The system whose state carries physical time along, bound to the start."""
-        given, method = self.given, self.method
-        if isinstance(given, InFictiveTime):
+        system, method = self.given, self.method
+        if isinstance(system, InFictiveTime):
             if method.fictive:
                 raise IncompatibleSystem(
-                    f"integrate: {method!r} varies its steps, and so does {given!r}; one of them will do"
+                    f"integrate: {method!r} varies its steps, and so does {system!r}; one of them will do"
                 )
-            whole = given.bound(self.start)
+            whole = system.bound(self.start)
             method.require(whole)
             return whole
         while isinstance(method, Composition):
             method = method.base
-        return Clocked(given, method.sigma.bound(given, self.start))
+        return Clocked(system, method.sigma.bound(system, self.start))
 
     def begun(self, t0: float) -> Any:
         """The start with its clock, at the time t0; InvalidTimeScale unless sigma is positive
@@ -58,16 +58,16 @@ class Origin:
         """The steps of a plan, of the system with its clock; the plan keeps what is laid out and
         compiled for them, as long as the origin is there.
         """
-        kept = plan.of_origins.get(self)
-        if kept is None:
+        planned = plan.of_origins.get(self)
+        if planned is None:
             layout = layout_of(self.whole)
             like = plan.of_layouts.get(layout)
             shapes = [] if like is None else [*like.shapes.items()]
             shared = {key: shape.of_system(self.whole) for key, shape in shapes}
-            made = replace(plan, system=self.whole, shapes=shared, clock="tau")
-            kept = plan.of_origins.setdefault(self, made)
-            plan.of_layouts[layout] = kept  # the last one knows most
-        return kept
+            fresh = replace(plan, system=self.whole, shapes=shared, clock="tau")
+            planned = plan.of_origins.setdefault(self, fresh)
+            plan.of_layouts[layout] = planned  # the last one knows most
+        return planned
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the system that is bound to the start."""
@@ -100,12 +100,12 @@ class FictiveCarry:
 
     @property
     def bodies(self) -> int | None:
-        """How many members an ensemble has."""
+        """The number of members of an ensemble; None for one body."""
         return self.inner.bodies
 
     @property
     def step(self) -> int:
-        """How many whole steps were taken."""
+        """The number of whole steps taken."""
         return self.inner.step
 
     @property
@@ -132,17 +132,17 @@ class FictiveCarry:
 
     @cached_property
     def state(self) -> Any:
-        """The last sample."""
-        made = small_state if self.bodies is None else state_of
-        return made(self._kind, self._apart[1])
+        """The state of the last sample, in physical time."""
+        make = small_state if self.bodies is None else state_of
+        return make(self._kind, self._apart[1])
 
     def member(self, i: int) -> Any:
         """The carry of one body."""
         if self.bodies is None:
             return self
-        here = None if self.here is None else self.here[:, i]
+        last = None if self.here is None else self.here[:, i]
         met = {0: self.met[i]} if i in self.met else {}
-        return FictiveCarry(origin_of(self.origin, i), self.inner.member(i), here, met)
+        return FictiveCarry(origin_of(self.origin, i), self.inner.member(i), last, met)
 
     @property
     def members(self) -> tuple[Any, ...]:
@@ -160,19 +160,19 @@ class FictiveCarry:
     @cached_property
     def _apart(self) -> Any:
         """Time, parts of the state, and z."""
-        inner, here = self.inner.state, self.here
-        parts = inner.arrays if here is None else unpacked(layout_of(member(inner, 0)), here[1:-1].T)
+        inner, last = self.inner.state, self.here
+        parts = inner.arrays if last is None else unpacked(layout_of(member(inner, 0)), last[1:-1].T)
         t, states, z = self._first.whole.apart({name: x[None] for name, x in parts.items()})
         return t[0], {name: x[0] for name, x in states.items()}, None if z is None else z[0]
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields."""
+        """The fields of the record, without what is derived from them."""
         return {name: vars(self)[name] for name in ("origin", "inner", "here", "met")}
 
 
 def origin_of(origin: Any, i: int) -> Origin:
-    """Where the motion of one body began."""
+    """The origin of body i, of a tuple of origins or of the one of an ensemble."""
     if isinstance(origin, tuple):
-        found: Origin = origin[i]
-        return found
+        single: Origin = origin[i]
+        return single
     return Origin(origin.given, origin.method, member(origin.start, i))

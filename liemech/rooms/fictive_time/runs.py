@@ -18,7 +18,7 @@ from ...simulation.between.dense import unpacked
 from ...simulation.compiled.control import ANEW, GOAL, LAST_TIME, LIMIT, MARK, STUCK, TAKEN, TIME, Fictive, sample
 from ...simulation.compiled.prepared import shown_step
 from ...simulation.compiled.systems import OfBodies, Systems
-from ...simulation.keep import At, Dense, Every, Piece
+from ...simulation.keep import AtTimes, Dense, Every, PieceOfBodies
 from ...simulation.result import InPhysicalTime
 from ...simulation.runs.carry import Carry
 from ...simulation.runs.equal import NEAR, EqualRun, StraightRun
@@ -57,31 +57,31 @@ class OfClocked(EqualRun):
         return Systems(tuple([whole.system for whole in self.wholes]))
 
     def first_sample(self) -> dict[str, Any]:
-        found: dict[str, Any] = super().first_sample()
-        physical, own, z = self.wholes[0].apart(found["states"])
+        fields: dict[str, Any] = super().first_sample()
+        physical, states, z = self.wholes[0].apart(fields["states"])
         origin = self.origin if self.bodies else self.alone
-        own_fields = {"system": self._system(), "t": physical, "states": own}
-        return found | own_fields | {"tau": np.zeros(1), "z": z, "origin": origin}
+        own_fields = {"system": self._system(), "t": physical, "states": states}
+        return fields | own_fields | {"tau": np.zeros(1), "z": z, "origin": origin}
 
     def known(self, i: int | None) -> dict[str, Any]:
         if i is None:
             return {"h": shown_step(self.way.h), "system": self._system(), "origin": self.origin}
         origin = origin_of(self.origin, i) if self.bodies else self.alone
-        found = {"h": self.h.item(i), "system": origin.whole.system, "origin": origin}
+        fields = {"h": self.h.item(i), "system": origin.whole.system, "origin": origin}
         if not self.bodies:
             t, numbers = self.ends_of_steps()
-            begun = self.inside_at_start(0) if len(t) and t[0] == self.t0[0] else None
-            found["dense"] = FictiveMotion(
+            first_state = self.inside_at_start(0) if len(t) and t[0] == self.t0[0] else None
+            fields["dense"] = FictiveMotion(
                 self.way.way_of(0), self.wholes[0], self._kind, self.lanes.example, self.h.item(0),
-                np.column_stack([t, numbers]), self.asked_for, begun,
+                np.column_stack([t, numbers]), self.asked_for, first_state,
             )  # fmt: skip
-        return found
+        return fields
 
     @property
     def alone(self) -> Origin:
         """The origin of a run of one body."""
-        found: Origin = self.origin[0] if isinstance(self.origin, tuple) else self.origin
-        return found
+        origin: Origin = self.origin[0] if isinstance(self.origin, tuple) else self.origin
+        return origin
 
     def ends_of_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of the samples of one body, between which `Trajectory.at` finds its motion."""
@@ -95,21 +95,21 @@ class OfClocked(EqualRun):
 
     def _doubts(self, now: Any) -> None:
         """Warn of a step from here that may have no solution."""
-        doubt = self.of(0)[1].step_warning(self.wholes[0], now, float(self.h[0]))
+        doubt = self.laws_of(0)[1].step_warning(self.wholes[0], now, float(self.h[0]))
         if doubt:
             warn(doubt, StepWarning)
 
     def trajectory(self) -> Any:
         """Take all bodies to their goals.  Raises InvalidTimeScale if physical time went back."""
-        made = super().trajectory()
-        t = made.t if self.h[0] > 0.0 else made.t[::-1]
+        trajectory = super().trajectory()
+        t = trajectory.t if self.h[0] > 0.0 else trajectory.t[::-1]
         if (t[1:] < t[:-1]).any():
             error = InvalidTimeScale(
                 f"integrate: physical time went back; {self.wholes[0].sigma!r} is not positive all the way"
             )
-            error.trajectory = made
+            error.trajectory = trajectory
             raise error
-        return made
+        return trajectory
 
 
 class FictiveRun(OfClocked):
@@ -136,8 +136,8 @@ class FictiveRun(OfClocked):
         self.t_end = np.array([s * np.inf if end is None else end for s, end in zip(self.sign, ends, strict=True)])
         for i in np.flatnonzero(~self.over).tolist():
             t, end = self.t0.item(i), self.t_end.item(i)
-            asked = ends[i] is not None and before is not None
-            if asked and abs(end - t) <= NEAR * max(abs(end), abs(t)):
+            has_goal = ends[i] is not None and before is not None
+            if has_goal and abs(end - t) <= NEAR * max(abs(end), abs(t)):
                 end = self.t_end[i] = t  # it stands there, but for rounding
             if (end - t) * h[i] < 0.0:
                 raise InvalidInput(
@@ -145,10 +145,10 @@ class FictiveRun(OfClocked):
                 )
         self.aims[LAST_TIME] = self.t_end
         if before is None:
-            self.origin = tuple([Origin(*self.of(i), self.start_of(i)) for i in bodies])
+            self.origin = tuple([Origin(*self.laws_of(i), self.start_of(i)) for i in bodies])
         else:
-            given = self.start.origin
-            self.origin = tuple([origin_of(given, i) for i in bodies]) if self.bodies else (given,)
+            origins = self.start.origin
+            self.origin = tuple([origin_of(origins, i) for i in bodies]) if self.bodies else (origins,)
         self.wholes = [origin.whole for origin in self.origin]
 
     def begin(self) -> None:
@@ -158,8 +158,8 @@ class FictiveRun(OfClocked):
             if self.before is None:
                 self._doubts(self.stepped)
         else:
-            own = {"system": Systems(tuple(self.wholes)), "shapes": {}, "clock": "tau"}
-            self.way = dataclasses.replace(self.plan._steps, **own)
+            fields = {"system": Systems(tuple(self.wholes)), "shapes": {}, "clock": "tau"}
+            self.way = dataclasses.replace(self.plan._steps, **fields)
         super().begin()
         clocks = self.lanes.parts(self.table[:, : self.count])[1]
         clocks[TIME] = self.here[1 + self._column()]
@@ -168,17 +168,17 @@ class FictiveRun(OfClocked):
         if self.before is not None and self.start.here is not None:
             self.here_at_start = self.start.here.reshape(self.here.shape)
             self.here = self.here_at_start.copy()
-        there = self.here[0] == self.t_end
-        clocks[TIME, there] = self.t_end[there]
+        at_goal = self.here[0] == self.t_end
+        clocks[TIME, at_goal] = self.t_end[at_goal]
         for i, error in self.timeless.items():
             clocks[MARK, i], self.failures[i] = STUCK, [error]
 
     def _column(self) -> int:
-        """Where in the numbers of a sample its physical time is."""
+        """The column of physical time in the numbers of a sample."""
         if self.shape.column is None:
             width = self.shape.shown.width
-            found = unpacked(self.shape.shown, np.arange(width, dtype=float)[None])
-            self.shape.column = int(self.wholes[0].apart(found)[0][0])
+            parts = unpacked(self.shape.shown, np.arange(width, dtype=float)[None])
+            self.shape.column = int(self.wholes[0].apart(parts)[0][0])
         return self.shape.column
 
     @functools.cached_property
@@ -205,7 +205,7 @@ class FictiveRun(OfClocked):
     def observe(self) -> list[Any]:
         if self.asked is None:
             return [Every(self, self.plan._steps.every)]
-        at = At(self, self.asked)
+        at = AtTimes(self, self.asked)
         at.samples[..., -1] += 0.0  # no negative zero
         return [at, *([] if self.bodies else [Dense(self)])]
 
@@ -218,10 +218,10 @@ class FictiveRun(OfClocked):
     def between(self) -> FictiveMotion:
         method, system = self.lanes.arguments[:2]
         h = shown_step(self.way.h)
-        given = self._kind, self.lanes.example, h, None, self.asked_for
-        return FictiveMotion(method, system, *given)
+        fields = self._kind, self.lanes.example, h, None, self.asked_for
+        return FictiveMotion(method, system, *fields)
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def given(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:
         given, body = super().given(piece, step, times), piece.body[step]
         for k in np.flatnonzero(piece.a[step] == self.t0[body]).tolist():
             begun = self.inside_at_start(int(body[k]))
@@ -236,23 +236,23 @@ class FictiveRun(OfClocked):
         return np.append(self.step_begins[1:-1, i], ahead) if ahead != 0.0 else None
 
     def standing(self, some: Any) -> Any:
-        one = isinstance(some, int)
-        numbers, clock, here = (x[:, some].copy() for x in (self.numbers, self.clocks, self.here))
+        single = isinstance(some, int)
+        numbers, clock, samples = (x[:, some].copy() for x in (self.numbers, self.clocks, self.here))
         clock[TIME] = clock[TAKEN] * self.h[some]  # in fictive time
-        last, ahead = here[1:-1].copy(), (here[-1] - clock[TIME]) * self.h[some] > 0.0
+        last, ahead = samples[1:-1].copy(), (samples[-1] - clock[TIME]) * self.h[some] > 0.0
         for k in np.flatnonzero(ahead).tolist():
-            column = numbers if one else numbers[:, k].copy()
+            column = numbers if single else numbers[:, k].copy()
             memory = read(column, 0, self.lanes.layout)
-            found = leaves(sample(self.way.way_of(some if one else k), memory), self.lanes.state)
-            last[... if one else (slice(None), k)] = found
+            shown = leaves(sample(self.way.way_of(some if single else k), memory), self.lanes.state)
+            last[... if single else (slice(None), k)] = shown
         shape = None if self.bodies else self.shape
-        inner = Carry.made(shape, 0.0, numbers, clock, last, None if one else self.count)
-        if not one:
+        inner = Carry.made(shape, 0.0, numbers, clock, last, None if single else self.count)
+        if not single:
             vars(inner)["state"] = state_of(type(self.lanes.example), unpacked(self.lanes.state, last.T))
         elif shape is None:
             vars(inner)["state"] = build(self.lanes.state, iter(last.tolist()))
-        origin = self.origin[some] if one else self.origin
-        return FictiveCarry(origin, inner, None if one and not ahead else here, self.met(some))
+        origin = self.origin[some] if single else self.origin
+        return FictiveCarry(origin, inner, None if single and not ahead else samples, self.met(some))
 
     def ends_of_steps(self) -> tuple[np.ndarray, np.ndarray]:
         if self.asked is None:
@@ -262,9 +262,9 @@ class FictiveRun(OfClocked):
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         t, numbers = super().samples(i)
-        here = self.here[:, i]
-        if self.asked is None and len(t) and numbers[-1, -1] != here[-1]:  # where it stands
-            return np.append(t, here[0]), np.concatenate([numbers, here[None, 1:]])
+        last = self.here[:, i]
+        if self.asked is None and len(t) and numbers[-1, -1] != last[-1]:  # where it stands
+            return np.append(t, last[0]), np.concatenate([numbers, last[None, 1:]])
         return t, numbers
 
     @property
@@ -285,8 +285,8 @@ class FictiveRun(OfClocked):
                 f"{int(self.limit[i] - self.first[i])} steps led to t = {self.here[0, i]:g} only, not "
                 f"to {self.t_end[i]:g}"
             )
-            made = StepTooSmall(f"integrate: {text}; give a larger h or allow more `steps`")
-            return self.explained(made, i)
+            error = StepTooSmall(f"integrate: {text}; give a larger h or allow more `steps`")
+            return self.explained(error, i)
         return super().error(i)
 
     def place(self, i: int) -> str:

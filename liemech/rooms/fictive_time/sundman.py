@@ -61,9 +61,7 @@ class InFictiveTime(System):
         raise undefined(self, "clock")
 
     def of_tangent(self, components: int) -> list[int]:
-        """Of the components of states with their clock those of the system itself, and then that of
-        the time.
-        """
+        """The places of the components of a state with its clock, in the order: the system's, then the time's."""
         return [*range(components)]
 
 
@@ -95,11 +93,11 @@ class SundmanTransformed(InFictiveTime):
     sigma: TimeScale
 
     def __post_init__(self) -> None:
-        given: Any = self.system
-        if not isinstance(given, System) or given.fictive:
+        system: Any = self.system
+        if not isinstance(system, System) or system.fictive:
             raise IncompatibleSystem(
                 f"{type(self).__name__} is for a system such as Kepler() that is not in a fictive "
-                f"time yet; got {given!r}"
+                f"time yet; got {system!r}"
             )
         object.__setattr__(self, "sigma", time_scale(type(self).__name__, self.sigma))
         super().__post_init__()
@@ -122,17 +120,17 @@ class SundmanTransformed(InFictiveTime):
 
     @common
     def _with_time(self) -> LieGroup:
-        own = self.system.group
-        if isinstance(own, VectorSpace):
-            return VectorSpace(own.dim + 1)
-        return ProductGroup(own, VectorSpace(1))
+        group = self.system.group
+        if isinstance(group, VectorSpace):
+            return VectorSpace(group.dim + 1)
+        return ProductGroup(group, VectorSpace(1))
 
     @final
     def rate(self, t: float, state: Any) -> Vec:
-        """(sigma f, sigma)."""
-        here = state.without_clock()
-        scale = self.sigma.value_at(self.system, state.time, here)
-        return vec(*(scale * self.system.rate(state.time, here)), scale)
+        """The rates by the fictive time, (sigma f, sigma), (dim + 1,)."""
+        inner = state.without_clock()
+        scale = self.sigma.value_at(self.system, state.time, inner)
+        return vec(*(scale * self.system.rate(state.time, inner)), scale)
 
     @final
     def displaced(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
@@ -160,8 +158,8 @@ class SundmanTransformed(InFictiveTime):
     def state(self, *parts: Any, **named: Any) -> State:
         """A start for `integrate`: a state of the system itself."""
         system: Any = self.system
-        made: State = system.state(*parts, **named)
-        return made
+        start: State = system.state(*parts, **named)
+        return start
 
     def clock(self, state: ClockedState) -> Any:
         """The physical time of a state."""
@@ -175,5 +173,5 @@ class SundmanTransformed(InFictiveTime):
 
     def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
         """The samples taken apart: the times, and the parts of the states."""
-        rest = dict(states)
-        return rest.pop("time"), rest, None
+        parts = dict(states)
+        return parts.pop("time"), parts, None

@@ -46,7 +46,7 @@ class TimeScale(Record):
 
     @property
     def positions(self) -> bool:
-        """Does it depend on the positions of a canonical system alone?"""
+        """Whether sigma depends on the positions of a canonical system alone."""
         return self.parts == ("q",)
 
     def value(self, system: Any, state: Any) -> float:
@@ -110,17 +110,17 @@ class TimeScale(Record):
         """
         many = start.bodies is not None
         for i in range(start.bodies or 1):
-            here = f"at the start{f' of body {i}' if many else ''}"
+            where = f"at the start{f' of body {i}' if many else ''}"
             try:
                 value: Any = self.value_at(system, t0, member(start, i))
             except LiemechError:
                 raise
             except (ArithmeticError, ValueError) as error:
-                raise InvalidTimeScale(f"{self!r} has no value {here} ({error}); {POSITIVE}") from None
+                raise InvalidTimeScale(f"{self!r} has no value {where} ({error}); {POSITIVE}") from None
             if not isinstance(value, Real):
-                raise InvalidType(f"{self!r} must be one number; {here} it is {value!r}")
+                raise InvalidType(f"{self!r} must be one number; {where} it is {value!r}")
             if not float(value) > 0.0:
-                raise InvalidTimeScale(f"{self!r} = {float(value):g} {here}; {POSITIVE}")
+                raise InvalidTimeScale(f"{self!r} = {float(value):g} {where}; {POSITIVE}")
 
 
 @record
@@ -141,11 +141,11 @@ class OfState(TimeScale):
 
     def bound(self, system: System, start: State) -> TimeScale:
         """Raise unless the arguments of sigma are parts of the state."""
-        there = tuple(name for name, x in start.parts.items() if x is not None)
-        if not self.names or not set(self.names) <= set(there):
+        parts = tuple(name for name, x in start.parts.items() if x is not None)
+        if not self.names or not set(self.names) <= set(parts):
             raise InvalidInput(
                 f"sigma is a function of ({', '.join(self.names)}); its arguments must be parts of "
-                f"the state, which has {there}"
+                f"the state, which has {parts}"
             )
         return super().bound(system, start)
 
@@ -193,7 +193,7 @@ class EqualArc(TimeScale):
         return self.value_at(system, 0.0, state)
 
     def value_at(self, system: Any, t: float, state: Any) -> float:
-        """1/|f| at time t."""
+        """The inverse speed 1/|f| at time t."""
         return 1.0 / norm(system.rate(t, state))
 
 
@@ -211,7 +211,7 @@ class DistancePower(TimeScale):
     power: float = 1.5
 
     def value(self, system: Any, state: Any) -> float:
-        """|q|^power."""
+        """The power |q|^power of the distance."""
         return dot(state.q, state.q) ** (0.5 * self.power)
 
     def slope(self, system: Any, q: Vec) -> Vec:
@@ -254,8 +254,8 @@ class OfEnergy(TimeScale):
                 f"{self!r} takes the energy of one start; the members of an ensemble have several. "
                 "Give `energy`, or integrate them one by one"
             )
-        known: TimeScale = dataclasses.replace(self, energy=float(system.energy(**start.parts)))
-        return known.bound(system, start)
+        scale: TimeScale = dataclasses.replace(self, energy=float(system.energy(**start.parts)))
+        return scale.bound(system, start)
 
     def kinetic(self, system: Any, q: Vec) -> float:
         """H_0 - V(q).  q : (n,)."""
@@ -289,5 +289,5 @@ class EqualPath(OfEnergy):
     """
 
     def value(self, system: Any, state: Any) -> float:
-        """(H_0 - V)^(-1/2)."""
+        """The inverse root (H_0 - V)^(-1/2) of the kinetic energy."""
         return 1.0 / sqrt(self.kinetic(system, state.q))

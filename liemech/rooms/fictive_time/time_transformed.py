@@ -42,7 +42,7 @@ class ExtendedSystem(InFictiveTime, HamiltonianSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """One more than without the time."""
+        """The degrees of freedom, one of them the time."""
         return self.system.degrees + 1
 
     def without(self, x: Vec) -> Vec:
@@ -153,7 +153,7 @@ class InversePotential(TimeScale):
     parts: ClassVar[tuple[str, ...] | None] = ("q",)
 
     def value(self, system: Any, state: Any) -> float:
-        """-1/V."""
+        """The time scale -1/V(q), positive for V < 0."""
         return -1.0 / system.potential(state.q)
 
 
@@ -180,7 +180,7 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
 
     @property
     def sigma(self) -> TimeScale:
-        """dt/dtau on the motion."""
+        """The time scale dt/dtau on the motion, -1/V."""
         return InversePotential()
 
     def bound(self, start: CanonicalState) -> LogarithmicHamiltonian:
@@ -212,7 +212,7 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
         return vec(*self.system.relative_force(self.without(q)), 0.0)  # type: ignore[attr-defined]
 
     def _surplus(self, p: Vec) -> float:
-        """T - H_0."""
+        """The surplus T - H_0, positive or InvalidTimeScale."""
         surplus = self.system.kinetic(self.without(p)) + p[self.degrees - 1]  # type: ignore[attr-defined]
         if not surplus > 0.0:
             raise InvalidTimeScale(f"LogarithmicHamiltonian: T - H_0 = {surplus:g}; {POSITIVE}. A smaller h may help")

@@ -82,10 +82,10 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             arrays["dense.begun"] = run.dense.begun
     elif run.dense is not None:
         each = run.dense.bodies if run.bodies is not None else (run.dense,)
-        arrays["dense"] = np.concatenate([one.rows for one in each])
+        arrays["dense"] = np.concatenate([motion.rows for motion in each])
         about["dense"] = [each[0].order, encoded(each[0].example, pool)]
         if run.bodies is not None:
-            about["dense"].append([len(one.rows) for one in each])
+            about["dense"].append([len(motion.rows) for motion in each])
         if isinstance(each[0], SitesDense):
             about["dense.sites"] = each[0].sites
     about["events"] = []
@@ -117,16 +117,16 @@ def here() -> dict[str, str]:
 
 
 def told_apart(written: Any, now: dict[str, str]) -> str:
-    """How the library, Python and machine of a file differ from those here; empty if they do not."""
+    """The differences of library, Python and machine between a file and here, in words; empty without any."""
     if not isinstance(written, dict):
         return ""
-    kept = {name: str(written.get(name, "?")) for name in ("liemech", "python", "platform")}
-    minor = {name: x.rpartition(".")[0] if name == "python" else x for name, x in kept.items()}
-    own = {name: x.rpartition(".")[0] if name == "python" else x for name, x in now.items()}
+    theirs = {name: str(written.get(name, "?")) for name in ("liemech", "python", "platform")}
+    minor = {name: x.rpartition(".")[0] if name == "python" else x for name, x in theirs.items()}
+    ours = {name: x.rpartition(".")[0] if name == "python" else x for name, x in now.items()}
     return ", ".join(
-        f"{'Python' if name == 'python' else name} {kept[name]} (here {now[name]})"
-        for name in kept
-        if minor[name] != own[name]
+        f"{'Python' if name == 'python' else name} {theirs[name]} (here {now[name]})"
+        for name in theirs
+        if minor[name] != ours[name]
     )
 
 
@@ -141,8 +141,8 @@ def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
         parts = {f"carry.state.{part}": x for part, x in carry.state.arrays.items()}
         arrays |= {"carry.numbers": carry.numbers} | parts
         arrays |= {} if carry.clock is None else {"carry.clock": carry.clock}
-        told = {"t0": carry.t0, "h": carry.h, "step": carry.step, "sites": list(carry.state.arrays)}
-        return told | {"met": carry.met, "ended": carry.event}
+        fields = {"t0": carry.t0, "h": carry.h, "step": carry.step, "sites": list(carry.state.arrays)}
+        return fields | {"met": carry.met, "ended": carry.event}
     fictive = isinstance(carry, FictiveCarry)
     inner = carry.inner if fictive else carry
     arrays |= {f"carry.{name}": getattr(inner, name) for name in ("numbers", "clock", "last")}
@@ -158,17 +158,17 @@ def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
     }
 
 
-def _carry_of(kept: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder) -> Any:
+def _carry_of(fields: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder) -> Any:
     """The carry that `_carried` wrote.  origin : of a run in fictive time."""
-    if "sites" in kept:
-        parts = {part: arrays[f"carry.state.{part}"] for part in kept["sites"]}
+    if "sites" in fields:
+        parts = {part: arrays[f"carry.state.{part}"] for part in fields["sites"]}
         kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
         by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
-        there = kind_of(parts)(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
-        met = Met([(event, n) for event, n in kept.get("met", ())])
-        rest = arrays["carry.numbers"], there, met, arrays.get("carry.clock")
-        return SiteCarry(kept["t0"], kept["h"], kept["step"], *rest, kept.get("ended"))
-    state: Any = decode(kept["state"])
+        state_of_sites = kind_of(parts)(**parts) if by_site else small_state(kinds[fields["sites"][0]], parts)
+        met = Met([(event, n) for event, n in fields.get("met", ())])
+        arrays_of_sites = arrays["carry.numbers"], state_of_sites, met, arrays.get("carry.clock")
+        return SiteCarry(fields["t0"], fields["h"], fields["step"], *arrays_of_sites, fields.get("ended"))
+    state: Any = decode(fields["state"])
     wanted: Any = State if origin is None else tuple
     if not isinstance(state, wanted):
         raise InvalidInput(f"{decode.where}: {state!r} is no state")
@@ -176,20 +176,20 @@ def _carry_of(kept: Any, arrays: dict[str, Any], bodies: int | None, origin: Any
     lead = () if bodies is None else (bodies,)
     for array, height in (numbers, len(numbers)), (clock, CLOCK.width), (last, len(last)):
         _require_shape(decode.where, array, (height, *lead))
-    t0 = np.array(kept["t0"]) if isinstance(kept["t0"], list) else kept["t0"]
-    ended = {int(i): None if text is None else IntegrationFailure(text) for i, text in kept["ended"].items()}
-    each = {i: Met([(event, n) for event, n in counts]) for i, counts in kept["met"]}
-    cut = dict(kept["cut"])
-    own = {} if origin is not None else each
-    carry = Carry(None, t0, numbers, clock, last, bodies, ended, own, cut)
+    t0 = np.array(fields["t0"]) if isinstance(fields["t0"], list) else fields["t0"]
+    ended = {int(i): None if text is None else IntegrationFailure(text) for i, text in fields["ended"].items()}
+    each = {i: Met([(event, n) for event, n in counts]) for i, counts in fields["met"]}
+    cut = dict(fields["cut"])
+    met_by_body = {} if origin is not None else each
+    carry = Carry(None, t0, numbers, clock, last, bodies, ended, met_by_body, cut)
     if origin is None:
         vars(carry)["state"] = state
         return carry
-    first, here = origin[0] if isinstance(origin, tuple) else origin, arrays.get("carry.here")
-    if here is not None:
-        _require_shape(decode.where, here, (len(last) + 2, *lead))
+    first, standing = origin[0] if isinstance(origin, tuple) else origin, arrays.get("carry.here")
+    if standing is not None:
+        _require_shape(decode.where, standing, (len(last) + 2, *lead))
     vars(carry)["state"] = type(first.whole.extended(first.start, 0.0))(*state)
-    return FictiveCarry(origin, carry, here, each)
+    return FictiveCarry(origin, carry, standing, each)
 
 
 def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: bool = False) -> dict[str, Any]:
@@ -222,8 +222,8 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
         pool = {name: arrays.pop(name) for name in [*arrays] if name.startswith(POOL)}
         numbers = sum([x.size for x in [*arrays.values(), *pool.values()]])
         decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool, max(LARGEST, numbers))
-        found = _run_of(arrays, about, decode) | {"written": about.get("written")}
-        outside = [] if trusted else meshes_outside(found["system"], path)
+        fields = _run_of(arrays, about, decode) | {"written": about.get("written")}
+        outside = [] if trusted else meshes_outside(fields["system"], path)
         if outside:
             warn(
                 f"{path}: its bodies are shown by files outside of its folder, {', '.join(outside)}: a picture "
@@ -236,21 +236,21 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
                 "computed of them, or goes on from them, may differ in the last digits",
                 FileWarning,
             )
-        return found
+        return fields
     except (MissingExtra, OSError):
         raise
     # whatever comes of content that is none
     except Exception as error:
         if isinstance(error, InvalidInput) and str(error).startswith(f"{path}: "):
             raise
-        told = f"{error}".partition("\n")[0] or type(error).__name__
-        raise InvalidInput(f"{path}: is damaged or was not written by Trajectory.save: {told}") from error
+        reason = f"{error}".partition("\n")[0] or type(error).__name__
+        raise InvalidInput(f"{path}: is damaged or was not written by Trajectory.save: {reason}") from error
 
 
 def meshes_outside(system: Any, path: Path) -> list[str]:
     """The mesh files that show the bodies of systems and do not lie in the folder of a saved run."""
     folder = path.resolve().parent
-    shapes = [shape for one in each_of(system) for shape in inside(one, LinkShape)]
+    shapes = [shape for law in each_of(system) for shape in inside(law, LinkShape)]
     names = sorted({shape.file for shape in shapes if shape.file is not None})
     return [name for name in names if not Path(name).resolve().is_relative_to(folder)]
 
@@ -271,28 +271,28 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     if origin is not None and "dense.t" in arrays:
         dense = _fictive_motion_of(arrays, about["h"], method, origin, decode)
     elif origin is None and "dense" in about:
-        told = about["dense"], about.get("dense.sites")
-        dense = _dense_of(arrays["dense"], *told, system, method, decode)
+        motion = about["dense"], about.get("dense.sites")
+        dense = _dense_of(arrays["dense"], *motion, system, method, decode)
     events = tuple([_event_of(i, arrays, about, bodies, decode) for i in range(len(about["events"]))])
     ended = about.get("ended")
     if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
         raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
-    kept, reasons = about.get("carry"), {int(i): x for i, x in about["stopped"].items()}
-    carry = None if kept is None else _carry_of(kept, arrays, bodies, origin, decode)
-    begun = (
+    encoded_carry, reasons = about.get("carry"), {int(i): x for i, x in about["stopped"].items()}
+    carry = None if encoded_carry is None else _carry_of(encoded_carry, arrays, bodies, origin, decode)
+    first = (
         origin.start if isinstance(origin, Origin) else None if origin is not None else getattr(carry, "state", None)
     )
-    if begun is not None:
-        _require_samples(decode.where, states, events, begun, about.get("observed", ()), bodies)
-    more: dict[str, Any] = {}
+    if first is not None:
+        _require_samples(decode.where, states, events, first, about.get("observed", ()), bodies)
+    fields_of_kind: dict[str, Any] = {}
     if origin is not None:
-        more = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin}
-    if more and arrays["tau"].shape not in (arrays["t"].shape, arrays["t"].shape[:1]):
+        fields_of_kind = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin}
+    if fields_of_kind and arrays["tau"].shape not in (arrays["t"].shape, arrays["t"].shape[:1]):
         raise InvalidInput(f"{decode.where}: tau has shape {arrays['tau'].shape}, the times {arrays['t'].shape}")
     if "tangent" in about:
         tangent = {name: arrays[f"tangent.{name}"] for name in about["tangent"]}
-        more = {"tangent": tangent, "tau": arrays.get("tau")}
-    return more | {
+        fields_of_kind = {"tangent": tangent, "tau": arrays.get("tau")}
+    return fields_of_kind | {
         "system": system,
         "method": method,
         "h": decode(about["h"]),
@@ -314,11 +314,11 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     }
 
 
-def _laws_of(told: Any, kind: type, of_each: Any, bodies: int | None, decode: Decoder) -> Any:
+def _laws_of(encoded_laws: Any, kind: type, of_each: Any, bodies: int | None, decode: Decoder) -> Any:
     """A system or a method, or those of each body, which `_of_each` wrote."""
-    if isinstance(told, dict) and "class" in told:
-        return decode.record(told, kind)
-    several = of_each(tuple(decode.each(told, kind)))
+    if isinstance(encoded_laws, dict) and "class" in encoded_laws:
+        return decode.record(encoded_laws, kind)
+    several = of_each(tuple(decode.each(encoded_laws, kind)))
     if len(several) != bodies:
         raise InvalidInput(f"{decode.where}: {several!r} are not those of {bodies} bodies")
     return several
@@ -351,11 +351,11 @@ def _states_of(
 
 
 def _origin_of(about: dict[str, Any], method: Any, decode: Decoder) -> Any:
-    """Where a run in fictive time began, or where each of its bodies did."""
-    told = about["origins"] if "origins" in about else [*zip(*about["origin"], strict=True)]
-    given = decode.each(_listed(told[0]), System)
-    starts = decode.each(_listed(told[1]), State)
-    pairs = enumerate(zip(given, starts, strict=True))
+    """The origin of a run in fictive time, or a tuple with one for each body."""
+    columns = about["origins"] if "origins" in about else [*zip(*about["origin"], strict=True)]
+    systems = decode.each(_listed(columns[0]), System)
+    starts = decode.each(_listed(columns[1]), State)
+    pairs = enumerate(zip(systems, starts, strict=True))
     origins = tuple([Origin(system, of_body(method, i), start) for i, (system, start) in pairs])
     return origins[0] if about["together"] else origins
 
@@ -363,44 +363,44 @@ def _origin_of(about: dict[str, Any], method: Any, decode: Decoder) -> Any:
 def _fictive_motion_of(arrays: dict[str, Any], h: Any, method: Any, origin: Origin, decode: Decoder) -> FictiveMotion:
     """The motion between the samples of a run in fictive time."""
     example = origin.whole.extended(origin.start, 0.0)
-    t, points, begun = arrays["dense.t"], arrays["dense.points"], arrays.get("dense.begun")
+    t, points, start = arrays["dense.t"], arrays["dense.points"], arrays.get("dense.begun")
     width = layout_of(example).width
     if points.shape[1:] == (width,):  # of older files
         points = np.column_stack([points, np.zeros(len(points))])
     _require_shape(decode.where, t, points.shape[:1])
     _require_shape(decode.where, points, (len(t), width + 1))
-    if begun is not None:
-        _require_shape(decode.where, begun, (width + 1,))
+    if start is not None:
+        _require_shape(decode.where, start, (width + 1,))
     cut, rows = ending_at_jumps(method, origin.whole, ()), np.column_stack([t, points])
-    return FictiveMotion(cut, origin.whole, type(origin.start), example, h, rows, None, begun)
+    return FictiveMotion(cut, origin.whole, type(origin.start), example, h, rows, None, start)
 
 
 def _dense_of(
-    rows: np.ndarray, told: Any, sites: int | None, system: Any, method: Any, decode: Decoder
+    rows: np.ndarray, description: Any, sites: int | None, system: Any, method: Any, decode: Decoder
 ) -> DenseOutput | DenseOutputs | SitesDense:
     """The motion between adaptive steps, of one body or of each.  sites : of systems of many."""
-    (order, _, *counts), example = told, decode.record(told[1], State)
+    (order, _, *counts), example = description, decode.record(description[1], State)
     least, dim = layout_of(example).width, system.group.dim
     if sites is not None:
-        known = type(sites) is int and sites > 0 and of_body(system, 0).site_form is not None
-        least, dim = least * sites if known else rows.shape[1], sites if known else 1
-    terms, rest = divmod(rows.shape[1] - 1 - least, dim)
-    if terms < 0 or rest:
+        fits = type(sites) is int and sites > 0 and of_body(system, 0).site_form is not None
+        least, dim = least * sites if fits else rows.shape[1], sites if fits else 1
+    terms, excess = divmod(rows.shape[1] - 1 - least, dim)
+    if terms < 0 or excess:
         raise InvalidInput(f"{decode.where}: rows of {rows.shape[1]} numbers are no way")
     _require_shape(decode.where, rows, rows.shape[:1] + rows.shape[1:2])
 
-    def of(i: int, own: np.ndarray) -> Any:
-        law, way = of_body(system, i), of_body(method, i)
+    def motion_of(i: int, part_rows: np.ndarray) -> Any:
+        law, method_of_body = of_body(system, i), of_body(method, i)
         if sites is not None:
-            return SitesDense(law, way, example, sites, own, order)
-        return DenseOutput(law, way.retraction, example, own, order)
+            return SitesDense(law, method_of_body, example, sites, part_rows, order)
+        return DenseOutput(law, method_of_body.retraction, example, part_rows, order)
 
     if not counts:
-        return of(0, rows)
+        return motion_of(0, rows)
     ends = np.cumsum(counts[0])
     if not len(ends) or min(counts[0]) < 1 or ends[-1] != len(rows):
         raise InvalidInput(f"{decode.where}: {counts[0]!r} steps are not {len(rows)} rows")
-    return DenseOutputs(tuple([of(i, own) for i, own in enumerate(np.split(rows, ends[:-1]))]))
+    return DenseOutputs(tuple([motion_of(i, part) for i, part in enumerate(np.split(rows, ends[:-1]))]))
 
 
 def _event_of(i: int, arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder) -> Any:
@@ -426,19 +426,19 @@ def _require_samples(
     """Refuse samples, and states at events, that are of another shape than the state at which the run stands."""
     lead, met = 0 if bodies is None else 1, [x for event in events for x in ((event,) if bodies is None else event)]
     for name, part in like.arrays.items():
-        kept = [states[name]] if name in states and name not in observed else []
-        found = [(len(x), x, part.shape) for x in kept]
-        found += [(t.size, at.arrays[name], part.shape[lead:]) for t, at in met if name in at.arrays]
-        for count, x, one in found:
-            if x.shape != (count, *one) or x.dtype != part.dtype:
+        samples = [states[name]] if name in states and name not in observed else []
+        arrays = [(len(x), x, part.shape) for x in samples]
+        arrays += [(t.size, at.arrays[name], part.shape[lead:]) for t, at in met if name in at.arrays]
+        for count, x, shape in arrays:
+            if x.shape != (count, *shape) or x.dtype != part.dtype:
                 raise InvalidInput(
-                    f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {one} of {part.dtype}"
+                    f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {shape} of {part.dtype}"
                 )
 
 
-def _listed(told: Any) -> Any:
+def _listed(content: Any) -> Any:
     """The parts of a list or tuple in a list of its own; anything else as it is."""
-    return [*told] if isinstance(told, (list, tuple)) else told
+    return [*content] if isinstance(content, (list, tuple)) else content
 
 
 def _require_shape(where: str, array: np.ndarray, shape: tuple[int, ...]) -> None:

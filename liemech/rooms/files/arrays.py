@@ -52,8 +52,8 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     was not written here; OSError if it cannot be read.
     """
     with opened(path) as file:
-        begun = file.read(4)
-        arrays, text = (_of_hdf5 if begun == HDF5 else _of_npz)(path, file)
+        magic = file.read(4)
+        arrays, text = (_of_hdf5 if magic == HDF5 else _of_npz)(path, file)
     about = json.loads(text)
     if not isinstance(about, dict):
         raise InvalidInput(f"{path}: is no run saved by liemech")
@@ -70,15 +70,15 @@ def opened(path: Path) -> Iterator[BinaryIO]:
         yield file
 
 
-def _require_file(path: Path, found: os.stat_result) -> None:
-    if not stat.S_ISREG(found.st_mode):
+def _require_file(path: Path, status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
         kind = {
             stat.S_IFDIR: "a folder",
             stat.S_IFIFO: "a pipe",
             stat.S_IFCHR: "a device",
             stat.S_IFBLK: "a device",
             stat.S_IFSOCK: "a socket",
-        }.get(stat.S_IFMT(found.st_mode), "something else")
+        }.get(stat.S_IFMT(status.st_mode), "something else")
         raise InvalidInput(f"{path}: is no file but {kind}")
 
 
@@ -86,9 +86,9 @@ def _damaged(path: Path) -> InvalidInput:
     return InvalidInput(f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content")
 
 
-def _larger(path: Path, name: str, claimed: int, there: int) -> InvalidInput:
+def _larger(path: Path, name: str, claimed: int, size: int) -> InvalidInput:
     return InvalidInput(
-        f"{path}: is damaged or was forged: its entry {name!r} claims {claimed} bytes where there are {there}"
+        f"{path}: is damaged or was forged: its entry {name!r} claims {claimed} bytes where there are {size}"
     )
 
 
@@ -108,10 +108,10 @@ def in_npz(arrays: dict[str, np.ndarray]) -> bytes:
 def _of_npz(path: Path, file: BinaryIO) -> tuple[dict[str, np.ndarray], str]:
     length = file.seek(0, os.SEEK_END)
     file.seek(0)
-    begun = file.read(2)
+    magic = file.read(2)
     file.seek(max(0, length - 40))
     end = file.read(40)
-    if begun != b"PK" and MARK not in end:
+    if magic != b"PK" and MARK not in end:
         raise InvalidInput(f"{path}: is no run saved by liemech")
     if end[1:8] != MARK or _sha256(file, length - 32) != end[8:]:
         raise _damaged(path)
@@ -152,10 +152,10 @@ def _array(path: Path, name: str, data: bytes) -> np.ndarray:
     count = 1
     for n in shape:
         count *= n
-    there = len(data) - memory.tell()
-    if min(shape, default=0) < 0 or not dtype.itemsize or count * dtype.itemsize != there:
-        raise _larger(path, name, count * dtype.itemsize, there)
-    flat = np.frombuffer(data, dtype, count, memory.tell()) if there else np.empty(0, dtype)
+    length = len(data) - memory.tell()
+    if min(shape, default=0) < 0 or not dtype.itemsize or count * dtype.itemsize != length:
+        raise _larger(path, name, count * dtype.itemsize, length)
+    flat = np.frombuffer(data, dtype, count, memory.tell()) if length else np.empty(0, dtype)
     return flat.reshape(shape, order="F" if by_columns else "C").copy("K")
 
 
@@ -193,28 +193,28 @@ def _of_hdf5(path: Path, opened: BinaryIO) -> tuple[dict[str, np.ndarray], str]:
     h5py = _h5py()
     try:
         with h5py.File(opened, "r") as file:
-            found = {name: _dataset(path, file, name, h5py) for name in file}
-            there = 0
-            for name, dataset in found.items():
-                there += dataset.nbytes
-                if there > length:
-                    raise _larger(path, name, there, length)
-            about = found.pop(ABOUT)
+            datasets = {name: _dataset(path, file, name, h5py) for name in file}
+            size = 0
+            for name, dataset in datasets.items():
+                size += dataset.nbytes
+                if size > length:
+                    raise _larger(path, name, size, length)
+            about = datasets.pop(ABOUT)
             checksum = file.attrs.get_id("checksum")
             for text in (about, checksum):
                 if text.shape != () or not h5py.check_string_dtype(text.dtype):
                     raise _damaged(path)
-            arrays = {name: np.asarray(dataset) for name, dataset in found.items()}
-            told, whole = str(about.asstr()[()]), file.attrs["checksum"]
+            arrays = {name: np.asarray(dataset) for name, dataset in datasets.items()}
+            words, whole = str(about.asstr()[()]), file.attrs["checksum"]
     except InvalidInput:
         raise
     # what h5py has to say of damaged files
     except Exception:
         raise _damaged(path) from None
-    text = np.frombuffer(told.encode(), np.uint8)
-    if whole not in (_checksum(arrays | {ABOUT: x}) for x in (text, np.array(told))):
+    text = np.frombuffer(words.encode(), np.uint8)
+    if whole not in (_checksum(arrays | {ABOUT: x}) for x in (text, np.array(words))):
         raise _damaged(path)  # the second one is that of files of before
-    return arrays, told
+    return arrays, words
 
 
 def _dataset(path: Path, file: Any, name: str, h5py: Any) -> Any:
@@ -238,7 +238,7 @@ def _dataset(path: Path, file: Any, name: str, h5py: Any) -> Any:
 
 
 def _checksum(arrays: dict[str, np.ndarray]) -> str:
-    """One of names, types, shapes and bytes."""
+    """SHA-256 of names, types, shapes and bytes of arrays, in hexadecimal."""
     whole = hashlib.sha256()
     for name, array in sorted(arrays.items()):
         whole.update(repr((name, array.dtype.str, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
@@ -267,16 +267,16 @@ def replace(path: Path, data: bytes) -> None:
     target = Path(os.path.realpath(path))
     mode = None
     with contextlib.suppress(FileNotFoundError):
-        there = os.stat(target)
-        _require_file(path, there)
-        mode = stat.S_IMODE(there.st_mode)
+        status = os.stat(target)
+        _require_file(path, status)
+        mode = stat.S_IMODE(status.st_mode)
         if not os.access(target, os.W_OK):
             raise PermissionError(13, os.strerror(13), str(path))
     _sweep(target)
     beside = unfinished(target)
-    way = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
     try:
-        handle = os.open(beside, way, 0o666)
+        handle = os.open(beside, flags, 0o666)
     except OSError as error:  # of the file that was asked for
         raise OSError(error.errno, error.strerror, str(path)) from None
     try:
@@ -309,15 +309,15 @@ def _sweep(target: Path) -> None:
     """Remove what processes of this machine left unfinished that are no more."""
     name = re.compile(rf"\.{re.escape(target.name)}\.(\d+)-{_HOST}-[0-9a-f]{{8}}\.part")
     with contextlib.suppress(OSError):
-        for found in os.listdir(target.parent):
-            left = name.fullmatch(found)
+        for entry in os.listdir(target.parent):
+            left = name.fullmatch(entry)
             if left and not _alive(int(left[1])):
                 with contextlib.suppress(OSError):
-                    os.unlink(target.with_name(found))
+                    os.unlink(target.with_name(entry))
 
 
 def _alive(process: int) -> bool:
-    """Is there a process of this number, as far as one can know?"""
+    """Whether a process of this number runs, as far as one can know."""
     if os.name == "nt":  # where signal 0 would end it
         return True
     try:

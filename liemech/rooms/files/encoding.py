@@ -62,10 +62,12 @@ class Pool:
         self.length: dict[str, int] = {}
 
     def put(self, owner: Any, array: np.ndarray) -> int:
-        """Where the numbers of an array begin.  owner : the object that they are of."""
-        found = self.known.get(id(owner))
-        if found is not None:
-            return found[1]
+        """Add the numbers of an array; returns their offset in the pool.  owner : the object that they are of, which
+        is added once.
+        """
+        entry = self.known.get(id(owner))
+        if entry is not None:
+            return entry[1]
         name, begin = array.dtype.name, self.length.get(array.dtype.name, 0)
         self.parts.setdefault(name, []).append(np.ascontiguousarray(array).ravel())
         self.length[name] = begin + array.size
@@ -74,7 +76,7 @@ class Pool:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """One array for each type, by its name."""
+        """The arrays of the pool, one for each type, by name."""
         return {f"{POOL}{name}": np.concatenate(parts) for name, parts in self.parts.items()}
 
 
@@ -90,8 +92,8 @@ def encoded_each(values: Sequence[Any], pool: Pool) -> Any:
     if not layout.width or {*layout.kinds} != {"number"}:
         return [encoded(x, pool) for x in values]
     numbers = np.array([*map(gatherer(layout), values)], dtype=float)
-    told = {"first": encoded(values[0], pool), "count": len(values)}
-    return told | {"at": pool.put(numbers, numbers)}
+    record = {"first": encoded(values[0], pool), "count": len(values)}
+    return record | {"at": pool.put(numbers, numbers)}
 
 
 def encoded(value: Any, pool: Pool | None = None) -> Any:
@@ -129,9 +131,9 @@ def encoded(value: Any, pool: Pool | None = None) -> Any:
             at = {"at": pool.put(value, np.asarray(value))}
             return {"array": at, "dtype": value.dtype.str, "shape": list(value.shape)}
         flat = np.ascontiguousarray(value)
-        made = {"array": flat.view(float).ravel().tolist() if flat.dtype.kind == "c" else flat.ravel().tolist(),
+        entry = {"array": flat.view(float).ravel().tolist() if flat.dtype.kind == "c" else flat.ravel().tolist(),
                 "dtype": flat.dtype.str, "shape": list(value.shape)}  # fmt: skip
-        return made | {"scalar": True} if isinstance(value, np.generic) else made
+        return entry | {"scalar": True} if isinstance(value, np.generic) else entry
     if type(value) in (tuple, list):
         return {type(value).__name__: [encoded(x, pool) for x in value]}
     if isinstance(value, FrozenDict):
@@ -139,9 +141,9 @@ def encoded(value: Any, pool: Pool | None = None) -> Any:
     if dataclasses.is_dataclass(value):
         cls = type(value)
         fields = {f.name: encoded(getattr(value, f.name), pool) for f in dataclasses.fields(value)}
-        told = {"class": f"{cls.__module__}:{cls.__qualname__}", "fields": fields}
+        record = {"class": f"{cls.__module__}:{cls.__qualname__}", "fields": fields}
         formulas = fingerprint(cls)
-        return told if formulas is None else told | {"formulas": formulas}
+        return record if formulas is None else record | {"formulas": formulas}
     raise InvalidInput(
         f"Trajectory.save: {value!r} cannot be saved; records hold numbers, vectors, matrices, texts and records"
     )
@@ -149,7 +151,7 @@ def encoded(value: Any, pool: Pool | None = None) -> Any:
 
 @frozen
 class Decoder:
-    """The value that was encoded.
+    """Decodes what `encoded` made of a value.
 
     where : the file, for messages.  modules : which the user has named, and which are imported.
     trusted : are modules that the file names imported?  pool : the arrays that numbers are in.
@@ -165,12 +167,12 @@ class Decoder:
     totals: dict[str, int] = field(default_factory=dict)
 
     def __call__(self, value: Any) -> Any:
-        """The value that was encoded as this."""
+        """The value that `encoded` has written as this JSON."""
         if value is None or isinstance(value, (bool, int, float, str)):
             return value
         if not isinstance(value, dict) or not value:
             self._refuse(value)
-        (kind, given), *more = value.items()
+        (kind, content), *others = value.items()
         known_kinds: dict[str, Callable[[Any, dict[str, Any]], Any]] = {
             "type": self._type,
             "vec": lambda given, _: Vec(*self._numbers(given)),
@@ -186,7 +188,7 @@ class Decoder:
         }
         if kind not in known_kinds:
             self._refuse(value)
-        return known_kinds[kind](given, dict(more))
+        return known_kinds[kind](content, dict(others))
 
     def each(self, value: Any, kind: type) -> list[Any]:
         """Many records of this kind, such as the systems of an ensemble."""
@@ -205,10 +207,10 @@ class Decoder:
 
     def record(self, value: Any, kind: type) -> Any:
         """A record of this kind, such as a method."""
-        made = self(value)
-        if not isinstance(made, kind):
-            raise InvalidInput(f"{self.where}: {made!r} is no {kind.__name__}")
-        return made
+        decoded = self(value)
+        if not isinstance(decoded, kind):
+            raise InvalidInput(f"{self.where}: {decoded!r} is no {kind.__name__}")
+        return decoded
 
     def cls(self, path: Any) -> Any:
         """The class of this name, among the records that are known here."""
@@ -219,23 +221,23 @@ class Decoder:
         ours = module.partition(".")[0] == LIBRARY
         if ours and module not in sys.modules and _has_records(module):
             importlib.import_module(module)
-        found = known(module, name) if "<locals>" not in name else None
-        if found is None and self.trusted and not ours and module != "__main__":
+        kind = known(module, name) if "<locals>" not in name else None
+        if kind is None and self.trusted and not ours and module != "__main__":
             try:
                 importlib.import_module(module)
             except Exception as error:  # whatever the module does when it is loaded
                 raise InvalidInput(
                     f"{self.where}: module {module!r} cannot be imported: {type(error).__name__}: {error}"
                 ) from error
-            found = known(module, name)
-        if found is None and (self.trusted or module in self.modules):
-            found = _plain_dataclass(module, name)
-        if found is None:
+            kind = known(module, name)
+        if kind is None and (self.trusted or module in self.modules):
+            kind = _plain_dataclass(module, name)
+        if kind is None:
             raise InvalidInput(f"{self.where}: {self._unknown(module, name, ours)}")
-        return found
+        return kind
 
     def _unknown(self, module: str, name: str, ours: bool) -> str:
-        """Why there is no class of this name, and what helps."""
+        """Why no class has this name, and what helps, in words."""
         if "<locals>" in name:
             return (
                 f"{name} of {module} was defined inside of a function, where there may be many of this "
@@ -261,19 +263,19 @@ class Decoder:
 
     # ---------------------------------------------------------------- kinds of values
 
-    def _type(self, given: Any, _: dict[str, Any]) -> Any:
-        return self.cls(given)
+    def _type(self, content: Any, _: dict[str, Any]) -> Any:
+        return self.cls(content)
 
-    def _record(self, given: Any, more: dict[str, Any]) -> Any:
-        cls, told = self.cls(given), more.get("fields")
-        if not isinstance(told, dict):
-            self._refuse(more)
-        fields = {name: self(x) for name, x in told.items()}
+    def _record(self, content: Any, others: dict[str, Any]) -> Any:
+        cls, encoded_fields = self.cls(content), others.get("fields")
+        if not isinstance(encoded_fields, dict):
+            self._refuse(others)
+        fields = {name: self(x) for name, x in encoded_fields.items()}
         if {f.name for f in dataclasses.fields(cls)} != set(fields):
             raise InvalidInput(
                 f"{self.where}: {cls.__qualname__} does not have the fields of the file, {', '.join(fields)}"
             )
-        if changed(cls, more.get("formulas")):
+        if changed(cls, others.get("formulas")):
             warn(
                 f"{self.where}: the formulas of {cls.__qualname__} are others now than when this was "
                 "saved; its samples are of the old ones, and what is computed of them, or goes on "
@@ -286,22 +288,22 @@ class Decoder:
                 if not issubclass(cls, OF_TABLES) and any(isinstance(x, Table) for x in fields.values()):
                     raise InvalidInput(f"{self.where}: {cls.__qualname__} is made for a run, and no part of files")
             return refilled(cls, fields)
-        made = object.__new__(cls)
+        instance = object.__new__(cls)
         for name, x in fields.items():
-            object.__setattr__(made, name, x)
-        return made
+            object.__setattr__(instance, name, x)
+        return instance
 
-    def _complex(self, given: Any, more: dict[str, Any]) -> Any:
-        re, im = self._numbers(given)
-        return Complex(re, im) if more.get("as") == "Complex" else complex(re, im)
+    def _complex(self, content: Any, others: dict[str, Any]) -> Any:
+        re, im = self._numbers(content)
+        return Complex(re, im) if others.get("as") == "Complex" else complex(re, im)
 
-    def _table(self, given: Any, _: dict[str, Any]) -> Table:
-        if isinstance(given, dict) and given.keys() == {"at", "count"}:
-            numbers, key = (self._pooled("float64", given["at"], given["count"]), ("table", *given.values()))
+    def _table(self, content: Any, _: dict[str, Any]) -> Table:
+        if isinstance(content, dict) and content.keys() == {"at", "count"}:
+            numbers, key = (self._pooled("float64", content["at"], content["count"]), ("table", *content.values()))
             if key not in self.taken:  # tables of the same numbers are one
                 self.taken[key] = Table(numbers)
             return self.taken[key]
-        return Table([float(x) for x in self._list(given)])
+        return Table([float(x) for x in self._list(content)])
 
     def _pooled(self, name: str, at: Any, count: Any) -> np.ndarray:
         """Numbers of a pool.  All that a file asks for is no more than is there."""
@@ -314,38 +316,38 @@ class Decoder:
             if at < 0 or count < 0 or at + count > pool.size or total > pool.size:
                 self._refuse(key)
             self.taken[key], self.totals[name] = pool[at : at + count], total
-        found: np.ndarray = self.taken[key]
-        return found
-
-    def _array(self, given: Any, more: dict[str, Any]) -> Any:
-        told, shape = more.get("dtype"), self._list(more.get("shape"))
-        dtype = np.dtype(told) if isinstance(told, str) and len(told) < 8 else np.dtype(object)
-        if dtype.kind not in NUMBERS:
-            self._refuse(more)
-        if isinstance(given, dict) and given.keys() == {"at"}:
-            if not all(type(n) is int and n >= 0 for n in shape):
-                self._refuse(more)
-            return self._pooled(dtype.name, given["at"], math.prod(shape)).reshape(shape)
-        numbers = np.array(self._list(given), dtype=float if dtype.kind == "c" else dtype)
-        array = (numbers.view(dtype) if dtype.kind == "c" else numbers).reshape(shape)
-        return array[()] if more.get("scalar") is True else array
-
-    def _rows(self, given: Any) -> list[Any]:
-        rows = [self(row) for row in self._list(given)]
-        if not all(isinstance(row, Vec) for row in rows):
-            self._refuse(given)
-        return rows
-
-    def _numbers(self, given: Any) -> list[Any]:
-        numbers = [self(x) for x in self._list(given)]
-        if not all(isinstance(x, (int, float, complex, Complex, Vec)) for x in numbers):
-            self._refuse(given)
+        numbers: np.ndarray = self.taken[key]
         return numbers
 
-    def _list(self, given: Any) -> list[Any]:
-        if not isinstance(given, list):
-            self._refuse(given)
-        return given
+    def _array(self, content: Any, others: dict[str, Any]) -> Any:
+        type_code, shape = others.get("dtype"), self._list(others.get("shape"))
+        dtype = np.dtype(type_code) if isinstance(type_code, str) and len(type_code) < 8 else np.dtype(object)
+        if dtype.kind not in NUMBERS:
+            self._refuse(others)
+        if isinstance(content, dict) and content.keys() == {"at"}:
+            if not all(type(n) is int and n >= 0 for n in shape):
+                self._refuse(others)
+            return self._pooled(dtype.name, content["at"], math.prod(shape)).reshape(shape)
+        numbers = np.array(self._list(content), dtype=float if dtype.kind == "c" else dtype)
+        array = (numbers.view(dtype) if dtype.kind == "c" else numbers).reshape(shape)
+        return array[()] if others.get("scalar") is True else array
+
+    def _rows(self, content: Any) -> list[Any]:
+        rows = [self(row) for row in self._list(content)]
+        if not all(isinstance(row, Vec) for row in rows):
+            self._refuse(content)
+        return rows
+
+    def _numbers(self, content: Any) -> list[Any]:
+        numbers = [self(x) for x in self._list(content)]
+        if not all(isinstance(x, (int, float, complex, Complex, Vec)) for x in numbers):
+            self._refuse(content)
+        return numbers
+
+    def _list(self, content: Any) -> list[Any]:
+        if not isinstance(content, list):
+            self._refuse(content)
+        return content
 
     def _refuse(self, value: Any) -> NoReturn:
         shown = repr(value)
@@ -366,15 +368,15 @@ def require_sizes(where: str, cls: Any, fields: Mapping[str, Any], largest: int)
 
 
 def _has_records(module: str) -> bool:
-    """Is it a module of the library that has records?  The folders are listed, nothing is
-    imported by a name before it is known to be one of these.
+    """Whether this is a module of the library with records. The folders are listed, nothing is imported by a name
+    before it is known to be one of these.
     """
     package, home, *names = LIBRARY, *module.split(".")
     if home != LIBRARY or not names or names[0] not in WITH_RECORDS:
         return False
     for name in names:
         folder = getattr(importlib.import_module(package), "__path__", ())
-        if not any(found.name == name for found in pkgutil.iter_modules(folder)):
+        if not any(entry.name == name for entry in pkgutil.iter_modules(folder)):
             return False
         package += f".{name}"
     return True
@@ -382,6 +384,6 @@ def _has_records(module: str) -> bool:
 
 def _plain_dataclass(module: str, name: str) -> Any:
     """A dataclass of a module of the user's that is no record."""
-    found = vars(sys.modules[module]).get(name) if module in sys.modules else None
-    mine = isinstance(found, type) and (found.__module__, found.__qualname__) == (module, name)
-    return found if mine and dataclasses.is_dataclass(found) else None
+    member = vars(sys.modules[module]).get(name) if module in sys.modules else None
+    mine = isinstance(member, type) and (member.__module__, member.__qualname__) == (module, name)
+    return member if mine and dataclasses.is_dataclass(member) else None

@@ -27,22 +27,22 @@ def fingerprint(cls: type) -> str | None:
 
     Documentation and names of arguments do not count, nor do functions outside of the class.
     """
-    digest, told = hashlib.sha256(), False
+    digest, of_user = hashlib.sha256(), False
     for base in cls.__mro__:
         if base.__module__.partition(".")[0] in (LIBRARY, *sys.stdlib_module_names):
             continue
         for name, member in sorted(vars(base).items()):
             for words in _words(name, member):
-                told = True
+                of_user = True
                 digest.update(words.encode())
-    return f"{PYTHON}:{digest.hexdigest()[:LETTERS]}" if told else None
+    return f"{PYTHON}:{digest.hexdigest()[:LETTERS]}" if of_user else None
 
 
-def changed(cls: type, told: Any) -> bool:
-    """Are the formulas of a class others than those that had this fingerprint?"""
+def changed(cls: type, former: Any) -> bool:
+    """Whether the formulas of a class differ from those of this fingerprint; False where Python versions do."""
     now = fingerprint(cls)
-    known = isinstance(told, str) and told.startswith(f"{PYTHON}:")
-    return known and now is not None and now != told
+    comparable = isinstance(former, str) and former.startswith(f"{PYTHON}:")
+    return comparable and now is not None and now != former
 
 
 def _words(name: str, member: Any) -> Iterator[str]:

@@ -18,9 +18,9 @@ def to_xarray(run: Any) -> Any:
         raise MissingExtra("Trajectory.to_xarray needs xarray", "data") from None
     time, coordinates = _time(run)
     lead = (time,) if run.bodies is None else (time, "body")
-    found = {name: ((*lead, *(f"{name}_{i}" for i in range(x.ndim - len(lead)))), x) for name, x in run.states.items()}
+    arrays = {name: ((*lead, *(f"{name}_{i}" for i in range(x.ndim - len(lead)))), x) for name, x in run.states.items()}
     about = {"system": repr(run.system), "method": repr(run.method), "h": run.h, "steps": run.steps}
-    return xarray.Dataset(found, coordinates, about)
+    return xarray.Dataset(arrays, coordinates, about)
 
 
 def to_pandas(run: Any) -> Any:
@@ -72,7 +72,7 @@ def _time(run: Any) -> tuple[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
     tau = getattr(run, "tau", None) if hasattr(type(run), "tau") else None
     if run.t.ndim == 1:
         return "t", {"t": (("t",), run.t)} | ({} if tau is None else {"tau": (("t",), tau)})
-    own = {} if tau is None else {"tau": (("sample", "body"), tau)}
+    taus = {} if tau is None else {"tau": (("sample", "body"), tau)}
     if tau is None or np.ndim(tau) == 2:  # bodies with steps of their own
-        return "sample", {"sample": (("sample",), np.arange(len(run.t))), "t": (("sample", "body"), run.t)} | own
+        return "sample", {"sample": (("sample",), np.arange(len(run.t))), "t": (("sample", "body"), run.t)} | taus
     return "tau", {"tau": (("tau",), np.asarray(tau)), "t": (("tau", "body"), run.t)}

@@ -119,12 +119,12 @@ class InvariantForm(ClassFunction):
         """The form is regular and invariant, and P the momentum of a class function in the
         coordinates of the retraction.
         """
-        given = group.algebra.invariant_form if self.form is None else np.array(self.form)
-        if given is None:
+        form = group.algebra.invariant_form if self.form is None else np.array(self.form)
+        if form is None:
             raise IncompatibleSystem(
                 f"InvariantForm: the algebra of {group!r} has no regular invariant form. {SECOND_KIND}"
             )
-        reason = _flaw(group, given)
+        reason = _flaw(group, form)
         if reason:
             raise IncompatibleSystem(
                 f"InvariantForm: on {group!r} the form {reason}. InvariantForm() takes that of the algebra"
@@ -135,14 +135,14 @@ class InvariantForm(ClassFunction):
                     f"InvariantForm: Exponential() is for SO3() and SE3(); on {group!r} take "
                     f"Cayley() if it has one. {SECOND_KIND}"
                 )
-        elif not _is_class_function(group, retraction, Mat.of(given.tolist())):
+        elif not _is_class_function(group, retraction, Mat.of(form.tolist())):
             raise IncompatibleSystem(
                 f"InvariantForm: on {group!r} with {retraction!r}, F xi is the momentum of no "
                 f"class function. On SE3() take Exponential() or CayleyAdjoint(). {SECOND_KIND}"
             )
 
     def momentum(self, group: LieGroup, retraction: Retraction, xi: Vec) -> Vec:
-        """F xi."""
+        """The momentum F xi, by the invariant form, (dim,)."""
         return _times(self._form(group), xi)
 
     def turn(self, group: LieGroup, retraction: Retraction, mu: Vec) -> Vec:
@@ -182,7 +182,7 @@ class CayleySquare(ClassFunction):
     """
 
     def require(self, group: LieGroup, retraction: Retraction) -> None:
-        """Only rotations with Cayley()."""
+        """Raise IncompatibleSystem for other groups than rotations, and other retractions than Cayley()."""
         if not isinstance(group, (SO3, UnitQuaternions)) or not isinstance(retraction, Cayley):
             raise IncompatibleSystem(
                 f"CayleySquare is for SO3() with Cayley(); got {group!r} with {retraction!r}. "
@@ -190,7 +190,7 @@ class CayleySquare(ClassFunction):
             )
 
     def momentum(self, group: LieGroup, retraction: Retraction, xi: Vec) -> Vec:
-        """(1 + |xi|^2/4) xi."""
+        """The momentum (1 + |xi|^2/4) xi, (3,)."""
         return (1.0 + 0.25 * dot(xi, xi)) * xi
 
     def turn(self, group: LieGroup, retraction: Retraction, mu: Vec) -> Vec:
@@ -206,7 +206,7 @@ class CayleySquare(ClassFunction):
         return self.momentum(group, retraction, _chart(group, retraction, xi, u))
 
     def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
-        """|mu|.  mu : (3,)."""
+        """The length |mu| over the reach.  mu : (3,)."""
         return _ratio(group, mu, self.reach)
 
 
@@ -233,7 +233,7 @@ class TraceOfAd(ClassFunction):
             )
 
     def momentum(self, group: LieGroup, retraction: Retraction, xi: Vec) -> Vec:
-        """-tr(Ad ad_j)/k."""
+        """The momentum with components -tr(Ad ad_j)/k, (dim,)."""
         return self._trace(group, self._rows(group, retraction, xi))
 
     def turn(self, group: LieGroup, retraction: Retraction, mu: Vec) -> Vec:
@@ -276,11 +276,11 @@ class TraceOfAd(ClassFunction):
 
     def _trace(self, group: LieGroup, rows: Any) -> Vec:
         """-tr(Ad ad_j) = sum_i (ad*_E_i row_i)_j."""
-        found: Any = None
+        trace: Any = None
         for row, unit in zip(rows, identity_matrix(group.dim)):
             term = group.ad_star(unit, row)
-            found = term if found is None else found + term
-        return self._factor(group) * found
+            trace = term if trace is None else trace + term
+        return self._factor(group) * trace
 
     def _factor(self, group: LieGroup) -> float:
         largest = 0.0
@@ -335,9 +335,7 @@ def _flaw(group: LieGroup, form: np.ndarray) -> str | None:
 
 
 def _is_class_function(group: LieGroup, retraction: Retraction, form: Mat) -> bool:
-    """Is dS = (dtau_xi)* F xi the same for both sides, and a gradient?  Tested at one generic
-    point.
-    """
+    """Whether dS = (dtau_xi)* F xi is the same for both sides, and a gradient; tested at one generic point."""
     xi = vec(*[0.4 * float(np.cos(1.0 + k)) for k in range(group.dim)])
     slopes = jacobian(lambda x: retraction.dtau_dual(group, x, form @ x), xi)
     sides = [np.array(retraction.dtau_dual(group, x, form @ xi)) for x in (xi, -xi)]
@@ -355,12 +353,12 @@ def _times(form: Form, x: Vec) -> Vec:
 
 
 def _row(row: tuple[float, ...], x: Vec) -> Any:
-    found: Any = None
+    product: Any = None
     for a, c in zip(row, x):
         if a != 0.0:
             term = c if a == 1.0 else a * c
-            found = term if found is None else found + term
-    return 0.0 * x[0] if found is None else found
+            product = term if product is None else product + term
+    return 0.0 * x[0] if product is None else product
 
 
 # ------------------------------------------------------------------ the chart as a series

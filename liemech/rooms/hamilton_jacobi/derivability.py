@@ -65,14 +65,14 @@ def require_derivatives(method: Any, system: Any) -> None:
             f"({type(error).__name__}: {error}). Write its energy with + - * / ** and functions of "
             "liemech.formulas (sqrt, sin, exp, ...), or use RKMK with a gradient of yours"
         ) from error
-    for found in (xi, change):
-        if not isinstance(found, Vec) or len(found) != n or not all(isinstance(c, (int, float)) for c in found):
+    for vector in (xi, change):
+        if not isinstance(vector, Vec) or len(vector) != n or not all(isinstance(c, (int, float)) for c in vector):
             raise InvalidInput(f"{name}.gradient must return a vector of {n} numbers; it returned {xi!r}")
     whole = norm(xi) * norm(onward)
     for direction, slope in zip(directions, slopes):
         along = dot(xi, direction)
-        own = vec(*[x if d != 0.0 else 0.0 for x, d in zip(xi, direction)])
-        if abs(along - slope) > max(APART * norm(own) * norm(direction), ROUNDING * whole):
+        component = vec(*[x if d != 0.0 else 0.0 for x, d in zip(xi, direction)])
+        if abs(along - slope) > max(APART * norm(component) * norm(direction), ROUNDING * whole):
             raise InvalidInput(
                 f"{name}.gradient is not the gradient of its energy: at mu = {tuple(mu)}, along "
                 f"{tuple(direction)}, {along:.6g} instead of {slope:.6g}. Leave it out and it is "

@@ -171,10 +171,10 @@ class HamiltonJacobi(Method):
             forth, scale = total(to_x), dot(y, y) + squares(to_y)
             size = (dot(forth, forth) + squares(to_x)) / (h * h)
             if self.adjoint:  # expanded about the old state, the new one is elsewhere
-                here, there, kick = self._between(system, t, h, x, forth / h, y, size)
-                return vec(*forth, *-kick), here - y, scale
-            here, there, kick = self._between(system, t + h, -h, x + forth, forth / h, y, size)
-            return vec(*forth, *kick), there - y, scale
+                y_at_x, y_ahead, kick = self._between(system, t, h, x, forth / h, y, size)
+                return vec(*forth, *-kick), y_at_x - y, scale
+            y_at_x, y_ahead, kick = self._between(system, t + h, -h, x + forth, forth / h, y, size)
+            return vec(*forth, *kick), y_ahead - y, scale
         if self.adjoint:
             terms = self._motion(system, t, h, x, y + w)[1]
             forth = w + total(terms)
@@ -188,7 +188,7 @@ class HamiltonJacobi(Method):
     # ---------------------------------------------------------------- series
 
     def _rates(self, system: Any, t: Any, x: Vec, y: Vec) -> tuple[Vec, Vec]:
-        """x' and y'."""
+        """The rates x' and y' of (q, p), or of (p, -q) in the kind "pP"."""
         n = len(x)
         turned = self.kind == "pP"
         rate = system.rate(t, CanonicalState(-y, x) if turned else CanonicalState(x, y))
@@ -239,8 +239,8 @@ class HamiltonJacobi(Method):
             y = [*y, -correction(slope, (1.0 / s) * _term(len(y), to_x))]
         to_y = self._motion(system, t, s, x, _polynomial(y))[1]
         kicks = [-term for term in values(to_y)]
-        here = total([*y, kicks[self.order - 1]])
-        return here, total([*y, *[-kick for kick in kicks[: self.order - 1]]]), total(kicks)
+        y_at_x = total([*y, kicks[self.order - 1]])
+        return y_at_x, total([*y, *[-kick for kick in kicks[: self.order - 1]]]), total(kicks)
 
     def _conjugate(self, system: Any, t: float, x: Vec, v: Vec, guess: Vec, size: float) -> tuple[Vec, Mat]:
         """The y with x' = v, the Legendre transform, and dx'/dy there.  size : a square, of
@@ -259,7 +259,7 @@ class HamiltonJacobi(Method):
         return y, self._slope(system, t, x, y)
 
     def _slope(self, system: Any, t: float, x: Vec, y: Vec) -> Mat:
-        """dx'/dy."""
+        """The derivative of the rate x' by y, (n, n)."""
         return jacobian(lambda z: self._rates(system, t, x, z)[0], y)
 
 
@@ -310,7 +310,7 @@ class SymmetricHamiltonJacobi(Method):
         self.halves[0].require(system)
 
     def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:
-        """Both halves."""
+        """Half a step by each of the halves, the second adjoint to the first."""
         first, second = self.halves
         middle = first.step(system, t, state, 0.5 * h)
         return second.step(system, t + 0.5 * h, middle, 0.5 * h)
@@ -351,7 +351,7 @@ def require_kind(name: str, kind: Any) -> None:
 
 
 def _regular(slope: Mat) -> bool:
-    """Has the matrix an inverse, in units in which its rows can be compared?"""
+    """Whether the matrix has an inverse, in units in which its rows can be compared."""
     import numpy as np
 
     m = np.array(slope, dtype=float)

@@ -109,7 +109,7 @@ class FirstKindHamiltonJacobi(Implicit):
         return self.s0.size(system.group, self.retraction, plain(state.mu))
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
-        """No difference to the turn."""
+        """The first guess of the difference to the turn: zero, (dim,)."""
         return 0.0 * plain(state.mu)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:

@@ -122,8 +122,8 @@ class LiePoissonHamiltonJacobi(Implicit):
         slope = self.slope(system, h, p, order, middle)
         x = self.displacement(system, h, p, middle)
         r, by_p, by_x = self.retraction.residual(system.group, x, p, mu)
-        own = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
-        return r, by_x @ slope + own, weight(by_p)
+        slope_by_p = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
+        return r, by_x @ slope + slope_by_p, weight(by_p)
 
     # ---------------------------------------------------------------- the generating function
 
@@ -166,8 +166,8 @@ class LiePoissonHamiltonJacobi(Implicit):
 
 
 def has_axes(system: Any, retraction: Retraction) -> bool:
-    """Is it a free body with principal moments, moved by the exponential?  Then s_3 is a polynomial
-    of three terms.
+    """Whether the system is a free body with principal moments, moved by the exponential: then s_3 is a polynomial of
+    three terms.
     """
     energy = system.hamiltonian
     diagonal = has_inertia(energy) and isinstance(energy.inverse, vectors.Vec)
@@ -194,7 +194,7 @@ def along_axes(K: Vec, h: float, p: Vec) -> tuple[Vec, Mat]:
 
 
 def _turned(system: Any, h: float, p: Vec, w: Vec) -> Vec:
-    """h D^2H(p) w."""
+    """The derivative of h dH along w, h D^2H(p) w, (dim,)."""
     return h * derivative(lambda q: system.velocity(q), p, w)
 
 

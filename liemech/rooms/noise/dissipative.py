@@ -57,11 +57,11 @@ class Dissipative(System):
 
     @property
     def is_large(self) -> bool:
-        """Are there large matrices?"""
+        """Whether the group is large, as for the system without damping."""
         return self.system.is_large
 
     def energy(self, mu: Vec) -> float:
-        """H(mu).  mu : (dim,)."""
+        """The energy H(mu), without regard to damping.  mu : (dim,)."""
         return self.system.energy(mu)
 
     def casimirs(self, mu: Vec) -> Vec:
@@ -73,9 +73,9 @@ class Dissipative(System):
 
     def state(self, mu: Any = None, *, xi: Any = None) -> BodyState:
         """A start for `integrate`.  mu, xi : as `LiePoissonSystem.state` has them.  Raises InvalidInput."""
-        made: BodyState = self._vouched(self.system._written_out(self.system.state(mu, xi=xi)))
-        return made
+        start: BodyState = self._vouched(self.system._written_out(self.system.state(mu, xi=xi)))
+        return start
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Nothing, as far as is known."""
+        """No constants: damping keeps none that is known."""
         return {}

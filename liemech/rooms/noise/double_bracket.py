@@ -64,12 +64,12 @@ class DoubleBracket(LiePoissonMotion):
 
     @property
     def hamiltonian(self) -> Hamiltonian:
-        """The energy that falls."""
+        """The energy H, which falls along the motion."""
         return self.system.hamiltonian
 
     @cached_property
     def site_form(self) -> DoubleBracket | None:
-        """Of many sites the damping of one, by what the others make of its energy."""
+        """The damping of one of many sites, by what the others make of its energy; None for one body."""
         site = self.system.site_form
         return None if site is None else DoubleBracket(site, self.damping)
 
@@ -83,12 +83,12 @@ class DoubleBracket(LiePoissonMotion):
 
     @final
     def energy(self, mu: Vec) -> float:
-        """H(mu).  mu : (dim,)."""
+        """The energy H(mu), which falls along the motion.  mu : (dim,)."""
         return self.system.energy(mu)
 
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
-        """xi + eta."""
+        """The body velocity with the damping, xi + eta, (dim,)."""
         return self.velocity(state.mu)
 
     @final
@@ -98,8 +98,8 @@ class DoubleBracket(LiePoissonMotion):
         mu, xi : (dim,), or (bodies, dim) for an ensemble;  g : an element, or one for each body.
         Raises InvalidInput as that does.
         """
-        made: BodyState = self._vouched(self.system.state(mu, g, xi=xi))
-        return made
+        start: BodyState = self._vouched(self.system.state(mu, g, xi=xi))
+        return start
 
 
 def require_metric(name: str, metric: Any, dim: int) -> None:

@@ -112,7 +112,7 @@ class NoisyMotion(AlongStep, LiePoissonMotion):
         return moving(self.drift.hamiltonian, total)
 
     def rate(self, t: float, state: BodyState) -> Vec:
-        """The velocity."""
+        """The body velocity at the momentum of the state, (dim,)."""
         return self.velocity(state.mu)
 
 
@@ -189,7 +189,7 @@ class Stochastic(LiePoissonMotion):
 
     @cached_property
     def site_form(self) -> Stochastic | None:
-        """Of many sites the noise of one, on a path of its own."""
+        """The noise of one of many sites, on a path of its own; None for one body."""
         site: Any = self.system.site_form
         return None if site is None else Stochastic(site, self.fields, self.seed)
 
@@ -215,15 +215,15 @@ class Stochastic(LiePoissonMotion):
         return self.system.energy(mu)
 
     def essential_part(self, state: NoisyState) -> NoisyState:  # type: ignore[override]
-        """Momentum and path."""
+        """Momentum and path, without the attitude."""
         return NoisyState(state.mu, None, state.path)
 
     def displaced(  # type: ignore[override]
         self, retraction: Retraction, state: NoisyState, omega: Vec
     ) -> NoisyState:
         """Momentum and attitude moved by the same displacement."""
-        there = self.motion.displaced(retraction, BodyState(state.mu, state.g), omega)
-        return NoisyState(there.mu, there.g, state.path)
+        body = self.motion.displaced(retraction, BodyState(state.mu, state.g), omega)
+        return NoisyState(body.mu, body.g, state.path)
 
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None, path: Any = None) -> NoisyState:
         """A start for `integrate`, as `LiePoissonSystem.state` has it, and the paths of the noise.
@@ -238,11 +238,11 @@ class Stochastic(LiePoissonMotion):
         bodies = body.bodies
         if isinstance(body, SiteState):
             shape = body.mu.shape[:-1]
-            given = np.arange(math.prod(shape)).reshape(shape) if path is None else np.asarray(path)
-            require_whole(name, given)
-            if given.shape != shape:
-                raise InvalidInput(f"{name} has shape {given.shape}; the sites have shape {shape}")
-            return self._vouched(NoisySites(body.mu, body.g, frozen_array(given.astype(float), "array")))
+            site_paths = np.arange(math.prod(shape)).reshape(shape) if path is None else np.asarray(path)
+            require_whole(name, site_paths)
+            if site_paths.shape != shape:
+                raise InvalidInput(f"{name} has shape {site_paths.shape}; the sites have shape {shape}")
+            return self._vouched(NoisySites(body.mu, body.g, frozen_array(site_paths.astype(float), "array")))
         numbers = np.asarray((0.0 if bodies is None else np.arange(bodies)) if path is None else path)
         require_whole(name, numbers)
         if numbers.shape not in ((), () if bodies is None else (bodies,)):
@@ -253,8 +253,8 @@ class Stochastic(LiePoissonMotion):
             paths: Any = float(numbers)
         else:
             paths = frozen_array(np.broadcast_to(numbers.astype(float), (bodies,)), "array")
-        made: NoisyState = self._vouched(NoisyState(body.mu, body.g, paths))
-        return made
+        start: NoisyState = self._vouched(NoisyState(body.mu, body.g, paths))
+        return start
 
 
 def require_whole(name: str, numbers: np.ndarray) -> None:
@@ -309,5 +309,5 @@ def thermal_bath(system: LiePoissonSystem, damping: float, temperature: float, s
 def one_of(system: Any) -> LieGroup:
     """The group of one of many sites; of a single body that of the system."""
     group: Any = system.group
-    made: LieGroup = group if system.site_form is None else group.base
-    return made
+    site_group: LieGroup = group if system.site_form is None else group.base
+    return site_group

@@ -70,17 +70,17 @@ class NoisySteps(Method):
 
     @property
     def order(self) -> Any:
-        """That of mean values."""
+        """The weak order, of errors of mean values."""
         return self.weak_order
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """Is every path moved by Poisson maps?"""
+        """Whether every path is moved by Poisson maps."""
         return self.method.symplectic
 
     @property
     def adds(self) -> bool:  # type: ignore[override]
-        """Does the method add to the state?"""
+        """Whether a step of the method adds to the state."""
         return self.method.adds
 
     def require(self, system: Any) -> None:
@@ -99,7 +99,7 @@ class NoisySteps(Method):
         return NoisyMemory(inner, state.path, 0.0)
 
     def observe(self, memory: NoisyMemory) -> NoisyState:
-        """The state."""
+        """The state in the memory, with its path."""
         state: Any = self.method.observe(memory.memory)
         return NoisyState(state.mu, state.g, memory.path)
 
@@ -125,13 +125,13 @@ class NoisySteps(Method):
         coin, _ = uniforms(seed, path, number, (count + 1) // 2)
         if self.increments == "normal":
             return vec(*normals(seed, path, number, count)), coin
-        found: list[Any] = []
+        draws: list[Any] = []
         for block in range((count + 1) // 2):
-            found = [*found, *uniforms(seed, path, number, block)]
+            draws = [*draws, *uniforms(seed, path, number, block)]
         if self.increments == "two-point":
-            return vec(*[where(u < 0.5, -1.0, 1.0) for u in found[:count]]), coin
+            return vec(*[where(u < 0.5, -1.0, 1.0) for u in draws[:count]]), coin
         root, sixth = 3.0**0.5, 1.0 / 6.0
-        three = [where(u < sixth, -root, where(u > 1.0 - sixth, root, 0.0)) for u in found[:count]]
+        three = [where(u < sixth, -root, where(u > 1.0 - sixth, root, 0.0)) for u in draws[:count]]
         return vec(*three), coin
 
     def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
@@ -158,11 +158,11 @@ class WongZakai(NoisySteps):
 
     @property
     def name(self) -> str:
-        """Wong-Zakai and the method."""
+        """The name: Wong-Zakai, and the method's."""
         return f"Wong-Zakai, {self.method.name}"
 
     def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
-        """One step of the method."""
+        """One step of the method, with noise z/sqrt(h) constant along it."""
         return self.method.step(system.along(1.0, z / sqrt(h)), t, memory, h)
 
 
@@ -193,11 +193,11 @@ class NinomiyaVictoir(NoisySteps):
 
     @property
     def name(self) -> str:
-        """Ninomiya-Victoir and the method."""
+        """The name: Ninomiya-Victoir, and the method's."""
         return f"Ninomiya-Victoir, {self.method.name}"
 
     def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
-        """Drift, fields, drift."""
+        """Half a drift, the flows of the fields in order or, by the coin, in reverse, half a drift."""
         m = len(system.fields)
         none = vec(*[0.0 for _ in range(m)])
         state = self.method.step(system.along(1.0, none), t, memory, 0.5 * h)

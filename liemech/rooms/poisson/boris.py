@@ -31,7 +31,7 @@ class Boris(Method):
     needs: ClassVar[tuple[str, ...]] = ("magnetic_field",)
 
     def step(self, system: Any, t: float, state: PoissonState, h: float) -> PoissonState:
-        """One step."""
+        """Half a drift, half a push, the rotation by the field, half a push, half a drift."""
         y = state.y
         v = vec(y[3], y[4], y[5])
         middle = vec(y[0], y[1], y[2]) + 0.5 * h * v

@@ -160,17 +160,19 @@ class InNewVariables(DrivenHamiltonianSystem):
     original: Any
 
     def __post_init__(self) -> None:
-        given: Any = self.transformation
-        if not isinstance(given, CanonicalTransformation):
-            raise InvalidType(f"{type(self).__name__}: transformation must be a CanonicalTransformation; got {given!r}")
+        transformation: Any = self.transformation
+        if not isinstance(transformation, CanonicalTransformation):
+            raise InvalidType(
+                f"{type(self).__name__}: transformation must be a CanonicalTransformation; got {transformation!r}"
+            )
         if (
             not isinstance(self.original, (HamiltonianSystem, DrivenHamiltonianSystem))
             or self.original.fictive
-            or self.original.degrees != given.degrees
+            or self.original.degrees != transformation.degrees
         ):
             raise InvalidInput(
-                f"{type(given).__name__}.system: a HamiltonianSystem or a DrivenHamiltonianSystem "
-                f"with {given.degrees} degrees of freedom is needed; got {self.original!r}"
+                f"{type(transformation).__name__}.system: a HamiltonianSystem or a DrivenHamiltonianSystem "
+                f"with {transformation.degrees} degrees of freedom is needed; got {self.original!r}"
             )
         super().__post_init__()
 

@@ -77,8 +77,8 @@ class DarbouxChart(Record):
                 f"{type(self).__name__}.system: state must be one state, system.state(...); got {state!r}"
             )
         z, n = [float(x) for x in self.coordinates(vec(*map(float, state.y)))], self.degrees
-        there = InDarbouxChart(chart=self, original=system, leaf=vec(*z[2 * n :]))
-        return there, there.state(z[:n], z[n : 2 * n])
+        local_system = InDarbouxChart(chart=self, original=system, leaf=vec(*z[2 * n :]))
+        return local_system, local_system.state(z[:n], z[n : 2 * n])
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (self.structure.dim,) if kind == "Vec" else None
@@ -146,7 +146,7 @@ class Andoyer(DarbouxChart):
         return vec(atan2(y[0], y[1]), y[2], norm(y))
 
     def point(self, z: Vec) -> Vec:
-        """mu.  z : (3,)."""
+        """The momentum mu = (sqrt(G^2 - L^2) sin l, sqrt(G^2 - L^2) cos l, L).  z : (3,), l, L, G."""
         l, L, G = z
         square = G * G - L * L
         if not square > 0.0:

@@ -70,9 +70,9 @@ class DarbouxLieChart(DarbouxChart):
         B = np.array(self.structure.matrix(self.centre), dtype=float)
         conjugate = pairs(B, self.structure.terms(self.centre)) if np.isfinite(B).all() else []
         if not conjugate:
-            here = list(self.centre)
+            centre = list(self.centre)
             raise InvalidInput(
-                f"DarbouxLieChart: the structure has rank zero or no value at {here}; take another centre"
+                f"DarbouxLieChart: the structure has rank zero or no value at {centre}; take another centre"
             )
         beside = self._rank_beside()
         if beside > 2 * len(conjugate):
@@ -81,16 +81,16 @@ class DarbouxLieChart(DarbouxChart):
                 f"{2 * len(conjugate)}, beside it {beside}, so that there are no such coordinates "
                 "around it; take another centre"
             )
-        found: list[Level] = []
+        levels: list[Level] = []
         left, y = np.arange(len(B)), np.array(self.centre)
         for i, j in conjugate:
             a, b = (left == j).astype(float), (left == i).astype(float)
             a = a / (b @ B @ a)  # {q, p} is one at the centre by itself
             basis = np.eye(len(B))[:, (left != i) & (left != j)]
-            found.append(Level(Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None))
-            B, y = (basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), found[-1])) @ basis, basis.T @ y)
+            levels.append(Level(Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None))
+            B, y = (basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), levels[-1])) @ basis, basis.T @ y)
             left = left[(left != i) & (left != j)]
-        object.__setattr__(self, "levels", tuple(found))
+        object.__setattr__(self, "levels", tuple(levels))
 
     def _rank_beside(self) -> int:
         """The rank at a point next to the centre; 0 where the structure has no value."""
@@ -121,7 +121,7 @@ class DarbouxLieChart(DarbouxChart):
         return vec(*q, *p, *y)
 
     def point(self, z: Vec) -> Vec:
-        """y.  z : (n,)."""
+        """The point y with the coordinates z, built from the last level up.  z : (n,)."""
         n = len(self.levels)
         y = z[2 * n :]
         for k in range(n - 1, -1, -1):
@@ -172,11 +172,11 @@ class DarbouxLieChart(DarbouxChart):
         return self._integrated(rate, y, change)
 
     def _flow(self, k: int, y: Vec, time: Any) -> Vec:
-        """The motion of p."""
+        """The motion of the momentum p of a level over a time, y' = B(y) a."""
         return self._integrated(lambda x: self._matrix(k, x) @ self.levels[k].a, y, time)
 
     def _integrated(self, rate: Any, y: Vec, time: Any) -> Vec:
-        """Steps of order 8."""
+        """The solution of y' = rate(y) after a time, by equal steps of order 8."""
         tableau = BY_ORDER[8]
         h = time / self.steps
         for _ in range(self.steps):

@@ -46,11 +46,11 @@ class DiscreteGradient(Method):
 
     @property
     def name(self) -> str:
-        """Discrete gradient."""
+        """The name of the method, without parameters."""
         return "Discrete gradient"
 
     def require(self, system: Any) -> None:
-        """A metriplectic system."""
+        """Raise IncompatibleSystem unless the system is Metriplectic."""
         super().require(system)
         if not isinstance(system, Metriplectic):
             raise IncompatibleSystem(

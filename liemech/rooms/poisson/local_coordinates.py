@@ -29,7 +29,7 @@ class LocalChart(Record):
 
     @property
     def dim(self) -> int:
-        """The number of coordinates."""
+        """The number of local coordinates, which a subclass says."""
         raise NotDefined(f"{type(self).__name__} must say its dimension, dim: ClassVar[int] = 4")
 
     def embedding(self, y: Vec) -> Vec:
@@ -60,7 +60,7 @@ class InducedStructure(PoissonStructure):
 
     @property
     def rank(self) -> int:  # type: ignore[override]
-        """All of the dimension."""
+        """The full dimension: the form is regular."""
         return self.chart.dim
 
     def form(self, y: Vec) -> Mat:
@@ -71,7 +71,7 @@ class InducedStructure(PoissonStructure):
         return mat(*[vec(*[dot(a[1], b[0]) - dot(a[0], b[1]) for b in halves]) for a in halves])
 
     def matrix(self, y: Vec) -> Mat:
-        """B(y).  y : (dim,)."""
+        """The inverse of the form, B(y), (dim, dim).  y : (dim,)."""
         form, n = self.form(y), self.dim
         return transpose(mat(*[solve(form, vec(*[float(i == j) for i in range(n)])) for j in range(n)]))
 
@@ -97,7 +97,7 @@ class InducedEnergy(Hamiltonian):
         return self.system.energy(x[:n], x[n : 2 * n])
 
     def gradient(self, mu: Vec) -> Vec:
-        """dK.  mu : (dim,)."""
+        """The derivative dK of the energy, (dim,).  mu : (dim,)."""
         return gradient(lambda y: self.energy(y), mu)
 
 

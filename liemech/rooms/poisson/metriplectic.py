@@ -56,7 +56,7 @@ class BracketFriction(Friction):
             raise InvalidInput(f"BracketFriction: strength is not negative; got {self.strength!r}")
 
     def pairing(self, mu: Vec, xi: Vec, eta: Vec) -> Vec:
-        """sqrt(strength) [xi, eta]."""
+        """The bracket sqrt(strength) [xi, eta], (dim,)."""
         return sqrt(self.strength) * self.algebra.bracket(xi, eta)
 
 
@@ -114,11 +114,11 @@ class Metriplectic(System):
                 f"move mu = {mu!r} by {moved[0]!r}, and must not. Take a function of its Casimirs, such as those of "
                 "`system.casimirs`"
             )
-        own, other = (np.abs(self.friction.pairing(mu, xi, x)).max() for x in (xi, mu))
-        if not own <= TOLERANCE * max(other, own * TOLERANCE):
+        diagonal, other = (np.abs(self.friction.pairing(mu, xi, x)).max() for x in (xi, mu))
+        if not diagonal <= TOLERANCE * max(other, diagonal * TOLERANCE):
             raise InvalidInput(
                 f"{type(self).__name__}: the forms of {self.friction!r} must be skew, A(xi, xi) = 0, for the energy to "
-                f"stay; at xi = {xi!r} the largest is {own:g}"
+                f"stay; at xi = {xi!r} the largest is {diagonal:g}"
             )
 
     # ---------------------------------------------------------------- formulas
@@ -151,7 +151,7 @@ class Metriplectic(System):
         return self.system.energy(mu)
 
     def gradient(self, mu: Vec) -> Vec:
-        """dH(mu).  mu : (dim,)."""
+        """The derivative dH(mu) of the energy, (dim,).  mu : (dim,)."""
         if isinstance(self.system, PoissonSystem):
             return self.system.gradient(mu)
         return self.system.velocity(mu)
@@ -162,27 +162,27 @@ class Metriplectic(System):
         return self.structure.sharp(mu, xi) + forms.T @ (forms @ sigma)
 
     def rate(self, t: float, state: Any) -> Vec:
-        """mu'."""
+        """The rate mu' of the coordinates, with friction, (dim,)."""
         mu = getattr(state, self.part)
         return self.change(mu, self.gradient(mu), self.entropy.gradient(mu))
 
     def moved(self, state: Any, by: Vec) -> Any:
         """The state with other coordinates.  by : added to them."""
         mu = getattr(state, self.part)
-        there = mu + as_precise(by, mu)
-        return with_fields(state, y=there) if self.part == "y" else with_fields(state, mu=there)
+        coordinates = mu + as_precise(by, mu)
+        return with_fields(state, y=coordinates) if self.part == "y" else with_fields(state, mu=coordinates)
 
     def displaced(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
-        """mu + omega."""
+        """The state with coordinates mu + omega."""
         return self.moved(state, omega)
 
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
-        """omega beside |mu|."""
+        """The displacement omega, and |mu| by components, beside which to measure."""
         mu = getattr(state, self.part)
         return omega, Vec(*[abs(x) for x in mu])
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The energy."""
+        """The energy, which friction keeps, along the samples."""
         return {"energy": np.asarray(self.energy(states[self.part]))}
 
     def state(self, *args: Any, **parts: Any) -> Any:
@@ -190,10 +190,10 @@ class Metriplectic(System):
 
         Raises InvalidInput as that does.
         """
-        made = self.system._written_out(self.system.state(*args, **parts))
-        if getattr(made, "g", None) is not None:
+        start = self.system._written_out(self.system.state(*args, **parts))
+        if getattr(start, "g", None) is not None:
             raise InvalidInput(
                 f"{type(self).__name__}.state: friction moves momenta off their orbits, where no "
                 "attitude belongs to them; leave g out"
             )
-        return self._vouched(made)
+        return self._vouched(start)

@@ -49,16 +49,20 @@ class PoissonSystem(OfParts, VectorField):
     def __post_init__(self) -> None:
         name = type(self).__name__
         structure: Any = self.structure
-        given: Any = self.hamiltonian
+        hamiltonian: Any = self.hamiltonian
         if not isinstance(structure, PoissonStructure):
             raise InvalidType(f"{name}: structure must be a PoissonStructure, such as Canonical(2); got {structure!r}")
-        if given is not None and type(self).energy is PoissonSystem.energy:
-            if not isinstance(given, Hamiltonian):
-                raise InvalidType(f"{name}: hamiltonian must be a Hamiltonian, a record with `energy`; got {given!r}")
-            require_one_body(name, self.group, given, None)
-            each = given.parts if isinstance(given, SplitHamiltonian) else (given,)
-            found = [recognised(self.structure, part) for part in each]
-            object.__setattr__(self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(each, found)]))
+        if hamiltonian is not None and type(self).energy is PoissonSystem.energy:
+            if not isinstance(hamiltonian, Hamiltonian):
+                raise InvalidType(
+                    f"{name}: hamiltonian must be a Hamiltonian, a record with `energy`; got {hamiltonian!r}"
+                )
+            require_one_body(name, self.group, hamiltonian, None)
+            each = hamiltonian.parts if isinstance(hamiltonian, SplitHamiltonian) else (hamiltonian,)
+            recognitions = [recognised(self.structure, part) for part in each]
+            object.__setattr__(
+                self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(each, recognitions)])
+            )
             object.__setattr__(self, "quadratic", len(each) == 2 and second_degree(self.structure, *each))
         super().__post_init__()
 
@@ -70,7 +74,7 @@ class PoissonSystem(OfParts, VectorField):
         return self.structure.dim
 
     def energy(self, y: Vec) -> float:
-        """H(y).  y : (n,)."""
+        """The energy H(y), by default of the hamiltonian.  y : (n,)."""
         if self.hamiltonian is None:
             raise NotDefined(f"{type(self).__name__} must define `energy`, or have a hamiltonian")
         return self.hamiltonian.energy(y)
@@ -96,11 +100,11 @@ class PoissonSystem(OfParts, VectorField):
         """The energy, and the Casimirs of the structure."""
         y = states["y"]
         casimirs = np.asarray(self.casimirs(y))
-        kept = {"energy": np.asarray(self.energy(y))}
-        return kept | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
+        constants = {"energy": np.asarray(self.energy(y))}
+        return constants | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
 
     def _check_formulas(self, y: np.ndarray) -> None:
-        """B dH."""
+        """Nothing to try: the velocity is B dH, no formula of the user."""
 
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:

@@ -67,8 +67,8 @@ class PlanarEuler(Method):
         mixed = slope is None or 1 in made_of(slope)
         places = [*PROBES, *(FAR_PROBES if mixed or any(bent) else ())]
         with np.errstate(all="ignore"):
-            found = [self._looked_at(system, vec(*y), bent, mixed) for y in places]
-        if not any(found):
+            defined = [self._looked_at(system, vec(*y), bent, mixed) for y in places]
+        if not any(defined):
             raise IncompatibleSystem(
                 f"{self!r}: b_12 of {system.structure!r} or the energy has no value at any of "
                 f"{len(places)} points such as {PROBES[0]}, so that b_12 cannot be seen to be "
@@ -76,8 +76,8 @@ class PlanarEuler(Method):
             )
 
     def _looked_at(self, system: Any, at: Vec, bent: list[bool], mixed: bool) -> bool:
-        """Do b and H have values at a point?  IncompatibleSystem if they have, but not the form
-        that they should.
+        """Whether b and H have values at a point.  Raises IncompatibleSystem if they have, but not the form that they
+        should.
 
         bent, mixed : need b not be affine in u, in v, and H no sum, as their formulas are written?
         """
@@ -94,8 +94,8 @@ class PlanarEuler(Method):
                 cross = derivative(lambda x: system.gradient(x), at, [0.0, 1.0])[0]
         except (ArithmeticError, ValueError):
             return False
-        b, known = matrix[0, 1], [*gradient, *slopes, *curvatures, cross]
-        if not np.isfinite([*(x for row in matrix for x in row), *known]).all():
+        b, derivatives = matrix[0, 1], [*gradient, *slopes, *curvatures, cross]
+        if not np.isfinite([*(x for row in matrix for x in row), *derivatives]).all():
             return False
         if not max(abs(b + matrix[1, 0]), abs(matrix[0, 0]), abs(matrix[1, 1])) <= ROUNDING * abs(b):
             raise IncompatibleSystem(
@@ -124,9 +124,9 @@ class PlanarEuler(Method):
 
         slope : L'(v).
         """
-        here = plain(y)
-        gain = self._gain(system, here, h * slope, h, 0)
-        between = vec(here[0] + gain, here[1])
+        start = plain(y)
+        gain = self._gain(system, start, h * slope, h, 0)
+        between = vec(start[0] + gain, start[1])
         new = system.gradient(between)[0]
         return vec(y[0] + gain, y[1] - h * _b(system, between) * new), new
 
@@ -135,21 +135,21 @@ class PlanarEuler(Method):
 
         slope : K'(u).
         """
-        here = plain(y)
-        gain = self._gain(system, here, -h * slope, h, 1)
-        between = vec(here[0], here[1] + gain)
+        start = plain(y)
+        gain = self._gain(system, start, -h * slope, h, 1)
+        between = vec(start[0], start[1] + gain)
         new = system.gradient(between)[1]
         return vec(y[0] + h * _b(system, between) * new, y[1] + gain), new
 
     def _gain(self, system: Any, y: Vec, s: float, h: float, axis: int) -> float:
         """The d with d = s (b + d b'), b' the slope of b along the axis."""
-        rest = 1.0 - s * _slope(system, axis, y)
-        if not rest > 0.0:
+        denominator = 1.0 - s * _slope(system, axis, y)
+        if not denominator > 0.0:
             raise NoConvergence(
-                f"{self!r}: the step h = {h:g} is too large, 1 - h (dH)' b' = {rest:.3g} is not "
+                f"{self!r}: the step h = {h:g} is too large, 1 - h (dH)' b' = {denominator:.3g} is not "
                 f"positive. Try {0.25 * h:g}, or Splitting, whose exact motions have no such bound"
             )
-        return s * _b(system, y) / rest
+        return s * _b(system, y) / denominator
 
 
 def _b(system: Any, y: Any) -> Any:
@@ -157,7 +157,7 @@ def _b(system: Any, y: Any) -> Any:
 
 
 def _slope(system: Any, axis: int, y: Any) -> Any:
-    """db/du or db/dv."""
+    """The derivative of b_12 by one variable: db/du for axis 0, db/dv for axis 1."""
     # an integer 0 rests
     return derivative(lambda x: _b(system, x), y, [1.0, 0] if axis == 0 else [0, 1.0])
 
@@ -186,7 +186,7 @@ class PoissonEuler(PlanarEuler):
             raise InvalidInput(f'PoissonEuler: first is "u" or "v"; got {self.first!r}')
 
     def step(self, system: Any, t: float, state: PoissonState, h: float) -> PoissonState:
-        """One step."""
+        """One symplectic Euler step, u first or v first."""
         slopes = system.gradient(plain(state.y))
         if self.first == "u":
             return PoissonState(self.u_first(system, state.y, slopes[1], h)[0])
@@ -207,7 +207,7 @@ class PoissonVerlet(PlanarEuler, Remembering):
     symmetric: ClassVar[bool] = True
 
     def at_node(self, system: Any, state: PoissonState, h: float) -> float:
-        """The slope L'(v)."""
+        """The slope L'(v) = dH/dv, which the next step begins with."""
         return system.gradient(plain(state.y))[1]
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:

@@ -36,7 +36,7 @@ class Colouring:
 
     @property
     def count(self) -> int:
-        """How many groups there are."""
+        """The number of groups, one for each colour."""
         return int(self.colours.max(initial=-1)) + 1
 
     @property
@@ -47,11 +47,11 @@ class Colouring:
         return tuple(np.split(order, ends[:-1]))
 
     def fits(self, edges: np.ndarray) -> bool:
-        """Does no edge tie two sites of one colour?  edges : (edges, 2) or (edges, arity)."""
+        """Whether no edge ties two sites of one colour.  edges : (edges, 2) or (edges, arity)."""
         return all(bool((self.colours[a] != self.colours[b]).all()) for a, b in _pairs_of(edges.T))
 
 
-class Places(NamedTuple):
+class PlacesByColour(NamedTuple):
     """Sites in the order of their colours, those of one colour side by side: where loops find them.
 
     Every colour fills whole groups of sixteen places; the last site of it stands in those beyond.
@@ -64,7 +64,7 @@ class Places(NamedTuple):
     ranges: tuple[tuple[int, int], ...]
 
     @classmethod
-    def of(cls, colouring: Colouring) -> Places:
+    def of_colouring(cls, colouring: Colouring) -> PlacesByColour:
         """The places of the sites of a colouring."""
         rows, ranges, end = [], [], 0
         for group in colouring.groups:
@@ -116,13 +116,13 @@ class Coloured(Record):
     @cached_property
     def bonds(self) -> tuple[tuple[tuple[int, int, int, int], ...], ...]:
         """For each colour of edges of two sites: the graph, the edge, and its sites."""
-        found: list[Any] = []
+        bonds: list[Any] = []
         for k, (graph, colours) in enumerate(zip(self.graphs, self.of_bonds)):
             edges = graph.edges
             for colour in range(self.counts[k]):
-                some = np.flatnonzero(colours == colour).tolist()
-                found.append(tuple([(k, e, *edges[e].tolist()) for e in some]))
-        return tuple(found)
+                numbers = np.flatnonzero(colours == colour).tolist()
+                bonds.append(tuple([(k, e, *edges[e].tolist()) for e in numbers]))
+        return tuple(bonds)
 
 
 def colours_of(graphs: Sequence[Graph], sites: int) -> Colouring:
@@ -133,18 +133,18 @@ def colours_of(graphs: Sequence[Graph], sites: int) -> Colouring:
         return Colouring(np.zeros(sites, dtype=np.int64))
     lattices = [Colouring(_of_lattice(g)) for g in graphs if isinstance(g, Lattice)]
     best = Colouring(np.arange(sites))
-    for found in lattices:
-        if found.count < best.count and found.fits(edges):
-            best = found
+    for candidate in lattices:
+        if candidate.count < best.count and candidate.fits(edges):
+            best = candidate
     two = None if best.count <= 2 else _two(edges, sites)
     if two is not None:
         return two
     least = max(3, *[g.edges.shape[1] for g in graphs])
-    for found in _candidates(edges, sites, least):
+    for candidate in _candidates(edges, sites, least):
         if best.count <= least:
             break
-        if found.count < best.count and found.fits(edges):
-            best = found
+        if candidate.count < best.count and candidate.fits(edges):
+            best = candidate
     return best
 
 
@@ -153,10 +153,10 @@ def colours_of_edges(edges: np.ndarray) -> np.ndarray:
     count, arity = edges.shape
     ends = edges.ravel()
     order = np.argsort(ends, kind="stable")
-    numbers, own = order // arity, ends[order]
+    numbers, sites = order // arity, ends[order]
     ties = []
     for step in range(1, int(np.bincount(ends, minlength=1).max(initial=0))):
-        same = own[step:] == own[:-step]
+        same = sites[step:] == sites[:-step]
         ties.append(np.stack([numbers[:-step][same], numbers[step:][same]], axis=1))
     shared = np.concatenate(ties) if ties else np.empty((0, 2), dtype=np.int64)
     ties_of_edges = fill(Edges, {"given": shared, "count": count, "order": None})  # one may be there twice
@@ -215,18 +215,18 @@ def _two(edges: np.ndarray, sites: int) -> Colouring | None:
 
 def _around(n: int, periodic: bool) -> np.ndarray:
     """0, 1, 0, 1, ... along an axis, with 2 at the end if it is closed and odd."""
-    found = np.arange(n) % 2
+    colours = np.arange(n) % 2
     if periodic and n % 2:
-        found[-1] = 2
-    return found
+        colours[-1] = 2
+    return colours
 
 
 def _of_lattice(lattice: Lattice) -> np.ndarray:
     """The sum of colours along the axes, modulo as many as the axis needs that needs most."""
     rows = [_around(n, p) for n, p in zip(lattice.shape, lattice.periodic)]
     total = sum(np.ix_(*rows), np.zeros((1,) * len(rows), dtype=np.int64))
-    found: np.ndarray = (total % (1 + max(int(row.max()) for row in rows))).ravel()
-    return found
+    colours: np.ndarray = (total % (1 + max(int(row.max()) for row in rows))).ravel()
+    return colours
 
 
 def _one_by_one(edges: np.ndarray, sites: int, least: int) -> Colouring:
@@ -238,11 +238,11 @@ def _one_by_one(edges: np.ndarray, sites: int, least: int) -> Colouring:
     Comput. 14 (1993).
     """
     both = np.concatenate([edges, edges[:, ::-1]])
-    own, other = np.divmod(np.unique(both[:, 0] * sites + both[:, 1]), sites)
-    begin = np.searchsorted(own, np.arange(sites + 1))
+    site, other = np.divmod(np.unique(both[:, 0] * sites + both[:, 1]), sites)
+    begin = np.searchsorted(site, np.arange(sites + 1))
     rank = np.random.default_rng(5).permutation(sites) + sites * np.diff(begin)
     colours = np.full(sites, -1, dtype=np.int64)
-    waiting = np.bincount(own[rank[other] > rank[own]], minlength=sites)
+    waiting = np.bincount(site[rank[other] > rank[site]], minlength=sites)
     ready = np.flatnonzero(waiting == 0)
     while len(ready):
         colours[ready] = _first_free(ready, colours, other, begin)
@@ -259,14 +259,14 @@ def _one_by_one(edges: np.ndarray, sites: int, least: int) -> Colouring:
         order = np.argsort(sizes, kind="stable") if sweep % 2 else np.arange(count)
         again = np.full(sites, -1, dtype=np.int64)
         for c in order[::-1]:
-            some = np.flatnonzero(colours == c)
-            again[some] = _first_free(some, again, other, begin)
+            members = np.flatnonzero(colours == c)
+            again[members] = _first_free(members, again, other, begin)
         colours = again
     return Colouring(colours)
 
 
 def _entries(some: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the neighbours of some sites stand, and which of these sites each belongs to."""
+    """The places of the neighbours of some sites in the list of all, and which of these sites each belongs to."""
     sizes = begin[some + 1] - begin[some]
     whose = np.repeat(np.arange(len(some)), sizes)
     place = np.arange(len(whose)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
@@ -277,9 +277,9 @@ def _first_free(some: np.ndarray, colours: np.ndarray, other: np.ndarray, begin:
     """For each of some sites the first colour that no neighbour has."""
     at, whose = _entries(some, begin)
     theirs = colours[other[at]]
-    known = theirs >= 0
+    coloured = theirs >= 0
     most = int(theirs.max(initial=0)) + 1
-    whose, theirs = np.divmod(np.unique(whose[known] * most + theirs[known]), most)
+    whose, theirs = np.divmod(np.unique(whose[coloured] * most + theirs[coloured]), most)
     first = np.searchsorted(whose, np.arange(len(some) + 1))
     place = np.arange(len(whose)) - first[whose]
     free = np.diff(first)  # all of them in a row: the next one

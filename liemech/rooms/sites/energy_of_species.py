@@ -33,9 +33,9 @@ class EnergyOfSpecies(OfSpecies, Lagrangian):
 
     @classmethod
     def at_site(cls, energies: tuple[Any, ...], species: Species, group: SpeciesGroup) -> EnergyOfSpecies:
-        """That of energies whose parameters may be `each(values)`, of the sites of the species."""
-        made = []
-        for k, one in enumerate(energies):
+        """The energy of a site, from those of species whose parameters may be `each(values)`."""
+        at_sites = []
+        for k, energy in enumerate(energies):
             before, end = group.firsts[k], group.firsts[k] + group.counts[k]
 
             def of_all(own: Each, before: int = before, end: int = end) -> EachOfSites:
@@ -43,8 +43,8 @@ class EnergyOfSpecies(OfSpecies, Lagrangian):
                 others = [(before, group.copies - end), *[(0, 0)] * (values.ndim - 1)]
                 return EachOfSites.of_each(each(np.pad(values, others, "edge")))
 
-            made.append(exchanged(one, Each, [of_all(own) for own in inside(one, Each)]))
-        return cls(tuple(made), species)
+            at_sites.append(exchanged(energy, Each, [of_all(parameter) for parameter in inside(energy, Each)]))
+        return cls(tuple(at_sites), species)
 
     @property
     def of_species(self) -> tuple[Any, ...]:
@@ -57,23 +57,23 @@ class EnergyOfSpecies(OfSpecies, Lagrangian):
         return chosen(self.species.which, energies, lambda k: formula(k, energies[k]))
 
     def energy(self, mu: Vec) -> float:
-        """That of its species.  mu : (dim,), its momentum."""
+        """The energy of a site of its species.  mu : (dim,), its momentum."""
         return self.chosen(lambda k, one: one.energy(self.species.vector(k, mu)))
 
     def gradient(self, mu: Vec) -> Vec:
-        """That of its species.  mu : (dim,), its momentum."""
+        """The velocity of a site of its species.  mu : (dim,), its momentum."""
         return self.chosen(lambda k, one: lengthened(one.gradient(self.species.vector(k, mu)), mu))
 
     def value(self, xi: Vec) -> float:
-        """That of its species.  xi : (dim,), its velocity."""
+        """The Lagrangian of a site of its species.  xi : (dim,), its velocity."""
         return self.chosen(lambda k, one: one.value(self.species.vector(k, xi)))
 
     def momentum(self, xi: Vec) -> Vec:
-        """That of its species.  xi : (dim,), its velocity."""
+        """The momentum of a site of its species.  xi : (dim,), its velocity."""
         return self.chosen(lambda k, one: lengthened(one.momentum(self.species.vector(k, xi)), xi))
 
     def hessian(self, xi: Vec) -> Mat:
-        """That of its species.  xi : (dim,), its velocity."""
+        """The Hessian of the Lagrangian of a site of its species.  xi : (dim,), its velocity."""
         groups = self.species.groups
         return self.chosen(lambda k, one: widened(one.hessian(self.species.vector(k, xi)), groups[k].dim, len(xi), 1.0))
 
@@ -83,11 +83,11 @@ class EnergyOfSpecies(OfSpecies, Lagrangian):
         """
         species = self.species
 
-        def of(k: int, one: Any) -> Any:
-            own = species.vector(k, mu), species.element(k, g)
-            momentum, there = formula(species.groups[k], one, *own)
+        def by_energy(k: int, one: Any) -> Any:
+            parts = species.vector(k, mu), species.element(k, g)
+            momentum, element = formula(species.groups[k], one, *parts)
             if species.alike:
-                return momentum, there
-            return (lengthened(momentum, mu), None if there is None else lengthened(entries(there), g))
+                return momentum, element
+            return (lengthened(momentum, mu), None if element is None else lengthened(entries(element), g))
 
-        return self.chosen(of)
+        return self.chosen(by_energy)

@@ -44,7 +44,7 @@ MOST = 500.0
 
 @record
 class ChainRows(Record):
-    """Where the numbers lie that a step works with: the row with which they begin."""
+    """The rows with which the numbers begin that a step works with, piece by piece."""
 
     unknown: int
     slope: int
@@ -64,7 +64,7 @@ class ChainRows(Record):
 
     @classmethod
     def of(cls, n: int) -> ChainRows:
-        """Those of a group of n dimensions."""
+        """The rows for a group of n dimensions, one piece behind the other."""
         widths = [*[n] * 6, 3, *[n * n] * 7]
         places = [sum(widths[:k]) for k in range(len(widths) + 1)]
         return cls(*places)
@@ -111,7 +111,7 @@ class GalerkinOfChain(Record):
         return Memory(state, None, tuple(pasts))
 
     def observe(self, memory: Memory) -> Any:
-        """The state."""
+        """The state of the site in the memory."""
         return memory.state
 
     def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
@@ -215,9 +215,9 @@ def along_slope(method: Any, part: float, work: Any, n: int) -> None:
 def middle_of(method: Any, system: Any, old: Any, work: Any, state: Layout) -> tuple[Any, Vec, Any]:
     """The state at the start of the step, x, and the element half-way."""
     group = system.configurations
-    one = load(old, 0, state)
+    start = load(old, 0, state)
     x = load(below(work, method.rows.unknown), 0, vector(group.dim))
-    return one, x, group.compose_exp(plain(one.g), 0.5 * x)
+    return start, x, group.compose_exp(plain(start.g), 0.5 * x)
 
 
 def forces_here(method: Any, system: Any, old: Any, work: Any, state: Layout) -> None:
@@ -226,10 +226,10 @@ def forces_here(method: Any, system: Any, old: Any, work: Any, state: Layout) ->
     """
     rows, group = method.rows, system.configurations
     _, _, g = middle_of(method, system, old, work, state)
-    me, meeting, seen = system.potential.met(None, g, None, method.edges)
+    me, meeting, view = system.potential.met(None, g, None, method.edges)
     force = push = vec(*[0.0 for _ in range(group.dim)])
     for role in method.edges:
-        ends = [me, *[seen(meeting.of(b, 0)) for b in role.others]]
+        ends = [me, *[view(meeting.of(b, 0)) for b in role.others]]
         first, second = role.at_edge(0).forces(group, *ends)
         force, push = force + role.if_there(first), push + role.if_there(second)
     for role in method.alone:
@@ -239,14 +239,14 @@ def forces_here(method: Any, system: Any, old: Any, work: Any, state: Layout) ->
 
 
 def slopes_here(method: Any, system: Any, old: Any, work: Any, state: Layout) -> None:
-    """The derivatives of these forces."""
+    """The derivatives of the forces of `forces_here` by the elements of both ends."""
     rows, group = method.rows, system.configurations
     n = group.dim
     _, _, g = middle_of(method, system, old, work, state)
-    me, meeting, seen = system.potential.met(None, g, None, method.edges)
+    me, meeting, view = system.potential.met(None, g, None, method.edges)
     blocks = [mat(*[vec(*[0.0 for _ in range(n)]) for _ in range(n)]) for _ in range(4)]
     for role in method.edges:
-        ends = [me, *[seen(meeting.of(b, 0)) for b in role.others]]
+        ends = [me, *[view(meeting.of(b, 0)) for b in role.others]]
         (aa, ab), (ba, bb) = role.at_edge(0).stiffnesses(group, *ends)
         blocks = [a + mat(*[role.if_there(row) for row in b]) for a, b in zip(blocks, (aa, ab, ba, bb))]
     for role in method.alone:
@@ -285,8 +285,8 @@ def misfit_here(method: Any, system: Any, t: float, h: float, old: Any, work: An
     start, x, g = middle_of(method, system, old, work, state)
     site, f = pulled(method, system, t, h, x, g, work)
     r, _ = misfit(group, h, x, site.body.lagrangian.momentum((1.0 / h) * x), plain(start.mu), f)
-    rest = (-2.0 / h) * Exponential().dtau_inv_dual(group, -0.5 * x, r)
-    save(below(work, method.rows.rest), 0, system.potential.moving(rest), vector(group.dim))
+    right_side = (-2.0 / h) * Exponential().dtau_inv_dual(group, -0.5 * x, r)
+    save(below(work, method.rows.rest), 0, system.potential.moving(right_side), vector(group.dim))
 
 
 def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
@@ -300,10 +300,10 @@ def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any
     _, slope = misfit(group, h, x, site.body.lagrangian.momentum(xi), mu, f)
     M = with_inertia(slope, (1.0 / h) * site.body.lagrangian.hessian(xi))
     back = mat(*[tau.dtau_inv(group, 0.5 * x, unit) for unit in units]).T
-    there = mat(*[tau.dtau_inv_dual(group, -0.5 * x, unit) for unit in units]).T
+    forth = mat(*[tau.dtau_inv_dual(group, -0.5 * x, unit) for unit in units]).T
     D = load(below(work, rows.own), 0, matrix(n, n))
     D = D + tied * at(below(work, rows.ahead), before, 0, matrix(n, n))
-    D = D + (4.0 / h) * (there @ (M @ back))
+    D = D + (4.0 / h) * (forth @ (M @ back))
     if system.load is not None:
 
         def loaded(y: Vec) -> Vec:
@@ -338,9 +338,9 @@ def corrected(method: Any, system: Any, old: Any, work: Any, state: Layout) -> N
     x = x + dx
     size = group.scale(plain(load(old, 0, state).g))
     length = where(Exponential().is_chart(group, 0.75 * x), dot(dx, momentum(dx)), INFINITY)
-    told = vec(length, dot(x, momentum(x)), dot(size, momentum(size)))
+    squares = vec(length, dot(x, momentum(x)), dot(size, momentum(size)))
     save(place, 0, x, layout)
-    save(below(work, rows.told), 0, told, vector(3))
+    save(below(work, rows.told), 0, squares, vector(3))
 
 
 def ended(
@@ -405,21 +405,21 @@ def solved(method: Any, work: Any, n: int) -> None:
     rows, square, layout = method.rows, matrix(n, n), vector(n)
     D, left, right = (below(work, k) for k in (rows.own, rows.left, rows.right))
     column, row = below(work, rows.column), below(work, rows.row)
-    rest, answer = below(work, rows.rest), below(work, rows.answer)
+    right_side, answer = below(work, rows.rest), below(work, rows.answer)
     count = int(method.sites)
     end = count - 1
     for k in range(end):
-        y = at(rest, k, 0, layout)
+        y = at(right_side, k, 0, layout)
         if method.ring:
-            put(rest, end, 0, at(rest, end, 0, layout) - at(row, k, 0, square) @ y, layout)
+            put(right_side, end, 0, at(right_side, end, 0, layout) - at(row, k, 0, square) @ y, layout)
             if k < end - 1:
-                put(rest, k + 1, 0, at(rest, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
+                put(right_side, k + 1, 0, at(right_side, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
         else:
-            put(rest, k + 1, 0, at(rest, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
-    put(answer, end, 0, at(D, end, 0, square) @ at(rest, end, 0, layout), layout)
+            put(right_side, k + 1, 0, at(right_side, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
+    put(answer, end, 0, at(D, end, 0, square) @ at(right_side, end, 0, layout), layout)
     for back in range(end):
         k = end - 1 - back
-        y = at(rest, k, 0, layout)
+        y = at(right_side, k, 0, layout)
         if method.ring:
             y = y - at(column, k, 0, square) @ at(answer, end, 0, layout)
             if k < end - 1:
@@ -431,8 +431,8 @@ def solved(method: Any, work: Any, n: int) -> None:
 
 def summed(method: Any, work: Any) -> tuple[float, float, float]:
     """The sums over all sites of what a correction tells."""
-    told = below(work, method.rows.told)
-    total = at(told, 0, 0, vector(3))
+    squares = below(work, method.rows.told)
+    total = at(squares, 0, 0, vector(3))
     for k in range(1, int(method.sites)):
-        total = total + at(told, k, 0, vector(3))
+        total = total + at(squares, k, 0, vector(3))
     return total[0], total[1], total[2]

@@ -49,12 +49,12 @@ class Graph(Record):
 
     @property
     def ordered(self) -> bool | None:
-        """Does an edge say which of its ends comes first?  None: where the term asks for it."""
+        """Whether an edge says which of its ends comes first; None: where the term asks for it."""
         return False
 
     @property
     def arity(self) -> int:
-        """How many sites an edge has."""
+        """The number of sites of an edge, 2 by default."""
         return 2
 
     @property
@@ -64,9 +64,7 @@ class Graph(Record):
 
     @property
     def layout(self) -> np.ndarray | None:
-        """Where its sites are drawn, (sites, 3), with neighbours at a distance of 1; None: nobody
-        knows.
-        """
+        """The places where its sites are drawn, (sites, 3), with neighbours at a distance of 1; None: nobody knows."""
         return None
 
     def on(self, sites: int) -> Graph:
@@ -89,23 +87,23 @@ class Graph(Record):
         )
 
     def ties(self, i: int, j: int) -> bool:
-        """Is there an edge of these two sites?"""
+        """Whether there is an edge of these two sites."""
         return bool((np.sort(self.edges, axis=1) == (i, j)).all(axis=1).any())
 
     def some_edges(self, most: int) -> list[tuple[int, list[int]]]:
-        """Some of the edges, at most so many: their numbers and sites."""
+        """A selection of the edges, at most so many, evenly chosen: their numbers and sites."""
         edges = self.edges
-        some: Any = np.unique(np.linspace(0, len(edges) - 1, most).astype(np.int64)) if len(edges) else []
-        return [(int(number), edges[number].tolist()) for number in some]
+        numbers: Any = np.unique(np.linspace(0, len(edges) - 1, most).astype(np.int64)) if len(edges) else []
+        return [(int(number), edges[number].tolist()) for number in numbers]
 
     def incidence(self, role: int | None = None) -> Incidence:
         """The edges at each site: those of which it is the end number `role`, from 0; None: either
         end of two, where these need not be told apart.
         """
-        found = self._known.get(role)
-        if found is None:
-            found = self._known[role] = incidence_of(self.edges, self.sites or 0, role)
-        return found
+        incidence = self._known.get(role)
+        if incidence is None:
+            incidence = self._known[role] = incidence_of(self.edges, self.sites or 0, role)
+        return incidence
 
     @cached_property
     def _known(self) -> dict[Any, Incidence]:
@@ -120,8 +118,8 @@ def require_sites(name: str, edges: np.ndarray, counts: Any) -> None:
     wrong = ((edges < 0) | (edges >= counts)).any(axis=1)
     if wrong.any():
         at = int(wrong.argmax())
-        there = f"they are 0 to {counts - 1}" if isinstance(counts, int) else f"there are {counts}, numbered from 0"
-        raise InvalidInput(f"{name}: edge {at}, {_shown(edges[at])}, names a site that is not there; {there}")
+        allowed = f"they are 0 to {counts - 1}" if isinstance(counts, int) else f"there are {counts}, numbered from 0"
+        raise InvalidInput(f"{name}: edge {at}, {_shown(edges[at])}, names a site that is not there; {allowed}")
 
 
 def incidence_of(edges: np.ndarray, sites: int, role: int | None) -> Incidence:
@@ -131,21 +129,21 @@ def incidence_of(edges: np.ndarray, sites: int, role: int | None) -> Incidence:
     arity = edges.shape[1]
     require_sites("the edges of a graph", edges, sites)
     if role is None and arity == 2:
-        own, numbers = edges.ravel(), np.repeat(np.arange(len(edges)), 2)
+        site, numbers = edges.ravel(), np.repeat(np.arange(len(edges)), 2)
         others = edges[:, ::-1].reshape(-1, 1)
     else:
-        own, numbers = edges[:, role or 0], np.arange(len(edges))
+        site, numbers = edges[:, role or 0], np.arange(len(edges))
         others = np.delete(edges, role or 0, axis=1)
-    order = np.argsort(own, kind="stable")
-    own, numbers, others = own[order], numbers[order], others[order]
-    counts = np.bincount(own, minlength=sites)
+    order = np.argsort(site, kind="stable")
+    site, numbers, others = site[order], numbers[order], others[order]
+    counts = np.bincount(site, minlength=sites)
     degree = int(counts.max(initial=0))
-    place = np.arange(len(own)) - np.repeat(np.cumsum(counts) - counts, counts)
+    place = np.arange(len(site)) - np.repeat(np.cumsum(counts) - counts, counts)
     table = np.zeros((degree, sites), dtype=np.int64)
-    table[place, own] = numbers
+    table[place, site] = numbers
     ends = np.empty((arity - 1, degree, sites), dtype=np.int64)
     ends[:] = (np.arange(sites) + 1) % sites  # of sites without edges
-    ends[:, place, own] = others.T
+    ends[:, place, site] = others.T
     if (counts < degree).any():
         last = np.minimum(np.arange(degree)[:, None], np.maximum(counts - 1, 0))
         table = np.take_along_axis(table, last, axis=0)
@@ -199,17 +197,15 @@ class Lattice(Graph):
 
     @property
     def edges(self) -> np.ndarray:
-        """Those along the first axis, then those along the second, ...; not kept, as there may be
-        millions.
-        """
+        """The edges along the first axis, then along the second, ...; not kept, as there may be millions."""
         place = np.arange(self.sites).reshape(self.shape)
-        found = []
+        by_axis = []
         for axis, (n, periodic) in enumerate(zip(self.shape, self.periodic)):
             if n > 1:
                 first = place if periodic else np.delete(place, -1, axis)
                 second = np.roll(place, -1, axis) if periodic else np.delete(place, 0, axis)
-                found.append(np.stack([first.ravel(), second.ravel()], axis=1))
-        return np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
+                by_axis.append(np.stack([first.ravel(), second.ravel()], axis=1))
+        return np.concatenate(by_axis) if by_axis else np.empty((0, 2), dtype=np.int64)
 
     def incidence(self, role: int | None = None) -> Incidence:
         """The edges at each site: of a lattice without ends from the numbers of its sites alone."""
@@ -248,12 +244,12 @@ class Lattice(Graph):
         return np.pad(steps.astype(float), ((0, 0), (0, 3 - len(self.shape))))
 
     def __repr__(self) -> str:
-        given = ", ".join(map(str, self.shape))
+        lengths = ", ".join(map(str, self.shape))
         if self.called in ("ring", "chain"):
-            return f"neighbours.{self.called}({given})"
+            return f"neighbours.{self.called}({lengths})"
         same = len({*self.periodic}) == 1
         how = "" if all(self.periodic) else f", periodic={self.periodic[0] if same else self.periodic}"
-        return f"neighbours.{self.called}({given}{how})"
+        return f"neighbours.{self.called}({lengths}{how})"
 
 
 def ring(sites: int) -> Lattice:
@@ -337,22 +333,22 @@ class Edges(Graph):
 
     @property
     def edges(self) -> np.ndarray:
-        """As they were given."""
+        """The edges as they were given, (edges, arity)."""
         return self.given
 
     @property
     def sites(self) -> int:
-        """How many sites there are."""
+        """The number of sites of the graph."""
         return self.count
 
     @property
     def ordered(self) -> bool | None:
-        """As was said; None: where the term asks for it."""
+        """Whether an edge says which of its ends comes first, as was given; None: where the term asks for it."""
         return self.order
 
     @property
     def arity(self) -> int:
-        """How many sites an edge has."""
+        """The number of sites of an edge."""
         return int(self.given.shape[1])
 
     def __repr__(self) -> str:
@@ -413,17 +409,17 @@ class Between(Graph):
 
     @property
     def sites(self) -> int | None:
-        """As many as the species have."""
+        """None, for as many sites as the species have."""
         return None
 
     @property
     def edges(self) -> np.ndarray:
-        """As they were given."""
+        """The edges as they were given, (edges, arity)."""
         return self.given
 
     @property
     def arity(self) -> int:
-        """How many sites an edge has."""
+        """The number of sites of an edge."""
         return int(self.given.shape[1])
 
     def on(self, sites: int) -> Graph:
@@ -494,11 +490,11 @@ class OfCount(Graph):
 
     @property
     def sites(self) -> int | None:
-        """How many sites there are."""
+        """The number of sites; None: as many as the system has."""
         return self.count
 
     def on(self, sites: int) -> Graph:
-        """That of so many sites."""
+        """The graph on so many sites, if it has no other number of them."""
         return with_fields(self, count=sites) if self.count is None else super().on(sites)
 
 
@@ -517,7 +513,7 @@ class AllPairs(OfCount):
             super().between(name, of, counts)
 
     def ties(self, i: int, j: int) -> bool:
-        """Every two."""
+        """Whether two sites are tied: yes, every two."""
         return True
 
     def some_edges(self, most: int) -> list[tuple[int, list[int]]]:
@@ -580,9 +576,9 @@ class Within(AllPairs):
             box = np.array(self.box)
             at = np.mod(at, box)
             at[at >= box] = 0.0  # of -1e-17
-        found = cKDTree(at, boxsize=box).query_pairs(reach, output_type="ndarray")
-        found = np.sort(found.astype(np.int64), axis=1)
-        return found[np.lexsort((found[:, 1], found[:, 0]))]
+        pairs = cKDTree(at, boxsize=box).query_pairs(reach, output_type="ndarray")
+        pairs = np.sort(pairs.astype(np.int64), axis=1)
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def near(self, places: Any, reach: float, role: int = 0) -> Incidence:
         """The sites near each site, in rising order; of no places none.  reach : the cutoff or more.
@@ -593,7 +589,7 @@ class Within(AllPairs):
         return incidence_of(self.pairs(places, reach), self.sites or len(places), None)
 
     def open(self) -> Within:
-        """That of any number of sites, for formulas."""
+        """The graph of any number of sites, for formulas."""
         return with_fields(self, count=None)
 
     def __repr__(self) -> str:
@@ -628,7 +624,7 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
 
 
 def place(group: LieGroup, g: Element) -> Vec:
-    """Where in space an element is, of SE3(), SE2() or VectorSpace(n).  g : an element."""
+    """The place in space of an element of SE3(), SE2() or VectorSpace(n).  g : an element."""
     if isinstance(group, SE3):
         return vec(g[0, 3], g[1, 3], g[2, 3])
     if isinstance(group, SE2):
@@ -653,7 +649,7 @@ def seen_from(group: LieGroup, g: Element, x: Vec) -> Vec:
 
 
 def places_of(group: LieGroup, g: Any) -> np.ndarray:
-    """Those of many elements, (..., n).  g : (..., n), or (..., n + 1, n + 1)."""
+    """The places of many elements, (..., n).  g : (..., n), or (..., n + 1, n + 1)."""
     return g if isinstance(group, VectorSpace) else g[..., :-1, -1]
 
 
@@ -673,12 +669,12 @@ class EachSite(OfCount):
 
     @property
     def arity(self) -> int:
-        """One."""
+        """The number of sites of an edge: one."""
         return 1
 
     @cached_property
     def edges(self) -> np.ndarray:
-        """(0,), (1,), ..."""
+        """The edges (0,), (1,), ..., one for each site."""
         return np.arange(self.count or 0, dtype=np.int64)[:, None]
 
     def __repr__(self) -> str:

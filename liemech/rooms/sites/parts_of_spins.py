@@ -17,7 +17,7 @@ from ...formulas.tables import Table
 from ...groups.lie_group import LieGroup
 from ...systems.lie_poisson import BodyState
 from ...systems.system import as_precise
-from .colouring import Places
+from .colouring import PlacesByColour
 from .graphs import AllPairs, Edges
 from .terms.bonds_at_site import BondsOfSite
 from .terms.bound_terms import BoundTerm, slopes
@@ -32,10 +32,10 @@ def turned(group: LieGroup, mu: Vec, g: Element | None, *omegas: Vec) -> tuple[V
     """Momentum and element moved along constant velocities, the last of which moves the momentum:
     Ad*_exp(omega) mu, g exp(...) exp(omega).
     """
-    found = [as_precise(omega, mu) for omega in omegas]
-    moved = group.algebra.exp_Ad_star(found[-1], mu)
+    precise = [as_precise(omega, mu) for omega in omegas]
+    moved = group.algebra.exp_Ad_star(precise[-1], mu)
     if g is not None:
-        for omega in found:
+        for omega in precise:
             g = group.compose_exp(g, omega)
     return moved, g
 
@@ -52,7 +52,7 @@ class MotionsOfTerms(Record):
 
     @property
     def count(self) -> int:
-        """How many parts there are."""
+        """The number of parts, which a subclass says."""
         raise NotImplementedError
 
     @property
@@ -66,7 +66,7 @@ class MotionsOfTerms(Record):
 
     @property
     def timed(self) -> bool:
-        """Are there terms that change with time?"""
+        """Whether there are terms that change with time."""
         return bool(inside(self.terms, AtTime))
 
     def in_turn(self, state: BodyState, turns: Any) -> BodyState:
@@ -91,15 +91,15 @@ class MotionsOfTerms(Record):
         return [self.terms.site_with(i, plain(mu), None) for i, (mu, _) in enumerate(bodies)]
 
     def _along(self, terms: Any, some: Any, h: float, bodies: list[Any]) -> list[Any]:
-        """Some sites moved along the velocities that terms give them, the others as they are."""
+        """The bodies, of which some sites have moved along the velocities that terms give them."""
         base, sites = self.terms.group.base, self._sites(bodies)
-        found = [*bodies]
+        moved = [*bodies]
         for i in [i for i in some if i not in self.terms.held]:
             xi = vec(*[0.0 for _ in range(base.dim)])
             for term in terms:
                 xi = slopes(xi, term.edges_at(sites, i))
-            found[i] = turned(base, *bodies[i], h * xi)
-        return found
+            moved[i] = turned(base, *bodies[i], h * xi)
+        return moved
 
 
 # ------------------------------------------------------------------ sublattices
@@ -148,11 +148,11 @@ class Sublattices(MotionsOfTerms):
         return self.terms.affine.count + len(self.lonely)
 
     @property
-    def places(self) -> Places:
-        """Where sites stand in memory: by colours."""
-        return Places.of(self.terms.affine.colouring)
+    def places(self) -> PlacesByColour:
+        """The places of sites in memory: by colours."""
+        return PlacesByColour.of_colouring(self.terms.affine.colouring)
 
-    def of_site(self, places: Places) -> tuple[FieldAtSite, list[tuple[int, ...]]]:
+    def of_site(self, places: PlacesByColour) -> tuple[FieldAtSite, list[tuple[int, ...]]]:
         """The velocities that the parts give a site, where sites stand by colours; and of each part
         where its sites begin and end, and its number there.
         """
@@ -184,11 +184,11 @@ class FieldAtSite(Record):
     lonely: tuple[Any, ...]
 
     def velocity(self, part: int, mu: Vec) -> Vec:
-        """That of the field if the part is 0, else of the terms that are not affine, from 1 on."""
+        """The velocity by the field if the part is 0, else by the terms that are not affine, from 1 on."""
         xi = at_this_site(self.field).gradient(mu)
-        for k, one in enumerate(self.lonely):
-            own = at_this_site(one).gradient(mu)
-            xi = vec(*[where(part == k + 1, x, y) for x, y in zip(own, xi)])
+        for k, energy in enumerate(self.lonely):
+            slope = at_this_site(energy).gradient(mu)
+            xi = vec(*[where(part == k + 1, x, y) for x, y in zip(slope, xi)])
         return xi
 
 
@@ -197,11 +197,11 @@ def by_edges(part: BoundTerm) -> BoundTerm:
     graph = part.graph
     if not isinstance(graph, AllPairs):
         return part
-    made = Edges(frozen_array(graph.edges, repr(graph)), graph.count or 0, False)
-    return with_fields(part, graph=made)
+    edges = Edges(frozen_array(graph.edges, repr(graph)), graph.count or 0, False)
+    return with_fields(part, graph=edges)
 
 
-def at_places(form: Any, places: Places) -> Any:
+def at_places(form: Any, places: PlacesByColour) -> Any:
     """The site form of an energy where every site stands at its place."""
     count = len(places.places)
 
@@ -253,7 +253,7 @@ class Bonds(MotionsOfTerms):
 
     @property
     def lonely(self) -> tuple[BoundTerm, ...]:
-        """Terms of one site."""
+        """The terms of one site, each of them a part."""
         return tuple([part for part in self.terms.parts if part.graph.arity == 1])
 
     @property
@@ -267,11 +267,11 @@ class Bonds(MotionsOfTerms):
         return sum(self.terms.pairs.counts) + len(self.lonely)
 
     @property
-    def places(self) -> Places:
-        """Where sites stand in memory: such that the ends of neighbouring bonds lie side by side."""
-        return Places.of(self.terms.pairs.colouring)
+    def places(self) -> PlacesByColour:
+        """The places of sites in memory, such that the ends of neighbouring bonds lie side by side."""
+        return PlacesByColour.of_colouring(self.terms.pairs.colouring)
 
-    def of_site(self, places: Places) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
+    def of_site(self, places: PlacesByColour) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
         """Each term at a site, those of bonds first; and of each part its term and its colour."""
         forms: list[Any] = []
         numbers: list[tuple[int, ...]] = []
@@ -279,23 +279,23 @@ class Bonds(MotionsOfTerms):
         bonds, pairs = self.terms.pairs, [x for x in self.terms.parts if x.graph.arity == 2]
         for part, colours, count in zip(pairs, bonds.of_bonds, bonds.counts):
             numbers += [(len(forms), k, 0) for k in range(count)]
-            forms.append(BondsOfSite.of(part, colours, whole.names, whole.own))
+            forms.append(BondsOfSite.of_term(part, colours, whole.names, whole.own))
         for part in self.lonely:
             numbers.append((len(forms), 0, 0))
             forms.append(with_fields(self.terms, parts=(part,)).of_site())
         return tuple([at_places(form, places) for form in forms]), numbers
 
     def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
-        """Both sites of every bond of a colour about their sum, or all about their own axes."""
+        """The bodies, turned in pairs about the sums of all bonds of a colour, or all about their own axes."""
         if part >= len(self.groups):
             term = self.lonely[part - len(self.groups)]
             return self._along((term,), range(len(bodies)), h, bodies)
         base, sites = self.terms.group.base, self._sites(bodies)
         pairs = [term for term in self.terms.parts if term.graph.arity == 2]
-        found = [*bodies]
+        moved = [*bodies]
         for k, edge, i, j in self.groups[part]:
             bond = pairs[k].at_edge(edge)
             of_i, of_j = [h * bond.slope(end, sites[i], sites[j]) for end in (0, 1)]
-            found[i] = turned(base, *bodies[i], -of_j, of_i + of_j)
-            found[j] = turned(base, *bodies[j], -of_i, of_i + of_j)
-        return found
+            moved[i] = turned(base, *bodies[i], -of_j, of_i + of_j)
+            moved[j] = turned(base, *bodies[j], -of_i, of_i + of_j)
+        return moved

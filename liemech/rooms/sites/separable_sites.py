@@ -34,7 +34,7 @@ class SeparableSite(SeparableSystem):
         super().__post_init__()
 
     def kinetic(self, p: Vec) -> float:
-        """K(p).  p : (n,)."""
+        """The kinetic energy K(p) of the mass.  p : (n,)."""
         free: Any = self.mass.body
         return free.hamiltonian.energy(p)
 
@@ -68,7 +68,7 @@ class SeparableSites(SeparableSystem):
 
     @property
     def sites(self) -> int:
-        """How many there are."""
+        """The number of sites, which a subclass says."""
         raise undefined(self, "sites")
 
     @derived_from("kinetic", "potential")

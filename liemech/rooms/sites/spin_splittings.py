@@ -69,8 +69,8 @@ class TermSplitting(Remembering):
 
     def __repr__(self) -> str:
         ours = self.tableau == self.choices.get(self.tableau.order)
-        given = f"order={self.order}" if ours else f"tableau={self.tableau!r}"
-        return f"{type(self).__name__}({given})"
+        argument = f"order={self.order}" if ours else f"tableau={self.tableau!r}"
+        return f"{type(self).__name__}({argument})"
 
     def require(self, system: Any) -> None:
         """Terms of momenta on a power of a group, of which every part has a known motion."""
@@ -99,14 +99,14 @@ class TermSplitting(Remembering):
         count = motions.count
         if count + motions.timed == 1:
             return ((0, 1.0, 0.0),)
-        found, at = [], 0.0
+        turns, at = [], 0.0
         for number, share in self.tableau.sequence(count + motions.timed):
             part = number - motions.timed  # the last parts begin and end a step
             if part < 0:
                 at = at + share
             else:
-                found.append((part, share, at))
-        return tuple(found)
+                turns.append((part, share, at))
+        return tuple(turns)
 
     def at_node(self, system: Any, state: BodyState, h: float) -> Any:
         """The state, with no motion left to make."""
@@ -117,11 +117,11 @@ class TermSplitting(Remembering):
         motions = self._motions(terms_of(system))
         state, left = memory.node
         turns = [(part, share * h, t + at * h) for part, share, at in self.turns(motions)]
-        (first, time, begun), last = turns[0], turns[-1]
+        (first, time, at_first), last = turns[0], turns[-1]
         if len(turns) == 1:
             state = motions.in_turn(state, turns)
             return Memory(state, (state, 0.0), ())
-        state = motions.in_turn(state, [(first, left + time, begun), *turns[1:-1]])
+        state = motions.in_turn(state, [(first, left + time, at_first), *turns[1:-1]])
         return Memory(motions.in_turn(state, [last]), (state, last[1]), ())
 
 
@@ -186,7 +186,7 @@ class BondSplitting(TermSplitting):
     __repr__ = TermSplitting.__repr__
 
     def instead(self, system: Any) -> str:
-        """SublatticeSplitting, where it can."""
+        """The advice to take SublatticeSplitting, where it accepts the system."""
         if Sublattices(terms_of(system)).refused:
             return super().instead(system)
         return f"SublatticeSplitting(order={self.order}) accepts it"

@@ -79,7 +79,7 @@ def _stepped(method: Any, system: Any, t: float, state: Any, h: float) -> Any:
 
 
 def one_or_many(times: Any) -> np.ndarray:
-    """A time, or a list of times."""
+    """A time, (), or times, (m,), as an array; refused with more axes."""
     at = real_array(times, "t")
     if at.ndim > 1:
         raise InvalidInput(f"Trajectory.at takes one time or many, (m,); got t of shape {at.shape}")
@@ -95,11 +95,11 @@ def within_run(times: np.ndarray, t: np.ndarray) -> np.ndarray:
     inside = (times >= low - margin) & (times <= high + margin)
     if not inside.all():
         raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
-    found: np.ndarray = np.clip(times, low, high)
-    return found
+    clipped: np.ndarray = np.clip(times, low, high)
+    return clipped
 
 
-class Between:
+class MotionBetween:
     """The motion inside of steps, and of a run that has kept their ends between these; abstract.
 
     A subclass writes `given` and `moved`.
@@ -114,7 +114,7 @@ class Between:
 
     @functools.cached_property
     def width(self) -> int:
-        """How many numbers a state has."""
+        """Count of numbers of a state."""
         return layout_of(self.example).width
 
     @property
@@ -139,8 +139,8 @@ class Between:
         raise NotImplementedError
 
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """How many looks into steps are needed, (m,), so that none is more than a quarter of a turn from the last, from
-        the rows where steps begin and end.
+        """Counts of looks into steps, (m,), such that none is more than a quarter of a turn from the last, from the
+        rows where steps begin and end.
         """
         raise NotImplementedError
 
@@ -154,14 +154,14 @@ class Between:
         # steps that do not go on from the last
         new = np.append(True, (before[1:] != after[:-1]).any(axis=1))[: len(after)]
         rows, place = np.concatenate([before[new], after]), int(new.sum())
-        given = np.concatenate([rows[:, 1 : 1 + self.width], rows[:, :1]], axis=1)
+        points = np.concatenate([rows[:, 1 : 1 + self.width], rows[:, :1]], axis=1)
         arguments = velocity, self.system, layout_of(self.example), layout_of(Vec(*[0.0] * group.dim))  # type: ignore[attr-defined]
-        xi = evaluated(velocity_of, arguments, given, group.dim, self.wanted, body=np.concatenate([body[new], body]))
+        xi = evaluated(velocity_of, arguments, points, group.dim, self.wanted, body=np.concatenate([body[new], body]))
         end = xi[place:]
-        begun = np.concatenate([end[:1], end[:-1]])
-        begun[new] = xi[:place]
+        start = np.concatenate([end[:1], end[:-1]])
+        start[new] = xi[:place]
         spans = (after[:, 0] - before[:, 0])[:, None]
-        return looks_by_velocity(np.maximum(turning(spans * begun), turning(spans * end)))
+        return looks_by_velocity(np.maximum(turning(spans * start), turning(spans * end)))
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times
@@ -178,20 +178,20 @@ class Between:
         step = np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1
         np.minimum(step, len(t) - 2, out=step)
         at_end = times == t[step + 1]
-        found = points[step + at_end]  # at the ends of steps, to the bit
+        states = points[step + at_end]  # at the ends of steps, to the bit
         between = ((times != t[step]) > at_end).nonzero()[0]
         if len(between):
             step, times = step[between], times[between]
-            given = self.given(self.rows[step], self.rows[step + 1], times)
-            found[between] = self.moved(given, times)
-        return found
+            inputs = self.given(self.rows[step], self.rows[step + 1], times)
+            states[between] = self.moved(inputs, times)
+        return states
 
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
         at = one_or_many(times)
         kind, arrays = self.apart(self.numbers(np.atleast_1d(at).ravel()))
-        one = 0 if at.ndim == 0 else slice(None)
-        return state_of(kind, {name: x[one] for name, x in arrays.items()})
+        index = 0 if at.ndim == 0 else slice(None)
+        return state_of(kind, {name: x[index] for name, x in arrays.items()})
 
     def apart(self, numbers: np.ndarray) -> tuple[Any, dict[str, np.ndarray]]:
         """The kind of the states that have these numbers, and their parts."""
@@ -199,7 +199,7 @@ class Between:
 
 
 @frozen(eq=False)
-class DenseOutput(Between):
+class DenseOutput(MotionBetween):
     """The motion as a continuous function of time: in every step a polynomial in the algebra,
     carried to the group.
 
@@ -221,11 +221,11 @@ class DenseOutput(Between):
         return self.rows[1:, 1 + self.width :]
 
     def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
-        width, begun = self.width, before[:, 0]
-        given = np.empty((len(times), after.shape[1]))
-        given[:, :width], given[:, width:-1] = before[:, 1 : 1 + width], after[:, 1 + width :]
-        given[:, -1] = (times - begun) / (after[:, 0] - begun)
-        return given
+        width, starts = self.width, before[:, 0]
+        inputs = np.empty((len(times), after.shape[1]))
+        inputs[:, :width], inputs[:, width:-1] = before[:, 1 : 1 + width], after[:, 1 + width :]
+        inputs[:, -1] = (times - starts) / (after[:, 0] - starts)
+        return inputs
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         dim = kernel.examples([self.system])[0].group.dim
@@ -235,13 +235,13 @@ class DenseOutput(Between):
         return evaluated(along, arguments, given, self.width, self.wanted, what, body)
 
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """By the ways between, of which all is known."""
+        """Counts of looks by the polynomials, whose derivatives bound the velocity."""
         (system,) = kernel.examples([self.system])
         ways = after[:, 1 + self.width :].reshape(len(after), -1, system.group.dim)
         return looks_on_the_way(turning_of(system.group), ways, system.unit_blocks)
 
     def then(self, rest: DenseOutput) -> DenseOutput:
-        """This motion and the one that follows it."""
+        """This motion and `rest`, which begins where this one ends, as one."""
         return dataclasses.replace(rest, rows=np.concatenate([self.rows, rest.rows[1:]]))
 
 
@@ -255,16 +255,16 @@ class DenseOutputs:
         """The states of all bodies at one time, or at many, (m,); a body whose run has ended before stays where
         it ended, as in the samples.
         """
-        ends = np.array([one.rows[[0, -1], 0] for one in self.bodies])
+        ends = np.array([motion.rows[[0, -1], 0] for motion in self.bodies])
         last = ends[np.argmax(np.abs(ends[:, 1] - ends[:, 0]))]
-        asked = within_run(np.asarray(one_or_many(times), dtype=float), last)
-        found = [one(np.clip(asked, min(span), max(span))) for one, span in zip(self.bodies, ends.tolist())]
-        axis, first = np.ndim(times), found[0]
-        parts = {n: np.stack([x.arrays[n] for x in found], axis=axis) for n in first.arrays}
+        clipped = within_run(np.asarray(one_or_many(times), dtype=float), last)
+        states = [motion(np.clip(clipped, min(span), max(span))) for motion, span in zip(self.bodies, ends.tolist())]
+        axis, first = np.ndim(times), states[0]
+        parts = {n: np.stack([x.arrays[n] for x in states], axis=axis) for n in first.arrays}
         return state_of(type(first), parts)
 
     def then(self, rest: DenseOutputs) -> DenseOutputs:
-        """These motions and those that follow them."""
+        """The motions of both runs joined body by body."""
         return DenseOutputs(tuple([x.then(y) for x, y in zip(self.bodies, rest.bodies)]))
 
 
@@ -274,7 +274,7 @@ def way_layout(example: Any, dim: int, terms: int) -> Any:
 
 
 @frozen(eq=False)
-class ShortSteps(Between):
+class ShortSteps(MotionBetween):
     """The motion between fixed steps: from the last end of a step, a shorter step of the
     method itself.
 
@@ -291,15 +291,15 @@ class ShortSteps(Between):
 
     @property
     def order(self) -> int:
-        """Order of the method."""
+        """The order of the method: a single step more, of error h^(order + 1), does not lower it."""
         return int(self.method.order)
 
     def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
-        points, begun = before[:, 1 : 1 + self.width], before[:, 0]
-        return np.concatenate([points, begun[:, None], (times - begun)[:, None]], axis=1)
+        points, starts = before[:, 1 : 1 + self.width], before[:, 0]
+        return np.concatenate([points, starts[:, None], (times - starts)[:, None]], axis=1)
 
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """By the velocities at both ends."""
+        """Counts of looks by the turning velocities at both ends of each step."""
         (system,) = kernel.examples([self.system])
         return self._by_velocities(_turning, system._turning_group, before, after, body)
 
@@ -328,11 +328,11 @@ def evaluated(
     """
     many = len(given)
     execution, constants = execution_of(driver, arguments, wanted)
-    found, done = np.empty((many, width + 1)), 0
+    results, done = np.empty((many, width + 1)), 0
 
     def plainly(k: int) -> None:
-        own = [x.values[body[k]] if isinstance(x, kernel.Several) and body is not None else x for x in arguments]
-        _one(driver, own, given[k], found[k], what, k)
+        values = [x.values[body[k]] if isinstance(x, kernel.Several) and body is not None else x for x in arguments]
+        _one(driver, values, given[k], results[k], what, k)
 
     while done < many and not execution.ready(done / many):
         end = min(done + 8, many)
@@ -342,26 +342,26 @@ def evaluated(
         done = end
     if done < many:
         several = [x.columns for x in arguments if isinstance(x, kernel.Several)]
-        own = [x.take(body[done:], axis=1) for x in several] if body is not None else []
-        found[done:many] = natively(execution, constants, given[done:], width, own)
-        if not found[:many, -1].all():
-            for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
+        parameters = [x.take(body[done:], axis=1) for x in several] if body is not None else []
+        results[done:many] = natively(execution, constants, given[done:], width, parameters)
+        if not results[:many, -1].all():
+            for k in np.flatnonzero(results[:many, -1] == 0.0).tolist():  # say why
                 plainly(k)
-    return found[:many, :-1].copy()
+    return results[:many, :-1].copy()
 
 
-def natively(execution: Execution, constants: bytes, given: np.ndarray, width: int, own: Any = ()) -> np.ndarray:
+def natively(execution: Execution, constants: bytes, given: np.ndarray, width: int, parameters: Any = ()) -> np.ndarray:
     """Run the native code of a driver on every row of numbers: what it makes of it, and behind it a
     one, or a zero for a formula that failed, (m, width + 1).
 
-    own : (width, m) numbers of which every row has its own.
+    parameters : (width, m) numbers of which every row has its own.
     """
     many, lanes = len(given), execution.lanes
     columns = -(-many // lanes) * lanes
     rows, out = np.empty((given.shape[1], columns)), np.empty((width + 1, columns))
     rows[:, :many], rows[:, many:] = given.T, given[-1][:, None]
     last = np.minimum(np.arange(columns), many - 1)
-    padded = [x.take(last, axis=1) for x in own]
+    padded = [x.take(last, axis=1) for x in parameters]
     execution.run(constants, (), (*padded, rows, out), columns, 0, columns)
     return out.T[:many]
 
@@ -383,18 +383,18 @@ def execution_of(
     """The Execution of a driver for these arguments, for one use, and their numbers, packed."""
     native = wanted is not False and kernel.available() is None
     key = driver, native, silent, *map(id, arguments)
-    known = _executions.get(key)
-    if known is not None:
-        return like(known[0], native=known[0].used(wanted)), known[1]
+    remembered = _executions.get(key)
+    if remembered is not None:
+        return like(remembered[0], native=remembered[0].used(wanted)), remembered[1]
     lanes = kernel.lanes() if native else 1
     call = driver, *arguments, COLUMNS, COLUMNS, None
-    asked = None if native else False
-    made = Execution(asked, None, *call, lanes=lanes, silent=silent), numbers_of(*arguments)
-    own = like(made[0], native=made[0].used(wanted)), made[1]
+    compiled = None if native else False
+    entry = Execution(compiled, None, *call, lanes=lanes, silent=silent), numbers_of(*arguments)
+    for_one_use = like(entry[0], native=entry[0].used(wanted)), entry[1]
     if len(_executions) >= FEW:
         _executions.clear()
-    _executions[key] = made  # which has the arguments, so that their identities remain theirs
-    return own
+    _executions[key] = entry  # which has the arguments, so that their identities remain theirs
+    return for_one_use
 
 
 def _one(
@@ -420,18 +420,18 @@ def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
     """
     arrays = {}
     for name, begin, end, shape, is_complex in _parts(layout):
-        own = numbers[..., begin:end]
+        part = numbers[..., begin:end]
         if is_complex:
-            own = np.ascontiguousarray(own).view(complex)
-        if own.shape[-1:] != shape:
-            own = own.reshape(numbers.shape[:-1] + shape)
-        arrays[name] = own
+            part = np.ascontiguousarray(part).view(complex)
+        if part.shape[-1:] != shape:
+            part = part.reshape(numbers.shape[:-1] + shape)
+        arrays[name] = part
     return arrays
 
 
 @functools.lru_cache(256)
 def _parts(layout: Any) -> list[tuple[str, int, int, tuple[int, ...], bool]]:
-    """For each part of a state: name, first and last number, shape of its array, and is it complex?"""
+    """Per part of a state: its name, its first and last number, the shape of its array, whether it is complex."""
     parts, at = [], 0
     for name, inner in zip(layout.detail[1], layout.parts, strict=True):
         if inner.width:

@@ -18,7 +18,7 @@ Event = Callable[[float, Any], float]
 
 
 def name_of(event: Any) -> str:
-    """By which an event is known in a run that goes on, and in files."""
+    """The name under which an event is counted in carries and in files."""
     return str(getattr(event, "__qualname__", type(event).__qualname__))
 
 
@@ -31,8 +31,8 @@ class Met(tuple[tuple[str, int], ...]):
     events: tuple[Event, ...] | None = None
 
     @classmethod
-    def of(cls, events: tuple[Event, ...], counts: list[int]) -> Met:
-        """The counts of these events."""
+    def of_counts(cls, events: tuple[Event, ...], counts: list[int]) -> Met:
+        """Pair the names of these events with their counts."""
         met = cls([(name_of(event), n) for event, n in zip(events, counts, strict=True)])
         met.events = events
         return met
@@ -73,7 +73,7 @@ Zero = tuple[int, float, int, np.ndarray]
 
 
 class Watch:
-    """Zeros that one body has met.
+    """Zeros that one body has met, and the values of events where it stands.
 
     values : of all events where the body stands.  found : of every event the times and the numbers
     of the states, in the order in which the motion meets them.
@@ -98,22 +98,20 @@ class Watch:
 
     def forget(self, t: float, sign: float, ended: bool) -> None:
         """Forget the zeros that were met after this time, to which the run was interrupted."""
-        self.found = [[(at, x) for at, x in found if (at - t) * sign <= 0.0] for found in self.found]
+        self.found = [[(at, x) for at, x in zeros if (at - t) * sign <= 0.0] for zeros in self.found]
         self.ended = self.ended if ended else None
 
     @property
     def met(self) -> Met:
-        """With what a run goes on: the zeros so far, or none of the event that ended this one."""
-        counts = [n + len(found) for n, found in zip(self.before, self.found, strict=True)]
+        """Counts for a run that goes on; zero for the event that ended this one."""
+        counts = [n + len(zeros) for n, zeros in zip(self.before, self.found, strict=True)]
         if self.ended is not None:
             counts[self.ended] = 0
-        return Met.of(self.events, counts)
+        return Met.of_counts(self.events, counts)
 
 
 def crossed(event: Event, old: Any, new: Any) -> Any:
-    """Has an event a zero between two of its values, in the direction that it asks for?  A zero at
-    the first is none.
-    """
+    """Whether an event has a zero between two of its values, in its `direction`; a zero at the first is none."""
     direction = float(getattr(event, "direction", None) or 0.0)
     jump = float(getattr(event, "jumps_by", None) or 0.0)  # of angles: the way through zero is the shorter one
     zero = (np.minimum(old, new) <= 0.0) & (np.maximum(old, new) >= 0.0) & (old != 0.0)
@@ -141,8 +139,8 @@ class Events:
             before, ended = met.get(i, NO_EVENTS), cut.get(i)
             values = [self._value(i, event, t, state) for event in events]
             if ended is not None and ended < len(events):  # a zero that ended that run is none of this
-                known = [name for name, _ in before] or [name_of(event) for event in events]
-                if known[ended] == name_of(events[ended]):
+                names = [name for name, _ in before] or [name_of(event) for event in events]
+                if names[ended] == name_of(events[ended]):
                     values[ended] = 0.0
             self.each[i] = Watch(events, values, before)
         self.fresh = {*self.each}
@@ -150,7 +148,7 @@ class Events:
         self.kernels = [execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True) for event in events]
 
     def _value(self, body: int, event: Event, t: float, state: Any) -> Any:
-        """The value of an event.  What it raises tells where."""
+        """The value of an event of body number `body`; errors that it raises get a note of where."""
         try:
             value = event(t, state)
             self.floats = self.floats and type(value) is float
@@ -187,9 +185,9 @@ class Events:
         steps, starts = np.arange(len(piece)), np.flatnonzero(piece.begins)
         left = [(int(k), int(piece.body[k])) for k in steps[starts]]  # where plain Python begins, and with which body
         if self.floats and all([execution.ready(0.0) for execution, _ in self.kernels]):  # noqa: C419
-            found = self._natively(piece)
-            if found is not None:
-                hits, left = found
+            outcome = self._natively(piece)
+            if outcome is not None:
+                hits, left = outcome
         for k, body in left:
             if body in hits:
                 continue
@@ -258,7 +256,7 @@ class Events:
         of_each: dict[int, list[Zero]] = {}
         for zero in zeros:
             of_each.setdefault(int(piece.body[zero[0]]), []).append(zero)
-        hits |= {i: hit for i, own in of_each.items() if (hit := self.each[i].meet(own)) is not None}
+        hits |= {i: hit for i, met in of_each.items() if (hit := self.each[i].meet(met)) is not None}
         ends = np.append(starts[1:], len(step))
         for i, start, end, first in zip(bodies, starts.tolist(), ends.tolist(), bad.tolist()):
             watch = self.each[i]
@@ -271,17 +269,19 @@ class Events:
         return True
 
     def _before(self, body: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """The values at the look before each of some: of the first ones of a body those where it stands."""
+        """Values of events at the look before each look, (events, n): at the first look of a body those where it
+        stands.
+        """
         first = np.flatnonzero(np.append(True, body[1:] != body[:-1]))
         old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
         old[:, first] = np.array([self.each[i].values for i in body[first].tolist()]).T
         return old
 
     def _values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Their values at states, (n, width), and times, (n,): (events, n), nan where one failed."""
-        given = np.column_stack([self.run.view.seen(points)[1], t])
-        found = [natively(*kernel, given, 1) for kernel in self.kernels]
-        return np.array([np.where(one[:, 1] == 1.0, one[:, 0], np.nan) for one in found])
+        """Values of all events, (events, n), at states, (n, width), and times, (n,); nan where one failed."""
+        inputs = np.column_stack([self.run.view.seen(points)[1], t])
+        columns = [natively(*kernel, inputs, 1) for kernel in self.kernels]
+        return np.array([np.where(column[:, 1] == 1.0, column[:, 0], np.nan) for column in columns])
 
     def _zeros(self, piece: Any, looks: tuple[np.ndarray, ...], old: np.ndarray, new: np.ndarray) -> list[Zero] | None:
         """The zeros between some looks, in the order in which motions meet them; None if an event or a
@@ -289,18 +289,18 @@ class Events:
 
         looks : of each the step, and the times of the last look and of this one.  old, new : (events, n) the values then.
         """
-        changes = [crossed(*one) for one in zip(self.events, old, new, strict=True)]
+        changes = [crossed(*triple) for triple in zip(self.events, old, new, strict=True)]
         event, look = np.nonzero(changes)
         if not len(event):
             return []
         whole, *ends = (x[look] for x in looks)
 
-        def value(some: np.ndarray, times: np.ndarray) -> np.ndarray:
-            values = self._values(self.run.inside(piece, whole[some], times), times)
-            found = np.take_along_axis(values, event[None, some], axis=0)[0]
-            if np.isnan(found).any():
+        def value(which: np.ndarray, times: np.ndarray) -> np.ndarray:
+            values = self._values(self.run.inside(piece, whole[which], times), times)
+            chosen = np.take_along_axis(values, event[None, which], axis=0)[0]
+            if np.isnan(chosen).any():
                 raise ArithmeticError
-            return found
+            return chosen
 
         try:
             at, jumps = roots(value, ends[0], ends[1], old[event, look], new[event, look])
@@ -319,20 +319,20 @@ class Events:
 
         def values(points: np.ndarray, times: np.ndarray) -> np.ndarray:
             states = [run.view.small(x) for x in points]
-            given = list(zip(times.tolist(), states, strict=True))
-            return np.array([[self._value(body, event, t, x) for t, x in given] for event in self.events])
+            samples = list(zip(times.tolist(), states, strict=True))
+            return np.array([[self._value(body, event, t, x) for t, x in samples] for event in self.events])
 
         for k in range(first, len(piece)):
             if piece.body[k] != body:
                 break
-            some = np.array([k])
+            look = np.array([k])
 
-            def inside(t: float, some: np.ndarray = some) -> np.ndarray:
-                found: np.ndarray = run.inside(piece, some, np.array([t]))[0]
-                return found
+            def inside(t: float, some: np.ndarray = look) -> np.ndarray:
+                state: np.ndarray = run.inside(piece, some, np.array([t]))[0]
+                return state
 
             try:
-                _, *looks = self._looks(piece, some, run.looks(piece, some), values)
+                _, *looks = self._looks(piece, look, run.looks(piece, look), values)
                 for a, b, numbers in self._after_zeros(watch, inside, zip(*looks, strict=True)):
                     hits = []
                     for i, (event, old) in enumerate(zip(self.events, watch.values, strict=True)):
@@ -373,8 +373,8 @@ class Events:
         while (counts > 1).any():
             place = np.repeat(np.arange(len(step)), counts)
             part = np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
-            step, spans, begun, end = step[place], (b - a)[place] / counts[place], a[place], b[place]
-            a, b = begun + part * spans, np.where(part + 1 == counts[place], end, begun + (part + 1) * spans)
+            step, spans, start, end = step[place], (b - a)[place] / counts[place], a[place], b[place]
+            a, b = start + part * spans, np.where(part + 1 == counts[place], end, start + (part + 1) * spans)
             numbers, counts = run.inside(piece, step, b), np.ones(1)
             if closer:  # the states there may move faster
                 before = np.concatenate([numbers[:1], numbers[:-1]])
@@ -387,7 +387,7 @@ class Events:
         return step, a, b, numbers
 
     def _after_zeros(self, watch: Watch, inside: Any, looks: Any) -> Any:
-        """Looks, and an early one more after each at which an event was zero."""
+        """Looks, with an early one more after each at which an event was zero."""
         for a, b, numbers in looks:
             if 0.0 in watch.values and not self.noisy:
                 early = a + EARLY * (b - a)
@@ -407,13 +407,13 @@ class Events:
             return
         news = values(numbers[first], b[first]).T
         for k, new in zip(first.tolist(), news, strict=True):
-            watch, own = self.each[int(body[k])], self.run.here[:, body[k]]
+            watch, head = self.each[int(body[k])], self.run.here[:, body[k]]
             old = np.array(watch.values)
             small = (old != 0.0) & (np.abs(old) <= EARLY * np.abs(new))
             if small.any():
-                t, end = own.item(0), b.item(k)
+                t, end = head.item(0), b.item(k)
                 at = np.array([t, t + EARLY * (end - t)])
-                changed = own[1:] * (1.0 + EARLY**2 * np.linspace(1.0, 2.0, len(own) - 1))
+                changed = head[1:] * (1.0 + EARLY**2 * np.linspace(1.0, 2.0, len(head) - 1))
                 points = np.stack([changed, self.run.inside(piece, step[k : k + 1], at[1:])[0]])
                 by_state, by_time = np.abs(values(points, at) - old[:, None]).T
                 rounding = by_state / EARLY**2 + by_time / abs(at[1] - t) * max(abs(t), abs(end))
@@ -421,7 +421,7 @@ class Events:
                 watch.values = old.tolist()
 
     def _jumped(self, body: int, event: int, t: float) -> None:
-        """Keep where an event jumps over zero that does not say that it jumps, as an angle does."""
+        """Remember a jump over zero of an event that does not say that it jumps, as an angle does."""
         if getattr(self.events[event], "jumps_by", None) is None:
             self.jumps.setdefault(event, (name_of(self.events[event]), body, t))
 
@@ -448,11 +448,11 @@ class Events:
     def shown(self, body: int) -> tuple[tuple[np.ndarray, Any], ...]:
         """Times and states of every event of a body, as a Trajectory holds them."""
         watch = self.each.get(body)
-        found = [[] for _ in self.events] if watch is None else watch.found
+        zeros = [[] for _ in self.events] if watch is None else watch.found
         width = self.run.here.shape[0] - 1
         return tuple([
-            (np.array([t for t, _ in one]), self.run.view.states(np.array([x for _, x in one]).reshape(len(one), width)))
-            for one in found
+            (np.array([t for t, _ in met]), self.run.view.states(np.array([x for _, x in met]).reshape(len(met), width)))
+            for met in zeros
         ])  # fmt: skip
 
 
@@ -478,7 +478,7 @@ def roots(
     """
     x1, f1, x2, f2, x3, f3 = b, fb, a, fa, a, fa
     change = np.zeros(len(a))
-    found, left = np.where(fb == 0.0, b, a), np.flatnonzero((fb != 0.0) & (fa != 0.0))
+    places, left = np.where(fb == 0.0, b, a), np.flatnonzero((fb != 0.0) & (fa != 0.0))
     x1, f1, x2, f2, x3, f3 = (x[left] for x in (x1, f1, x2, f2, x3, f3))
     part, least = np.full(len(left), 0.5), 2.0 * EPSILON * np.maximum(np.abs(a), np.abs(b))[left]
     while len(left):
@@ -487,7 +487,7 @@ def roots(
         same = np.sign(f) == np.sign(f1)
         x3, f3, x2, f2 = np.where(same, (x1, f1, x2, f2), (x2, f2, x1, f1))
         x1, f1 = x, f
-        found[left] = np.where(np.abs(f1) < np.abs(f2), x1, x2)
+        places[left] = np.where(np.abs(f1) < np.abs(f2), x1, x2)
         change[left] = np.where(f1 == 0.0, 0.0, np.abs(f2 - f1))
         bound = least / np.abs(x2 - x1)
         going = (bound <= 0.5) & (f1 != 0.0)
@@ -499,4 +499,4 @@ def roots(
         safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
         part = np.minimum(1.0 - bound, np.maximum(bound, np.where(safe, inner, 0.5)))
     steep = STEEP + 32.0 * EPSILON * np.maximum(np.abs(a), np.abs(b)) / np.abs(b - a)
-    return found, (change != 0.0) & (change >= steep * np.abs(fb - fa))
+    return places, (change != 0.0) & (change >= steep * np.abs(fb - fa))

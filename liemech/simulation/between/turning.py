@@ -23,7 +23,7 @@ xi.
 """
 
 
-class Turning:
+class TurningRates:
     """The largest angular frequency with which elements and momenta of a group move under a constant velocity xi: that of
     the eigenvalues of ad_xi, and of the matrix of xi.
 
@@ -36,24 +36,24 @@ class Turning:
         _collect(group, 0, starts)
         self.parts = [
             (np.add.outer(first, np.arange(len(basis))), basis)
-            for one, first in starts.items()
-            for basis in _blocks(one)
+            for factor, first in starts.items()
+            for basis in _blocks(factor)
         ]
 
     def __call__(self, xi: np.ndarray) -> np.ndarray:
         """The frequencies of velocities, (n, dim): those up to a quarter of a turn as upper bounds."""
         fastest = np.zeros(len(xi))
         for places, basis in self.parts:
-            own = xi[:, places].reshape(-1, len(basis))
+            components = xi[:, places].reshape(-1, len(basis))
             # eigenvalues of real matrices come in pairs: twice the square of one is at most the norm's
             pairs = 1.0 if np.iscomplexobj(basis) else 0.5
             squares = np.einsum("iab,jab->ij", basis, basis.conj()).real
             with np.errstate(invalid="ignore", over="ignore"):
-                bound = np.sqrt(np.abs(pairs * np.einsum("ni,ij,nj->n", own, squares, own)))
+                bound = np.sqrt(np.abs(pairs * np.einsum("ni,ij,nj->n", components, squares, components)))
             rotation = len(basis[0]) <= 3 and np.array_equal(basis, -basis.transpose(0, 2, 1))
             fast = np.flatnonzero((bound > QUARTER) & (not rotation))
             if len(fast):
-                matrices = np.einsum("ni,iab->nab", own[fast], basis)
+                matrices = np.einsum("ni,iab->nab", components[fast], basis)
                 good = np.isfinite(matrices).all(axis=(1, 2))
                 bound[fast[good]] = np.abs(np.linalg.eigvals(matrices[good]).imag).max(axis=1)
             np.maximum(fastest, bound.reshape(len(xi), -1).max(axis=1), out=fastest)
@@ -61,9 +61,9 @@ class Turning:
 
 
 @functools.lru_cache(64)
-def turning_of(group: Any) -> Turning:
-    """The Turning of a group."""
-    return Turning(group)
+def turning_of(group: Any) -> TurningRates:
+    """The frequencies of a group, prepared once for equal groups."""
+    return TurningRates(group)
 
 
 def _collect(group: Any, start: int, starts: dict[Any, list[int]]) -> None:
@@ -89,23 +89,25 @@ def _blocks(group: Any) -> list[np.ndarray]:
         pass
     if group.dim <= SMALL:
         bases.append(algebra._ad_matrices)
-    found: list[np.ndarray] = []
+    blocks: list[np.ndarray] = []
     for basis in bases:
         count, block = connected_components(np.abs(basis).sum(axis=0) != 0.0, connection="strong")
         for k in range(count):
-            own = np.flatnonzero(block == k)
-            matrices = basis[:, own[:, None], own]
-            if matrices.any() and not any(np.array_equal(matrices, other) for other in found):
-                found.append(matrices)
-    return found
+            rows = np.flatnonzero(block == k)
+            matrices = basis[:, rows[:, None], rows]
+            if matrices.any() and not any(np.array_equal(matrices, other) for other in blocks):
+                blocks.append(matrices)
+    return blocks
 
 
 def looks_by_velocity(turned: np.ndarray) -> np.ndarray:
-    """How many looks steps need that turn by such angles, with some more where they need any."""
+    """Counts of looks, (n,), for steps that turn by these angles; more than the angle alone asks for where any is
+    needed.
+    """
     return _counted(np.where(turned > QUARTER, np.ceil(1.25 * turned / QUARTER), 1.0))
 
 
-def looks_on_the_way(turning: Turning, ways: np.ndarray, blocks: tuple[int, ...]) -> np.ndarray:
+def looks_on_the_way(turning: TurningRates, ways: np.ndarray, blocks: tuple[int, ...]) -> np.ndarray:
     """How many looks steps need that go along Omega(s) = s p_1 + s^2 p_2 + ..., 0 <= s <= 1.
 
     Omega' lies in the convex hull of its Bernstein coefficients, and a component turns back at most as often as they

@@ -90,17 +90,17 @@ LAST_TIME, RTOL, ATOL, LONGEST_STEP, LIMIT, ORIGIN = range(GOAL.width)
 
 
 def go_on(clock: np.ndarray, t: float) -> None:
-    """Go on at another time from the same state: velocity and step are found anew."""
+    """Set a clock to another time, from which velocity and step are computed anew."""
     clock[TIME], clock[STEP], clock[ANEW] = t, 0.0, 1.0
 
 
 def going(clock: Any, goal: Any) -> bool:
-    """Has the body more steps to make?"""
+    """Whether the body has more steps to make."""
     return clock.t != goal.t_end and clock.stuck == 0.0 and clock.steps < goal.limit
 
 
 def with_mark(clock: Any, stuck: float) -> Clock:
-    """A clock with another mark."""
+    """A copy of a clock with another mark."""
     return Clock(clock.t, clock.h, clock.error, clock.steps, clock.rejected, stuck, clock.fresh)
 
 
@@ -113,7 +113,7 @@ class Control(Record):
     """
 
     def begun(self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any) -> Any:
-        """Clock and carry before the first step: as they are."""
+        """Clock and carry before the first step, unchanged unless a subclass computes them."""
         return clock, carry
 
     def turn(
@@ -128,14 +128,14 @@ class Control(Record):
         self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
         turns: int, every: int, out: Any, failures: Any,
     ) -> Any:  # fmt: skip
-        """Some turns, with a row for each in which a step was made."""
-        made = 0
+        """Some turns, each with a row if its step was made: the clock and the carry behind them."""
+        count = 0
         for _ in range(turns):
             if not any_body(going(clock, goal)):
                 break
-            clock, carry, good = self.turn(method, system, layout, row, clock, carry, goal, made, out, failures)
+            clock, carry, good = self.turn(method, system, layout, row, clock, carry, goal, count, out, failures)
             if any_body(good):
-                made = made + 1
+                count = count + 1
         return clock, carry
 
 
@@ -178,22 +178,22 @@ class Tolerance(Control):
         tried, small = running and not small, running and small
         h, stuck = where(small, step, h), where(small, STUCK, stuck)
         if any_body(tried):
-            given = t, state, xi, step, goal.rtol, goal.atol, self.curves
-            trial = attempt(method.trial, system, *given)
+            arguments = t, state, xi, step, goal.rtol, goal.atol, self.curves
+            trial = attempt(method.trial, system, *arguments)
             done = accepted(trial, itself)
             mistaken = failures is not None and noted(failures, trial)
-            error, made = UNUSABLE, step
+            error, length = UNUSABLE, step
             if any_body(done):
-                found = judged(method, trial, t, step)
-                error, made = where(done, found[0], UNUSABLE), where(done, found[1], step)
-            asked = tried and not done and (failures is None or mistaken)
-            stuck = where(asked, ASKED if failures is None else STUCK, stuck)
-            tried = tried and not asked
+                shortened = judged(method, trial, t, step)
+                error, length = where(done, shortened[0], UNUSABLE), where(done, shortened[1], step)
+            ask = tried and not done and (failures is None or mistaken)
+            stuck = where(ask, ASKED if failures is None else STUCK, stuck)
+            tried = tried and not ask
             good = tried and error <= 1.0
-            new, root = following(method, made, error, before, 1.0 / method.error_order)
+            new, root = following(method, length, error, before, 1.0 / method.error_order)
             h = where(tried, new, h)
             if any_body(good):
-                t = where(good, where(last and made == step, goal.t_end, t + made), t)
+                t = where(good, where(last and length == step, goal.t_end, t + length), t)
                 state, xi = where(good, trial.state, state), where(good, trial.velocity, xi)
                 before, n = where(good, root, before), n + where(good, 1.0, 0.0)
                 if self.rows:
@@ -276,20 +276,20 @@ class Fictive(Control):
             if failures is not None and stood:
                 failures.append(StepTooSmall(f"{STILL:g} steps went by and physical time stands still"))
             failed = failed or stood
-            shown, tau, begun = trial[1], (n + 1.0) * h, carry
+            shown, tau, memory = trial[1], (n + 1.0) * h, carry
             still = where(good, where(time == t, still + 1.0, 0.0), still)
             n, t = n + where(good, 1.0, 0.0), where(good, time, t)
             carry = where(good, trial[0], carry)
             if any_body(past):
-                end = attempt(landed, method, system, begun, h, goal.t_end)
-                there = past and accepted(end, itself)
-                if failures is not None and not there:
+                end = attempt(landed, method, system, memory, h, goal.t_end)
+                reached = past and accepted(end, itself)
+                if failures is not None and not reached:
                     failures.append(reason(end))
-                if any_body(there):
-                    shown, tau = where(there, end[0], shown), where(there, n * h + end[1], tau)
-                    t, inside = where(there, goal.t_end, t), where(there, 1.0, inside)
-                failed = failed or (past and not there)
-                good = good or there
+                if any_body(reached):
+                    shown, tau = where(reached, end[0], shown), where(reached, n * h + end[1], tau)
+                    t, inside = where(reached, goal.t_end, t), where(reached, 1.0, inside)
+                failed = failed or (past and not reached)
+                good = good or reached
             if any_body(good):
                 write(out, k, (t, shown, where(good, tau, clock.steps * h)), row)
         stuck = where(failed, ASKED if failures is None else STUCK, stuck)
@@ -333,16 +333,16 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
     what is left of the interval.
     Source: Dahlquist and Bjorck, Numerical Methods, section 6.4.
     """
-    found = rounded(method.observe(memory))
+    shown = rounded(method.observe(memory))
     low, high, before = 0.0, h, 0.0
-    error_before = system.clock(found) - target
+    error_before = system.clock(shown) - target
     error, s, turns = error_before, h, 0
     done = error_before == 0.0
     if done:
         s = 0.0
     while not done:
-        found = rounded(method.observe(method.step(system, 0.0, memory, s)))
-        error = system.clock(found) - target
+        shown = rounded(method.observe(method.step(system, 0.0, memory, s)))
+        error = system.clock(shown) - target
         if error * h < 0.0:
             low = s
         else:
@@ -355,7 +355,7 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
         done = error == 0.0 or abs(new - s) <= ULP * abs(s) or turns >= TURNS
         if not done:
             before, error_before, s = s, error, new
-    return found, s
+    return shown, s
 
 
 # ------------------------------------------------------------------ steps by tolerance
@@ -373,8 +373,8 @@ def judged(method: Any, trial: Any, t: float, step: float) -> tuple[float, float
     """The error over the tolerance of the step that a trial has made, and its length."""
     if not method.shortens:
         return max(trial.error, LEAST), step
-    made = trial.share * step
-    return where(t + made == t, UNUSABLE, LEAST), made
+    length = trial.share * step
+    return where(t + length == t, UNUSABLE, LEAST), length
 
 
 def following(method: Any, step: float, error: float, before: float, power: float) -> tuple[float, float]:

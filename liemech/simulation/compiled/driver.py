@@ -11,7 +11,7 @@ from .control import ASKED, CLOCK, GOAL, STUCK, begun, observed, with_mark
 
 
 def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, theta: float) -> Any:
-    """The state a part theta of a step later."""
+    """The state after a part theta of a step, 0 <= theta <= 1."""
     return system.displaced(retraction, state, theta * horner(coefficients, theta))
 
 

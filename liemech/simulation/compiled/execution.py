@@ -72,7 +72,7 @@ class Execution:
         self.guard: Any = None, None
         self.refresh()
 
-    def of(self, system: Any) -> Execution:
+    def of_system(self, system: Any) -> Execution:
         """The Execution for another system of the same layout; the system is the second argument of
         every driver of steps.
         """
@@ -85,7 +85,7 @@ class Execution:
         return like(self, native=self.refresh())
 
     def refresh(self) -> kernel.Kernel | None:
-        """For another run: native code that says what the formulas say now, if there is some."""
+        """Prepare for another run: returns native code that says what the formulas say now, None if there is none."""
         self.seconds = 0.0
         native = self.native
         if native is None or not self._unchanged(native.reads):
@@ -101,8 +101,8 @@ class Execution:
         return native
 
     def used(self, demanded: bool | None) -> kernel.Kernel | None:
-        """For another use of a driver that runs before or after the steps: those who demand native
-        code have it here from the third use after the first one on.
+        """Native code for a driver that runs before or after the steps, or None; those who demand it have it here
+        from the third use after the first one on.
         """
         native = self.refresh()
         if native is None:
@@ -112,27 +112,27 @@ class Execution:
         return native
 
     def _unchanged(self, reads: Any) -> bool:
-        """Is all that was read what it was?  Calls that differ in their objects share native code,
-        and each has a guard.
+        """Whether everything that the kernel has read is unchanged. Calls that differ in their objects share native
+        code, and each has a guard.
         """
-        of, own = self.guard
-        guard = own if of is reads and own is not None else reads.guard
+        of, mine = self.guard
+        guard = mine if of is reads and mine is not None else reads.guard
         verdict = guard.verdict(self.given)
         if verdict is None:
-            own = reads.guard_of(self.given)
-            self.guard = reads, own
-            verdict = own is not None
+            mine = reads.guard_of(self.given)
+            self.guard = reads, mine
+            verdict = mine is not None
         return bool(verdict)
 
     @contextmanager
     def plain(self) -> Iterator[None]:
         """Around what runs in plain Python: its time counts, as long as there is no native code."""
-        begun = time.perf_counter()
+        start = time.perf_counter()
         try:
             yield
         finally:
             if self.native is None:
-                used = time.perf_counter() - begun
+                used = time.perf_counter() - start
                 self.seconds += used
                 self.history.seconds += used
 
@@ -202,9 +202,9 @@ def numbers_of(*values: Any) -> bytes:
 
 def like(thing: Any, **changed: Any) -> Any:
     """A copy with other attributes: `copy.copy` takes ten times as long."""
-    made = object.__new__(type(thing))
-    made.__dict__.update(thing.__dict__ | changed)
-    return made
+    copy = object.__new__(type(thing))
+    copy.__dict__.update(thing.__dict__ | changed)
+    return copy
 
 
 def _history(call: tuple[Any, ...], lanes: int) -> History:

@@ -56,20 +56,20 @@ class Lanes:
         self.stepping = Execution(asked, progress, *call, lanes=side, silent=side > 1 and timed)
 
     def of_system(self, system: Any) -> Lanes:
-        """These lanes for another system of the same layout."""
-        method, _, *rest = self.arguments
-        made: Lanes = like(
+        """A copy of these lanes for another system of the same layout."""
+        method, _, *others = self.arguments
+        lanes: Lanes = like(
             self,
-            arguments=(method, system, *rest),
-            constants=numbers_of(method, system, rest[0]),
-            stepping=self.stepping.of(system),
+            arguments=(method, system, *others),
+            constants=numbers_of(method, system, others[0]),
+            stepping=self.stepping.of_system(system),
         )
-        return made
+        return lanes
 
     def of_a_run(self) -> Lanes:
-        """These lanes for one run, with an Execution of its own."""
-        own: Lanes = like(self, stepping=self.stepping.of_a_run())
-        return own
+        """A copy of these lanes for one run, with an Execution of its own."""
+        lanes: Lanes = like(self, stepping=self.stepping.of_a_run())
+        return lanes
 
     def of_body(self, i: int) -> Any:
         """The arguments of a driver for one body."""
@@ -77,7 +77,7 @@ class Lanes:
 
     @functools.cached_property
     def _parts(self) -> list[tuple[int, int]]:
-        """Where numbers, clocks, goals and parameters of their own are in a column."""
+        """First and last index in a column of numbers, clocks, goals and own parameters."""
         widths = self.layout.width, CLOCK.width, GOAL.width, *(len(x) for x in self.own)
         ends = [sum(widths[: i + 1]) for i in range(len(widths))]
         return [*zip([0, *ends[:-1]], ends, strict=True)]
@@ -88,7 +88,7 @@ class Lanes:
 
     @property
     def height(self) -> int:
-        """How many numbers a column has."""
+        """Count of numbers of a column."""
         return self._parts[-1][1]
 
     def natively(
@@ -102,9 +102,9 @@ class Lanes:
         """
         if self.layout.in_memory and columns.shape[1] > 1:
             return self._one_by_one(columns, out, turns, every, first, end)
-        numbers, clocks, goals, *own = self.parts(columns)
-        given = (turns, every), (*own, goals, numbers, clocks, out)
-        call = functools.partial(self.stepping.run, self.constants, *given, columns.shape[1])
+        numbers, clocks, goals, *parameters = self.parts(columns)
+        arguments = (turns, every), (*parameters, goals, numbers, clocks, out)
+        call = functools.partial(self.stepping.run, self.constants, *arguments, columns.shape[1])
         work = turns * every, worth
         end = columns.shape[1] if end is None else end
         return share_out(call, first, end, self.stepping.lanes, size, work, workers)

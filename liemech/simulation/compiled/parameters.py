@@ -30,22 +30,22 @@ def parameter(system: Any, name: str, caller: str = "Plan.tangent") -> Any:
         elif type(system) in (tuple, list) and part.isdigit() and int(part) < len(system):
             system = system[int(part)]
         else:
-            known = ", ".join(named(type(system))) if isinstance(system, Record) else "none"
-            more = ", and the start; of the method method.name, and the step h" if caller == "Plan.tangent" else ""
-            raise InvalidInput(f"{caller}: {part} is no parameter of {system!r}; there are {known}{more}")
+            names = ", ".join(named(type(system))) if isinstance(system, Record) else "none"
+            others = ", and the start; of the method method.name, and the step h" if caller == "Plan.tangent" else ""
+            raise InvalidInput(f"{caller}: {part} is no parameter of {system!r}; there are {names}{others}")
     return system
 
 
 def with_parameter(system: Any, name: str, value: Any) -> Any:
     """This system, made with another value of a parameter."""
-    first, _, rest = name.partition(".")
+    first, _, inner = name.partition(".")
     if type(system) in (tuple, list):
         others = [*system]
-        others[int(first)] = with_parameter(others[int(first)], rest, value) if rest else value
+        others[int(first)] = with_parameter(others[int(first)], inner, value) if inner else value
         return type(system)(others)
-    given = {n: getattr(system, n) for n in named(type(system))}
-    given[first] = with_parameter(given[first], rest, value) if rest else value
-    return type(system)(**given)
+    fields = {n: getattr(system, n) for n in named(type(system))}
+    fields[first] = with_parameter(fields[first], inner, value) if inner else value
+    return type(system)(**fields)
 
 
 def parameters(system: Any, before: str = "") -> Iterator[str]:
@@ -62,22 +62,23 @@ def parameters(system: Any, before: str = "") -> Iterator[str]:
 
 
 def full_name(system: Any, name: str, caller: str) -> str:
-    """The parameter that is meant: by its full name, by the end of it if there is only one, or as a
-    linkage names those of its joints, "elbow.torque".  Raises InvalidInput.
+    """The full name of a parameter: given whole, by its end if there is only one such, or as a linkage names those of
+    its joints, "elbow.torque". by its full name, by the end of it if there is only one, or as a linkage names
+    those of its joints, "elbow.torque". Raises InvalidInput.
     """
-    known = [*dict.fromkeys(parameters(system))]
-    if name in known:
+    names = [*dict.fromkeys(parameters(system))]
+    if name in names:
         return name
     at_joint = getattr(system, "parameter_of_joint", None)
-    found = [x for x in known if x.endswith(f".{name}")]
+    matches = [x for x in names if x.endswith(f".{name}")]
     if at_joint is not None:
-        found = at_joint(name) or found
-    if len(found) == 1:
-        return str(found[0])
-    if found:
-        raise InvalidInput(f"{caller}: {name} may be {' or '.join(found)}; give the longer name")
+        matches = at_joint(name) or matches
+    if len(matches) == 1:
+        return str(matches[0])
+    if matches:
+        raise InvalidInput(f"{caller}: {name} may be {' or '.join(matches)}; give the longer name")
     raise InvalidInput(
-        f"{caller}: {name} is no parameter of {type(system).__name__} that has numbers; there are {', '.join(known)}"
+        f"{caller}: {name} is no parameter of {type(system).__name__} that has numbers; there are {', '.join(names)}"
     )
 
 
@@ -105,8 +106,8 @@ class Input:
                 raise InvalidInput(
                     f"{self.caller}: {self.name} is a {self.layout!r:.200}; got {value!r}, which is laid out otherwise"
                 )
-            found: list[float] = self.gather(value)
-            return found
+            gathered: list[float] = self.gather(value)
+            return gathered
         try:
             array = value if type(value) is np.ndarray else np.array(value, dtype=float)
             numbers: list[float] = array.ravel().tolist()
@@ -125,7 +126,7 @@ class Input:
         """The numbers of a value for all bodies, or of one for each, (width, bodies) or (width, 1)."""
         if self.shape is None:
             each = value if type(value) is list and len(value) == bodies else [value]
-            return np.array([self.numbers(one) for one in each]).T
+            return np.array([self.numbers(member) for member in each]).T
         array = np.asarray(value)
         if array.shape != (bodies, *self.shape):
             if array.ndim > len(self.shape):
@@ -143,18 +144,18 @@ class Input:
         return array
 
     def value(self, numbers: Any) -> Any:
-        """The value of the parameter with these numbers."""
+        """The value of the parameter that has these numbers."""
         return build(self.layout, iter([float(x) for x in numbers]))
 
     def in_system(self, system: Any, numbers: Any) -> Any:
-        """The system with this value."""
-        made = with_parameter(system, self.name, self.value(numbers))
-        if layout_of(made) != self.whole:
+        """The system with this value; refused if its layout changes."""
+        changed = with_parameter(system, self.name, self.value(numbers))
+        if layout_of(changed) != self.whole:
             raise InvalidInput(
                 f"{self.caller}: with {self.name} = {self.value(numbers)!r} the system is one of "
                 "another kind; make a plan of it"
             )
-        return made
+        return changed
 
 
 def shape_of(layout: Layout) -> tuple[int, ...] | None:
@@ -169,7 +170,7 @@ def shape_of(layout: Layout) -> tuple[int, ...] | None:
 
 
 def in_words(shape: tuple[int, ...]) -> str:
-    """A shape, for messages."""
+    """A shape in words, for error messages."""
     return f"of shape {shape}" if shape else "a number"
 
 
@@ -177,36 +178,36 @@ def in_words(shape: tuple[int, ...]) -> str:
 
 
 def places_of(system: Any, name: str, layout: Layout) -> tuple[int, ...] | None:
-    """Where the numbers of a parameter are among those of the system, as other values show that are
-    tried; None if others change with it, or if one of them is refused.
+    """Offsets of a parameter among the numbers of the system, found by trying other values; None if others change
+    with it, or if one of them is refused.
     """
     value, whole = parameter(system, name), layout_of(system)
-    before, found = np.array(leaves(system, whole)), None
+    before, offsets = np.array(leaves(system, whole)), None
     for scale, shift in ((0.731, 0.0), (-1.318, 1.0), (0.0, 0.0), (1e6, 3.0)):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 other = tried(value, scale, shift)
-                made = with_parameter(system, name, other)
-            if layout_of(made) != whole or layout_of(other) != layout:
+                changed = with_parameter(system, name, other)
+            if layout_of(changed) != whole or layout_of(other) != layout:
                 return None
         except Exception:
             return None
-        numbers, after = np.array(leaves(other, layout)), np.array(leaves(made, whole))
-        if found is None:
+        numbers, after = np.array(leaves(other, layout)), np.array(leaves(changed, whole))
+        if offsets is None:
             windows = np.lib.stride_tricks.sliding_window_view(after, len(numbers))
             old = np.array(leaves(value, layout))
-            found = [
+            offsets = [
                 int(i) for i in np.flatnonzero((windows == numbers).all(axis=1))
                 if (before[i : i + len(numbers)] == old).all()
             ]  # fmt: skip
         covered = before.copy()
-        for i in found:
+        for i in offsets:
             covered[i : i + len(numbers)] = numbers
         same = (covered == after) | (np.isnan(covered) & np.isnan(after))
-        if not found or not same.all():
+        if not offsets or not same.all():
             return None
-    return tuple(found or ())
+    return tuple(offsets or ())
 
 
 def tried(value: Any, scale: float, shift: float) -> Any:

@@ -57,7 +57,7 @@ class Steps:
     compiled: bool | None
     progress: bool | None
     workers: int
-    shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
+    shapes: dict[Any, RunShape] = dataclasses.field(default_factory=dict, repr=False)
     clock: str = "t"
     breaks: tuple[float, ...] = ()
     of_origins: MutableMapping[Any, Steps] = dataclasses.field(
@@ -70,8 +70,8 @@ class Steps:
     def of_system(self, system: System) -> Steps:
         """These steps for another system of the same layout; layouts and native code are shared."""
         shapes = {key: shape.of_system(system) for key, shape in [*self.shapes.items()]}
-        own = {"system": system, "shapes": shapes}
-        other: Steps = like(self, of_origins=WeakKeyDictionary(), of_layouts={}, **own)
+        fields = {"system": system, "shapes": shapes}
+        other: Steps = like(self, of_origins=WeakKeyDictionary(), of_layouts={}, **fields)
         return other
 
     @property
@@ -79,12 +79,12 @@ class Steps:
         """The system, of several the first."""
         return of_body(self.system, 0)
 
-    def of(self, body: int) -> Any:
-        """The system of a body."""
+    def system_of(self, body: int) -> Any:
+        """The system of this body: the only one, or its own."""
         return of_body(self.system, body)
 
     def method_of(self, body: int) -> Any:
-        """The method of a body."""
+        """The method of this body: the only one, or its own."""
         return of_body(self.method, body)
 
     @property
@@ -99,18 +99,18 @@ class Steps:
         method = self.method_of(body)
         if self.clock != "t" and not method.fictive:
             return method
-        known = self.ways.get(id(method))
-        if known is None:
-            known = self.ways[id(method)] = ending_at_jumps(method, self.of(body), self.breaks)
-        return known
+        cut = self.ways.get(id(method))
+        if cut is None:
+            cut = self.ways[id(method)] = ending_at_jumps(method, self.system_of(body), self.breaks)
+        return cut
 
     def h_of(self, body: int) -> float:
-        """The step of a body."""
+        """The step of this body, in s: the only one, or its own."""
         h: float = self.h[body] if isinstance(self.h, tuple) else self.h
         return h
 
-    def owns(self, shape: Shape | None) -> bool:
-        """Is the shape one of this plan?"""
+    def owns(self, shape: RunShape | None) -> bool:
+        """Whether this plan has prepared this shape."""
         return shape in self.shapes.values()
 
     def remembering(self, start: State) -> State:
@@ -139,7 +139,7 @@ class Steps:
         return compensated(start) if self.compensated else start
 
 
-class Shape:
+class RunShape:
     """The layouts of runs whose starts are alike, and the code that begins them.
 
     given : of a start of one body as it comes; started : in the numbers of the run.
@@ -176,25 +176,25 @@ class Shape:
         whole = self.whole(bodies)
         return whole + APART if whole % PAGE == 0 else whole
 
-    def of_system(self, system: System) -> Shape:
-        """This shape for another system of the same layout."""
+    def of_system(self, system: System) -> RunShape:
+        """A copy of this shape for another system of the same layout."""
         place = self.place  # before the lanes, which are there as soon as it is
-        beginning = None if self._beginning is None else self._beginning.of(system)
-        lanes = {key: one.of_system(system) for key, one in [*self.lanes.items()]}
-        other: Shape = like(self, _beginning=beginning, lanes=lanes)
+        beginning = None if self._beginning is None else self._beginning.of_system(system)
+        lanes = {key: old.of_system(system) for key, old in [*self.lanes.items()]}
+        other: RunShape = like(self, _beginning=beginning, lanes=lanes)
         other.place = None if place is None else place.of_system(other)
         return other
 
     def lanes_of(self, steps: Steps, control: Any, extra: Any, side: int) -> Lanes:
-        """The code that makes steps, for one run."""
+        """Lanes for one run, with the code that makes steps under this control."""
         key = control, side
-        found = self.lanes.get(key)
-        if found is None:
-            found = self.lanes[key] = Lanes(
+        prepared = self.lanes.get(key)
+        if prepared is None:
+            prepared = self.lanes[key] = Lanes(
                 steps.way, steps.system, control, self.layout, self.example, extra,
                 steps.compiled, steps.progress, side,
             )  # fmt: skip
-        return found.of_a_run()
+        return prepared.of_a_run()
 
     def beginning(self, steps: Steps, lanes: Lanes) -> Execution:
         """The Execution of the driver `begin`, which all runs have in common."""

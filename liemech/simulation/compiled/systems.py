@@ -50,8 +50,8 @@ class OfBodies:
         return f"[{self.members[0]!r}, ... {len(self.members)} {self.called}]"
 
     @classmethod
-    def of(cls, given: Any, kind: type, example: str) -> Any:
-        """A list that a user gave, with one for each body."""
+    def from_list(cls, given: Any, kind: type, example: str) -> Any:
+        """The systems or methods of a list, one for each body; None for what is no list."""
         if isinstance(given, OfBodies):
             return given
         if not isinstance(given, (list, tuple)):
@@ -64,23 +64,23 @@ class OfBodies:
         layout = layout_of(given[0])
         for i, other in enumerate(given):
             if layout_of(other) != layout:
-                one = cls.called.removesuffix("s")
+                noun = cls.called.removesuffix("s")
                 raise InvalidInput(
-                    f"integrate: the {cls.called} of an ensemble differ in numbers only; {one} {i},"
-                    f" {other!r}, is of another kind than {one} 0, {given[0]!r} (numbers are floats,"
+                    f"integrate: the {cls.called} of an ensemble differ in numbers only; {noun} {i},"
+                    f" {other!r}, is of another kind than {noun} 0, {given[0]!r} (numbers are floats,"
                     " Vec and Mat; ints, texts and tuples are parts of the formulas)"
                 )
         return cls(tuple(given))
 
 
 class Methods(OfBodies):
-    """Methods of one kind."""
+    """Methods of one class and layout, one for each body."""
 
     called = "methods"
 
 
 class Systems(OfBodies):
-    """Systems of one kind."""
+    """Systems of one class and layout, one for each body."""
 
     called = "systems"
 
@@ -98,19 +98,19 @@ class Systems(OfBodies):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The constants of every body, (n, bodies, ...)."""
-        found = [s.constants({name: x[:, i] for name, x in states.items()}) for i, s in enumerate(self.members)]
-        return {name: np.stack([constants[name] for constants in found], axis=1) for name in found[0]}
+        of_bodies = [s.constants({name: x[:, i] for name, x in states.items()}) for i, s in enumerate(self.members)]
+        return {name: np.stack([constants[name] for constants in of_bodies], axis=1) for name in of_bodies[0]}
 
 
 def systems_of(given: Any) -> Systems | None:
-    """The systems, if there are several: a list, or one with a parameter for each member."""
-    found: Systems | None = Systems.of(_of_members(given), System, "RigidBody(...)")
-    return found
+    """The systems of a list, or of one with a parameter for each member; None for one system."""
+    systems: Systems | None = Systems.from_list(_of_members(given), System, "RigidBody(...)")
+    return systems
 
 
 def _of_members(system: Any) -> Any:
-    """For every member of an ensemble the system with its own parameters, if some are `each(values)`;
-    those of the edges and sites of one system stay.
+    """Systems of the members of an ensemble, if parameters are `each(values)`; else the value as given. Parameters of
+    the edges and sites of one system stay.
     """
     if not isinstance(system, System) or _alike.get(system):
         return system
@@ -129,16 +129,16 @@ _alike = Remembered()
 
 
 def methods_of(given: Any) -> Methods | None:
-    """The methods, if there are several."""
-    found: Methods | None = Methods.of(given, Method, "ReversibleController(...)")
-    return found
+    """The methods of a list, one for each body; None for one method."""
+    methods: Methods | None = Methods.from_list(given, Method, "ReversibleController(...)")
+    return methods
 
 
 def of_body(thing: Any, body: int) -> Any:
-    """The system or the method of a body."""
+    """The system or the method of body i: the only one, or its own."""
     return thing[body] if isinstance(thing, OfBodies) else thing
 
 
 def each_of(thing: Any) -> list[Any]:
-    """The systems, or the methods; one for all is one."""
+    """All systems or methods in a list, a single one alone in it."""
     return [*thing] if isinstance(thing, OfBodies) else [thing]

@@ -123,25 +123,25 @@ class Drift:
         return cls(tuple(_kept(name, t, values, np.abs(values)[_some(len(t))]) for name, values in flat.items()))
 
     def __getitem__(self, name: str) -> Kept:
-        for kept in self.kept:
-            if kept.name == name:
-                return kept
+        for constant in self.kept:
+            if constant.name == name:
+                return constant
         names = ", ".join(k.name for k in self.kept) or "none"
         raise InvalidInput(f"Drift: {name!r} is no constant of this motion; known are: {names}")
 
     def __iter__(self) -> Iterator[str]:
-        """The names of the constants."""
-        return iter([kept.name for kept in self.kept])
+        """Iterate over the names of the constants."""
+        return iter([constant.name for constant in self.kept])
 
     def __len__(self) -> int:
         return len(self.kept)
 
     def __contains__(self, name: object) -> bool:
-        return any(kept.name == name for kept in self.kept)
+        return any(constant.name == name for constant in self.kept)
 
     def __str__(self) -> str:
-        wide = max([COLUMN, *(len(kept.name) + 2 for kept in self.kept)])
-        lines = [kept.name.ljust(wide) + str(kept)[max(COLUMN, len(kept.name)) :] for kept in self.kept]
+        wide = max([COLUMN, *(len(constant.name) + 2 for constant in self.kept)])
+        lines = [constant.name.ljust(wide) + str(constant)[max(COLUMN, len(constant.name)) :] for constant in self.kept]
         return "\n".join(lines) or "no constants of the motion are known"
 
     @property
@@ -171,7 +171,7 @@ def constants_and_terms(
     coordinates all are varied at once, with signs by chance: the root of the sum of the squares of the
     terms, about, instead of their sum.
     """
-    bit, some = 2.0**-20, _some(n)
+    bit, looks = 2.0**-20, _some(n)
     varied: list[tuple[str, Any]] = [(part, i) for part in system.coordinates for i in range(states[part].shape[-1])]
     together = len(varied) > SEPARATE
     if together:
@@ -180,21 +180,21 @@ def constants_and_terms(
         varied = [(part, sign) for part in parts for sign in signs[part]]
     longer: dict[str, np.ndarray] = {}
     for name, values in states.items():
-        one, rows = values.shape[1:], n + len(varied) * len(some)
-        longer[name] = whole = np.empty((rows, *one), values.dtype)
-        whole[:n], more = values, whole[n:].reshape(len(varied), len(some), *one)
-        more[:] = values[some]
-        for row, (part, i) in zip(more, varied, strict=True):
+        shape, rows = values.shape[1:], n + len(varied) * len(looks)
+        longer[name] = whole = np.empty((rows, *shape), values.dtype)
+        whole[:n], variations = values, whole[n:].reshape(len(varied), len(looks), *shape)
+        variations[:] = values[looks]
+        for row, (part, i) in zip(variations, varied, strict=True):
             if part == name and together:
                 row *= 1.0 + bit * i
             elif part == name:
                 row[..., i] *= 1.0 + bit
     series, terms = {}, {}
     for name, values in system.constants(longer).items():
-        here = values[:n][some]
-        changes = np.abs(values[n:].reshape(len(varied), *here.shape) - here)
+        unvaried = values[:n][looks]
+        changes = np.abs(values[n:].reshape(len(varied), *unvaried.shape) - unvaried)
         sums = changes.max(axis=0) if together else changes.sum(axis=0)
-        series[name], terms[name] = values[:n], np.maximum(np.abs(here), sums / bit)
+        series[name], terms[name] = values[:n], np.maximum(np.abs(unvaried), sums / bit)
     return series, terms
 
 
@@ -230,9 +230,9 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Ke
         change = (values - values[0]) / unit[..., None]
         largest = _lengths(change)
         worst = np.unravel_index(largest.argmax(), largest.shape)[1:]
-        own = largest[(slice(None), *worst)]
-        last, top = float(own[-1]), float(own.max())
-        typical = top * float(np.mean((own / top) ** 2)) ** 0.5 if 0.0 < top < np.inf else top
+        norms = largest[(slice(None), *worst)]
+        last, top = float(norms[-1]), float(norms.max())
+        typical = top * float(np.mean((norms / top) ** 2)) ** 0.5 if 0.0 < top < np.inf else top
         series = change[(slice(None), *worst)]
         component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
         if t.ndim == 2:
@@ -240,9 +240,9 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Ke
         time = t - t.sum() / len(t)
         squares = float(time @ time)
         slope = float(time @ component / squares) if squares else 0.0  # 0: a body that has no time
-        rest = component - slope * time
-        rest -= rest.sum() / len(t)
-        spread = float(rest @ rest / len(t)) ** 0.5
+        residual = component - slope * time
+        residual -= residual.sum() / len(t)
+        spread = float(residual @ residual / len(t)) ** 0.5
     return Kept(
         name,
         float(size[worst]),

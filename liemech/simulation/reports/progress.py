@@ -71,7 +71,7 @@ class Bar:
 
 
 def watched() -> bool:
-    """Is what is written to stderr seen at once, in a terminal or a notebook?"""
+    """Whether stderr is read as it is written: a terminal or a notebook."""
     return sys.stderr.isatty() or "ipykernel" in sys.modules
 
 
@@ -88,7 +88,7 @@ def named(name: str) -> Iterator[None]:
 @contextmanager
 def notice(wanted: bool | None, text: str) -> Iterator[None]:
     """A line for what takes longer than a second."""
-    shown, begun = list[float](), time.perf_counter()
+    shown, start = list[float](), time.perf_counter()
 
     def show() -> None:
         shown.append(time.perf_counter())
@@ -102,6 +102,6 @@ def notice(wanted: bool | None, text: str) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
-        WANTED.compiled += time.perf_counter() - begun
+        WANTED.compiled += time.perf_counter() - start
         if shown:
             print(f" {NOTICE + time.perf_counter() - shown[0]:.1f} s", file=sys.stderr, flush=True)

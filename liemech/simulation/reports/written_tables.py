@@ -63,7 +63,7 @@ def _maths(text: str) -> str:
 
 
 def latex_number(x: float) -> str:
-    """A number in three digits."""
+    """A number in three digits for LaTeX, with a power of ten where it is small or large."""
     if math.isnan(x):
         return "--"
     if math.isinf(x):

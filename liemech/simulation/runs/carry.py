@@ -15,7 +15,7 @@ from ...systems.system import State, member, state_of
 from ..between.dense import unpacked
 from ..between.events import NO_EVENTS, Met
 from ..compiled.control import STEP, TAKEN, TIME
-from ..compiled.prepared import Shape
+from ..compiled.prepared import RunShape
 from ..stopped import Stopped
 
 
@@ -37,7 +37,7 @@ class Carry:
 
     fictive: ClassVar[bool] = False  # is its time a fictive one?
 
-    shape: Shape | None = dataclasses.field(repr=False)
+    shape: RunShape | None = dataclasses.field(repr=False)
     t0: Any
     numbers: np.ndarray = dataclasses.field(repr=False)
     clock: np.ndarray = dataclasses.field(repr=False)
@@ -58,12 +58,12 @@ class Carry:
         bodies: int | None = None, met: Any = None,
     ) -> Carry:  # fmt: skip
         """The carry of bodies of which none has ended, in half the time that a dataclass takes."""
-        made = object.__new__(cls)
-        made.__dict__.update(
+        carry = object.__new__(cls)
+        carry.__dict__.update(
             shape=shape, t0=t0, numbers=numbers, clock=clock, last=last, bodies=bodies,
             ended={}, met={} if met is None else met, cut={},
         )  # fmt: skip
-        return made
+        return carry
 
     @classmethod
     def quickly(
@@ -80,12 +80,12 @@ class Carry:
 
     @property
     def h(self) -> Any:
-        """The step, or that of each body."""
+        """The step, in s, or the steps of all bodies."""
         return self.clock.item(STEP) if self.bodies is None else common(self.clock[STEP])
 
     @property
     def step(self) -> int:
-        """How many steps were taken; of an ensemble by the body that goes on and has most."""
+        """The number of steps taken; of an ensemble the largest among the bodies that go on."""
         if self.bodies is None:
             return int(self.clock.item(TAKEN))
         going = np.delete(self.clock[TAKEN], [*self.ended])
@@ -93,7 +93,7 @@ class Carry:
 
     @property
     def together(self) -> bool:
-        """Have all bodies that go on made the same fixed steps, from the same time on?"""
+        """Whether all bodies that go on have made the same fixed steps, from the same time on."""
         going = np.delete(self.clock[TAKEN], [*self.ended])
         return np.ndim(self.t0) == 0 and bool(len(going)) and bool((going == going[0]).all())
 
@@ -104,7 +104,7 @@ class Carry:
 
     @functools.cached_property
     def state(self) -> State:
-        """The state at this time."""
+        """The state at the time of the carry, with a leading axis for an ensemble."""
         shape: Any = self.shape
         if self.bodies is None:
             return build(shape.shown, iter(self.last.ravel().tolist()))
@@ -121,30 +121,30 @@ class Carry:
         )
 
     def member(self, i: int) -> Carry:
-        """The carry of one body."""
+        """The carry of body i alone."""
         if self.bodies is None:
             return self
         t0 = self.t0 if np.ndim(self.t0) == 0 else self.t0.item(i)
         numbers, clock, last = (x[:, i] for x in (self.numbers, self.clock, self.last))
         maps: Any = self.ended, self.met, self.cut
-        own = [{0: x[i]} if i in x else {} for x in maps]
-        found = Carry(None, t0, numbers, clock, last, None, *own)
-        vars(found)["state"] = member(self.state, i)
-        return found
+        maps_of_body = [{0: x[i]} if i in x else {} for x in maps]
+        carry = Carry(None, t0, numbers, clock, last, None, *maps_of_body)
+        vars(carry)["state"] = member(self.state, i)
+        return carry
 
     @property
     def members(self) -> tuple[Any, ...]:
-        """The carries of all bodies."""
+        """Carries of all bodies, one for each."""
         return tuple([self.member(i) for i in range(self.bodies or 1)])
 
     @staticmethod
     def beside(carries: list[Any]) -> Carry:
-        """The carries of some ensembles as one."""
-        first, begun = carries[0], np.cumsum([0, *[c.bodies for c in carries]]).tolist()
+        """The carries of several ensembles joined to one."""
+        first, first_bodies = carries[0], np.cumsum([0, *[c.bodies for c in carries]]).tolist()
         zeros = [np.broadcast_to(c.t0, c.bodies) for c in carries]
 
         def moved(name: str) -> dict[int, Any]:
-            pairs = zip(begun, carries, strict=False)
+            pairs = zip(first_bodies, carries, strict=False)
             return {at + i: x for at, c in pairs for i, x in getattr(c, name).items()}
 
         numbers, clock, last = (
@@ -152,9 +152,9 @@ class Carry:
         )
         t0 = None if first.t0 is None else common(np.concatenate(zeros))
         maps = moved("ended"), moved("met"), moved("cut")
-        found = Carry(None, t0, numbers, clock, last, begun[-1], *maps)
-        vars(found)["state"] = all_of([c.state for c in carries])
-        return found
+        carry = Carry(None, t0, numbers, clock, last, first_bodies[-1], *maps)
+        vars(carry)["state"] = all_of([c.state for c in carries])
+        return carry
 
     # ---------------------------------------------------------------- going on
 
@@ -205,17 +205,17 @@ class SiteCarry:
 
     @property
     def t(self) -> Any:
-        """The time, in s."""
+        """The time t0 + step h, in s."""
         return self.t0 + self.step * self.h
 
 
 def common(values: Any) -> Any:
-    """The value that all have, or an array of them."""
+    """The value that all elements have, or an array of them."""
     flat = np.ravel(values)
     return flat.item(0) if (flat == flat[0]).all() else np.array(flat)
 
 
 def all_of(states: list[Any]) -> Any:
-    """The states of some ensembles as that of one."""
+    """The states of several ensembles joined to one."""
     names = states[0].arrays
     return state_of(type(states[0]), {n: np.concatenate([s.arrays[n] for s in states]) for n in names})

@@ -29,7 +29,7 @@ class Course:
     # ---------------------------------------------------------------- what a run has of its own
 
     def piece(self) -> int | None:
-        """Make some more steps; how many, of all bodies together; None if there are none to make."""
+        """Make the steps of one piece; returns their number over all bodies, None if the run is at its end."""
         raise NotImplementedError
 
     @property
@@ -39,23 +39,23 @@ class Course:
 
     @property
     def shown(self) -> int:
-        """How much of the total is done."""
+        """The part of the total of `measure` that is done."""
         raise NotImplementedError
 
     @property
     def worth_saving(self) -> bool:
-        """Is the run saved at this place, if a checkpoint is due?"""
+        """Whether a checkpoint that is due is written at this place."""
         return True
 
     def so_far(self) -> str:
-        """How far an interrupted run has come."""
+        """Where an interrupted run stands, as words for its error."""
         raise NotImplementedError
 
     def require_ends(self) -> None:
         """Raise the error of a run that has not come to its end."""
 
     def settle(self, error: Any) -> bool:
-        """Forget what lies beyond the place where a run stands that this error ends; can it go on?"""
+        """Forget what lies beyond the place where this error ended the run; returns whether it can go on."""
         return True
 
     def tell(self, made: Trajectory) -> None:
@@ -64,27 +64,27 @@ class Course:
     # ---------------------------------------------------------------- the loop
 
     def trajectory(self) -> Trajectory:
-        """Go to the goals."""
+        """Run to the goals and return all samples; errors carry the run so far."""
         try:
             with Bar(self.plan.options.progress, *self.measure) as bar:
                 self._march(bar)
             self.require_ends()
-            made: Trajectory = of_run(self)
+            run: Trajectory = of_run(self)
         except (Exception, KeyboardInterrupt) as error:
             raise self._stopped(error) from error.__cause__
-        self.tell(made)
-        return made
+        self.tell(run)
+        return run
 
     def _march(self, bar: Bar) -> None:
-        """Piece after piece."""
+        """Make pieces until there are none, with progress and checkpoints in between."""
         checkpoint = self.checkpoint
-        while (made := self.piece()) is not None:
+        while (steps := self.piece()) is not None:
             bar.advance(self.shown - bar.done)
-            if checkpoint is not None and checkpoint.due(made) and self.worth_saving:
+            if checkpoint is not None and checkpoint.due(steps) and self.worth_saving:
                 self.save()
 
     def save(self) -> None:
-        """Write the run so far."""
+        """Write the run so far to the checkpoint."""
         self.checkpoint.save(of_run(self))
 
     def _stopped(self, error: Any) -> Any:
@@ -102,7 +102,7 @@ class Course:
 
 
 def told(error: Any, method: Any, at: str, samples: Callable[[], int] | None) -> Any:
-    """The error of a run that ends at a place: a mistake in a formula is itself, with a note.
+    """The error of a run that ends at a place: a failure of the method, or a mistake in a formula itself with a note.
 
     samples : how many there are; None beside other bodies.
     """

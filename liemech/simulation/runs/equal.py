@@ -18,7 +18,7 @@ from ...errors import IntegrationFailure, InvalidInput, InvalidType, failure, is
 from ...formulas.classes.pytree import Layout, build, double_double, fitted, layout_of, leaves
 from ...systems.system import State, member
 from .. import arguments
-from ..between.dense import Between, ShortSteps, lay_out
+from ..between.dense import MotionBetween, ShortSteps, lay_out
 from ..compiled.control import (
     ASKED,
     GOAL,
@@ -38,8 +38,8 @@ from ..compiled.control import (
 from ..compiled.driver import begin
 from ..compiled.execution import LOOK, like
 from ..compiled.lanes import Lanes, share_out
-from ..compiled.prepared import Shape, shown_step, times
-from ..keep import At, Straight
+from ..compiled.prepared import RunShape, shown_step, times
+from ..keep import AtTimes, Straight
 from ..result import of_start
 from ..trajectory import Trajectory
 from .carry import Carry, common
@@ -66,14 +66,14 @@ class EqualRun(Run):
     """A run of fixed steps, in which each body goes to an end of its own, or to an event."""
 
     control: Any = Equal(True)
-    shape: Shape
+    shape: RunShape
     extra: Any = ()
     straight: ClassVar[bool] = False
     unbegun: Any = ()
 
     def aim(self, ends: list[Any], steps: Any) -> None:
-        way, before = self.way, self.before
-        self.h = np.array([way.h_of(i) for i in range(self.count)])
+        steps_of_plan, before = self.way, self.before
+        self.h = np.array([steps_of_plan.h_of(i) for i in range(self.count)])
         self.zero = self.t0 if before is None else np.array(np.broadcast_to(before.t0, self.count))
         if before is not None:
             self.first = before.clock[TAKEN].reshape(-1).copy()
@@ -81,9 +81,9 @@ class EqualRun(Run):
         self.aims[LAST_TIME], self.aims[ORIGIN] = np.copysign(np.inf, self.h), self.zero
         self.aims[LIMIT] = self.first
         for i in np.flatnonzero(~self.over).tolist():
-            own = float(self.zero[i]), int(self.first[i])
+            origin = float(self.zero[i]), int(self.first[i])
             try:
-                self.aims[LIMIT, i] += arguments.fixed_steps(steps, ends[i], *own, self.h.item(i))
+                self.aims[LIMIT, i] += arguments.fixed_steps(steps, ends[i], *origin, self.h.item(i))
             except Exception as error:
                 if self.bodies:
                     error.add_note(f"[integrate: body {i}]")
@@ -100,9 +100,9 @@ class EqualRun(Run):
         self.shape, lanes = shape, self._lanes(shape)
         self.lanes, columns = lanes, shape.columns(count)
         self.table = in_lines(lanes.height, columns)
-        numbers, clocks, goals, *own = lanes.parts(self.table[:, :count])
-        for mine, given in zip(own, lanes.own, strict=True):
-            mine[:] = given
+        numbers, clocks, goals, *parameters = lanes.parts(self.table[:, :count])
+        for mine, values in zip(parameters, lanes.own, strict=True):
+            mine[:] = values
         clocks[:], clocks[STEP], clocks[TAKEN] = 0.0, self.h, self.first
         clocks[TIME], goals[:] = self.zero + self.first * self.h, self.aims
         heads = self._heads(shape.shown.width, columns)
@@ -115,11 +115,11 @@ class EqualRun(Run):
         self._stand_at_start(clocks, heads[:, :count])
 
     def _heads(self, width: int, columns: int) -> np.ndarray:
-        """Memory for the first samples."""
+        """Zeros for the first samples, (width, columns)."""
         return np.zeros((width, columns))
 
     def _stand_at_start(self, clocks: np.ndarray, heads: np.ndarray) -> None:
-        """Stand where the run begins."""
+        """Set `here` to times and samples at the start."""
         self.here = np.concatenate([clocks[TIME, None], heads])
         self.here[0, self.over] = self.t0[self.over]
 
@@ -132,34 +132,34 @@ class EqualRun(Run):
         """The state in which the steps of one body begin."""
         return member(self.stepped, i)
 
-    def _shape(self) -> Shape:
+    def _shape(self) -> RunShape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
-        way, known = self.way, getattr(self.before, "shape", None)
-        if known is not None and way.owns(known):
-            return known
-        one = self._member(0)
-        given, side = layout_of(one), kernel.side_by_side(self.bodies)
-        known = way.shapes.get((given, side))
-        if known is None:
-            remembering = way.remembering(one)
+        steps, shape = self.way, getattr(self.before, "shape", None)
+        if shape is not None and steps.owns(shape):
+            return shape
+        first_start = self._member(0)
+        layout, side = layout_of(first_start), kernel.side_by_side(self.bodies)
+        shape = steps.shapes.get((layout, side))
+        if shape is None:
+            remembering = steps.remembering(first_start)
             started = layout_of(remembering)
             first, example = self._first(remembering, started)
-            known = way.shapes[given, side] = Shape(way, given, started, first, example, side)
-        return known
+            shape = steps.shapes[layout, side] = RunShape(steps, layout, started, first, example, side)
+        return shape
 
-    def _lanes(self, shape: Shape) -> Lanes:
+    def _lanes(self, shape: RunShape) -> Lanes:
         """Layouts and native code of steps."""
         native = self.asked_for is not False and kernel.available() is None
         side = shape.side if self.straight else kernel.width() if self.bodies and native else 1
         return shape.lanes_of(self.way, self.control, self.extra, side)
 
-    def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
+    def _first(self, first_start: State, started: Layout) -> tuple[Any, Any]:
         """The first memory of the method for the first body that can begin, and the
         sample that shows it.
         """
         for i in range(self.count):
-            own = fitted(self._member(i), started) if i else one
-            trial = attempt(begun, self.way.way_of(i), self.way.of(i), own, self.h.item(i))
+            start = fitted(self._member(i), started) if i else first_start
+            trial = attempt(begun, self.way.way_of(i), self.way.system_of(i), start, self.h.item(i))
             if not isinstance(trial, Rejected):
                 carry, example = trial
                 if not isinstance(example, State):
@@ -176,7 +176,7 @@ class EqualRun(Run):
 
     def _nobody(self) -> Any:
         """The error of a run in which no body can begin: a mistake in a formula, or a failure."""
-        raised: list[Any] = [one[-1] for one in self.failures.values() if one]
+        raised: list[Any] = [errors[-1] for errors in self.failures.values() if errors]
         error: Any = next((e for e in raised if is_mistake(e)), raised[0] if raised else None)
         none = f"none of the {self.count} bodies can begin; body 0: " if self.bodies else ""
         if not is_mistake(error):
@@ -193,7 +193,7 @@ class EqualRun(Run):
         return {"system": self.plan.system, "t": t, "states": states, "h": shown_step(self.way.h)}
 
     def _begin(self, heads: np.ndarray) -> None:
-        """Let the method begin with every body."""
+        """Let the method begin with every body: compute what it carries along at the start."""
         shape, lanes, count = self.shape, self.lanes, self.count
         numbers, clocks, *_ = lanes.parts(self.table)
         alike = shape.given == shape.shown
@@ -212,12 +212,12 @@ class EqualRun(Run):
         arrays = starts, clocks, numbers, heads
 
         def plainly(i: int) -> None:
-            own, raised = [np.ascontiguousarray(x[:, i]) for x in arrays], []  # type: Any, list[Any]
-            own[1][MARK] = 0.0
+            views, raised = [np.ascontiguousarray(x[:, i]) for x in arrays], []  # type: Any, list[Any]
+            views[1][MARK] = 0.0
             with execution.plain():
                 driver: Any = begin
-                driver(*shape.beginner(lanes.of_body(i)), *own, raised)
-            for mine, x in zip(arrays, own, strict=True):
+                driver(*shape.beginner(lanes.of_body(i)), *views, raised)
+            for mine, x in zip(arrays, views, strict=True):
                 mine[:, i] = x
             if raised:
                 self.failures[i] = raised
@@ -256,12 +256,12 @@ class EqualRun(Run):
     def observe(self) -> list[Any]:
         if self.asked is None or self.plan.events:
             return super().observe()
-        return [At(self, at_steps(self.asked, self.zero, self.h), self.asked)]
+        return [AtTimes(self, at_steps(self.asked, self.zero, self.h), self.asked)]
 
     # ---------------------------------------------------------------- between steps
 
     @functools.cached_property
-    def between(self) -> Between:
+    def between(self) -> MotionBetween:
         method, system = self.lanes.arguments[:2]
         return ShortSteps(system, method, self.lanes.example, None, self.asked_for)
 
@@ -281,15 +281,15 @@ class EqualRun(Run):
         numbers, clock, last = (x[:, some].copy() for x in (self.numbers, self.clocks, self.here[1:]))
         clock[MARK] = 0.0
         bodies = None if isinstance(some, int) else self.count
-        made = Carry.made(shape, zero, numbers, clock, last, bodies, self.met(some))
+        carry = Carry.made(shape, zero, numbers, clock, last, bodies, self.met(some))
         if bodies is None:
-            vars(made)["state"] = build(self.lanes.state, iter(last.tolist()))
-        return made
+            vars(carry)["state"] = build(self.lanes.state, iter(last.tolist()))
+        return carry
 
     def error(self, i: int) -> Any:
         error = (self.failures.get(i) or [None])[-1]
-        there = None if self.bodies else lambda: len(self.samples(i)[0])
-        return self.explained(told(error, self.of(i)[1], self.place(i), there), i, goes_on=False)
+        count_samples = None if self.bodies else lambda: len(self.samples(i)[0])
+        return self.explained(told(error, self.laws_of(i)[1], self.place(i), count_samples), i, goes_on=False)
 
     def place(self, i: int) -> str:
         """The step that a body did not make, and the time from which."""
@@ -324,8 +324,8 @@ class StraightRun(EqualRun):
         self.t_end, self.sign = np.broadcast_to(np.inf, count), np.copysign(1.0, self.h)
 
     def _times(self, t_eval: Any) -> np.ndarray | None:
-        found = super()._times(t_eval)
-        return None if found is None else found[:, 0]
+        grid = super()._times(t_eval)
+        return None if grid is None else grid[:, 0]
 
     def _heads(self, width: int, columns: int) -> np.ndarray:
         before, end, every = self.done, self.done + self.steps, self.way.every
@@ -366,7 +366,7 @@ class StraightRun(EqualRun):
     pace, looked = PLAIN, -1  # steps of all bodies in a piece; where functions were looked at
 
     def piece(self) -> int | None:
-        """A sweep of all bodies, as long as there is something to show and somebody to interrupt."""
+        """Make a sweep of all bodies, as long as there is something to show and somebody to interrupt."""
         samples, stepping = self.observers[0], self.lanes.stepping
         columns = self.shape.whole(self.count)
         if self.looked < 0:
@@ -381,7 +381,7 @@ class StraightRun(EqualRun):
         native = stepping.native is not None
         if not self.settled and (native or stepping.wanted is False):
             self.settled, self.pace = True, NATIVE if native else PLAIN
-        begun = time.perf_counter()
+        since = time.perf_counter()
         sweep = max(1, self.pace // columns)
         if native:  # whole lanes in turn, each through the whole sweep
             sweep = max(sweep, min(SWEEP // columns, self.pace // self.shape.side))
@@ -389,7 +389,7 @@ class StraightRun(EqualRun):
             sweep = self.checkpoint.within(sweep)
         turns, every = samples.ahead(self.reached, sweep)
         calls = self._sweep(turns, every, self.pace)
-        used = (time.perf_counter() - begun) / calls
+        used = (time.perf_counter() - since) / calls
         if used < (PATIENCE if self.settled else LOOK) / 2:
             self.pace *= 2
         elif used > 2 * PATIENCE:
@@ -408,25 +408,25 @@ class StraightRun(EqualRun):
         super().save()
 
     def _mistaken(self) -> bool:
-        """Has a body shown a mistake in a formula?"""
+        """Whether a body has shown a mistake in a formula."""
         return any(is_mistake(e) for raised in self.failures.values() for e in raised)
 
     def _sweep(self, turns: int, every: int, pace: int) -> int:
         """Take all bodies through `turns` samples; returns the number of native calls in turn."""
-        lanes, count, before, more = self.lanes, self.count, self.reached, turns * every
+        lanes, count, before, steps = self.lanes, self.count, self.reached, turns * every
         out, side = self.observers[0].target(before, turns, every), lanes.stepping.lanes
         column, calls = 0, 1
         done = before - self.done
 
         def plainly(i: int) -> None:
             clock, raised = self.clocks[:, i], self.failures.setdefault(i, [])
-            while clock[MARK] != STUCK and clock[TAKEN] < before + more:
+            while clock[MARK] != STUCK and clock[TAKEN] < before + steps:
                 clock[MARK] = 0.0
                 row, part = divmod(int(clock[TAKEN]) - before, every)
                 rows = (out[row : row + 1], 1) if part else (out[row:], turns - row)
                 lanes.plainly(i, self.table[:, i], rows[0][..., i], rows[1], raised, every - part)
 
-        while column < count and not lanes.stepping.ready((done + more * column / count) / self.steps):
+        while column < count and not lanes.stepping.ready((done + steps * column / count) / self.steps):
             for i in range(column, min(column + side, count)):
                 plainly(i)
             column += side
@@ -435,11 +435,11 @@ class StraightRun(EqualRun):
             whole = self.shape.whole(count)
             self.table[:, count:whole] = self.table[:, count - 1 : count]  # lanes that are left over
             workers = self.plan.options.workers
-            size = pace // more if self.bodies else 1
+            size = pace // steps if self.bodies else 1
             calls = lanes.natively(self.table, out, turns, workers, every, column, whole, size, WORTH)
             for i in np.flatnonzero(self.clocks[MARK] == ASKED).tolist():
                 plainly(i)
-        self.reached, self.latest = before + more, out[-1]
+        self.reached, self.latest = before + steps, out[-1]
         return calls
 
     # ---------------------------------------------------------------- what came of it
@@ -483,7 +483,7 @@ class StraightRun(EqualRun):
         return f"{text}; {len(self._gathered()[0])} samples are in `.trajectory`"
 
     def _stopped_stay(self, samples: Straight) -> int:
-        """Let bodies that stopped stay in later samples; how many samples are there?"""
+        """Repeat the last state of bodies that stopped in later samples; returns the number of samples."""
         taken = self.clocks[TAKEN]
         many = int(samples.samples_after(self.furthest))
         for i in np.flatnonzero((taken < taken.max()) | (taken < self.reached) | self.over).tolist():
@@ -503,8 +503,8 @@ class StraightRun(EqualRun):
             t = times(self.zero.item(0), samples.numbers[samples.first : many], self.way.h)
             return self._as_far(t, samples), numbers, many
         reached = self.reached if self.bodies else self.clocks.item(TAKEN, 0)
-        some = self.after + ~self.exact <= max(reached, self.done)
-        return self._between(samples, numbers, some)
+        wanted = self.after + ~self.exact <= max(reached, self.done)
+        return self._between(samples, numbers, wanted)
 
     def _as_far(self, t: np.ndarray, samples: Straight) -> np.ndarray:
         """The times of samples, (n, bodies) if the run was interrupted before all had come to them; of a
@@ -522,25 +522,25 @@ class StraightRun(EqualRun):
 
     asked: Any
 
-    def _between(self, samples: Straight, numbers: np.ndarray, some: np.ndarray) -> Any:
+    def _between(self, samples: Straight, numbers: np.ndarray, wanted: np.ndarray) -> Any:
         """The samples at times that were asked for: after the last whole step before each a shorter
         one.
         """
-        t, after, exact = self.asked[some], self.after[some], self.exact[some]
-        found = numbers[np.searchsorted(samples.numbers, after)]
+        t, after, exact = self.asked[wanted], self.after[wanted], self.exact[wanted]
+        states = numbers[np.searchsorted(samples.numbers, after)]
         moving = ~exact[:, None] & (after[:, None] < np.where(self.over, 0, np.where(
             self.clocks[MARK] == STUCK, self.clocks[TAKEN], np.inf)))  # fmt: skip
         row, body = np.nonzero(moving)
         if len(row):
-            begun = self.zero.item(0) + after[row] * self.h.item(0)
-            given = [found[row, body], begun[:, None], (t[row] - begun)[:, None]]
+            starts = self.zero.item(0) + after[row] * self.h.item(0)
+            inputs = [states[row, body], starts[:, None], (t[row] - starts)[:, None]]
             try:
-                found[row, body] = self.moved(np.concatenate(given, axis=1), t[row], body)
+                states[row, body] = self.moved(np.concatenate(inputs, axis=1), t[row], body)
             except IntegrationFailure as error:  # there are those before it
                 n = int(row[getattr(error, "row", 0)])
                 self.asked, self.after, self.exact = t[:n], after[:n], exact[:n]
                 raise
-        return t, found, len(t)
+        return t, states, len(t)
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         t, numbers, many = self._gathered()
@@ -555,22 +555,22 @@ class StraightRun(EqualRun):
         t, numbers, many = self._gathered()
         if not self.bodies:
             many = max(1, int(samples.samples_after(self.clocks.item(TAKEN, 0))))
-        some = slice(begin - samples.first, many - samples.first)
+        rows = slice(begin - samples.first, many - samples.first)
         samples.given = max(begin, many)
-        return t[some], numbers[some].copy() if self.bodies else numbers[some, 0].copy()
+        return t[rows], numbers[rows].copy() if self.bodies else numbers[rows, 0].copy()
 
     @property
     def most(self) -> int:
         return self.furthest - self.done
 
     def ended(self) -> dict[int, Any]:
-        """As of every run; the errors have no trajectories, which would be many."""
+        """Bodies that go no further, with errors that have no trajectories, which would be many."""
         self._stand_here()
-        found = {}
+        errors = {}
         for i in np.flatnonzero(self.failed).tolist():
             at = f"step {int(self.clocks[TAKEN, i]) + 1}, t = {self.here[0, i]:g}"
-            found[i] = failure((self.failures.get(i) or [None])[-1], f"body {i}", at)
-        return found
+            errors[i] = failure((self.failures.get(i) or [None])[-1], f"body {i}", at)
+        return errors
 
 
 class Advance(StraightRun):
@@ -593,15 +593,15 @@ class Advance(StraightRun):
 
 def at_steps(times: Any, t0: Any, h: Any) -> np.ndarray:
     """Times, those of ends of steps, but for rounding, exactly."""
-    there = t0 + np.rint((times - t0) / h) * h
+    ends = t0 + np.rint((times - t0) / h) * h
     near = NEAR * np.maximum(np.abs(times), np.abs(t0))
-    found: np.ndarray = np.where(np.abs(times - there) <= near, there, times)
-    return found
+    snapped: np.ndarray = np.where(np.abs(times - ends) <= near, ends, times)
+    return snapped
 
 
 def steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """How many whole steps lead to each time, and whether they lead there exactly, but for rounding
-    of the time.
+    """For each time the number of whole steps that lead up to it, and whether they lead there exactly, but for
+    rounding.
     """
     near = np.rint((times - t0) / h)
     exact = np.abs(times - (t0 + near * h)) <= NEAR * np.maximum(np.abs(times), abs(t0))
@@ -609,7 +609,7 @@ def steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np
 
 
 def affordable(size: int, steps: int, every: int) -> None:
-    """Refuse before anything is allocated."""
+    """Refuse more samples than memory holds, before anything is allocated."""
     if size < 2**28:
         return
     try:

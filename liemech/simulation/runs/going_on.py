@@ -70,10 +70,10 @@ def require_record(plan: Any, run: Trajectory, what: str) -> None:
 def require_fixed(plan: Any, given: Any, carry: Any, what: str) -> None:
     """Refuse what is no carry of fixed steps like those of the plan."""
     plan._one_length(what)
-    known = getattr(carry, "fictive", None) == plan.fictive and not (isinstance(carry, SiteCarry) and not plan._sites)
-    if known and not isinstance(carry, SiteCarry) and carry.bodies is not None:  # side by side
-        known = carry.inner.together and not isinstance(getattr(carry, "origin", None), tuple)
-    if not known:
+    fits = getattr(carry, "fictive", None) == plan.fictive and not (isinstance(carry, SiteCarry) and not plan._sites)
+    if fits and not isinstance(carry, SiteCarry) and carry.bodies is not None:  # side by side
+        fits = carry.inner.together and not isinstance(getattr(carry, "origin", None), tuple)
+    if not fits:
         raise InvalidType(
             f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
             f"or a stepper; got {given!r}"
@@ -102,7 +102,7 @@ def new_run(plan: Any) -> str:
 
 
 def alike(one: Any, other: Any) -> bool:
-    """Are two steps equal, numbers or numbers for each body?"""
+    """Whether two steps are equal, each a number or one for each body."""
     if type(one) is type(other) is float:
         return one == other
     shapes = {np.shape(x) for x in (one, other)} - {()}
@@ -114,19 +114,19 @@ def pairs(plan: Any, run: Any, carry: Any, what: str) -> list[tuple[str, Any, An
     it is known.
     """
     origin = getattr(carry, "origin", None)
-    method, system, way = None, None, plan.method  # type: Any, Any, Any
+    method, system, methods = None, None, plan.method  # type: Any, Any, Any
     if run is not None:
         system, method = run.system, run.method
     elif getattr(carry, "shape", None) is not None:
         method, system, *_ = next(iter(carry.shape.lanes.values())).arguments
-        way = plan._steps.way
+        methods = plan._steps.way
     if origin is not None and not isinstance(origin, tuple):
         system, method = origin.given, method or origin.method
     elif origin and plan._one.fictive:  # of each body
-        found = tuple([one.given for one in origin])
-        system = Systems(found) if isinstance(plan.system, OfBodies) else found[0]
+        systems = tuple([origin_of_body.given for origin_of_body in origin])
+        system = Systems(systems) if isinstance(plan.system, OfBodies) else systems[0]
     found_pairs: list[tuple[str, Any, Any]] = []
-    for name, mine, theirs in (("system", plan.system, system), ("method", way, method)):
+    for name, mine, theirs in (("system", plan.system, system), ("method", methods, method)):
         if theirs is None:
             continue
         ours, others = (each_of(mine), theirs.values if isinstance(theirs, Several) else each_of(theirs))
@@ -146,10 +146,10 @@ def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:
             if exact(mine) == exact(theirs)
             else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
         )
-    given = inspect.signature(type(mine)).parameters
-    fields = sorted(fields_of(mine), key=lambda field: field not in given)
+    signature = inspect.signature(type(mine)).parameters
+    fields = sorted(fields_of(mine), key=lambda field: field not in signature)
     parts = {n: differing(getattr(mine, n), getattr(theirs, n), f"{name}.{n}".lstrip(".")) for n in fields}
-    found = [text for n, part in parts.items() if n in given for text in part] or [
+    texts = [text for n, part in parts.items() if n in signature for text in part] or [
         text for part in parts.values() for text in part
     ]
-    return found[:3]
+    return texts[:3]

@@ -15,8 +15,8 @@ Ways = list[tuple[float, float]]
 
 
 def stretches(breaks: tuple[float, ...], t0: float, t_end: float) -> tuple[float, Ways]:
-    """Where steps begin, to which times they lead, and where they go on: from jump to jump of the
-    velocity, to the end.
+    """The time where steps begin, beyond a jump at t0; and for each later jump and the end, the time up to which
+    steps lead and the one where they go on.
     """
     if t0 == t_end:
         return t0, []
@@ -37,11 +37,11 @@ def stretches(breaks: tuple[float, ...], t0: float, t_end: float) -> tuple[float
     return start, ways
 
 
-def until_jumps(clock: Any, goal: Any, t0: float, found: tuple[float, Ways]) -> Ways:
+def until_jumps(clock: Any, goal: Any, t0: float, left: tuple[float, Ways]) -> Ways:
     """Set a clock and a goal for a motion from t0 that has these `stretches`; the ways that are left,
     the last one first.
     """
-    start, ways = found
+    start, ways = left
     if ways:
         goal[LAST_TIME] = ways[0][0]
     if start != t0:
@@ -50,7 +50,7 @@ def until_jumps(clock: Any, goal: Any, t0: float, found: tuple[float, Ways]) -> 
 
 
 def beyond_jump(clock: Any, goal: Any, left: Ways, t_end: float) -> float:
-    """Let a motion that has come to a jump go on behind it, to the next one; where that is."""
+    """Let a motion that has come to a jump go on behind it, to the next one; returns the time behind it."""
     end, beyond = left.pop()
     if end != beyond:
         go_on(clock, beyond)

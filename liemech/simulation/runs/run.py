@@ -12,13 +12,13 @@ import numpy as np
 from ...errors import IntegrationFailure, is_mistake, warn
 from ...systems.system import member
 from .. import arguments
-from ..between.dense import Between
+from ..between.dense import MotionBetween
 from ..between.events import Events
 from ..compiled.control import CLOCK, LAST_TIME, LIMIT, MARK, STUCK, TAKEN, TIME
 from ..compiled.execution import LOOK
 from ..compiled.lanes import Lanes
 from ..compiled.systems import of_body as one_of
-from ..keep import At, Every, Piece, Quantities
+from ..keep import AtTimes, Every, PieceOfBodies, Quantities
 from ..result import AsItIs, of_body
 from ..trajectory import Trajectory
 from .carry import Carry
@@ -109,30 +109,30 @@ class Run(Course):
         raise NotImplementedError
 
     def begin(self) -> None:
-        """Make `lanes`, `table` and `here`."""
+        """Make `lanes`, `table` and `here` at the start, or where the run before stands."""
         raise NotImplementedError
 
     def observe(self) -> list[Any]:
         """The observers of the steps; the first one has the samples."""
         if self.asked is not None:
-            return [At(self, self.asked)]
+            return [AtTimes(self, self.asked)]
         return [Every(self, self.way.every)]
 
     @property
-    def between(self) -> Between:
-        """The motion inside of steps."""
+    def between(self) -> MotionBetween:
+        """The motion inside of steps, which `given` and `moved` ask."""
         raise NotImplementedError
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def given(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Rows of numbers from which `moved` finds states at times inside of steps."""
         return self.between.given(piece.rows(step, before=True), piece.rows(step), times)
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """The numbers of these states."""
+        """Numbers of states, (m, width), from the rows of `given`."""
         return self.between.moved(given, times, body)
 
-    def looks(self, piece: Piece, step: np.ndarray) -> np.ndarray:
-        """How many looks into steps are needed so that none is more than a quarter of a turn from the last."""
+    def looks(self, piece: PieceOfBodies, step: np.ndarray) -> np.ndarray:
+        """Counts of looks into steps, (m,), such that none is more than a quarter of a turn from the last."""
         return self.between.looks(piece.rows(step, before=True), piece.rows(step), piece.body[step])
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
@@ -144,11 +144,11 @@ class Run(Course):
         clock[[TIME, MARK, CLOCK.width + LAST_TIME]] = at, 0.0, at
 
     def standing(self, some: Any) -> Any:
-        """The carry of a body, or of some: with what they go on."""
+        """The carry of one body, by its number, or of all by slice(None)."""
         raise NotImplementedError
 
     def error(self, i: int) -> Any:
-        """Why a body stopped."""
+        """The error for which body i stopped."""
         raise NotImplementedError
 
     def known(self, i: int | None) -> dict[str, Any]:
@@ -158,7 +158,7 @@ class Run(Course):
     # ---------------------------------------------------------------- states and times
 
     def _times(self, t_eval: Any) -> np.ndarray | None:
-        """When samples are asked for, (n, bodies)."""
+        """Times of samples, (n, bodies), checked; None if every n-th step is kept."""
         if t_eval is None:
             return None
         ends = self.last_times()
@@ -170,15 +170,15 @@ class Run(Course):
         if shared and (self.t0 == self.t0[0]).all() and (ends == ends[0]).all():
             times = arguments.times(columns[0], self.t0.item(0), ends.item(0))
             return np.broadcast_to(times[:, None], (len(times), self.count))
-        found: list[Any] = [
-            one if self.over[i] and not self.adaptive else
-            arguments.times(one, self.t0.item(i), ends.item(i))
-            for i, one in enumerate(columns)
+        times_of_bodies: list[Any] = [
+            column if self.over[i] and not self.adaptive else
+            arguments.times(column, self.t0.item(i), ends.item(i))
+            for i, column in enumerate(columns)
         ]  # fmt: skip
-        return np.stack(found, axis=1)
+        return np.stack(times_of_bodies, axis=1)
 
     def last_times(self) -> np.ndarray:
-        """When every body is to end."""
+        """Times at which the bodies end, (bodies,)."""
         return self.t_end
 
     def start_of(self, i: int) -> Any:
@@ -187,20 +187,20 @@ class Run(Course):
 
     @functools.cached_property
     def view(self) -> AsItIs:
-        """How numbers are shown as states."""
+        """The view that shows rows of numbers as states."""
         return AsItIs(self.lanes.example)
 
-    def inside(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def inside(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:
         """The numbers of states at times in steps."""
-        found = piece.rows(step)[:, self.head][:, 1:]
+        states = piece.rows(step)[:, self.head][:, 1:]
         before = times == piece.a[step]
-        found[before] = piece.rows(step[before], before=True)[:, self.head][:, 1:]
+        states[before] = piece.rows(step[before], before=True)[:, self.head][:, 1:]
         between = np.flatnonzero((times != piece.b[step]) & ~before)
         if len(between):
-            some = step[between]
-            given = self.given(piece, some, times[between])
-            found[between] = self.moved(given, times[between], piece.body[some])
-        return found
+            steps = step[between]
+            inputs = self.given(piece, steps, times[between])
+            states[between] = self.moved(inputs, times[between], piece.body[steps])
+        return states
 
     @property
     def head(self) -> slice:
@@ -210,7 +210,7 @@ class Run(Course):
     # ---------------------------------------------------------------- stepping
 
     def _open(self, some: Any) -> np.ndarray:
-        """Which of some bodies have steps to make?"""
+        """Mask of the bodies that `some` picks: those that have steps to make."""
         clocks, goals = self.clocks, self.goals
         onward = clocks[TIME, some] != goals[LAST_TIME, some]
         onward &= clocks[TAKEN, some] < goals[LIMIT, some]
@@ -219,16 +219,16 @@ class Run(Course):
 
     @property
     def open(self) -> np.ndarray:
-        """Which bodies have steps to make?"""
+        """Mask of the bodies, (bodies,): those that have steps to make."""
         return self._open(slice(None))
 
     @property
     def failed(self) -> np.ndarray:
-        """Which bodies go no further, though they are not at the end?"""
+        """Mask of the bodies, (bodies,): those that go no further, though not at their ends."""
         return (self.clocks[MARK] == STUCK) & ~self.over
 
     def part(self) -> float:
-        """How much of the run is done."""
+        """The part of the run that is done, from 0 to 1."""
         if self.bodies:
             return 1.0 - float(np.count_nonzero(self.open)) / self.count
         t, t0, end = self.here.item(0), self.t0.item(0), self.t_end.item(0)
@@ -262,10 +262,10 @@ class Run(Course):
     def tell(self, made: Trajectory) -> None:
         stopped: Any = made.stopped
         if stopped:
-            some = ", ".join(f"body {i} after {n} steps" for i, n in [*stopped.steps.items()][:5])
+            examples = ", ".join(f"body {i} after {n} steps" for i, n in [*stopped.steps.items()][:5])
             warn(
                 f"integrate: {len(stopped)} of {self.count} bodies stopped early: "
-                f"{some}. {stopped[min(stopped)].error}",
+                f"{examples}. {stopped[min(stopped)].error}",
                 RuntimeWarning,
             )
         if self.events:
@@ -277,9 +277,7 @@ class Run(Course):
     room, least, work, span = ROOM, TURNS, WORK, TURNS
 
     def piece(self) -> int | None:
-        """Some trials of as many bodies as run side by side; others wait until these are at their
-        ends.
-        """
+        """Make some trials of as many bodies as run side by side; others wait until these are at their ends."""
         stepping, checkpoint, workers = self.lanes.stepping, self.checkpoint, self._workers
         if self.queue is None:
             self.queue = np.flatnonzero(self.open)
@@ -303,10 +301,10 @@ class Run(Course):
             turns = max(self.least, min(LONGEST, most))
         if checkpoint is not None:
             turns = max(1, min(turns, checkpoint.within(turns * m) // m))
-        begun, taken = time.perf_counter(), columns[self._clock + TAKEN, :m].sum()
+        since, taken = time.perf_counter(), columns[self._clock + TAKEN, :m].sum()
         self._piece(bodies, columns, turns)
-        self._pace(time.perf_counter() - begun)
-        made = int(columns[self._clock + TAKEN, :m].sum() - taken)
+        self._pace(time.perf_counter() - since)
+        steps = int(columns[self._clock + TAKEN, :m].sum() - taken)
         going = self._open(bodies)
         ended = m - int(going.sum())
         at_once = len(self.queue) or self.events or self.jumps or not native
@@ -314,10 +312,10 @@ class Run(Course):
             bodies, columns = bodies[going], None
             self.arrived += ended
         self.running = bodies, columns
-        return made
+        return steps
 
     def _pace(self, used: float) -> None:
-        """How long the next piece is, by the seconds that this one took."""
+        """Adapt the length of the next piece to the seconds that this one took."""
         if self.native and used > PATIENCE:  # somebody may want to interrupt it
             self.room = max(self.lanes.stepping.lanes, self.room // 4)
             self.least, self.work = max(1, self.least // 2), self.work // 4
@@ -333,7 +331,7 @@ class Run(Course):
         return self.lanes.layout.width
 
     def _piece(self, bodies: np.ndarray, columns: np.ndarray, turns: int) -> None:
-        """Some trials of some bodies, whose columns these are; then observers look at them."""
+        """Make `turns` trials of these bodies, whose columns are given, and show the steps to observers."""
         m, lanes, clock = len(bodies), self.lanes, self._clock
         workers = self.plan.options.workers
         if not self.rows:  # only where they come to is asked for
@@ -343,9 +341,9 @@ class Run(Course):
             self._stand(bodies, columns)
             return
         out = np.empty((turns + 1, lanes.row.width, columns.shape[1]))
-        begun = columns[clock + TIME] if not lanes.mark else self.here[-1, bodies]
-        begun, taken = begun.copy(), columns[clock + TAKEN, :m].copy()
-        out[:, lanes.mark, : len(begun)] = begun
+        marks = columns[clock + TIME] if not lanes.mark else self.here[-1, bodies]
+        marks, taken = marks.copy(), columns[clock + TAKEN, :m].copy()
+        out[:, lanes.mark, : len(marks)] = marks
         out[0, : len(self.here), :m] = self.here[:, bodies]
         before = columns.copy() if self.events else columns
         lanes.march(bodies, columns, out, turns, workers, self.failures, self.native)
@@ -353,38 +351,38 @@ class Run(Course):
             ways = self.jumps.get(body)
             if ways:  # a last step that ends before a jump at t_end is one to t_end
                 out[:, 0, k][out[:, 0, k] == ways[0][0]] = self.t_end[body]
-        piece = Piece(self, bodies, out, begun, taken)
+        piece = PieceOfBodies(self, bodies, out, marks, taken)
         try:
             self._see(piece, bodies, before, columns)
         except BaseException as error:
             if getattr(error, "step", None) is not None:  # an event failed: up to there all is well
                 k = error.step  # type: ignore[attr-defined]
                 column = piece.column[k]
-                some = piece.column[:k] == column
-                replayed = self._again(bodies[column], before[:, column], turns, int(some.sum()))
+                before_failure = piece.column[:k] == column
+                replayed = self._again(bodies[column], before[:, column], turns, int(before_failure.sum()))
                 columns[:, column] = replayed
                 piece.keep((piece.column == column) & (np.arange(len(piece)) < k))
                 self._commit(piece, bodies[[column]], columns[:, [column]])
             raise
 
-    def _see(self, piece: Piece, bodies: np.ndarray, before: np.ndarray, columns: np.ndarray) -> None:
+    def _see(self, piece: PieceOfBodies, bodies: np.ndarray, before: np.ndarray, columns: np.ndarray) -> None:
         """Let observers look at a piece."""
         if self.events:
-            some = np.full(len(piece), True)
+            remaining = np.full(len(piece), True)
             for body, (k, at, event, numbers) in self.events.see(piece).items():
                 column = int(piece.column[k])
                 of = piece.column == column
-                made = int(of[: k + 1].sum())
+                steps = int(of[: k + 1].sum())
                 turns = len(piece.out) - 1
-                columns[:, column] = self._again(body, before[:, column], turns, made)
+                columns[:, column] = self._again(body, before[:, column], turns, steps)
                 row = piece.out[piece.turn[k], :, column].copy()
                 self.end_at(row, piece.a.item(k), at, numbers)
                 piece.out[piece.turn[k], :, column] = row
                 piece.kept[k] |= at != piece.b[k]
                 piece.b[k], self.cuts[body] = at, event
                 self.cut(columns[self._clock :, column], at)
-                some &= ~of | (np.arange(len(piece)) <= k)
-            piece.keep(some)
+                remaining &= ~of | (np.arange(len(piece)) <= k)
+            piece.keep(remaining)
         self._commit(piece, bodies, columns)
 
     def _again(self, body: int, column: np.ndarray, turns: int, steps: int) -> np.ndarray:
@@ -400,10 +398,10 @@ class Run(Course):
         columns[limit] = column[limit]
         return columns[:, 0]
 
-    def _commit(self, piece: Piece, bodies: np.ndarray, columns: np.ndarray) -> None:
+    def _commit(self, piece: PieceOfBodies, bodies: np.ndarray, columns: np.ndarray) -> None:
         """Keep what is asked for of a piece, and stand where it ends."""
-        for one in self.observers:
-            one.see(piece)
+        for observer in self.observers:
+            observer.see(piece)
         ends = np.flatnonzero(piece.ends)
         self.here[:, piece.body[ends]] = piece.rows(ends)[:, self.head].T
         self._stand(bodies, columns)
@@ -411,7 +409,7 @@ class Run(Course):
             self.quantities.flush()
 
     def _stand(self, bodies: np.ndarray, columns: np.ndarray) -> None:
-        """Stand where these columns do."""
+        """Copy state, clock and last time of these bodies from their columns to the table of the run."""
         changed = self._clock + CLOCK.width + 1  # with the time to which they go
         if self.jumps:
             self._beyond_jumps(bodies, columns)
@@ -431,12 +429,12 @@ class Run(Course):
 
     # ---------------------------------------------------------------- what came of it
 
-    def of(self, i: int) -> tuple[Any, Any]:
-        """System and method of a body."""
+    def laws_of(self, i: int) -> tuple[Any, Any]:
+        """The pair of system and method of body i."""
         return one_of(self.plan.system, i), one_of(self.plan.method, i)
 
     def why(self, i: int) -> Any:
-        """Why a body stopped, found out once."""
+        """The error for which body i stopped, computed once."""
         if i not in self.errors:
             self.errors[i] = self.error(i)
         return self.errors[i]
@@ -450,7 +448,7 @@ class Run(Course):
         return error
 
     def here_of(self, i: int) -> tuple[float, np.ndarray]:
-        """Where a body stands: the time, and the numbers of its state."""
+        """Time and numbers of the state at which body i stands."""
         return self.here.item(0, i), self.here[1:, i]
 
     def settle(self, error: Any) -> bool:
@@ -458,8 +456,8 @@ class Run(Course):
         goes_on &= not hasattr(error, "kept")
         if self.quantities and not hasattr(error, "kept"):
             self.quantities.flush()
-        for one in (*self.observers, *([self.events] if getattr(self, "events", None) else [])):
-            one.forget()
+        for observer in (*self.observers, *([self.events] if getattr(self, "events", None) else [])):
+            observer.forget()
         return goes_on
 
     def so_far(self) -> str:
@@ -470,31 +468,31 @@ class Run(Course):
 
     @property
     def made(self) -> np.ndarray:
-        """How many steps every body took."""
+        """Counts of steps of this run, (bodies,)."""
         return np.where(self.over, 0.0, self.clocks[TAKEN] - self.first)
 
     @property
     def most(self) -> int:
-        """How many steps the body took that took most."""
+        """The largest count of steps of a body."""
         return int(self.made.max())
 
     @property
     def stops(self) -> dict[int, int]:
-        """How many steps every body took that an error has ended."""
+        """Counts of steps of the bodies that an error has ended, by body."""
         gone = self.failed.copy()
         gone[[*self.errors]] = True
         return {i: int(self.clocks[TAKEN, i]) for i in np.flatnonzero(gone).tolist()}
 
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of samples that were not handed on yet."""
-        found: tuple[np.ndarray, np.ndarray] = self.observers[0].flush()
-        return found
+        samples: tuple[np.ndarray, np.ndarray] = self.observers[0].flush()
+        return samples
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         """The samples of a body: times, and numbers of states, and fictive times behind them."""
         rows, counts = self.observers[0].rows
-        found = rows[: counts[i], i].copy() if self.bodies else rows[: counts[i], i]
-        return found[:, 0], found[:, 1:]
+        samples = rows[: counts[i], i].copy() if self.bodies else rows[: counts[i], i]
+        return samples[:, 0], samples[:, 1:]
 
     def together(self) -> tuple[np.ndarray, np.ndarray]:
         """The samples of all bodies, times, (n,) or (n, bodies), and numbers of states, (n, bodies,
@@ -510,18 +508,18 @@ class Run(Course):
         return t, shown[..., 1:]
 
     def _all_as_long(self, rows: np.ndarray, counts: np.ndarray, failed: np.ndarray) -> np.ndarray:
-        """Rows of samples, in which who has less of them than others stays where it came to."""
+        """Rows of samples, (n, bodies, width), in which bodies with fewer of them repeat where they came to."""
         heads = self.here.T
         late = failed & (self.asked is None) & (counts > 0)
         last = rows[np.maximum(counts - 1, 0), np.arange(self.count)] if len(rows) else heads
         late &= (last != heads)[:, -1 if self.lanes.mark else 0]
         n = int(np.max(counts + late)) if self.asked is None else len(rows)
-        rest = np.where(((self.asked is not None) | failed | (counts == 0))[:, None], heads, last)  # where they came to
+        ends = np.where(((self.asked is not None) | failed | (counts == 0))[:, None], heads, last)  # where they came to
         shown = rows
         if n != len(rows):
             shown = np.empty((n, *rows.shape[1:]))
             shown[: len(rows)] = rows[:n]
-        np.copyto(shown, rest, where=(np.arange(n)[:, None] >= counts)[..., None])
+        np.copyto(shown, ends, where=(np.arange(n)[:, None] >= counts)[..., None])
         if self.asked is not None and not self.own_times:  # who has failed shares the times of others
             gone = failed | (self.over & np.isin(np.arange(self.count), [*self.errors]))
             np.copyto(shown[..., 0], self.asked, where=gone)
@@ -530,33 +528,33 @@ class Run(Course):
     # ---------------------------------------------------------------- going on
 
     def met(self, some: Any) -> dict[int, Any]:
-        """How many zeros of events some bodies have met."""
+        """Counts of zeros of events, by body, for one body or for all."""
         each = self.events.each if self.events else {}
         if isinstance(some, int):
             return {0: each[some].met} if some in each else {}
         return {i: watch.met for i, watch in each.items()}
 
     def carry_of(self, i: int) -> Any:
-        """With what a body goes on; None if it does not."""
+        """The carry of body i alone; None if it has ended."""
         ended = self.over[i] or self.clocks[MARK, i] == STUCK
         return None if ended or (i in self.cuts and not self.adaptive) else self.standing(i)
 
     def carry(self) -> Any:
-        """With what the bodies go on; None if all have ended."""
+        """The carry of all bodies to resume from; None if all have ended."""
         ended = {} if self.before is None else dict(self.before.ended)
         if len(ended) + np.count_nonzero(self.failed) == self.count:
             return None
         ended |= self.ended() | ({} if self.adaptive else dict.fromkeys(self.cuts))
         if len(ended) == self.count:
             return None
-        made = self.standing(slice(None))
-        inner, some = getattr(made, "inner", made), [*ended]
+        carry = self.standing(slice(None))
+        inner, bodies = getattr(carry, "inner", carry), [*ended]
         inner.ended.update(ended)
-        inner.clock[TIME, some] = self.here[0, some]
-        return made
+        inner.clock[TIME, bodies] = self.here[0, bodies]
+        return carry
 
     def ended(self) -> dict[int, Any]:
-        """The bodies that go no further from here on, and why."""
+        """Bodies that go no further from here on, with their errors."""
         return {i: self.why(i) for i in np.flatnonzero(self.failed).tolist()}
 
 

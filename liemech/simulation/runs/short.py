@@ -24,7 +24,7 @@ from ..compiled.control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
 from ..compiled.driver import SAMPLES, sampled_steps
 from ..compiled.execution import COLUMNS, SHARED, Execution, like
 from ..compiled.lanes import Lanes
-from ..compiled.prepared import Shape, Steps
+from ..compiled.prepared import RunShape, Steps
 from ..result import of_short
 from ..trajectory import Trajectory
 from .carry import Carry
@@ -47,26 +47,26 @@ ENDLESS = 2.0**53
 CLOCKS = struct.Struct(f"{CLOCK.width}d")
 
 
-class Places:
+class ShortPlaces:
     """Places in the memory of short runs of one body: how many numbers lie before the clock, the goal, and
     what is kept.
 
     words : of a call, before its constants.  gather : the numbers of a start.
     """
 
-    def __init__(self, lanes: Lanes, words: int, given: Any) -> None:
-        self.lanes, self.stepping, self.gather = lanes, lanes.stepping, gatherer(given)
+    def __init__(self, lanes: Lanes, words: int, layout: Any) -> None:
+        self.lanes, self.stepping, self.gather = lanes, lanes.stepping, gatherer(layout)
         self.carried, self.constants = lanes.layout.width, lanes.constants
         self.clock, self.goal = self.carried, self.carried + CLOCK.width
         self.kept, self.taken = self.goal + GOAL.width, self.clock + TAKEN
         self.call = struct.Struct(f"{3 + words}q{len(self.constants)}s").pack
 
     def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
-        """These places for another system of the same layout."""
+        """A copy with the lanes of another system of the same layout."""
         return like(self, lanes=lanes, stepping=lanes.stepping, constants=lanes.constants, **own)
 
     def where(self, memory: Any) -> tuple[Any, ...]:
-        """Where goal, numbers and clock are, and how many numbers each has; and the memory itself."""
+        """Address and length of goal, numbers and clock, and the address of the memory."""
         place = address(memory)
         goal, clock = place + 8 * self.goal, place + 8 * self.clock
         return (goal, GOAL.width), (place, self.carried), (clock, CLOCK.width), place
@@ -75,10 +75,10 @@ class Places:
 # ------------------------------------------------------------------ fixed steps
 
 
-class Place(Places):
+class FixedPlaces(ShortPlaces):
     """Places of runs with fixed steps: samples are kept, the start first."""
 
-    def __init__(self, steps: Steps, shape: Shape) -> None:
+    def __init__(self, steps: Steps, shape: RunShape) -> None:
         super().__init__(shape.lanes_of(steps, STRAIGHT, (), shape.side), 6, shape.given)
         self.shape, self.sampled = shape, shape.shown.width
         self.begun = struct.Struct(f"{self.kept + self.sampled}d").pack_into
@@ -89,8 +89,8 @@ class Place(Places):
             self.copied = np.flatnonzero(np.array(shape.order) >= 0)
             self.source = np.array(shape.order)[self.copied]
 
-    def of_system(self, shape: Shape) -> Any:
-        """These places for another system of the same layout."""
+    def of_system(self, shape: RunShape) -> Any:
+        """A copy for another system of the same layout, whose shape is given."""
         lanes = shape.lanes[STRAIGHT, shape.side]
         return self.of_lanes(lanes, shape=shape, beginning=shape._beginning)
 
@@ -113,8 +113,8 @@ class Place(Places):
         native = beginning.used(self.asked) or beginning.ready(0.0)
         if native is None:
             return False
-        rest = numbers if self.shape.given == self.shape.shown else (0.0,) * self.sampled
-        self.begun(memory, 0, *(0.0,) * self.carried, *clock, *rest)
+        sample = numbers if self.shape.given == self.shape.shown else (0.0,) * self.sampled
+        self.begun(memory, 0, *(0.0,) * self.carried, *clock, *sample)
         parts = memory[self.clock : self.goal], memory[: self.clock], memory[self.kept :]
         native.run(self.constants, (), (np.array(numbers), *parts))
         return memory.item(self.clock + MARK) == 0.0
@@ -131,9 +131,7 @@ class Place(Places):
         return Carry.made(self.shape, t0, numbers, clock, last, None, met)
 
     def prepared(self, memory: Any, turns: int, out: int) -> Any:
-        """Where goal, numbers, clock and so many samples are, the first of them there in memory, and how many
-        numbers each has.
-        """
+        """Address and length of goal, numbers, clock and `turns` samples, the first at index `out` of the memory."""
         *parts, place = self.where(memory)
         return *parts, (place + 8 * out, turns * self.sampled)
 
@@ -146,21 +144,21 @@ class Place(Places):
         `words`.
         """
         (goal, _), (states, _), (clock, _), (rows, _) = buffers
-        made: bytes = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
-        return made
+        block: bytes = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
+        return block
 
     words = 8 * 9
 
 
-def place_of(steps: Steps, shape: Shape) -> Place:
+def place_of(steps: Steps, shape: RunShape) -> FixedPlaces:
     """The places of the runs of a shape, made once."""
     if shape.place is None:
-        shape.place = Place(steps, shape)
-    place: Place = shape.place
+        shape.place = FixedPlaces(steps, shape)
+    place: FixedPlaces = shape.place
     return place
 
 
-def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> Trajectory | None:
+def short_steps(way: Steps, shape: RunShape, start: Any, steps: int, t0: float) -> Trajectory | None:
     """The run of one body, from a start at t0 or from where another one stands; None if there
     is more to do than to step: samples in the middle of `every`, steps that fail, what is not compiled yet.
     """
@@ -183,15 +181,13 @@ def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> 
     place.advance(native, place.prepared(memory, samples, place.kept + place.sampled), samples, every)
     if memory.item(place.taken) != reached:
         return None
-    found = _Found(place, memory, t0, way.h, every, step, reached)
-    made: Trajectory = of_short(found, way, way.h, None, steps, {"breaks": way.breaks, "dense": None})
-    return made
+    promises = _FixedRun(place, memory, t0, way.h, every, step, reached)
+    run: Trajectory = of_short(promises, way, way.h, None, steps, {"breaks": way.breaks, "dense": None})
+    return run
 
 
 def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
-    """Where a run of one body stands some steps later, without samples between; None if native code
-    does not come there.
-    """
+    """The carry of one body `steps` steps later, without samples; None if one native call is not enough."""
     shape: Any = carry.shape
     if carry.bodies is not None or not way.owns(shape):
         return None
@@ -208,20 +204,20 @@ def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
     return place.standing(memory, carry.t0, memory[place.kept :], carry.met)
 
 
-class _Found:
+class _FixedRun:
     """Times and states of a run with fixed steps, found when they are asked for: views of what the steps
     have written.
     """
 
     __slots__ = ("every", "h", "last", "memory", "place", "reached", "step", "t0")
 
-    def __init__(self, place: Place, memory: Any, t0: float, h: Any, every: int, step: int, reached: int) -> None:
+    def __init__(self, place: FixedPlaces, memory: Any, t0: float, h: Any, every: int, step: int, reached: int) -> None:
         self.place, self.memory = place, memory
         self.last: np.ndarray | None = None
         self.t0, self.h, self.every, self.step, self.reached = t0, h, every, step, reached
 
     def t(self) -> np.ndarray:
-        """The times of the samples."""
+        """Times of the samples, t0 + n h, (n,)."""
         times = np.arange(float(self.step), self.reached + 1.0, float(self.every))
         times *= self.h
         times += self.t0
@@ -234,13 +230,13 @@ class _Found:
         return unpacked(place.shape.shown, self.memory[place.kept :].reshape(-1, place.sampled))
 
     def carry(self) -> Carry:
-        """Where the run stands."""
+        """The carry at the last sample."""
         place = self.place
         last = self.memory[-place.sampled :].copy() if self.last is None else self.last
         return place.standing(self.memory, self.t0, last)
 
 
-class _FoundOfBodies(_Found):
+class _FixedRunOfBodies(_FixedRun):
     """Times and states of a short run of an ensemble.  memory : (height, columns) of all numbers."""
 
     __slots__ = ("bodies", "out")
@@ -254,13 +250,13 @@ class _FoundOfBodies(_Found):
         return unpacked(self.place.shape.shown, self.out[:, :, : self.bodies].swapaxes(1, 2))
 
     def carry(self) -> Carry:
-        """Where the run stands."""
+        """The carry of all bodies at the last sample."""
         last = self.out[-1, :, : self.bodies].copy() if self.last is None else self.last
         numbers, clock, *_ = self.place.lanes.parts(self.memory[:, : self.bodies])
         return Carry.made(self.place.shape, self.t0, numbers, clock, last, self.bodies)
 
 
-def short_steps_of_many(way: Steps, shape: Shape, start: State, steps: int, t0: float) -> Trajectory | None:
+def short_steps_of_many(way: Steps, shape: RunShape, start: State, steps: int, t0: float) -> Trajectory | None:
     """Run some bodies side by side; None as for one body."""
     arrays, place = start.arrays, place_of(way, shape)
     count = len(next(iter(arrays.values())))
@@ -275,10 +271,10 @@ def short_steps_of_many(way: Steps, shape: Shape, start: State, steps: int, t0: 
     alike = shape.given == shape.shown
     starts = out[0] if alike else np.empty((shape.given.width, columns))
     lay_out(arrays, starts)
-    numbers, clocks, goals, *own = place.lanes.parts(table)
+    numbers, clocks, goals, *parameters = place.lanes.parts(table)
     clocks[:], goals[:] = _column(t0, way.h, *FRESH), _column(math.inf, 0.0, 0.0, 0.0, ENDLESS, t0)
-    for mine, given in zip(own, place.lanes.own, strict=True):
-        mine[:, :count], mine[:, count:] = given, given[:, -1:]
+    for mine, numbers_of_bodies in zip(parameters, place.lanes.own, strict=True):
+        mine[:, :count], mine[:, count:] = numbers_of_bodies, numbers_of_bodies[:, -1:]
     whole = shape.whole(count)
     if place.beginning is None:
         numbers[:] = 0.0
@@ -287,16 +283,16 @@ def short_steps_of_many(way: Steps, shape: Shape, start: State, steps: int, t0: 
         beginning = place.beginning.used(place.asked) or place.beginning.ready(0.0)
         if beginning is None:
             return None
-        begun = *own, starts, clocks, numbers, out[0]
-        beginning.run(place.constants, (), begun, columns, 0, whole)
-    rows = *own, goals, numbers, clocks, out[1:]
+        buffers = *parameters, starts, clocks, numbers, out[0]
+        beginning.run(place.constants, (), buffers, columns, 0, whole)
+    rows = *parameters, goals, numbers, clocks, out[1:]
     native.run(place.constants, (samples, way.every), rows, columns, 0, whole)
     if (table[place.taken, :whole] != steps).any():
         return None
-    found = _FoundOfBodies(place, table, t0, way.h, way.every, 0, steps)
-    found.bodies, found.out = count, out
-    made: Trajectory = of_short(found, way, way.h, count, steps, {"breaks": way.breaks, "dense": None})
-    return made
+    promises = _FixedRunOfBodies(place, table, t0, way.h, way.every, 0, steps)
+    promises.bodies, promises.out = count, out
+    run: Trajectory = of_short(promises, way, way.h, count, steps, {"breaks": way.breaks, "dense": None})
+    return run
 
 
 def _column(*numbers: float) -> np.ndarray:
@@ -306,7 +302,7 @@ def _column(*numbers: float) -> np.ndarray:
 # ------------------------------------------------------------------ adaptive steps
 
 
-class Rows(Places):
+class AdaptivePlaces(ShortPlaces):
     """Places of runs with adaptive steps of which every one is kept: rows of time, state and way."""
 
     def __init__(self, lanes: Lanes) -> None:
@@ -319,7 +315,7 @@ class Rows(Places):
         self.free: list[Any] = []  # memory that no run needs any more
 
     def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
-        """These places for another system of the same layout, with memory of their own."""
+        """A copy with the lanes of another system of the same layout, and free memory of its own."""
         return super().of_lanes(lanes, free=[], **own)
 
     def native(self) -> Kernel | None:
@@ -337,7 +333,7 @@ class Rows(Places):
 
     def run(
         self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int
-    ) -> _Rows | None:  # fmt: skip
+    ) -> _AdaptiveRun | None:  # fmt: skip
         """Run from a start to t_end in one native call; None if that did not come to its end."""
         try:
             room = self.free.pop()
@@ -352,12 +348,12 @@ class Rows(Places):
         native.on_memory(block, buffers)
         now = CLOCKS.unpack_from(memory, 8 * self.clock)
         end = self.kept + self.row * (1 + int(now[TAKEN]))
-        found = _Rows(self, way, now, t_end, memory[:end].copy()) if now[TIME] == t_end else None
+        rows = _AdaptiveRun(self, way, now, t_end, memory[:end].copy()) if now[TIME] == t_end else None
         self.free.append(room)
-        return found
+        return rows
 
 
-class _Rows:
+class _AdaptiveRun:
     """The memory that a run with adaptive steps has written.
 
     memory : what is carried along, the clock, the goal, and a row for the start and the end of every step.
@@ -371,11 +367,11 @@ class _Rows:
 
     @property
     def rows(self) -> np.ndarray:
-        """The rows, views."""
+        """Rows of the start and of every step, (n, width), views of the memory."""
         return self.memory[self.places.kept :].reshape(-1, self.places.row)
 
     def t(self) -> np.ndarray:
-        """The times of the samples."""
+        """Times at the ends of the steps, (n,)."""
         return self.rows[:, 0]
 
     def states(self) -> dict[str, np.ndarray]:
@@ -384,24 +380,24 @@ class _Rows:
         return unpacked(state, self.rows[:, 1 : 1 + state.width])
 
     def dense(self) -> DenseOutput | None:
-        """The motion between the steps."""
-        way, lanes = self.way, self.places.lanes
+        """The dense output, if rows have the coefficients between the steps; else None."""
+        steps, lanes = self.way, self.places.lanes
         if not lanes.arguments[2].curves:
             return None
-        method = way.method
-        given = self.rows, method.dense_order, way.compiled
-        return DenseOutput(way.system, method.retraction, lanes.example, *given)
+        method = steps.method
+        motion = self.rows, method.dense_order, steps.compiled
+        return DenseOutput(steps.system, method.retraction, lanes.example, *motion)
 
     def carry(self) -> Carry:
-        """Where the run stands."""
+        """The carry at the end of the last step."""
         numbers = self.memory[: self.places.carried].copy()
         last = numbers[: self.places.lanes.state.width]
-        made = Carry.made(None, None, numbers, np.array(self.clock), last)
-        vars(made)["state"] = build(self.places.lanes.state, iter(last.tolist()))
-        return made
+        carry = Carry.made(None, None, numbers, np.array(self.clock), last)
+        vars(carry)["state"] = build(self.places.lanes.state, iter(last.tolist()))
+        return carry
 
 
-class Times(Rows):
+class SampledPlaces(AdaptivePlaces):
     """Places of runs with adaptive steps of which the states at given times are kept: behind their count and
     the row of the last step.
     """
@@ -422,9 +418,9 @@ class Times(Rows):
         return Execution(None, lanes.stepping.progress, *call, silent=True)
 
     def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
-        made = super().of_lanes(lanes, **own)
-        made.stepping = self.stepping.of(lanes.arguments[1])
-        return made
+        places = super().of_lanes(lanes, **own)
+        places.stepping = self.stepping.of_system(lanes.arguments[1])
+        return places
 
     def native(self) -> Kernel | None:
         """The native code that says what the formulas say now; it is made if asked for often."""
@@ -432,7 +428,7 @@ class Times(Rows):
 
     def at(
         self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray
-    ) -> _AtTimes | None:
+    ) -> _SampledRun | None:
         """Run from a start to t_end in one native call; None if that did not come to its end."""
         count, width = len(times), self.lanes.state.width
         memory: Any = np.empty(self.samples + count * width)
@@ -453,12 +449,12 @@ class Times(Rows):
         now = CLOCKS.unpack_from(memory, 8 * self.clock)
         if now[TIME] != t_end or memory.item(self.kept) != count:
             return None
-        found = _AtTimes(self, way, now, t_end, memory)
-        found.times = times
-        return found
+        samples = _SampledRun(self, way, now, t_end, memory)
+        samples.times = times
+        return samples
 
 
-class _AtTimes(_Rows):
+class _SampledRun(_AdaptiveRun):
     """The memory that a run with adaptive steps has written, of states at given times."""
 
     __slots__ = ("times",)
@@ -466,7 +462,7 @@ class _AtTimes(_Rows):
     times: np.ndarray
 
     def t(self) -> np.ndarray:
-        """The times of the samples."""
+        """Times of the samples, as they were asked for."""
         return self.times
 
     def states(self) -> dict[str, np.ndarray]:
@@ -475,42 +471,42 @@ class _AtTimes(_Rows):
         return unpacked(self.places.lanes.state, rows)
 
     def dense(self) -> None:
-        """There is none."""
+        """None: only the samples were kept."""
 
 
 def short(
-    way: Any, known: Any, start: Any, t0: float, t_end: float, times: np.ndarray | None, limit: int
+    way: Any, layout: Any, start: Any, t0: float, t_end: float, times: np.ndarray | None, limit: int
 ) -> Trajectory | None:
     """The run with adaptive steps of one body, if it is one of a few native steps; None if there is no
     native code yet, or more to do.
 
-    known : the layout of the start.
+    layout : of the start, as it is given.
     """
     if t0 == t_end or (times is not None and not len(times)):
         return None
     curves = way.dense is not False if times is None else between(times, t0, t_end)
-    key = known, curves, times is not None, "short"
+    key = layout, curves, times is not None, "short"
     places = way.shapes.get(key)
     if places is None:
-        lanes = way.shapes.get((known, curves, False))
+        lanes = way.shapes.get((layout, curves, False))
         if lanes is None:
             return None
-        places = way.shapes[key] = (Rows if times is None else Times)(lanes)
+        places = way.shapes[key] = (AdaptivePlaces if times is None else SampledPlaces)(lanes)
     native = places.native()
     if native is None:
         return None
-    given = native, way, start, t0, t_end, limit
-    found = places.run(*given) if times is None else places.at(*given, times)
-    if found is None:
+    call = native, way, start, t0, t_end, limit
+    promises = places.run(*call) if times is None else places.at(*call, times)
+    if promises is None:
         return None
-    t, _, _, steps, rejected, _, _ = found.clock
+    t, _, _, steps, rejected, _, _ = promises.clock
     h = (t - t0) / max(1.0, steps)
-    made: Trajectory = of_short(found, way, h, None, int(steps), {"rejected": int(rejected)})
-    return made
+    run: Trajectory = of_short(promises, way, h, None, int(steps), {"rejected": int(rejected)})
+    return run
 
 
 def between(times: np.ndarray, t0: float, t_end: float) -> bool:
-    """Are there others among sorted times than the start and the end?"""
+    """Whether sorted times have others among them than t0 and t_end."""
     count, n = len(times), 0
     while n < count and times.item(n) == t0:
         n += 1
@@ -524,32 +520,32 @@ def short_run(plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: An
     """A run that has nothing to do but to step, of a start that is laid out as one before;
     None for all others, and for what is to be refused.
     """
-    found, way = known(plan, start), plan._steps
-    if found is None:
+    key, prepared = known(plan, start), plan._steps
+    if key is None:
         written = plan._one._written_out(start)
-        found = None if written is start else known(plan, written)
+        key = None if written is start else known(plan, written)
         start = written
-    if found is None or type(t0) is not float or not math.isfinite(t0):
+    if key is None or type(t0) is not float or not math.isfinite(t0):
         return None
-    layout, side = found
+    layout, side = key
     if plan.adaptive:
         if side or t_end is None:
             return None
         limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
         end = arguments.real(t_end, "t_end")
         times = arguments.times(t_eval, t0, end)
-        if not (way.smooth or not way.jumps(t0, end)) or (way.dense and times is not None):
+        if not (prepared.smooth or not prepared.jumps(t0, end)) or (prepared.dense and times is not None):
             return None
-        made = short(way, layout, start, t0, end, times, limit)
-        if made is not None and plan.options.atol is None:
+        run = short(prepared, layout, start, t0, end, times, limit)
+        if run is not None and plan.options.atol is None:
             arguments.large_enough(restricted(start, layout))
-        return made
-    shape, of_each = way.shapes.get(found), side and t_end is not None
+        return run
+    shape, of_each = prepared.shapes.get(key), side and t_end is not None
     if shape is None or t_eval is not None or (of_each and arguments.axes(t_end, "t_end")):
         return None
     count = plan._count(steps, t_end, t0)
     if plan._doubt(start if side else restricted(start, layout)):
         return None
     if side:
-        return short_steps_of_many(way, shape, start, count, t0)
-    return short_steps(way, shape, start, count, t0)
+        return short_steps_of_many(prepared, shape, start, count, t0)
+    return short_steps(prepared, shape, start, count, t0)

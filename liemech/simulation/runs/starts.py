@@ -19,36 +19,38 @@ def started(plan: Any, start: Any) -> Any:
     layout = known(plan, start)
     if layout is not None:
         return start if start.bodies else restricted(start, layout[0])
-    inner, given = plan._inner, start
+    inner, original = plan._inner, start
     start = arguments.started(inner, start, needed(plan, inner, start))
-    for name, own in plan.of_each.items():
-        if start.bodies == len(own):
+    for name, each in plan.of_each.items():
+        if start.bodies == len(each):
             continue
         if name in ("system", "method"):
-            raise InvalidInput(f"integrate: there are {len(own)} {name}s for {start.bodies or 'a start of one'} bodies")
+            raise InvalidInput(
+                f"integrate: there are {len(each)} {name}s for {start.bodies or 'a start of one'} bodies"
+            )
         if start.bodies is None:
             raise InvalidType(f"integrate: {name} must be a number for a start of one body; got {plan._given[name]!r}")
         what = "steps" if name == "h" else "numbers"
-        raise InvalidInput(f"integrate: {name} has {len(own)} {what} for {start.bodies} bodies")
+        raise InvalidInput(f"integrate: {name} has {len(each)} {what} for {start.bodies} bodies")
     if plan._one is not plan.system and plan._one.bounded:
         if not plan.fictive:
             arguments.allowed(plan.system, start)
-    elif (plan._plain or not plan.of_each) and inner._knows(given):
+    elif (plan._plain or not plan.of_each) and inner._knows(original):
         side = kernel.side_by_side(start.bodies)
         if start.bodies is None:
-            plan._laid_out[layout_of(given)] = layout_of(start), side
-        elif start is given:
-            plan._laid_out[kind_of_many(given)] = layout_of(member(start, 0)), side
+            plan._laid_out[layout_of(original)] = layout_of(start), side
+        elif start is original:
+            plan._laid_out[kind_of_many(original)] = layout_of(member(start, 0)), side
     return start
 
 
 def known(plan: Any, start: Any) -> Any:
     """The key of the shape of a start, if one like it was checked before."""
-    given = known_layout(start)
-    if given is None and isinstance(start, State):
-        given = layout_of(start) if start.bodies is None else kind_of_many(start)
-    found = None if given is None else plan._laid_out.get(given)
-    return found if found is not None and plan._inner._knows(start) else None
+    layout = known_layout(start)
+    if layout is None and isinstance(start, State):
+        layout = layout_of(start) if start.bodies is None else kind_of_many(start)
+    key = None if layout is None else plan._laid_out.get(layout)
+    return key if key is not None and plan._inner._knows(start) else None
 
 
 def kind_of_many(start: Any) -> Any:

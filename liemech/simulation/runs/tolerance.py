@@ -42,7 +42,7 @@ from ..compiled.control import (
 from ..compiled.execution import like
 from ..compiled.lanes import Lanes
 from ..compiled.systems import OfBodies
-from ..keep import At, Dense, DenseOfBodies, Every
+from ..keep import AtTimes, Dense, DenseOfBodies, Every
 from .carry import Carry
 from .jumps import stretches, until_jumps
 from .run import Run
@@ -67,17 +67,17 @@ class AdaptiveSteps:
     shapes: dict[Any, Any] = dataclasses.field(default_factory=dict, repr=False)
 
     def owns(self, shape: Any) -> bool:
-        """Is the shape one of this plan?"""
+        """Whether this plan has prepared this shape."""
         return shape in self.shapes.values()
 
     def of_system(self, system: Any) -> AdaptiveSteps:
         """These steps for a system of the same layout; layouts and native code are shared."""
         shapes: dict[Any, Any] = {}
-        for key, known in [*self.shapes.items()]:  # places of short runs come after their lanes
-            if isinstance(known, Lanes):
-                shapes[key] = known.of_system(system)
+        for key, prepared in [*self.shapes.items()]:  # places of short runs come after their lanes
+            if isinstance(prepared, Lanes):
+                shapes[key] = prepared.of_system(system)
             else:
-                shapes[key] = known.of_lanes(shapes[*key[:2], False])
+                shapes[key] = prepared.of_lanes(shapes[*key[:2], False])
         other: AdaptiveSteps = like(self, system=system, shapes=shapes)
         return other
 
@@ -87,7 +87,7 @@ class AdaptiveSteps:
 
     @functools.cached_property
     def smooth(self) -> bool:
-        """Does the velocity never jump?"""
+        """Whether the velocity never jumps, so that no step must end early."""
         return not (self.breaks or has_inputs(self.system))
 
     def jumps(self, t0: float, t_end: float) -> tuple[float, ...]:
@@ -96,12 +96,12 @@ class AdaptiveSteps:
 
     def begun(self, t: np.ndarray) -> np.ndarray:
         """The times at which the steps to t[1:] begin: where the velocity jumps, beyond that."""
-        begun = t[:-1].copy()
+        starts = t[:-1].copy()
         t0, t_end = float(t[0]), float(t[-1])
         start, ways = stretches(self.jumps(t0, t_end), t0, t_end)
         for end, beyond in ((t0, start), *ways):
-            begun[begun == end] = beyond
-        return begun
+            starts[starts == end] = beyond
+        return starts
 
 
 class ToleranceRun(Run):
@@ -110,18 +110,18 @@ class ToleranceRun(Run):
     adaptive = True
 
     def aim(self, ends: list[Any], steps: Any) -> None:
-        own, given = self.plan.of_each, self.plan.options
+        of_each, options = self.plan.of_each, self.plan.options
         limit = limit_of(steps, ends[0])
-        if given.dense and self.recorded:
+        if options.dense and self.recorded:
             raise InvalidInput("integrate: dense=True keeps the states; record no functions of them")
-        way, numbers = self.way, {}  # type: Any, dict[str, Any]
+        plan_steps, numbers = self.way, {}  # type: Any, dict[str, Any]
         for name, all_bodies, check in (
-            ("rtol", way.rtol, lambda x: arguments.tolerance(x, "rtol", arguments.RTOL)),
-            ("atol", way.atol, lambda x: arguments.tolerance(x, "atol", arguments.ATOL)),
-            ("max_step", way.longest, arguments.longest),
-            ("h", way.h or 0.0, arguments.step_length),
+            ("rtol", plan_steps.rtol, lambda x: arguments.tolerance(x, "rtol", arguments.RTOL)),
+            ("atol", plan_steps.atol, lambda x: arguments.tolerance(x, "atol", arguments.ATOL)),
+            ("max_step", plan_steps.longest, arguments.longest),
+            ("h", plan_steps.h or 0.0, arguments.step_length),
         ):
-            numbers[name] = of_bodies(check, own[name]) if name in own else all_bodies
+            numbers[name] = of_bodies(check, of_each[name]) if name in of_each else all_bodies
         self.t_end = np.array(ends, dtype=float)
         self.sign = np.where(self.t_end >= self.t0, 1.0, -1.0)
         self.aims = np.zeros((GOAL.width, self.count))
@@ -137,18 +137,18 @@ class ToleranceRun(Run):
 
     @property
     def dense(self) -> bool:
-        """Is the motion between all steps kept?"""
+        """Whether the motion between all steps is kept."""
         dense = self.plan.options.dense
         by_itself = dense is None and not self.bodies and self.asked is None and not self.recorded
         return dense is True or by_itself
 
     @property
     def curves(self) -> bool:
-        """Do rows have the way between the steps?"""
-        asked = self.asked
+        """Whether rows carry the coefficients of the polynomial between the steps."""
+        times = self.asked
         if self.dense:
             return True
-        inside = asked is not None and ((asked != self.t0) & (asked != self.t_end)).any()
+        inside = times is not None and ((times != self.t0) & (times != self.t_end)).any()
         return bool(inside or self.plan.events)
 
     def begin(self) -> None:
@@ -171,39 +171,39 @@ class ToleranceRun(Run):
             back = clocks[STEP] * (self.t_end - self.t0) < 0.0
             clocks[STEP, back] = -clocks[STEP, back]
         self.here = np.concatenate([self.t0[None], numbers[:width]])
-        if self.way.breaks or has_inputs(self.of(0)[0]):
+        if self.way.breaks or has_inputs(self.laws_of(0)[0]):
             for i in range(count):
-                system, method = self.of(i)
+                system, method = self.laws_of(i)
                 t0, end = float(self.t0[i]), float(self.t_end[i])
                 jumps = jumps_between(method, system, self.way.breaks, t0, end)
-                found = stretches(jumps, t0, end)
-                self.jumps[i] = until_jumps(clocks[:, i], goals[:, i], t0, found)
+                branches = stretches(jumps, t0, end)
+                self.jumps[i] = until_jumps(clocks[:, i], goals[:, i], t0, branches)
         for i in np.flatnonzero((self.t_end == self.t0) & ~self.over).tolist():
             if self._still(i) is not None:
                 clocks[MARK, i] = STUCK
 
     def _still(self, i: int) -> Any:
         """The rejected velocity of a body where its run begins; None if there is one."""
-        xi = velocity(self.of(i)[0], self.t0.item(i), self.start_of(i))
+        xi = velocity(self.laws_of(i)[0], self.t0.item(i), self.start_of(i))
         return None if accepted(xi, itself) else xi
 
     def _lanes(self) -> Lanes:
         """Layouts and native code, from other runs of the plan if their starts were alike."""
-        plan, way, curves = self.plan, self.way, self.curves
+        plan, steps, curves = self.plan, self.way, self.curves
         self.rows = curves or not self.bodies
         example = self.start_of(0)
         key = layout_of(example), curves, bool(self.bodies)
-        lanes = way.shapes.get(key)
+        lanes = steps.shapes.get(key)
         if lanes is not None:
-            own: Lanes = lanes.of_a_run()
-            return own
-        system, method = self.of(0)
+            lanes_of_run: Lanes = lanes.of_a_run()
+            return lanes_of_run
+        system, method = self.laws_of(0)
         xi: Any = Vec(*[0.0] * system.group.dim)
         for i in range(self.count):
             state = self.start_of(i)
-            found = velocity(self.of(i)[0], self.t0.item(i), state)
-            if accepted(found, itself):
-                example, xi = state, found
+            rate = velocity(self.laws_of(i)[0], self.t0.item(i), state)
+            if accepted(rate, itself):
+                example, xi = state, rate
                 break
         lanes = Lanes(
             plan.method, plan.system, Tolerance(curves, self.rows), layout_of((example, xi)), example,
@@ -211,32 +211,32 @@ class ToleranceRun(Run):
             self.asked_for, plan.options.progress,
             kernel.width() if self.bodies and self.asked_for is not False and kernel.available() is None else 1,
         )  # fmt: skip
-        way.shapes[key] = lanes
+        steps.shapes[key] = lanes
         return lanes.of_a_run()
 
     def observe(self) -> list[Any]:
-        kept = DenseOfBodies if self.bodies else Dense
+        dense_observer = DenseOfBodies if self.bodies else Dense
         all_steps = self.dense or not (self.bodies or self.asked is not None or self.recorded)
-        found: list[Any] = [kept(self)] if all_steps else []
+        observers: list[Any] = [dense_observer(self)] if all_steps else []
         if self.asked is not None:
-            return [At(self, self.asked), *found]
-        return found or [Every(self, 1)]
+            return [AtTimes(self, self.asked), *observers]
+        return observers or [Every(self, 1)]
 
     # ---------------------------------------------------------------- between steps
 
     @functools.cached_property
     def between(self) -> DenseOutput:
-        several, method = self.lanes.arguments[1], self.of(0)[1]
+        several, method = self.lanes.arguments[1], self.laws_of(0)[1]
         retraction = method.retraction
         if isinstance(self.plan.method, OfBodies) and layout_of(retraction).width:
-            made = [one.retraction for one in self.plan.method]
-            retraction = kernel.Several.of(made, len(made))
-        given = self.lanes.example, None, method.dense_order, self.asked_for
-        return DenseOutput(several, retraction, *given)
+            retractions = [method_of_body.retraction for method_of_body in self.plan.method]
+            retraction = kernel.Several.of(retractions, len(retractions))
+        motion = self.lanes.example, None, method.dense_order, self.asked_for
+        return DenseOutput(several, retraction, *motion)
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         width = self.lanes.state.width
-        curve = row[1 + width :].reshape(-1, self.of(0)[0].group.dim)
+        curve = row[1 + width :].reshape(-1, self.laws_of(0)[0].group.dim)
         powers = ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)
         row[1 + width :] = (curve * powers[:, None]).ravel()
         super().end_at(row, begun, at, numbers)
@@ -261,17 +261,17 @@ class ToleranceRun(Run):
         if i is None:
             dense = DenseOutputs(tuple(map(self._dense, range(self.count)))) if self.dense else None
             return {"h": float(np.mean(h)), "rejected": int(rejected.sum()), "dense": dense}
-        found: dict[str, Any] = {"h": float(h[i]), "rejected": int(rejected[i])}
+        fields: dict[str, Any] = {"h": float(h[i]), "rejected": int(rejected[i])}
         if self.dense:
-            found["dense"] = self._dense(i)
-        return found
+            fields["dense"] = self._dense(i)
+        return fields
 
     def _dense(self, i: int) -> DenseOutput:
-        """The motion of a body."""
-        (system, method), last = self.of(i), self.observers[-1]
-        rows = last.of(i) if self.bodies else last.rows
-        given = self.lanes.example, rows, method.dense_order, self.asked_for
-        return DenseOutput(system, method.retraction, *given)
+        """The dense output of body i, over its own steps."""
+        (system, method), last = self.laws_of(i), self.observers[-1]
+        rows = last.rows_of(i) if self.bodies else last.rows
+        motion = self.lanes.example, rows, method.dense_order, self.asked_for
+        return DenseOutput(system, method.retraction, *motion)
 
     def carry_of(self, i: int) -> Any:
         beside = self.clocks[TIME, i] != self.here[0, i] and not self.clocks[ANEW, i]
@@ -282,12 +282,12 @@ class ToleranceRun(Run):
         numbers[: len(last)] = last
         if isinstance(some, int):
             cut = {0: self.cuts[some]} if some in self.cuts else {}
-            found = Carry(None, None, numbers, clock, last, None, {}, self.met(some), cut)
-            vars(found)["state"] = self.view.small(last)
-            return found
-        found = Carry(None, None, numbers, clock, last, self.count, {}, self.met(some), {**self.cuts})
-        vars(found)["state"] = self.view.states(last.T)
-        return found
+            carry = Carry(None, None, numbers, clock, last, None, {}, self.met(some), cut)
+            vars(carry)["state"] = self.view.small(last)
+            return carry
+        carry = Carry(None, None, numbers, clock, last, self.count, {}, self.met(some), {**self.cuts})
+        vars(carry)["state"] = self.view.states(last.T)
+        return carry
 
     def error(self, i: int) -> Any:
         if self.clocks[TAKEN, i] >= self.limit[i]:
@@ -301,10 +301,10 @@ class ToleranceRun(Run):
         return ~self.over & ~at_end & ((self.clocks[MARK] == STUCK) | (self.clocks[TAKEN] >= self.limit))
 
     def _too_small(self, i: int) -> Any:
-        """Why the steps became too small to go on: what the last trial had to say.  A mistake in a
-        formula is raised itself.
+        """The error of steps that became too small to go on, from what the last trial raised. what the last trial had
+        to say. A mistake in a formula is raised itself.
         """
-        clock, (system, method) = self.clocks[:, i], self.of(i)
+        clock, (system, method) = self.clocks[:, i], self.laws_of(i)
         t, h, steps = float(clock[TIME]), float(clock[STEP]), int(clock[TAKEN])
         rtol, atol = self.goals[RTOL, i].item(), self.goals[ATOL, i].item()
         state, xi = build(self.lanes.layout, iter(self.numbers[:, i].tolist()))
@@ -329,8 +329,8 @@ class ToleranceRun(Run):
                 f"[integrate: in step {steps + 1}, from t = {t:g}; the samples before it are in `.trajectory`]"
             )
             return self.explained(error, i)
-        made = too_small(repr(method), t, h, rtol, atol, steps, error, trial.error)
-        return self.explained(made, i)
+        too_short = too_small(repr(method), t, h, rtol, atol, steps, error, trial.error)
+        return self.explained(too_short, i)
 
 
 def too_small(
@@ -347,25 +347,25 @@ def too_small(
             why = "the motion has no finite velocity there"
     elif not isinstance(error, ArithmeticError):
         why = f"{type(error).__name__}: {error}"
-    made = StepTooSmall(
+    too_short = StepTooSmall(
         f"{what}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: "
         f"{why}. The motion may have a singularity there, or rtol = {rtol:g}, atol = {atol:g} ask "
         f"for more than rounding allows; {steps} steps are in `.trajectory`"
     )
-    made.__cause__ = error
-    return made
+    too_short.__cause__ = error
+    return too_short
 
 
 def of_bodies(check: Any, values: Any) -> list[Any]:
     """Check a value of each body; a refusal names the body."""
-    found: list[Any] = []
+    checked: list[Any] = []
     try:
         for value in values:
-            found.append(check(value))
+            checked.append(check(value))
     except (InvalidInput, InvalidType) as error:
-        error.add_note(f"[integrate: body {len(found)}]")
+        error.add_note(f"[integrate: body {len(checked)}]")
         raise
-    return found
+    return checked
 
 
 def velocity(system: Any, t: float, state: Any) -> Any:
@@ -377,7 +377,7 @@ def velocity(system: Any, t: float, state: Any) -> Any:
 
 
 def limit_of(steps: Any, t_end: Any) -> int:
-    """How many adaptive steps may lead to t_end, which they need."""
+    """The largest number of adaptive steps to t_end, checked; adaptive steps need a t_end."""
     if t_end is None:
         raise InvalidInput("integrate: adaptive steps need a t_end; for fixed steps give h and steps")
     return arguments.MOST if steps is None else arguments.count(steps, "steps", 1)

@@ -40,7 +40,7 @@ class GroupEquation(System):
 
     @final
     def rate(self, t: float, state: Position) -> Vec:
-        """xi(t, g)."""
+        """The velocity xi(t, g) at the state's element."""
         return self.velocity(t, state.g)
 
     @final
@@ -91,10 +91,10 @@ class LinearGroupEquation(GroupEquation):
     linear: ClassVar[bool] = True
 
     def drive(self, t: float) -> Vec:
-        """The velocity xi(t), (dim,)."""
+        """The velocity xi(t), (dim,), which a subclass writes."""
         raise undefined(self, "drive")
 
     @final
     def velocity(self, t: float, g: Element) -> Vec:
-        """xi(t), wherever g is."""
+        """The velocity xi(t), wherever g is."""
         return self.drive(t)

@@ -54,12 +54,12 @@ class HomogeneousEquation(System):
 
     @final
     def rate(self, t: float, state: Point) -> Vec:
-        """A(t, x)."""
+        """The velocity A(t, x) at the state's point."""
         return self.velocity(t, state.x)
 
     @final
     def displaced(self, retraction: Retraction, state: Point, omega: Vec) -> Point:
-        """tau(omega) . x."""
+        """The point tau(omega) . x, moved by the action."""
         omega = as_precise(omega, state.x)
         return Point(retraction.tau_act(self.action, omega, state.x))
 
@@ -85,17 +85,17 @@ class HomogeneousEquation(System):
         """
         name, shape = f"{type(self).__name__}.state: x", self.action.point_shape
         array = points(x, name, np.shape(x)[-1:] if shape is None else shape, f"a point of {self.action!r}")
-        one = array.shape[array.ndim - len(shape) :] if shape is not None else array.shape[-1:]
+        point_shape = array.shape[array.ndim - len(shape) :] if shape is not None else array.shape[-1:]
         off = np.flatnonzero(~np.atleast_1d(self.action.contains(array)))
         if len(off):
-            which, bad = (name, array) if array.shape == one else (f"{name}[{off[0]}]", array[off[0]])
+            which, bad = (name, array) if array.shape == point_shape else (f"{name}[{off[0]}]", array[off[0]])
             try:
                 how = f"it is off by {self.action.defect(bad):.1e}"
             except InvalidInput:  # so far off that no float says it
                 how = f"got {bad!r}"
             raise InvalidInput(f"{which} is no point of {self.action!r}: {how}")
-        many, large = None if array.shape == one else len(array), lies_in_memory(self.group)
-        return self.vouched(large_members(Point(frozen(array, one, many, large)), large))
+        many, large = None if array.shape == point_shape else len(array), lies_in_memory(self.group)
+        return self.vouched(large_members(Point(frozen(array, point_shape, many, large)), large))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.action._shape(argument, kind)

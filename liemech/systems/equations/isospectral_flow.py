@@ -51,12 +51,12 @@ class IsospectralFlow(LiePoissonMotion):
         return algebra.vee(self.velocity_matrix(algebra.covector(mu)))
 
     def rate(self, t: float, state: BodyState) -> Vec:
-        """X row by row."""
+        """The antisymmetric matrix X, row by row."""
         return self.velocity(state.mu)
 
     @property
     def is_large(self) -> bool:
-        """Are the matrices in memory?"""
+        """Whether the matrices are in memory."""
         return self.group.is_large
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
@@ -75,8 +75,8 @@ class IsospectralFlow(LiePoissonMotion):
         Raises InvalidInput for other shapes and matrices that are not symmetric.
         """
         name, n = f"{type(self).__name__}.state", self.size
-        given = mu if matrix is None else matrix
-        array = real_array(given, f"{name}: matrix")
+        entries = mu if matrix is None else matrix
+        array = real_array(entries, f"{name}: matrix")
         if matrix is None and array.shape[-1:] == (n * n,):
             array = array.reshape(*array.shape[:-1], n, n)
         if array.shape[-2:] != (n, n) or array.ndim > 3:
@@ -88,8 +88,8 @@ class IsospectralFlow(LiePoissonMotion):
                 f"{name}: matrix is not symmetric: entry {at} differs from its mirror image by {off.max():.1e}"
             )
         rows = array.reshape(*array.shape[:-2], n * n)
-        made: BodyState = self._vouched(body_state(name, self.group, rows, g))
-        return made
+        start: BodyState = self._vouched(body_state(name, self.group, rows, g))
+        return start
 
     def matrix(self, mu: Any) -> np.ndarray:
         """L.  mu : (..., n^2); (..., n, n)."""
@@ -107,8 +107,8 @@ class IsospectralFlow(LiePoissonMotion):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The eigenvalues, and g L g^-1 if the element is known."""
-        kept = {"eigenvalues": self.eigenvalues(states["mu"])}
+        constants = {"eigenvalues": self.eigenvalues(states["mu"])}
         g = states.get("g")
         if g is None:
-            return kept
-        return kept | {"spatial momentum": np.asarray(self.spatial_momentum(states["mu"], g))}
+            return constants
+        return constants | {"spatial momentum": np.asarray(self.spatial_momentum(states["mu"], g))}

@@ -56,7 +56,7 @@ class DrivenHamiltonianSystem(PhaseSpace):
         return vec(*self.velocity(t, state.q, state.p), *self.force(t, state.q, state.p))
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Nothing, as far as is known."""
+        """No constants, as far as is known."""
         return {}
 
     @final
@@ -116,14 +116,14 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         return self.hamiltonian.energy(t, mu)
 
     def rate(self, t: float, state: BodyState) -> Vec:
-        """The body velocity."""
+        """The body velocity xi = dH(t, mu)/dmu."""
         return self.velocity(t, state.mu)
 
     @cached_property
     def site_form(self) -> DrivenLiePoissonSystem | None:
         """The site form of a system of many sites; None if there is none."""
-        made: DrivenLiePoissonSystem | None = self.at_site(DrivenLiePoissonSystem)
-        return made
+        of_site: DrivenLiePoissonSystem | None = self.at_site(DrivenLiePoissonSystem)
+        return of_site
 
     def at(self, t: float) -> LiePoissonSystem:
         """The free system whose energy is for ever what this one's is at time t.  Raises
@@ -132,11 +132,11 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         return LiePoissonSystem(self.group, self.hamiltonian.at(t))
 
     def _at(self, t: float) -> LiePoissonSystem:
-        """`at` for formulas, unchecked."""
+        """The system with the energy of time t: `at` for formulas, unchecked."""
         energy = self.hamiltonian.at(t)
-        own = energy if has_inertia(energy) else None
-        made: LiePoissonSystem = with_fields(_EMPTY, group=self.group, hamiltonian=energy, lagrangian=own)
-        return made
+        lagrangian = energy if has_inertia(energy) else None
+        system: LiePoissonSystem = with_fields(_EMPTY, group=self.group, hamiltonian=energy, lagrangian=lagrangian)
+        return system
 
     @final
     def state(self, mu: Any, g: Any = None) -> BodyState:

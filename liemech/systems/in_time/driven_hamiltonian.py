@@ -54,5 +54,5 @@ class Frozen(Hamiltonian):
         return self.driven.energy(self.time, mu)
 
     def gradient(self, mu: Vec) -> Vec:
-        """dK/dmu.  mu : (dim,)."""
+        """The velocity dK/dmu at the frozen time.  mu : (dim,)."""
         return self.driven.gradient(self.time, mu)

@@ -44,8 +44,8 @@ class DrivenKineticEnergy(DrivenHamiltonian):
     def at(self, t: float) -> KineticEnergy:
         """The kinetic energy with J(t)."""
         inertia = self.inertia(t)
-        made: KineticEnergy = with_fields(_EMPTY, inertia=inertia, inverse=self._inverse(inertia))
-        return made
+        energy: KineticEnergy = with_fields(_EMPTY, inertia=inertia, inverse=self._inverse(inertia))
+        return energy
 
     def _inverse(self, inertia: Vec | Mat) -> Vec | Mat:
         return inverse(inertia) if isinstance(inertia, vectors.Mat) else 1.0 / inertia

@@ -152,10 +152,10 @@ class PiecewisePolynomial(Record):
         """
         from scipy.interpolate import CubicSpline
 
-        times, found = _table(t, values, 0)
+        times, rows = _table(t, values, 0)
         try:
             with np.errstate(all="ignore"):  # what is not finite then is refused
-                curve = CubicSpline(times, found, bc_type=ends)
+                curve = CubicSpline(times, rows, bc_type=ends)
             return cls.of(curve, outside)
         except ValueError as error:
             raise InvalidInput(f"PiecewisePolynomial.cubic: {error}") from None
@@ -165,9 +165,9 @@ class PiecewisePolynomial(Record):
         """The straight lines from value to value.  t : (n,) rising times in s.  values : (n,) or
         (n, dim).
         """
-        times, found = _table(t, values, 0)
-        slopes = np.diff(found, axis=0) / np.diff(times).reshape(-1, *[1] * (found.ndim - 1))
-        return cls(times, np.stack([found[:-1], slopes], axis=1), outside)
+        times, rows = _table(t, values, 0)
+        slopes = np.diff(rows, axis=0) / np.diff(times).reshape(-1, *[1] * (rows.ndim - 1))
+        return cls(times, np.stack([rows[:-1], slopes], axis=1), outside)
 
     @classmethod
     def constant(cls, t: Any, values: Any, outside: str = "refuse") -> PiecewisePolynomial:
@@ -176,12 +176,12 @@ class PiecewisePolynomial(Record):
         t : (n + 1,) rising times in s, at which the values change.  values : (n,) or (n, dim), the
         first from t_0 to t_1.
         """
-        times, found = _table(t, values, 1)
-        return cls(times, found[:, None], outside)
+        times, rows = _table(t, values, 1)
+        return cls(times, rows[:, None], outside)
 
     @property
     def has_values(self) -> bool:
-        """Is it of steps, or of straight lines from value to value, so that its values tell all of it?"""
+        """Whether the table is of steps or of straight lines from value to value, so that its values tell all of it."""
         inner = np.asarray(self.jumps)[: int(self.jumping)] > np.asarray(self.knots)[0]
         return self.degree == 0 or (self.degree == 1 and not inner.any())
 
@@ -219,9 +219,9 @@ class PiecewisePolynomial(Record):
         """
         if isinstance(t, np.ndarray):
             return self._of_array(real_array(t, "PiecewisePolynomial: t"))
-        seen = self.begin <= t <= self.end
-        first, last = where(seen, self.first, -1.0), where(seen, self.last, self.intervals)
-        t = self._inside(t, first, last, where(seen, self.period, ANY))
+        within = self.begin <= t <= self.end
+        first, last = where(within, self.first, -1.0), where(within, self.last, self.intervals)
+        t = self._inside(t, first, last, where(within, self.period, ANY))
         i = self._interval(t, first, last)
         return horner(self._terms_of(i), t - entry(self.knots, i))
 
@@ -238,8 +238,8 @@ class PiecewisePolynomial(Record):
         times = np.array([self._inside(x, -1.0, self.intervals, ANY) for x in t.ravel().tolist()])
         i = np.clip(np.searchsorted(knots, times, "right") - 1, 0, len(knots) - 2)
         x = (times - knots[i]).reshape(-1, *[1] * (terms.ndim - 2))
-        found = horner([terms[i, k] for k in range(self.degree + 1)], x)
-        return found.reshape(*t.shape, *found.shape[1:])
+        heights = horner([terms[i, k] for k in range(self.degree + 1)], x)
+        return heights.reshape(*t.shape, *heights.shape[1:])
 
     def _terms(self) -> np.ndarray:
         """The coefficients as they were given."""
@@ -286,24 +286,24 @@ class PiecewisePolynomial(Record):
         period, shift = ANY, 0.0
         if self.outside == "repeat":
             length = last - first
-            here = (low - first) // length
-            period = where(here == -((first - high) // length) - 1.0, here, ANY)
-            shift = here * length
-        one, other = low - shift, high - shift
+            turn = (low - first) // length
+            period = where(turn == -((first - high) // length) - 1.0, turn, ANY)
+            shift = turn * length
+        start, stop = low - shift, high - shift
         if beyond is not None:
             begin, end = begin - beyond * abs(h), end + beyond * abs(h)
-            one, other = self._up_to_jumps(one, other)
+            start, stop = self._up_to_jumps(start, stop)
             if self.outside == "repeat":  # where it begins anew without a jump, another period counts
                 smooth = entry(self.jumps, 0) > first
                 begin = where(smooth, max(begin, first + shift), begin)
                 end = where(smooth, min(end, last + shift), end)
-        i = 1.0 * reached(self.knots, 0, ends, one)
-        j = 1.0 * _left_of(self.knots, 0, ends, other)
+        i = 1.0 * reached(self.knots, 0, ends, start)
+        j = 1.0 * _left_of(self.knots, 0, ends, stop)
         if self.outside == "repeat":
             i, j = where(period == ANY, -1.0, i), where(period == ANY, 1.0 * ends, j)
         if self.outside == "hold":
-            i = where(one < first, -1.0, where(one >= last, self.intervals, i))
-            j = where(other <= first, -1.0, where(other > last, self.intervals, j))
+            i = where(start < first, -1.0, where(start >= last, self.intervals, i))
+            j = where(stop <= first, -1.0, where(stop > last, self.intervals, j))
         return with_fields(self, begin=begin, end=end, first=i, last=j, period=period)
 
     def _up_to_jumps(self, low: Any, high: Any) -> tuple[Any, Any]:
@@ -331,8 +331,8 @@ class PiecewisePolynomial(Record):
             length = knots[-1] - knots[0]
             first, last = (int((x - knots[0]) // length) for x in (low, high))
             times = (np.arange(first, last + 1)[:, None] * length + times).ravel()
-        found: list[float] = times[(times >= low) & (times <= high)].tolist()
-        return found
+        inside: list[float] = times[(times >= low) & (times <= high)].tolist()
+        return inside
 
     def jump_ahead(self, t: Any, end: Any, every: bool) -> Any:
         """The first time after t on the way to `end` at which the value jumps, or, of every knot,
@@ -351,14 +351,14 @@ class PiecewisePolynomial(Record):
         length, slack = last - first, _slack(t, end)
         forward = end > t
         period = where(forward, (t + slack - first) // length, -((first - t + slack) // length) - 1.0)
-        here = jump_ahead(table, begin, count, t - period * length, end - period * length)
-        found = here + period * length
+        in_period = jump_ahead(table, begin, count, t - period * length, end - period * length)
+        jump = in_period + period * length
         after = where(forward, period + 1.0, period - 1.0)
         edge = entry(table, where(forward, 0, max(count - 1, 0))) + after * length
-        none = here == end - period * length
-        found = where(none, where(count > 0, edge, end), found)
-        beyond = where(forward, found >= end - slack, found <= end + slack)
-        return where(beyond, end, found)
+        none = in_period == end - period * length
+        jump = where(none, where(count > 0, edge, end), jump)
+        beyond = where(forward, jump >= end - slack, jump <= end + slack)
+        return where(beyond, end, jump)
 
     def __repr__(self) -> str:
         kind = f"{self.size} components" if self.size else "a number"
@@ -368,20 +368,20 @@ class PiecewisePolynomial(Record):
 
 def _table(t: Any, values: Any, more: int) -> tuple[np.ndarray, np.ndarray]:
     """Times and values that belong together."""
-    times, found = (real_array(t, "PiecewisePolynomial: t"), real_array(values, "PiecewisePolynomial: values"))
+    times, rows = (real_array(t, "PiecewisePolynomial: t"), real_array(values, "PiecewisePolynomial: values"))
     check_finite(times, "PiecewisePolynomial: t")
-    check_finite(found, "PiecewisePolynomial: values")
-    if times.ndim != 1 or found.ndim not in (1, 2) or len(times) != len(found) + more or len(times) < 2:
+    check_finite(rows, "PiecewisePolynomial: values")
+    if times.ndim != 1 or rows.ndim not in (1, 2) or len(times) != len(rows) + more or len(times) < 2:
         wanted = "one value for each time" if more == 0 else "one value between each two times"
         raise InvalidInput(
             f"PiecewisePolynomial: t is (n,) and values are (n,) or (n, dim), {wanted}; got t "
-            f"{times.shape}, values {found.shape}"
+            f"{times.shape}, values {rows.shape}"
         )
     if not (np.diff(times) > 0.0).all():
         raise InvalidInput(
             f"PiecewisePolynomial: t must rise; {times[:-1][np.diff(times) <= 0.0][0]:g} is followed by less"
         )
-    return times, found
+    return times, rows
 
 
 def _jumping(knots: np.ndarray, terms: np.ndarray, repeat: bool) -> np.ndarray:
@@ -393,9 +393,9 @@ def _jumping(knots: np.ndarray, terms: np.ndarray, repeat: bool) -> np.ndarray:
     before = np.roll(parts.sum(axis=1), 1, axis=0)
     size = np.roll(np.abs(parts).sum(axis=1), 1, axis=0) + np.abs(terms[:, 0])
     jumps = np.abs(terms[:, 0] - before) > EQUAL * size
-    found: np.ndarray = jumps.reshape(len(jumps), -1).any(axis=1)
-    found[0] &= repeat
-    return found
+    jumping: np.ndarray = jumps.reshape(len(jumps), -1).any(axis=1)
+    jumping[0] &= repeat
+    return jumping
 
 
 def reached(table: Any, low: Any, high: Any, t: Any) -> Any:
@@ -441,9 +441,9 @@ def jump_ahead(table: Any, begin: Any, count: Any, t: Any, end: Any) -> Any:
     before = where(t - slack > entry(table, min(begin, none)), before, begin - 1)
     at = where(forward, after, before)
     outside = where(forward, at >= count, at < begin)
-    found = entry(table, min(max(at, 0), none))
-    beyond = where(forward, found >= end - slack, found <= end + slack)
-    return where(outside, end, where(beyond, end, found))
+    jump = entry(table, min(max(at, 0), none))
+    beyond = where(forward, jump >= end - slack, jump <= end + slack)
+    return where(outside, end, where(beyond, end, jump))
 
 
 # ------------------------------------------------------------------ the inputs of a system
@@ -455,14 +455,14 @@ def inputs(system: Any) -> list[PiecewisePolynomial]:
 
 
 def has_inputs(system: Any) -> bool:
-    """Are there any?  Told from the layout, which is known from another run."""
+    """Whether the system has tables; asked of its layout, which is known from another run."""
     return _has_table(layout_of(system))
 
 
 @functools.lru_cache(256)
 def _has_table(layout: Layout) -> bool:
-    own = layout.kind == "record" and issubclass(layout.detail[0], PiecewisePolynomial)
-    return own or any(map(_has_table, layout.parts))
+    is_table = layout.kind == "record" and issubclass(layout.detail[0], PiecewisePolynomial)
+    return is_table or any(map(_has_table, layout.parts))
 
 
 def during(system: Any, t: Any, h: Any, beyond: Any = None) -> Any:
@@ -470,5 +470,5 @@ def during(system: Any, t: Any, h: Any, beyond: Any = None) -> Any:
 
     beyond : the part of h by which stages of the method lie beyond the ends of the step, or None.
     """
-    seen = [table.during(t, h, beyond) for table in inputs(system)]
-    return exchanged(system, PiecewisePolynomial, seen)
+    limited = [table.during(t, h, beyond) for table in inputs(system)]
+    return exchanged(system, PiecewisePolynomial, limited)

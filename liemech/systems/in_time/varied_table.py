@@ -41,9 +41,9 @@ class VariedTable(PiecewisePolynomial):
         return super()._inside(t, low, high, period)
 
     def _terms_of(self, i: Any) -> list[Any]:
-        here, width = where(i == self.where_moved, 1.0, 0.0), max(self.size, 1)
+        switch, width = where(i == self.where_moved, 1.0, 0.0), max(self.size, 1)
         rows = [self.moved[k * width : (k + 1) * width] for k in range(self.degree + 1)]
-        return [term + here * (Vec(*row) if self.size else row[0]) for term, row in zip(super()._terms_of(i), rows)]
+        return [term + switch * (Vec(*row) if self.size else row[0]) for term, row in zip(super()._terms_of(i), rows)]
 
 
 PART = "knots", "coefficients", "intervals", "jumps", "jumping", "last"

@@ -38,11 +38,11 @@ def kept_directions(system: Any, mu: np.ndarray) -> np.ndarray | None:
     size = np.abs(mu).reshape(-1, sites, dim).max(axis=(0, 2))
     size = np.where(size > 0.0, size, size.max())
     rng = np.random.default_rng(1)
-    some = rng.normal(size=(dim + MORE, sites, dim)) * size[:, None]
+    samples = rng.normal(size=(dim + MORE, sites, dim)) * size[:, None]
     try:
         with np.errstate(all="ignore"):
-            xi = np.asarray(system.velocity(some))
-            turned = np.asarray(base.ad_star(xi, some))
+            xi = np.asarray(system.velocity(samples))
+            turned = np.asarray(base.ad_star(xi, samples))
     except ArithmeticError:
         return None
     terms = np.abs(turned).sum(axis=(1, 2))
@@ -50,15 +50,15 @@ def kept_directions(system: Any, mu: np.ndarray) -> np.ndarray | None:
         return None
     rates = turned.sum(axis=1) / terms[:, None]
     axes = [k for k in range(dim) if np.abs(rates[:, k]).max() <= ROUNDING]
-    rest = [k for k in range(dim) if k not in axes]
-    found = [*np.eye(dim)[axes]]
-    if rest:
-        _, sizes, directions = np.linalg.svd(rates[:, rest])
-        for one in directions[sizes <= ROUNDING]:
+    mixed = [k for k in range(dim) if k not in axes]
+    directions_kept = [*np.eye(dim)[axes]]
+    if mixed:
+        _, sizes, directions = np.linalg.svd(rates[:, mixed])
+        for direction in directions[sizes <= ROUNDING]:
             whole = np.zeros(dim)
-            whole[rest] = one * np.sign(one[np.abs(one).argmax()])
-            found.append(whole)
-    return np.array(found).reshape(-1, dim)
+            whole[mixed] = direction * np.sign(direction[np.abs(direction).argmax()])
+            directions_kept.append(whole)
+    return np.array(directions_kept).reshape(-1, dim)
 
 
 def momenta_of_symmetry(system: Any, mu: np.ndarray) -> dict[str, np.ndarray]:

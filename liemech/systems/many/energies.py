@@ -48,7 +48,7 @@ class OfManySites(WithHeldSites):
 
     @property
     def feels_velocity(self) -> bool:
-        """Of a force: does it depend on the velocity?"""
+        """Whether a force depends on the velocity."""
         raise NotImplementedError
 
     @staticmethod

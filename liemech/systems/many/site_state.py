@@ -77,13 +77,13 @@ class SiteState(StateOfSites):
         small vectors, of an ensemble (members, n).
         """
         lead = self.mu.shape[:-2]
-        found = {}
+        in_rows = {}
         for name, x in self.arrays.items():
             rows = np.ascontiguousarray(x)
             rows = rows.view(float) if np.iscomplexobj(rows) else rows
             row = rows.reshape(*lead, -1)
-            found[name] = small(row) if not lead else frozen_array(row, name)
-        return found
+            in_rows[name] = small(row) if not lead else frozen_array(row, name)
+        return in_rows
 
 
 @record
@@ -118,10 +118,10 @@ def site_state(name: str, group: PowerGroup, mu: Any, g: Any) -> SiteState:
 
 def _of_sites(name: str, group: PowerGroup, value: Any, kind: str, what: str) -> np.ndarray:
     """An array (sites, ...) or (members, sites, ...), finite."""
-    one = (group.base.dim,) if kind == "Vec" else group.base.element_shape
+    site_shape = (group.base.dim,) if kind == "Vec" else group.base.element_shape
     is_complex = kind != "Vec" and group.base.is_complex
     array = real_array(value, name, is_complex)
-    shape = (group.copies, *one)
+    shape = (group.copies, *site_shape)
     if array.shape[-len(shape) :] != shape and kind == "Vec" and array.shape[-1:] == (group.dim,):
         array = group.by_site(array, kind)
     elif array.shape[-len(shape) :] != shape and array.shape[-1:] == group.element_shape:
@@ -161,18 +161,18 @@ def rows_of_species(name: str, group: SpeciesGroup, value: Any, kind: str) -> np
     what = "momenta" if kind == "Vec" else "elements"
     if not isinstance(value, (list, tuple)) or len(value) != len(group.powers):
         row = (group.dim,) if kind == "Vec" else group.element_shape
-        found = value if np.ndim(value) and np.shape(value)[-1:] == row else None
-        if isinstance(value, (list, tuple)) and found is None:
+        in_a_row = value if np.ndim(value) and np.shape(value)[-1:] == row else None
+        if isinstance(value, (list, tuple)) and in_a_row is None:
             raise InvalidInput(
                 f"{name} has {len(value)} parts; give the {what} of each of the {len(group.powers)} "
                 f"species of {group!r}"
             )
-        if found is None:
+        if in_a_row is None:
             raise InvalidInput(
                 f"{name}: give the {what} of each of the {len(group.powers)} species of {group!r}, a "
                 f"list of arrays; got {np.shape(value)}"
             )
-        value = group.by_species(real_array(found, name), kind)
+        value = group.by_species(real_array(in_a_row, name), kind)
     parts, members = [], set()
     for k, (power, x) in enumerate(zip(group.powers, value)):
         array = _of_sites(f"{name}[{k}]", power, x, kind, what)

@@ -20,7 +20,7 @@ from ...models.space.spacecraft import Spacecraft
 from ...systems.system import System
 from ..drawing import Drawing
 from ..motion import Motion
-from ..shapes import Shape, ball, box, mesh_file, mixed, often, segments, shares, turned
+from ..shapes import ThreeShape, ball, box, mesh_file, mixed, often, segments, shares, turned
 from ..thinning import Numbers, evenly
 from .content import UNITS, Content, refuse
 from .vectors import AXES, MOST_POINTS, axis_of, triad
@@ -76,7 +76,9 @@ class Body(Content):
         return ("g",)
 
     def own(self, system: System) -> bool:
-        """Yes, unless it flies: bodies that stay where they are would stand in each other's way."""
+        """Whether each run has its own panel: yes for bodies that stay where they are, which would overlap; no for
+        those that fly.
+        """
         return not flies(system)
 
     def reach(self, motion: Motion) -> Array:
@@ -177,7 +179,7 @@ def axes_legend() -> list[dict[str, Any]]:
     return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
 
 
-def boxes(count: int, edges: ArrayLike, **known: Any) -> Shape:
+def boxes(count: int, edges: ArrayLike, **known: Any) -> ThreeShape:
     """Boxes whose sides have the colours of the axes that come out of them, as one object."""
     sides = shares([*AXES, STONE])
     return often(box(np.ones(3), "#ffffff"), count, edges, sides=sides, **known)
@@ -188,8 +190,8 @@ def _constraint(system: Any) -> Any:
 
 
 def _size(system: Any, unit: float) -> float:
-    """How large a body that flies is drawn: a ball that rolls and the way from a blade to the
-    centre of mass to scale, if that is to be seen.
+    """The size in which a body that flies is drawn: a ball that rolls and the way from a blade to the centre of mass to
+    scale, if that is to be seen.
     """
     constraint = _constraint(system)
     if isinstance(constraint, Rolling):

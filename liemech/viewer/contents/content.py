@@ -46,7 +46,7 @@ class Content:
         raise NotDefined(f"{type(self).__name__} must define `needs`")
 
     def own(self, system: System) -> bool:
-        """Does every run have a panel of its own?"""
+        """Whether every run has a panel of its own."""
         return False
 
     def reach(self, motion: Motion) -> Array:
@@ -96,14 +96,14 @@ def chosen(show: Any, known: Mapping[str, type[Content]]) -> tuple[Content, ...]
     """
     wanted = (show,) if isinstance(show, (str, Content)) else tuple(show)
     contents = []
-    for one in wanted:
-        if isinstance(one, str):
-            if one not in known:
-                raise InvalidInput(f"show: {one!r} is not known; there are {', '.join(known)}")
-            one = known[one]()
-        if not isinstance(one, Content):
-            raise InvalidType(f"show: names or contents such as Momentum(levels=0); got {one!r}")
-        contents.append(one)
+    for content in wanted:
+        if isinstance(content, str):
+            if content not in known:
+                raise InvalidInput(f"show: {content!r} is not known; there are {', '.join(known)}")
+            content = known[content]()
+        if not isinstance(content, Content):
+            raise InvalidType(f"show: names or contents such as Momentum(levels=0); got {content!r}")
+        contents.append(content)
     if not contents:
         raise InvalidInput(f"show is empty; name something of {', '.join(known)}")
     return tuple(contents)

@@ -39,16 +39,16 @@ class Field(Content):
         return ("mu",)
 
     def own(self, system: System) -> bool:
-        """Yes: each flow has its sphere."""
+        """Whether each run has its own panel: yes, each flow has its sphere."""
         return True
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
-        """The scale of colours."""
+        """The scale of colours, from the most negative vorticity to the most positive."""
         most = f"{_most(motion):.2g}/s"
         return [{"name": "vorticity", "colors": FIELD, "ends": [f"\u2212{most}", f"+{most}"]}]
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """One sphere, whose points change their colours."""
+        """Draw a single sphere, whose points change their colours."""
         rows = max(8, min(ROWS, int(np.sqrt(0.5 * MOST_NUMBERS / len(motion))) - 1))
         latitude = np.linspace(0.5 * np.pi, -0.5 * np.pi, rows + 1)
         longitude = np.linspace(-np.pi, np.pi, 2 * rows + 1)

@@ -45,7 +45,7 @@ class Links(Content):
     trail: int | None = -1
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """The poses."""
+        """The parts of the state drawn, the poses; InvalidInput for what is no Linkage."""
         if not isinstance(system, Linkage):
             raise refuse(self, system, "bodies that joints hold together, a Linkage,")
         count = len(system.links)
@@ -56,15 +56,18 @@ class Links(Content):
         return ("g",)
 
     def reach(self, motion: Motion) -> Array:
-        """Where the joints and the centres of mass come."""
+        """The paths of joints, shapes and centres of mass, (points, 3)."""
         system, poses = _read(motion)
-        seen = [
-            (GROUND if one.body is None else one.body, (np.array(one.pose) @ [*(half * np.array(one.size)), 1.0])[:3])
-            for one in system.shapes
+        corners = [
+            (
+                GROUND if solid.body is None else solid.body,
+                (np.array(solid.pose) @ [*(half * np.array(solid.size)), 1.0])[:3],
+            )
+            for solid in system.shapes
             for half in (-0.5, 0.5)
         ]
-        found = [_placed(poses, _ends(system) + seen), poses[:, :-1, :3, 3]]
-        return np.concatenate(found, axis=1).reshape(-1, 3)
+        paths = [_placed(poses, _ends(system) + corners), poses[:, :-1, :3, 3]]
+        return np.concatenate(paths, axis=1).reshape(-1, 3)
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """A node for each body and the ground, which carries its box or its shapes, and the joints on
@@ -77,12 +80,12 @@ class Links(Content):
         for k, name in enumerate(names):
             turns = quaternions(poses[:, k, :3, :3])
             drawing.add(name, quaternion=turns, position=inside(poses[:, k, :3, 3]))
-        for n, one in enumerate(system.shapes):
-            pose, node = (np.array(one.pose), f"{names[GROUND if one.body is None else one.body]}/shape {n + 1}")
+        for n, part in enumerate(system.shapes):
+            pose, node = (np.array(part.pose), f"{names[GROUND if part.body is None else part.body]}/shape {n + 1}")
             turn = quaternions(pose[None, :3, :3])[0]
             drawing.add(node, quaternion=turn, position=pose[:3, 3] / unit)
             try:
-                _shape(drawing, node, one, np.array(one.size) / unit, color)
+                _shape(drawing, node, part, np.array(part.size) / unit, color)
             except InvalidInput as refused:  # of one file: the others are shown
                 warn(f"Links: {refused}; it is not shown", FileWarning)
         for name, link in zip(names, () if system.shapes else system.links):
@@ -97,7 +100,7 @@ class Links(Content):
             centres = poses[:, [ends[k][0] for k in carried]][..., :3, 3]
             arms = np.stack([centres, joints[:, carried]], axis=2)
             drawing.sticks("arms", inside(arms), 0.6 * THIN, color)
-        rods = [k for k, one in enumerate(system.joints) if isinstance(one, RigidRod)]
+        rods = [k for k, part in enumerate(system.joints) if isinstance(part, RigidRod)]
         if rods:
             both = joints.reshape(len(poses), -1, 2, 3)[:, rods]
             drawing.sticks("rods", inside(both), THIN, mixed(color, "#000000", 0.45))

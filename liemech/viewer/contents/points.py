@@ -114,8 +114,8 @@ class Points(Content):
                 drawing.once(f"pivot {k}", ball(0.03, "#333333"), position=pivot)
 
     def _colors(self, motion: Motion, drawing: Drawing, members: int, count: int) -> list[str]:
-        """Of all points: many bodies have colours of their own, with a sun among them, members the order
-        of their energies.
+        """The colours of all points: many bodies have colours of their own, with a sun among them, members the order of
+        their energies.
         """
         if members > 1:
             energy: Any = motion.system.constants({n: x[0] for n, x in motion.states.items()})
@@ -135,7 +135,7 @@ class Points(Content):
             q, p = q[:, None], p[:, None]
         if self.places is None:
             return _upright(places(motion.system, q, p))
-        rows = [_given(self.places(q[:, k], p[:, k]), len(q)) for k in range(q.shape[1])]
+        rows = [_checked(self.places(q[:, k], p[:, k]), len(q)) for k in range(q.shape[1])]
         return _upright(np.stack(rows, axis=1))
 
 
@@ -144,7 +144,7 @@ def _upright(points: Array) -> Array:
     return points if points.shape[-1] == 3 else np.insert(points, 1, 0.0, axis=-1)
 
 
-def _given(points: Any, n: int) -> Array:
+def _checked(points: Any, n: int) -> Array:
     """The values of a user's function, checked."""
     array = real_array(points, "Points: places")
     check_finite(array, "Points: places")

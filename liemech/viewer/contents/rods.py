@@ -39,13 +39,13 @@ class Rod(Content):
     panel = "rod"
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """The frames."""
+        """The parts of the state drawn, the frames; InvalidInput for other systems."""
         if not isinstance(system, CosseratRod):
             raise refuse(self, system, "an elastic rod, a CosseratRod,")
         return ("g",)
 
     def reach(self, motion: Motion) -> Array:
-        """Where the frames come, with room for the tube."""
+        """The places of the frames, with room for the tube, (points, 3)."""
         places, (_, room) = motion["g"][..., :3, 3].reshape(-1, 3), _rod(motion)
         return np.concatenate([places - room, places + room])
 

@@ -59,7 +59,7 @@ class OnSites(Content):
     positions: ArrayLike | None = field(default=None, compare=False)
 
     def own(self, system: System) -> bool:
-        """Yes: lattices would stand in each other's way."""
+        """Whether each run has its own panel: yes, lattices would overlap."""
         return True
 
     def reach(self, motion: Motion) -> Array:
@@ -72,7 +72,7 @@ class OnSites(Content):
         return fixed_places(motion.system, self.positions)[motion.sites]
 
     def _places(self, motion: Motion) -> Array:
-        """Where the shown sites are, (n, m, 3)."""
+        """The places of the shown sites, (n, m, 3); a single row of those at rest."""
         return self._fixed(motion)[None]
 
     def _extent(self, motion: Motion) -> Array:
@@ -83,7 +83,7 @@ class OnSites(Content):
         return np.array([places.min(axis=(0, 1)), places.max(axis=(0, 1))])
 
     def _size(self, motion: Motion) -> Array:
-        """How large they are drawn."""
+        """The sizes in which sites are drawn, which a subclass says."""
         raise NotImplementedError
 
 
@@ -100,7 +100,7 @@ class Spins(OnSites):
     axis: ArrayLike = field(default=(0.0, 0.0, 1.0), compare=False)
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """The momenta."""
+        """The parts of the state drawn, the momenta; InvalidInput for other systems."""
         axis = real_array(self.axis, "Spins: axis")
         if axis.shape != (3,) or not 0.0 < np.linalg.norm(axis) < np.inf:
             raise InvalidInput(f"Spins: axis is a direction in space; got {self.axis!r}")
@@ -110,14 +110,14 @@ class Spins(OnSites):
         return ("mu",)
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
-        """The scale of colours."""
-        given = tuple(np.asarray(self.axis, dtype=float).tolist())
-        axis = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}.get(given, given)
+        """The scale of colours along the axis."""
+        components = tuple(np.asarray(self.axis, dtype=float).tolist())
+        axis = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}.get(components, components)
         ends = [f"\u2212{axis}", f"+{axis}"]
         return [{"name": "spins along", "colors": DIRECTIONS, "ends": ends}]
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """One arrow, as often as there are sites."""
+        """Draw a single arrow, repeated at each site."""
         places, mu = self._fixed(motion), motion["mu"]
         axis, length = np.array(self.axis, dtype=float), float(self._size(motion)[0])
         shape = often(
@@ -154,7 +154,7 @@ class Sites(OnSites):
     sizes: ArrayLike | None = field(default=None, compare=False)
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """Places and attitudes."""
+        """The parts of the state drawn, places and attitudes; InvalidInput for systems without places."""
         group = base_of(system)
         if group is None or not (is_pose(group) or is_place(group)):
             raise refuse(self, system, "the places of many sites")
@@ -172,14 +172,14 @@ class Sites(OnSites):
         return "places to scale, sizes not" if is_place(base_of(motion.system)) else ""
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """One body, as often as there are sites, the paths of a few, and the box."""
+        """Draw a body repeated at each site, the paths of a few, and the box."""
         system, unit, edges = motion.system, drawing.panel.unit, box_of(motion.system)
         places, sizes, atoms = self._places(motion), self._size(motion), self._atoms(system)
         count, masses = places.shape[1], is_place(base_of(system))
         few = masses and count <= FEW
         colors = [COLORS[k % len(COLORS)] if few else drawing.color for k in range(count)]
         where = places if edges is None else np.mod(places, edges)
-        known: dict[str, Any] = {} if edges is None else {"box": (edges / unit).tolist()}
+        edges_of_box: dict[str, Any] = {} if edges is None else {"box": (edges / unit).tolist()}
         q = np.zeros(4) if masses else attitudes_of(system, motion["g"])
         if atoms is not None:  # a ball for each
             turned = [rotated(q.reshape(-1, 4), atom).reshape(where.shape) for atom in atoms]
@@ -188,9 +188,9 @@ class Sites(OnSites):
             colors = [OXYGEN] * count + [HYDROGEN] * (count * (len(atoms) - 1))
         where = drawing.panel.inside(where)
         if masses or atoms is not None:
-            drawing.balls("sites", where, sizes / unit, colors, **known)
+            drawing.balls("sites", where, sizes / unit, colors, **edges_of_box)
         else:
-            drawing.add("sites", boxes(count, sizes / unit, **known), cloud=where, turns=q)
+            drawing.add("sites", boxes(count, sizes / unit, **edges_of_box), cloud=where, turns=q)
         if edges is not None:
             middle = drawing.panel.inside(0.5 * edges)
             drawing.once("box", box(edges / unit, "#aab2c0", 0.0), position=middle)
@@ -203,7 +203,7 @@ class Sites(OnSites):
         return atoms_of(system) if self.atoms is None else np.asarray(self.atoms, dtype=float)
 
     def _places(self, motion: Motion) -> Array:
-        """Where the shown sites are, (n, m, 3)."""
+        """The places of the shown sites, (n, m, 3)."""
         group = base_of(motion.system)
         moves = flies(group) or (is_place(group) and group.dim > 1)
         return places_of(motion.system, motion["g"], None if moves else self._fixed(motion))
@@ -211,8 +211,8 @@ class Sites(OnSites):
     def _size(self, motion: Motion) -> Array:
         """Diameters of balls, edges of boxes, (1, 1), (m, 1) or (m, 3)."""
         if self.sizes is not None:
-            given = real_array(self.sizes, "Sites: sizes")
-            return given if len(given) == 1 else given[motion.sites]
+            sizes = real_array(self.sizes, "Sites: sizes")
+            return sizes if len(sizes) == 1 else sizes[motion.sites]
         start, (edges, scaled) = self._places(motion)[0], edges_of_sites(motion.system)
         whole = np.ptp(self._extent(motion), axis=0).max() or 1.0
         fitting = LONG * (spacing(start) if len(start) > 1 else whole)

@@ -68,7 +68,7 @@ class Momentum(Content):
             raise InvalidInput(f"Momentum: levels must be 0 or more; got {self.levels}")
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """The body momentum."""
+        """The parts of the state drawn, the body momentum."""
         return _turning(self, system)
 
     def reach(self, motion: Motion) -> Array:
@@ -81,12 +81,12 @@ class Momentum(Content):
         if isinstance(motion.system, RigidBody):
             lines["separatrix"] = SEPARATRIX
         drawn = self.sphere and self.levels and _one_orbit(motion)
-        found: list[dict[str, Any]] = [
+        entries: list[dict[str, Any]] = [
             {"name": name, "color": color, "line": True} for name, color in lines.items() if drawn
         ]
         if motion.bodies is not None:
-            found.append({"name": "energy", "colors": (COLORS[0], OTHER), "ends": ["low", "high"]})
-        return found
+            entries.append({"name": "energy", "colors": (COLORS[0], OTHER), "ends": ["low", "high"]})
+        return entries
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The arrow or the balls, the trail, and once for all runs the orbit."""
@@ -114,11 +114,11 @@ class SpatialMomentum(Content):
     """
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """Body momentum and attitude."""
+        """The parts of the state drawn, body momentum and attitude."""
         return *_turning(self, system), "g"
 
     def own(self, system: System) -> bool:
-        """Yes: it stands where the body is."""
+        """Whether each run has its own panel: yes, the arrow stands where the body is."""
         return True
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
@@ -197,12 +197,12 @@ def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
     """A small ball for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the
     start.
     """
-    some = evenly(v.shape[1], MOST_POINTS)
+    shown = evenly(v.shape[1], MOST_POINTS)
     if isinstance(motion.system, LiePoissonSystem):
-        energy: Any = motion.system.energy(motion["mu"][0, some])
-        some = some[np.argsort(energy, kind="stable")]
-    colors = [mixed(drawing.color, OTHER, share) for share in np.linspace(0.0, 1.0, len(some))]
-    drawing.balls("mu", LIFT * v[:, some], [[0.04]], colors)
+        energy: Any = motion.system.energy(motion["mu"][0, shown])
+        shown = shown[np.argsort(energy, kind="stable")]
+    colors = [mixed(drawing.color, OTHER, share) for share in np.linspace(0.0, 1.0, len(shown))]
+    drawing.balls("mu", LIFT * v[:, shown], [[0.04]], colors)
 
 
 def triad(pen: Drawing, path: str, symbol: str, radius: float, length: float) -> None:
@@ -214,7 +214,7 @@ def triad(pen: Drawing, path: str, symbol: str, radius: float, length: float) ->
 
 
 def _one_orbit(motion: Motion) -> bool:
-    """Is there one sphere on which all momenta stay?"""
+    """Whether there is one sphere on which all momenta stay."""
     radii = np.linalg.norm(motion["mu"][0], axis=-1)
     alike = np.ptp(radii) <= 0.01 * radii.max() and radii.max() > 0.0
     return bool(alike) and isinstance(motion.system, LiePoissonSystem)

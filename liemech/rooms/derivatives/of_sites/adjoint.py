@@ -31,10 +31,10 @@ from ...sites.runs.states import first_of, site_rows
 from ...sites.spin_splittings import BondSplitting, SublatticeSplitting, terms_of
 from ...sites.terms.sums_of_terms import MomentumTerms, PlaceTerms
 from ..reversal import go_back
-from ..steps_backwards import Asked, BondTurn, Turn, parts_of, refused, released
+from ..steps_backwards import BondTurn, FieldTurn, Question, parts_of, refused, released
 from ..tangent import StepsOfARun
 from .backward import PART, WayBack, backward_parts, forward_parts
-from .parameters import OfPart, Parameter, zeros
+from .parameters import Parameter, SlopesOfPart, zeros
 
 ROOM = 2**23
 """Numbers of states that are kept on the way, and of those of a block of steps, at most, if these are
@@ -119,7 +119,7 @@ class BackwardRun:
             places = found.places
             self.order, self.places = places.sites, places.places
             field, numbers = found.of_site(places)
-            motions: Any = (Turn(field, released(field)),)
+            motions: Any = (FieldTurn(field, released(field)),)
             rows = [(0, at, share, *numbers[k]) for k, share, at in method.turns(found)]
         elif isinstance(method, BondSplitting):
             bonds = Bonds(terms_of(self.plan._one))
@@ -139,7 +139,7 @@ class BackwardRun:
         self.joined = joins and self.cut is None and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
         blank = type(self.first)(*[zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts])
         momentum, element = [
-            carried_layout(Asked(0.0, place, zeros(self.dims[name])) if name else ())
+            carried_layout(Question(0.0, place, zeros(self.dims[name])) if name else ())
             for name, place in self._places_asked
         ]
         self.way = WayBack(
@@ -206,7 +206,7 @@ class BackwardRun:
             SiteExecution(*given, backward_parts, self.way, 1, shared, *[planes] * 5),
         )
 
-    def _parts(self, wanted: list[Parameter]) -> list[OfPart]:
+    def _parts(self, wanted: list[Parameter]) -> list[SlopesOfPart]:
         found, steps, way = [], self.plan._steps, self.way
         asked = [(x.energy, k) for x in wanted for k in (range(len(x.energy.parts)) if x.which is None else [x.which])]
         for energy, which in {(id(e), k): (e, k) for e, k in asked}.values():
@@ -220,7 +220,7 @@ class BackwardRun:
                 )
             layout = way.momentum if in_momenta else way.element
             part = energy.parts[which]
-            found.append(OfPart(energy, part, some, self.places, layout, steps))
+            found.append(SlopesOfPart(energy, part, some, self.places, layout, steps))
         return found
 
     # ---------------------------------------------------------------- the way
@@ -286,7 +286,7 @@ class BackwardRun:
         return tuple(map(np.array, zip(*found)))
 
     def _of_block(self, block: int) -> np.ndarray:
-        """The parts of a block of steps, as rows of `Part`: kicks and turns at a node are one, where no
+        """The parts of a block of steps, as rows of `StepPart`: kicks and turns at a node are one, where no
         derivative is given in between.
         """
         first = block * self.block

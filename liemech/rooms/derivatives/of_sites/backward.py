@@ -20,11 +20,11 @@ from ...sites.runs.driver import require_finite
 from ...sites.runs.turns import copied_site
 from ...sites.terms.terms import at_time
 from ...sites.terms.terms_at_site import at_this_site, in_shape
-from ..steps_backwards import Asked, Motion, Part, Turn
+from ..steps_backwards import FieldTurn, Question, SiteMotion, StepPart
 
 # ------------------------------------------------------------------ steps
 
-PART = layout_of(Part(0.0, 0.0, 0.0))
+PART = layout_of(StepPart(0.0, 0.0, 0.0))
 
 
 @record
@@ -35,7 +35,7 @@ class WayBack(Record):
     jump, and the part of one by which stages lie outside of it?
     """
 
-    motions: tuple[Motion, ...]
+    motions: tuple[SiteMotion, ...]
     system: Any
     free: Any
     state: Any
@@ -51,7 +51,7 @@ class WayBack(Record):
         return "the way back"
 
 
-def seen(way: WayBack, part: Part, value: Any) -> Any:
+def seen(way: WayBack, part: StepPart, value: Any) -> Any:
     """A record, such as a system, as the piece of a step sees it, with inputs by their limits from inside."""
     return during(value, part.whole, part.length, way.beyond) if way.cut else value
 
@@ -71,11 +71,11 @@ def forward_parts(way: WayBack, count: int, parts: Any, states: Any, done: Any, 
         write(done, 0, float(n + 1), NUMBER)
 
 
-def moved(way: WayBack, part: Part, states: Any, n: int) -> None:
+def moved(way: WayBack, part: StepPart, states: Any, n: int) -> None:
     """One part of a step of all sites."""
     for k, motion in enumerate(way.motions):
         for _ in range(int(part.kind == k)):
-            if isinstance(motion, Turn):
+            if isinstance(motion, FieldTurn):
                 each(states, copied_site, states, n, states, n + 1, way.state)
                 begin, end = int(part.begin), int(part.end)
                 some(states, begin, end, one_moved, way, motion, part, states, n)
@@ -83,7 +83,7 @@ def moved(way: WayBack, part: Part, states: Any, n: int) -> None:
                 each(states, one_moved, way, motion, part, states, n)
 
 
-def one_moved(way: WayBack, motion: Motion, part: Part, states: Any, n: int) -> None:
+def one_moved(way: WayBack, motion: SiteMotion, part: StepPart, states: Any, n: int) -> None:
     """That of one site."""
     system, motion = seen(way, part, at_this_site(way.system)), seen(way, part, motion)
     new = motion.moved(system, part, load(states, n, way.state))
@@ -107,7 +107,7 @@ def backward_parts(
         part = read(parts, n, PART)
         for i, motion in enumerate(way.motions):
             for _ in range(int(part.kind == i)):
-                if isinstance(motion, Turn):
+                if isinstance(motion, FieldTurn):
                     turned_back(way, motion, part, states, n, felt, elements, momenta)
                 else:
                     each(states, one_back, way, motion, part, states, n, felt, momenta, elements)
@@ -117,7 +117,7 @@ def backward_parts(
 
 
 def one_back(
-    way: WayBack, motion: Motion, part: Part, states: Any, n: int, felt: Any, momenta: Any,
+    way: WayBack, motion: SiteMotion, part: StepPart, states: Any, n: int, felt: Any, momenta: Any,
     elements: Any,
 ) -> None:  # fmt: skip
     """The way of one site back through one part."""
@@ -135,7 +135,7 @@ def one_back(
 
 
 def turned_back(
-    way: WayBack, turn: Turn, part: Part, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
+    way: WayBack, turn: FieldTurn, part: StepPart, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
 ) -> None:  # fmt: skip
     """The way back through a turn: first of the sites that turn, then of the others, or of all where
     each turns by itself.  alongs : zeros, before and after.
@@ -151,7 +151,7 @@ def turned_back(
 
 
 def one_turned_back(
-    way: WayBack, turn: Turn, part: Part, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
+    way: WayBack, turn: FieldTurn, part: StepPart, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
 ) -> None:  # fmt: skip
     """The way of one site back through its own turn."""
     before, w = load(states, n, way.state), load(felt, 0, way.felt)
@@ -160,11 +160,11 @@ def one_turned_back(
     save(felt, 0, fitted(w, way.felt), way.felt)
     save(alongs, 0, along, way.along)
     if way.kept:
-        save(momenta, int(part.momenta), Asked(part.t, before.mu, along), way.momentum)
+        save(momenta, int(part.momenta), Question(part.t, before.mu, along), way.momentum)
 
 
 def one_other_back(
-    way: WayBack, turn: Turn, part: Part, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
+    way: WayBack, turn: FieldTurn, part: StepPart, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
 ) -> None:  # fmt: skip
     """The way of one site back that others turn by."""
     before, w = load(states, n, way.state), load(felt, 0, way.felt)
@@ -173,7 +173,7 @@ def one_other_back(
     more = turn.of_others(part, before.mu, along)
     save(felt, 0, fitted(BodyState(w.mu + more, w.g), way.felt), way.felt)
     if way.kept:
-        save(momenta, int(part.momenta), Asked(part.t, before.mu, along), way.momentum)
+        save(momenta, int(part.momenta), Question(part.t, before.mu, along), way.momentum)
 
 
 def one_at_rest(alongs: Any, layout: Any) -> None:
@@ -198,7 +198,7 @@ def added(w: Any, more: Any) -> Any:
 
 
 @record
-class Varied(Record, OfEach):
+class VariedParameter(Record, OfEach):
     """A parameter by which is differentiated: its values at all edges."""
 
     array: SiteArray
@@ -223,7 +223,7 @@ class EdgesAsked(Record):
     def __repr__(self) -> str:
         return f"derivatives by parameters of {type(self.term).__name__}"
 
-    def energy(self, term: Any, found: list[Asked], e: float) -> float:
+    def energy(self, term: Any, found: list[Question], e: float) -> float:
         """That of an edge whose ends have moved by e along what was asked."""
         sites: list[Any] = []
         for asked, own_values in zip(found, self.own):
@@ -243,7 +243,7 @@ def edges_back(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any,
 def one_edge(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, sums: Any) -> None:
     """Those of one edge."""
     here = at_this_site(edges)
-    varied = inside(here, Varied)
+    varied = inside(here, VariedParameter)
     numbers = vec(*[x for one in varied for x in numbers_of(one)])
     found = load(sums, 0, total)
     for k in range(count):
@@ -252,12 +252,12 @@ def one_edge(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, s
     save(sums, 0, found, total)
 
 
-def by_parameters(edges: EdgesAsked, varied: list[Varied], ends: list[Asked], p: Any) -> Any:
+def by_parameters(edges: EdgesAsked, varied: list[VariedParameter], ends: list[Question], p: Any) -> Any:
     """d/dp D_along E of an edge."""
     return gradient(lambda x: sensed(edges, varied, ends, x), p)
 
 
-def sensed(edges: EdgesAsked, varied: list[Varied], ends: list[Asked], p: Any) -> float:
+def sensed(edges: EdgesAsked, varied: list[VariedParameter], ends: list[Question], p: Any) -> float:
     """D_along E of an edge with these parameters."""
     values: list[Any] = []
     begin = 0
@@ -265,12 +265,12 @@ def sensed(edges: EdgesAsked, varied: list[Varied], ends: list[Asked], p: Any) -
         width = len(numbers_of(one))
         values = [*values, in_shape(p[begin : begin + width] if one.shape else p[begin], one.shape)]
         begin = begin + width
-    moved = exchanged(edges, Varied, values)
+    moved = exchanged(edges, VariedParameter, values)
     term = at_time(moved.term, ends[0].t)
     return derivative(lambda e: moved.energy(term, ends, e), 0.0)
 
 
-def numbers_of(one: Varied) -> list[Any]:
+def numbers_of(one: VariedParameter) -> list[Any]:
     """The numbers of a parameter at an edge."""
     found = own(one.array)
     return [*found] if isinstance(found, SmallVec) else [found]

@@ -23,7 +23,7 @@ from ...sites.terms.bound_terms import BoundTerm
 from ...sites.terms.sums_of_terms import MomentumTerms, OfTerms
 from ...sites.terms.terms import site_class
 from ...sites.terms.terms_at_site import EachOfSites
-from .backward import EdgesAsked, Varied, edges_back
+from .backward import EdgesAsked, VariedParameter, edges_back
 
 WRAPPERS = {"term", "energy_of_one"}
 """The fields of terms that make something else of a term, or a term of the energy of one body."""
@@ -54,14 +54,14 @@ class Slot:
         """That of one value."""
         return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
 
-    def at_edges(self, count: int, ends: Any = None) -> Varied:
+    def at_edges(self, count: int, ends: Any = None) -> VariedParameter:
         """Its values at so many edges.  ends : of one of sites, which they are."""
         if isinstance(self.value, Each):
             values = self.value.values if ends is None else self.value.values[ends]
             values = values.reshape(count, -1)
         else:
             values = np.broadcast_to(np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value))))
-        return Varied(SiteArray.of(values if self.shape else values[:, 0]), self.shape)
+        return VariedParameter(SiteArray.of(values if self.shape else values[:, 0]), self.shape)
 
     def by_parameter(self, rows: np.ndarray) -> np.ndarray:
         """The derivative by the parameter of that by the numbers of the slot, (edges, ...)."""
@@ -175,14 +175,14 @@ class Parameter:
         """That of one value."""
         return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
 
-    def put(self, term: Any, varied: Varied, path: tuple[str, ...]) -> Any:
+    def put(self, term: Any, varied: VariedParameter, path: tuple[str, ...]) -> Any:
         """The term with it."""
         first, *rest = path
         inner = self.put(getattr(term, first), varied, tuple(rest)) if rest else varied
         return with_fields(term, **{first: inner})
 
 
-class OfPart:
+class SlopesOfPart:
     """The sums over steps of the derivatives by parameters of one term, for every edge."""
 
     def __init__(
@@ -193,7 +193,7 @@ class OfPart:
         edges = AllPairs(group.copies).edges if is_near(graph) else graph.edges
         self.count, self.arity = len(edges), edges.shape[1]
         term: Any = part.term
-        held: list[tuple[Slot, Any, Varied]] = []
+        held: list[tuple[Slot, Any, VariedParameter]] = []
         for one in [slot for x in wanted if x.which is not None for slot in x.slots]:
             held.append((one, None, one.at_edges(self.count)))
             term = one.parameter.put(term, held[-1][2], one.path)
@@ -208,7 +208,7 @@ class OfPart:
         ends = SiteTable.of(places[edges.T])
         site = site_class(energy.names)()
         self.edges = EdgesAsked(term, group.base, site, tuple(map(tuple, own)), ends, isinstance(energy, MomentumTerms))
-        order = [next(k for k, y in enumerate(held) if y[2] is x) for x in inside(self.edges, Varied)]
+        order = [next(k for k, y in enumerate(held) if y[2] is x) for x in inside(self.edges, VariedParameter)]
         self.held = [held[k][:2] for k in order]  # as formulas find them
         self.sites = group.copies
         self.asked = asked

@@ -13,7 +13,7 @@ from ....formulas import Record, Vec, record, vec, where
 from ....formulas.classes.pytree import NUMBER, Layout, carried_layout, fitted, layout_of
 from ....formulas.sites import total
 from ....formulas.sums import total as added
-from ....integrators.rkmk import Trial
+from ....integrators.rkmk import TrialStep
 from ....simulation.compiled.control import CLOCK, GOAL, going, sample, stepped
 from ....simulation.compiled.driver import advance, on_the_way
 from ....systems.in_time.tabulated import during
@@ -97,7 +97,7 @@ class OverSites(Record):
 
     def trial(
         self, system: Any, t: float, place: Place, first: Vec, h: float, rtol: float, atol: float, dense: bool
-    ) -> Trial:
+    ) -> TrialStep:
         """A step on probation of all sites, to the other copy of the memory.  Its error is the root
         mean square of those of the sites.
         """
@@ -105,7 +105,7 @@ class OverSites(Record):
         given = t, h, rtol, atol, dense, self.sites, place.copy, there, self.memory, self.told
         each(self.sites, one_trial, self.method, system, *given)
         error, share = read(self.told, 0, PAIR)
-        return Trial(Place(there), first, error, (), share)
+        return TrialStep(Place(there), first, error, (), share)
 
     def first_velocity(self, system: Any, t: float, place: Place, rtol: float, atol: float) -> tuple[Vec, float, float]:
         """The velocities at the start, put beside the states, and their sizes."""

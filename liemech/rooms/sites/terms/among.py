@@ -56,27 +56,27 @@ class Among(Graph):
 
     @property
     def sites(self) -> int:
-        """How many there are in all."""
+        """The number of sites of all species."""
         return int(self.every)
 
     @property
     def is_of_one(self) -> bool:
-        """Are its edges between sites of one species?"""
+        """Whether its edges are between sites of one species."""
         return len({*self.of}) == 1
 
     @property
     def ordered(self) -> bool | None:
-        """That of the graph; between two species an edge says which is the first."""
+        """The order of the graph's ends; between two species an edge says which is the first."""
         return self.graph.ordered if self.is_of_one else True
 
     @property
     def arity(self) -> int:
-        """How many sites an edge has."""
+        """The number of sites of an edge."""
         return self.graph.arity
 
     @cached_property
     def edges(self) -> np.ndarray:
-        """Those of the graph."""
+        """The edges of the graph, by the numbers of sites among all species."""
         first = np.array(self.firsts, dtype=np.int64)
         if isinstance(self.graph, AllPairs) and not self.is_of_one:
             n, m = map(int, self.counts)
@@ -88,7 +88,7 @@ class Among(Graph):
         return vec(float(self.firsts[role]), float(self.firsts[role] + self.counts[role]))
 
     def open(self) -> Among:
-        """That of any number of sites, for formulas."""
+        """The graph of any number of sites, for formulas."""
         numbers: dict[str, Any] = {"firsts": vec(*map(float, self.firsts)), "counts": vec(*map(float, self.counts))}
         inner = with_fields(self.graph, count=None)
         return with_fields(self, graph=inner, every=float(self.every), **numbers)
@@ -97,13 +97,13 @@ class Among(Graph):
 
     @property
     def cutoff(self) -> float:
-        """That of the graph."""
+        """The cutoff of the graph of near pairs."""
         near: Any = self.graph
         return float(near.cutoff)
 
     @property
     def box(self) -> Any:
-        """That of the graph."""
+        """The periodic box of the graph of near pairs, or None."""
         near: Any = self.graph
         return near.box
 
@@ -111,14 +111,14 @@ class Among(Graph):
         """The pairs of sites up to a distance, (pairs, 2), in rising order.  places : (sites, n)."""
         near: Any = self.graph
         ranges = [range(*map(int, self.range_of(role))) for role in (0, 1)]
-        some = ranges[:1] if self.is_of_one else sorted(ranges, key=lambda one: one.start)
-        numbers = np.concatenate([np.asarray(one) for one in some])
-        found = numbers[near.pairs(places[numbers], reach)]
+        species = ranges[:1] if self.is_of_one else sorted(ranges, key=lambda one: one.start)
+        numbers = np.concatenate([np.asarray(sites) for sites in species])
+        pairs = numbers[near.pairs(places[numbers], reach)]
         if self.is_of_one:
-            return found
-        apart = np.isin(found[:, 0], some[0]) & np.isin(found[:, 1], some[1])
-        found = found[apart] if some[0] is ranges[0] else found[apart][:, ::-1]
-        return found[np.lexsort((found[:, 1], found[:, 0]))]
+            return pairs
+        apart = np.isin(pairs[:, 0], species[0]) & np.isin(pairs[:, 1], species[1])
+        pairs = pairs[apart] if species[0] is ranges[0] else pairs[apart][:, ::-1]
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def near(self, places: Any, reach: float, role: int) -> Incidence:
         """The sites near each site, in rising order; of no places none."""
@@ -133,12 +133,12 @@ class Among(Graph):
 
 
 def is_near(graph: Graph) -> bool:
-    """Is it one of pairs within a cutoff?"""
+    """Whether a graph is of pairs within a cutoff."""
     return isinstance(graph.graph if isinstance(graph, Among) else graph, Within)
 
 
 def is_all_pairs(graph: Graph) -> bool:
-    """Is it one of all pairs, which need no list?"""
+    """Whether a graph is of all pairs, which need no list."""
     return isinstance(graph.graph if isinstance(graph, Among) else graph, AllPairs)
 
 
@@ -157,8 +157,8 @@ class Species(Record):
     alike: bool
 
     @classmethod
-    def of(cls, group: SpeciesGroup, names: tuple[tuple[str, ...], ...]) -> Species:
-        """Those of a group, with parameters of these names."""
+    def of_group(cls, group: SpeciesGroup, names: tuple[tuple[str, ...], ...]) -> Species:
+        """The species of a group, with parameters of these names."""
         which = SiteArray.of(np.repeat(np.arange(len(group.powers), dtype=float), group.counts))
         bases = tuple([power.base for power in group.powers])
         numbers = SiteArray.of(np.arange(group.copies, dtype=float))
@@ -166,13 +166,15 @@ class Species(Record):
 
     @cached_property
     def blank(self) -> tuple[Any, ...]:
-        """Of each species a site of which nothing is known."""
+        """A site of each species, of which nothing is known."""
         return tuple([site_class(names)() for names in self.names])
 
     def seen(self, k: int, site: Any) -> Any:
         """A site of species k, with the parameters that it has."""
-        own = [getattr(site, name) for name in self.names[k]]
-        return type(self.blank[k])(self.vector(k, site.mu), self.element(k, site.g), self.vector(k, site.xi), *own)
+        parameters = [getattr(site, name) for name in self.names[k]]
+        return type(self.blank[k])(
+            self.vector(k, site.mu), self.element(k, site.g), self.vector(k, site.xi), *parameters
+        )
 
     def vector(self, k: int, mu: Any) -> Any:
         """A momentum or a velocity of species k."""
@@ -185,20 +187,20 @@ class Species(Record):
 
 
 def places_of_sites(group: Any, g: Any) -> np.ndarray:
-    """Where in space all sites are, (sites, n); those of species without places are in the origin.
+    """The places in space of all sites, (sites, n); those of species without places are in the origin.
 
     g : elements with an axis of sites.
     """
     if not isinstance(group, SpeciesGroup):
         return places_of(group.base, g)
-    found: list[Any] = []
+    places: list[Any] = []
     for power, part in zip(group.powers, group.by_species(group.without_sites(g, "Element"), "Element")):
-        there = has_places(power.base)
-        found.append(places_of(power.base, part) if there else np.zeros((power.copies, 0)))
-    width = max(x.shape[1] for x in found)
-    return np.concatenate([np.pad(x, ((0, 0), (0, width - x.shape[1]))) for x in found])
+        placed = has_places(power.base)
+        places.append(places_of(power.base, part) if placed else np.zeros((power.copies, 0)))
+    width = max(x.shape[1] for x in places)
+    return np.concatenate([np.pad(x, ((0, 0), (0, width - x.shape[1]))) for x in places])
 
 
 def has_places(group: LieGroup) -> bool:
-    """Do its elements have a place in space?"""
+    """Whether the elements of a group have a place in space."""
     return isinstance(group, (SE2, SE3, VectorSpace))

@@ -57,12 +57,12 @@ class BoundTerm(Record):
         """Raises InvalidInput for parameters that are not as many as edges."""
         super().__post_init__()
         count = len(self.graph.edges) if _each_of(self.term) else 0
-        for one in _each_of(self.term):
-            if len(one) != count:
+        for parameter in _each_of(self.term):
+            if len(parameter) != count:
                 what = "sites" if self.graph.arity == 1 else "edges"
                 term = self.term.term if isinstance(self.term, AtTime) else self.term
                 raise InvalidInput(
-                    f"{type(term).__name__}: a parameter has {len(one)} values, and {self.graph!r} has {count} {what}"
+                    f"{type(term).__name__}: a parameter has {len(parameter)} values, and {self.graph!r} has {count} {what}"
                 )
 
     def require_on(self, group: PowerGroup | SpeciesGroup) -> None:
@@ -87,7 +87,7 @@ class BoundTerm(Record):
 
     @property
     def in_rounds(self) -> bool:
-        """Does every site meet all others, alike, in the order of `partners`?"""
+        """Whether every site meets all others, alike, in the order of `partners`."""
         return isinstance(self.graph, AllPairs) and self.merged and not _each_of(self.term)
 
     @property
@@ -113,18 +113,18 @@ class BoundTerm(Record):
                     for i, them in enumerate(met)
                 ]
             )
-        found: list[list[Any]] = [[] for _ in range(count)]
+        edges_of_sites: list[list[Any]] = [[] for _ in range(count)]
         for role in self.roles:
             others, numbers, counts = self.incidence(role)
-            for i, mine in enumerate(found):
+            for i, mine in enumerate(edges_of_sites):
                 for d in range(int(counts[i])):
                     ends = [int(x) for x in others[:, d, i]]
                     mine.append((role, int(numbers[d, i]), (*ends[:role], i, *ends[role:])))
-        return tuple(map(tuple, found))
+        return tuple(map(tuple, edges_of_sites))
 
     def at_edge(self, number: int) -> Term:
         """The term with the parameters of one edge."""
-        return exchanged(self.term, Each, [one.of(number) for one in inside(self.term, Each)])
+        return exchanged(self.term, Each, [parameter.of(number) for parameter in inside(self.term, Each)])
 
     def edges_at(self, sites: list[Any], i: int) -> list[Any]:
         """The edges at site i: the role, the term, the sites."""
@@ -183,7 +183,7 @@ def parameters(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[Any, ...
         tuple([name for name, x in terms.own.items() if not isinstance(x, dict) or k in x])
         for k in range(len(group.powers))
     ]
-    return (terms.names, tuple(values), numbers_of(terms, "held", group), Species.of(group, tuple(has)))
+    return (terms.names, tuple(values), numbers_of(terms, "held", group), Species.of_group(group, tuple(has)))
 
 
 def _require_many(name: str, value: Any, sites: int, whose: str) -> None:
@@ -216,31 +216,31 @@ def _of_species(name: str, value: Any, group: SpeciesGroup) -> Any:
 
 def numbers_of(terms: Terms, name: str, group: PowerGroup | SpeciesGroup) -> tuple[int, ...]:
     """The sites that are held, or pinned, among all.  name : which."""
-    found = []
-    for one in getattr(terms, name):
-        by_species = isinstance(one, tuple)
+    numbers = []
+    for entry in getattr(terms, name):
+        by_species = isinstance(entry, tuple)
         if by_species != isinstance(group, SpeciesGroup):
             cure = f"{name}={{0: [0, 5]}}" if not by_species else f"{name}=[0, 5]"
             raise InvalidInput(f"Terms: {name} is told of the sites of {group!r} as {cure}")
-        k, i = one if by_species else (0, one)
+        k, i = entry if by_species else (0, entry)
         counts = group.counts if isinstance(group, SpeciesGroup) else [group.copies]
         firsts = group.firsts if isinstance(group, SpeciesGroup) else (0,)
         if not (0 <= k < len(counts) and 0 <= i < counts[k]):
             whose = f" of species {k}" if by_species else ""
             last = f"; they are 0 to {counts[k] - 1}" if 0 <= k < len(counts) else ""
             raise InvalidInput(f"Terms: {name} names site {i}{whose}, which is not there{last}")
-        found.append(firsts[k] + i)
-    return tuple(sorted(found))
+        numbers.append(firsts[k] + i)
+    return tuple(sorted(numbers))
 
 
 def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
-    name, given = type(over.term).__name__, timed(over.term)
+    name, term = type(over.term).__name__, timed(over.term)
     graph: Any
     if isinstance(group, SpeciesGroup):
         if not over.of:
-            told = "" if isinstance(over.graph, EachSite) else f"{over.graph!r}, "
+            first = "" if isinstance(over.graph, EachSite) else f"{over.graph!r}, "
             raise InvalidInput(
-                f"{name}: say of which species its sites are, {name}(...).over({told}of=0), or of=(0, "
+                f"{name}: say of which species its sites are, {name}(...).over({first}of=0), or of=(0, "
                 f"1) for edges between two; {group!r} has {len(group.powers)}"
             )
         graph = Among.on_species(name, over.graph, over.of, group)
@@ -253,10 +253,10 @@ def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
             )
         graph, bases = over.graph.on(group.copies), [group.base] * over.graph.arity
     if is_near(graph):
-        there = [place(base, small(np.asarray(base.identity()))) for base in bases]
-        for base, at in zip(bases, there):
-            if len(at) != len(there[0]) or (graph.box is not None and len(graph.box) != len(at)):
-                wanted = len(there[0]) if graph.box is None else len(graph.box)
+        places = [place(base, small(np.asarray(base.identity()))) for base in bases]
+        for base, at in zip(bases, places):
+            if len(at) != len(places[0]) or (graph.box is not None and len(graph.box) != len(at)):
+                wanted = len(places[0]) if graph.box is None else len(graph.box)
                 raise InvalidInput(
                     f"{graph!r}: {'the box has' if graph.box is not None else 'there are'} {wanted} "
                     f"lengths, and {base!r} moves in a space of {len(at)} dimensions"
@@ -267,9 +267,9 @@ def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
                 "one for all; give sites their own, Terms(..., name=each(values))"
             )
         within: Any = graph.graph if isinstance(graph, Among) else graph
-        near = near_pairs(given, bases[0], bases[1], within.cutoff, within.inner, within.box)
+        near = near_pairs(term, bases[0], bases[1], within.cutoff, within.inner, within.box)
         return BoundTerm(near, graph)
-    return BoundTerm(given, graph)
+    return BoundTerm(term, graph)
 
 
 def _each_of(value: Any) -> list[Any]:

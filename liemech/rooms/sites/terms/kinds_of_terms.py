@@ -53,8 +53,8 @@ def kind_of(terms: Any, part: BoundTerm) -> Kind:
 
 
 def alike(terms: Any, part: BoundTerm) -> Any:
-    """Has every edge the same energy with its two ends exchanged?  True, an edge that has not (its number and its
-    sites), or None: it is not known, or there are no edges.
+    """Whether every edge has the same energy with its two ends exchanged.  True, an edge that has not (its number and
+    its sites), or None: it is not known, or there are no edges.
     """
     if not part.graph.some_edges(1):
         return None
@@ -65,7 +65,7 @@ def alike(terms: Any, part: BoundTerm) -> Any:
 
 
 def feels_velocity(terms: Any) -> bool:
-    """Is a load another one at other velocities of its sites, at some time and for some edge?"""
+    """Whether a load is another one at other velocities of its sites, at some time and for some edge."""
     felt: bool | None = _felt.get(terms)
     if felt is None:
         felt = not all(holds(terms, part, _unmoved, DISTANCES, True) is True for part in terms.parts)
@@ -78,14 +78,14 @@ _felt = Remembered()
 
 
 def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving: bool) -> Any:
-    """Does an identity hold on all edges?  True, an edge on which it does not, or None: it is not known.
+    """Whether an identity holds on all edges.  True, an edge on which it does not, or None: it is not known.
 
     sizes : of the states.  of_moving : may the formula compare numbers of them?
     """
     first = [ends for _, ends in part.graph.some_edges(1)]
     if not first:
         return True
-    own = [x for x in terms.own if isinstance(x, Each)]
+    parameters = [x for x in terms.own if isinstance(x, Each)]
     rng = np.random.default_rng(7)
     try:
         if _holds(terms, part, test, of_moving, _numbers(terms, part, np.array(first), None, sizes, rng))[0].all():
@@ -93,11 +93,11 @@ def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving:
     except Exception:  # floats can do more
         pass
     try:
-        values = np.concatenate([x.values.reshape(len(x), -1) for x in own], axis=1) if own else None
+        values = np.concatenate([x.values.reshape(len(x), -1) for x in parameters], axis=1) if parameters else None
         for ends, numbers in _edges(part, values):
-            found, branches = _holds(terms, part, test, of_moving, _numbers(terms, part, ends, numbers, sizes, rng))
-            if not found.all():
-                at = int(found.argmin())
+            good, branches = _holds(terms, part, test, of_moving, _numbers(terms, part, ends, numbers, sizes, rng))
+            if not good.all():
+                at = int(good.argmin())
                 return None if branches else (int(numbers[at]), ends[at].tolist())
     except Exception:  # it may fail anywhere but where it is meant to be used
         return None
@@ -114,9 +114,9 @@ def _edges(part: BoundTerm, own: np.ndarray | None) -> Iterator[tuple[np.ndarray
         ranges = [range(*map(int, graph.range_of(k))) for k in (0, 1)] if isinstance(graph, Among) else []
         sites = [np.array(r) for r in ranges or [range(graph.sites or 0)] * 2]
         if own is None:
-            kinds = [some[:1] for some in sites]
+            kinds = [members[:1] for members in sites]
         else:
-            kinds = [some[np.unique(own[some], axis=0, return_index=True)[1]] for some in sites]
+            kinds = [members[np.unique(own[members], axis=0, return_index=True)[1]] for members in sites]
         if len(kinds[0]) * len(kinds[1]) > MANY:
             raise ValueError
         edges = np.stack(np.meshgrid(*kinds, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -143,16 +143,16 @@ def _numbers(
     numbers : those of the edges; None for residues, whatever the parameters are.
     """
     of_edge = _of_edge(terms, part)
-    found: list[np.ndarray] = []
+    columns: list[np.ndarray] = []
     for k in range(ends.shape[1]):
         states = np.array([_states(terms, part, int(ends[0, k]), 1, size, rng)[0] for size in sizes])
-        found += [*np.pad(states, ((0, 0), (0, of_edge.width - states.shape[1]))).T[..., None]]
+        columns += [*np.pad(states, ((0, 0), (0, of_edge.width - states.shape[1]))).T[..., None]]
         for x in of_edge.own:
             if isinstance(x, Each):
-                found += [*x.values.reshape(len(x), -1)[ends[:, k]].T[:, None]]
+                columns += [*x.values.reshape(len(x), -1)[ends[:, k]].T[:, None]]
     for x in inside(of_edge.term, Each):
-        found += [*x.values.reshape(len(x), -1)[numbers if numbers is not None else [0]].T[:, None]]
-    return found if numbers is not None else [_residues(rng, 1) for _ in found]
+        columns += [*x.values.reshape(len(x), -1)[numbers if numbers is not None else [0]].T[:, None]]
+    return columns if numbers is not None else [_residues(rng, 1) for _ in columns]
 
 
 def _residues(rng: np.random.Generator, size: int) -> np.ndarray:
@@ -177,14 +177,15 @@ def _in_momenta(terms: Any) -> bool:
 
 def _of_edge(terms: Any, part: BoundTerm) -> OfEdge:
     in_momenta = _in_momenta(terms)
-    given = part.term, terms.group.base, part.graph.arity, 0, in_momenta
-    return OfEdge(*given, terms.names, terms.own, terms.species, part.of)
+    leading = part.term, terms.group.base, part.graph.arity, 0, in_momenta
+    return OfEdge(*leading, terms.names, terms.own, terms.species, part.of)
 
 
 def _holds(
     terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: list[np.ndarray]
 ) -> tuple[np.ndarray, bool]:
-    """Does an identity hold on each of some edges, on all ways?  And are there branches that may not be gone?
+    """Whether an identity holds on each of some edges, on all ways; and whether there are branches that may not be
+    gone.
 
     numbers : residues, or floats, each (sizes, 1) or (1, edges).
     """
@@ -192,7 +193,7 @@ def _holds(
     shape = np.broadcast_shapes(*[x.shape for x in numbers])
     exact = numbers[0].dtype == object
     step = of_edge.width + sum(len(x.numbers) // len(x) for x in of_edge.own if isinstance(x, Each))
-    found, branches = np.ones(shape[1], dtype=bool), False
+    good, branches = np.ones(shape[1], dtype=bool), False
     rng = np.random.default_rng(5)
     species = terms.species
     groups = [terms.group.base if species is None else species.groups[k] for k in part.of or (0,) * part.graph.arity]
@@ -200,7 +201,7 @@ def _holds(
         MOVING if i < step * of_edge.arity and i % step < of_edge.width else ANY * exact for i in range(len(numbers))
     ]
 
-    def some() -> Number:
+    def anything() -> Number:
         return Number(
             _residues(rng, 1)
             if exact
@@ -211,17 +212,17 @@ def _holds(
 
     with np.errstate(all="ignore"):
         for _ in ways.all():
-            term, sites = of_edge.sites(vec(*[Number(x, ways, own) for x, own in zip(numbers, moves)]))
-            term = at_time(term, some())
-            tables = [AnyFunction(x.size, some) for x in inside(term, PiecewisePolynomial)]
+            term, sites = of_edge.sites(vec(*[Number(x, ways, kind) for x, kind in zip(numbers, moves)]))
+            term = at_time(term, anything())
+            tables = [AnyFunction(x.size, anything) for x in inside(term, PiecewisePolynomial)]
             term = exchanged(term, PiecewisePolynomial, tables)
-            for error, size in test(groups, term, sites, some):
-                rest, whole = (np.broadcast_to(np.asarray(x, dtype=float), shape) for x in (error, size))
-                known = np.isfinite(rest) & np.isfinite(whole) & ((whole > LEAST) | (whole == 0.0))
-                holds = ((rest <= APART * whole) | ~known).all(axis=0) & known.any(axis=0)
-                found &= holds | ~np.broadcast_to(ways.there, (1, shape[1]))[0]
+            for error, size in test(groups, term, sites, anything):
+                misfit, whole = (np.broadcast_to(np.asarray(x, dtype=float), shape) for x in (error, size))
+                finite = np.isfinite(misfit) & np.isfinite(whole) & ((whole > LEAST) | (whole == 0.0))
+                holds = ((misfit <= APART * whole) | ~finite).all(axis=0) & finite.any(axis=0)
+                good &= holds | ~np.broadcast_to(ways.there, (1, shape[1]))[0]
             branches = branches or ways.branch
-    return found, branches
+    return good, branches
 
 
 # ------------------------------------------------------------------ what should vanish
@@ -229,8 +230,8 @@ def _holds(
 
 def _exchanged(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
     """The energy less that with exchanged ends."""
-    one, other = values_of(term.energy(*sites)), values_of(term.energy(*sites[::-1]))
-    return [(np.abs(one - other), np.maximum(np.abs(one), np.abs(other)))]
+    energy, other = values_of(term.energy(*sites)), values_of(term.energy(*sites[::-1]))
+    return [(np.abs(energy - other), np.maximum(np.abs(energy), np.abs(other)))]
 
 
 def _affine(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
@@ -260,11 +261,11 @@ def _isotropic(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tupl
 
 def _unmoved(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
     """The force less that at other velocities."""
-    t, found = some(), []
+    t, forces = some(), []
     for _ in range(2):
-        there = [with_fields(s, xi=vec(*[some() for _ in range(group.dim)])) for s, group in zip(sites, groups)]
-        found.append(term.covector(t, *there))
-    return [(_size(found[0] - found[1]), _size(found[0]) + _size(found[1]))]
+        moving = [with_fields(s, xi=vec(*[some() for _ in range(group.dim)])) for s, group in zip(sites, groups)]
+        forces.append(term.covector(t, *moving))
+    return [(_size(forces[0] - forces[1]), _size(forces[0]) + _size(forces[1]))]
 
 
 def _hessian(term: Any, k: int, sites: list[Any]) -> Any:

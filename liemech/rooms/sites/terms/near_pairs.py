@@ -40,13 +40,13 @@ class NearPairs(Term):
         return with_fields(b, g=displaced(self.second, b.g, shift))
 
     def shift(self, apart: Any) -> Vec:
-        """Of the second site to its nearest image, in a box.  apart : where it is, seen from the first."""
+        """The shift of the second site to its nearest image, in a box.  apart : where it is, seen from the first."""
         box: Any = self.box
         return vec(*[-length * ((constant(d) * (1.0 / length) + 0.5) // 1.0) for d, length in zip(apart, box)])
 
     @property
     def layer(self) -> float:
-        """cutoff^2 - inner^2."""
+        """The thickness of the switch in squares, cutoff^2 - inner^2."""
         return self.cutoff * self.cutoff - self.inner * self.inner
 
     def depth(self, apart: Vec) -> float:
@@ -60,9 +60,9 @@ class NearPairs(Term):
 
     def energy(self, a: Any, b: Any) -> float:
         """s times the energy of the term."""
-        there = self.image(a, b)
-        s = self.switch(self.depth(place(self.second, there.g) - place(self.first, a.g)))
-        return where(s > 0.0, s * self.term.energy(a, there), 0.0)
+        image = self.image(a, b)
+        s = self.switch(self.depth(place(self.second, image.g) - place(self.first, a.g)))
+        return where(s > 0.0, s * self.term.energy(a, image), 0.0)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
         """The force on site number k: s times that of the term, and what the switch adds."""

@@ -47,7 +47,7 @@ class PointTerm(Term):
         return gradient(lambda eta: dot(push, _in_a_row(self.points(group.compose_exp(g, eta)))), zero)
 
     def energy(self, a: Any, b: Any) -> float:
-        """Of two sites."""
+        """The energy of two sites, by their points."""
         return self.between(self.points(a.g), self.points(b.g))
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
@@ -56,17 +56,17 @@ class PointTerm(Term):
         return self.felt(group, sites[k].g, self.pushes(self.points(a.g), self.points(b.g))[k])
 
     def forces(self, group: Any, *sites: Any) -> tuple[Any, ...]:
-        """The forces on both."""
+        """The forces on both sites, by their points."""
         a, b = sites
         first, second = self.pushes(self.points(a.g), self.points(b.g))
         return self.felt(group, a.g, first), self.felt(group, b.g, second)
 
 
 def acts_through_points(term: Any) -> bool:
-    """Are its energy and forces those of its points, and not written anew by a subclass?"""
-    own = PointTerm if not isinstance(term, NearPointPairs) else NearPointPairs
+    """Whether the energy and forces of a term are those of its points, not written anew by a subclass."""
+    base = PointTerm if not isinstance(term, NearPointPairs) else NearPointPairs
     names = "energy", "force", "forces"
-    return isinstance(term, own) and all(bare(getattr(type(term), x)) is bare(getattr(own, x)) for x in names)
+    return isinstance(term, base) and all(bare(getattr(type(term), x)) is bare(getattr(base, x)) for x in names)
 
 
 def _in_a_row(points: tuple[Any, ...]) -> Vec:
@@ -87,7 +87,7 @@ class NearPointPairs(NearPairs, PointTerm):
         return repr(self.term)
 
     def points(self, g: Any) -> tuple[Any, ...]:
-        """Those of the term, and the place."""
+        """The points of the term, and the place of the element."""
         return (*self.term.points(g), place(self.first, g))
 
     def seen(self, a: tuple[Any, ...], b: tuple[Vec, ...]) -> tuple[Vec, ...]:
@@ -110,18 +110,18 @@ class NearPointPairs(NearPairs, PointTerm):
         term: Any = self.term
         first, second = term.pushes(a[:last], b[:last])
         s, push = self.pushed(a[last] - b[last], term.between(a[:last], b[:last]))
-        there = s > 0.0
+        within = s > 0.0
         ours, theirs = vec(*(s * first), *push), vec(*(s * second), *(-push))
-        return vec(*[where(there, c, 0.0) for c in ours]), vec(*[where(there, c, 0.0) for c in theirs])
+        return vec(*[where(within, c, 0.0) for c in ours]), vec(*[where(within, c, 0.0) for c in theirs])
 
     def felt(self, group: Any, g: Any, push: Any) -> Vec:
-        """Of the points and of the place."""
+        """The force on a site by the pushes on its points and on its place."""
         n = len(push) - len(place(self.first, g))
         term: Any = self.term
         return term.felt(group, g, push[:n]) + seen_from(group, g, push[n:])
 
     def energy(self, a: Any, b: Any) -> float:
-        """Of two sites."""
+        """The energy of two sites, by their points."""
         return PointTerm.energy(self, a, b)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
@@ -129,7 +129,7 @@ class NearPointPairs(NearPairs, PointTerm):
         return PointTerm.force(self, group, k, *sites)
 
     def forces(self, group: Any, *sites: Any) -> tuple[Any, ...]:
-        """The forces on both."""
+        """The forces on both sites, by their points."""
         return PointTerm.forces(self, group, *sites)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import IncompatibleSystem, InvalidInput
-from ....formulas import Element, Mat, Vec, mat, record, vec, vectors
+from ....formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.pytree import exchanged, fields_of, inside, with_fields
 from ....formulas.sites import SiteArray, interleaved_sum
@@ -67,26 +67,26 @@ class OfTerms(OfManySites):
             for i in numbers:
                 if not (type(i) is int and 0 <= i < group.copies):
                     raise InvalidInput(f"{name}: {what} names site {i!r}; they are 0 to {group.copies - 1}")
-        for own, value in zip(self.names, self.own, strict=True):
+        for parameter, value in zip(self.names, self.own, strict=True):
             if isinstance(value, Each) and len(value) != group.copies:
-                raise InvalidInput(f"{name}: {own} has {len(value)} values for {group.copies} sites")
+                raise InvalidInput(f"{name}: {parameter} has {len(value)} values for {group.copies} sites")
         for part in self.parts:
             part.require_on(group)
-        own_species = Species.of(group, species.names) if species and isinstance(group, SpeciesGroup) else None
+        own_species = Species.of_group(group, species.names) if species and isinstance(group, SpeciesGroup) else None
         if species != own_species or (species is None) == isinstance(group, SpeciesGroup):
             raise InvalidInput(f"{name}: {species!r} are not the species of {group!r}")
 
     def __repr__(self) -> str:
-        own = [f"{name}={value!r}" for name, value in zip(self.names, self.own)]
-        rest = [("held", self.held), ("pinned", self.pinned)]
-        held = [f"{name}={[*some]}" for name, some in rest if some]
-        if self.of_one is not None and not own:
+        parameters = [f"{name}={value!r}" for name, value in zip(self.names, self.own)]
+        resting = [("held", self.held), ("pinned", self.pinned)]
+        held = [f"{name}={[*sites]}" for name, sites in resting if sites]
+        if self.of_one is not None and not parameters:
             return repr(self.parts[0])
-        return f"Terms({', '.join([*map(repr, self.parts), *own, *held])})"
+        return f"Terms({', '.join([*map(repr, self.parts), *parameters, *held])})"
 
     @property
     def is_large(self) -> bool:
-        """Are there more sites than formulas would be written out for?"""
+        """Whether there are more sites than formulas would be written out for."""
         return self.group.is_large
 
     @cached_property
@@ -96,29 +96,29 @@ class OfTerms(OfManySites):
 
     def site_with(self, i: int, mu: Any, g: Any, xi: Any = None) -> Any:
         """Site i as terms see it."""
-        own = [x.of(i) if isinstance(x, Each) else x for x in self.own]
+        parameters = [x.of(i) if isinstance(x, Each) else x for x in self.own]
         if self.species is None or not isinstance(self.group, SpeciesGroup):
-            return type(self.site)(mu, g, xi, *own)
+            return type(self.site)(mu, g, xi, *parameters)
         k = self.group.species_of(i)
-        mine = [x for name, x in zip(self.names, own) if name in self.species.names[k]]
+        mine = [x for name, x in zip(self.names, parameters) if name in self.species.names[k]]
         return type(self.species.blank[k])(mu, g, xi, *mine)
 
     def energy_of(self, sites: list[Any]) -> float:
         """The sum over terms and edges, site by site."""
-        found: list[Any] = []
+        energies: list[Any] = []
         for i in range(self.group.copies):
             energy = 0.0
             for part in self.parts:
                 energy = share(energy, part.edges_at(sites, i), part.merged)
-            found = [*found, energy]
-        return interleaved_sum(found)
+            energies = [*energies, energy]
+        return interleaved_sum(energies)
 
     def by_site(self, sites: list[Any], formula: Any, parts: Any = None) -> Vec:
         """A sum over parts and edges for every site, one behind the other: formula(sum, group of the
         site, edges) adds those of one part.  Sites that are held have zero.  parts : those that count;
         None: all.
         """
-        found: list[Any] = []
+        components: list[Any] = []
         for i in range(self.group.copies):
             base: Any = self.group.base_of(i)
             total = vec(*[0.0 for _ in range(base.dim)])
@@ -126,8 +126,8 @@ class OfTerms(OfManySites):
                 total = formula(total, base, part.edges_at(sites, i))
             if i in self.pinned:
                 total = vec(*total[:3], 0.0, 0.0, 0.0)
-            found = [*found, *total]
-        return vec(*found)
+            components = [*components, *total]
+        return vec(*components)
 
     @property
     def released(self) -> Any:
@@ -143,11 +143,11 @@ class OfTerms(OfManySites):
         """A vector with zeros where sites are held or pinned."""
         if not self.held and not self.pinned:
             return x
-        found: list[Any] = []
+        components: list[Any] = []
         for i, part in enumerate(self.divided(x)):
             free = 0 if i in self.held else 3 if i in self.pinned else len(part)
-            found = [*found, *part[:free], *[0.0 for _ in range(len(part) - free)]]
-        return vec(*found)
+            components = [*components, *part[:free], *[0.0 for _ in range(len(part) - free)]]
+        return vec(*components)
 
     def divided(self, x: Vec) -> list[Any]:
         """The parts of a vector that belong to the sites."""
@@ -156,13 +156,13 @@ class OfTerms(OfManySites):
     def _at_a_site(self) -> tuple[Any, ...]:
         """The fields of the site form."""
         roles = [RoleAtSite.made(part, role) for part in self.parts for role in part.roles]
-        own = [OwnOfSites.of_each(x) if isinstance(x, Each) else x for x in self.own]
+        parameters = [OwnOfSites.of_each(x) if isinstance(x, Each) else x for x in self.own]
         moves: Any = np.ones((self.group.copies, 6))
         moves[[*self.held]] = 0.0
         moves[[*self.pinned], 3:] = 0.0
         moves = moves if self.pinned else moves[:, 0]
         moves = SiteArray.of(moves) if self.held or self.pinned else None
-        return tuple(roles), self.names, tuple(own), moves, self.species
+        return tuple(roles), self.names, tuple(parameters), moves, self.species
 
     @property
     def of_one(self) -> Any:
@@ -178,12 +178,12 @@ class OfTerms(OfManySites):
         return every if len(self.parts) == len(every) and None not in every else None
 
     def _of_one_at_a_site(self) -> Any:
-        one: Any = self.of_one
-        if isinstance(one, tuple):
+        energy: Any = self.of_one
+        if isinstance(energy, tuple):
             group, species = self.group, self.species  # type: Any, Any
-            momenta = all(isinstance(x, Hamiltonian) for x in one)
-            return EnergyOfSpecies.at_site(one, species, group) if momenta else None
-        return one and exchanged(one, Each, map(EachOfSites.of_each, inside(one, Each)))
+            momenta = all(isinstance(x, Hamiltonian) for x in energy)
+            return EnergyOfSpecies.at_site(energy, species, group) if momenta else None
+        return energy and exchanged(energy, Each, map(EachOfSites.of_each, inside(energy, Each)))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (self.group.dim,) if kind == "Vec" else self.group.element_shape
@@ -212,7 +212,7 @@ class MomentumTerms(OfTerms, Hamiltonian):
         return self.energy_of(self._sites(mu))
 
     def gradient(self, mu: Vec) -> Vec:
-        """Its derivative.  mu : (sites dim,), or (sites, dim)."""
+        """The derivative dH by the momenta.  mu : (sites dim,), or (sites, dim)."""
         return self.by_site(self._sites(mu), lambda slope, _, edges: slopes(slope, edges))
 
     @cached_property
@@ -228,8 +228,8 @@ class MomentumTerms(OfTerms, Hamiltonian):
         return Coloured(tuple(graphs), self.group.copies)
 
     def of_site(self) -> Hamiltonian:
-        """Its site form: the Hamiltonian of one body, which asks the other sites for what it needs;
-        of `PerSite` alone the one that it was given.
+        """The site form: the Hamiltonian of one body, which asks the other sites for what it needs; of `PerSite` alone
+        the one that it was given.
         """
         return self._of_one_at_a_site() or HamiltonianOfSite(*self._at_a_site())
 
@@ -257,26 +257,26 @@ class KineticTerms(MomentumTerms, Lagrangian):
         if not isinstance(self.group, SpeciesGroup):
             return self.parts[0].at_edge(i).energy_of_one
         k = self.group.species_of(i)
-        found = self.parts[0]
+        of_species = self.parts[0]
         for part in self.parts:
-            found = part if part.of == (k,) else found
-        return found.at_edge(i - self.group.firsts[k]).energy_of_one
+            of_species = part if part.of == (k,) else of_species
+        return of_species.at_edge(i - self.group.firsts[k]).energy_of_one
 
     def _each_one(self) -> list[Any]:
         return [self.of_one_at(i) for i in range(self.group.copies)]
 
     def value(self, xi: Vec) -> float:
         """The sum over the sites.  xi : (sites dim,), or (sites, dim)."""
-        return interleaved_sum([one.value(x) for one, x in zip(self._each_one(), self.divided(xi))])
+        return interleaved_sum([energy.value(x) for energy, x in zip(self._each_one(), self.divided(xi))])
 
     def momentum(self, xi: Vec) -> Vec:
-        """Those of the sites.  xi : (sites dim,), or (sites, dim)."""
-        found = [one.momentum(x) for one, x in zip(self._each_one(), self.divided(xi))]
-        return vec(*[x for part in found for x in part])
+        """The momenta of the sites, one behind the other.  xi : (sites dim,), or (sites, dim)."""
+        momenta = [energy.momentum(x) for energy, x in zip(self._each_one(), self.divided(xi))]
+        return vec(*[x for part in momenta for x in part])
 
     def hessian(self, xi: Vec) -> Mat | Vec:
-        """Those of the sites, as blocks of the diagonal."""
-        blocks = [one.hessian(x) for one, x in zip(self._each_one(), self.divided(xi))]
+        """The Hessians of the sites, as blocks of the diagonal."""
+        blocks = [energy.hessian(x) for energy, x in zip(self._each_one(), self.divided(xi))]
         if all([isinstance(block, vectors.Vec) for block in blocks]):  # noqa: C419
             return vec(*[x for block in blocks for x in block])
         places = spans([len(block) for block in blocks])
@@ -289,18 +289,18 @@ class KineticTerms(MomentumTerms, Lagrangian):
         )
 
     def momenta(self, xi: Any) -> np.ndarray:
-        """Those of arrays, as many sites as there may be.  xi : (..., sites, dim)."""
-        one = self.of_one
-        if has_inertia(one):
-            J = one.inertia.values if isinstance(one.inertia, Each) else np.array(one.inertia)
-            if J.ndim - isinstance(one.inertia, Each) == 2:
+        """The momenta of many sites in arrays, (..., sites, dim).  xi : (..., sites, dim)."""
+        energy = self.of_one
+        if has_inertia(energy):
+            J = energy.inertia.values if isinstance(energy.inertia, Each) else np.array(energy.inertia)
+            if J.ndim - isinstance(energy.inertia, Each) == 2:
                 return np.asarray((J @ xi[..., None])[..., 0])
             return np.asarray(J * xi)
-        each_one = self._each_one() if inside(one, Each) else [one]
+        each_one = self._each_one() if inside(energy, Each) else [energy]
         if len(each_one) == 1:
-            return np.asarray(one.momentum(xi))
-        found = [np.asarray(x.momentum(xi[..., i, :])) for i, x in enumerate(each_one)]
-        return np.stack(found, axis=-2)
+            return np.asarray(energy.momentum(xi))
+        momenta = [np.asarray(x.momentum(xi[..., i, :])) for i, x in enumerate(each_one)]
+        return np.stack(momenta, axis=-2)
 
 
 def _row(block: Any, k: int) -> list[Any]:
@@ -331,7 +331,7 @@ class PlaceTerms(OfTerms, Potential):
         return self.by_site(self._sites(g), forces)
 
     def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
-        """Those of term number k alone."""
+        """The forces of term number k alone."""
         return self.by_site(self._sites(g), forces, (self.parts[k],))
 
     def require_start(self, name: str, group: LieGroup, mu: Any, g: Any) -> None:
@@ -341,8 +341,8 @@ class PlaceTerms(OfTerms, Potential):
         _require_rest(name, group, self.pinned, np.asarray(mu), "pinned: its linear momentum", 3)
 
     def of_site(self) -> Potential:
-        """Its site form: the potential of one body, which asks the other sites for what it needs;
-        of `PerSite` alone the one that it was given.
+        """The site form: the potential of one body, which asks the other sites for what it needs; of `PerSite` alone
+        the one that it was given.
         """
         return self._of_one_at_a_site() or PotentialOfSite(*self._at_a_site())
 
@@ -371,17 +371,38 @@ class ForceTerms(OfTerms, Force):
 
     @property
     def feels_velocity(self) -> bool:
-        """Does a force depend on the velocity?"""
+        """Whether a force depends on the velocity."""
         return feels_velocity(self)
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The forces on all sites.  xi : (sites dim,), g : an element of the power."""
-        sites = [self.site_with(i, None, self.group.site(g, i), x) for i, x in enumerate(self.divided(xi))]
-        return self.by_site(sites, lambda force, _, edges: loads(force, t, edges))
+        return self._of_parts(self.parts, t, xi, g)
+
+    def _of_parts(self, parts: Any, t: float, xi: Vec, g: Any) -> Vec:
+        """Those of some of the terms."""
+        return self.by_site(self._moving_sites(xi, g), lambda force, _, edges: loads(force, t, edges), parts)
+
+    def _moving_sites(self, xi: Vec, g: Any) -> list[Any]:
+        return [self.site_with(i, None, self.group.site(g, i), x) for i, x in enumerate(self.divided(xi))]
+
+    def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
+        """The damping along velocities of all sites, (sites dim,); of terms that say what damps, that of each site by
+        its own velocity.
+        """
+        said = tuple([part for part in self.parts if part.term.says_resistance])
+        others = tuple([part for part in self.parts if not part.term.says_resistance])
+        sites, found = self._moving_sites(xi, g), []  # type: list[Any], list[Any]
+        for i, mine in enumerate(self.divided(along)):
+            total = 0.0 * mine
+            for part in said:
+                for role, term, ends in part.edges_at(sites, i):
+                    total = total + term.resistance(t, mine, ends[role], *ends[:role], *ends[role + 1 :])
+            found = [*found, *total]
+        return self.moving(vec(*found)) - derivative(lambda x: self._of_parts(others, t, x, g), xi, along)
 
     def of_site(self) -> Force:
-        """Its site form: the load on one body, which asks the other sites for what it needs; of
-        `PerSite` alone the one that it was given.
+        """The site form: the load on one body, which asks the other sites for what it needs; of `PerSite` alone the one
+        that it was given.
         """
         return self._of_one_at_a_site() or ForceOfSite(*self._at_a_site())
 
@@ -409,7 +430,7 @@ class DrivenTerms(DrivenHamiltonian, WithHeldSites):
 
     @property
     def coupled(self) -> bool:  # type: ignore[override]
-        """Is there a term of several sites?"""
+        """Whether there is a term of several sites."""
         return self.at_zero.coupled
 
     def moving(self, xi: Vec) -> Vec:
@@ -417,7 +438,7 @@ class DrivenTerms(DrivenHamiltonian, WithHeldSites):
         return moving(self.at_zero, xi)
 
     def at(self, t: float) -> Any:
-        """It at time t."""
+        """The Hamiltonian of the terms at time t."""
         return at_time(self.at_zero, t)
 
     def energy(self, t: float, mu: Vec) -> float:
@@ -429,7 +450,7 @@ class DrivenTerms(DrivenHamiltonian, WithHeldSites):
         return self.at(t).gradient(mu)
 
     def of_site(self) -> DrivenTerms:
-        """Its site form."""
+        """The site form, driven like the whole."""
         at_zero: Any = self.at_zero
         return DrivenTerms(at_zero.of_site())
 
@@ -456,15 +477,15 @@ def _bound_on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
 
 def hamiltonian_of(name: str, group: LieGroup, terms: Terms) -> Any:
     """The Hamiltonian that terms are on a group."""
-    made = _made(MomentumTerms, name, group, terms)
-    changing = inside(made, AtTime)
+    hamiltonian = _made(MomentumTerms, name, group, terms)
+    changing = inside(hamiltonian, AtTime)
     if changing:
         raise IncompatibleSystem(
             f"{name}: {changing[0]!r} changes with time: make it a DrivenLiePoissonSystem(group, terms)"
         )
-    ones = made.of_one if isinstance(made.of_one, tuple) else (made.of_one,)
-    kinetic = all(isinstance(one, Lagrangian) for one in ones)
-    return KineticTerms(**fields_of(made)) if kinetic else made
+    ones = hamiltonian.of_one if isinstance(hamiltonian.of_one, tuple) else (hamiltonian.of_one,)
+    kinetic = all(isinstance(energy, Lagrangian) for energy in ones)
+    return KineticTerms(**fields_of(hamiltonian)) if kinetic else hamiltonian
 
 
 def driven_of(name: str, group: LieGroup, terms: Terms) -> Any:
@@ -474,14 +495,14 @@ def driven_of(name: str, group: LieGroup, terms: Terms) -> Any:
 
 def potential_of(name: str, group: LieGroup, terms: Terms) -> Any:
     """The potential that terms are on a group."""
-    made = _made(PlaceTerms, name, group, terms)
-    changing = inside(made, AtTime)
+    potential = _made(PlaceTerms, name, group, terms)
+    changing = inside(potential, AtTime)
     if changing:
         raise IncompatibleSystem(
             f"{name}: {changing[0]!r} changes with time, and potentials do not: write its force as a "
             "term with `covector(t, a)`, load=Terms(...)"
         )
-    return made
+    return potential
 
 
 def load_of(name: str, group: LieGroup, terms: Terms) -> Any:
@@ -503,8 +524,8 @@ def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any,
     InvalidInput where one of them cannot leave a site where it is.
     """
     energy = getattr(body, "hamiltonian", None)
-    told = [x for x in (energy, potential, load) if isinstance(x, OfTerms)]
-    held, pinned = (tuple(sorted({i for x in told for i in getattr(x, which)})) for which in ("held", "pinned"))
+    sums = [x for x in (energy, potential, load) if isinstance(x, OfTerms)]
+    held, pinned = (tuple(sorted({i for x in sums for i in getattr(x, which)})) for which in ("held", "pinned"))
     if not held and not pinned:
         return body, potential, load
     words = f"sites {[*held, *pinned]} are held or pinned"
@@ -548,7 +569,7 @@ def _resting(body: Any) -> Any:
         return body
     free = with_fields(energy, held=(), pinned=())
     ones = free.of_one if isinstance(free.of_one, tuple) else (free.of_one,)
-    if not all(isinstance(one, Lagrangian) for one in ones):
+    if not all(isinstance(energy_of_one, Lagrangian) for energy_of_one in ones):
         return body
     return type(body)(**{**fields_of(body), "hamiltonian": KineticTerms(**fields_of(free))})
 
@@ -561,33 +582,35 @@ def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
         )
     parts = bound(terms, group)
     pinned = numbers_of(terms, "pinned", group)
-    made = kind(group, parts, *parameters(terms, group), pinned)
+    sum_of_terms = kind(group, parts, *parameters(terms, group), pinned)
     if pinned and not (isinstance(group, PowerGroup) and isinstance(group.base, SE3)):
         raise InvalidInput(f"{name}: pinned sites turn where they are, on SE3() ** n; the group is {group!r}")
     for part in parts:
         _require_kind(name, kind, part)
         _require_fitting(name, group, part)
-    parts = tuple([tried(made, part) for part in parts])
+    parts = tuple([tried(sum_of_terms, part) for part in parts])
     if kind is MomentumTerms:
-        parts = tuple([with_fields(part, kind=kind_of(made, part)) for part in parts])
-    return with_fields(made, parts=parts)
+        parts = tuple([with_fields(part, kind=kind_of(sum_of_terms, part)) for part in parts])
+    return with_fields(sum_of_terms, parts=parts)
 
 
 def _require_fitting(name: str, group: Any, part: BoundTerm) -> None:
     """Raise InvalidInput for the energy of a body of another dimension than its sites."""
-    one = getattr(part.term, "energy_of_one", None)
+    energy = getattr(part.term, "energy_of_one", None)
     base = group.powers[part.of[0]].base if part.of else group.base
-    shape = None if one is None else one._shape("mu", "Vec")
+    shape = None if energy is None else energy._shape("mu", "Vec")
     if shape not in (None, (base.dim,)):
-        raise InvalidInput(f"{name}: {one!r} takes vectors of {shape[0]} components; those of {base!r} have {base.dim}")
+        raise InvalidInput(
+            f"{name}: {energy!r} takes vectors of {shape[0]} components; those of {base!r} have {base.dim}"
+        )
 
 
 def _require_kind(name: str, kind: Any, part: BoundTerm) -> None:
     term: Any = plain_term(part.term)
-    one = term.energy_of_one if isinstance(term, PerSite) else None
+    energy = term.energy_of_one if isinstance(term, PerSite) else None
     wanted = next(base for base in (Hamiltonian, Potential, Force) if issubclass(kind, base))
-    force = isinstance(one, Force) if one is not None else is_a_force(type(term))
-    if force != (wanted is Force) or (one is not None and not isinstance(one, wanted)):
+    force = isinstance(energy, Force) if energy is not None else is_a_force(type(term))
+    if force != (wanted is Force) or (energy is not None and not isinstance(energy, wanted)):
         what = {
             Hamiltonian: "the Hamiltonian takes energies of momenta",
             Potential: "the potential takes energies of elements",

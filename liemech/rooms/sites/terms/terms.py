@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ....errors import InvalidInput, InvalidType, undefined
-from ....formulas import Mat, Record, Vec, check_finite, gradient, jacobian, mat, record, vec
+from ....formulas import Mat, Record, Vec, check_finite, derivative, gradient, jacobian, mat, record, vec
 from ....formulas.classes.derived import derived
 from ....formulas.classes.fields import FrozenDict
 from ....formulas.classes.of_each import Each
@@ -70,10 +70,16 @@ class Term(Record, StandsForAnEnergy):
     """
 
     time_unit: ClassVar[str] = ""  # in pictures, of a term whose constants have units
+    says_resistance: ClassVar[bool] = False  # does a subclass write what damps?
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.says_resistance = bare(cls.resistance) is not bare(Term.resistance)
 
     if TYPE_CHECKING:  # with as many arguments as there are sites
         energy: ClassVar[Any]
         covector: ClassVar[Any]
+        resistance: ClassVar[Any]
 
     else:
 
@@ -86,6 +92,14 @@ class Term(Record, StandsForAnEnergy):
             drive.  It is a function of the velocities `a.xi` and the elements `a.g`.
             """
             raise undefined(self, "covector")
+
+        def resistance(self, t: float, along: Vec, *sites: Any) -> Vec:
+            """The damping -d covector/d a.xi along a velocity of the first of the sites, (dim,): what an explicit kick
+            has to resolve.  For a force whose size is bounded, such as regularised dry friction, a subclass may
+            say zero.
+            """
+            me, others = sites[0], sites[1:]
+            return -derivative(lambda x: self.covector(t, with_fields(me, xi=x), *others), me.xi, along)
 
     @derived
     def slope(self, k: int, *sites: Any) -> Vec:
@@ -103,8 +117,8 @@ class Term(Record, StandsForAnEnergy):
         """
 
         def moved(eta: Any) -> Any:
-            there = with_fields(sites[k], g=group.compose_exp(sites[k].g, eta))
-            return self.energy(*[there if j == k else s for j, s in enumerate(sites)])
+            moved_site = with_fields(sites[k], g=group.compose_exp(sites[k].g, eta))
+            return self.energy(*[moved_site if j == k else s for j, s in enumerate(sites)])
 
         return -gradient(moved, vec(*[0.0 for _ in range(group.dim)]))
 
@@ -122,14 +136,16 @@ class Term(Record, StandsForAnEnergy):
 
     @derived
     def stiffnesses(self, group: Any, *sites: Any) -> tuple[tuple[Mat, ...], ...]:
-        """How the forces fall as sites move: block (i, j) is -d/ds of the force on site i as site j
-        goes along g exp(s eta), (dim, dim).
+        """The fall of the forces as sites move: block (i, j) is -d/ds of the force on site i as site j goes along g
+        exp(s eta), (dim, dim).
         """
         n = group.dim
 
         def held_back(eta: Vec) -> Vec:
-            there = [with_fields(s, g=group.compose_exp(s.g, eta[n * k : n * k + n])) for k, s in enumerate(sites)]
-            return vec(*[-x for f in self.forces(group, *there) for x in f])
+            moved_sites = [
+                with_fields(s, g=group.compose_exp(s.g, eta[n * k : n * k + n])) for k, s in enumerate(sites)
+            ]
+            return vec(*[-x for f in self.forces(group, *moved_sites) for x in f])
 
         slope = jacobian(held_back, vec(*[0.0 for _ in range(n * len(sites))]))
         parts = [(n * k, n * k + n) for k in range(len(sites))]
@@ -154,13 +170,13 @@ def _species(name: str, graph: Graph, of: Any) -> tuple[int, ...]:
     """The species of the ends of an edge; () if nothing is said."""
     if of is None:
         return ()
-    given = of if isinstance(of, (tuple, list)) else (of,) * graph.arity
-    if len(given) != graph.arity or not all(type(k) is int and k >= 0 for k in given):
+    species = of if isinstance(of, (tuple, list)) else (of,) * graph.arity
+    if len(species) != graph.arity or not all(type(k) is int and k >= 0 for k in species):
         raise InvalidInput(
             f"{name}: of is the number of a species, from 0, or one for each of the {graph.arity} "
             f"sites of an edge of {graph!r}; got {of!r}"
         )
-    return tuple(given)
+    return tuple(species)
 
 
 @record
@@ -192,12 +208,12 @@ class Over(Record, StandsForAnEnergy):
 
     def __repr__(self) -> str:
         which = self.of[0] if len({*self.of}) == 1 else self.of
-        given = [*[repr(self.graph)] * (not isinstance(self.graph, EachSite)), *[f"of={which}"] * bool(self.of)]
-        return f"{self.term!r}.over({', '.join(given)})" if given else repr(self.term)
+        words = [*[repr(self.graph)] * (not isinstance(self.graph, EachSite)), *[f"of={which}"] * bool(self.of)]
+        return f"{self.term!r}.over({', '.join(words)})" if words else repr(self.term)
 
 
 def is_a_force(cls: Any) -> bool:
-    """Has a class of terms no energy, but a force?"""
+    """Whether a class of terms has no energy, but a force."""
     return bare(cls.energy) is bare(Term.energy) and bare(cls.covector) is not bare(Term.covector)
 
 
@@ -224,7 +240,7 @@ class AtTime(Term):
         return repr(self.term)
 
     def energy(self, *sites: Any) -> float:
-        """Its energy then."""
+        """The energy of the term at its time."""
         return self.term.energy(*sites, self.time)
 
 
@@ -263,21 +279,25 @@ class PerSite(Term):
         return f"PerSite({self.energy_of_one!r})"
 
     def energy(self, a: Any) -> float:
-        """Its energy there."""
+        """The energy of the body at its momentum, or its element."""
         if isinstance(self.energy_of_one, Hamiltonian):
             return self.energy_of_one.energy(a.mu)
         return self.energy_of_one.energy(a.g)
 
     def covector(self, t: float, *sites: Any) -> Vec:
-        """Its force."""
+        """The force on the body at its velocity and element."""
         return self.energy_of_one.covector(t, sites[0].xi, sites[0].g)
 
+    def resistance(self, t: float, along: Vec, *sites: Any) -> Vec:
+        """The damping by its force."""
+        return self.energy_of_one.resistance(t, sites[0].xi, sites[0].g, along)
+
     def slope(self, k: int, *sites: Any) -> Vec:
-        """Its gradient."""
+        """The gradient of the body's energy by its momentum."""
         return self.energy_of_one.gradient(sites[0].mu)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """Its force."""
+        """The force of the body's potential at its element."""
         return self.energy_of_one.force(group, sites[0].g)
 
 
@@ -316,19 +336,19 @@ class Terms(Record, StandsForAnEnergy):
             raise InvalidInput("Terms: give one term at least, such as Exchange(1.0).over(graph)")
 
     def __repr__(self) -> str:
-        own = [f"{name}={value!r}" for name, value in self.own.items()]
-        rest = [("held", self.held), ("pinned", self.pinned)]
-        held = [f"{name}={_shown(some)}" for name, some in rest if some]
-        return f"Terms({', '.join([*map(repr, self.terms), *own, *held])})"
+        parameters = [f"{name}={value!r}" for name, value in self.own.items()]
+        resting = [("held", self.held), ("pinned", self.pinned)]
+        held = [f"{name}={_shown(sites)}" for name, sites in resting if sites]
+        return f"Terms({', '.join([*map(repr, self.terms), *parameters, *held])})"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Those of the parameters of sites."""
+        """The names of the parameters of sites."""
         return tuple(self.own)
 
 
 def as_terms(energy: Any) -> Any:
-    """One term that stands for a sum of them; anything else as it is."""
+    """A term alone as a sum of terms; anything else as it is."""
     return Terms(energy) if isinstance(energy, (Term, Over)) else energy
 
 
@@ -355,25 +375,25 @@ def _require_one(name: str, term: Term) -> None:
 def _held(name: str, held: Any) -> tuple[Any, ...]:
     """Numbers of sites, in rising order; of several species pairs of a species and a number."""
     if isinstance(held, dict):
-        return tuple(sorted({(int(k), i) for k, some in held.items() for i in _held(name, some)}))
-    found = np.atleast_1d(np.asarray(held))
-    whole = found.dtype.kind in "iu" or (found.dtype.kind == "f" and (found == found // 1.0).all())
-    if found.ndim != 1 or not whole:
+        return tuple(sorted({(int(k), i) for k, sites in held.items() for i in _held(name, sites)}))
+    numbers = np.atleast_1d(np.asarray(held))
+    whole = numbers.dtype.kind in "iu" or (numbers.dtype.kind == "f" and (numbers == numbers // 1.0).all())
+    if numbers.ndim != 1 or not whole:
         raise InvalidInput(
             f"Terms: {name} is the numbers of sites, [0, 5], or those of species, {{1: [0, 5]}}; got {held!r}"
         )
-    return tuple(sorted({*map(int, found)}))
+    return tuple(sorted({*map(int, numbers)}))
 
 
 def _shown(held: tuple[Any, ...]) -> str:
-    """As it was given."""
+    """The numbers of sites as they were given, in words."""
     if not isinstance(held[0], tuple):
         return str([*held])
     return str({k: [i for j, i in held if j == k] for k, _ in held})
 
 
 def _parameters(name: str, value: Any) -> Any:
-    """One for all, or by species."""
+    """A parameter, one for all sites, or by species."""
     if not isinstance(value, dict):
         return _parameter(name, value)
     wrong = [k for k in value if type(k) is not int or k < 0]
@@ -396,9 +416,9 @@ def _parameter(name: str, value: Any) -> Any:
     array = np.asarray(value)
     if array.dtype.kind in "fc" and not np.isfinite(array).all():
         check_finite(array, f"Terms: {name}")
-    found = small(array)
-    if isinstance(found, (int, float)) and not isinstance(found, bool):
-        return float(found)
-    if isinstance(found, Record) or not hasattr(found, "axes"):
+    parameter = small(array)
+    if isinstance(parameter, (int, float)) and not isinstance(parameter, bool):
+        return float(parameter)
+    if isinstance(parameter, Record) or not hasattr(parameter, "axes"):
         raise InvalidType(f"Terms: {name} is a number or a vector that all sites have, or each(values); got {value!r}")
-    return found
+    return parameter

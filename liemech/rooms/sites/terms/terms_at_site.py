@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....formulas import Element, Record, Vec, derivative, dot, gradient, mat, record, vec, vectors, where
+from ....formulas import Element, Record, Vec, dot, gradient, mat, record, vec, vectors, where
 from ....formulas.classes.fields import OfEach
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.pytree import exchanged, inside, with_fields
@@ -36,13 +36,13 @@ class ValuesOfSites(Record, OfEach):
 
     @classmethod
     def of_each(cls, each: Each) -> Any:
-        """That of values of which there is one for each site."""
+        """The values of a parameter of which there is one for each site."""
         values = each.values.reshape(len(each), -1)
         return cls(SiteArray.of(values if each.shape else values[:, 0]), each.shape)
 
     @property
     def values(self) -> np.ndarray:
-        """All of them, (n, ...), the last one perhaps more than once."""
+        """The values of all sites, (n, ...), the last one perhaps more than once."""
         rows = np.asarray(self.array.entries.array).reshape(self.array.dim or 1, -1)
         return rows.T.reshape(-1, *self.shape)
 
@@ -116,7 +116,7 @@ class RoleAtSite(Record):
 
     @classmethod
     def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
-        """That of a term on a graph."""
+        """The role at a site of a term on a graph."""
         alone = part.graph.arity == 1
         graph: Any = part.graph
         if part.in_rounds:
@@ -127,31 +127,31 @@ class RoleAtSite(Record):
             return cls(part.term, role, part.merged, False, near=near, of=part.of, reach=reach)
         once = in_a_row(part)
         fixed = once or isinstance(part.graph, Lattice)
-        made = cls.of_incidence(part, role, part.incidence(role), alone, fixed)
-        return with_fields(made, once=once)
+        at_site = cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+        return with_fields(at_site, once=once)
 
     @classmethod
     def of_incidence(
         cls, part: BoundTerm, role: int, incidence: Incidence, alone: bool = False, fixed: bool = True
     ) -> RoleAtSite:
-        """That of a term with these edges at each site.  fixed : is their number known to formulas?"""
+        """The role of a term with these edges at each site.  fixed : is their number known to formulas?"""
         edges = incidence.edges
 
         def of_edges(each: Each) -> EachOfEdges:
             values = each.values.reshape(len(each), -1)[edges]
             return EachOfEdges(SiteArray.of(values if each.shape else values[..., 0], edges=True), each.shape)
 
-        term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
-        made = cls(term, role, part.merged, alone, of=part.of)
-        return made if alone else made.with_tables(incidence, fixed)
+        term = exchanged(part.term, Each, [of_edges(parameter) for parameter in inside(part.term, Each)])
+        at_site = cls(term, role, part.merged, alone, of=part.of)
+        return at_site if alone else at_site.with_tables(incidence, fixed)
 
     def with_tables(self, incidence: Incidence, fixed: bool = False) -> RoleAtSite:
         """This energy with other neighbours.  fixed : is their number known to formulas?"""
         counts = incidence.counts
         tables = tuple([SiteTable.of(table, fixed=fixed) for table in incidence.others])
         same = fixed and bool((counts == len(incidence.edges)).all())
-        known = None if same else SiteArray.of(counts.astype(float))
-        return with_fields(self, others=tables, counts=known)
+        degrees = None if same else SiteArray.of(counts.astype(float))
+        return with_fields(self, others=tables, counts=degrees)
 
     def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any, mine: Any = None) -> Any:
         """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
@@ -166,10 +166,10 @@ class RoleAtSite(Record):
             if self.reach is not None:
                 return meeting.some(lambda b, j: formula(self.term, self.ends(me, [seen(b)])), total, self.reach, mine)
             return meeting.pairs(lambda a, b: of_both(self.term, [seen(a), seen(b)]), total)
-        first, more = self.others[0], self.others[1:]
+        first, further = self.others[0], self.others[1:]
 
         def of_edge(b: Any, d: Any) -> Any:
-            mates = [seen(b), *[seen(meeting.of(table, d)) for table in more]]
+            mates = [seen(b), *[seen(meeting.of(table, d)) for table in further]]
             value = formula(self.at_edge(d), self.ends(me, mates))
             return value if self.counts is None else masked(d < own(self.counts), value)
 
@@ -181,7 +181,7 @@ class RoleAtSite(Record):
 
     @property
     def through_points(self) -> bool:
-        """Do sites act on each other through their points?"""
+        """Whether sites act on each other through their points."""
         return acts_through_points(self.term) and self.of == () and not self.once
 
     def through(self, group: Any, g: Any) -> Vec:
@@ -194,8 +194,8 @@ class RoleAtSite(Record):
             return term.felt(group, g, meeting.pairs(term.pushes, zero))
 
         def of_edge(b: Any, d: Any) -> Any:
-            here: Any = self.at_edge(d)
-            value = here.pushes(mine, b)[0] if self.role == 0 else here.pushes(b, mine)[1]
+            term_of_edge: Any = self.at_edge(d)
+            value = term_of_edge.pushes(mine, b)[0] if self.role == 0 else term_of_edge.pushes(b, mine)[1]
             return value if self.counts is None else masked(d < own(self.counts), value)
 
         table = self.others[0]
@@ -211,7 +211,7 @@ class RoleAtSite(Record):
 
     def at_edge(self, d: Any) -> Term:
         """The term with the parameters of edge d of this site."""
-        return exchanged(self.term, EachOfEdges, [one.here(d) for one in inside(self.term, EachOfEdges)])
+        return exchanged(self.term, EachOfEdges, [parameter.here(d) for parameter in inside(self.term, EachOfEdges)])
 
     def ends(self, me: Any, mates: list[Any]) -> list[Any]:
         """The sites of an edge in the order in which the energy takes them."""
@@ -219,8 +219,8 @@ class RoleAtSite(Record):
 
 
 def in_a_row(part: BoundTerm) -> bool:
-    """Is a site the first of one edge at most, and the second of one, as along a chain, and are the
-    forces on both written together?
+    """Whether a site is the first of one edge at most, and the second of one, as along a chain, and the forces on both
+    are written together.
     """
     if part.merged or part.of or part.graph.arity != 2 or part.first or is_near(part.graph):
         return False
@@ -260,7 +260,7 @@ class TermsOfSite(WithHeldSites):
 
     @property
     def coupled(self) -> bool:
-        """Is there a term of several sites?"""
+        """Whether there is a term of several sites."""
         return not all([role.alone for role in self.roles])  # noqa: C419
 
     def met(self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None) -> tuple[Any, Any, Any]:
@@ -273,25 +273,25 @@ class TermsOfSite(WithHeldSites):
         varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(mine, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
 
-        def seen(published: Any) -> Any:
+        def view(published: Any) -> Any:
             theirs = [
                 getattr(published, name) if isinstance(x, OwnOfSites) else x for name, x in zip(self.names, self.own)
             ]
             return type(self.site)(published.mu, published.g, published.xi, *theirs)
 
-        return me, meeting, seen
+        return me, meeting, view
 
     def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, roles: Any = None) -> Any:
         """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
         role by role; of_both(term, sites) is of both sites of a pair.  roles : those that count;
         None: all.
         """
-        me, meeting, seen = self.met(mu, g, xi, roles)
+        me, meeting, view = self.met(mu, g, xi, roles)
         species = self.species
-        for one in self.roles if roles is None else roles:
-            if species is None or own(species.which) == one.of[one.role]:
-                mine = own(species.numbers) if one.merged and species is not None else None
-                total = one.added(total, me, meeting, seen, self._formula(one, total, formula), of_both, mine)
+        for role in self.roles if roles is None else roles:
+            if species is None or own(species.which) == role.of[role.role]:
+                mine = own(species.numbers) if role.merged and species is not None else None
+                total = role.added(total, me, meeting, view, self._formula(role, total, formula), of_both, mine)
         return total
 
     def _formula(self, role: RoleAtSite, total: Any, formula: Any) -> Any:
@@ -301,8 +301,8 @@ class TermsOfSite(WithHeldSites):
             return lambda term, sites: formula(role, term, sites)
 
         def of_species(term: Any, sites: list[Any]) -> Any:
-            found = formula(role, term, [species.seen(k, x) for k, x in zip(role.of, sites)])
-            return filled(found, len(total)) if isinstance(total, vectors.Vec) else found
+            at_edge = formula(role, term, [species.seen(k, x) for k, x in zip(role.of, sites)])
+            return filled(at_edge, len(total)) if isinstance(total, vectors.Vec) else at_edge
 
         return of_species
 
@@ -381,22 +381,22 @@ class PotentialOfSite(TermsOfSite, Potential):
         return self._forces(group, g, None)
 
     def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
-        """That of term number k alone."""
-        found: list[RoleAtSite] = []
+        """The force of term number k alone."""
+        roles: list[RoleAtSite] = []
         number = -1
         for role in self.roles:
             number = number + (1 if role.role == 0 else 0)
             if number == k:
-                found = [*found, role]
-        return self._forces(group, g, found)
+                roles = [*roles, role]
+        return self._forces(group, g, roles)
 
     def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         force = vec(*[0.0 for _ in range(group.dim)])
-        some = self.roles if roles is None else roles
-        through = [role for role in some if role.through_points]
+        chosen = self.roles if roles is None else roles
+        through = [role for role in chosen if role.through_points]
         for role in through:
             force = force + role.through(group, g)
-        apart = [role for role in some if not role.once and not role.through_points]
+        apart = [role for role in chosen if not role.once and not role.through_points]
         if len(apart) > 0:
             force = self.added(
                 force,
@@ -407,7 +407,7 @@ class PotentialOfSite(TermsOfSite, Potential):
                 lambda term, sites: term.forces(group, *sites),
                 apart,
             )
-        along = [role for role in some if role.once]
+        along = [role for role in chosen if role.once]
         if len(along) > 0:
             force = force + self._along(group, g, along)
         return self.moving(force)
@@ -416,12 +416,12 @@ class PotentialOfSite(TermsOfSite, Potential):
         """The forces of terms along chains: each site finds those on itself and on the next, and hands
         the latter on.
         """
-        me, meeting, seen = self.met(None, g, None, roles)
+        me, meeting, view = self.met(None, g, None, roles)
         force = vec(*[0.0 for _ in range(group.dim)])
         pushes: list[Any] = []
         for role in roles:
             if role.role == 0:
-                first, second = role.at_edge(0).forces(group, me, seen(meeting.of(role.others[0], 0)))
+                first, second = role.at_edge(0).forces(group, me, view(meeting.of(role.others[0], 0)))
                 force, pushes = force + role.if_there(first), [*pushes, second]
         handed = meet(tuple(pushes))
         numbers = [role for role in roles if role.role == 1]
@@ -468,10 +468,8 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
 
 
 def _damping(t: float, term: Term, sites: list[Any], along: Vec) -> Vec:
-    """How the force on the first of the sites falls as it moves faster along a velocity."""
-    me, others = sites[0], sites[1:]
-    own_along = vec(*along[: len(me.xi)])
-    return -derivative(lambda x: term.covector(t, with_fields(me, xi=x), *others), me.xi, own_along)
+    """The fall of the force on the first of the sites as it moves faster along a velocity, (dim,)."""
+    return term.resistance(t, vec(*along[: len(sites[0].xi)]), *sites)
 
 
 @record
@@ -497,14 +495,14 @@ class SlopesOfLoad(TermsOfSite):
 
 
 def _slope(group: LieGroup, t: float, merged: bool, term: Term, k: int, sites: list[Any]) -> Vec:
-    """Those of an edge by site number k of it, of which each has its lambda for its momentum."""
+    """The derivatives of <lambda, F> on one edge by its k-th site; `mu` of a site holds its lambda."""
     n = group.dim
 
     def power(y: Vec) -> float:
         g = group.compose_exp(sites[k].g, vec(*y[n:]))
-        there = with_fields(sites[k], xi=sites[k].xi + vec(*y[:n]), g=g)
-        ends = [there if j == k else s for j, s in enumerate(sites)]
-        found = dot(ends[0].mu, term.covector(t, *ends))
-        return found + dot(ends[1].mu, term.covector(t, *ends[::-1])) if merged else found
+        moved_site = with_fields(sites[k], xi=sites[k].xi + vec(*y[:n]), g=g)
+        ends = [moved_site if j == k else s for j, s in enumerate(sites)]
+        of_first = dot(ends[0].mu, term.covector(t, *ends))
+        return of_first + dot(ends[1].mu, term.covector(t, *ends[::-1])) if merged else of_first
 
     return gradient(power, vec(*[0.0 for _ in range(2 * n)]))

@@ -50,7 +50,7 @@ class OfEdge(Record):
 
     @property
     def width(self) -> int:
-        """How many numbers tell where a site is."""
+        """The number of components of a site's momentum, or of its element."""
         if self.in_momenta:
             return self.base.dim
         return width_of(self.base)
@@ -62,29 +62,29 @@ class OfEdge(Record):
 
     def sites(self, numbers: Vec) -> tuple[Any, list[Any]]:
         """The term with the parameters of the edge, and its sites."""
-        at, found = 0, []  # type: int, list[Any]
+        at, sites = 0, []  # type: int, list[Any]
         for _ in range(self.arity):
-            there = numbers[at : at + self.width]
+            entries = numbers[at : at + self.width]
             at = at + self.width
-            own: list[Any] = []
+            parameters: list[Any] = []
             for x in self.own:
                 if isinstance(x, Each):
-                    own = [*own, _taken(numbers, at, x.shape)]
+                    parameters = [*parameters, _taken(numbers, at, x.shape)]
                     at = at + math.prod(x.shape)
                 else:
-                    own = [*own, x]
-            mu, g = (there, None) if self.in_momenta else (None, shaped(self.base, there))
-            found = [*found, type(self.site)(mu, g, None, *own)]
+                    parameters = [*parameters, x]
+            mu, g = (entries, None) if self.in_momenta else (None, shaped(self.base, entries))
+            sites = [*sites, type(self.site)(mu, g, None, *parameters)]
         if self.species is not None:
-            found = [self.species.seen(k, site) for k, site in zip(self.of, found)]
+            sites = [self.species.seen(k, site) for k, site in zip(self.of, sites)]
         values: list[Any] = []
         for each in inside(self.term, Each):
             values = [*values, _taken(numbers, at, each.shape)]
             at = at + math.prod(each.shape)
-        return exchanged(self.term, Each, values), found
+        return exchanged(self.term, Each, values), sites
 
     def energy(self, numbers: Vec) -> float:
-        """Its energy.  numbers : (n,)."""
+        """The energy of the edge.  numbers : (n,)."""
         term, sites = self.sites(numbers)
         return term.energy(*sites)
 
@@ -104,34 +104,34 @@ def _taken(numbers: Any, at: int, shape: tuple[int, ...]) -> Any:
 
 def energies(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
     """The energy at every sample.  states : (samples, sites, width)."""
-    found = np.zeros(len(states))
+    totals = np.zeros(len(states))
     for part in terms.parts:
         of_edge = _of_edge(terms, part, 0, in_momenta)
-        for some, ends, numbers in _blocks(terms, part, states):
-            rows = _rows(of_edge, states[some], ends, numbers)
-            found[some] += np.asarray(of_edge.energy(rows)).reshape(-1, len(ends)).sum(axis=1)
-    return found
+        for samples, ends, numbers in _blocks(terms, part, states):
+            rows = _rows(of_edge, states[samples], ends, numbers)
+            totals[samples] += np.asarray(of_edge.energy(rows)).reshape(-1, len(ends)).sum(axis=1)
+    return totals
 
 
 def slopes_of(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
     """The derivatives by momenta, or the forces, at every sample, (samples, sites, dim)."""
-    found = np.zeros((*states.shape[:2], terms.group.base.dim))
+    slopes = np.zeros((*states.shape[:2], terms.group.base.dim))
     for part in terms.parts:
         for role in range(part.graph.arity):
             of_edge = _of_edge(terms, part, role, in_momenta)
-            for some, ends, numbers in _blocks(terms, part, states):
-                rows = _rows(of_edge, states[some], ends, numbers)
-                values = np.asarray(of_edge.slope(rows)).reshape(-1, len(ends), found.shape[2])
-                for sample, at in enumerate(range(some.start, some.stop)):
-                    np.add.at(found[at], ends[:, role], values[sample])
-    found[:, list(terms.held)] = 0.0
-    found[:, list(terms.pinned), 3:] = 0.0
-    return found
+            for samples, ends, numbers in _blocks(terms, part, states):
+                rows = _rows(of_edge, states[samples], ends, numbers)
+                values = np.asarray(of_edge.slope(rows)).reshape(-1, len(ends), slopes.shape[2])
+                for sample, at in enumerate(range(samples.start, samples.stop)):
+                    np.add.at(slopes[at], ends[:, role], values[sample])
+    slopes[:, list(terms.held)] = 0.0
+    slopes[:, list(terms.pinned), 3:] = 0.0
+    return slopes
 
 
 def _of_edge(terms: Any, part: BoundTerm, role: int, in_momenta: bool) -> OfEdge:
-    given = part.term, terms.group.base, part.graph.arity, role, in_momenta
-    return OfEdge(*given, terms.names, terms.own, terms.species, part.of)
+    leading = part.term, terms.group.base, part.graph.arity, role, in_momenta
+    return OfEdge(*leading, terms.names, terms.own, terms.species, part.of)
 
 
 def _rows(of_edge: OfEdge, states: np.ndarray, ends: np.ndarray, numbers: Any) -> np.ndarray:
@@ -151,12 +151,12 @@ def _shared(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 
 def _blocks(terms: Any, part: BoundTerm, states: np.ndarray) -> Iterator[tuple[slice, np.ndarray, Any]]:
-    """Some samples and some edges at a time: the samples, the ends of the edges, and their numbers."""
+    """Blocks of samples and edges: the samples, the ends of the edges, and their numbers."""
     graph, samples = part.graph, len(states)
     if is_near(graph) and isinstance(part.term, NearPairs):
         near: Any = graph
-        for i, one in enumerate(states):
-            g = one.reshape(len(one), *terms.group.base.element_shape)
+        for i, state in enumerate(states):
+            g = state.reshape(len(state), *terms.group.base.element_shape)
             ends = near.pairs(places_of_sites(terms.group, g), near.cutoff)
             for first in range(0, len(ends), ROWS):
                 yield slice(i, i + 1), ends[first : first + ROWS], None
@@ -173,7 +173,7 @@ def _blocks(terms: Any, part: BoundTerm, states: np.ndarray) -> Iterator[tuple[s
         return
     edges, together = graph.edges, max(1, ROWS // max(1, len(graph.edges)))
     for first in range(0, samples, together):
-        some = slice(first, min(samples, first + together))
+        block = slice(first, min(samples, first + together))
         for begin in range(0, len(edges), ROWS):
             numbers = slice(begin, begin + ROWS)
-            yield some, edges[numbers], numbers
+            yield block, edges[numbers], numbers

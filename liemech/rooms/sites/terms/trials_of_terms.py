@@ -44,7 +44,7 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
     """
     graph, name = part.graph, type(plain_term(part.term)).__name__
     near = part.term.term if isinstance(part.term, NearPairs) else None
-    asked = part if near is None else with_fields(part, term=near)  # some are far apart
+    tested = part if near is None else with_fields(part, term=near)  # some are far apart
     reach = part.term.cutoff if isinstance(part.term, NearPairs) else 1.0
     rng = np.random.default_rng(11)
     force = isinstance(terms, Force)
@@ -56,7 +56,7 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
         for _ in range(POINTS):
             sites = [_some_site(terms, i, rng, reach) for i in ends]
             try:
-                pairs.append(_values(asked, number, sites, force))
+                pairs.append(_values(tested, number, sites, force))
             except AttributeError as error:
                 _require_parameters(terms, name, error)
             except TypeError as error:
@@ -104,7 +104,7 @@ def require_apart(name: str, terms: Any, g: np.ndarray) -> None:
 
 
 def _places(group: Any, member: np.ndarray) -> np.ndarray:
-    """Where all sites are, or their elements, (sites, n).  member : elements in a row."""
+    """The places of all sites, or their elements, (sites, n).  member : elements in a row."""
     elements = group.by_site(member, "Element")
     bases = {group.base_of(i) for i in group.examples}
     if all(map(has_places, bases)):
@@ -113,7 +113,7 @@ def _places(group: Any, member: np.ndarray) -> np.ndarray:
 
 
 def in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
-    """Some pairs of equal rows, told by the order of a number made of each."""
+    """The numbers of some pairs of equal rows, found by the order of a number made of each."""
     weights = np.random.default_rng(3).uniform(0.5, 1.0, rows.shape[1])
     order = np.argsort(np.abs(rows @ weights), kind="stable")
     same = np.flatnonzero((rows[order[1:]] == rows[order[:-1]]).all(axis=1))[:SAMPLES]
@@ -142,8 +142,8 @@ def _values(part: BoundTerm, number: int, sites: list[Any], force: bool) -> tupl
     """The energy of an edge, and that with its ends exchanged."""
     term = part.at_edge(number)
     if force:
-        found = term.covector(0.3, *sites)
-        return found, found
+        covector = term.covector(0.3, *sites)
+        return covector, covector
     alike = len(sites) == 2 and len({*part.of}) < 2
     return float(term.energy(*sites)), float(term.energy(*sites[::-1])) if alike else 0.0
 
@@ -168,9 +168,9 @@ def _has(terms: Any) -> list[str]:
 def _require_parameters(terms: Any, term: str, error: AttributeError) -> None:
     if isinstance(error.obj, Site):
         kinds: Any = type(error.obj), Site
-        own = [name for name in names_of(kinds[0]) if name not in names_of(kinds[1])]
+        names = [name for name in names_of(kinds[0]) if name not in names_of(kinds[1])]
         raise InvalidInput(
-            f"{term}: a site has no {error.name!r}; it has {', '.join([*_has(terms), *own])}. "
+            f"{term}: a site has no {error.name!r}; it has {', '.join([*_has(terms), *names])}. "
             f"Parameters of sites are given by name, Terms(..., {error.name}=each(values))"
         ) from error
 
