@@ -287,7 +287,8 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     fields_of_kind: dict[str, Any] = {}
     if origin is not None:
         fields_of_kind = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin}
-    if fields_of_kind and arrays["tau"].shape not in (arrays["t"].shape, arrays["t"].shape[:1]):
+    samples = arrays["t"].shape[:1]
+    if fields_of_kind and arrays["tau"].shape not in (samples, (*samples, bodies)):
         raise InvalidInput(f"{decode.where}: tau has shape {arrays['tau'].shape}, the times {arrays['t'].shape}")
     if "tangent" in about:
         tangent = {name: arrays[f"tangent.{name}"] for name in about["tangent"]}
