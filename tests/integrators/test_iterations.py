@@ -170,7 +170,7 @@ def watched(
         return found
 
     for name, module in tuple(sys.modules.items()):
-        if name.startswith(("liemech.integrators", "liemech.systems")):
+        if name.startswith(("liemech.integrators", "liemech.systems", "liemech.rooms", "liemech.joints")):
             for function in (newton, fixed_point):
                 if hasattr(module, function.__name__):
                     monkeypatch.setattr(module, function.__name__, function)

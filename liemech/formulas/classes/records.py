@@ -265,9 +265,13 @@ def _require_methods_in_sight(cls: Any) -> None:
                 )
 
 
+ASKED = ("resistance",)
+"""Methods that runs ask of every force, so that a field of this name would be called."""
+
+
 def _require_free(cls: Any, home: Any, name: str) -> None:
     """Refuse a field of a user's class with the name of a method by which the library would ask for something else."""
-    base = overridden(cls, home, name) if theirs(home) else None
+    base = overridden(cls, home, name) if name in ASKED and theirs(home) else None
     if base is not None:
         raise InvalidType(
             f"{home.__name__}.{name} is a field, and {base[0].__name__}.{name} a method that the library calls: give the "

@@ -28,6 +28,11 @@ class DrivenHamiltonian(Record):
         """K(t, mu).  mu : (dim,)."""
         raise undefined(self, "energy")
 
+    @property
+    def of_species(self) -> tuple[Any, ...]:
+        """The energies of a body, one for each species of sites: itself."""
+        return (self,)
+
     @derived
     def gradient(self, t: float, mu: Vec) -> Vec:
         """The velocity xi = dK/dmu.  mu : (dim,)."""
