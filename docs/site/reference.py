@@ -23,10 +23,16 @@ PARTS = {
         "Lie groups, their algebras, actions, coadjoint orbits and Poisson structures.",
     ),
     "retractions": ("Retractions", "Maps from the algebra to the group."),
-    "systems": (
-        "Systems",
-        "What moves: groups and energies, bodies in fields, constraints, Poisson systems.",
-    ),
+    "systems": ("Systems", "What moves: groups and energies, bodies in fields, equations."),
+    "constraints": ("Constraints", "Systems that stay on g(q) = 0, and their methods."),
+    "joints": ("Mechanisms", "Linkages, joints, and what acts on them."),
+    "sites": ("Many sites", "Spins, bodies, points: terms over graphs."),
+    "poisson": ("Poisson systems", "Structures that are no Lie algebra's, charts, methods."),
+    "hamilton_jacobi": ("Hamilton-Jacobi methods", "Steps from generating functions."),
+    "fictive_time": ("Time transformations", "Time scales, and steps in a fictive time."),
+    "noise": ("Noise and damping", "White noise and dissipation on coadjoint orbits."),
+    "at_work": ("Plans at work", "Steppers, commands, measured orders."),
+    "derivatives": ("Derivatives", "Runs as functions of other packages."),
     "models": ("Models", "Systems that are ready: bodies, tops, pendulums, planets, lattices."),
     "integrators": ("Methods", "One step each; `integrate` owns the loop."),
     "tableaus": ("Tableaus", "Coefficients with names, sources and checks of their own."),
@@ -77,7 +83,16 @@ def _part(name: str) -> str:
     module = getattr(thing, "__module__", "") or ""
     if inspect.ismodule(thing):
         return ""
-    return module.split(".")[1] if module.startswith("liemech.") else "formulas"
+    first, _, rest = module.removeprefix("liemech.").partition(".")
+    if not module.startswith("liemech."):
+        return "formulas"
+    return (
+        "retractions"
+        if module.endswith(".retractions")
+        else rest.split(".")[0]
+        if first == "rooms"
+        else first
+    )
 
 
 def _thing(full: str) -> Any:
@@ -140,6 +155,11 @@ def write(app: Sphinx) -> None:
     """The pages, where they have changed, and their index."""
     folder = Path(app.srcdir) / "generated" / "api"
     folder.mkdir(parents=True, exist_ok=True)
+    parts = {_part(name.replace("lm", "liemech", 1)): name for name in public().values()}
+    missing = parts.keys() - PARTS.keys() - {""}
+    assert not missing, (
+        f"parts of the library without a page: {[(part, parts[part]) for part in missing]}"
+    )
     pages = {part: page(part) for part in PARTS} | {
         "index": INDEX + "".join(f"   {part}\n" for part in PARTS)
     }
