@@ -70,6 +70,8 @@ def names(part: str) -> list[str]:
         ]
         return [f"liemech.{part}.{name}" for name in own if not name.startswith("_")]
     full = [name.replace("lm", "liemech", 1) for name in public().values()]
+    full += [f"liemech.neighbours.{name}" for name in liemech.neighbours.__all__]  # chain is two
+    full = [*dict.fromkeys(full)]
     return [f for f in full if f.split(".")[1] not in (*MODULES, "formulas") and _part(f) == part]
 
 
