@@ -41,6 +41,6 @@ batches.evaluate_rows, one_row.prepare = _evaluate_rows, _prepare
 
 __version__ = "0.1.0"
 
-sys.meta_path[:] = Finder(), *(finder for finder in sys.meta_path if type(finder).__name__ != "Finder")
+sys.meta_path[:] = Finder(), *(x for x in sys.meta_path if type(x).__module__ != Finder.__module__)
 
 __getattr__, __dir__, __all__ = lazily(__name__)

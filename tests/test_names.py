@@ -146,3 +146,20 @@ def test_every_module_that_moved_is_where_the_table_says() -> None:
     assert len(places) > 200
     lost = [name for name in places if importlib.util.find_spec(name) is None]
     assert not lost
+
+
+def test_finders_of_other_packages_stay() -> None:
+    """Whatever their classes are called; and a library that is imported anew has one finder."""
+    program = """
+import importlib, sys
+class Finder:
+    @staticmethod
+    def find_spec(name, path=None, target=None): return None
+sys.meta_path.append(foreign := Finder())
+import liemech
+for name in [name for name in sys.modules if name.partition(".")[0] == "liemech"]: del sys.modules[name]
+importlib.import_module("liemech")
+assert foreign in sys.meta_path
+assert [type(x).__module__ for x in sys.meta_path].count("liemech.names.finder") == 1
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
