@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from ..errors import undefined
 from ..formulas import Element, Record, Vec, derivative, gradient, record, vec
 from ..formulas.classes.derived import derived, derived_from
+from ..formulas.classes.overriding import asked
 from ..groups.lie_group import LieGroup
 
 
@@ -87,6 +88,7 @@ class Force(Record):
         """
         raise undefined(self, "covector")
 
+    @asked
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
         """The damping -dF/dxi along a velocity, (dim,): what an explicit kick has to resolve.  For a force
         whose size is bounded, such as regularised dry friction, a subclass may say zero.

@@ -7,13 +7,16 @@ from __future__ import annotations
 import dis
 import inspect
 import types
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ...errors import InvalidType
 from ..numbers.bases import InMemory
 from ..vectors import Mat, Vec, small
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 _LIBRARY = __name__.partition(".")[0]
 
@@ -72,6 +75,17 @@ def overridden(cls: type, home: type, name: str) -> tuple[type, Any] | None:
         if isinstance(member, types.FunctionType) and not theirs(base) and base is not object:
             return (base, member) if not name.startswith("__") else None
     return None
+
+
+def asked(method: F) -> F:
+    """Mark a method that runs ask of every object of its class, so that a field of its name would be called."""
+    method.asked = True  # type: ignore[attr-defined]
+    return method
+
+
+def is_asked(cls: type, name: str) -> bool:
+    """Whether runs ask a method of this name of every object of the class."""
+    return any(getattr(vars(base).get(name), "asked", False) for base in cls.__mro__)
 
 
 def _positional(function: Any) -> Any:

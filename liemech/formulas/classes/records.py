@@ -31,7 +31,7 @@ from .annotations import own_annotations
 from .derived import follow_anew
 from .fields import FrozenDict, converters, immutable
 from .frozen import MISSING, frozen
-from .overriding import overridden, require_signatures, theirs
+from .overriding import is_asked, overridden, require_signatures, theirs
 from .signatures import bare, keywords, misspelt
 
 T = TypeVar("T", bound=type)
@@ -265,14 +265,10 @@ def _require_methods_in_sight(cls: Any) -> None:
                 )
 
 
-ASKED = ("resistance",)
-"""Methods that runs ask of every force, so that a field of this name would be called."""
-
-
 def _require_free(cls: Any, home: Any, name: str) -> None:
     """Refuse a field of a user's class with the name of a method by which the library would ask for something else."""
-    base = overridden(cls, home, name) if name in ASKED and theirs(home) else None
-    if base is not None:
+    base = overridden(cls, home, name) if theirs(home) else None
+    if base is not None and is_asked(cls, name):
         raise InvalidType(
             f"{home.__name__}.{name} is a field, and {base[0].__name__}.{name} a method that the library calls: give the "
             "field another name"

@@ -16,6 +16,7 @@ from ....formulas import Mat, Record, Vec, check_finite, derivative, gradient, j
 from ....formulas.classes.derived import derived
 from ....formulas.classes.fields import FrozenDict
 from ....formulas.classes.of_each import Each
+from ....formulas.classes.overriding import asked
 from ....formulas.classes.pytree import exchanged, inside, with_fields
 from ....formulas.classes.signatures import bare
 from ....formulas.derivatives import gradient_to_add
@@ -93,6 +94,7 @@ class Term(Record, StandsForAnEnergy):
             """
             raise undefined(self, "covector")
 
+        @asked
         def resistance(self, t: float, along: Vec, *sites: Any) -> Vec:
             """The damping -d covector/d a.xi along a velocity of the first of the sites, (dim,): what an explicit kick
             has to resolve.  For a force whose size is bounded, such as regularised dry friction, a subclass may
