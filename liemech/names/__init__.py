@@ -33,8 +33,7 @@ def listed(namespace: str) -> dict[str, str]:
     """The modules in which the public names of a namespace are defined, relative to the package that
     it is in, by its stub.
     """
-    tree = ast.parse(stub_of(namespace))
-    imports = (statement for statement in tree.body if isinstance(statement, ast.ImportFrom))
+    imports = (statement for statement in stub_of(namespace).body if isinstance(statement, ast.ImportFrom))
     return {name.name: "." * source.level + (source.module or "") for source in imports for name in source.names}
 
 

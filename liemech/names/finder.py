@@ -22,7 +22,7 @@ class Namespace:
     @staticmethod
     def exec_module(module: ModuleType) -> None:
         """Fill a namespace with its docstring and its lazy names."""
-        module.__doc__ = ast.get_docstring(ast.parse(stub_of(module.__name__)))
+        module.__doc__ = ast.get_docstring(stub_of(module.__name__))
         vars(module)["__getattr__"], vars(module)["__dir__"], vars(module)["__all__"] = lazily(module.__name__)
 
 

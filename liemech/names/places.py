@@ -1,5 +1,6 @@
 """Where modules are that were in another place: what files, pickles and programs name by the former one is found."""
 
+import ast
 import functools
 import sys
 from typing import Any
@@ -96,12 +97,12 @@ def package_of(namespace: str) -> str:
     return f"{LIBRARY}.names" if home == LIBRARY and name in NAMESPACES else namespace
 
 
-def stub_of(namespace: str) -> str:
-    """The text of the stub of a namespace."""
+@functools.cache
+def stub_of(namespace: str) -> ast.Module:
+    """The stub of a namespace, parsed."""
     package = package_of(namespace)
     spec: Any = sys.modules[package].__spec__
     path = spec.origin.replace(
         "__init__.py", "__init__.pyi" if package == namespace else f"{namespace.rpartition('.')[2]}.pyi"
     )
-    text: str = spec.loader.get_data(path).decode()
-    return text
+    return ast.parse(spec.loader.get_data(path))

@@ -200,7 +200,7 @@ class Trajectory:
         if name in self.observed:
             return self.states[name]
         if name == "energy" and self._is_of_sites:
-            return self._by_sites.energy(self.system, self.t, self.states)
+            return self._runs_by_sites.energy(self.system, self.t, self.states)
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
@@ -320,7 +320,7 @@ class Trajectory:
         example = system.state(**{name: x[0] for name, x in self.states.items()}) if complete else None
         if isinstance(self.carry, SiteCarry) or isinstance(example, StateOfSites):
             if complete and self.rejected is None:
-                return self._by_sites.between(self, type(example))
+                return self._runs_by_sites.between(self, type(example))
             example = None
         far = abs(self.h) * (1.0 + 1e-6)
         if example is None or self.rejected is not None or np.abs(np.diff(self.t)).max() > far:
@@ -464,10 +464,10 @@ class Trajectory:
     def _is_of_sites(self) -> bool:
         if self.bodies is not None or self.system.site_form is None:
             return False
-        return self._by_sites.of_samples(self.system, self.states) is not None
+        return self._runs_by_sites.of_samples(self.system, self.states) is not None
 
     @property
-    def _by_sites(self) -> Any:
+    def _runs_by_sites(self) -> Any:
         """The class that makes the runs of the sites, which knows totals of their samples, too."""
         site: Any = self.system.site_form
         return site.runs_by_sites
@@ -478,7 +478,7 @@ class Trajectory:
         if self.observed:
             return {name: self.states[name] for name in self.observed if name in RECORDED}
         if self._is_of_sites:
-            return self._by_sites.constants(self.system, self.t, self.states)
+            return self._runs_by_sites.constants(self.system, self.t, self.states)
         return self.system.constants(self._at_times)
 
     def _attitude(self, what: str) -> np.ndarray:

@@ -98,7 +98,7 @@ def subjects() -> tuple[Subject, ...]:
         Subject(lm.actions.TranslationAction(4), lm.VectorSpace(4), vector=4),
         Subject(lm.actions.SphereAction(3), so3, vector=3),
     ]
-    for retraction in (lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()):
+    for retraction in shipped.RETRACTIONS:
         for g in (so3, se3, lm.UnitQuaternions(), lm.SU(2)):
             found.append(Subject(retraction, g, {"group": g, "action": lm.coadjoint(g)}, g.dim))
     inertia = [1.0, 1.6, 2.3]

@@ -5,13 +5,13 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc, jv
+from shipped import RETRACTIONS
 
 import liemech as lm
 from liemech.models import CosseratRod, RodSection, RodStrain
 from liemech.rooms.sites.terms.terms import Site, Term
 
 SECTION = RodSection.round(0.02, young=1e6, density=1000.0)
-RETRACTIONS = lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()
 SE3 = lm.SE3()
 
 
