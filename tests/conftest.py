@@ -7,6 +7,7 @@ from __future__ import annotations
 import gc
 import importlib.util
 import os
+import signal
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
@@ -32,6 +33,9 @@ from liemech.simulation.compiled import execution
 os.environ["MPLBACKEND"] = "Agg"
 home = str(Path(liemech.__file__).parent.parent)
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))
+
+# Tests interrupt themselves, which a shell switches off for what it runs in the background.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Most runs of tests are short, and nobody repeats them: native code is made where plain Python
 # would take seconds, or on demand.
@@ -101,7 +105,7 @@ def values(item: pytest.Function) -> list[str]:
     return [f"{name} = {value!r}" for name, value in item.callspec.params.items()]
 
 
-VARIANTS = 4
+VARIANTS = 2
 """So many variants of a test run by default, unless it is marked `sample(n)`."""
 
 

@@ -233,6 +233,7 @@ def within() -> list[Import]:
     return [one for one in (*inside(), *for_typing_inside()) if one.module not in faces and one.parts[1]]
 
 
+@pytest.mark.slow
 def test_every_module_belongs_to_the_core_or_to_a_room() -> None:
     known = {*CORE, *ROOMS, "", "__main__", "rooms"}
     complain(

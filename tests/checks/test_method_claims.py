@@ -203,7 +203,7 @@ def known_motions() -> Iterator[None]:
 KEPT = {"free body": "spatial momentum", "heavy top": "vertical momentum"}
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("method", "name"), [*cases()])
 def test_claims(method: lm.Method, name: str) -> None:
     """Order, symmetry, symplecticity as claimed; momenta of symmetries kept by what is made to keep
@@ -275,6 +275,7 @@ def verdicts(report: Report) -> dict[str, str]:
     return {finding.law: finding.verdict for finding in report.findings}
 
 
+@pytest.mark.slow
 def test_the_leapfrog_of_the_page_is_not_symmetric_and_its_composition_is_of_order_3() -> None:
     body, start = systems()["free body"]
     with pytest.raises(
@@ -296,6 +297,7 @@ class Boasting(lm.RKMK):
         return super().step(system, t, state, 0.5 * h + 0.5 * h)
 
 
+@pytest.mark.slow
 def test_a_wrong_bracket_is_found_on_momenta_on_groups_and_in_the_plane() -> None:
     for name, law in (("free body", "Poisson"), ("heavy top", "symplectic"), ("galaxy", "symplectic")):
         system, start = systems()[name]
@@ -325,6 +327,7 @@ def test_an_order_too_high_is_found(order: int, claimed: int) -> None:
             check_method(higher, system, start, compiled=False)
 
 
+@pytest.mark.slow
 def test_what_is_said_to_be_kept_must_be_kept() -> None:
     top, start = systems()["heavy top"]
     with pytest.raises(lm.errors.LawViolation, match="vertical momentum"):
@@ -335,6 +338,7 @@ def test_what_is_said_to_be_kept_must_be_kept() -> None:
         check_method(lm.RKMK(order=4), top, start, keeps=["charge"], compiled=False)
 
 
+@pytest.mark.slow
 def test_an_attitude_that_is_moved_by_something_else_is_found() -> None:
     """g is moved from the other side: the spatial momentum changes, and the motion seen from
     elsewhere.

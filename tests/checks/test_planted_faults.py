@@ -639,7 +639,7 @@ ON_A_CONSTRAINT = "damped on a constraint", "off the constraint", "unprojected v
 """Half a minute for three, in plain Python."""
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.slow] if n in ON_A_CONSTRAINT else []) for n in METHODS]
 )
@@ -658,6 +658,7 @@ FICTIVE = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", FICTIVE)
 def test_methods_in_fictive_time_keep_their_claims(name: str) -> None:
     report = check_method(*FICTIVE[name])
@@ -968,7 +969,7 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
 }
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", SECOND)
 def test_a_mistake_as_users_make_it_is_found(name: str) -> None:
     make, law = SECOND[name]

@@ -186,6 +186,7 @@ SLIPS: dict[str, tuple[Any, str, str]] = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", SLIPS)
 def test_a_slip_is_found(name: str) -> None:
     system, law, hint = SLIPS[name]

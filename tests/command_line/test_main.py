@@ -63,6 +63,7 @@ def test_the_table_has_the_errors_of_the_reference_runs(tmp_path: Path, capsys: 
     assert float(table["exact"][2]) < 1e-15
 
 
+@pytest.mark.slow
 def test_families_look_like_what_they_are(job: tuple[str, Path]) -> None:
     """The energy of the symplectic ones is bounded, and none is off by a right angle."""
     table = rows(job[0])

@@ -226,6 +226,7 @@ EDITS = {
 """Each is reached by the formula, each in its own way."""
 
 
+@pytest.mark.slow
 def test_found_by_the_next_process_and_missed_after_every_edit_that_matters(project: Project) -> None:
     assert [project.hits(), project.hits()] == [False, True]
     for what, (file, old, new) in EDITS.items():

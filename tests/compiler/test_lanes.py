@@ -288,6 +288,7 @@ def test_what_has_no_components_may_stand_under_a_mask() -> None:
     worlds.same_in_all_worlds(of_no_components, rows)
 
 
+@pytest.mark.slow
 def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
     """Fast and slow bodies side by side: large steps leave the polynomials and call the C library,
     small ones do not.

@@ -104,6 +104,7 @@ def test_the_energy_is_the_sum_and_the_parts_sum_to_the_motion() -> None:
     assert lm.check_system(GENERAL)["motions of parts"].verdict == "holds"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 6])
 def test_order(order: int) -> None:
     method = lm.Splitting(order=order, quadratic=False)
@@ -116,7 +117,7 @@ def test_order(order: int) -> None:
     assert slopes[-1] == pytest.approx(order, abs=0.3)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("system", [FOUCAULT, GENERAL], ids=["frame", "general"])
 def test_steps_are_symplectic_on_m_and_stay_there(system: Ball) -> None:
     start = system.consistent([0.6, 0.0, -0.8], [0.4, 1.5, 0.3])

@@ -179,6 +179,7 @@ class BodyVelocity(es.Sensor):
         return x[:3] @ R
 
 
+@pytest.mark.slow
 def test_an_invariant_filter_gains_nothing_along_what_cannot_be_observed():
     """Without noise of the process N^T P^-1 N stays what it was, N the rotations about gravity and the
     translations of space; the ordinary filter believes to learn of them (Barrau and Bonnabel 2015).
@@ -331,6 +332,7 @@ def test_a_bent_cloud_is_normal_in_the_algebra():
 # ---------------------------------------------------------------- sides, resets, gates
 
 
+@pytest.mark.slow
 def test_sides_are_told_from_each_other_by_ad():
     group = lm.SE3()
     process = es.Turning(group, 0.1 * np.arange(1.0, 7.0))
@@ -358,6 +360,7 @@ def test_sides_are_told_from_each_other_by_ad():
         left.predict(c, u, 0.2)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("side", SIDES)
 def test_a_reset_carries_the_covariance_by_dexp(side):
     group = lm.SE3()
@@ -417,6 +420,7 @@ class Seeking(es.Discrete):
         return vec(0.1, 0.2, 0.3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("side", SIDES)
 def test_the_covariance_moves_by_the_differential_of_the_step_itself(side):
     group, h = lm.SO3(), 0.4
@@ -439,6 +443,7 @@ def test_the_covariance_moves_by_the_differential_of_the_step_itself(side):
     assert not np.allclose(other.predict(other.belief(g, P), u, h).covariance, found.covariance, rtol=1e-3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
 def test_members_of_an_ensemble_are_as_alone(kind):
     process = es.BiasedGyroscope([0.01] * 3, [1e-4] * 3)
@@ -454,6 +459,7 @@ def test_members_of_an_ensemble_are_as_alone(kind):
         assert np.array_equal(one.covariance, many.covariance[i])
 
 
+@pytest.mark.slow
 def test_a_bias_is_found():
     process = es.BiasedGyroscope([1e-3] * 3, [1e-5] * 3)
     group, ekf = process.group, es.ErrorStateFilter(process)
@@ -490,6 +496,7 @@ def consistent(kind, side, runs, turns):
     return es.consistency(nees, 3), es.consistency(nis, 3)
 
 
+@pytest.mark.slow
 def test_it_is_as_uncertain_as_it_says():
     errors, innovations = consistent(es.ErrorStateFilter, "left", 60, 6)
     for found in (errors, innovations):
@@ -509,6 +516,7 @@ WIDE = [(lm.SO3(), 3, 0), (lm.SE2(), 1, 2), (lm.SE3(), 3, 3)]
 """Groups, and how many components of an error are angles and how many are shifts."""
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])
@@ -536,6 +544,7 @@ def test_noise_widens_a_belief_by_more_than_a_turn(group, angles, shifts, side, 
         np.testing.assert_allclose(found.covariance, wanted * np.eye(n), rtol=1e-7, atol=1e-7 * wanted)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
 @pytest.mark.parametrize("h", [1.0, 10.0, 60.0, 600.0])
 def test_an_unknown_bias_turns_an_attitude_by_more_than_a_turn(kind, h):
@@ -547,6 +556,7 @@ def test_an_unknown_bias_turns_an_attitude_by_more_than_a_turn(kind, h):
     np.testing.assert_allclose(found.deviations, [0.1 * h] * 3 + [0.1] * 3, rtol=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("width", [0.3, 1.0, np.pi])
 @pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])

@@ -102,6 +102,7 @@ class _Body(lm.Hamiltonian):
         return 0.5 * lm.dot(mu, mu) + f.log(3.0 + mu[1]) * f.atan2(mu[0], 2.0 + mu[2])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", (lm.ImplicitMidpoint(), lm.LieVerlet()), ids=lambda m: m.name)
 def test_energies_with_functions_run_natively_in_compensated_sums(method: Any) -> None:

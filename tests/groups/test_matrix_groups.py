@@ -133,7 +133,7 @@ def test_rotations_from_generators_move_a_body_as_the_closed_forms_do(method: lm
     assert np.abs(runs[0].g - runs[1].g).max() < 1e-13  # of which the angles are the sums
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("angle", [3.1, math.pi - 1e-3, math.pi - 1e-6, math.pi - 1e-9, math.pi])
 def test_logarithm_near_half_a_turn(angle: float) -> None:
     """No digit is lost, though the square root of such a matrix is as ill-conditioned as can be; at
@@ -559,6 +559,7 @@ class Flight(lm.GroupEquation):
         return lm.vec(*turn, self.unit * lm.formulas.cos(t), 0.2 * g[0, 3], 0.1 * self.unit)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("unit", [2.0**-30, 2.0**30])
 def test_adaptive_steps_on_a_group_from_generators_are_those_of_any_unit(unit: float) -> None:
     """Before, displacements were compared with 1: 3167 steps instead of 52 with numbers of 1e9."""

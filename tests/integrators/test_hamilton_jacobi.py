@@ -130,6 +130,7 @@ def test_steps_are_generated_by_the_truncated_series(system: HamiltonianSystem, 
         assert np.abs(found - np.concatenate([new_q, start.p])).max() <= 2e-15
 
 
+@pytest.mark.slow
 def test_the_formulas_for_the_first_four_terms() -> None:
     """G_2, G_3, G_4 of one degree of freedom, written out, are those of the recurrence."""
     import sympy

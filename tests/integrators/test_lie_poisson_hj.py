@@ -505,6 +505,7 @@ def test_what_a_heavy_top_keeps(method: LiePoissonHamiltonJacobi) -> None:
 # ---------------------------------------------------------------- running
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [EXP4, *(slow(m) for m in (EXP2, EXP6, CAYLEY2, CAYLEY4, CAYLEY6))], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: LiePoissonHamiltonJacobi) -> None:

@@ -48,6 +48,7 @@ def passed(rate, level, duration):
     return found[np.argsort(np.abs(found))]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rate", [10.0, -10.0])
 @pytest.mark.parametrize("level", [0.5, 7.0])
 @pytest.mark.parametrize("kind", SPUN)
@@ -63,6 +64,7 @@ def test_an_angle_passes_a_level_once_in_a_turn(kind, rate, level):
     assert np.allclose(run.events[0][0] * whole / 1.5, passed(whole / 1.5, level, 1.5), rtol=0.0, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True])
 def test_a_terminal_angle_of_a_chain_ends_where_it_says(compiled):
     rods = chain(3, axis=Y)
@@ -122,6 +124,7 @@ class CylindricalJoint(Joint):
         return own.hung(lm.SO3().exp(q[0] * own.AXES[2]), own.ORIGIN, q[1] * own.AXES[2])
 
 
+@pytest.mark.slow
 def test_a_turn_and_a_shift_are_told_apart():
     """A spring that pulls from 5 m: x'' = -(k/m) x; a turn beside it that goes on over whole turns."""
     joint = CylindricalJoint(0, None, name="c")
@@ -183,6 +186,7 @@ class Socket(Joint):
         return BallJoint(0, None, O, O).relative(q)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("joint", "rate"),
     [

@@ -49,6 +49,7 @@ WELDS = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", WELDS)
 @pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow)])
 def test_random_attitudes_are_assembled_and_never_turned_over(kind, count):
@@ -164,6 +165,7 @@ def swung(linkage):
     return linkage.poses(run.g[-1])[[0, 2], :3, 3]
 
 
+@pytest.mark.slow
 def test_a_link_far_lighter_than_what_it_holds_moves_as_the_limit_says():
     """Positions are linear in a mass that goes to zero: m = 1e-6 and 2e-6 give the limit, to m^2."""
     one, two = (swung(between_heavy_ones(mass)) for mass in (1e-6, 2e-6))

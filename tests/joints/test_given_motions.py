@@ -60,6 +60,7 @@ def kapitza(amplitude, frequency, phase=0.0):
     return lm.joints.Linkage(one.links, one.joints, motions={0: shaken})
 
 
+@pytest.mark.slow
 def test_kapitza():
     a, w = 0.1, 60.0
     shaken = kapitza(a, w)
@@ -161,6 +162,7 @@ def test_ground_that_turns():
     assert run.energy[-1] - run.energy[0] == pytest.approx(lost, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_table_and_start_later():
     """A motion by a table begins at the time that is given, and backwards leads back."""
     plan = lm.PiecewisePolynomial.cubic([0.0, 0.5, 1.0], [0.0, 0.8, 0.3], outside="hold")
@@ -217,6 +219,7 @@ def test_refusals():
         plan.tangent(moved.state(angles={}), steps=1)
 
 
+@pytest.mark.slow
 def test_compiled_is_plain():
     shaken = kapitza(0.1, 60.0)
     start = shaken.state(angles={0: 2.8}, rates={0: 0.3})
@@ -245,6 +248,7 @@ def test_starts_of_trees_hang_from_the_ground():
         assert np.allclose(np.array(found), [rates[k] for k in q], atol=1e-11)
 
 
+@pytest.mark.slow
 def test_the_report_has_lines_for_joints_in_given_motions() -> None:
     rods = lm.joints.chain(2, axis=[0.0, 1.0, 0.0])
     motions = {0: lm.joints.Shaking([0.0, 0.0, 0.1], 60.0)}
@@ -257,6 +261,7 @@ def test_the_report_has_lines_for_joints_in_given_motions() -> None:
     assert np.abs(np.array(off.conditions_at(run.mu[-1], run.g[-1])[0])).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_a_given_motion_brings_energy_to_rotors_too():
     """The multipliers of a linkage with rotors see the motion: energy grows by its work, to h^2."""
     rods = lm.joints.chain(3, axis=TURN)
@@ -270,6 +275,7 @@ def test_a_given_motion_brings_energy_to_rotors_too():
     assert abs(off[1]) < 1e-3 and off[0] / off[1] == pytest.approx(4.0, abs=0.3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieRATTLE()])
 def test_a_damper_at_a_shaken_slider_sees_the_pace_of_its_support(method):
     """A slider on a place that shakes along it: m x'' = -c (x' - a w cos w t), whose solution is closed."""
@@ -302,6 +308,7 @@ def test_a_damper_at_a_shaken_slider_sees_the_pace_of_its_support(method):
     assert force == pytest.approx(-c * begun, rel=1e-12)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("h", [0.02, -0.02])
 def test_bodies_under_drag_that_follow_a_path(h):
     """A damper at a joint on a path has its work and no say: the motion is that without it, to rounding."""

@@ -74,6 +74,7 @@ ON_BODIES = {"load": {1: Drag(3.0), 4: Thrust(1.0), 3: Drag(0.5)}, "potential": 
 ON_ALL = {"load": Coupled(2.0), "potential": Cords(30.0)}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("made", "acting"),
     [(tree, ON_BODIES), (star, ON_ALL), pytest.param(tree, ON_ALL, marks=pytest.mark.slow),
@@ -104,6 +105,7 @@ def swinging(n: int = 4, **acting: Any) -> tuple[Linkage, Any]:
     return linkage, linkage.state(angles={0: 0.9, n - 1: -0.4}, rates={1: 1.5})
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("acting", [FIELDS, pytest.param(ON_ALL, marks=pytest.mark.slow)], ids=["bodies", "all"])
 def test_native_loops_under_loads_give_the_bits_of_plain_ones(acting: Any) -> None:
@@ -140,6 +142,7 @@ def driven() -> tuple[Linkage, Any]:
     return linkage, linkage.state(angles={0: 0.9, 3: -0.4}, rates={1: 1.5})
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("breaks", [pytest.param((), marks=pytest.mark.slow), (0.0123, 0.1)], ids=["tables", "breaks"])
 def test_steps_of_loops_end_where_inputs_jump(breaks: Any, monkeypatch: Any) -> None:
     linkage, start = driven()
@@ -259,6 +262,7 @@ def test_functions_that_fail_leave_the_samples_before() -> None:
         linkage.angle(1, freedom=1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("how", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_torques_of_motors_are_inputs_of_a_stepper(how: bool) -> None:
     """Steps after a new input are those of a linkage made with it, from the state there."""

@@ -129,6 +129,7 @@ def coordinates(moved: Any) -> np.ndarray:
 # ------------------------------------------------------------------ against minimal coordinates
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("links", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_reduced_equation_is_that_of_minimal_coordinates(links: int) -> None:
     it = arm(links)
@@ -144,6 +145,7 @@ def test_the_variational_motion_is_that_of_minimal_coordinates(links: int) -> No
     assert coordinates(moved) == pytest.approx(it.at(0.15, *START[links]), rel=0.0, abs=1e-10)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_orders_with_forces_at_joints(order: int) -> None:
     it = arm()
@@ -188,6 +190,7 @@ class Constant(JointForce):
         return self.torque
 
 
+@pytest.mark.slow
 def test_angles_go_on_over_several_turns_in_long_steps() -> None:
     """A disk that is driven from rest: angle = torque t^2/(2 J), 14 rad between samples at the end."""
     disk = Linkage([Link(1.0, [0.1, 0.1, 0.2])], [RevoluteJoint(0, None, name="shaft")], 0.0, [Constant("shaft", 0.8)])
@@ -247,6 +250,7 @@ def test_states_have_the_coordinates_and_rates_that_were_asked_for(name: str) ->
     assert np.array(at.rates(0.0, start.g, both.velocity(start.mu))) == pytest.approx(v, abs=1e-13)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", JOINTS)
 def test_springs_and_dampers_fit_every_joint(name: str) -> None:
     """Forces are gradients of energies, power is what load does; between two bodies momenta are
@@ -266,6 +270,7 @@ def test_springs_and_dampers_fit_every_joint(name: str) -> None:
     assert (moved.joint(0).only(Damper).power <= 0.0).all()
 
 
+@pytest.mark.slow
 def test_a_bushing_is_springs_and_dampers_between_two_bodies() -> None:
     """A FloatingJoint has no conditions and six motions."""
     joints = [UniversalJoint(0, None, A, B), lm.joints.FloatingJoint(1, 0, B, A, name="bushing")]
@@ -315,6 +320,7 @@ def four_bar(normal: Any = None, ground: float = 1.0) -> tuple[Linkage, np.ndarr
     return linkage, poses
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("normal", [None, [0.7, -0.4, 0.2]])
 def test_a_four_bar_of_spatial_hinges_runs(normal: Any) -> None:
     whole, poses = four_bar(normal)
@@ -339,6 +345,7 @@ def test_a_four_bar_of_spatial_hinges_runs(normal: Any) -> None:
     assert np.allclose(around, around[0], rtol=0.0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_a_dead_point_is_told_by_its_joints() -> None:
     """A parallelogram can fold flat, where it may go on in two ways."""
     low, high = [0.0, 0.0, -0.5], [0.0, 0.0, 0.5]
@@ -417,6 +424,7 @@ class Wind(lm.Force):
         return lm.vec(0.0, 0.0, 0.0, self.push * t, *[0.0 for _ in range(8)]) - 0.1 * xi
 
 
+@pytest.mark.slow
 def test_loads_on_bodies_and_forces_at_joints_together() -> None:
     it = arm()
     windy = Linkage(it.linkage.links, it.linkage.joints, GRAVITY, it.forces, load=Wind(2.0))
@@ -470,6 +478,7 @@ def rubbing(count: int, speed: float) -> Linkage:
     return Linkage(rods.links, rods.joints, forces=[DryFriction(k, 1.0 + k % 2, speed) for k in range(count)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [1e-2, 1e-4, 1e-8])
 def test_friction_stops_at_any_speed(speed: float) -> None:
     # Newton's corrections jump over the bend; 0.01 rad/s with h = 0.01 was refused once. Friction
@@ -486,6 +495,7 @@ def test_friction_stops_at_any_speed(speed: float) -> None:
     assert np.array_equal(plain.mu, run.mu[:7]) and np.array_equal(plain.g, run.g[:7])
 
 
+@pytest.mark.slow
 def test_friction_of_few_joints_is_that_of_loops() -> None:
     # Two bodies are written out, and have the same equations: a third one hangs beside them.
     linkage = rubbing(2, 1e-6)
@@ -503,6 +513,7 @@ def test_friction_of_few_joints_is_that_of_loops() -> None:
         assert np.abs(alone.joint(k).rate - beside.joint(k).rate).max() < 1e-7
 
 
+@pytest.mark.slow
 def test_friction_at_no_speed_is_that_of_coulomb() -> None:
     # A wheel under M < T that begins with w is braked by T - M and stands still from J w/(T - M) on, at
     # J w^2/(2 (T - M)): exactly while it slips, to h^2 from where it sticks on.
@@ -550,6 +561,7 @@ def turret(armatures: Any, forces: Any = ()) -> Linkage:
     return Linkage(links, joints, forces=forces)
 
 
+@pytest.mark.slow
 def test_armature_of_one_hinge_is_inertia_about_its_axis() -> None:
     ends = [0, 0, 0.5], [0, 0, 0], TURN, TURN
     geared = Linkage([Link(1.0, [0.1, 0.1, 0.02])], [RevoluteJoint(0, None, *ends, armature=0.3)])
@@ -566,6 +578,7 @@ def test_armature_of_one_hinge_is_inertia_about_its_axis() -> None:
     assert np.abs(runs[0].energy - runs[1].energy).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_armature_has_its_orders_and_keeps_the_energy() -> None:
     loads = [Damper(1, 0.1), DryFriction(2, 0.1, 0.3), Spring(0, 2.0)]
     for method, h, forces in ((lm.LieRATTLE(), 0.01, loads), (lm.Composition(lm.LieRATTLE(), order=4), 0.02, ())):
@@ -609,6 +622,7 @@ def test_arm_with_armature_moves_as_in_mujoco() -> None:
     assert np.abs(np.array(ends) - there).max() < 1e-12
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "mimics, start, wanted, there",
     [
@@ -719,6 +733,7 @@ def test_armature_that_does_not_fit_is_refused() -> None:
         Linkage(arm.links, arm.joints, motions={0: TABLE})
 
 
+@pytest.mark.slow
 def test_the_momentum_of_a_free_pair_has_that_of_its_rotor() -> None:
     # On a turntable the rotor takes part: J w + A q' about the axis is kept, J w alone is not.
     up = [0.0, 0.0, 1.0]

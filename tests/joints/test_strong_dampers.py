@@ -49,6 +49,7 @@ def longest(error: Any) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("how", BOTH)
 def test_a_damper_that_throws_a_wheel_back_is_refused(how: bool) -> None:
     system = wheel(Damper("wheel", DAMPING))
@@ -61,6 +62,7 @@ def test_a_damper_that_throws_a_wheel_back_is_refused(how: bool) -> None:
     assert len(told.value.trajectory) == 1
 
 
+@pytest.mark.slow
 def test_shorter_steps_give_the_exponential() -> None:
     system = wheel(Damper("wheel", DAMPING))
     start, h = system.state(angles={}, rates={"wheel": 1.0}), 0.02 * INERTIA / DAMPING
@@ -166,6 +168,7 @@ class Friction(lm.Force):
         return self.across * turned - self.damping * xi
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("how", BOTH)
 @pytest.mark.parametrize("method", [lm.LieVerlet(), lm.KickDrift()])
 def test_loads_on_free_bodies(method: Any, how: bool) -> None:
@@ -182,6 +185,7 @@ def test_loads_on_free_bodies(method: Any, how: bool) -> None:
     assert len(turned) == 4  # it only turns the velocity, however strong
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [2, 6])
 def test_loads_on_sites(count: int) -> None:
     load = lm.PerSite(Friction(1.0, 0.0))
@@ -214,6 +218,7 @@ class Hold(JointForce):
         return -self.stiffness * q - self.damping * rate
 
 
+@pytest.mark.slow
 def test_controllers_are_dampers_and_dry_friction_is_none() -> None:
     system = wheel(Hold("wheel", 1.0, 0.5), inertia=1e-4)
     with pytest.raises(lm.errors.NoConvergence, match="joint 'wheel'") as told:
@@ -227,6 +232,7 @@ def test_controllers_are_dampers_and_dry_friction_is_none() -> None:
         assert len(lm.integrate(rubbed, lm.LieRATTLE(), start, h=1e-3, steps=steps, compiled=False)) == steps + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", BOTH)
 def test_a_motor_holds_its_rated_speed(how: bool) -> None:
     # rate = torque t/I up to the speed, beyond which the first kick may carry it by half of what a step adds
@@ -248,6 +254,7 @@ def motors_in_a_row(torque: float, speed: float, limit: float = 97.0) -> Linkage
     return Linkage(links, joints, 0.0, forces=[Limited(k, Motor(k, torque), limit, speed) for k in range(4)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", BOTH)
 @pytest.mark.parametrize("torque", [0.1, 1.0])
 def test_motors_in_a_row_hold_their_speeds(torque: float, how: bool) -> None:
@@ -259,6 +266,7 @@ def test_motors_in_a_row_hold_their_speeds(torque: float, how: bool) -> None:
         assert moved.joint(k).rate.max() < 2.0 + 0.5e-3 * torque / 0.001
 
 
+@pytest.mark.slow
 def test_motors_in_a_row_speed_up_as_one_differential_equation_says() -> None:
     # about one axis: J W' = T(w) - T(w of the next), with w the rates of joints and W those of bodies
     system, inertia = motors_in_a_row(0.1, 2.0, 0.1), np.array([0.01, 0.001, 0.001, 0.001])
@@ -273,6 +281,7 @@ def test_motors_in_a_row_speed_up_as_one_differential_equation_says() -> None:
         assert moved.joint(k).rate == pytest.approx(rate, abs=2e-3 * 2.0)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [2, 6, 10])
 def test_rates_to_which_kicks_lead_that_fall_with_them(count: int) -> None:
     # w = w0 + R k(w), R positive and k_i falling: of motors at their speeds, and of friction; there is exactly one w
@@ -303,6 +312,7 @@ def test_rates_to_which_kicks_lead_that_fall_with_them(count: int) -> None:
         assert np.max(np.abs(off) / scale) < 1e-14 * slope
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [2, 3])
 def test_an_ensemble_runs_and_ends_where_one_of_it_would_be_thrown_back(count: int) -> None:
     # free wheels on one axis, each with its own damper: I w' = -c w, ((1 - x)/(1 + x))^n with x = c h/(2 I)
@@ -376,6 +386,7 @@ def rubbed(load: Any, count: int, h: float, how: bool) -> Any:
     return lm.integrate(body, lm.KickDrift(), start, h=h, steps=4, compiled=how)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("how", BOTH)
 @pytest.mark.parametrize("load", RUBBING, ids=lambda load: repr(load)[:30])
 def test_loads_on_sites_say_themselves_what_damps(load: Any, how: bool) -> None:

@@ -148,6 +148,7 @@ GRIPPER = f"""<robot name="gripper">
 </robot>"""
 
 
+@pytest.mark.slow
 def test_a_gripper_with_a_motor_that_drives_both_fingers() -> None:
     forces = [lm.joints.Motor("grip", 8.0), Damper("other", 0.1)]
     hand = Linkage.from_urdf(GRIPPER, forces=forces, limits=True, gravity=0.0)

@@ -81,6 +81,7 @@ def craft() -> M.Spacecraft:
     return M.Spacecraft(J, MASS, ALL, WHEELS)
 
 
+@pytest.mark.slow
 def test_every_effect_against_equations_written_here(craft: M.Spacecraft) -> None:
     """A quarter of an hour to ten digits, orbit, attitude and wheels."""
     start = craft.state_of(POSITION, VELOCITY, TURN, RATE, SPEEDS)
@@ -140,6 +141,7 @@ def test_point_gravity_and_gradient_are_an_orbiting_body() -> None:
     assert np.allclose(a[:3], b[:3], rtol=1e-9) and np.allclose(a[3:], b[3:], rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_the_node_of_an_orbit_turns_as_published() -> None:
     """dO/dt = -(3/2) n J2 (a/p)^2 cos i to first order in J2 (Vallado, Fundamentals of
     Astrodynamics and Applications, 4th ed., equation 9-37): with the Sun, 0.9856 degrees a day, at
@@ -236,6 +238,7 @@ def test_sunlight_in_the_penumbra() -> None:
 # ---------------------------------------------------------------- wheels
 
 
+@pytest.mark.slow
 def test_motors_and_friction_leave_the_spin_in_space_alone() -> None:
     """Hub and wheels: R Pi to 1e-14 where nothing acts from outside, and energy without motors."""
     driven = M.Spacecraft(J, MASS, [M.PointGravity(K)], WHEELS)
@@ -309,6 +312,7 @@ def test_a_law_of_control_is_a_subclass() -> None:
     assert np.abs(angle - 1e-4 * (1.0 + d * run.t) * np.exp(-w * run.t)).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_momenta_in_space_are_sums_of_what_acts_on_them() -> None:
     """RKMK on G x g* adds up K_g f: the vertical spin in a field that is the same all around the
     vertical is kept to rounding, where steps on T*G, of the same order, let it drift.
@@ -390,6 +394,7 @@ def test_kicks_and_drifts_with_wheels() -> None:
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_drift_that_is_symplectic_for_momenta_alone_is_no_symplectic_splitting() -> None:
     """A field feels the attitude, with which the spherical midpoint rule is not symplectic."""
     assert lm.SphericalMidpoint().symplectic and not lm.KickDrift(lm.SphericalMidpoint()).symplectic

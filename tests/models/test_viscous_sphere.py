@@ -65,6 +65,7 @@ def test_no_angular_momentum_stays_none() -> None:
     assert run.drift()["angular momentum"].verdict == "exact"
 
 
+@pytest.mark.slow
 def test_order_beside_scipy() -> None:
     """The matrix equation F' = [F, Psi]/(i hbar) + nu (Delta + 2) F, with spin matrices, by SciPy."""
     sphere, n = viscous(0.3, rotation=0.5), 13

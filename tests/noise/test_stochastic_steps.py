@@ -117,6 +117,7 @@ def weak_error(method: Any, base: int, steps: int, t: float) -> float:
     return float((weights * (mu[:, 0] + mu[:, 1] * mu[:, 2])).sum() - exact_mean(fields, f, START, t))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "base", "steps", "order"),
     [
@@ -162,7 +163,7 @@ class Bent(lm.Hamiltonian):
         return self.strength * (mu[0] * mu[0] + mu[1] * mu[2])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("fields", "order"),
     [((Bent(0.4),), 1.0), (([0.5, 0.0, 0.0], [0.0, 0.5, 0.0]), 0.5)],
@@ -189,6 +190,7 @@ def test_strong_order(fields: Any, order: float, method: Any) -> None:
 # ------------------------------------------------------------------ what paths keep
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method",
@@ -321,7 +323,7 @@ class OnlyForwards(lm.NinomiyaVictoir):
         return lm.NinomiyaVictoir.moved(self, system, t, memory, h, z, 0.25)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "broken"),
     [

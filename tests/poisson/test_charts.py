@@ -245,6 +245,7 @@ METHODS = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("momenta", [True, False], ids=["momenta", "velocities"])
 @pytest.mark.parametrize("name", METHODS)
 def test_symplectic_on_the_manifold_is_poisson_in_coordinates(name: str, momenta: bool) -> None:

@@ -23,6 +23,7 @@ def bent(elements=4, seed=0, section=SOFT, **given):
     return rod, rod.state(mu=mu, g=rod.shape([0.3, 0.5, 0.2, 0.02, 0.0, 1.02]))
 
 
+@pytest.mark.slow
 def test_a_free_rod_keeps_its_momenta():
     rod, start = bent()
     for method in (lm.KickDrift(), IMPLICIT):
@@ -36,6 +37,7 @@ def test_a_free_rod_keeps_its_momenta():
 HANGING = dict(ends=("clamped", "free"), gravity=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method",
@@ -68,6 +70,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", CASES)
 def test_all_frames_together_make_the_step_of_the_method(case, monkeypatch):
     """Newton's method along the chain solves the equations that fixed points solve, frame by frame."""

@@ -25,6 +25,7 @@ def inextensible(section=SECTION):
     return RodSection([*section.stiffness[:3], 1e7, 1e7, 1e7], section.inertia)
 
 
+@pytest.mark.slow
 def test_a_cantilever_bends_as_timoshenko_says():
     EI, kGA, errors = SECTION.stiffness[0], SECTION.stiffness[3], []
     P = 1e-4 * EI

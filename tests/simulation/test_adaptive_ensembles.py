@@ -74,7 +74,7 @@ def test_every_body_is_what_it_is_alone(bodies: int, workers: int) -> None:
         assert runs.h == np.mean([one.h for one in whole])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("own", [False, True])
 def test_samples_between_the_steps(sign: float, own: bool) -> None:
@@ -164,7 +164,7 @@ UNBOUNDED = lm.LiePoissonSystem(lm.SO3(), Blowing())
 STARTS = np.array([[0.0, 0.0, 1.0], [1.0, 2.0, 3.0], [0.0, 1.0, 0.0], [0.3, 0.2, 0.1]])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("t_eval", [None, [0.0, 0.1, 50.0]])
 def test_a_body_that_fails_stands_at_its_last_accepted_state(compiled: bool, t_eval: Any) -> None:
@@ -247,6 +247,7 @@ WALLED = lm.LiePoissonSystem(lm.SO3(), Walled([1.0, 0.6, 0.4]))
 BEHIND = [-1.91, 0.9003, -0.48]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_body_whose_formula_fails_at_its_start_makes_no_step(compiled: bool) -> None:
     """Though the first step is found by a probe, which goes through the wall."""
@@ -333,6 +334,7 @@ def test_a_sample_at_the_end_where_the_velocity_jumps() -> None:
     assert np.array_equal(run.mu[[-1, -1]], alone(3, plan, t_end=1.0).mu[[-1, -1]])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("bodies", [1, 17])
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(order=10)], ids=repr)
@@ -352,6 +354,7 @@ def test_breaks_without_samples_between(method: Any, bodies: int) -> None:
 # ---------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("own", [False, True])
 def test_motions_between_steps_are_those_of_every_body_alone(own: bool, compiled: bool) -> None:

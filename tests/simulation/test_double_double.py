@@ -220,7 +220,7 @@ class Given(lm.Hamiltonian):
 
 
 @pytest.mark.compiled
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("system", "method"),
     [

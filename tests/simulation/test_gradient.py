@@ -40,7 +40,7 @@ def compared(plan: lm.Plan, start: Any, by: list[str], **length: Any) -> None:
     assert abs(found.growth - norm) < 1e-9 * norm
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "system", "start", "by"),
     [
@@ -59,6 +59,7 @@ def test_a_pullback_is_the_product_with_the_tangent_map(method: Any, system: Any
     compared(lm.Plan(system, method, 0.05, compiled=False), start, by, steps=13)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("step", [{"h": 0.1}, {"rtol": 1e-7, "atol": 1e-9}], ids=["fixed", "adaptive"])
 @pytest.mark.parametrize("retraction", [lm.Cayley(), lm.Exponential()], ids=repr)
@@ -87,6 +88,7 @@ def test_power_series_of_numbers_alone_are_refused(method: Any, system: Any, sta
             asked(start, steps=2)
 
 
+@pytest.mark.slow
 def test_native_blocks_agree_with_the_tangent_map() -> None:
     """In lanes, with a last block that is shorter, and backwards in time."""
     for h, steps in ((0.05, 2003), (-0.05, 1), (-0.05, 64)):
@@ -116,7 +118,7 @@ VALUES = 0.3 * np.cos(np.arange(18.0)).reshape(6, 3)
 AT_REST = driven(lm.PiecewisePolynomial.linear(KNOTS, VALUES)).state(mu=[1.0, 0.5, 0.2], g=np.eye(3))
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
 @pytest.mark.parametrize("kind", ["linear", "constant"])
 def test_gradients_by_the_values_of_a_table(kind: str, outside: str) -> None:

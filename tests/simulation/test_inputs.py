@@ -99,6 +99,7 @@ def test_a_closed_loop_against_scipy() -> None:
     assert np.abs(loop.mu - y[:3]).max() < 1e-8 and np.abs(loop.g.ravel() - y[3:]).max() < 1e-8
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.KickDrift()], ids=["RKMK", "KickDrift"])
 @WORLDS
 def test_every_body_of_an_ensemble_has_its_own(method: Any, compiled: bool) -> None:
@@ -135,6 +136,7 @@ class Fused(lm.Force):
         return self.torque
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_body_that_fails_leaves_the_others_to_go_on() -> None:
     system = lm.MechanicalSystem(lm.RigidBody(MOMENTS), lm.NoPotential(), load=Fused([0.0] * 3))

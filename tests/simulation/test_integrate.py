@@ -240,7 +240,7 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
     return body, body.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9]), {"mu": units}
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("scene", "method"),
     [

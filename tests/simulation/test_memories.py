@@ -95,6 +95,7 @@ def test_a_run_its_parts_and_a_stepper(compiled: bool, tmp_path: Path) -> None:
         assert np.array_equal(stepper.mu, exact[n])
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_an_ensemble_with_and_without_a_rest(compiled: bool) -> None:
     exact = np.stack([by_hand(BODY.state(mu=mu), STEPS) for mu in MANY.mu], axis=1)
@@ -222,6 +223,7 @@ def test_what_is_observed_is_a_state(compiled: bool, shown: Any) -> None:
             lm.integrate(BODY, Hidden(shown), start, h=H, steps=3, compiled=compiled)
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_what_is_remembered_of_compensated_numbers_too(compiled: bool) -> None:
     """Numbers of two doubles, and of one with a rest."""

@@ -279,6 +279,7 @@ def crossing(direction: float = 0.0, terminal: Any = None) -> Any:
     return event
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_symplectic_method_finds_events() -> None:
     """Zeros of one component of the momentum, against those of the exact motion: as accurate as the

@@ -138,7 +138,7 @@ def body_of(run: lm.Trajectory, i: int) -> tuple[np.ndarray, dict[str, np.ndarra
 # ---------------------------------------------------------------- worlds, lanes, workers
 
 
-@pytest.mark.sample(20)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @over(*ALL, *BACK)
 @BODIES
@@ -739,7 +739,7 @@ def test_a_failure_is_told_in_native_code_as_in_plain_python(scene: Scene, obser
         same_runs(run, said[0][2])  # type: ignore[arg-type]
 
 
-@pytest.mark.sample(28)
+@pytest.mark.sample(1)
 @over(*scenes.FAILING)
 @watched("all", "t_eval", "functions", "events")
 @WORLDS

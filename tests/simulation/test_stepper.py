@@ -125,6 +125,7 @@ class Equator:
         return state.mu[0]
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_the_count_of_an_event_goes_on(compiled: bool) -> None:
     """Two zeros of three were met before the run is stepped by hand."""

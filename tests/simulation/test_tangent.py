@@ -235,6 +235,7 @@ class Spring(lm.Force):
         return lm.vec(self.torque(t), 0.0, 0.0)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, None])
 def test_a_step_that_fails_ends_the_run_and_its_map(compiled):
     times = np.linspace(0.0, 1.0, 11)

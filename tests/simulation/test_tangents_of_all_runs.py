@@ -35,6 +35,7 @@ def slopes(function: Callable[[Any], Any], x: Any, h: float = 1e-2) -> np.ndarra
     ).T
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, slow(True)], ids=["plain", "compiled"])
 @pytest.mark.parametrize(
     "method",

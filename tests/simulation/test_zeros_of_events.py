@@ -42,6 +42,7 @@ def require_zeros(times: np.ndarray, frequency: float, end: float, error: float 
 # ------------------------------------------------------------------ steps of several turns
 
 
+@pytest.mark.sample(1)
 @WORLDS
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.RKMK(order=8), lm.Taylor(order=12)])
@@ -51,6 +52,7 @@ def test_no_zero_of_a_steady_spin_is_missed(method: Any, tolerance: float, compi
     require_zeros(plan.run(STEADY, t_end=10.0).events[0][0], 10.0, 10.0, 10.0 * tolerance + 1e-12)
 
 
+@pytest.mark.sample(1)
 @WORLDS
 @pytest.mark.parametrize("method", [lm.ExactFreeBody(), lm.ReversibleController(lm.ExactFreeBody(), lambda mu: 1.0)])
 def test_no_zero_is_missed_by_exact_steps(method: Any, compiled: bool) -> None:
@@ -58,6 +60,7 @@ def test_no_zero_is_missed_by_exact_steps(method: Any, compiled: bool) -> None:
     require_zeros(run.events[0][0], 10.0, 10.0)
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_no_zero_is_missed_by_momenta_alone(compiled: bool) -> None:
     spin = lm.LiePoissonSystem(lm.SO3(), Zeeman(50.0))
@@ -67,6 +70,7 @@ def test_no_zero_is_missed_by_momenta_alone(compiled: bool) -> None:
         require_zeros(run.events[0][0], 50.0, 2.0)
 
 
+@pytest.mark.sample(1)
 @WORLDS
 @pytest.mark.parametrize("group", [lm.SE2(), lm.SO(2)])
 def test_no_zero_is_missed_on_other_groups(group: Any, compiled: bool) -> None:
@@ -81,6 +85,7 @@ def test_no_zero_is_missed_on_other_groups(group: Any, compiled: bool) -> None:
         require_zeros(run.events[0][0], 20.0, 5.0)
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_no_body_of_an_ensemble_misses_a_zero(compiled: bool) -> None:
     rates = np.array([10.0, 0.1, 4.0])
@@ -95,6 +100,7 @@ def test_no_body_of_an_ensemble_misses_a_zero(compiled: bool) -> None:
                 assert not len(times)
 
 
+@pytest.mark.slow
 def test_plain_and_native_steps_meet_the_same_zeros() -> None:
     start = BODY.state(mu=[3.0, 0.2, 25.0], g=np.eye(3))
     plan = lm.Plan(BODY, lm.ExactFreeBody(), h=0.7, events=turned, compiled=False)
@@ -104,6 +110,7 @@ def test_plain_and_native_steps_meet_the_same_zeros() -> None:
     assert np.array_equal(one[1].g, two[1].g)
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_long_steps_along_a_power_series(compiled: bool) -> None:
     """Every zero of q of a harmonic oscillator, which Taylor steps of order 20 take in parts of turns."""

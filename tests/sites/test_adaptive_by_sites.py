@@ -37,6 +37,7 @@ def run(n: int = N, t_end: float = 1.0, t_eval: Any = None, **options: Any) -> A
     return adaptive(n, **options).run(spins(n).state(mu=directions(n)), t_end=t_end, t_eval=t_eval)
 
 
+@pytest.mark.sample(1)
 @native
 @pytest.mark.parametrize("t_end", [1.0, -1.0])
 def test_against_scipy(t_end: float) -> None:
@@ -57,6 +58,7 @@ def test_order_of_the_steps() -> None:
     assert [len(one) for one in runs] == [2, 2]  # start and end
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [5, 8])
 def test_as_written_out(monkeypatch: pytest.MonkeyPatch, order: int) -> None:
     """The same steps as of one body, and the same way between them."""
@@ -91,6 +93,7 @@ class Tilt(lm.Term):
         return self.k * a.mu[2] * a.mu[0]
 
 
+@pytest.mark.slow
 @native
 def test_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of plain Python, natively, and with any number of workers; of times that nobody asked for."""
@@ -106,6 +109,7 @@ def test_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.array_equal(run(7000, 0.04).mu[-1], many[0][-1])
 
 
+@pytest.mark.slow
 @native
 def test_units() -> None:
     """Steps of the same motion in units that are powers of two are the same, bit for bit."""
@@ -130,6 +134,7 @@ class Exchanged(lm.Term):
         return -self.J * lm.dot(a.mu, b.mu)
 
 
+@pytest.mark.slow
 @native
 def test_attitudes() -> None:
     system, start = chain()
@@ -154,6 +159,7 @@ def test_breaks_and_rejected_steps() -> None:
         lm.integrate(spins(), lm.RKMK(order=5), spins().state(mu=directions()))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [None, False])
 def test_a_site_that_fails(compiled: Any) -> None:
     n = 20
@@ -256,6 +262,7 @@ def test_dense_beside_times(tmp_path: Path) -> None:
         seen.at(0.5)
 
 
+@pytest.mark.slow
 @native
 def test_dense_up_to_an_event() -> None:
     """The way of the step in which a run ends goes as far as the run, and on behind it."""

@@ -30,6 +30,7 @@ def moved(t: float, held: list[int], neighbours: Any) -> tuple[np.ndarray, np.nd
     return s, end.reshape(N, 3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, True])
 def test_sublattices_where_every_two_are_tied(compiled: bool) -> None:
     """Places that are filled by the last site of a colour are no partners."""
@@ -47,6 +48,7 @@ def test_sublattices_where_every_two_are_tied(compiled: bool) -> None:
     assert errors[0] < 0.05 and 3.5 < errors[0] / errors[1] < 4.5
 
 
+@pytest.mark.slow
 def test_hamilton_jacobi_where_a_site_is_held() -> None:
     """The gradient of an energy is zero at sites that are held; its other parts are those of it."""
     system = lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Exchange(1.0).over(lm.neighbours.ring(N)), held=[1]))
@@ -90,6 +92,7 @@ class AlongZ(lm.Term):
         return -strength * a.mu[2]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SublatticeSplitting()], ids=repr)
 def test_constants_may_change_between_runs(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Native code of a system that has run says what its formulas say now."""
@@ -133,6 +136,7 @@ def masses_in_space(n: int, terms: Any, load: Any = None) -> Any:
     return lm.MechanicalSystem(free, lm.Terms(terms), load=load)
 
 
+@pytest.mark.slow
 def test_friction_between_sites(monkeypatch: pytest.MonkeyPatch) -> None:
     """The momenta of all sites at the end of a kick belong together."""
     monkeypatch.setattr(lm.System, "small", 0)
@@ -177,6 +181,7 @@ def rubbing_ring(n: int, c: Any) -> tuple[Any, Any]:
     return system, system.state(mu=np.resize([1.0, -1.0], (n, 1)), g=np.zeros((n, 1)))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.KickDrift(), lm.LieVerlet()], ids=repr)
 def test_friction_between_more_sites_than_are_written_out(method: Any) -> None:
     """xi' = -4 c xi in this mode: a half kick at the start has the factor 1 - 2 c h, one at the end 1/(1 + 2 c h)."""
@@ -190,6 +195,7 @@ def test_friction_between_more_sites_than_are_written_out(method: Any) -> None:
     assert np.array_equal(run.mu[:, 1::2], -run.mu[:, ::2])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, True])
 def test_a_site_that_others_rub_too_strongly_is_refused(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each site is slowed by 2 c, whatever the others do: c h is 1.5 with c = 15, and 0.9 with c = 9."""
@@ -218,6 +224,7 @@ class Attraction(lm.Term):
         return -self.e / lm.dot(d, d)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, True])
 def test_masses_that_meet_are_both_named(compiled: bool) -> None:
     """With every sample before the step."""

@@ -141,6 +141,7 @@ def test_few_states_are_kept(kept: int) -> None:
         assert comb(kept + r, r) >= steps > (comb(kept + r - 1, kept) if r else 0)
 
 
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("given", [FEW, pytest.param(ALL, marks=pytest.mark.slow)], ids=["few", "all"])
 def test_parameters_of_terms(given: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -172,6 +173,7 @@ def test_parameters_of_terms(given: Any, monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(np.array_equal(plain[1][name], again[1][name]) for name in names)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_gradient() -> None:
     """That of RKMK4 tends to that of the exact motion, found by SciPy, with the fourth power of h."""
     n, T = 4, 0.8
@@ -216,7 +218,7 @@ METHODS_OF_SPINS = [
 
 
 @native
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS_OF_SPINS, ids=repr)
 def test_methods_of_spins(method: Any) -> None:
     """On rings of an odd number of spins, with elements and without, and of two spins."""
@@ -303,7 +305,7 @@ LOADS = {
 UNDER_LOADS = [lm.RKMK(order=2), lm.KickDrift(), lm.LieVerlet(), lm.CommutatorFree(order=2)]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", UNDER_LOADS, ids=repr)
 @pytest.mark.parametrize("load", LOADS)
 def test_loads(load: str, method: Any) -> None:
@@ -441,6 +443,7 @@ def test_terms_of_one_site_that_turn_by_themselves() -> None:
         back(plan, system.state(mu=directions(n)), {2: np.ones(18)}, ("J",))
 
 
+@pytest.mark.slow
 def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
     """A loss and a running cost of one site, and cotangents by samples, as the written-out sums of them."""
     plan = lm.Plan(spins(4), lm.RKMK(order=2), h=0.1, compiled=False)
@@ -503,6 +506,7 @@ def test_steps_that_are_symplectic(method: Any, turned: bool) -> None:
     assert np.abs(1e8 * small.tangent["against"] - found).max() < 1e-13 * np.abs(found).max()
 
 
+@pytest.mark.slow
 def test_a_symplectic_step_in_plain_python() -> None:
     """Of derivatives inside of sweeps that a derivative goes through, none is taken for another."""
     start, w = spins(3).state(mu=directions(3)), np.random.default_rng(5).normal(size=9)
@@ -601,6 +605,7 @@ def test_units() -> None:
     assert np.abs(found[2] - found[0]).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_what_has_no_way_back() -> None:
     """Is told by name, with the cure; J^T w is found as before, direction by direction."""
     ring, start = spins(6), spins(6).state(mu=directions(6))

@@ -54,6 +54,7 @@ METHODS: tuple[Any, ...] = (
 )
 
 
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_bits(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,6 +77,7 @@ def test_bits_of_one_lane() -> None:
     assert np.array_equal(one, plain)
 
 
+@pytest.mark.sample(1)
 @native
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_order(method: Any) -> None:
@@ -89,6 +91,7 @@ def test_order(method: Any) -> None:
     assert abs(np.log2(errors[0] / errors[1]) - method.order) < 0.1
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_the_structure_is_kept(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two spins by sites; the plain midpoint, which claims nothing, misses it."""
@@ -122,7 +125,7 @@ def test_by_sites_is_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @native
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("n", [1, 2, 3, 33])
 def test_any_number_of_sites(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lm.System, "small", 0)

@@ -31,6 +31,7 @@ def pulls(m: np.ndarray, q: np.ndarray) -> np.ndarray:
     return np.asarray(1.3 * m[:, None] * np.einsum("j,ijk->ik", m, apart / cubes[..., None]))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_leapfrog_is_the_one_written_in_numpy(dimension: int) -> None:
     system, start = cloud(40, dimension)
@@ -58,6 +59,7 @@ def test_workers_share_all_pairs(n: int, monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(np.array_equal(x.q, one.q) and np.array_equal(x.p, one.p) for x in more)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", SPLITTINGS, ids=repr)
 def test_by_sites_is_as_written_out(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     system, start = cloud(9)
@@ -93,6 +95,7 @@ def test_momentum_and_angular_momentum_stay_to_rounding() -> None:
     assert {line.name for line in run.drift().kept} == {"energy", "momentum", "angular momentum"}
 
 
+@pytest.mark.slow
 def test_nine_masses_move_as_scipy_says() -> None:
     from scipy.integrate import solve_ivp
 
@@ -130,6 +133,7 @@ def test_a_chain_of_springs_is_as_written_out(monkeypatch: pytest.MonkeyPatch) -
 # ------------------------------------------------------------------ rigid bodies
 
 
+@pytest.mark.slow
 def test_spheres_go_round_as_kepler_says() -> None:
     a, m = 2.0, np.array([1.0, 0.3])
     system = GravitatingBodies(m, 0.01 * np.ones((2, 3)), gravity=1.0)

@@ -90,7 +90,7 @@ def reference(t: float) -> np.ndarray:
         (lm.CommutatorFree(order=4), 1e-4),
     ],
 )
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 def test_a_load_leaves_them(
     method: Any, error: float, small: int, compiled: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -113,7 +113,7 @@ def test_what_is_held_is_said_anywhere() -> None:
 
 
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.KickDrift(), lm.LieVerlet(), lm.GalerkinVariational(order=4)])
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 def test_pinned_sites_turn_where_they_are(method: Any) -> None:
     """A body on a pin, driven about its axis by a constant torque, omega = M t/J, beside others."""
     J = [0.6, 0.6, 0.9, 1.0, 1.0, 1.0]
@@ -130,6 +130,7 @@ def test_pinned_sites_turn_where_they_are(method: Any) -> None:
     assert np.abs(run.g[-1, 1, :3, 3] - [1.0, 0.0, 0.0]).max() > 0.1
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("small", [0, 300])
 @pytest.mark.parametrize("method", [lm.KickDrift(), lm.KickDrift(order=4), lm.LieVerlet()], ids=repr)
 def test_what_the_energy_of_bodies_holds_rests_in_every_method(
@@ -194,7 +195,7 @@ def test_momenta_that_are_coupled_move_no_held_site() -> None:
 @pytest.mark.parametrize("compiled", [False, None])
 @pytest.mark.parametrize("method", [lm.WongZakai(), lm.NinomiyaVictoir()])
 @pytest.mark.parametrize("kind", ["noise", "bath"])
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 def test_noise_leaves_them(kind: str, method: Any, compiled: Any) -> None:
     spins = lm.LiePoissonSystem(lm.SO3() ** 8, lm.Terms(Exchange(1.0).over(near.chain(8)), held=[0]))
     if kind == "bath":

@@ -118,6 +118,7 @@ def test_quantities(run: Any) -> None:
     assert run.drift()["Casimir 1"].largest < 1e-14
 
 
+@pytest.mark.slow
 def test_attitudes() -> None:
     system, start = chain()
     for method in (lm.KickDrift(), lm.RKMK(order=2)):
@@ -167,6 +168,7 @@ def test_a_site_that_fails_among_colours() -> None:
     assert np.array_equal(both.mu[:, 0], alone.mu)
 
 
+@pytest.mark.slow
 @native
 def test_functions_of_all_sites_beside_those_of_one() -> None:
     """Few sites go by sites, too, where something is of one of them."""
@@ -179,6 +181,7 @@ def test_functions_of_all_sites_beside_those_of_one() -> None:
     assert np.allclose(found.spin, run.mu.sum(axis=1), rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_functions_of_all_sites() -> None:
     """Of more sites than are written out they are computed sample by sample, in plain Python."""
     n = 120

@@ -157,6 +157,7 @@ def same(a: list[np.ndarray], b: list[np.ndarray]) -> bool:
     return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
 
 
+@pytest.mark.slow
 def test_against_numpy() -> None:
     system = magnet()
     start = system.state(mu=momenta())
@@ -172,6 +173,7 @@ def test_against_numpy() -> None:
     assert names >= {"energy"}
 
 
+@pytest.mark.slow
 @native
 def test_by_sites_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     start = magnet().state(mu=momenta())
@@ -189,7 +191,7 @@ def test_by_sites_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     }  # fmt: skip
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("graph", [lm.neighbours.all_pairs(), lm.neighbours.within(2.0)], ids=repr)
 @pytest.mark.parametrize("method", [lm.KickDrift(), lm.LieVerlet(), lm.RKMK(order=2)], ids=repr)
 def test_fields_as_written_out(graph: Any, method: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -194,6 +194,7 @@ def exact(rate: Any, s: np.ndarray, t_end: float) -> np.ndarray:
     return end
 
 
+@pytest.mark.slow
 def test_the_motion_is_that_of_scipy() -> None:
     s, system = directions(4), triangle()
     run = lm.integrate(system, lm.SublatticeSplitting(8), system.state(mu=s), h=0.05, steps=20, progress=False)
@@ -216,7 +217,7 @@ def pairs() -> Any:
     return spins(3, Exchange(1.0).over(ring), Biquadratic(0.3).over(ring), EasyAxis(0.5, AXIS))
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [2, 4, 6, 8])
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting, lm.BondSplitting])
 def test_errors_fall_with_the_order(method: Any, order: int) -> None:
@@ -261,6 +262,7 @@ def test_the_energy_wanders_as_rounding_does() -> None:
     assert np.abs(np.linalg.norm(run.mu[-1], axis=-1) - 1.0).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_bonds_keep_the_sum_of_all_momenta() -> None:
     ring = near.ring(6)
     system = spins(6, Exchange(1.0).over(ring), Biquadratic(-0.4).over(ring))
@@ -366,6 +368,7 @@ def test_waves_have_the_frequencies_of_the_closed_form() -> None:
 # ------------------------------------------------------------------ one bit for all
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("order", "compensated", "attitudes"), [(2, True, True), (4, None, False)])
 def test_loops_have_the_bits_of_what_is_written_out(
     order: int, compensated: Any, attitudes: bool, monkeypatch: pytest.MonkeyPatch
@@ -446,6 +449,7 @@ def test_the_site_that_overflows_is_named(method: Any, every: int) -> None:
     assert caught.value.trajectory.t[-1] == 0.0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.SphericalMidpoint(), lm.ImplicitMidpoint()], ids=repr)
 def test_midpoints_name_a_site_beside_the_one_that_is_huge(method: Any) -> None:
     if lm.compiler.kernel.available() is not None:
@@ -494,7 +498,7 @@ def test_tableaus_are_looked_at() -> None:
         lm.BondSplitting(tableau="Strang")  # type: ignore[arg-type]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("attitudes", [False, True])
 @pytest.mark.parametrize("order", [2, 4])
 def test_bonds_by_sites_have_the_bits_of_what_is_written_out(
@@ -535,6 +539,7 @@ def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
     assert np.ptp(run.energy) < 1e-3 * abs(run.energy[0])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr)
 @pytest.mark.parametrize(
     "lattice",

@@ -129,6 +129,7 @@ def test_a_pair_term_that_turns_with_its_sites_keeps_the_total_momentum() -> Non
     assert np.abs(rates.sum(axis=0)).max() < 1e-14 * np.abs(rates).sum()
 
 
+@pytest.mark.slow
 def test_runs_site_by_site_are_those_written_out() -> None:
     masses, q, v = RNG.uniform(1.0, 2.0, 17), RNG.normal(size=(17, 3)), RNG.normal(size=(17, 3))
     J = lm.each(np.outer(masses, np.ones(3)))

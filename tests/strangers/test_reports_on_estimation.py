@@ -74,6 +74,7 @@ def still(process: Any, deviations: Any, steps: int, h: float) -> Any:
     return belief
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("steps", [1, 40])
 def test_an_accelerometer_makes_places_uncertain_by_the_cube_of_time(steps: int) -> None:
     """borglab/gtsam#368, #879: covariances of preintegrated accelerations were degenerate after a single measurement.
@@ -85,6 +86,7 @@ def test_an_accelerometer_makes_places_uncertain_by_the_cube_of_time(steps: int)
     assert np.allclose(among, s * s * t * np.array([[1.0, t / 2.0], [t / 2.0, t * t / 3.0]]), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_unknown_bias_makes_places_uncertain_by_the_square_of_time() -> None:
     """borglab/gtsam#368, #874: the effect of the bias on the position was left out.  var v = b^2 t^2, var p = b^2 t^4/4."""
     b, t = 0.01, 3.0
@@ -119,6 +121,7 @@ def test_a_random_walk_of_a_data_sheet() -> None:
     assert np.allclose(np.degrees(belief.deviations), 0.012, rtol=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", FILTERS)
 def test_an_attitude_does_not_depend_on_the_rate_of_samples(kind: Any) -> None:
     """arduino-libraries/MadgwickAHRS#1, psiphi75/ahrs#17: a frequency was written into the filter, so that attitudes ran

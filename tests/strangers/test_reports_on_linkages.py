@@ -43,6 +43,7 @@ def test_the_frame_of_an_inertia_in_a_file_may_be_turned() -> None:
     assert np.allclose(ran(arm, 0.01, 100).joint("hinge").rate[-1], 0.5, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_link_welded_on_weighs_about_the_hinge_as_steiner_says() -> None:
     """osrf/drcsim#308, gazebosim/sdformat#22: moments of lumped links were taken about the wrong point.
     Two rods with their centres at 0.5 and 1.5 m below the hinge: I = sum of J + m d^2, M d = sum of m d.
@@ -57,6 +58,7 @@ def test_a_link_welded_on_weighs_about_the_hinge_as_steiner_says() -> None:
     assert np.isclose(motion.angle[-1], 0.8, rtol=0.0, atol=1e-6) and abs(motion.angle[40] + 0.8) < 1e-6
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("mass", [1e-7, 1.0, 1e7])
 def test_a_light_link_swings_as_a_heavy_one(mass: float) -> None:
     """gazebosim/sdformat#199: a link of 1e-6 kg was left out without a word."""
@@ -69,6 +71,7 @@ def test_a_light_link_swings_as_a_heavy_one(mass: float) -> None:
     assert np.isclose(ran(arm, period / 60, 60, {0: 0.5}, order=4).joint(0).angle[-1], 0.5, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rate", [9.0, -9.0])
 def test_an_angle_goes_on_over_whole_turns(rate: float) -> None:
     """gazebosim/gazebo-classic#724, #2430, osrf/drcsim#58: angles wrapped, here or there."""
@@ -88,6 +91,7 @@ class Servo(lm.joints.JointForce):
         return self.target
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("degrees", [45.0, 90.0, 135.0, 179.0, -100.0])
 def test_a_servo_reaches_its_angle(degrees: float) -> None:
     """dimforge/rapier#378: targets at and beyond 90 degrees were missed, or turned for ever."""
@@ -100,6 +104,7 @@ def test_a_servo_reaches_its_angle(degrees: float) -> None:
     assert np.allclose(left, (1.0 + 10.0 * t) * np.exp(-10.0 * t), rtol=0.0, atol=1e-3) and abs(left[-1]) < 1e-5
 
 
+@pytest.mark.slow
 def test_a_pendulum_that_goes_over_the_top_does_so_smoothly() -> None:
     """louis-langholtz/PlayRho#331, NVIDIAGameWorks/PhysX#531: rates jumped where an angle passed pi."""
     arm = Linkage([Link(1.0, [0.01] * 3)], [RevoluteJoint(0, None, [0.0, 0.0, 0.5], [0.0] * 3, ACROSS, ACROSS)], 9.8)
@@ -112,6 +117,7 @@ def test_a_pendulum_that_goes_over_the_top_does_so_smoothly() -> None:
     assert np.allclose(motion.angle, exact[0], rtol=0.0, atol=1e-3) and np.allclose(motion.rate, exact[1], atol=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [100, pytest.param(1000, marks=pytest.mark.slow)])
 def test_a_closed_loop_does_not_drift_apart(steps: int) -> None:
     """JuliaRobotics/RigidBodyDynamics.jl#480, google-deepmind/mujoco#172, #2698: loops came apart after seconds."""
@@ -135,6 +141,7 @@ def test_a_closed_loop_does_not_drift_apart(steps: int) -> None:
     assert np.ptp(run.energy) < 5e-3 * abs(run.energy[0])
 
 
+@pytest.mark.slow
 def test_a_gear_hands_on_all_power() -> None:
     """ros-controls/ros2_control#1837, modelica/ModelicaStandardLibrary#951: efforts through a transmission did not keep
     the power.  A wheel that turns at twice the rate of the driven one weighs four times its inertia.
@@ -152,6 +159,7 @@ def test_a_gear_hands_on_all_power() -> None:
     assert np.isclose(run.energy[-1] - run.energy[0], slow.work[-1], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_joint_at_its_stop_leaves_another_body_alone() -> None:
     """google-deepmind/mujoco#1130: a limit changed the motion of a joint that it is not at."""
     axles = [
@@ -177,6 +185,7 @@ def test_gravity_points_down_in_space_however_a_mount_is_turned() -> None:
     assert np.isclose(ran(arm, period / 60, 60, {0: 0.6}, order=4).joint(0).angle[-1], 0.6, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_centre_of_mass_of_a_free_chain_falls_as_a_stone() -> None:
     """stack-of-tasks/pinocchio#2531, #1230: the velocity of the centre of mass had the wrong sign, masses were left out."""
     rods = [Link.rod(m, 0.4, 0.02) for m in (1.0, 2.0, 3.0)]

@@ -68,6 +68,7 @@ def assert_mean(values: Any, mean: float) -> None:
     assert abs(values.mean() - mean) < BOUND * error, (values.mean(), mean, error)
 
 
+@pytest.mark.slow
 def test_spins_of_different_size_reach_one_temperature() -> None:
     """lammps/lammps#5097: the larger of two kinds of moments came to a third of the temperature of the bath."""
     sizes, field, temperature, n = np.array([1.0, 4.0]), 0.5, 0.7, 3000
@@ -172,6 +173,7 @@ def test_a_cold_bath_is_damping_alone_at_the_rate_of_landau_and_lifshitz(size: f
     assert np.allclose(np.abs(angles(run)[:, 0]), field * run.t, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_deep_well_with_two_bottoms_is_filled_as_boltzmann_says() -> None:
     """jax-md/jax-md#124: a Langevin step gave a density with peaks that the potential does not have."""
     bath = lm.thermal_bath(spin(EasyAxis(3.0)), damping=0.5, temperature=0.5, seed=11)

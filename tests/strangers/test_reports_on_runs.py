@@ -186,6 +186,7 @@ def test_samples_that_are_almost_a_step_apart(h: float) -> None:
     assert np.allclose(run.q[:, 0], times, rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.RKMK(order=8)])
 def test_a_longer_run_begins_as_a_shorter_one(method: Any) -> None:
     """hannorein/rebound#485: results at a time depended on how far the run went beyond it."""
@@ -283,6 +284,7 @@ def test_motion_between_samples_does_not_depend_on_the_frame() -> None:
 # ------------------------------------------------------------------ bodies and robots
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ratio", [1.0, 26.0])
 def test_a_body_welded_to_a_light_one_turns_as_one_body(ratio: float) -> None:
     """google-deepmind/mujoco#3553: a free body whose inertia sat on a fixed child blew up after 4294 steps. Its angular
@@ -308,6 +310,7 @@ def hinged(axis: str, more: str = "", inertial: str = "") -> str:
     <joint name="hinge" type="continuous"><parent link="wall"/><child link="arm"/>{more}<axis xyz="{axis}"/></joint></robot>"""
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("axis", ["0.638404 -0.769701 0.0", "0 1.5 0", "3 4 0", "0 -1e-3 0"])
 def test_an_axis_of_any_direction_and_length(axis: str) -> None:
     """petercorke/robotics-toolbox-python#441, ros/kdl_parser#31: axes that are no coordinate axes were turned onto one. A
@@ -350,6 +353,7 @@ def test_a_plane_is_that_of_its_axis(normal: Any) -> None:
     assert np.allclose(place, 0.125 * (pull - (pull @ n) * n), rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ratio, offset", [(-1.0, 0.0), (0.5, 0.02), (2.0, -0.01)])
 def test_a_joint_that_mimics_has_ratio_and_offset(ratio: float, offset: float) -> None:
     """google-deepmind/mujoco#3527, stack-of-tasks/pinocchio#2753, clemense/yourdfpy#1: mimic was dropped without a word, or
@@ -401,6 +405,7 @@ def test_the_gradient_by_values_that_hold_for_a_while(how: Any) -> None:
 es = lm.estimation
 
 
+@pytest.mark.slow
 def test_a_device_that_accelerates_moves() -> None:
     """borglab/gtsam#2241: the predicted velocity and attitude changed, and the place did not. At a constant acceleration a in
     its own axes, without turning, p = v t + a t^2/2.

@@ -89,6 +89,7 @@ def test_a_spin_turns_about_its_field_in_the_sense_of_the_bracket() -> None:
     assert np.allclose(run.mu[-1], [np.cos(1.0), np.sin(1.0), 0.0], rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("pair", [(0, 1), (1, 0)])
 @pytest.mark.parametrize("n", [2, 8])
 def test_a_bond_turns_both_of_its_spins(n: int, pair: tuple[int, int]) -> None:
@@ -103,6 +104,7 @@ def test_a_bond_turns_both_of_its_spins(n: int, pair: tuple[int, int]) -> None:
     assert np.array_equal(run.mu[-1, 2:], mu[2:])
 
 
+@pytest.mark.slow
 def test_an_antisymmetric_bond_pushes_its_spins_as_its_energy_says() -> None:
     """SunnySuite/Sunny.jl#57, #56: local fields of antisymmetric exchange had a wrong sign for one of the spins."""
     n, D = 6, np.array([0.3, -0.2, 0.9])
@@ -120,6 +122,7 @@ def test_an_antisymmetric_bond_pushes_its_spins_as_its_energy_says() -> None:
     assert np.allclose(run.mu[-1], reference(slope, mu, 2.0), rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_pairs_of_one_kind_given_twice_add_up() -> None:
     """lammps/lammps#1355: values were wrong when several similar pairs were declared."""
     n, mu = 8, directions(8, 2)
@@ -170,6 +173,7 @@ def test_workers_come_to_an_end_where_many_spins_are_held() -> None:
     assert (ends[0][1::3] != mu[1::3]).any(axis=1).all()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("laps", [0.0, 7.0])
 def test_a_pair_that_crosses_its_box_again_and_again_moves_as_in_open_space(laps: float) -> None:
     """lammps/lammps#1577: a molecule exploded when it crossed the border of the box for the second time.
@@ -200,6 +204,7 @@ def test_a_mass_of_zero_is_named() -> None:
         masses(2, Spring(1.0).over(lm.neighbours.chain(2)), mass=0.0)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [2, 4])
 def test_backward_steps_lead_back(order: int) -> None:
     """ben-cassese/jorbit#85, adrn/gala#255: steps backwards went forwards."""
@@ -212,6 +217,7 @@ def test_backward_steps_lead_back(order: int) -> None:
     assert np.allclose(back.g[-1], start.g, rtol=0.0, atol=1e-12) and back.t[-1] == pytest.approx(-0.5)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scale", [1.0, 1e-15])
 def test_bodies_with_tiny_moments_of_inertia_turn(scale: float) -> None:
     """lammps/lammps#1657, #2105: moments below 1e-6 counted as zero, and the attitude stayed.
@@ -229,6 +235,7 @@ def test_bodies_with_tiny_moments_of_inertia_turn(scale: float) -> None:
         assert np.allclose(g[:3, 2], turn[:, 2], rtol=0.0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_molecules_keep_their_total_angular_momentum() -> None:
     """brucefan1983/GPUMD#309, glotzerlab/hoomd-blue#265: angular momentum of free molecules drifted."""
     free = lm.LiePoissonSystem(lm.SE3() ** 5, lm.PerSite(lm.KineticEnergy([1.0, 1.5, 2.0, 1.0, 1.0, 1.0])))

@@ -175,6 +175,7 @@ def primitive(f: lm.PiecewisePolynomial, t: np.ndarray) -> np.ndarray:
     return turns[:, None] * whole + curve(t - turns * length)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "outside"),
     [(lm.RKMK(order=4), "refuse"), (lm.Taylor(order=6), "hold"), (lm.RKMK(order=2), "repeat")],
@@ -241,6 +242,7 @@ def momentum_at_the_end() -> np.ndarray:
     return mu
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "method",
     [
@@ -390,6 +392,7 @@ def test_bodies_with_tables_of_their_own_have_the_bits_of_single_runs(method):
                 assert np.array_equal(together.mu[:, i], alone.mu)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("precision", ["double", pytest.param("double-double", marks=pytest.mark.slow)])
 def test_steps_across_jumps_are_the_same_bits_in_native_code(precision):
@@ -483,6 +486,7 @@ class Pushed(lm.DrivenHamiltonianSystem):
         return 0.5 * p[0] ** 2 + 0.5 * q[0] ** 2 - self.push(t) * q[0]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("until", [3.0, 0.25])
 @pytest.mark.filterwarnings("ignore:integrate. 5 of 5")
 def test_implicit_methods_of_ensembles_see_where_a_table_ends(until):
@@ -510,6 +514,7 @@ class Cam(lm.HamiltonianSystem):
         return 0.5 * p[0] ** 2 + self.potential(q[0])
 
 
+@pytest.mark.slow
 def test_a_table_of_places_is_looked_at_everywhere():
     places = np.linspace(-4.0, 4.0, 401)
     cam = Cam(lm.PiecewisePolynomial.cubic(places, 0.5 * places**2))  # to rounding a harmonic one
@@ -519,6 +524,7 @@ def test_a_table_of_places_is_looked_at_everywhere():
         assert np.abs(run.q[:, 0] - exact).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_stages_beyond_a_step_see_a_fine_table_as_it_is():
     # substeps of the triple jump leave the step by a third of it, forty intervals
     from liemech.tableaus.compositions import TRIPLE_JUMP4
@@ -534,6 +540,7 @@ def test_stages_beyond_a_step_see_a_fine_table_as_it_is():
     assert errors[0] < 2e-4 and errors[0] / errors[1] > 12.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
 def test_stages_beyond_a_step_do_not_look_behind_a_jump(outside):
     from liemech.tableaus.compositions import TRIPLE_JUMP4, YOSHIDA6
@@ -550,6 +557,7 @@ def test_stages_beyond_a_step_do_not_look_behind_a_jump(outside):
             assert np.abs(run.mu[-1] - exact).max() < 2e-6
 
 
+@pytest.mark.slow
 def test_native_code_is_one_for_tables_of_all_lengths_and_has_the_bits_of_python():
     long = np.linspace(0.0, 10.0, 3000)
     short, many = (
@@ -627,6 +635,7 @@ def test_a_table_shows_its_ends():
 ODD_TIMES = (0.0, -0.0, 1e-300, 1e300, np.inf, -np.inf, np.nan)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.filterwarnings("ignore:invalid value")
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
 def test_no_formula_reads_beyond_a_table(monkeypatch, outside):

@@ -353,6 +353,7 @@ def test_on_driven_systems(system: Any, start: Any, method: lm.Method, sigma: An
     assert (sizes[1] - sizes[0]) / (2.0 * e) == pytest.approx(bound.growth(system, t, here), rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_driven_systems_native_and_plain() -> None:
     for system, start, method, sigma in (DRIVEN[0], DRIVEN[3]):
