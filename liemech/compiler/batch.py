@@ -80,7 +80,7 @@ def evaluate_rows(batch: Batch) -> Any:
         return _finished(batch, *ready, [])
     values = [batch.row(0)]
     job = job_of(batch, values[0]) if n >= FEW else None
-    run = _known(job) if job is not None and key in _native else None
+    run = _ready_made(kernel.known, job) if job is not None and key in _native else None
     if run is not None and job is not None:
         return _finished(batch, job, run, values)
     started, before, looked = time.thread_time(), _spent.get(key, 0.0), False
@@ -92,7 +92,7 @@ def evaluate_rows(batch: Batch) -> Any:
         spent = time.thread_time() - started  # asked after 1, 2, 4, 8, ... rows
         expected = before + spent * (n - 1) / done
         if expected > DISK and before + spent > NOISE and not looked:
-            run, looked = _stored(job), True
+            run, looked = _ready_made(kernel.stored, job), True
         if expected > WORTH + ROWS * spent / done and before + spent > NOISE and run is None:
             run = compiled(each, job, batch, _lanes())
             job = None if run is None else job
@@ -117,9 +117,7 @@ def _form(batch: Batch) -> Any:
 
 
 def _of_this_form(batch: Batch) -> tuple[Job, kernel.Kernel] | None:
-    """The job and its native code, if a batch like this one had them and what was compiled is what
-    is there now.
-    """
+    """The job and its kernel, if a batch of this form had them and nothing that the kernel has read has changed."""
     form = _form(batch)
     entry = _ready.get(form)
     run = entry[1]() if entry is not None and kernel.available() is None else None
@@ -138,8 +136,7 @@ WIDEST = 8
 
 
 class Driver:
-    """A driver of rows: what it does, NumPy does too, all at once, until native code pays; both
-    must give the same bits.
+    """A driver of rows, done by NumPy for all rows at once until native code pays; both give the same bits.
 
     driver : of values, and of two arrays: it reads the number in a row of the first and fills the
     row of the second.
@@ -154,9 +151,7 @@ class Driver:
     def rows(
         self, values: Values, x: np.ndarray, width: int, in_numpy: Callable[[np.ndarray, np.ndarray], None]
     ) -> np.ndarray:
-        """A row of so many numbers for every x, (n,).  in_numpy : fills them, given x and the rows,
-        without native code.
-        """
+        """A row of `width` numbers for every x, (n,).  in_numpy : fills the rows without native code, given x and them."""
         n = len(x)
         xs, outputs = np.zeros((n + -n % WIDEST, 1)), np.empty((n + -n % WIDEST, width))
         xs[:n, 0] = x
@@ -188,7 +183,7 @@ class Driver:
 
 
 class Values:
-    """Values as a driver gets them: looked at and laid out once."""
+    """Arguments of a driver with their layouts and numbers."""
 
     def __init__(self, *values: Any) -> None:
         self.values = values
@@ -217,13 +212,13 @@ class Job:
     """The arguments of the formula that are the same for all rows."""
 
     def kept(self, batch: Batch) -> Job:
-        """The job without the owner, group and values of the batch, which may be freed."""
+        """The job without owner, group and values of its batch, so that they may be freed."""
         static = {k: None if k in batch.rest else default for k, default in self.static.items()}
         *_, plan, _, results = self.arguments
         return dataclasses.replace(self, arguments=(plan, (), results), static=static)
 
     def for_batch(self, batch: Batch) -> Job:
-        """The job for another batch of its form, with the numbers of that batch."""
+        """The job for a batch of the same form."""
         static = self.static | batch.rest
         *_, plan, _, results = self.arguments
         arguments = (batch.formula, batch.owner, batch.group, MEMBERSHIP, plan, tuple(static.values()), results)
@@ -269,25 +264,17 @@ def _lanes() -> tuple[int, int]:
     return kernel.width(), 1
 
 
-def _known(job: Job) -> kernel.Kernel | None:
-    """The kernel of a job, if this process has one already."""
+def _ready_made(find: Callable[..., kernel.Kernel | None], job: Job) -> kernel.Kernel | None:
+    """The kernel of a job, if there is one already.  find : `kernel.known`, in this process, or `kernel.stored`, on disk."""
     if kernel.available() is not None:
         return None
-    kernels = (kernel.known(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
-    return next((run for run in kernels if run is not None), None)
-
-
-def _stored(job: Job) -> kernel.Kernel | None:
-    """The kernel of a job, if it is on disk."""
-    if kernel.available() is not None:
-        return None
-    kernels = (kernel.stored(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
+    kernels = (find(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
     return next((run for run in kernels if run is not None), None)
 
 
 def compiled(driver: Callable[..., None], job: Job, batch: Batch, several: tuple[int, ...]) -> kernel.Kernel | None:
-    """The kernel of a job for the first of these numbers of lanes that the formula admits, compiled now; None if none
-    is admitted, which is told once and remembered.
+    """The kernel of a job for the first number of lanes that the formula admits, compiled if need be; None, after a
+    warning, if it admits none, and from then on.
     """
     if kernel.available() is not None:
         return None
@@ -304,9 +291,7 @@ def compiled(driver: Callable[..., None], job: Job, batch: Batch, several: tuple
 
 
 def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> Any:
-    """The results: the values of the first rows, all others from native code, those that it marks
-    from plain Python.
-    """
+    """The results: of the first rows the values, of all others from native code, or from plain Python if it marks them."""
     if values:
         form = _form(batch)
         _ready.pop(form, None)  # what is assigned to stays where it was
@@ -349,8 +334,8 @@ def _put(results: Any, rows: Any, values: Any) -> None:
 
 
 def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
-    """Run from 0 to n, large numbers of rows on all processors; the last rows, too few for all
-    lanes, with some once more.
+    """Run the rows from 0 to n, many of them on all processors; the last ones, too few for all lanes, together with some
+    that are run twice.
     """
     if n < 2 * SHARE:
         run(0, n - n % lanes)
@@ -368,7 +353,7 @@ def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
 
 
 def _in_rows(array: np.ndarray) -> np.ndarray:
-    """The array, or a copy if its rows are no rows of numbers in memory."""
+    """The array, or a copy if the numbers of a row do not lie side by side."""
     if array.strides[0] == 0:
         return np.broadcast_to(np.require(array[:1], requirements=("C", "A")), array.shape)
     whole = array[0].flags.c_contiguous and array.flags.aligned and array.strides[0] % 8 == 0
@@ -381,6 +366,10 @@ def _in_rows(array: np.ndarray) -> np.ndarray:
 def each(
     formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, static: Any, results: Any, suspect: Any, *rows: Any
 ) -> None:
+    """The driver of a batch, for one row: read the arguments, write the results, and mark a row that is not accepted.
+
+    plan : of each argument its index, among the rows or else in `static`, its layout, and whether it must be an element.
+    """
     arguments: list[Any] = []
     for at, layout, _ in plan:
         arguments = [*arguments, static[at] if layout is None else read(rows[at], 0, layout)]

@@ -18,7 +18,7 @@ POINTER = F64.as_pointer()
 
 
 class NativeArray:
-    """An array of float64 with numbers for each body; where they lie, subclasses know."""
+    """An array of float64 with numbers for each body; subclasses know where they lie."""
 
     body: Any = None  # the first of those that run together
 
@@ -26,7 +26,7 @@ class NativeArray:
         self.emitter, self.pointer, self.step = emitter, pointer, step
 
     def first(self, start: Any) -> list[ir.Value]:
-        """The addresses of number `start`, of the bodies that are loaded and stored apart."""
+        """The addresses of number `start`, one for each load or store of the bodies that run together."""
         raise NotImplementedError
 
     def load(self, first: list[ir.Value], i: int) -> Any:
@@ -38,6 +38,7 @@ class NativeArray:
         raise NotImplementedError
 
     def read(self, k: Any, layout: Layout) -> Any:
+        """Row number k, whose layout this is."""
         first = self.first(self.start(k, layout))
         if layout.in_memory:
             return build(in_places(layout), iter([self._part(first, *x) for x in spans(layout)]))
@@ -45,6 +46,7 @@ class NativeArray:
         return build(layout, iter([self._found(self.load(first, i), kind) for i, kind in numbers]))
 
     def write(self, k: Any, value: Any, layout: Layout) -> None:
+        """Set row number k.  Raises NotCompilable for a value of another layout."""
         first = self.first(self.start(k, layout))
         unchanged(value, layout)
         if layout.in_memory:
@@ -60,7 +62,7 @@ class NativeArray:
             self.store(first, i, self._kept(x, kind))
 
     def _part(self, first: list[ir.Value], kind: str, i: int, form: Any) -> Any:
-        """A number, or the place of a copy of what lies in memory."""
+        """A number, or the place of a copy of a large part."""
         if kind != "large":
             return self._found(self.load(first, i), kind)
         large = self.emitter.large
@@ -76,7 +78,7 @@ class NativeArray:
         return e.num([e.builder.mul(e.cast(k, "i", False)[0], width)])
 
     def _found(self, x: Num, kind: str) -> Num:
-        """The number in its kind that lies in memory: integers and truth values as bits."""
+        """A loaded number in its kind: the bits of a float are those of an integer or a truth value."""
         if kind not in ("integer", "truth"):
             return x
         e, b = self.emitter, self.emitter.builder
@@ -84,7 +86,7 @@ class NativeArray:
         return whole if kind == "integer" else whole != 0
 
     def _kept(self, x: Any, kind: str) -> Any:
-        """The float that has the bits of an integer or truth value."""
+        """A number to be stored: of an integer or truth value the float with its bits."""
         if kind not in ("integer", "truth"):
             return x
         e, b = self.emitter, self.emitter.builder
@@ -92,13 +94,13 @@ class NativeArray:
         return e.each(lambda v: b.bitcast(v, e.type("f", varying)), e.cast(x, "i", varying))
 
     def after(self, place: ir.Value, count: Any) -> ir.Value:
-        """The address so many numbers further."""
+        """The address `count` numbers behind a place."""
         count = ir.Constant(I64, count) if isinstance(count, int) else count
         return self.emitter.builder.gep(place, [count], source_etype=F64)
 
 
 def unchanged(value: Any, layout: Layout) -> None:
-    """As `driver.unchanged`, while translating: what is written is what memory was made for."""
+    """`driver.unchanged` while translating: raises NotCompilable for a value that does not fit the layout."""
     actual = carried_layout(value)
     if not fits(actual, layout):
         raise NotCompilable(refusal(actual, layout))
@@ -139,9 +141,7 @@ class NativeColumns(NativeArray):
 
 
 class SiteRows(NativeColumns):
-    """Rows of numbers of all sites of one system, of which each has its place in every row; `body` is
-    the site at hand.
-    """
+    """Rows of numbers with a place for each site of one system; `body` is the present site."""
 
     alone = False
 
@@ -159,7 +159,7 @@ class SiteRows(NativeColumns):
 
 
 class NativeShared(NativeArray):
-    """An array that all bodies share: what is written to it is one value for all of them."""
+    """An array that all bodies share; values written to it must not vary between them."""
 
     def first(self, start: Any) -> list[ir.Value]:
         return [self.after(self.pointer, self.emitter.cast(start, "i", False)[0])]
@@ -257,8 +257,8 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
 
 
 def hidden(emitter: Emitter, kinds: Any, args: list[Any], function: ir.Function) -> tuple[SiteRows, ir.Value, ir.Value]:
-    """Behind the driver's arrays: the rows that loops over sites work in, the place where they say
-    which site has failed, and the words that threads share.
+    """The hidden arguments of loops over sites, behind the driver's arrays: scratch rows, the place for the number of a
+    failed site, and the words that threads share.
     """
     b = emitter.builder
     count = next(a for a, kind in zip(args, kinds, strict=True) if kind == "planes").count

@@ -48,7 +48,7 @@ VARIANTS = 8
 
 @frozen(eq=False)
 class Columns:
-    """An array of numbers, (..., bodies): each body has a column.  So is an array that says nothing."""
+    """An array of numbers, (..., bodies), with a column for each body; a bare array is one, too."""
 
     array: np.ndarray
 
@@ -62,9 +62,7 @@ class Shared:
 
 @frozen(eq=False)
 class Rows:
-    """An array, real or complex, of which each body has a row: they need not be next to each other,
-    and may be all the same.
-    """
+    """An array, real or complex, with a row for each body; rows may have gaps between them, or be all the same one."""
 
     array: np.ndarray
 
@@ -86,13 +84,13 @@ class Several:
 
     @classmethod
     def of(cls, values: Sequence[Any], columns: int) -> Several:
-        """Values for so many columns; the last value is repeated."""
+        """Values for a number of columns; the last value is repeated."""
         numbers = np.array([*map(gatherer(layout_of(values[0])), values)], dtype=float).T
         return cls(tuple(values), np.ascontiguousarray(numbers[:, np.minimum(np.arange(columns), len(values) - 1)]))
 
 
 def examples(args: Sequence[Any]) -> list[Any]:
-    """One value for each argument: of several values the first."""
+    """The arguments, of `Several` values the first."""
     return [a.values[0] if isinstance(a, Several) else a for a in args]
 
 
@@ -266,7 +264,7 @@ _kept: collections.OrderedDict[Any, _Kept] = collections.OrderedDict()
 
 
 def _after_fork() -> None:
-    """The child of a fork makes itself what other threads were making."""
+    """Give the child of a fork locks of its own: the threads that held them are not there."""
     for variants in _kept.values():
         variants.lock = threading.RLock()
 
@@ -281,8 +279,8 @@ if hasattr(os, "register_at_fork"):
 
 @functools.cache
 def _imported() -> None:
-    """The modules that kernels need: a process that is forked while another thread imports them
-    would wait for ever.
+    """Import the modules that kernels need under a lock: a child forked while another thread imports them would wait for
+    ever.
     """
     with _importing:
         from .machine import llvm  # noqa: F401
@@ -298,6 +296,7 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
 
 
 def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: bool) -> Kernel:
+    """The kernel: kept, on disk or, with `make`, compiled.  Raises NotCompilable."""
     _imported()
     key = entry, tuple(map(kind_of, args)), lanes
     variants = _kept.setdefault(key, _Kept())
@@ -372,7 +371,7 @@ def _layout(kind: Kind) -> Any:
 
 
 def _directions(kinds: tuple[Kind, ...]) -> int:
-    """Along how many directions numbers of a driver carry derivatives, at most."""
+    """The largest number of directions along which numbers of a driver carry derivatives."""
     layouts = [x for x in map(_layout, kinds) if isinstance(x, Layout)]
     carried = [x.detail for x in layouts if x.kind == "static" and isinstance(x.detail, Layout)]
     return max([x.directions for x in [*layouts, *carried]], default=0)
@@ -409,8 +408,8 @@ def lanes() -> int:
 
 
 def side_by_side(bodies: int | None) -> int:
-    """The lanes for so many bodies: for a few, such as the directions of a tangent map, one register is enough.  None,
-    one body alone: 0.
+    """The lanes for a number of bodies: one register for a few, such as the directions of a tangent map; 0 for a single
+    body, None.
     """
     if bodies is None:
         return 0
@@ -432,7 +431,7 @@ def translated(entry: Callable[..., Any], *args: Any) -> str:
 def _translated(
     entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, arguments: Sequence[Any] | None = None
 ) -> tuple[Any, str]:
-    """The dependencies of the driver, and the kernel in LLVM's language.
+    """The reads of a translation, and the kernel in LLVM's language.
 
     In lanes each number gets a register, and two if the kernel is short.  One that is long is made
     in half the time, and is the faster one too, because the others would not find room beside each
@@ -456,7 +455,7 @@ def _translated(
 def _translation(
     entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, values: Sequence[Any] | None, limit: int
 ) -> tuple[Any, str]:
-    """A loop over bodies around the driver, inlined, of at most so many instructions."""
+    """The reads, and in LLVM's language the driver in a loop over bodies, of `limit` instructions at most."""
     with _importing:
         from llvmlite import ir
 

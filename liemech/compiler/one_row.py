@@ -1,7 +1,7 @@
 """One row in native code: a method called with one array for each argument, again and again.
 
-Its arguments are copied to one place in memory, where native code reads them, checks them and writes
-the results.  What it marks, and what it cannot take, goes the way of plain Python, whose word counts.
+Its arguments are copied to one place in memory, where native code reads and checks them and writes the results.
+Rows that it marks or cannot take are evaluated in plain Python.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _spent: dict[Any, float] = {}
 _adding = threading.Lock()
 
 PATIENCE = 0.05
-"""Seconds to wait for another thread, before plain Python is asked."""
+"""Seconds to wait for another thread before plain Python gives the result."""
 
 
 def prepare(row: OneRow, args: tuple[Any, ...], result: Any) -> None:
@@ -58,7 +58,7 @@ def prepare(row: OneRow, args: tuple[Any, ...], result: Any) -> None:
 
 
 def _alone(*args: Any) -> None:
-    """The driver of a batch, under a name of its own: batches look for code that takes several rows."""
+    """`batch.each` as a separate driver, since batches look for kernels of it that take several rows."""
     batch.each(*args)
 
 
@@ -101,7 +101,7 @@ class Native:
         ]
 
     def __call__(self, owner: Any, args: tuple[Any, ...]) -> Any:
-        """The result, or None if plain Python has to be asked."""
+        """The result; None if plain Python has to give it."""
         if (owner is not self.owner and owner != self.owner) or len(args) != len(self.shapes):
             return None
         for value, shape, dtype in zip(args, self.shapes, self.dtypes):

@@ -14,7 +14,7 @@ import pytest
 import liemech as lm
 from liemech.compiler.changes.content_hashes import Known, digest
 from liemech.compiler.changes.dependencies import Reads
-from liemech.compiler.changes.staleness import Guard, Step, asked
+from liemech.compiler.changes.staleness import Guard, Step, value_read
 
 TEXT = """
 import functools
@@ -84,7 +84,7 @@ def guarded(paths: tuple[Step, ...] = PATHS) -> tuple[Any, Guard]:
     exec(TEXT, vars(module))
     values: list[Any] = []
     for parent, how, name in paths:
-        values.append(asked(values[parent] if parent >= 0 else (vars(module)["formula"], ()), how, name))
+        values.append(value_read(values[parent] if parent >= 0 else (vars(module)["formula"], ()), how, name))
     known: Known = {}
     return module, Guard(list(paths), values, ["", *[digest(x, known) for x in values[1:]]], known)
 
@@ -170,6 +170,6 @@ def test_equal_systems_take_turns_without_a_comparison_of_all_that_was_read(monk
         top = lm.models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
         plans.append((lm.Plan(top, lm.RKMK(order=4), 0.01, compiled=True), top.state([0.1, 0.2, 1.0], np.eye(3))))
     first = [[plan.run(start, steps=3).mu for plan, start in plans] for _ in range(2)]
-    monkeypatch.setattr(Reads, "_found_from", None)  # whoever follows paths now fails
+    monkeypatch.setattr(Reads, "_values_from", None)  # whoever follows paths now fails
     again = [plan.run(start, steps=3).mu for plan, start in plans]
     assert all(np.array_equal(x, y) for x, y in zip(first[0], again, strict=True))

@@ -109,11 +109,11 @@ def test_complex_rows() -> None:
     given = (np.arange(16.0) + 1j).reshape(8, 2)
     fence = guard_words.Fence(given[::2])
     fence.inside[0, 1] = np.array([5.0, 7.0]).view(np.int64)
-    assert fence.back()
+    assert fence.copy_back()
     assert given[0, 1] == 5.0 + 7.0j and given[1, 1] == 3.0 + 1.0j
 
 
 def test_a_number_alone() -> None:
     fence = guard_words.Fence(np.zeros(1))
     fence.memory[0] = 0
-    assert not fence.back() and NUMBER.width == 1
+    assert not fence.copy_back() and NUMBER.width == 1

@@ -119,11 +119,11 @@ def everything(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) 
     monkeypatch.setattr(memory_loops, "TERMS", 0)
     if request.param == "general":
         monkeypatch.setattr(native_functions, "RETURNED", 0)
-        monkeypatch.setattr(inlining.Outliner, "_chosen", lambda self, call: (call.general, True))
+        monkeypatch.setattr(inlining.Outliner, "_form_of_function", lambda self, call: (call.general, True))
 
 
 def _at_once(self: Any, frame: Any) -> Any:
-    self.large.add(frame.source.function)
+    self.costly.add(frame.source.function)
     return _enter(self, frame)
 
 

@@ -47,7 +47,7 @@ identity tells apart.
 
 
 def digest(value: Any, namesakes: Known | None = None) -> str:
-    """The token of a value, as a short text; the first of its name has no number, another one has."""
+    """The token of a value, as a short text.  Objects that only identity tells apart are numbered from the second on."""
     return hashlib.sha256(repr(_token(value, {} if namesakes is None else namesakes)).encode()).hexdigest()[:32]
 
 
@@ -107,8 +107,8 @@ def is_mutable(value: Any) -> bool:
 
 
 def known(value: Any, inside: bool = True) -> bool:
-    """Whether the token tells all about a value (and, `inside`, about its parts), so that Python may compute with it
-    before the run.
+    """Whether the token of a value (and, `inside`, those of its parts) tells all about it, so that Python may compute with
+    it before the run.
     """
     if isinstance(value, StandIn) or type(value) in ATOMS or type(value) in MADE or is_own(value):
         return True
@@ -133,7 +133,7 @@ _ARRAYS = np.ndarray, np.memmap
 
 
 def has_content(value: Any) -> bool:
-    """Whether a value has content that a digest can tell, beside its class."""
+    """Whether the token of a value depends on more than its class."""
     return _head(value, {}) is not None
 
 
@@ -193,7 +193,7 @@ _MAKERS = {"enum", "dataclasses", "collections", "typing"}
 
 
 def looks_itself(value: Any) -> bool:
-    """Whether a class of the user's says how an object, or one in it, looks as a text."""
+    """Whether a user's class writes the text of an object, or of a part of it: `__repr__`, `__str__`, ..."""
     written = any(
         name in vars(c) and _is_written(vars(c)[name])
         for c in type(value).__mro__ if of_python(c)
@@ -203,8 +203,8 @@ def looks_itself(value: Any) -> bool:
 
 
 def is_own(value: Any) -> bool:
-    """Numbers, vectors, functions and modules the compiler itself computes with: the disk key
-    covers their source.
+    """Whether a value is of the compiler or of formulas, whose source is in the key on disk: numbers, vectors, functions,
+    modules.
     """
     if isinstance(value, types.ModuleType):
         return value.__name__.startswith(_OWN)
@@ -233,8 +233,8 @@ def _token(value: Any, namesakes: Known) -> Any:
 
 
 def _together(value: Any) -> str | None:
-    """A hash of all entries of a tuple or list at once: of floats their bits; of numbers, texts and
-    tuples and lists of these, as far as it tells them apart, their text.
+    """A hash of all entries of a tuple or list at once, of the bits of floats, or of the text of numbers, texts, and
+    tuples and lists of these; None where a text does not tell entries apart.
     """
     if {*map(type, value)} == {float}:
         content = array("d", value).tobytes()
@@ -315,7 +315,7 @@ def _named(value: Any, namesakes: Known) -> str:
 
 
 def _one_of(common: Any, value: Any, namesakes: Known) -> str:
-    """The place of a value among those of one token so far, '#1' for the second; '' for the first."""
+    """The number of a value among its namesakes so far: '' for the first, '#1' for the second."""
     met = namesakes.setdefault(common, [])
     number = next((i for i, x in enumerate(met) if x is value), len(met))
     if number == len(met):

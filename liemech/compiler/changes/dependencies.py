@@ -27,11 +27,15 @@ from ...formulas.numbers.bases import StandIn
 from ..translation.source import Source
 from . import content_hashes
 from .content_hashes import ATOMS, Known, digest, inner, is_own, of_python, parts
-from .staleness import MISSING, RELATIONS, Guard, Step, asked, member_of
+from .staleness import MISSING, RELATIONS, Guard, Step, member_of, value_read
 
 
 class Reads:
-    """The reads of one translation."""
+    """The reads of one translation.
+
+    Objects are known by their identity: `_origins` has the holder of each, and how it is reached from there,
+    `_numbers_of_values` the number of the read that led to it.
+    """
 
     def __init__(self, entry: Callable[..., Any]) -> None:
         self.entry = entry
@@ -39,31 +43,28 @@ class Reads:
         self.values: list[Any] = []
         self.tokens: list[str] = []  # empty for a part of something that has one
         self._numbers: dict[Step, int] = {}
-        self._led: dict[int, int] = {}  # by the identity of a value, the read that led to it
-        # by the identity of a value: its holder, and how it is reached
+        self._numbers_of_values: dict[int, int] = {}
         self._origins: dict[int, tuple[Any, str, Any]] = {}
-        # by the identity of the compiler's copy of an argument: the argument
-        self._given: dict[int, Any] = {}
-        # by the identity of a record with parts exchanged: the record as it was read
-        self._before: dict[int, Any] = {}
-        self._twice: set[int] = set()  # what several paths lead to, by identity
-        self._alive: list[Any] = [entry]
+        self._arguments: dict[int, Any] = {}  # for the compiler's copy of an argument, the argument
+        self._unexchanged: dict[int, Any] = {}  # for a record with parts exchanged, the record that was read
+        self._of_several_paths: set[int] = set()
+        self._references: list[Any] = [entry]  # no other object gets the identity of one of these
         self.known: Known = {}
         self._spaces: dict[int, Any] = {}  # a function for each module
         self._guard: Guard | None = None
         self._origins[id(entry)] = None, "entry", 0
 
     def argument(self, index: int, copy: Any, value: Any) -> None:
-        """The compiler computes with a copy of an argument, whose numbers are those of native code."""
-        self._admit(copy, value, None, "argument", index)
+        """Note the copy of an argument with which the compiler computes: its numbers are those of native code."""
+        self._note_origin(copy, value, None, "argument", index)
 
     def exchanged(self, new: Any, before: Any) -> None:
-        """A record is another one with parts exchanged: what that one has beside its fields, and
-        constants that Python computes of them, are its own too.
+        """Note that a record is `before` with parts exchanged: its attributes beside the fields, and constants that
+        Python computes of these, are read from `before`.
         """
         if new is not before:
-            self._before[id(new)] = before
-            self._alive.append(new)
+            self._unexchanged[id(new)] = before
+            self._references.append(new)
 
     # -------------------------------------------------------------- questions of the translation
 
@@ -82,7 +83,7 @@ class Reads:
         return self._read(self._spaces.setdefault(id(function.__globals__), function), "global", name)
 
     def class_of(self, value: Any) -> type:
-        """The class of an object, which may get another one."""
+        """The class of an object; a read, since `__class__` may be set."""
         if (
             id(value) in self._origins
             and of_python(type(value))
@@ -97,9 +98,7 @@ class Reads:
         return dataclasses.fields(cls)
 
     def construction(self, cls: type) -> str:
-        """The method of the user's own that runs when a record of this class is made; '' if there is
-        none.
-        """
+        """The name of a user's method that runs when a record of this class is made; '' if there is none."""
         for name in ("__new__", "__init__", "__post_init__"):
             home = next(c for c in cls.__mro__ if name in vars(c))
             member = self._read(cls, "attribute", name)
@@ -116,7 +115,7 @@ class Reads:
 
     def has(self, value: Any, name: str) -> bool:
         """Whether a value has an attribute: hasattr(value, name)."""
-        if id(value) in self._given or (isinstance(value, Record) and id(value) not in self._origins):
+        if id(value) in self._arguments or (isinstance(value, Record) and id(value) not in self._origins):
             return name in vars(value) or self._read(type(value), "has", name)
         outside = of_python(type(value)) or isinstance(value, (type, types.ModuleType, types.FunctionType))
         if not outside and (id(value) not in self._origins or content_hashes.known(value, False)):
@@ -131,14 +130,12 @@ class Reads:
         return member_of(cls, 0, name) is not MISSING
 
     def identical(self, left: Any, right: Any) -> bool:
-        """`left is right`.  Of records and containers it is written down: nothing else tells that
-        two names have one.
-        """
+        """`left is right`; a read, for records and containers."""
         pair, kinds = (left, right), (type(left), type(right))
         if any(x is None or isinstance(x, _OF_ONE_NAME) for x in pair) or kinds[0] is not kinds[1]:
             return left is right
         paths = [id(x) in self._origins for x in pair]
-        if left is right and id(left) not in self._twice:
+        if left is right and id(left) not in self._of_several_paths:
             return True
         if not content_hashes.has_content(left) and all(paths):
             return left is right  # its token says which object it is
@@ -150,9 +147,7 @@ class Reads:
         return self._related(left, "is", right)
 
     def instance(self, value: Any, kinds: Any) -> bool:
-        """`isinstance(value, kinds)`.  Of classes that decide it themselves (abstract ones, protocols)
-        it is written down.
-        """
+        """`isinstance(value, kinds)`; a read, for classes that decide it themselves (abstract ones, protocols)."""
         self.class_of(value)
         is_instance = False
         for kind in kinds if isinstance(kinds, tuple) else typing.get_args(kinds) or (kinds,):
@@ -173,7 +168,7 @@ class Reads:
         return is_instance
 
     def _related(self, left: Any, how: str, right: Any) -> bool:
-        """The relation of two things from outside, written down."""
+        """A relation of two objects from outside, as a read."""
         step = self._number(left), how, self._number(right)
         if step not in self._numbers:
             value = RELATIONS[how](self.values[step[0]], self.values[step[2]])
@@ -181,8 +176,8 @@ class Reads:
         return bool(self.values[self._numbers[step]])
 
     def settled(self, *values: Any, inside: bool = False) -> None:
-        """Refuse to let Python compute with objects (`inside`: or containers of such) whose code or
-        content nobody has read.
+        """Raise NotCompilable before Python computes with an object (`inside`: or a container of such) whose code or
+        content has not been read.
         """
         for value in values:
             if isinstance(value, StandIn) or type(value) in ATOMS:
@@ -201,9 +196,7 @@ class Reads:
             self._unwritten(value, inside)
 
     def _unwritten(self, value: Any, inside: bool) -> None:
-        """Write down that the class of a value (`inside`: and of its parts) has no operators of its
-        own; it may get some.
-        """
+        """Note that the class of a value (`inside`: and of its parts) defines no operators, as it may later."""
         cls = type(value)
         if of_python(cls) and id(cls) in self._origins:
             self._read(cls, "plain", "")
@@ -237,10 +230,10 @@ class Reads:
         member = member_of(cls, after, name)
         attributes = getattr(owner, "__dict__", {}) if after == 0 else {}
         if name in attributes and not hasattr(type(member), "__set__"):
-            copied = id(owner) in self._given or id(owner) not in self._origins
+            copied = id(owner) in self._arguments or id(owner) not in self._origins
             return attributes[name] if copied else self._read(owner, "attribute", name)
-        if member is MISSING and id(owner) in self._before:
-            return self.attribute(self._before[id(owner)], name, call)
+        if member is MISSING and id(owner) in self._unexchanged:
+            return self.attribute(self._unexchanged[id(owner)], name, call)
         if member is MISSING or "__getattribute__" in {n for c in cls.__mro__[:-1] for n in vars(c)}:
             return self._read(owner, "attribute", name)
         if after == 0 and hasattr(owner, "__dict__") and not isinstance(owner, Record):
@@ -265,26 +258,24 @@ class Reads:
             computed = call(member.fget, owner)
             # a constant of the owner
             if isinstance(computed, Record) and id(owner) in self._origins and not varies(computed):
-                self._admit(computed, computed, owner, "property", name)
+                self._note_origin(computed, computed, owner, "property", name)
             return computed
         if isinstance(member, functools.cached_property):
             return self._cached(member, owner, name, call)
         return self._read(owner, "attribute", name)
 
     def _cached(self, member: Any, owner: Any, name: str, call: Callable[..., Any]) -> Any:
-        """A cached property: a constant that Python computes, or a formula where it depends on
-        numbers of the run.
-        """
-        if id(owner) in self._before:
+        """The value of a cached property: computed by Python, or by a formula if it depends on numbers of the run."""
+        if id(owner) in self._unexchanged:
             try:
-                value = self.attribute(self._before[id(owner)], name, call)
+                value = self.attribute(self._unexchanged[id(owner)], name, call)
             except NotCompilable:
                 return call(member.func, owner)
             return call(member.func, owner) if varies(value) else value
         if id(owner) not in self._origins:
             return call(member.func, owner)
         if self._is_made(owner):
-            self._glance(member.func, type(owner), set())
+            self._note_names(member.func, type(owner), set())
         if varies(owner):
             try:
                 value = getattr(owner, name)
@@ -304,13 +295,13 @@ class Reads:
         return id(value) not in self._origins or self._is_made(value)
 
     def _is_made(self, value: Any) -> bool:
-        """Whether a property makes the value anew each time, so that it cannot be looked at again."""
+        """Whether a property makes the value, or its holder, anew at every read."""
         holder, how, _ = self._origins.get(id(value), (None, "", ""))
         return how == "property" or (holder is not None and self._is_made(holder))
 
-    def _glance(self, function: Any, cls: type, visited: set[int]) -> None:
-        """Write down what a function that Python runs names, and what the functions among that
-        name.
+    def _note_names(self, function: Any, cls: type, visited: set[int]) -> None:
+        """Note the code, the globals and the members that a function which Python runs names, and the functions among
+        them in turn.
         """
         if not isinstance(function, types.FunctionType) or id(function) in visited or is_own(function):
             return
@@ -319,26 +310,27 @@ class Reads:
         self._read(formula, "attribute", "__code__")
         for name in content_hashes.names(formula.__code__):
             if name in formula.__globals__:
-                self._glance(self.outer(formula, name), cls, visited)
+                self._note_names(self.outer(formula, name), cls, visited)
             member = member_of(cls, 0, name)
             if member is not MISSING:
                 member = self._read(cls, "member 0", name)
-                self._glance(getattr(member, "fget", None) or getattr(member, "func", member), cls, visited)
+                self._note_names(getattr(member, "fget", None) or getattr(member, "func", member), cls, visited)
 
     # -------------------------------------------------------------- the record
 
     def _read(self, holder: Any, how: str, name: Any) -> Any:
-        """The value that the holder gives, written down."""
+        """The value of a read, which is noted."""
         step = self._number(holder), how, name
         if step[0] is _OWN:
-            return asked(holder, how, name)
+            return value_read(holder, how, name)
         if step not in self._numbers:
-            value = asked(self.values[step[0]], how, name)
+            value = value_read(self.values[step[0]], how, name)
             self._note(step, value, digest(value, self.known))
-            self._admit(value, value, holder, how, name)
+            self._note_origin(value, value, holder, how, name)
         return self.values[self._numbers[step]]
 
     def _note(self, step: Step, value: Any, token: str) -> int:
+        """Add a read; its number."""
         number = self._numbers[step] = len(self.steps)
         self.steps.append(step)
         self.values.append(value)
@@ -347,8 +339,8 @@ class Reads:
 
     def _number(self, value: Any) -> Any:
         """The number of the read that led to a value."""
-        if id(value) in self._led:
-            return self._led[id(value)]
+        if id(value) in self._numbers_of_values:
+            return self._numbers_of_values[id(value)]
         origin = self._origins.get(id(value))
         if origin is None:
             if is_own(value):
@@ -359,48 +351,46 @@ class Reads:
         holder, how, name = origin
         step = (-1 if holder is None else self._number(holder)), how, name
         if step not in self._numbers:
-            self._note(step, self._given.get(id(value), value), "")
-        self._led[id(value)] = self._numbers[step]
+            self._note(step, self._arguments.get(id(value), value), "")
+        self._numbers_of_values[id(value)] = self._numbers[step]
         return self._numbers[step]
 
-    def _admit(self, copy: Any, value: Any, holder: Any, how: str, name: Any) -> None:
-        """Remember where a value comes from, and the parts of it.  A copy of an argument stands for
-        the argument.
-        """
+    def _note_origin(self, copy: Any, value: Any, holder: Any, how: str, name: Any) -> None:
+        """Note where a value and its parts come from.  copy : of an argument, in its place; else the value."""
         if type(copy) in ATOMS or isinstance(copy, StandIn):
             return
-        self._alive.append(copy)
+        self._references.append(copy)
         if copy is not value:
-            self._alive.append(value)
-            self._given[id(copy)] = value
+            self._references.append(value)
+            self._arguments[id(copy)] = value
         if id(copy) in self._origins:
             before = self._origins[id(copy)]
             if before[0] is not holder or before[1:] != (how, name):
-                self._twice.add(id(copy))
+                self._of_several_paths.add(id(copy))
             return
         self._origins[id(copy)] = holder, how, name
         if copy is value:
             for relation, key, part in inner(value):
-                self._admit(part, part, value, relation, key)
+                self._note_origin(part, part, value, relation, key)
         else:
             for (relation, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
-                self._admit(part, actual, copy, relation, key)
+                self._note_origin(part, actual, copy, relation, key)
         cls = type(copy)
         if of_python(cls) and id(cls) not in self._origins:
-            self._admit(cls, cls, copy, "class", "")
+            self._note_origin(cls, cls, copy, "class", "")
 
     def copied(self, copy: Any, value: Any) -> None:
-        """A copy with other numbers, those of a native function, comes from where the value does."""
+        """Note a copy with the numbers of a native function: its origin is that of the value."""
         if id(value) in self._origins and id(copy) not in self._origins:
-            self._alive.append(copy)
+            self._references.append(copy)
             self._origins[id(copy)] = self._origins[id(value)]
-            self._given[id(copy)] = self._given.get(id(value), value)
+            self._arguments[id(copy)] = self._arguments.get(id(value), value)
         self.made_again(copy, value)
 
     def made_again(self, copy: Any, value: Any) -> None:
-        """A record like one that may have had parts exchanged."""
-        if id(value) in self._before and id(copy) not in self._before:
-            self.exchanged(copy, self._before[id(value)])
+        """Note a record made like another, in which parts may have been exchanged."""
+        if id(value) in self._unexchanged and id(copy) not in self._unexchanged:
+            self.exchanged(copy, self._unexchanged[id(value)])
 
     # -------------------------------------------------------------- comparison
 
@@ -418,14 +408,14 @@ class Reads:
 
     def follow(self, args: Sequence[Any]) -> bool:
         """Follow all paths from these arguments; True if the tokens of the values there are those written down."""
-        followed = self._found_from(args)
+        followed = self._values_from(args)
         if followed is None:
             return False
         (self.values, self.known), self._guard = followed, None
         return True
 
-    def _found_from(self, args: Sequence[Any]) -> tuple[list[Any], Known] | None:
-        """The values at the ends of the paths from these arguments; None if some of them have changed."""
+    def _values_from(self, args: Sequence[Any]) -> tuple[list[Any], Known] | None:
+        """The values of all reads from these arguments, and their namesakes; None if one has another token."""
         values: list[Any] = []
         namesakes: Known = {}
         try:
@@ -433,7 +423,7 @@ class Reads:
                 values.append(
                     RELATIONS[how](values[parent], values[name])
                     if how in RELATIONS
-                    else asked(values[parent] if parent >= 0 else (self.entry, args), how, name)
+                    else value_read(values[parent] if parent >= 0 else (self.entry, args), how, name)
                 )
                 if token and digest(values[-1], namesakes) != token:
                     return None
@@ -450,13 +440,11 @@ class Reads:
 
     def guard_of(self, args: Sequence[Any]) -> Guard | None:
         """A guard for other arguments, from which the paths lead to the same tokens; None if they do not."""
-        followed = self._found_from(args)
+        followed = self._values_from(args)
         return None if followed is None else Guard(self.steps, followed[0], self.tokens, followed[1])
 
     def unchanged(self, args: Sequence[Any]) -> bool:
-        """Whether all that was read is what it was: the same objects, in a few microseconds, or others with the same
-        tokens.
-        """
+        """Whether all reads give the values that they gave: in microseconds by identity, else by tokens."""
         verdict = self.guard.verdict(args)
         return self.follow(args) if verdict is None else verdict
 

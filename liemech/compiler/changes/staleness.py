@@ -22,7 +22,7 @@ from .content_hashes import ATOMS, Known, digest, is_mutable, same
 from .words import Word, Words, words_of
 
 Step = tuple[int, str, Any]
-"""The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
+"""A read: the number of the read that led to the holder (-1: none), the kind of the read, and its name."""
 
 MISSING = object()
 
@@ -39,11 +39,12 @@ RELATIONS: dict[str, Callable[[Any, Any], bool]] = {"is": operator.is_, "isinsta
 
 
 class Guard:
-    """Compares the values of reads with the present ones: by the words of memory that change with them,
-    and of the others by one expression of all comparisons, written and compiled for them.
+    """Compares the values of reads with the present ones: some by words of memory that change with them, all others by
+    one expression, which is written and compiled for them.
 
-    Where it does not hold, every read is asked for anew, one after the other, which tells what is
-    different.
+    Where that does not hold, the reads are made again one by one, which shows what has changed.
+    compared, pairs, of_arguments, mutable : the numbers of reads by identity, of relations, of parts of the arguments
+    (each with its path), and of values whose content can change.  paths : from the arguments; None for other reads.
     """
 
     def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str], namesakes: Known) -> None:
@@ -80,14 +81,14 @@ class Guard:
                 self.compared.append(i)
             if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
                 self.mutable.append(i)
-        # words, and expressions of the reads that these do not show
+        # words, and expressions for the reads that have no words
         self.glance: tuple[Words, list[Callable[[Sequence[Any], list[Any]], bool]]] | None = None
         self.words: dict[int, list[Word]] = {}
         self.restless: collections.Counter[int] = collections.Counter()
-        self.others: list[Any] = []  # what the expressions need beside the values
+        self.literals: list[Any] = []  # objects in expressions that are values of no read
 
     def _words(self) -> dict[int, list[Word]]:
-        """The words that change with reads, as they are now; none of those that often change otherwise."""
+        """The present words of the reads; none for reads whose words often change for other reasons."""
         shown = {}
         for i in self.compared:
             parent, how, name = self.steps[i]
@@ -122,9 +123,9 @@ class Guard:
             comparisons.append(f"{self._along(path)} is _values[{i}]")
         for pair, i in self.pairs:
             left, right = [f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k]) for k in pair]
-            related = self._other(RELATIONS[self.steps[i][1]])
+            related = self._literal(RELATIONS[self.steps[i][1]])
             comparisons.append(f"{related}({left}, {right}) is {self.values[i]}")
-        same = [_expression(comparisons, namespace | {f"o{i}": value for i, value in enumerate(self.others)})]
+        same = [_expression(comparisons, namespace | {f"o{i}": value for i, value in enumerate(self.literals)})]
         for holder, names in modules.values():
             expression = _expression(names, holder.__globals__)
             same.append(expression if expression.__builtins__ is holder.__builtins__ else _never)
@@ -134,41 +135,41 @@ class Guard:
         """An expression for the value at the end of a path from the arguments."""
         now = "_args"
         for how, name in path:
-            now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
+            now = f"{now}[{name}]" if how == "argument" else self._read_expression(now, how, name)
         return now
 
     def _comparison(self, i: int, holder: Any, how: str, name: Any) -> str:
         """An expression that is true while read number i gives what it gave."""
         now, then = f"v{self.steps[i][0]}", f" is v{i}"
         if how == "cell":
-            return f"{self._other(holder.__closure__[holder.__code__.co_freevars.index(name)])}.cell_contents{then}"
+            return f"{self._literal(holder.__closure__[holder.__code__.co_freevars.index(name)])}.cell_contents{then}"
         if how.startswith("member"):
             after = int(how.partition(" ")[2])
             # Python code answers for it, and takes its time
             if isinstance(self.values[i], functools.cached_property):
-                spaces = [self._other(vars(c)) for c in holder.__mro__[after:]]
+                spaces = [self._literal(vars(c)) for c in holder.__mro__[after:]]
                 home = next(k for k, c in enumerate(holder.__mro__[after:]) if name in vars(c))
                 hidden = [f"{name!r} not in {space} and " for space in spaces[:home]]
-                return f"{now}.__mro__ is {self._other(holder.__mro__)} and {''.join(hidden)}{spaces[home]}[{name!r}]{then}"
+                return f"{now}.__mro__ is {self._literal(holder.__mro__)} and {''.join(hidden)}{spaces[home]}[{name!r}]{then}"
             view = super(holder.__mro__[after - 1], holder) if after else holder
             if getattr(view, name, MISSING) is self.values[i]:
-                return self._asked(self._other(view) if after else now, "attribute", name) + then
-        return self._asked(now, how, name) + then
+                return self._read_expression(self._literal(view) if after else now, "attribute", name) + then
+        return self._read_expression(now, how, name) + then
 
-    def _other(self, value: Any) -> str:
-        """A value that is no read, as a text."""
-        self.others.append(value)
-        return f"o{len(self.others) - 1}"
+    def _literal(self, value: Any) -> str:
+        """The name, in an expression, of an object that is the value of no read."""
+        self.literals.append(value)
+        return f"o{len(self.literals) - 1}"
 
-    def _asked(self, holder: str, how: str, name: Any) -> str:
-        """A question to a holder, as a text."""
+    def _read_expression(self, holder: str, how: str, name: Any) -> str:
+        """An expression that makes a read."""
         if how == "attribute" and name.isidentifier() and not keyword.iskeyword(name):
             return f"{holder}.{name}"
-        return f"{self._other(asked)}({holder}, {how!r}, {name!r})"
+        return f"{self._literal(value_read)}({holder}, {how!r}, {name!r})"
 
     def verdict(self, args: Sequence[Any]) -> bool | None:
-        """True if every read gives what it gave, False if one does not; None: there are other objects, and their
-        tokens must tell.
+        """True if every read gives the value that it gave, False if one does not; None if some give other objects, which
+        only tokens can compare.
         """
         glance, words = self.glance, None
         if glance is None or not glance[0].same():
@@ -191,26 +192,27 @@ class Guard:
         return verdict
 
     def _settle(self, words: dict[int, list[Word]]) -> None:
-        """Look at these words from now on, and at what they do not show."""
+        """Compare by these words from now on, and the other reads by expressions."""
         with _settling:
             before, self.words = self.words, words
             self.restless.update([i for i in before if before[i] != words.get(i)])
             if self.glance is None or before.keys() != words.keys():
-                self.others = []
+                self.literals = []
                 expressions = self._expressions(words)
             else:
                 expressions = self.glance[1]
             self.glance = Words([x for group in words.values() for x in group]), expressions
 
     def _content(self) -> bool:
-        """Whether the content that can change in place has its old tokens."""
+        """Whether the values that can change in place still have their tokens."""
         return all(digest(self.values[i], self.known) == self.tokens[i] for i in self.mutable)
 
     def _by_parts(self, args: Sequence[Any]) -> bool | None:
+        """The verdict, read by read."""
         unknown = False
         for i in self.compared:
             parent, how, name = self.steps[i]
-            now, then = asked(self.values[parent], how, name), self.values[i]
+            now, then = value_read(self.values[parent], how, name), self.values[i]
             if now is not then:
                 if type(now) in ATOMS and not same(now, then):
                     return False
@@ -233,17 +235,17 @@ class Guard:
 
     @staticmethod
     def _now(path: Any, args: Sequence[Any]) -> Any:
+        """The present value at the end of a path from the arguments."""
         value: Any = (None, args)
         for how, name in path:
-            value = asked(value, how, name)
+            value = value_read(value, how, name)
         return value
 
 
 def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
-    """A function that says whether all of these hold, where a text sees these names.
+    """The function of arguments and values that is true if all comparisons hold; they see these names.
 
-    A module that has one of the names of its arguments is compared with them, in vain: then
-    everything is asked for anew.
+    A module with a global `_args` or `_values` is compared wrongly, and seems to have changed: then reads are made again.
     """
     return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
 
@@ -260,8 +262,8 @@ def member_of(cls: type, after: int, name: str) -> Any:
     return MISSING
 
 
-def asked(holder: Any, how: str, name: Any) -> Any:
-    """The present answer of a holder to a read."""
+def value_read(holder: Any, how: str, name: Any) -> Any:
+    """The present value of a read.  how : its kind.  name : the attribute, the index, ... that is read."""
     match how.partition(" ")[0]:
         case "attribute" | "property":
             return getattr(holder, name)

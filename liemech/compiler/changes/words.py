@@ -31,24 +31,22 @@ Word = tuple[Any, int, int, int]
 
 
 class Words:
-    """Words that were looked at once: are they still what they were?"""
+    """Words of memory with the values that they had when this object was made."""
 
     def __init__(self, words: Iterable[Word]) -> None:
         by_address = {word[1]: word for word in words}.values()
         self.alive = [word[0] for word in by_address]  # nothing else gets their addresses
         numbers = [x for _, *fields in by_address for x in fields]
         self.block = struct.pack(f"{1 + len(numbers)}Q", len(self.alive), *numbers)
-        self.look = _look() if self.alive else None
+        self.differs = _comparison() if self.alive else None
 
     def same(self) -> bool:
-        """True if every remembered word of memory still has the value that it had when this object was made."""
-        return self.look is None or not self.look(self.block)
+        """Whether every word still has its value."""
+        return self.differs is None or not self.differs(self.block)
 
 
 def words_of(holder: Any, how: str, name: Any, value: Any) -> list[Word]:
-    """Words of which one changes when a read of a holder gives another value than this one; none if it is not
-    known which.
-    """
+    """Words of which one changes when a read of a holder gives another value; none where such words are not known."""
     places, function = _places(), type(holder) is types.FunctionType
     if function and how == "attribute" and name in places:
         return [(holder, id(holder) + places[name], WHOLE, id(value))]
@@ -74,8 +72,8 @@ def _version(holder: Any, at: int, size: struct.Struct) -> Word:
 
 @functools.cache
 def _places() -> dict[str, int]:
-    """The offsets, in bytes from the beginning, of a function's parts and of the version of a class and of a dict; only
-    those that can be told.
+    """The offsets in bytes of the parts of a function, and of the versions of a class and of a dict, by name; only those
+    that were found.
     """
     supported = sys.implementation.name == "cpython" and sys.byteorder == "little"
     if not supported or sysconfig.get_config_var("Py_GIL_DISABLED") or ADDRESS.size != 8:
@@ -107,14 +105,14 @@ def _places() -> dict[str, int]:
     return offsets
 
 
-def _words(thing: Any, size: int, word: struct.Struct) -> list[int]:
-    """The words of an object of so many bytes."""
-    content = ctypes.string_at(id(thing), size // word.size * word.size)
+def _words(holder: Any, size: int, word: struct.Struct) -> list[int]:
+    """The words of the first `size` bytes of an object."""
+    content = ctypes.string_at(id(holder), size // word.size * word.size)
     return [number for (number,) in word.iter_unpack(content)]
 
 
 def _example() -> Any:
-    """A function with parts of its own."""
+    """A function with code and defaults that no other function has."""
 
     def example(x: Any, *, y: Any) -> Any:
         return x, y
@@ -125,9 +123,9 @@ def _example() -> Any:
 
 
 @functools.cache
-def _look() -> Callable[[bytes], int]:
-    """Native code that compares words: how many of them there are, and of each address, mask, content;
-    not zero if one is another.
+def _comparison() -> Callable[[bytes], int]:
+    """Native code that compares words and returns 0 if all are equal.  Its argument: their number, and of each word the
+    address, the mask and the value.
     """
     from llvmlite import ir
 
@@ -160,9 +158,9 @@ def _look() -> Callable[[bytes], int]:
     left.add_incoming(word(0), loop)
     left.add_incoming(word(1), turn)
     b.ret(left)
-    owner, look = llvm.linked(llvm.object_code(f"; 20 instructions\n{module}"), _SIGNATURE)
-    look.owner = owner
-    return look
+    owner, compare = llvm.linked(llvm.object_code(f"; 20 instructions\n{module}"), _SIGNATURE)
+    compare.owner = owner
+    return compare
 
 
 _SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_char_p)

@@ -32,20 +32,21 @@ def checked(kernel: Any, block: bytes, buffers: Sequence[Buffer]) -> None:
     """Call a kernel once, on this block of memory, which names these buffers, with fences around all of them.  Raises
     BufferOverrun.
     """
-    before, names = _head(kernel)
+    before, names = _buffers_of(kernel)
     fences = [Fence(x) for x in buffers]
     words = np.frombuffer(block, np.int64).copy()
     words[before : before + len(fences)] = [fence.place for fence in fences]
     block_fence, original = Fence(words), words.copy()
     kernel.call(ctypes.c_char_p(block_fence.place))
-    if not block_fence.back() or not np.array_equal(words, original):
-        raise BufferOverrun(_told(kernel, "arguments"))
+    if not block_fence.copy_back() or not np.array_equal(words, original):
+        raise BufferOverrun(_message(kernel, "arguments"))
     for name, fence in zip(names, fences, strict=True):
-        if not fence.back():
-            raise BufferOverrun(_told(kernel, f"buffer `{name}`"))
+        if not fence.copy_back():
+            raise BufferOverrun(_message(kernel, f"buffer `{name}`"))
 
 
-def _told(kernel: Any, what: str) -> str:
+def _message(kernel: Any, what: str) -> str:
+    """The message of a BufferOverrun."""
     kinds = ", ".join(map(repr, kernel.kinds[:2]))
     return (
         f"native code of {kernel.entry.__name__}, for {kinds[:300]}, has written outside of its {what}: "
@@ -53,7 +54,7 @@ def _told(kernel: Any, what: str) -> str:
     )
 
 
-def _head(kernel: Any) -> tuple[int, list[str]]:
+def _buffers_of(kernel: Any) -> tuple[int, list[str]]:
     """The number of words before the addresses in the block of a kernel, and the names of its buffers."""
     names = iter(inspect.signature(kernel.entry).parameters.values())
     before, buffers, name = 3, [], ""
@@ -106,10 +107,9 @@ class Fence:
             low, high = low + min(0, (n - 1) * stride), high + max(0, (n - 1) * stride)
         return low, high + 8
 
-    def back(self) -> bool:
-        """Take what was written back to the buffer; is all around it as it was?
-
-        Other threads write to other parts of it: only what has changed is taken.
+    def copy_back(self) -> bool:
+        """Copy back the words that have changed, as other threads write to others; False if a guard word has changed, or
+        a word of a buffer that is not to be written to.
         """
         then = self._in(self.before)
         changed = self.inside != then

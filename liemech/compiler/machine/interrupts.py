@@ -24,15 +24,15 @@ raises it.
 """
 
 _stopped: set[int] = set()
-"""Threads that work for nobody."""
+"""Threads whose work nobody waits for."""
 
 _count = (ctypes.c_int64 * 1)()
-"""How many they are."""
+"""The number of threads in `_stopped`."""
 
 _lock = threading.Lock()
 
 _working: dict[int, threading.Event] = {}
-"""For whom a thread works: an event that is set when nobody waits for it any more."""
+"""For each working thread the event that is set when nobody waits for it any more."""
 
 _is_stopped = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_ulong)(_stopped.__contains__)
 
@@ -57,7 +57,7 @@ def addresses() -> dict[str, int]:
 
 
 def stop_if_asked() -> None:
-    """Raise what is held for this thread; in one that nobody waits for KeyboardInterrupt."""
+    """Raise the error that is held for this thread, or KeyboardInterrupt if nobody waits for it."""
     me = threading.get_ident()
     if _raised[3] == me:
         restore = ctypes.pythonapi.PyErr_Restore
@@ -70,7 +70,7 @@ def stop_if_asked() -> None:
 
 
 def working_for(event: threading.Event, work: Callable[..., Any], *args: Any) -> Any:
-    """The work of a thread for somebody who gives up waiting by setting this event."""
+    """Do some work in a thread; who waits for it gives up by setting the event."""
     me = threading.get_ident()
     before = _working.get(me)
     _works_for(me, event)
@@ -81,6 +81,7 @@ def working_for(event: threading.Event, work: Callable[..., Any], *args: Any) ->
 
 
 def _works_for(thread: int, event: threading.Event | None) -> None:
+    """Note the event that a thread works for; None if it works for nobody else."""
     with _lock:
         if event is None:
             _working.pop(thread, None)
@@ -99,7 +100,7 @@ def give_up(event: threading.Event) -> None:
 
 
 def _after_fork() -> None:
-    """Only one thread is in the child, and nothing is held for those that are not."""
+    """Forget, in the child of a fork, the threads that are not there and the errors held for them."""
     global _lock
     _lock = threading.Lock()
     me = threading.get_ident()
@@ -114,9 +115,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def in_threads(works: Sequence[Callable[[], Any]], pool: Any) -> None:
-    """The first of these in this thread, the others in those of a pool.  What ends it here ends it
-    there.
-    """
+    """Do the first work in this thread and the others in those of a pool; an error here stops the others."""
     event, others = threading.Event(), []
     try:
         for work in works[1:]:

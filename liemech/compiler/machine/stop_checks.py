@@ -70,8 +70,8 @@ code has come back.
 """
 
 
-class Look:
-    """The checks of one loop, which gives the attempted step up when it is to stop."""
+class StopCheck:
+    """The stop checks of one loop; it gives the attempted step up when its thread is to stop."""
 
     def __init__(self, loops: Any, before: ir.Block, head: ir.Block) -> None:
         b = loops.builder
@@ -96,7 +96,7 @@ class Look:
         b.position_at_end(on)
 
     def again(self, block: ir.Block) -> None:
-        """Note that control goes back to the head from this block."""
+        """Count on, where control goes back to the head from this block."""
         self.turns.add_incoming(self.next, block)
 
 

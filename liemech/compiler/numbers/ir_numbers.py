@@ -74,9 +74,7 @@ class Emitter:
         self.of_numpy = True
 
     def unless_numpy(self, what: str) -> None:
-        """Refuse what is otherwise with NumPy's numbers, where they have come in or will: a loop may
-        bring them back to here.
-        """
+        """Refuse an operation that NumPy's numbers do differently, if a formula has them, now or (through a loop) later."""
         self.python_only.append(
             f"{what}, in a formula with NumPy's numbers: there Python asks which of them are NumPy's; "
             "write int(x > a) of a truth value, float(x) and int(k) of numbers"
@@ -92,6 +90,7 @@ class Emitter:
         return self.lanes // self.width if varying else 1
 
     def num(self, values: Iterable[ir.Value]) -> Num:
+        """The number in these registers."""
         values = tuple(values)
         type_ = values[0].type
         scalar = type_.element if isinstance(type_, ir.VectorType) else type_
@@ -110,6 +109,7 @@ class Emitter:
         return Num(self, (register,) * self.registers(varying), kind)
 
     def lift(self, value: Any) -> Num:
+        """A number as a `Num`."""
         if isinstance(value, Num):
             return value
         if isinstance(value, (bool, int, float)):
@@ -135,7 +135,7 @@ class Emitter:
         return (self.spread(value.value, self.width),) * self.registers(True)
 
     def spread(self, value: ir.Value, width: int) -> ir.Value:
-        """A vector of so many times the same value, of one the value itself."""
+        """A vector of `width` times a value; the value itself if the width is 1."""
         if width == 1:
             return value
         undefined = ir.Constant(ir.VectorType(value.type, width), ir.Undefined)
@@ -144,8 +144,8 @@ class Emitter:
         return self.builder.shuffle_vector(first, undefined, zeros)
 
     def alike(self, *items: Any, kind: str = "b", varying: bool = False) -> tuple[str, list[Values]]:
-        """Numbers made alike: at least of the given kind, floats before integers before truth
-        values.
+        """The kind that numbers have in common, at least the given one of truth values, integers, floats; and their
+        registers in it.
         """
         kind = max([kind, *map(kind_of, items)], key="bif".index)
         varying = varying or any(isinstance(x, Num) and x.varying for x in items)
@@ -170,7 +170,7 @@ class Emitter:
         return row.num([value])
 
     def apart(self, row: Num) -> list[Num]:
-        """The numbers that lie side by side in one."""
+        """The numbers that are the lanes of a row."""
         extract = self.builder.extract_element
         places = [ir.Constant(I32, i) for i in range(row.emitter.lanes)]
         return [self.num([extract(row.value, place)]) for place in places]
@@ -218,7 +218,7 @@ class Emitter:
         return self.logic("or_", self.compare("<", x, -EXACT), self.compare(">", x, EXACT))
 
     def _floats(self, a: Any, b: Any) -> tuple[Values, Values] | None:
-        """The registers of two floats of one type, one of which may be known now; None of all else."""
+        """The registers of two floats of one type, of which one may be a constant; None for other numbers."""
         for x, other in ((a, b), (b, a)):
             if type(x) is not Num:
                 if type(x) is not float or type(other) is not Num:
@@ -341,6 +341,7 @@ class Emitter:
         return not a if isinstance(a, bool) else self.each(self.builder.not_, a.values)
 
     def select(self, condition: Num, yes: Any, no: Any) -> Num:
+        """`yes` where a condition of the run holds, `no` elsewhere."""
         kind, (x, y) = self.alike(yes, no, varying=condition.varying)
         for n in (yes, no):
             self.fail_if(self.rounded(n, kind))
@@ -480,7 +481,7 @@ def _operator(function: Callable[[Emitter], Callable[..., Any]]) -> tuple[Any, A
 
 
 def _arithmetic(op: str) -> tuple[Any, Any]:
-    """The two methods of the commonest operators: numbers of the run are not asked for their kind."""
+    """The two methods of `+ - * /`, without a look at the type of an operand that is a `Num`."""
     left, right = _operator(lambda e: functools.partial(e.arithmetic, op))
 
     def method(self: Num, other: Any) -> Any:
@@ -547,9 +548,7 @@ class Num(StandIn):
         return self.emitter.single.apart(self)
 
     def _of(self, function: Callable[..., Any], *items: Any) -> Any:
-        """A function of this number and another one, if it is one.  NumPy's integers are integers,
-        where theirs are not shorter.
-        """
+        """A function of numbers; NotImplemented if one of them is no number.  NumPy's integers of 64 bits are integers."""
         for x in items:
             if isinstance(x, np.generic):
                 self.emitter.meet_numpy()

@@ -33,7 +33,7 @@ BYTE, POINTER = ir.IntType(8), F64.as_pointer()
 
 
 class Deferred(Large):
-    """Number by number an operator of others, computed when somebody asks where it lies."""
+    """An elementwise expression of vectors or matrices, evaluated when its place is first read."""
 
     __slots__ = ("_place", "engine", "node")
     _place: Any
@@ -61,7 +61,8 @@ class Deferred(Large):
 class LargeArrays:
     """Operations of native code on vectors and matrices in memory.
 
-    used : numbers of the memory so far.  widest : of the largest piece.
+    used : the size of the memory so far, in numbers.  widest : that of the largest piece.  nested : the depth of the
+    expression that is being translated, in which operators are deferred.
     """
 
     def __init__(self, emitter: Emitter) -> None:
@@ -75,7 +76,7 @@ class LargeArrays:
         self.blank = b.add(self.begin, self.spare)
 
     def finish(self) -> None:
-        """The memory is as large as it has turned out to be, and is given back."""
+        """Set the size of the memory, which is known now, and free it."""
         self.spare.constant = 8 * self.used
         self.size.constant = 8 * (self.used + self.widest) + 64
         free = self._function("free", ir.VoidType(), [BYTE.as_pointer()])
@@ -92,7 +93,7 @@ class LargeArrays:
         return self.e.num([place])
 
     def anywhere(self) -> Num:
-        """Memory for any of the vectors and matrices, whose numbers nobody asks for."""
+        """A place that every vector and matrix fits into, for numbers that are never read."""
         return self.e.num([self.blank])
 
     def new(self, form: tuple[Any, ...]) -> Large:
@@ -100,7 +101,7 @@ class LargeArrays:
         return Large.at(self.allocate(size_of(form)), form)
 
     def stored(self, x: Any) -> Large:
-        """The numbers of a vector that is written out, in memory."""
+        """A copy in memory of a vector that is written out."""
         memory = self.new(((len(x),), False))
         target = self.address(memory)
         for i, c in enumerate(x):
@@ -122,10 +123,10 @@ class LargeArrays:
         self.move(self.pointer(place), self.pointer(to), size_of(form))
         return to
 
-    def carried(self, moves: list[tuple[Num, Any]]) -> list[Num]:
-        """Copies of what a loop carries on, given by place and form, at the end of a turn.
+    def copies_for_next_turn(self, moves: list[tuple[Num, Any]]) -> list[Num]:
+        """The places of copies, at the end of a turn, of what a loop carries on, given by place and form.
 
-        What lies where another one is going to lie is first brought out of the way.
+        Carried memory may be the target of another copy: it is first copied out of the way.
         """
         at = [
             place if any(place.value is x for x in self.results) else self.copied(place, form) for place, form in moves
@@ -159,7 +160,7 @@ class LargeArrays:
             yield i
 
     def wide(self, count: int, body: Callable[[ir.Value, int], None]) -> None:
-        """A loop over numbers, `WIDE` at once, and what is left over one by one."""
+        """A loop over numbers, `WIDE` at once, and the last ones one by one."""
         whole = count // WIDE * WIDE
         if whole:
             with self.turns(whole, WIDE) as i:
@@ -181,7 +182,7 @@ class LargeArrays:
     # ---------------------------------------------------------------- number by number
 
     def by_numbers(self, op: Any, a: Any, b: Any) -> Large:
-        """An operator, number by number."""
+        """The result of an operator, number by number."""
         form = next(x.form for x in (a, b) if isinstance(x, Large))
         deferred = Deferred.made(self, (_INSTRUCTIONS[op], self._operand(a), self._operand(b)), form)
         if not self.nested:
@@ -189,8 +190,8 @@ class LargeArrays:
         return deferred
 
     @contextlib.contextmanager
-    def whole(self, nested: bool) -> Iterator[None]:
-        """Inside of an expression (nested) operators wait for those around them; elsewhere not."""
+    def deferring(self, nested: bool) -> Iterator[None]:
+        """Inside, operators are deferred if they are nested in an expression."""
         before, self.nested = self.nested, self.nested + 1 if nested else 0
         try:
             yield
@@ -211,7 +212,7 @@ class LargeArrays:
         return Large.at(self.computed(("abs", a), a.form), a.form)
 
     def computed(self, node: tuple[Any, ...], form: tuple[Any, ...]) -> Num:
-        """The place of what an expression gives, number by number."""
+        """The place of the values of an expression, evaluated number by number."""
         place = self.allocate(size_of(form))
         leaves: dict[int, ir.Value] = {}
         pattern = self._pattern(node, leaves)
@@ -220,27 +221,27 @@ class LargeArrays:
             sources = dict(zip(leaves, inputs))
             self.wide(size_of(form), lambda i, width: self.store(self._value(node, sources, i, width, {}), target, i))
 
-        self.apart((pattern, size_of(form)), [self.pointer(place), *leaves.values()], body)
+        self.outlined((pattern, size_of(form)), [self.pointer(place), *leaves.values()], body)
         return place
 
     def _pattern(self, node: Any, leaves: dict[int, ir.Value]) -> Any:
-        """The form of an expression; its leaves are added: where vectors and matrices lie, and numbers."""
+        """The form of an expression; its leaves, addresses and numbers, are added to `leaves`."""
         if isinstance(node, tuple):
             return node[0], *[self._pattern(x, leaves) for x in node[1:]]
         if id(node) not in leaves:
             leaves[id(node)] = self.address(node) if isinstance(node, Large) else node.value
         return [*leaves].index(id(node)), isinstance(node, Large)
 
-    def apart(
+    def outlined(
         self,
         key: tuple[Any, ...],
         values: list[ir.Value],
         body: Callable[..., ir.Value | None],
         result: ir.Type | None = None,
     ) -> ir.Value:
-        """A call of a native function that does this work wherever it occurs, so that code stays short.
+        """The result of a call of a native function, made once for all places with this key, so that code stays short.
 
-        key : tells it from others.  body : gives the result from the values inside.
+        body : emits its code, and returns its result from its parameters.
         """
         b = self.e.builder
         name = f"large.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}"
@@ -302,14 +303,14 @@ class LargeArrays:
         return self._sum("sum", lambda i, w, first: self.load(first, i, w), a)
 
     def _sum(self, name: str, term: Callable[..., ir.Value], *of: Large) -> Num:
-        """The sum of terms made of the numbers of some vectors."""
+        """The sum of terms, each a function of the numbers at one index of some vectors."""
         count = of[0].size
 
         def body(*places: ir.Value) -> ir.Value:
             return self._summed(count, lambda i, w: term(i, w, *places))
 
         addresses = [self.address(x) for x in of]
-        return self.e.num([self.apart((name, count), addresses, body, F64)])
+        return self.e.num([self.outlined((name, count), addresses, body, F64)])
 
     def _summed(self, count: int, term: Callable[[ir.Value, int], ir.Value]) -> ir.Value:
         b = self.e.builder
@@ -348,7 +349,7 @@ class LargeArrays:
     def product(self, a: Large, b: Large) -> Large:
         """A B, by BLAS: stored by columns, B^T A^T."""
         matrix = self.new(((a.shape[0], b.shape[1]), a.is_complex))
-        self.apart(
+        self.outlined(
             ("product", a.form, b.form),
             [self.address(x) for x in (a, b, matrix)],
             lambda *places: self._multiply(a, b, *places),
@@ -358,7 +359,7 @@ class LargeArrays:
     def _multiply(self, a: Large, b: Large, left: ir.Value, right: ir.Value, target: ir.Value) -> None:
         (m, k), n = a.shape, b.shape[1]
         kind = "z" if a.is_complex else "d"
-        no, sizes = self._known(BYTE, ord("N")), [self._known(I32, x) for x in (n, m, k)]
+        no, sizes = self._constant_argument(BYTE, ord("N")), [self._constant_argument(I32, x) for x in (n, m, k)]
         unit, zero = (constants(self.e, [x, 0.0], F64) for x in (1.0, 0.0))
         self._call(
             f"{kind}gemm", no, no, *sizes, unit, right, sizes[0], left, sizes[2], zero, target, sizes[0],
@@ -374,7 +375,7 @@ class LargeArrays:
         with build.goto_entry_block():
             info = build.alloca(I32)
         build.store(ir.Constant(I32, 0), info)
-        sizes = [self._known(I32, x) for x in (n, m)]
+        sizes = [self._constant_argument(I32, x) for x in (n, m)]
         self._call(
             f"{kind}gesv", *sizes, self.address(factors), sizes[0], self.pointer(pivots),
             self.address(quotient), sizes[0], info,
@@ -390,14 +391,14 @@ class LargeArrays:
         both = self.allocate(2)
         factors, pivots = self.new(a.form), self.allocate(len(a))
         places = [self.address(a), self.address(factors), self.pointer(pivots), self.pointer(both)]
-        self.apart(("determinant", a.form), places, lambda *given: self._pivots(a, *given))
+        self.outlined(("determinant", a.form), places, lambda *given: self._pivots(a, *given))
         parts = [self.e.num([self.load(self.pointer(both), ir.Constant(I64, k), 1)]) for k in range(2)]
         return Complex(*parts) if a.is_complex else parts[0]
 
     def _pivots(self, a: Large, source: ir.Value, factors: ir.Value, pivots: ir.Value, both: ir.Value) -> None:
         b, n, width = self.e.builder, len(a), 2 if a.is_complex else 1
         self.move(source, factors, a.size)
-        info, size = b.alloca(I32), self._known(I32, n)
+        info, size = b.alloca(I32), self._constant_argument(I32, n)
         self._call(f"{'z' if a.is_complex else 'd'}getrf", size, size, factors, size, pivots, info)
         zero, unit = (ir.Constant(I64, k) for k in (0, 1))
         for k, value in ((zero, 1.0), (unit, 0.0)):
@@ -416,7 +417,7 @@ class LargeArrays:
     def turned(self, a: Large, conjugate: bool) -> Large:
         """The transpose, of complex matrices perhaps of the conjugate, block by block."""
         transpose = self.new((a.shape[::-1], a.is_complex))
-        self.apart(
+        self.outlined(
             ("turned", a.form, conjugate),
             [self.address(a), self.address(transpose)],
             lambda source, target: self._turn(a, conjugate, source, target),
@@ -441,7 +442,7 @@ class LargeArrays:
     def without_adjoint(self, a: Large) -> Large:
         """A - A^H, an entry and its mirror image at a time, block by block."""
         difference = self.new(a.form)
-        self.apart(
+        self.outlined(
             ("without adjoint", a.form),
             [self.address(a), self.address(difference)],
             lambda source, target: self._less_adjoint(a, source, target),
@@ -479,7 +480,7 @@ class LargeArrays:
 
     @contextlib.contextmanager
     def _range(self, begin: ir.Value, end: ir.Value, step: int = 1) -> Iterator[ir.Value]:
-        """A loop from one number to another one, which is larger."""
+        """A loop over begin, begin + step, ... below a larger end."""
         b = self.e.builder
         before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
         b.branch(head)
@@ -494,7 +495,7 @@ class LargeArrays:
 
     @contextlib.contextmanager
     def _until(self, begin: ir.Value, count: int) -> Iterator[ir.Value]:
-        """A loop over the rows of a block that begins here."""
+        """A loop over at most TILE indices from `begin` on, below `count`."""
         b = self.e.builder
         end: ir.Value = b.add(begin, ir.Constant(I64, TILE))
         most = ir.Constant(I64, count)
@@ -516,7 +517,7 @@ class LargeArrays:
     def mapped(self, linear: LinearMap, x: Large) -> Large:
         """The image of a linear map."""
         image = self.new(linear.target)
-        self.apart(
+        self.outlined(
             ("mapped", linear.content),
             [self.address(x), self.address(image)],
             lambda source, target: self._map(linear, source, target),
@@ -544,7 +545,7 @@ class LargeArrays:
     def along_diagonals(self, solver: DiagonalSolver, x: Large) -> Large:
         """The solution of tridiagonal equations along the diagonals, row by row."""
         solution = self.new(x.form)
-        self.apart(
+        self.outlined(
             ("along diagonals", solver.content),
             [self.address(x), self.address(solution)],
             lambda source, target: self._along(solver, source, target),
@@ -672,7 +673,7 @@ class LargeArrays:
 
     # ---------------------------------------------------------------- calls
 
-    def _known(self, type_: ir.Type, value: int) -> ir.Value:
+    def _constant_argument(self, type_: ir.Type, value: int) -> ir.Value:
         """The address of a constant, as routines of BLAS and LAPACK take their arguments."""
         module, name = self.e.builder.module, f"told.{type_}.{value}"
         variable = module.globals.get(name)

@@ -65,7 +65,7 @@ class NumbersInMemory:
 
 @contextlib.contextmanager
 def turns(b: ir.IRBuilder, count: int) -> Iterator[ir.Value]:
-    """A loop of native code of so many turns, at least one."""
+    """A native loop of `count` turns, at least one."""
     before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
     b.branch(head)
     b.position_at_end(head)

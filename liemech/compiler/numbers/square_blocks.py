@@ -12,7 +12,7 @@ from ..sites.planes import Planes
 
 
 def wide(n: int) -> int:
-    """The numbers from one row of n to the next: whole registers of four or eight."""
+    """The numbers from one row of a block to the next: n, rounded up to 4 or a multiple of 8."""
     return 4 if n <= 4 else 8 * -(-n // 8)
 
 
@@ -34,7 +34,7 @@ def put_block(planes: Planes, i: int, block: Mat) -> None:
 
 
 def save_block(planes: Planes, count: int, k: int, block: Mat) -> None:
-    """Set number k of the blocks of this site, of which it has so many, after the last meeting."""
+    """Set block number k of this site, of `count` blocks for each, after the last meeting."""
     put_block(planes, count * present_site() + k, block)
 
 

@@ -22,6 +22,7 @@ class Branches(Joins):
     """Translation of `if` on numbers that are known at run time only."""
 
     def branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> bool:
+        """Translate `if`; False if control never comes behind it."""
         if test.varying:
             self.masked_branch(test, body, orelse, env)
             return True
@@ -47,6 +48,7 @@ class Branches(Joins):
             fork.set_weights([1, RARE] if yes_calls else [RARE, 1])
 
     def masked_branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> None:
+        """Translate `if` on a condition that differs from lane to lane: both ways, each under its mask."""
         e, b = self.emitter, self.builder
         outer, running = self.state.base, self.everyone(self.active(env))
         before = {name: value for name, value in env.items() if name != ACTIVE}
@@ -110,6 +112,7 @@ class Branches(Joins):
             env[ACTIVE] = live
 
     def _entering(self, any_lane: Num, start: ir.Block, rare: bool) -> Callable[[ir.Block], None]:
+        """A function that emits the branch to `start`, taken if any lane runs, or to the block it is given."""
         return lambda into: self._weigh(self.builder.cbranch(any_lane.value, start, into), rare, False)
 
 

@@ -1,4 +1,4 @@
-"""The form of a call: what is known of its arguments while translating, and the numbers among them.
+"""Forms of calls: the arguments without the numbers of the run among them.
 
 Calls of one form share a native function.  The numbers of vectors, records, lists, ... are passed
 and returned; the caller puts the result together again.
@@ -24,23 +24,22 @@ from .aliases import lists
 
 
 class UnknownForm(Exception):
-    """An argument whose form cannot be told: the call is written out."""
+    """Raised for an argument that has no form to compare calls by: the call is written out."""
 
 
 @dataclasses.dataclass(eq=False)
 class Call:
-    """The arguments of a call: what is known now, and numbers."""
+    """The arguments of a call, taken apart: two keys of its form, and the numbers among them."""
 
-    known: tuple[Any, ...]
-    # the same, the constants inside vectors, matrices and pairs passed like numbers
-    general: tuple[Any, ...]
-    numbers: list[Num]  # without those that occur before and those of the kernel's arguments
-    all_numbers: list[Num]  # those of the general form
-    constants: list[int]  # which of them are constants
+    known: tuple[Any, ...]  # the key of the form in which every constant is built in
+    general: tuple[Any, ...]  # of that in which constants inside vectors, matrices and pairs are passed as numbers
+    numbers: list[Num]  # passed in the first form: each once, and none of the kernel's arguments
+    all_numbers: list[Num]  # passed in the general form
+    constants: list[int]  # the places of constants among `all_numbers`
     parts: list[Any]  # the vectors, records, ... among the arguments and in them
 
     def passed(self, general: bool) -> list[Num]:
-        """The numbers that a function of this form is given."""
+        """The numbers passed to a function of the general form, or of the other one."""
         return self.all_numbers if general else self.numbers
 
 
@@ -48,13 +47,13 @@ class CallForms:
     """Takes the arguments and results of calls apart and puts them together again."""
 
     def __init__(self, translator: Any) -> None:
-        self.t, self.e = translator, translator.emitter
-        # by its identity, a constant and what tells it from others
-        self.kept: dict[int, tuple[Any, Any]] = {}
+        self.translator, self.emitter = translator, translator.emitter
+        # by its identity, a constant and its key
+        self.keys_of_constants: dict[int, tuple[Any, Any]] = {}
 
     def call_of(self, function: Any, env: dict[str, Any]) -> Call | None:
-        """The forms of a call and its numbers; None if there is an argument whose form cannot be told."""
-        active = self.t.active(self.t.frames[-1].env) if self.t.frames else None
+        """The call of a function with these arguments; None if one of them has no form that could be compared."""
+        active = self.translator.active(self.translator.frames[-1].env) if self.translator.frames else None
         numbered: dict[Any, int] = {}
         numbers: list[Num] = []
         constants: list[int] = []
@@ -73,11 +72,11 @@ class CallForms:
             if type(x) is float:
                 if general and inside:
                     constants.append(len(numbers))
-                    numbers.append(self.e.constant(x))
+                    numbers.append(self.emitter.constant(x))
                     return "f", False, False, constants[-1]
-                return self._told(x)
-            if x is None or isinstance(x, (bool, int, str, bytes)) or self._whole(x):
-                return self._told(x)
+                return self._key_of_constant(x)
+            if x is None or isinstance(x, (bool, int, str, bytes)) or self._is_constant(x):
+                return self._key_of_constant(x)
             if not isinstance(x, _STRUCTURES):
                 raise UnknownForm
             if id(x) in places:
@@ -97,45 +96,47 @@ class CallForms:
             general = tuple([(name, form(x, False, True)) for name, x in items])
         except UnknownForm:
             return None
-        context = function, self.e.lanes, bool(self.t.state.escapes)
+        context = function, self.emitter.lanes, bool(self.translator.state.escapes)
         return Call((*context, specific), (*context, general), of_known, numbers, constants, all_parts)
 
-    def _told(self, x: Any) -> Any:
-        """The key of a constant: of records and tuples that formulas made the content, else the
-        identity.
-        """
+    def _key_of_constant(self, x: Any) -> Any:
+        """The key of a constant: the content of a record or tuple that a formula made, else the identity."""
         if x is None or isinstance(x, (bool, int, str, bytes)):
             return type(x), x
         if type(x) is float:
             return "float", struct.pack("<d", x)
-        if id(x) not in self.kept:
+        if id(x) not in self.keys_of_constants:
             key: Any = "object", id(x)
-            if (type(x) is tuple or isinstance(x, Record)) and self.t.reads.made(x):
-                key = type(x), tuple([self._told(y) for y in _parts(x)])
-            self.kept[id(x)] = x, key
-        return self.kept[id(x)][1]
+            if (type(x) is tuple or isinstance(x, Record)) and self.translator.reads.made(x):
+                key = type(x), tuple([self._key_of_constant(y) for y in _parts(x)])
+            self.keys_of_constants[id(x)] = x, key
+        return self.keys_of_constants[id(x)][1]
 
-    def _whole(self, x: Any) -> bool:
-        """A constant that has no parts for a run: a function, an array, a record or tuple of nothing
-        but constants.
-        """
-        if id(x) in self.kept or isinstance(x, _OBJECTS) or (isinstance(x, Table) and x.content is not None):
+    def _is_constant(self, x: Any) -> bool:
+        """Whether a value is a constant as a whole: a function, an array, a record or tuple of constants alone."""
+        if (
+            id(x) in self.keys_of_constants
+            or isinstance(x, _OBJECTS)
+            or (isinstance(x, Table) and x.content is not None)
+        ):
             return True
         if type(x) is tuple:
             return all(
-                y is None or isinstance(y, (bool, int, float, str)) or (type(y) is tuple and self._whole(y)) for y in x
+                y is None or isinstance(y, (bool, int, float, str)) or (type(y) is tuple and self._is_constant(y))
+                for y in x
             )
         return isinstance(x, Record) and not layout_of(x).width
 
     def _parameter(self, x: Num) -> int | None:
-        """The place among the kernel's arguments of a number that was loaded from there, None for others: functions
-        read these themselves.
+        """The place of a number that the present function loaded from the kernel's arguments; None for any other number.
+        Native functions load such numbers themselves.
         """
         v = x.values[0]
         place = self._parameter_of(x)
-        return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None
+        return place if place is not None and v.operands[0].pointer is self.emitter.builder.function.args[0] else None
 
     def _parameter_of(self, x: Num) -> int | None:
+        """The place of a number that any function loaded from the kernel's arguments."""
         v = x.values[0]
         if isinstance(v, ir.LoadInstr) and isinstance(v.operands[0], ir.GEPInstr) and v.type == F64:
             pointer = v.operands[0]
@@ -145,10 +146,12 @@ class CallForms:
 
     def _loaded(self, place: int) -> Num:
         """A number of the kernel's arguments, loaded in the present function."""
-        b = self.e.builder
-        return self.e.num([b.load(b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64)])
+        b = self.emitter.builder
+        return self.emitter.num(
+            [b.load(b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64)]
+        )
 
-    def inside(
+    def parameters(
         self, env: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool
     ) -> tuple[dict[str, Any], list[Any]]:
         """The arguments as the function sees them, and their parts."""
@@ -169,7 +172,7 @@ class CallForms:
                 return loaded[place]
             if type(x) is float:
                 return next(constants) if general and inside else x
-            if self._whole(x) or not isinstance(x, _STRUCTURES):
+            if self._is_constant(x) or not isinstance(x, _STRUCTURES):
                 return x
             if id(x) in places:
                 return parts[places[id(x)]]
@@ -177,16 +180,16 @@ class CallForms:
             parts.append(None)
             inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
             parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
-            self.t.reads.copied(parts[place], x)
+            self.translator.reads.copied(parts[place], x)
             if isinstance(x, list):  # the caller has it too
-                self.t.aliases.share([parts[place]])
+                self.translator.aliases.share([parts[place]])
             return parts[place]
 
         return {name: seen(x, False) for name, x in [*env.items(), ("<mask>", active)]}, parts
 
-    def pattern(self, result: Any, inner: list[Num], parts: list[Any]) -> tuple[tuple[str, Any], list[Num]]:
-        """The recipe by which a caller puts a result together, of arguments, constants and numbers that the function
-        returns; and these numbers.  inner, parts : the arguments as the function sees them.
+    def recipe(self, result: Any, inner: list[Num], parts: list[Any]) -> tuple[tuple[str, Any], list[Num]]:
+        """How a caller puts a result together, from arguments, constants and numbers that the function returns; and these
+        numbers.  inner, parts : the arguments as the function sees them.
         """
         arguments = {x.values: i for i, x in enumerate(inner)}
         whole_arguments = {id(x): i for i, x in enumerate(parts)}
@@ -194,7 +197,7 @@ class CallForms:
         at: dict[Any, int] = {}
         listed: list[list[Any]] = []  # lists in the result
 
-        def pattern(x: Any) -> tuple[str, Any]:
+        def of_part(x: Any) -> tuple[str, Any]:
             if isinstance(x, Num):
                 place = self._parameter(x)
                 if place is not None:
@@ -205,29 +208,29 @@ class CallForms:
                     at[x.values] = len(numbers)
                     numbers.append(x)
                 return "result", at[x.values]
-            if x is None or isinstance(x, (bool, int, float, str, bytes)) or self._whole(x):
+            if x is None or isinstance(x, (bool, int, float, str, bytes)) or self._is_constant(x):
                 return "constant", x
             if id(x) in whole_arguments:
                 return "part", whole_arguments[id(x)]
             if isinstance(x, list):
-                if self.t.reads.from_outside(x) or any(x is y for y in listed):
+                if self.translator.reads.from_outside(x) or any(x is y for y in listed):
                     raise NotCompilable("a list that has another name")
                 listed.append(x)
             if not isinstance(x, _STRUCTURES):
                 raise NotCompilable(f"a result that holds {type(x).__name__}")
-            return "structure", (x, [pattern(y) for y in _parts(x)])
+            return "structure", (x, [of_part(y) for y in _parts(x)])
 
-        return pattern(result), numbers
+        return of_part(result), numbers
 
-    def restored(self, pattern: tuple[str, Any], call: Call, passed: list[Num], numbers: list[Num]) -> Any:
-        """The result of a call, put together by its pattern."""
-        kind, x = pattern
+    def restored(self, recipe: tuple[str, Any], call: Call, passed: list[Num], numbers: list[Num]) -> Any:
+        """The result of a call, put together by its recipe."""
+        kind, x = recipe
         match kind:
             case "structure":
                 whole = _of_parts(x[0], [self.restored(y, call, passed, numbers) for y in x[1]])
-                self.t.reads.made_again(whole, x[0])
-                if id(x[0]) in self.t.aliases.shared:
-                    self.t.aliases.share([whole, *lists(call.parts)])
+                self.translator.reads.made_again(whole, x[0])
+                if id(x[0]) in self.translator.aliases.shared:
+                    self.translator.aliases.share([whole, *lists(call.parts)])
                 return whole
             case "parameter":
                 return self._loaded(x)

@@ -81,6 +81,7 @@ class Expressions(Loops):
         raise NotImplementedError
 
     def truth(self, value: Any) -> Any:
+        """The truth of a value, as `if` takes it: a bool, or a truth value of the run."""
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
         if isinstance(value, (Dual, Series)):
@@ -101,6 +102,7 @@ class Expressions(Loops):
             raise NotCompilable(str(error)) from None
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
+        """The value of `formulas.where`, without a branch."""
         if isinstance(condition, (Vec, Mat, Entries)):
             raise NotCompilable(f"where: one condition; got a {type(condition).__name__}")
         condition = self.truth(condition)
@@ -113,6 +115,7 @@ class Expressions(Loops):
         return result
 
     def expression(self, node: ast.expr, env: Env) -> Any:
+        """The value of an expression.  Raises NotCompilable."""
         self.frames[-1].env = env  # what nested functions see
         self.worked += 1
         if self.worked > WORK:
@@ -197,17 +200,15 @@ class Expressions(Loops):
         )
 
     def nested_in(self, node: ast.expr, env: Env) -> Any:
-        """An operand of an operator: of what lies in memory an operator inside of another one is
-        computed with that.
-        """
+        """The value of an operand; an operator on large arrays inside of another one is deferred, to be computed with it."""
         memory = self.emitter.large
         if memory is None:
             return self.expression(node, env)
-        with memory.whole(isinstance(node, (ast.BinOp, ast.UnaryOp))):
+        with memory.deferring(isinstance(node, (ast.BinOp, ast.UnaryOp))):
             return self.expression(node, env)
 
     def operate(self, node: Any, *operands: Any) -> Any:
-        """An operator applied to numbers, vectors, whatever."""
+        """The result of an operator on any operands."""
         operator_ = OPERATORS.get(type(node.op))
         if operator_ is None:
             raise NotCompilable(
@@ -226,7 +227,7 @@ class Expressions(Loops):
             raise NotCompilable(f"`{ast.unparse(node)}`: {in_words(error)}") from None
 
     def textual(self, value: Any) -> None:
-        """Refuse a text of what only the run knows, or of what says itself how it looks."""
+        """Raise NotCompilable before a text is made of numbers of the run, or by a `__repr__` of the user's."""
         if varies(value):
             raise NotCompilable("a text of numbers known only at run time (`raise` may have one)")
         self.reads.settled(value, inside=True)
@@ -237,6 +238,7 @@ class Expressions(Loops):
             )
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
+        """The values of expressions, of which some may be starred."""
         values: list[Any] = []
         for n in nodes:
             values += (
@@ -248,6 +250,7 @@ class Expressions(Loops):
         return self.known_key(self.expression(node, env), node)
 
     def known_key(self, key: Any, node: ast.expr) -> Any:
+        """A key of a dict.  Raises NotCompilable if the run decides which."""
         if holds_number(key):
             raise NotCompilable(f"`{ast.unparse(node)}`: a key of a dict must be known now")
         return key
@@ -263,7 +266,7 @@ class Expressions(Loops):
         return Closure(self.frames[-1], node, tuple(self.items(a.defaults, env)), options)
 
     def within(self, frame: CallFrame, work: Callable[[], Any]) -> Any:
-        """Do some work in a frame of its own, which is called from the present one."""
+        """The result of some work in a frame that is called from the present one."""
         base, depth = self.state.base, self.state.depth
         if self.frames:
             self.state.base = self.active(self.frames[-1].env)
@@ -275,7 +278,7 @@ class Expressions(Loops):
         return result
 
     def comprehension(self, node: ast.ListComp | ast.GeneratorExp, env: Env) -> Iterator[Any]:
-        """The items of a comprehension, each computed when it is asked for."""
+        """The items of a comprehension, computed one by one."""
         around = self.frames[-1]
         frame = CallFrame(around.source, node, {}, around, node=around.node)
         first = self.iterate(self.expression(node.generators[0].iter, env))
@@ -328,7 +331,7 @@ class Expressions(Loops):
         return self.within(frame, lambda: turns(node.generators, first))
 
     def decided(self, every: bool, tests: list[ast.expr], env: Env) -> Any:
-        """Whether all of these tests hold, or any; those after the one that decides are not made."""
+        """Whether all tests hold, or any; tests behind the one that decides are not computed."""
         if not tests:
             return every
         node = ast.BoolOp(ast.And() if every else ast.Or(), tests) if len(tests) > 1 else tests[0]
@@ -360,6 +363,7 @@ class Expressions(Loops):
     # -------------------------------------------------------------- attributes and items
 
     def attribute(self, value: Any, name: str) -> Any:
+        """The value of `value.name`."""
         if isinstance(value, Num):
             raise NotCompilable(f"`{name}` of a number known only at run time: use functions")
         if isinstance(value, (Closure, ItemStream)):
@@ -376,6 +380,7 @@ class Expressions(Loops):
         return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
+        """The value of `value[index]`."""
         if isinstance(value, Array):
             if not all(isinstance(i, (int, slice, Num)) for i in (index if type(index) is tuple else [index])):
                 raise arrays.refuse("this index")
@@ -423,8 +428,8 @@ class Expressions(Loops):
     # -------------------------------------------------------------- choices
 
     def boolean(self, node: ast.BoolOp, env: Env) -> Any:
-        """`a and b`, `a or b`: the operand that decides.  The second is computed in any case if
-        that changes and risks nothing.
+        """`a and b`, `a or b`: the operand that decides.  The second one is computed in any case, unless that may raise,
+        branch or change a variable.
         """
         first = node.values[0]
         value, either = self.expression(first, env), isinstance(node.op, ast.Or)
@@ -453,7 +458,7 @@ class Expressions(Loops):
         return self.choice(ast.copy_location(choice, node), env)
 
     def _others(self, node: ast.BoolOp) -> ast.expr:
-        """The operands of `and` or `or` after the first, as one node, the same every time."""
+        """The operands of `and` or `or` after the first, as one node, made once."""
         _, *others = node.values
         if len(others) == 1:
             return others[0]
@@ -548,7 +553,7 @@ class Expressions(Loops):
 
 
 def _entries(value: Any) -> Any:
-    """The items of a sequence, those of NumPy's as numbers and vectors."""
+    """The items of a sequence; of an array of NumPy's as numbers or vectors."""
     if not isinstance(value, np.ndarray):
         return value
     if value.dtype not in (np.float64, np.int64) or value.ndim > (value.dtype == np.float64) + 1:
@@ -573,6 +578,7 @@ def _named(node: ast.Call) -> list[Any]:
 
 
 def _known(test: Any) -> bool:
+    """The truth of a test in a comprehension.  Raises NotCompilable if the run decides it."""
     if isinstance(test, Num):
         raise NotCompilable(
             "a comprehension whose length depends on run-time numbers: write a loop, or "

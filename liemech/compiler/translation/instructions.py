@@ -17,37 +17,35 @@ LIMIT = 80_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
 WITH_SLOPES = 2
-"""How many times as many there may be where numbers carry a derivative along one direction, in tangent
-maps and gradients: steps of such numbers have about three times as many instructions as plain ones.
+"""The factor of LIMIT where numbers carry a derivative along one direction, in tangent maps and gradients: their steps
+have about three times as many instructions as plain ones.
 """
 
 SIDE_BY_SIDE = 9000
-"""Instructions up to which each number of an ensemble takes two registers: one works while the
-other waits for a result.
-"""
+"""Instructions up to which each number of an ensemble takes two registers: one works while the other waits."""
 
 SHORT = 5500
-"""Instructions of a kernel of one register a number up to which it is also made with two."""
+"""Instructions of a kernel with one register a number, up to which one with two is made, too."""
 
 EFFORT = 2.5
-"""How many times the limit may be translated, where formulas and loops are tried in several ways."""
+"""The factor of the limit for all instructions that are emitted, also those of attempts that are taken back."""
 
 
 class TooLong(NotCompilable):
-    """There is no other way to translate that would be shorter."""
+    """Raised where every translation would be too long."""
 
 
 class Growing(Exception):
-    """A formula that is being written out is too large for it."""
+    """Raised where a formula is too large to be written out."""
 
 
 class Builder(ir.IRBuilder):
     """Counts the instructions of a kernel while they are made."""
 
-    emitted = 0  # in the present native function, without what was taken back
-    room: float = math.inf  # up to which the formula that is being written out may make it grow
-    finished = 0  # in the other ones
-    made = 0  # in all, with what was taken back
+    emitted = 0  # in the present native function, without those taken back
+    room: float = math.inf  # up to which the formula that is being written out may grow
+    finished = 0  # in the other native functions
+    made = 0  # in all, with those taken back
 
     def __init__(self, block: ir.Block, limit: int) -> None:
         super().__init__(block)
@@ -80,7 +78,7 @@ class Builder(ir.IRBuilder):
 
     @contextlib.contextmanager
     def inside(self, function: ir.Function, copied: bool) -> Iterator[None]:
-        """Instructions go into another native function; one that LLVM copies counts as written out."""
+        """Put instructions into another native function; one that LLVM copies counts as written out."""
         block, outer, room = self.block, self.emitted, self.room
         if not copied:
             self.finished, self.emitted, self.room = self.finished + outer, 0, math.inf
@@ -106,9 +104,7 @@ class Builder(ir.IRBuilder):
 
 
 class Arithmetic(ir.Instruction):
-    """Two floats added, subtracted, multiplied or divided: most instructions are such, and this
-    makes them in half the time.
-    """
+    """A sum, difference, product or quotient of floats, as most instructions are: made in half the time of llvmlite's."""
 
     def __init__(self, block: ir.Block, op: str, a: ir.Value, b: ir.Value) -> None:
         self.parent, self.type, self.opname, self.operands = block, a.type, op, (a, b)
@@ -120,7 +116,7 @@ class Arithmetic(ir.Instruction):
 
 
 class Names:
-    """The names in a native function: numbers, quicker than those of llvmlite."""
+    """The names in a native function: numbers, made quicker than those of llvmlite."""
 
     def __init__(self, function: ir.Function) -> None:
         self.count = len(function.args)
@@ -157,9 +153,7 @@ def _reachable(functions: list[ir.Function]) -> int:
 
 
 def drop_unused(module: ir.Module, kernel: ir.Function) -> int:
-    """Remove the functions that nobody calls any more: their calls were taken back.  The number of
-    instructions that are left.
-    """
+    """Remove the functions whose calls were all taken back, and return the number of instructions left."""
     alive = _alive([kernel])
     for name, value in [*module.globals.items()]:
         if isinstance(value, ir.Function) and value.blocks and value not in alive:

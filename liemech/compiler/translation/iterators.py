@@ -51,13 +51,13 @@ class ItemStream:
         return item
 
     def back_to(self, taken: int, region: Region) -> None:
-        """Undo what was taken since: the translation starts again from there."""
+        """Give back the items taken since a snapshot, from which the translation starts again."""
         if self.taken != taken:
             if not isinstance(self.items, list):
                 self.refusal = "computes its items is advanced in a loop of unknown length"
             self.taken, self.region = taken, region
 
     def part_ways(self, taken: int) -> None:
-        """Two ways meet here, of which one did not take what the other took."""
+        """Refuse further items where two ways meet of which only one has taken some."""
         if self.taken != taken and not self.refusal:
             self.refusal = "is advanced in a loop that may end early, and again after it"

@@ -39,9 +39,7 @@ NO_LANE = "no lane is running"  # value of ACTIVE when every lane has left
 
 
 class Retype(Exception):
-    """A loop turns out to need another type for a number it carries (an int becomes a float), or a
-    mask.
-    """
+    """Raised where a number that a loop carries needs another type (an int becomes a float); None: the loop needs a mask."""
 
     def __init__(self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False) -> None:
         self.number, self.type = number, (kind, varying, mixed)
@@ -68,25 +66,21 @@ class Loop:
 
 
 class Returns(Exception):
-    """A loop turns out to have a `return`: the variable for its value, before there is one."""
+    """Raised where a loop turns out to have a `return`.  blank : a value like that it returns."""
 
     def __init__(self, blank: Any) -> None:
         self.blank = blank
 
 
 class Promote(Exception):
-    """A loop turns out to need other structures for variables it carries: numbers that get a
-    derivative in it.
-    """
+    """Raised where variables that a loop carries get another structure in it, such as a derivative."""
 
     def __init__(self, variables: Env) -> None:
         self.variables = variables  # as they are at the end of a turn
 
 
 class Joins:
-    """The state of a translation, and where branches meet; what statements mean is the business of
-    those who build on it.
-    """
+    """The state of a translation, and where branches meet; subclasses translate statements."""
 
     def __init__(self, emitter: Emitter, reads: Reads) -> None:
         self.emitter, self.builder, self.reads = emitter, emitter.builder, reads
@@ -127,7 +121,7 @@ class Joins:
         return result
 
     def blank(self, value: Any) -> Any:
-        """A value of the same structure whose numbers are arbitrary: those known now what they are."""
+        """The value with undefined numbers in place of those of the run."""
         e = self.emitter
 
         def arbitrary(x: Any) -> Any:
@@ -144,7 +138,7 @@ class Joins:
         return build(layout, iter([e.large.anywhere() if kind == "place" else arbitrary(x) for x, kind in numbers]))
 
     def zeros(self, value: Any) -> Any:
-        """A value of the same structure whose numbers are 0: those known now what they are."""
+        """The value with 0 in place of the numbers of the run."""
         return self._numberwise(
             [value], lambda x: self.emitter.constant(0, x.kind, x.varying) if isinstance(x, Num) else x
         )
@@ -240,9 +234,7 @@ class Joins:
         return True
 
     def _together(self, into: ir.Block, blocks: list[ir.Block], items: list[Any]) -> Any:
-        """The value of a variable where these blocks come together, in each of which it is one of
-        the items.
-        """
+        """The value of a variable behind the blocks, of which each ends with one of the items."""
         return (
             items[0] if len(items) == 1 else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
         )
@@ -305,7 +297,7 @@ def leveled(items: list[Any]) -> list[Any]:
 
 
 def come_from(phi: Num, values: Values, block: ir.Block) -> None:
-    """Let a phi have these values when control comes from this block."""
+    """Add the values of a phi for control that comes from this block."""
     for register, value in zip(phi.values, values, strict=True):
         register.add_incoming(value, block)
 

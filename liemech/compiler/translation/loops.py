@@ -16,7 +16,7 @@ from llvmlite import ir
 from ...errors import NotCompilable
 from ...formulas.classes.pytree import Layout, build, is_any_number, layout_of, leaves
 from ..driver import is_part_of_driver
-from ..machine.stop_checks import Look
+from ..machine.stop_checks import StopCheck
 from ..numbers.ir_numbers import Num, kind_of
 from ..numbers.large_arrays import spans
 from .branches import Branches
@@ -31,8 +31,8 @@ class Loops(Branches):
     """`for` and `while`, `break` and `continue`."""
 
     def leave(self, loop: Loop, how: str, env: Env) -> bool:
-        """`break` or `continue`: control goes elsewhere, or the lanes running here are switched
-        off.
+        """Translate `break` or `continue`: control goes elsewhere, or the running lanes are switched off.  False if control
+        never comes behind the statement.
         """
         places = {"break": loop.breaks, "continue": loop.continues}[how]
         if self.state.depth == loop.depth and not loop.masked and ACTIVE not in env:
@@ -76,7 +76,7 @@ class Loops(Branches):
         return alive
 
     def _take_up(self, name: str, env: Env) -> None:
-        """Lanes that left the turn or the loop run again."""
+        """Let the lanes that left the turn, or the loop, run again."""
         lanes = env.pop(name, False)
         if lanes is not False and ACTIVE in env:
             env[ACTIVE] = lanes if env[ACTIVE] is NO_LANE else self.emitter.logic("or_", lanes, env[ACTIVE])
@@ -137,8 +137,8 @@ class Loops(Branches):
 
 @dataclasses.dataclass
 class Form:
-    """The form of a loop, as translations that were taken back have shown it: does it need a mask,
-    which numbers change their types, and which variables their structure.
+    """The form of a loop, as far as earlier translations have found it: whether it needs a mask, the types of numbers that
+    change them, the variables that change their structure.
     """
 
     masked: bool
@@ -150,8 +150,10 @@ class Form:
 
 
 class NativeLoop:
-    """One translation of a loop of native code.  Control comes to its head, where a test says
-    whether there is another turn; a phi for each number that it carries says what that is there.
+    """One translation of a loop of native code, with a phi at its head for each number that it carries.
+
+    before, head : the blocks before the loop, and of its test.  at_head : the variables there.  masks : those of lanes
+    that left loops around.  outer : the lanes for which the loop was entered.
     """
 
     def __init__(
@@ -164,11 +166,11 @@ class NativeLoop:
         form: Form,
         brief: bool,
     ) -> None:
-        self.t, self.e, self.b = translator, translator.emitter, translator.builder
+        self.translator, self.emitter, self.builder = translator, translator.emitter, translator.builder
         self.frame, self.state = translator.frames[-1], translator.state
         self.body, self.env, self.carried, self.counters = body, env, carried, counters
         self.masked, self.types, self.brief = form.masked, form.types, brief
-        self.before, self.head = self.b.block, self.b.append_basic_block()
+        self.before, self.head = self.builder.block, self.builder.append_basic_block()
         self.here, self.outer = translator.active(env), self.state.base
         self.layouts = {name: layout_of(env[name], is_any_number) for name in carried}
         self.phis: list[Num] = []
@@ -176,16 +178,16 @@ class NativeLoop:
         self.at_head = {n: v for n, v in env.items() if n not in self.masks}
 
     def translate(self, test: Callable[[Env], Any], step: Callable[[Env], None]) -> None:
-        """Raises Returns, Promote, Retype where it has to be done anew, in another form."""
+        """Translate the loop.  Raises Returns, Promote or Retype, which say in what form to translate it anew."""
         self._enter()
         start, go_on, end_of_head = self._ask(test)
         loop, inside, raises = self._turn(start)
-        opens = loop.continues + ([Open(self.b.block, inside)] if inside is not None else [])
+        opens = loop.continues + ([Open(self.builder.block, inside)] if inside is not None else [])
         inside = dict(self.at_head) if inside is None else inside
-        if self.t.join(opens, inside):
+        if self.translator.join(opens, inside):
             step(inside)
-            if self.look is not None:
-                self.look.after_turn(self.t)
+            if self.stop_check is not None:
+                self.stop_check.after_turn(self.translator)
             self._carry(inside)
             self._go_back(inside, *raises)
         self.state.base = self.outer
@@ -197,29 +199,29 @@ class NativeLoop:
             layout, counts = self.layouts[name], name in self.counters
             numbers = [self._entering(x, counts) for x in leaves(self.env[name], layout)]
             self.at_head[name] = build(layout, iter(numbers))
-            self.t.aliases.meet(name, self.at_head[name], [(self.env[name], self.env)])
+            self.translator.aliases.meet(name, self.at_head[name], [(self.env[name], self.env)])
         self.active: Any = None
         if self.masked:
-            everyone = self.e.constant(True, "b", True)
+            everyone = self.emitter.constant(True, "b", True)
             self.active = self._entering(everyone if self.here is None else self.here)
             self.phis.pop()
         asks = self.state.escapes and not self.brief
-        self.look = Look(self.t, self.before, self.head) if asks else None
-        self.b.position_at_end(self.before)
-        self.b.branch(self.head)
-        self.b.position_at_end(self.head)
+        self.stop_check = StopCheck(self.translator, self.before, self.head) if asks else None
+        self.builder.position_at_end(self.before)
+        self.builder.branch(self.head)
+        self.builder.position_at_end(self.head)
 
     def _entering(self, x: Any, counts: bool = False) -> Num:
         """The phi of a number.  counts : it counts turns, for all lanes at once."""
-        t, e = self.t, self.e
+        t, e = self.translator, self.emitter
         x = e.lift(x)
         # as it nearly always will in the loop
         differs = x.varying or (e.lanes > 1 and not counts and (self.masked or x.kind == "f"))
         kind, varying, mixed = self.types.get(len(self.phis), (x.kind, differs, x.mixed))
-        self.b.position_at_end(self.before)
+        self.builder.position_at_end(self.before)
         t.fail_if(e.rounded(x, kind), everywhere=True)
         value = e.cast(x, kind, varying)
-        self.b.position_at_end(self.head)
+        self.builder.position_at_end(self.head)
         phi = t.phi(kind, varying)
         phi.mixed = mixed
         self.phis.append(phi)
@@ -233,10 +235,10 @@ class NativeLoop:
         wanted = test(self.at_head)
         if isinstance(wanted, Num) and wanted.varying and not self.masked:
             raise Retype(None)
-        self.lanes = self.e.logic("and_", self.active, wanted) if self.masked else self.here
-        go_on = self.e.any(self.lanes) if self.masked else wanted
-        end_of_head, start = self.b.block, self.b.append_basic_block()
-        self.b.position_at_end(start)
+        self.lanes = self.emitter.logic("and_", self.active, wanted) if self.masked else self.here
+        go_on = self.emitter.any(self.lanes) if self.masked else wanted
+        end_of_head, start = self.builder.block, self.builder.append_basic_block()
+        self.builder.position_at_end(start)
         return start, go_on, end_of_head
 
     def _turn(self, start: ir.Block) -> tuple[Loop, Env | None, tuple[int, int]]:
@@ -247,13 +249,13 @@ class NativeLoop:
         loop = Loop(True, self.state.depth, self.masked)
         self.frame.loops.append(loop)
         self.state.base = self.lanes
-        with self.t.apart(loop=True):
-            alive = self.t.block(self.body, inside)
+        with self.translator.apart(loop=True):
+            alive = self.translator.block(self.body, inside)
         self.frame.loops.pop()
         return loop, inside if alive else None, raises
 
     def _carry(self, inside: Env) -> None:
-        """The phis get what the numbers are at the end of a turn."""
+        """Let the phis get the numbers at the end of a turn."""
         retyped: dict[int, tuple[str, bool, bool]] = {}
         moves: list[tuple[Num, Any, Num]] = []  # of what lies in memory
         grown: Env = {}
@@ -287,15 +289,15 @@ class NativeLoop:
             self.types |= retyped
             raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
         if moves:
-            places = self.e.large.carried([(x, form) for x, form, _ in moves])
+            places = self.emitter.large.copies_for_next_turn([(x, form) for x, form, _ in moves])
             for place, (*_, phi) in zip(places, moves):
-                come_from(phi, place.values, self.b.block)
+                come_from(phi, place.values, self.builder.block)
 
     def _refuse_other_names(self, name: str, new: Any, old: Any, inside: Env) -> None:
         """Refuse a list that has another name at the end of a turn, where lists are changed."""
         # the variables of a turn alone have no value in the next one
         carried = {n: v for n, v in inside.items() if n in self.at_head}
-        if self.t.aliases.meet(name, old, [(new, carried)]) and changes_lists(self.body, inside):
+        if self.translator.aliases.meet(name, old, [(new, carried)]) and changes_lists(self.body, inside):
             copy = f", `[*{name}]`" if isinstance(new, list) else " of these lists"
             raise NotCompilable(
                 f"`{name}` has another name at the end of a turn of a loop that changes lists in "
@@ -303,10 +305,10 @@ class NativeLoop:
             )
 
     def _carry_number(self, name: str, x: Any, y: Num, phi: Num) -> tuple[str, bool, bool] | None:
-        """A phi gets the value x at the end of a turn, beside y at its beginning; the type that it
-        should have if it has another.
+        """Let a phi get x, the number at the end of a turn, where y is that at its beginning; the type that the phi
+        should have, if its own does not fit.
         """
-        e = self.e
+        e = self.emitter
         alone = self.masked and x is not y and not (name in self.counters and not phi.varying)
         leaf = e.lift(e.select(self.lanes, x, y) if alone else x)
         kind = max(leaf.kind, phi.kind, key="bif".index)
@@ -314,13 +316,13 @@ class NativeLoop:
         mixed = kind == "f" and (leaf.kind != "f" or phi.kind != "f" or leaf.mixed or phi.mixed)
         if (kind, varying, mixed) != (phi.kind, phi.varying, phi.mixed):
             return kind, varying, mixed
-        self.t.fail_if(e.rounded(leaf, kind), everywhere=True)
-        come_from(phi, e.cast(leaf, kind, varying), self.b.block)
+        self.translator.fail_if(e.rounded(leaf, kind), everywhere=True)
+        come_from(phi, e.cast(leaf, kind, varying), self.builder.block)
         return None
 
     def _go_back(self, inside: Env, raises: int, marks: int) -> None:
         """Let control go from the end of a turn to the head, with the lanes that are still in the loop."""
-        e, b, state = self.e, self.b, self.state
+        e, b, state = self.emitter, self.builder, self.state
         if self.masked:
             broken = inside.get(BROKEN, False)
             # a lane that has failed might never end
@@ -328,8 +330,8 @@ class NativeLoop:
                 broken = e.logic("or_", broken, e.load(state.failed))
             lanes = e.logic("and_", self.lanes, e.negation(broken))
             come_from(self.active, e.cast(lanes, "b", True), b.block)
-        if self.look is not None:
-            self.look.again(b.block)
+        if self.stop_check is not None:
+            self.stop_check.again(b.block)
         # what has failed everywhere might never end
         if state.raises > raises and not self.masked and not self.counters:
             going, given_up = e.any(e.negation(e.load(state.failed))), b.append_basic_block()
@@ -340,7 +342,7 @@ class NativeLoop:
 
     def _leave(self, loop: Loop, start: ir.Block, go_on: Any, end_of_head: ir.Block) -> None:
         """Join the ways out of the loop."""
-        b, env, exits = self.b, self.env, list(loop.breaks)
+        b, env, exits = self.builder, self.env, list(loop.breaks)
         local = changed_names(self.body) - env.keys()
         b.position_at_end(end_of_head)
         if isinstance(go_on, Num):
@@ -353,21 +355,19 @@ class NativeLoop:
         for o in exits:
             for name in (ACTIVE, *LEFT):
                 o.env.pop(name, None)
-        self.t.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
+        self.translator.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
         env |= self.masks
         for name in local:
             env[name] = Undefined("it gets one inside the loop only, which may have no turn: give it a value before")
 
 
 def _grown(value: Any, new: Any) -> Any:
-    """A value with the structure that it has later, its numbers made pairs as those of the new one."""
+    """The value with numbers made pairs where `new` has pairs."""
     return leveled([value, new])[0]
 
 
 def _grows(value: Any, new: Any, layout: Layout) -> bool:
-    """Whether a value of this layout needs another structure to become the new one: a derivative where it has none, not
-    even a zero.
-    """
+    """Whether a value of this layout must be made anew with pairs, or with a float for an int, to become the new one."""
     first, now = leveled([value, new])
     if layout_of(now, is_any_number) != layout_of(first, is_any_number):
         return False

@@ -23,23 +23,23 @@ RETURNED = 64
 
 
 class Small(Exception):
-    """A formula has so few instructions that it is no function of its own."""
+    """Raised for a formula of too few instructions to become a function."""
 
 
 @dataclasses.dataclass(eq=False)
 class NativeFunction:
     """A native function made of a formula.
 
-    memory : the type of its results, where they are too many for registers.  pattern : how the
-    result is put together.  kinds : of the returned numbers.  failed : does it return which lanes
-    have failed.  escapes : and whether all have.  raises, calls : how many places may raise, and
-    call the C library.  size, spent : of one that LLVM copies, its instructions, and what formulas
-    in it have cost.
+    memory : the type of its results, where they are too many for registers.  recipe : how the
+    result is put together.  kinds : of the returned numbers.  failed : does it return the mask of failed
+    lanes?  escapes : and whether all have failed?  raises, calls : the numbers of places that may raise, and
+    that call the C library.  size, spent : of a function that LLVM copies, its instructions, and the costs of
+    formulas in it.
     """
 
     function: ir.Function
     memory: ir.Type | None
-    pattern: tuple[str, Any]
+    recipe: tuple[str, Any]
     kinds: list[tuple[str, bool, bool]]
     failed: bool
     escapes: bool
@@ -53,7 +53,7 @@ class NativeFunctions:
     """Makes native functions of formulas, and calls them."""
 
     def __init__(self, translator: Any, forms: CallForms) -> None:
-        self.t, self.e, self.forms = translator, translator.emitter, forms
+        self.translator, self.emitter, self.forms = translator, translator.emitter, forms
         self.structures: dict[Any, int] = {}  # of results, by their types
         # of native functions, for the results of those they call
         self.buffers: dict[ir.Function, dict[str, ir.Value]] = {}
@@ -68,7 +68,7 @@ class NativeFunctions:
 
         copied : LLVM puts a copy of it in the place of each call.  It counts as written out.
         """
-        t, e, b = self.t, self.e, self.e.builder
+        t, e, b = self.translator, self.emitter, self.emitter.builder
         active, failed = t.active(t.frames[-1].env), t.state.failed if t.state.escapes else []
         passed = call.passed(general)
         function = self._declared(b.module.get_unique_name(name), passed, len(failed), copied)
@@ -78,7 +78,7 @@ class NativeFunctions:
                 b.position_at_end(function.append_basic_block("entry"))
                 values = iter(function.args[1:])
                 inner = [Num(e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed]
-                arguments, parts = self.forms.inside(env, active, call, inner, general)
+                arguments, parts = self.forms.parameters(env, active, call, inner, general)
                 t.state.base = arguments.pop("<mask>")
                 if failed:
                     t.state.failed, t.state.escapes = e.slot(), [[]]
@@ -108,8 +108,8 @@ class NativeFunctions:
         return native
 
     def _declared(self, name: str, passed: list[Num], failed: int, copied: bool) -> ir.Function:
-        """A function of these numbers, and of so many registers that say which lanes have failed."""
-        b, e = self.e.builder, self.e
+        """A function without a body: of these numbers, and of a mask of failed lanes in this number of registers."""
+        b, e = self.emitter.builder, self.emitter
         of_kernel = b.function.args[0].type
         types = [of_kernel, *(e.type(x.kind, x.varying) for x in passed for _ in x.values)]
         types += [e.type("b", e.lanes > 1)] * failed
@@ -126,8 +126,8 @@ class NativeFunctions:
 
     @contextlib.contextmanager
     def _within(self, function: ir.Function, copied: bool) -> Iterator[None]:
-        """The translation goes on in another native function, and comes back."""
-        t, e = self.t, self.e
+        """Translate into another native function inside of this context."""
+        t, e = self.translator, self.emitter
         outer, calls, frames, take_back = t.state, e.calls, len(t.frames), back()
         t.state, e.calls = outer.of_function(copied), 0
         try:
@@ -142,8 +142,8 @@ class NativeFunctions:
         self, function: ir.Function, result: Any, inner: list[Num], parts: list[Any], copied: bool
     ) -> NativeFunction:
         """Let the function return its numbers, the lanes that have failed, and whether all have."""
-        e, state = self.e, self.t.state
-        pattern, numbers = self.forms.pattern(result, inner, parts)
+        e, state = self.emitter, self.translator.state
+        recipe, numbers = self.forms.recipe(result, inner, parts)
         registers = [v for x in numbers for v in x.values]
         escapes = state.escapes[0] if state.escapes else []
         failed = state.raises > 0
@@ -164,7 +164,7 @@ class NativeFunctions:
         return NativeFunction(
             function,
             type_ if buffer is not None else None,
-            pattern,
+            recipe,
             [(x.kind, x.varying, x.mixed) for x in numbers],
             failed,
             bool(escapes),
@@ -181,9 +181,9 @@ class NativeFunctions:
         escaped: list[bool],
         without: int = 0,
     ) -> None:
-        """Return these values from the function, but for the first `without` of them."""
-        b, e = self.e.builder, self.e
-        lanes = e.load(self.t.state.failed).values if failed else ()
+        """Return these values, the first `without` of them left undefined."""
+        b, e = self.emitter.builder, self.emitter
+        lanes = e.load(self.translator.state.failed).values if failed else ()
         values = [*registers, *lanes, *[ir.Constant(TYPES["b"], x) for x in escaped]]
         returned = [*enumerate(values)][without:]
         if buffer is not None:
@@ -197,8 +197,8 @@ class NativeFunctions:
         b.ret(structure) if returned else b.ret_void()
 
     def _gather(self, opens: list[Open]) -> None:
-        """Lead control from all of these places to one."""
-        b = self.e.builder
+        """Lead control from all open places to one block."""
+        b = self.emitter.builder
         gone = b.append_basic_block()
         for o in opens:
             b.position_at_end(o.block)
@@ -207,7 +207,7 @@ class NativeFunctions:
 
     @staticmethod
     def _retyped(function: ir.Function, type_: ir.Type | None, buffer: ir.Value | None) -> None:
-        """The function gets the type that it has turned out to have."""
+        """Give a function the type of its results, which is known once its body is."""
         result, extra = (ir.VoidType(), [buffer]) if buffer is not None else (type_, [])
         if result is None:
             return
@@ -223,7 +223,7 @@ class NativeFunctions:
         use.
         """
         name = f"results {self.structures.setdefault(tuple(map(str, kinds)), len(self.structures))}"
-        type_ = self.e.builder.module.context.get_identified_type(name)
+        type_ = self.emitter.builder.module.context.get_identified_type(name)
         if type_.is_opaque:
             type_.set_body(*kinds)
         return type_
@@ -232,7 +232,7 @@ class NativeFunctions:
 
     def emit(self, native: NativeFunction, call: Call, general: bool) -> Any:
         """A call of the function, and its value."""
-        t, b, e = self.t, self.e.builder, self.e
+        t, b, e = self.translator, self.emitter.builder, self.emitter
         passed = call.passed(general)
         arguments = [b.function.args[0], *(v for x in passed for v in x.values)]
         if t.state.escapes:
@@ -256,11 +256,11 @@ class NativeFunctions:
             b.position_at_end(on)
         t.state.raises += native.raises
         e.calls += native.calls
-        return self.forms.restored(native.pattern, call, passed, numbers)
+        return self.forms.restored(native.recipe, call, passed, numbers)
 
     def _results(self, native: NativeFunction, structure: ir.Value, arguments: list[ir.Value]) -> Iterator[ir.Value]:
         """The values that a call has returned, or written into memory, one after the other."""
-        b = self.e.builder
+        b = self.emitter.builder
         for i in itertools.count():
             if native.memory is None:
                 yield b.extract_value(structure, i)
@@ -270,7 +270,7 @@ class NativeFunctions:
 
     def _buffer(self, type_: ir.Type) -> ir.Value:
         """The memory of the present function where functions leave results of this form."""
-        b = self.e.builder
+        b = self.emitter.builder
         places = self.buffers.setdefault(b.function, {})
         if str(type_) not in places:
             with b.goto_entry_block():

@@ -34,9 +34,7 @@ CHANGES = ("append", "extend")
 
 @functools.cache
 def has(name: str) -> str:
-    """The variable that tells whether another one, which has a value on some ways only, has one
-    here.
-    """
+    """The flag that says whether a variable, which gets a value on some ways only, has one here."""
     return f"<has {name}>"
 
 
@@ -49,9 +47,7 @@ class Undefined:
 
 @dataclasses.dataclass(eq=False)
 class CallFrame:
-    """One call being inlined, or one comprehension: its variables, and the frame of the function
-    around it.
-    """
+    """The frame of a call, or of a comprehension: its variables.  around : the frame of the enclosing function."""
 
     source: Source
     scope: Function | Comprehension
@@ -62,11 +58,7 @@ class CallFrame:
     node: ast.AST | None = None  # the statement being translated
 
     def value(self, name: str) -> tuple[Any, Any]:
-        """The value of a name here: a variable of this function, of one around it, of the module, of
-        Python.
-
-        With it the condition under which it has a value here.
-        """
+        """The value of a name, a local, enclosing, global or built-in one, and the condition under which it has a value."""
         frame: CallFrame | None = self
         while frame is not None:
             if name in frame.env:
@@ -80,7 +72,7 @@ class CallFrame:
         return self.source.outer(name), True
 
     def captured(self, env: Env) -> Env:
-        """The variables that functions nested in this one may ask for after it has returned."""
+        """The variables that nested functions may read after this one has returned."""
         names = captured_names(self.scope)
         return {name: env[name] for name in (*names, *map(has, names)) if name in env}
 
@@ -121,7 +113,7 @@ class Closure:
 
 
 def bound(signature: inspect.Signature, name: str, args: tuple[Any, ...], options: dict[str, Any]) -> Env:
-    """The variables that a call begins with."""
+    """The parameters of a call with their values."""
     try:
         filled = signature.bind(*args, **options)
     except TypeError as error:

@@ -15,24 +15,21 @@ if TYPE_CHECKING:
     from .scopes import Env
 
 HUGE = 3000
-"""Formulas of more instructions are never written out in a native function that has been made of a
-formula.
-"""
+"""Formulas of more instructions are never written out in the native function of a formula."""
 
 
 @dataclasses.dataclass(eq=False)
 class TranslationState:
-    """Where the translation of one native function is.
+    """The state of the translation of one native function.
 
-    base : the lanes for which the present code was entered, None for all.  depth : conditions
-    around it in the present call that differ between lanes.  escapes : for each attempt around it,
-    from where control goes to its end.  failed : where a formula that raises in the present attempt
-    says so.  outcome : the same of the last attempt that is over.  raises : places so far in the
-    present attempt where a formula may raise.  marks : those among them where control goes on.
-    region : the branches and loops of unknown length around it.  spent : what formulas have cost,
-    by form of the call.  patience : how many times LONG is written out in any case.  huge :
-    instructions from which a formula is not written out.  begun : where the formulas begin that are
-    being written out.  over : the loop over sites that is being translated.
+    base : the mask of lanes for which the present code was entered, None for all.  depth : the number of conditions
+    around it, in the present call, that differ between lanes.  escapes : for each attempt around it, the places from
+    where control goes to its end.  failed : the slot of the lanes that have raised in the present attempt.
+    outcome : that of the last attempt that has ended.  raises : the number of places so far in the present attempt
+    where a formula may raise.  marks : of those among them where control goes on.  region : the branches and loops of
+    unknown length around.  spent : the instructions of calls, by form.  patience : the factor of LONG.  huge :
+    instructions from which a formula is not written out.  begun : the counts of instructions at which the formulas
+    begin that are being written out.  over : the loop over sites that is being translated.
     """
 
     base: Any = None
@@ -76,7 +73,7 @@ class Snapshot:
         self.take_back = back()
 
     def restore(self) -> None:
-        """Take back what was emitted since this point, and set all of the state to what it was."""
+        """Take back all code since this point, and restore the state and the variables."""
         self.take_back()
         for items, length in self.lengths:
             del items[length:]

@@ -23,7 +23,7 @@ from .state import Snapshot
 
 
 class Statements(Expressions):
-    """Translates statements: each changes the variables, and says whether control goes on behind it."""
+    """The translation of statements, which change the variables; False where control never comes behind one."""
 
     def block(self, statements: list[ast.stmt], env: Env) -> bool:
         """Translate statements; False if control never comes to their end."""
@@ -45,9 +45,7 @@ class Statements(Expressions):
         return True
 
     def running(self, env: Env) -> bool:
-        """True, unless every lane has left the call and it can end here; where all have raised, there
-        is no value that it returns.
-        """
+        """False if every lane has left the call, which ends here then: without a value if all have raised."""
         frame = self.frames[-1]
         if env.get(ACTIVE) is not NO_LANE or self.state.depth or frame.loops:
             return True
@@ -56,6 +54,7 @@ class Statements(Expressions):
         return False
 
     def statement(self, node: ast.stmt, env: Env) -> bool:
+        """Translate one statement; False if control never comes behind it.  Raises NotCompilable."""
         match node:
             case ast.Return():
                 return self.returned(self.expression(node.value, env) if node.value else None, env)
@@ -125,6 +124,7 @@ class Statements(Expressions):
         self.assign(target, self.operate(node, old, self.expression(node.value, env)), env)
 
     def assign(self, target: ast.expr, value: Any, env: Env) -> None:
+        """Give a name, names or an item of a list a value, in the lanes that run."""
         match target:
             case ast.Name(id=name):
                 # lanes that have left keep what they had
@@ -167,6 +167,7 @@ class Statements(Expressions):
                 )
 
     def returned(self, value: Any, env: Env) -> bool:
+        """Translate `return`; False if control never comes behind it."""
         frame = self.frames[-1]
         if any(loop.dynamic for loop in frame.loops):
             if sum(loop.dynamic for loop in frame.loops) > 1 or not frame.loops[-1].dynamic:
@@ -189,9 +190,7 @@ class Statements(Expressions):
         return True
 
     def raised(self, env: Env) -> bool:
-        """The step is marked as failed.  Plain Python, run again on it, raises the error with its
-        message.
-        """
+        """Translate `raise`: mark the step as failed.  Plain Python, run on it again, raises the error."""
         b, mask = self.builder, self.active(env)
         if self.state.failed is None:
             raise NotCompilable("`raise` outside an attempted step")
@@ -238,8 +237,8 @@ class Statements(Expressions):
         return inside or self.after(env, endless)
 
     def after(self, env: Env, always: bool = False) -> bool:
-        """Behind a loop of the run: return what a `return` inside has found; `always`: there is no
-        other way out of it.
+        """Translate what follows a native loop: return the value of a `return` in it, in lanes that came to one.
+        always : the loop has no other way out.
         """
         if FOUND not in env:
             return True
@@ -322,7 +321,7 @@ class Statements(Expressions):
 
 
 class _Breaks(ast.NodeTransformer):
-    """Lets every `break` of a loop set a variable before."""
+    """Puts an assignment before every `break` of a loop."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -341,7 +340,7 @@ class _Breaks(ast.NodeTransformer):
 
 
 def _changes_in_place(cls: type, operator: ast.operator) -> bool:
-    """Whether a class has a method of its own for `x += y` and its like."""
+    """Whether a class defines the in-place operator, such as `__iadd__` for `x += y`."""
     name = getattr(OPERATORS.get(type(operator)), "__name__", "").strip("_")
     return hasattr(cls, f"__i{name}__")
 
