@@ -44,8 +44,8 @@ def gradient(formula: Callable[[Any], Any], x: Any) -> Vec:
 
 
 def gradient_to_add(formula: Callable[[Any], Any], x: Any, signed: bool = True) -> Vec:
-    """The gradient of a formula, of which components that are zero may have a sign, as sums that begin with
-    0.0 do not see: without it, every component has one addition more.
+    """The gradient of a formula, to be added to something: components that are zero may be -0.0, which saves an addition
+    for each.
     """
     slopes = [tangent(formula, x, unit, signed)[1] for unit in axes(x)]
     for slope in slopes:
@@ -57,7 +57,7 @@ def gradient_to_add(formula: Callable[[Any], Any], x: Any, signed: bool = True) 
 def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
     """The matrix df_i/dx_j of a formula from vectors to vectors.  x : (n,).
 
-    Of a formula of one of many sites, x is that of this site, and those of the others rest.
+    In a formula of one of many sites x is that of this site, and the other sites rest.
     """
     slopes = [tangent(formula, x, unit, False, True)[1] for unit in axes(x)]
     return transpose(mat(*slopes))
@@ -66,11 +66,10 @@ def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
 def tangent(
     formula: Callable[[Any], Any], x: Any, direction: Any, signed: bool = False, alone: bool = False
 ) -> tuple[Any, Any]:
-    """f(x) and f'(x) d.  Inside, the depth of derivatives is one more; the compiler runs this as it
-    stands, as of `formula`.
+    """f(x) and f'(x) d.  Derivatives in the formula are one level deeper.  The compiler runs this function in Python.
 
-    signed : keep the sign of slopes that are zero, which saves an addition for each number.
-    alone : do other sites rest, where the formula is one of a site?
+    signed : slopes that are zero may be -0.0, which saves an addition for each number.
+    alone : do the other sites rest, in a formula of a site?
     """
     level = DEPTH.get() + 1
     before, others = DEPTH.set(level), ALONE.set((*ALONE.get(), level) if alone else ALONE.get())
@@ -87,8 +86,8 @@ BELOW = 0.5
 
 
 def carried(formula: Callable[[Any], Any], x: Any) -> tuple[Any, Any]:
-    """f(x) and f'(x) of a formula that makes steps of all sites, such as one whose equations are swept: the depth
-    of derivatives inside is that outside, as a sweep knows of none around it.  The compiler runs this as it stands.
+    """f(x) and f'(x) of a formula that makes steps of all sites.  Derivatives in it are not one level deeper: sweeps over
+    all sites do not see one around them.
     """
     return _split(run(formula, _moving(x, 1.0, BELOW)), BELOW, False)
 
@@ -132,9 +131,7 @@ def _float(x: Any) -> Any:
 
 
 def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
-    """The value of a number, a vector, ..., and its slope at this level; anything else stays and
-    has none.
-    """
+    """The value of a number, a vector, ..., and its slope at this level; of None and texts the slope is they themselves."""
     if isinstance(value, Dual):
         if value.level == level:
             return value.value, _slope(value.slope, signed)
@@ -166,9 +163,7 @@ def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
 
 
 def _slope(slope: Any, signed: bool) -> Any:
-    """A slope, if not `signed` without the sign of zero, which would tell whether something rests
-    or moves with slope zero.
-    """
+    """A slope; unless `signed`, -0.0 becomes 0.0, as it is for a number at rest."""
     if type(slope) is int:
         return 0.0
     if signed:

@@ -20,19 +20,19 @@ Formula = TypeVar("Formula", bound=Callable[..., Any])
 
 
 def derived(formula: Formula) -> Formula:
-    """Mark a method that follows from what a subclass must write, the methods of `self` that it calls:
-    an own version of it is a closed form, which has to give the same numbers.
+    """Mark a method that is derived from the methods of `self` that it calls.  A subclass that overrides it writes a
+    closed form, which gives the same numbers.
 
-    A closed form counts beside those methods only: a subclass that writes one of them anew, and no
-    closed form, has the derived method again.
+    A closed form belongs to those methods: a subclass that overrides one of them, and not the closed form, has the
+    derived method again.
     """
     formula.__derived__ = True  # type: ignore[attr-defined]
     return formula
 
 
 def derived_from(*sources: str) -> Callable[[Formula], Formula]:
-    """Mark a method that says what holds for any versions of these methods: None, nothing, or an error.
-    An own version of it knows more, of the versions beside it, and counts as long as a closed form.
+    """Mark a method that says what is true for all versions of these methods: None, nothing, or an error.  A class that
+    overrides it knows more of its own versions, as with a closed form.
     """
 
     def mark(formula: Formula) -> Formula:
@@ -43,8 +43,8 @@ def derived_from(*sources: str) -> Callable[[Formula], Formula]:
 
 
 def closed_form_of(*sources: str) -> Callable[[Formula], Formula]:
-    """Mark a closed form of what cannot be derived, such as the exact motion: a subclass that writes
-    one of these methods anew has the version of the next base, or none, and NotDefined says so.
+    """Mark a closed form of what cannot be derived, such as the exact motion.  A subclass that overrides one of the
+    sources has the version of the next base, or a property that raises NotDefined.
     """
 
     def mark(formula: Formula) -> Formula:
@@ -55,9 +55,7 @@ def closed_form_of(*sources: str) -> Callable[[Formula], Formula]:
 
 
 def closed_forms(cls: type) -> Iterator[tuple[str, Any, Any]]:
-    """The derived methods that a class has its own version of: the name, that version, and the derived
-    method whose numbers it gives.
-    """
+    """For each closed form of a class of a derived method the name, the closed form and the derived method."""
     for name, home, base in _overruled(cls):
         follows = bare(vars(base)[name]) if base else None
         if isinstance(follows, types.FunctionType) and is_derived(follows) and not hasattr(follows, "__sources__"):
@@ -70,8 +68,8 @@ def is_derived(member: Any) -> bool:
 
 
 def stale_forms(cls: type) -> Iterator[tuple[str, type, type | None]]:
-    """The closed forms that a class inherits although a method that they abbreviate was written anew:
-    the name, the class that wrote it, and the base whose method is to stand for it, if there is one.
+    """The closed forms that a class inherits although one of their sources is overridden: the name, the class that has
+    the closed form, and the base whose method takes its place, if there is one.
     """
     for name, home, base in _overruled(cls):
         formula = _function(vars(home)[name])
@@ -83,10 +81,9 @@ def stale_forms(cls: type) -> Iterator[tuple[str, type, type | None]]:
 
 
 def follow_anew(cls: type) -> None:
-    """Put derived methods in the place of closed forms that a class inherits, where it, or a base before
-    theirs, writes anew what they abbreviate.
+    """Replace the stale closed forms of a class by derived methods.
 
-    Raises InvalidType where that calls the closed form, so that the derived method would call itself.
+    Raises InvalidType where an overriding source calls the closed form: the derived method would call itself.
     """
     while stale := list(stale_forms(cls)):
         for name, home, base in stale:
@@ -112,9 +109,7 @@ def _missing(name: str, home: type) -> property:
 
 
 def _overruled(cls: type) -> Iterator[tuple[str, type, type | None]]:
-    """Each closed form of a class: its name, the class that wrote it, and the base with the method that
-    is to stand for it elsewhere.
-    """
+    """Each closed form of a class: the name, the class that has it, and the base with the method that it replaces."""
     for name in sorted({name for base in cls.__mro__ for name in vars(base)}):
         homes = [base for base in cls.__mro__ if name in vars(base)]
         formula = _function(vars(homes[0])[name])
@@ -127,9 +122,9 @@ def _overruled(cls: type) -> Iterator[tuple[str, type, type | None]]:
 
 
 def _written_anew(cls: type, home: type, member: Any) -> set[str]:
-    """The methods that a method reads, or that these call in turn, of which a class has another version
-    than `home`.  What is abstract in `home` may be any, unless the method reads it itself; fields are
-    parameters, for any values of which the method was written.
+    """The methods read by `member` of `home`, directly or by other methods, that `cls` overrides.
+
+    A method that is abstract in `home` counts only if `member` itself reads it.  Fields do not count: they are parameters.
     """
     direct = _reads(_function(member))
     changed = set()
@@ -177,14 +172,14 @@ def _is_abstract(formula: Any) -> bool:
 
 
 def _reached(cls: type, names: frozenset[str]) -> set[str]:
-    """The names of these methods and of those that they call in turn, by every version that a class inherits, for
-    `super` may call any.
+    """The names of methods and of all that they call in turn, in every version that a class inherits: `super` may call
+    any of them.
     """
     return _in_turn(names, lambda name: [_function(vars(base).get(name)) for base in cls.__mro__])
 
 
 def _called(cls: type, names: frozenset[str]) -> set[str]:
-    """The names of these methods, as a class has them, and of those that they call in turn."""
+    """The names of methods and of all that they call in turn, in the versions that a class has."""
 
     def versions(name: str) -> Iterator[Any]:
         for base in cls.__mro__:
@@ -220,7 +215,7 @@ def _function(member: Any) -> Any:
 
 
 def _reads(formula: Any) -> frozenset[str]:
-    """The attributes of `self` that a formula reads, or those of which it is said to be."""
+    """The attributes of `self` that a formula reads, or its declared sources."""
     if hasattr(formula, "__sources__"):
         return frozenset(formula.__sources__)
     return _read_by(formula) if isinstance(formula, types.FunctionType) else frozenset()
@@ -228,8 +223,8 @@ def _reads(formula: Any) -> frozenset[str]:
 
 @functools.cache
 def _read_by(formula: types.FunctionType) -> frozenset[str]:
-    """The attributes of the first argument that a function reads; all names in it, and in the functions of
-    users that it may call, if that argument goes elsewhere: into another name, a function, a decorator.
+    """The attributes of its first argument that a function reads.  If the argument goes elsewhere, into another name, a
+    function or a decorator: all names in the function and in the functions of users that it may call.
     """
     code = formula.__code__
     if not code.co_argcount and not code.co_flags & inspect.CO_VARARGS:

@@ -22,7 +22,7 @@ _LIBRARY = __name__.partition(".")[0]
 
 
 class WrongResult(InvalidType):
-    """A formula gave something else than its base in the library says."""
+    """A formula gave another kind of result than its base in the library does."""
 
 
 def theirs(cls: type | types.FunctionType) -> bool:
@@ -78,13 +78,13 @@ def overridden(cls: type, home: type, name: str) -> tuple[type, Any] | None:
 
 
 def asked(method: F) -> F:
-    """Mark a method that runs ask of every object of its class, so that a field of its name would be called."""
+    """Mark a method that runs call for every object of its class, so that no field may have its name."""
     method.asked = True  # type: ignore[attr-defined]
     return method
 
 
 def is_asked(cls: type, name: str) -> bool:
-    """Whether runs ask a method of this name of every object of the class."""
+    """Whether runs call a method of this name for every object of the class."""
     return any(getattr(vars(base).get(name), "asked", False) for base in cls.__mro__)
 
 

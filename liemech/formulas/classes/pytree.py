@@ -39,12 +39,11 @@ _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of s
 
 @frozen
 class Layout:
-    """The structure of a value: `kind` is number, integer, truth, pair, vec, mat, tuple, list,
-    record, table, large, place or static.
+    """The structure of a value.
 
-    large : numbers in memory; in native code a formula knows their place alone.
-
-    Integers and truth values are such where they may change: in what a method carries along.
+    kind : number, integer, truth, pair, vec, mat, tuple, list, record, table, large (numbers in memory), place (of such
+    numbers, which is all that native code has) or static (a constant).  Integers and truth values are static, too, but
+    for those that a method carries along.
     """
 
     kind: str
@@ -55,7 +54,7 @@ class Layout:
 
     @functools.cached_property
     def width(self) -> int:
-        """The count of numbers that the value holds."""
+        """The number of numbers in the value."""
         if self.kind == "large":
             return size_of(self.detail)
         return 1 if self.kind in _ONE else sum(part.width for part in self.parts)
@@ -93,7 +92,7 @@ class Layout:
 
     @functools.cached_property
     def directions(self) -> int:
-        """Along how many directions its numbers carry derivatives, at most."""
+        """The largest number of directions along which its numbers carry derivatives."""
         direct = self.parts[1].width if self.kind == "pair" and self.detail[0] is Dual else 0
         return max([direct, *[part.directions for part in self.parts]])
 
@@ -109,7 +108,7 @@ class Layout:
 
     @functools.cached_property
     def _identity(self) -> Any:
-        """The detail as two layouts compare it: of static parts type and value, exactly."""
+        """The detail as layouts are compared: for a static part by type and value, to the bit."""
         return exact(self.detail) if self.kind == "static" else self.detail
 
     @functools.cached_property
@@ -152,7 +151,7 @@ _ONE = *_SINGLE, "table", "place"
 
 
 class _Itself:
-    """Stands for an object that is only equal to itself."""
+    """An object by identity: equal to itself alone."""
 
     __slots__ = ("thing",)
 
@@ -241,21 +240,22 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if number(value):
         return NUMBER if number is not _changing else _of_number(value)
     if isinstance(value, Vec):
-        ordinary = _FLOAT.issuperset(map(type, value)) or all(map(is_any_number, value))
-        return vector_layout(len(value)) if ordinary else _sequence("vec", tuple([layout_of(x, number) for x in value]))
+        if _FLOAT.issuperset(map(type, value)) or all(map(is_any_number, value)):
+            return vector_layout(len(value))
+        return _one_layout("vec", tuple([layout_of(x, number) for x in value]))
     if isinstance(value, Large):
         of_place = number is is_any_number and value.numbers is None
         if of_place or number is not is_any_number:
-            return _large("place" if of_place else "large", value.form)
+            return _one_layout("place" if of_place else "large", (), value.form)
     if isinstance(value, Mat):
-        return _matrix(tuple([layout_of(row, number) for row in value.rows]))
+        return _one_layout("mat", tuple([layout_of(row, number) for row in value.rows]))
     if isinstance(value, PAIRS):
-        return _pair(tuple([layout_of(x, number) for x in value.parts]), value.form)
+        return _one_layout("pair", tuple([layout_of(x, number) for x in value.parts]), value.form)
     # else a constant of native code
     if isinstance(value, Table) and (number is not is_any_number or value.content is None):
         return TABLE
     if isinstance(value, list) or (isinstance(value, tuple) and (number is not is_number or not is_static(value))):
-        whole = _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
+        whole = _one_layout(type(value).__name__, tuple([layout_of(x, number) for x in value]))
         if whole.width or number is not _changing or not is_static(value):
             return whole
     return Layout("static", (), value)
@@ -280,8 +280,8 @@ def _of_number(value: Any) -> Layout:
 
 
 def fits(actual: Layout, layout: Layout) -> bool:
-    """Whether a value laid out as `actual` can be written where `layout` is: a float may come from an integer,
-    everything else is the same.
+    """Whether a value of the layout `actual` can be written where `layout` is: they are equal, but for integers in place
+    of floats.
     """
     if actual is layout or actual == layout:
         return True
@@ -339,47 +339,24 @@ def known_layout(value: Any) -> Layout | None:
 
 def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
     cls: Any = type(value)
-    return _record(tuple([layout_of(getattr(value, n), number) for n in names_of(cls)]), cls)
+    names = names_of(cls)
+    return _one_layout("record", tuple([layout_of(getattr(value, n), number) for n in names]), (cls, names))
 
 
-# Most layouts of one structure are one object, so that comparing two of them takes no time.
+_MANY = 2**14
 
-_MANY = 4096
-
-
-@functools.lru_cache(_MANY)
-def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
-    return Layout("record", parts, (cls, names_of(cls)))
-
-
-@functools.lru_cache(_MANY)
-def _pair(parts: tuple[Layout, ...], form: tuple[Any, ...]) -> Layout:
-    return Layout("pair", parts, form)
-
-
-@functools.lru_cache(_MANY)
-def _sequence(kind: str, parts: tuple[Layout, ...]) -> Layout:
-    return Layout(kind, parts)
+_one_layout = functools.lru_cache(_MANY)(Layout)
+"""Makes layouts: most of one structure are one object, so that comparing two of them takes no time."""
 
 
 @functools.lru_cache(_MANY)
 def vector_layout(n: int) -> Layout:
-    """The layout of a vector of so many floats."""
-    return Layout("vec", (NUMBER,) * n)
-
-
-@functools.lru_cache(_MANY)
-def _large(kind: str, form: tuple[Any, ...]) -> Layout:
-    return Layout(kind, (), form)
-
-
-@functools.lru_cache(_MANY)
-def _matrix(rows: tuple[Layout, ...]) -> Layout:
-    return Layout("mat", rows)
+    """The layout of a vector of n floats."""
+    return _one_layout("vec", (NUMBER,) * n)
 
 
 def is_static(value: Any) -> bool:
-    """Whether a value is a plain constant, or a tuple of such, however nested."""
+    """Whether a value is a constant, or nested tuples of constants."""
     if isinstance(value, tuple) and not isinstance(value, Vec):
         return all(map(is_static, value))
     return not isinstance(value, (Vec, Mat, Record, Table, Large, StandIn, *PAIRS))
@@ -470,7 +447,7 @@ def paired(form: tuple[Any, ...], parts: Iterable[Any]) -> Any:
 
 
 def restricted(value: Any, layout: Layout) -> Any:
-    """A record without the parts that this layout does not have; others are those of the value."""
+    """The record with the parts that are static in a layout replaced by its constants."""
     if known_layout(value) == layout:
         return value
     parts = zip(layout.detail[1], layout.parts, strict=True)
@@ -480,7 +457,7 @@ def restricted(value: Any, layout: Layout) -> Any:
 
 
 def laid_out(value: Any, key: Any) -> Any:
-    """The record, whose layout is known from another one of its class with this key."""
+    """The record, with its layout noted: records of one class and key have one layout."""
     layout = _layouts.get((type(value), key))
     if layout is None:
         _layouts[type(value), key] = layout_of(value)
@@ -514,10 +491,10 @@ def inside(value: Any, kind: type) -> list[Any]:
 def exchanged(
     value: Any, kind: type, others: Iterable[Any], on_exchange: Callable[[Any, Any], None] | None = None
 ) -> Any:
-    """The value with other records of a kind, as many as `inside` finds, in order.  What a record
-    has beside its fields, the new one has too, unless there are records of the kind in it.
+    """The value with the records of a kind, those of `inside`, replaced by others, in order.  Attributes beside the fields
+    of a record are copied unless they hold a record of the kind.
 
-    on_exchange : called with every new record and the old one.
+    on_exchange : called with every new record and the one that it replaces.
     """
     replacements = iter(others)
 
@@ -547,38 +524,35 @@ def with_fields(value: Any, **fields: Any) -> Any:
 
 
 def compensated(value: Any) -> Any:
-    """The value with numbers that remember what rounding takes from them; ask `plain` for it
-    without.
-    """
+    """The value in compensated numbers, which remember what rounding takes from sums; `plain` is the inverse."""
     return _mapped(value, Compensated)
 
 
 def plain(value: Any) -> Any:
-    """The value without what its numbers remember of rounding."""
+    """The value with compensated numbers replaced by their values."""
     return _mapped(value, value_of)
 
 
 def double_double(value: Any) -> Any:
-    """The value in numbers of two doubles; ask `rounded` for it in one."""
+    """The value in numbers of two doubles; `rounded` is the inverse."""
     return _mapped(value, lambda x: x if isinstance(x, DoubleDouble) else DoubleDouble(value_of(x), 0.0))
 
 
 def with_slopes(value: Any, level: float, still: Any = 0.0) -> Any:
-    """The value in numbers that all carry a derivative of this level; it is zero where there was
-    none.
+    """The value in numbers that all carry a derivative of this level, zero where they had none.
 
-    still : the slope of what rests; along several directions a vector.
+    still : the slope zero; along several directions a vector.
     """
     return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, still, level), (Dual,))
 
 
 def moving_as(value: Any, x: Any) -> Any:
-    """The value in numbers that carry a derivative, if a number x does."""
+    """The value in numbers that carry a derivative like that of x; the value itself if x has none."""
     return with_slopes(value, x.level, at_rest(x.slope)) if isinstance(x, Dual) else value
 
 
 def as_others_see(value: Any) -> Any:
-    """The value of a site without the slopes along which it moves alone."""
+    """The value of a site without slopes of derivatives in which the other sites rest."""
     alone = ALONE.get()
     return _mapped(value, lambda x: _at_rest(x, alone), (Dual,)) if alone else value
 
@@ -591,7 +565,7 @@ def _at_rest(x: Any, alone: tuple[int, ...]) -> Any:
 
 
 def rounded(value: Any) -> Any:
-    """The value in numbers of one double, which remember nothing."""
+    """The value in plain doubles."""
     return _mapped(value, lambda x: rounded_number(value_of(x)))
 
 
@@ -608,9 +582,7 @@ def _mapped(value: Any, change: Callable[[Any], Any], whole: tuple[type, ...] = 
 
 
 def fitted(value: Any, layout: Layout) -> Any:
-    """The value with numbers that carry a rest or a derivative where the layout has such, and only
-    there.
-    """
+    """The value with compensated numbers, numbers of two doubles and derivatives just where a layout has them."""
     if layout.kind == "number":
         return rounded_number(value_of(value))
     if layout.kind == "pair" and layout.detail == _COMPENSATED:
@@ -647,11 +619,9 @@ def _like(value: Any, parts: list[Any]) -> Any:
     return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)
 
 
-def vector(n: int) -> Layout:
-    """The layout of a vector of n floats."""
-    return layout_of(Vec(*[0.0] * n))
+vector = vector_layout
 
 
 def matrix(n: int, m: int) -> Layout:
-    """The layout of a matrix of so many rows and columns."""
-    return layout_of(Mat(*[Vec(*[0.0] * m)] * n))
+    """The layout of a matrix of n rows and m columns."""
+    return _one_layout("mat", (vector_layout(m),) * n)

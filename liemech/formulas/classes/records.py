@@ -76,7 +76,7 @@ class Record(Broadcasting):
         return new(cls)
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields, without what is only remembered beside them."""
+        """The fields, without cached attributes."""
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(cast("Any", self))}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -125,7 +125,7 @@ def require_as_made(record: Any) -> None:
     in the new one: native code takes loops and places in memory from them.  Other numbers keep their bits.
     """
     cls: Any = type(record)
-    taken = _taken(cls)
+    taken = _remaking_arguments(cls)
     if taken is None:
         return
     remade = cls(**{name: getattr(record, name) for name in taken})
@@ -136,10 +136,10 @@ def require_as_made(record: Any) -> None:
 
 
 @functools.cache
-def _taken(cls: Any) -> tuple[str, ...] | None:
-    """The fields that the `__init__` of a class of records takes; None if it makes no fields and no checks of
-    its own, or takes other things.  What users wrote alone is no such check: it may turn degrees into radians, and
-    would do so again.
+def _remaking_arguments(cls: Any) -> tuple[str, ...] | None:
+    """The fields that the `__init__` of a class of records takes, for one whose library base computes or checks fields, and
+    if it takes nothing else; None for others.  A user's `__post_init__` alone does not count: it may turn degrees into
+    radians, and would do so again.
     """
     ours = [base for base in cls.__mro__ if issubclass(base, Record) and not theirs(base)]
     if theirs(cls) and all(base.__post_init__ is Record.__post_init__ for base in ours):
@@ -207,9 +207,7 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
 
 
 def _blame(self: Any, error: Exception) -> None:
-    """Raise what is wrong with a field for whose value a class could not be made; return if none
-    is.
-    """
+    """Raise the error of the first field whose value cannot be converted; return if there is none."""
     cls: Any = type(self)
     for name, convert, _, _ in converters(cls):
         value = getattr(self, name, MISSING)
@@ -251,7 +249,7 @@ def _require_dataclass(cls: Any) -> None:
 
 
 def _require_methods_in_sight(cls: Any) -> None:
-    """A method with the name of a field would never be called: the value of the field hides it."""
+    """Refuse a class with a method and a field of one name: the field would hide the method."""
     for field in dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ():
         for base in cls.__mro__:
             if field.name in own_annotations(base) or not field.init:
@@ -276,7 +274,7 @@ def _require_free(cls: Any, home: Any, name: str) -> None:
 
 
 def _require_final_methods(cls: Any) -> None:
-    """A method that follows from the others is the base's: what else is written counts on it."""
+    """Refuse a class that replaces a final method, on which other methods count."""
     for derived in cls.__mro__:
         for name in vars(derived):
             base = next((b for b in derived.__mro__[1:] if name in vars(b)), None)

@@ -47,21 +47,21 @@ with any leading axes.
 
 
 class Signature:
-    """A method and what it says of its arguments.
+    """A method with the annotations of its arguments.
 
     kinds : of the arguments that are numbers, vectors, ..., which of `KINDS`.
     classes : the annotations as text, without modules and brackets.
-    promise : what a user's method gives, by the one of the library that it overrides; else None.
+    promise : the results of a user's method, as the method of the library that it overrides has them; else None.
     """
 
     def __init__(self, cls: type, name: str, formula: types.FunctionType) -> None:
         self.name, self.formula, self.names = name, formula, arguments(formula)
-        self.kinds, self.classes = _said(cls, name, self.names)
+        self.kinds, self.classes = _annotated_by_bases(cls, name, self.names)
         self.promise = promise(cls, name)
 
     @property
     def says_nothing(self) -> bool:
-        """Whether there are no arguments to check, and no result is promised."""
+        """Whether there is no argument and no result to check."""
         first = next(iter(self.classes.values()), "Any")
         return not self.kinds and first == "Any" and self.promise is None
 
@@ -90,9 +90,7 @@ class Signature:
 
     @functools.cached_property
     def trusted(self) -> tuple[set[type] | None, ...]:
-        """The types that pass unseen, for each argument: those that one formula hands to another.
-        None: all of them.
-        """
+        """For each argument the types that pass unchecked: those that formulas hand to each other.  None: any type."""
         return tuple(map(self._trusted, self.names))
 
     def _trusted(self, name: str) -> set[type] | None:
@@ -145,7 +143,7 @@ def arguments(method: types.FunctionType) -> tuple[str, ...]:
     return code.co_varnames[1 : code.co_argcount]
 
 
-def _said(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
+def _annotated_by_bases(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
     """The kind and the class of each argument, from the annotations of a method and of those that
     it overrides.
     """
@@ -155,7 +153,7 @@ def _said(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str],
         member = base.__dict__.get(name)
         if not isinstance(member, types.FunctionType):
             continue
-        for argument, description in zip(names, _told(bare(member))):
+        for argument, description in zip(names, _annotated(bare(member))):
             if description is None:
                 continue
             kind, text = description
@@ -167,29 +165,29 @@ def _said(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str],
     return (kinds if set(kinds.values()) - {"float"} else {}), classes
 
 
-Told = tuple["str | None", "str | None"] | None
+Annotated = tuple["str | None", "str | None"] | None
 
-_KNOWN: dict[types.FunctionType, list[Told]] = {}
-"""The kinds and classes of the arguments of the library's formulas, as `_told` finds them."""
+_ANNOTATED: dict[types.FunctionType, list[Annotated]] = {}
+"""The kinds and classes of the arguments of the library's formulas, as `_annotated` finds them."""
 
 
-def _told(formula: types.FunctionType) -> list[Told]:
-    """The kind and the class that each argument of a formula is annotated with, None for one without an
-    annotation; no classes where there may be more arguments.
+def _annotated(formula: types.FunctionType) -> list[Annotated]:
+    """The kind and the class with which each argument of a formula is annotated; None without an annotation.  Formulas
+    with `*args` or `**options` have no classes.
     """
-    remembered = _KNOWN.get(formula)
+    remembered = _ANNOTATED.get(formula)
     if remembered is not None:
         return remembered
     annotations = own_annotations(formula)
     counted = not formula.__code__.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
-    described: list[Told] = [
+    described: list[Annotated] = [
         None
         if name not in annotations
         else (kind_of(annotations[name], formula.__globals__), class_text(annotations[name]) if counted else None)
         for name in arguments(formula)
     ]
     if (formula.__module__ or "").partition(".")[0] == LIBRARY:
-        _KNOWN[formula] = described
+        _ANNOTATED[formula] = described
     return described
 
 

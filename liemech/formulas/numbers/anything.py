@@ -1,7 +1,6 @@
-"""A number without a value: what a formula does with it, it does at every point, for it cannot ask.
+"""Numbers without values, by which the degree of a formula, and the numbers that it depends on, are found.
 
-Beside that it tells of which numbers a result is made, and of what degree it is, if it is a
-polynomial.
+A formula that runs with them does the same at every point: comparisons, signs and roundings raise ValueAsked.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ ASKED = "it depends on a comparison, a sign or a rounding"
 
 
 class ValueAsked(TypeError):
-    """A formula asked for a value, or for a sign."""
+    """Raised where a formula needs a value or a sign."""
 
 
 def _asked(self: Anything, *others: Any) -> Any:
@@ -25,12 +24,10 @@ def _asked(self: Anything, *others: Any) -> Any:
 
 
 class Anything(Operand, StandIn):
-    """A stand-in for any number, with which formulas are run to see of what degree a result is in the numbers that
-    count.
+    """A number without a value.
 
-    degree : as a polynomial of the numbers that count; 0 for what does not depend on them, infinite for what is no
-    polynomial.
-    of : the numbers of which it is made.
+    degree : as a polynomial of the numbers that count; 0 if it does not depend on them, infinite if it is no polynomial.
+    of : the indices of the numbers of which it is made.
     """
 
     __slots__ = ("degree", "of")
@@ -94,8 +91,8 @@ class Anything(Operand, StandIn):
 
 
 def looked_at(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, str]:
-    """The result of a formula of numbers that count as 1 or 0; and why it may do one thing here and
-    another thing there.
+    """The result of a formula, run with numbers of these degrees; or None, and why it may depend on the point in another
+    way than as one expression.
     """
     try:
         return formula(Vec(*[Anything(d, frozenset([i])) for i, d in enumerate(degrees)])), ""
@@ -104,9 +101,7 @@ def looked_at(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, s
 
 
 def choice(formula: Callable[[Vec], Any], n: int) -> str:
-    """Why a formula of n numbers may do one thing at one point and another thing at another; empty
-    if it cannot.
-    """
+    """Why a formula of n numbers is not one expression everywhere; empty if it is."""
     return looked_at(formula, [1] * n)[1]
 
 

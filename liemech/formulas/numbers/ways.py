@@ -1,11 +1,11 @@
-"""Numbers at many points at once, whose comparisons are answered in all ways, one after the other.
+"""Tests of identities of formulas at random points, on every way through their branches.
 
-A formula without comparisons is one expression, so that an identity which it has at a point by chance it has
-everywhere.  With comparisons it is one on every way through its branches, and all of these are gone: where values
-are known, with the points that go there, and else with all of them.
+A formula without comparisons is one expression: an identity that holds at a random point holds everywhere.  One with
+comparisons is an expression on every way through its branches.  All ways are taken in turn: by a comparison of known
+numbers with the points where it has this outcome, by any other one with all points.
 
-Floats lose what is small beside the rest at a point.  Residues by a prime are exact, and functions of them are any
-functions: an identity that they have by chance holds for all numbers, in all units.
+Floats lose small terms beside large ones.  Residues by a prime are exact, and elementary functions of them are hashes,
+as if of any function: an identity of residues holds for all numbers, in all units.
 
 Source: Schwartz, J. ACM 27 (1980) (identities tested at points by chance).
 """
@@ -25,21 +25,21 @@ from ..vectors import vec
 from .bases import CarriesMore, Operand, StandIn
 
 MOST = 64
-"""Ways, and comparisons on one way, beyond which nothing is told of a formula."""
+"""The largest number of ways, and of comparisons on one way, for which a formula is tested."""
 
 APART = 1e-9
-"""Two numbers that should be equal and differ by more than this, relative to their terms, are two."""
+"""Numbers that differ by more than this, relative to their terms, are not equal."""
 
 
 PRIME = 2**127 - 1
-"""By which residues are taken."""
+"""The modulus of residues."""
 
 KNOWN, ANY, MOVING = 0, 1, 2
-"""Kinds of numbers: made of parameters whose values are known, of what may have any value, of the state."""
+"""What a number is made of, at most: parameters of known values, numbers that may have any value, the state."""
 
 
 class Undecided(TypeError):
-    """A formula asked for more than can be answered in all ways."""
+    """Raised for a formula that cannot be tested on all ways."""
 
 
 class Ways:
@@ -50,15 +50,15 @@ class Ways:
 
     def __init__(self, of_moving: bool) -> None:
         self.of_moving = of_moving
-        self.there: Any = np.array(True)  # the points that go this way
-        self.branch = False  # was anything asked that is not known?
+        self.points: Any = np.array(True)  # the mask of points that are on this way
+        self.branch = False  # has a comparison been met whose outcome is not known?
         self._answers: list[bool] = []
-        self._asked: list[tuple[str, Any]] = []
+        self._comparisons: list[tuple[str, Any]] = []
 
-    def all(self) -> Iterator[None]:
-        """One way after the other; on each, what is asked again is answered as before."""
+    def each(self) -> Iterator[None]:
+        """Take the ways in turn; an equal comparison has one outcome on a way."""
         for _ in range(MOST):
-            self._asked, self.there, self.branch = [], np.array(True), False
+            self._comparisons, self.points, self.branch = [], np.array(True), False
             yield
             while self._answers and not self._answers[-1]:
                 self._answers.pop()
@@ -68,40 +68,40 @@ class Ways:
         raise Undecided("a formula has too many branches")
 
     def answer(self, kind: str, x: Number) -> bool:
-        """Whether x is positive, or, of the other kind, zero."""
+        """Whether x > 0, for the kind "positive", or x = 0, for the kind "zero", on this way."""
         if x.moves == MOVING and not self.of_moving and np.any(x.at):
             raise Undecided("a formula compares numbers that move")
         if x.moves == KNOWN:
             holds = x.at > 0.0 if kind == "positive" else x.at == 0.0
-            undecided = np.broadcast_arrays(self.there, holds)[0]
+            undecided = np.broadcast_arrays(self.points, holds)[0]
             if not (undecided & holds).any() or not (undecided & ~holds).any():
                 return bool((undecided & holds).any())
-            answer = self._next(kind, x)
-            self.there = undecided & (holds == answer)
+            answer = self._new_answer(kind, x)
+            self.points = undecided & (holds == answer)
             return answer
         if not np.any(x.at):
             return kind == "zero"
-        for (other, compared), answer in zip(self._asked, self._answers):
+        for (other, compared), answer in zip(self._comparisons, self._answers):
             if other == kind and self.equal(compared, x.at):
                 return answer
             opposite = other == kind and (kind == "zero" or answer or x.moves == MOVING)
             if opposite and self.equal(compared, -x.at):
                 return answer if kind == "zero" else not answer
         self.branch = True
-        return self._next(kind, x)
+        return self._new_answer(kind, x)
 
     def equal(self, number: Any, other: Any) -> bool:
-        """Whether numbers are equal wherever points go this way and they are finite."""
-        return not ((np.abs(number - other) > APART * (np.abs(number) + np.abs(other))) & self.there).any()
+        """Whether numbers are equal, up to rounding, at all points of this way where they are finite."""
+        return not ((np.abs(number - other) > APART * (np.abs(number) + np.abs(other))) & self.points).any()
 
-    def _next(self, kind: str, x: Number) -> bool:
-        """The answer on this way to what was not asked before."""
-        if len(self._asked) == len(self._answers):
-            if len(self._asked) == MOST:
+    def _new_answer(self, kind: str, x: Number) -> bool:
+        """The outcome, on this way, of a comparison not met before."""
+        if len(self._comparisons) == len(self._answers):
+            if len(self._comparisons) == MOST:
                 raise Undecided("a formula has too many branches")
             self._answers.append(True)
-        self._asked.append((kind, x.at))
-        return self._answers[len(self._asked) - 1]
+        self._comparisons.append((kind, x.at))
+        return self._answers[len(self._comparisons) - 1]
 
 
 def values_of(x: Any) -> Any:
@@ -113,7 +113,7 @@ def _operation(of_values: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any
     def operation(self: Number, other: Any) -> Any:
         if not isinstance(other, (Number, int, float, np.number)):
             return NotImplemented
-        return self.made(of_values(self.at, values_of(other)), other)
+        return self.made_with(of_values(self.at, values_of(other)), other)
 
     return operation
 
@@ -125,7 +125,7 @@ def _undecided(self: Number, *others: Any) -> Any:
 class Number(Operand, StandIn):
     """A number at many points.
 
-    at : its values, or residues.  ways : the ways through branches.  moves : of what it is made, KNOWN to MOVING.
+    at : its values, or residues.  ways : the ways through branches.  moves : KNOWN, ANY or MOVING.
     """
 
     __slots__ = ("at", "moves", "ways")
@@ -133,8 +133,8 @@ class Number(Operand, StandIn):
     def __init__(self, at: np.ndarray, ways: Ways, moves: int) -> None:
         self.at, self.ways, self.moves = at, ways, moves
 
-    def made(self, at: np.ndarray, *others: Any) -> Number:
-        """A number that is made of this one and others."""
+    def made_with(self, at: np.ndarray, *others: Any) -> Number:
+        """The number with these values, computed from this one and others."""
         return Number(at, self.ways, max([self.moves, *[x.moves for x in others if isinstance(x, Number)]]))
 
     __add__ = __radd__ = _operation(operator.add)
@@ -144,7 +144,7 @@ class Number(Operand, StandIn):
     __pow__, __rpow__ = _operation(operator.pow), _operation(lambda x, y: np.power(float(y), x))
 
     def __neg__(self) -> Number:
-        return self.made(-self.at)
+        return self.made_with(-self.at)
 
     def __pos__(self) -> Number:
         return self
@@ -155,7 +155,7 @@ class Number(Operand, StandIn):
             return abs(x[0]) if x[1] > 0.0 else -abs(x[0])
         values = [values_of(y) for y in x]
         image = values[0] * values[1] + values[2] if name == "fma" else getattr(functions, name)(*values)
-        return self.made(image, *x)
+        return self.made_with(image, *x)
 
     def __gt__(self, other: Any) -> bool:
         return self.ways.answer("positive", self - other)
@@ -190,7 +190,7 @@ class Number(Operand, StandIn):
 
 
 class Residue:
-    """A number by a prime, in arrays: sums, products and quotients are exact, and a function is any function."""
+    """A number modulo PRIME, an entry of arrays: sums, products and quotients are exact, functions are hashes."""
 
     def __init__(self, n: int) -> None:
         self.n = n % PRIME
@@ -235,7 +235,7 @@ class Residue:
         return Residue.from_number(other)._any("pow", self.n)
 
     def __abs__(self) -> float:
-        """The distance from zero: 1 for all that is not zero."""
+        """The size: 0 for zero, else 1."""
         return float(self.n != 0)
 
     def __bool__(self) -> bool:
@@ -251,13 +251,13 @@ class Residue:
 
 
 class AnyFunction:
-    """A function of a number in place of a table: its value is a number, or, of so many components, a vector.
+    """Any function of a number, in place of a table.
 
-    some : makes a number by chance.
+    size : the components of its values; 0 for numbers.  random_number : makes one.
     """
 
-    def __init__(self, size: int, some: Callable[[], Number]) -> None:
-        self.size, self.some = size, some
+    def __init__(self, size: int, random_number: Callable[[], Number]) -> None:
+        self.size, self.random_number = size, random_number
         self._known: list[tuple[np.ndarray, Any]] = []
 
     def __call__(self, x: Any) -> Any:
@@ -267,7 +267,7 @@ class AnyFunction:
         for argument, value in self._known:
             if x.ways.equal(argument, x.at):
                 return value
-        components = [y.made(y.at, x) for y in [self.some() for _ in range(max(self.size, 1))]]
+        components = [y.made_with(y.at, x) for y in [self.random_number() for _ in range(max(self.size, 1))]]
         value = vec(*components) if self.size else components[0]
         self._known.append((x.at, value))
         return value

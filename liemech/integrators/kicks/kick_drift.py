@@ -169,7 +169,7 @@ def _feels_velocity(system: Any, start: BodyState) -> bool:
         return bool(system.load.feels_velocity)
     g, ways, rng = member(start, 0).g, Ways(True), np.random.default_rng(3)
     try:
-        for _ in ways.all():
+        for _ in ways.each():
             xi = vec(*[Number(x, ways, MOVING) for x in rng.normal(size=(system.body.group.dim, 2))])
             tables = [AnyFunction(x.size, lambda: Number(rng.normal(size=2), ways, ANY)) for x in inputs(system.load)]
             load = exchanged(system.load, PiecewisePolynomial, tables)

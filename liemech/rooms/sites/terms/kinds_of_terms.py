@@ -211,7 +211,7 @@ def _holds(
         )
 
     with np.errstate(all="ignore"):
-        for _ in ways.all():
+        for _ in ways.each():
             term, sites = of_edge.sites(vec(*[Number(x, ways, kind) for x, kind in zip(numbers, moves)]))
             term = at_time(term, anything())
             tables = [AnyFunction(x.size, anything) for x in inside(term, PiecewisePolynomial)]
@@ -220,7 +220,7 @@ def _holds(
                 misfit, whole = (np.broadcast_to(np.asarray(x, dtype=float), shape) for x in (error, size))
                 finite = np.isfinite(misfit) & np.isfinite(whole) & ((whole > LEAST) | (whole == 0.0))
                 holds = ((misfit <= APART * whole) | ~finite).all(axis=0) & finite.any(axis=0)
-                good &= holds | ~np.broadcast_to(ways.there, (1, shape[1]))[0]
+                good &= holds | ~np.broadcast_to(ways.points, (1, shape[1]))[0]
             branches = branches or ways.branch
     return good, branches
 
