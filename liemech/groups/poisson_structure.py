@@ -30,13 +30,11 @@ class PoissonStructure(Record):
     """A Poisson structure on R^n: {F, G}(y) = dF . B(y) dG, and the motion of an energy H is
     y' = B(y) dH(y).
 
-    1. A subclass says its dimension `dim`, n, and writes `matrix(y)`, as a formula: skew-symmetric,
-    with the Jacobi identity
-       sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0.  `check_poisson` looks whether it
-       is.
-    2. It may write `casimirs`, say the `rank` that B has almost everywhere, and write in closed
-    form `sharp`, the product B(y) a,
-       and `coordinate_flow`, the motion that a coordinate has as energy.
+    1. A subclass says its dimension `dim`, n, and writes `matrix(y)`, as a formula: skew-symmetric, with the
+    Jacobi identity sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0.  `check_poisson` looks whether it
+    is.
+    2. It may write `casimirs`, say the `rank` that B has almost everywhere, and write in closed form `sharp`,
+    the product B(y) a, and `coordinate_flow`, the motion that a coordinate has as energy.
     3. Brackets, derivatives along motions and vector fields follow: formulas that compile, and may
     be bracketed again.
 

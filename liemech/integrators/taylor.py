@@ -144,7 +144,7 @@ class Taylor(Method):
 
     @property
     def curve_terms(self) -> int:
-        """How many coefficients the polynomial Omega(s) of a step has."""
+        """The number of coefficients of the polynomial Omega(s) of a step."""
         return self.order
 
     def trial(

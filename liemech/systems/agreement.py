@@ -37,7 +37,7 @@ ROUNDING = 2.0**-46
 
 
 def parts_in_units(x: Vec, blocks: tuple[int, ...]) -> list[Vec]:
-    """The vector with the components of one unit alone, the others zero; for every unit."""
+    """For every unit the vector with the components of this unit, and zeros elsewhere."""
     of_unit = np.repeat(np.arange(len(blocks)), blocks)
     return [Vec.of(np.where(of_unit == k, np.array(x), 0.0).tolist()) for k in range(len(blocks))]
 
@@ -77,7 +77,7 @@ def require_one_body(name: str, group: LieGroup, hamiltonian: Hamiltonian, lagra
 
 @functools.cache
 def _probe(seed: int, dim: int) -> Vec:
-    """A vector of nothing special: no component is zero, or another one."""
+    """A generic vector: its components are not zero, and not equal."""
     return Vec.of(np.random.default_rng(seed).uniform(0.5, 1.0, dim).tolist())
 
 

@@ -138,12 +138,10 @@ class CanonicalSystem(PhaseSpace):
 class HamiltonianSystem(CanonicalSystem):
     """Hamilton's equations in R^2n, q' = dH/dp, p' = -dH/dq, for any energy H(q, p).
 
-    1. A subclass writes `energy(q, p)`, as a formula, and says its number of `degrees` of freedom,
-    n.  Its fields are the
-       parameters.
+    1. A subclass writes `energy(q, p)`, as a formula, and says its number of `degrees` of freedom, n.  Its
+    fields are the parameters.
     2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by
-    differentiation, exact to
-       rounding.
+    differentiation, exact to rounding.
     3. It may name what stays constant beside the energy (`constants`).
 
     The group that moves (q, p) is R^2n under addition, so that methods for Lie groups are here the

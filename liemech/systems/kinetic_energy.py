@@ -89,9 +89,7 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
 
 def has_inertia(energy: Any) -> bool:
-    """Whether an energy is a `KineticEnergy` to the word, so that its `inertia` and its `inverse` say everything:
-    one with an `energy` or a `value` of its own is not.
-    """
+    """Whether the inertia says all about an energy: a `KineticEnergy` whose class overrides neither `energy` nor `value`."""
     return (
         isinstance(energy, KineticEnergy)
         and type(energy).energy is KineticEnergy.energy

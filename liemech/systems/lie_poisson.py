@@ -271,7 +271,7 @@ class LiePoissonSystem(LiePoissonMotion):
 
     @final
     def _momentum_of(self, name: str, mu: Any, xi: Any) -> Any:
-        """The one of them that is given, as a momentum.  name : who asks, for messages."""
+        """The momentum of a start, from mu or from xi, whichever is given.  name : of the caller, for messages."""
         if mu is None and xi is None:
             raise InvalidInput(f"{name}: give mu, the momentum, or xi, the velocity")
         if xi is None:

@@ -17,9 +17,8 @@ class MultirateSystem(SeparableSystem):
     """Hamilton's equations for H = T(p) + V_1(q) + ... + V_m(q), parts of the potential that change
     at different rates.
 
-    1. A subclass writes `kinetic(p)` and one method of q for each part, and names these methods in
-    `parts`, the fastest first:
-       `parts = ("springs", "gravity")`.
+    1. A subclass writes `kinetic(p)` and one method of q for each part, and names these methods in `parts`, the
+    fastest first: `parts = ("springs", "gravity")`.
     2. It may write `part_force(k, q)`, the force of part number k, in closed form.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.4.

@@ -283,7 +283,7 @@ def _unmoved(speeds: Any) -> bool:
 
 
 def special_nowhere(n: int) -> list[Any]:
-    """Points of R^n of nothing special: three of size one in the first octant, then others of many sizes
+    """Generic points of R^n: three of size one in the first octant, then others of many sizes
     and signs.
     """
     rng = np.random.default_rng(7)

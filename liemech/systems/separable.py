@@ -76,12 +76,10 @@ class SeparableEnergy(CanonicalSystem):
 class SeparableSystem(SeparableEnergy, HamiltonianSystem):
     """Hamilton's equations in R^2n for H(q, p) = T(p) + V(q):  q' = dT/dp,  p' = -dV/dq.
 
-    1. A subclass writes `kinetic(p)` and `potential(q)`, as formulas, and says its number of
-    `degrees` of freedom, n.  Its fields
-       are the parameters.
+    1. A subclass writes `kinetic(p)` and `potential(q)`, as formulas, and says its number of `degrees` of
+    freedom, n.  Its fields are the parameters.
     2. It may write `velocity(q, p)`, dT/dp, `force(q, p)`, -dV/dq, and `relative_force(q)`, for
-    LogarithmicHamiltonian, in closed
-       form; left out, they follow by differentiation, exact to rounding.
+    LogarithmicHamiltonian, in closed form; left out, they follow by differentiation, exact to rounding.
     3. It may name what stays constant beside the energy (`constants`).
 
     StormerVerlet and Splitting step such systems by their two parts, whose motions are known.

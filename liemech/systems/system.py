@@ -30,9 +30,7 @@ LIBRARY = __name__.partition(".")[0]
 
 @record
 class State(Record):
-    """Where a system is: arrays, one element each or, for an ensemble, with a leading axis; None
-    for what was not asked for.
-    """
+    """The state of a system: arrays, of an ensemble with a leading axis; None for a part that is left out."""
 
     @classmethod
     def _wanted(cls, owner: Any) -> str:
@@ -43,7 +41,7 @@ class State(Record):
 
     @property
     def bodies(self) -> int | None:
-        """How many members an ensemble has; None for a single system."""
+        """The number of members of an ensemble; None for a single system."""
         cls: Any = type(self)
         for name in names_of(cls):
             x = getattr(self, name)
@@ -53,7 +51,7 @@ class State(Record):
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """The parts that are there, as arrays, by name."""
+        """The parts that are not left out, as arrays, by name."""
         return {name: np.asarray(x) for name, x in self.parts.items() if x is not None}
 
     @property
@@ -130,7 +128,7 @@ class System(Record):
     small: ClassVar[int] = 12  # up to so many numbers many sites are written out, as one body
     bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
     jointed: ClassVar[bool] = False  # are its sites bodies held together by joints?
-    run_by: ClassVar[str] = "rooms.sites.runs.plan:SitesOfPlan"  # of a site form: what makes its runs
+    run_by: ClassVar[str] = "rooms.sites.runs.plan:SitesOfPlan"  # of a site form: where `runs_by_sites` is
     noisy: ClassVar[bool] = False  # are there random numbers in its velocity?
     dissipative: ClassVar[bool] = False  # is there more in its motion than its velocity, a damping?
     time_unit: ClassVar[str] = "s"  # in pictures; "" for systems without units
@@ -165,9 +163,7 @@ class System(Record):
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """How many components of the velocity in a row share a physical unit: by default those of
-        the group.
-        """
+        """The lengths of blocks of components of the velocity that share a physical unit; by default those of the group."""
         return self.group.unit_blocks
 
     def essential_part(self, state: State) -> Any:
@@ -216,7 +212,7 @@ class System(Record):
         return {}
 
     def _written_out(self, state: Any) -> Any:
-        """The state as formulas take it: of many sites all numbers in a row."""
+        """The state in the form of formulas: the numbers of all sites in a row."""
         return state
 
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
@@ -227,13 +223,11 @@ class System(Record):
 
     @final
     def vouched(self, state: State) -> Any:
-        """The state, which this system's `state` has just made and checked; `integrate` need not do
-        it again.
-        """
+        """The state, noted as checked by `state` of this system, so that `integrate` need not check it again."""
         return self._vouched(state)
 
     def _vouched(self, state: State) -> Any:
-        """`vouched` of a state that nobody else can have passed."""
+        """`vouched`, without a check of the argument."""
         _checked.set(state, (type(self), self.group, self if self.bounded else None))
         return state
 
@@ -243,7 +237,7 @@ class System(Record):
         return self._knows(state)
 
     def _knows(self, state: Any) -> bool:
-        """`knows` of a state that nobody else can have passed."""
+        """`knows`, without a check of the argument."""
         checked = _checked.get(state)
         if checked is None or checked[:2] != (type(self), self.group):
             return False
@@ -304,9 +298,7 @@ def points(
 
 
 def element_at_a_glance(group: LieGroup, value: Any) -> Any:
-    """A real array that is an element, as a small vector or matrix; None if it is something else,
-    or wrong.
-    """
+    """A real array that is an element, as a small vector or matrix; None for anything else."""
     element = None if group.is_large else at_a_glance(value, group.element_shape)
     if element is None or group.is_complex or not bare(type(group).defect)(group, element) <= MEMBERSHIP:
         return None
@@ -328,7 +320,7 @@ def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
 
 
 def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """The cure for rotations that are given in another way than the group's."""
+    """The cure for a rotation in another representation than that of the group."""
     if shape == (4,) and found[-2:] == (3, 3):
         return ": of a matrix take UnitQuaternions().from_matrix(R), of a scipy Rotation r from_matrix(r.as_matrix())"
     if shape == (3, 3) and found[-1:] == (4,):
@@ -350,40 +342,9 @@ def large_members(state: Any, large: bool) -> Any:
 
 
 def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None, large: bool = False) -> Any:
-    """A field of a state: small for a single body, else an array of its own with a row for each
-    body that nobody can write to.  large : does that of a single body lie in memory?
+    """A field of a state: a small vector or matrix for a single body, else a read-only array with a row for each body.
+    large : does the field of a single body lie in memory?
     """
     if bodies is None:
         return Large(array) if large else small(array)
     return frozen_array(np.broadcast_to(array, (bodies, *one)), "array")
-
-
-# ------------------------------------------------------------------ exact motions
-
-
-def alone(start: Any, name: str, what: str = "body") -> None:
-    """Refuse an ensemble.  name : of the method that is asked, for one such thing at a time."""
-    if start.bodies is not None:
-        raise InvalidInput(f"{name} takes one {what} at a time; loop over the ensemble")
-
-
-def exact_times(t: Any, name: str) -> np.ndarray:
-    """One time, (), or a row of them, (n,), finite.  name : of the method that is asked."""
-    times = real_array(t, f"{name}: t")
-    if times.ndim > 1:
-        raise InvalidInput(f"{name}: t must be a time or a row of times; got shape {times.shape}")
-    finite = np.isfinite(times)
-    if not finite.all():
-        raise InvalidInput(f"{name}: t must be finite; got {times[~finite][0]}")
-    return times
-
-
-def exact_motion(motion: Callable[[np.ndarray], tuple[Any, ...]], times: np.ndarray, name: str) -> tuple[Any, ...]:
-    """The values of a motion at arrays of times; refused where a phase is beyond the largest
-    number.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        parts = motion(times)
-    if not all(np.isfinite(part).all() for part in parts):
-        raise InvalidInput(f"{name}: t = {np.abs(times).max():.3g} is too late: the motion has no finite phase")
-    return parts

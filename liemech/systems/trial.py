@@ -51,7 +51,7 @@ def require_results(system: System) -> None:
 
 
 def _some_arguments(system: System, formula: Any) -> list[Any]:
-    """A time, an element of a group, vectors of nothing special."""
+    """A time, an element of a group, generic vectors."""
     arguments: list[Any] = []
     for k, name in enumerate(formula.__code__.co_varnames[1 : formula.__code__.co_argcount]):
         kind = "Element" if name == "g" else "Vec"

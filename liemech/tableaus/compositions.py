@@ -66,7 +66,7 @@ class CompositionTableau(Coefficients):
 
     @property
     def stages(self) -> int:
-        """How many substeps a step has."""
+        """The number of substeps of a step."""
         return len(self.gamma)
 
     @cached_property

@@ -82,12 +82,12 @@ class FlowTableau(Coefficients):
 
     @property
     def stages(self) -> int:
-        """How many velocities a step evaluates."""
+        """The number of velocities that a step evaluates."""
         return len(self.flows) - 1
 
     @property
     def exponentials(self) -> int:
-        """How many flows a step follows."""
+        """The number of flows in a step."""
         return sum(map(len, self.flows))
 
     def way(self, i: int) -> Rows:
@@ -159,7 +159,7 @@ def words(nodes: int) -> tuple[Word, ...]:
 
 
 def nodes_of(word: Word) -> int:
-    """How many nodes the trees of a word have."""
+    """The number of nodes in the trees of a word."""
     return sum(1 + nodes_of(tree) for tree in word)
 
 

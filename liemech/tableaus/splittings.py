@@ -112,7 +112,7 @@ class SplittingTableau(Coefficients):
 
     @property
     def stages(self) -> int:
-        """How many forces a step evaluates."""
+        """The number of forces that a step evaluates."""
         return sum(b != 0.0 for b in self.kicks) - self.carries_force
 
     @cached_property

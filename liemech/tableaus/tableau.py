@@ -87,7 +87,7 @@ class ButcherTableau(Coefficients):
 
     @functools.cached_property
     def stages(self) -> int:
-        """How many slopes a step has."""
+        """The number of slopes of a step."""
         return len(self.b)
 
     @functools.cached_property

@@ -42,7 +42,7 @@ def trees(nodes: int) -> tuple[Tree, ...]:
 
 
 def nodes(tree: Tree) -> int:
-    """How many nodes a tree has."""
+    """The number of nodes of a tree."""
     return 1 + sum(map(nodes, tree))
 
 

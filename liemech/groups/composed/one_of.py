@@ -235,7 +235,7 @@ class OneOf(LieGroup):
 
 
 def width_of(group: LieGroup) -> int:
-    """How many real numbers an element is."""
+    """The number of real numbers in an element."""
     count = 2 if group.is_complex else 1
     for n in group.element_shape:
         count = count * n

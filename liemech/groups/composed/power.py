@@ -117,7 +117,7 @@ class PowerGroup(DirectProduct):
 
     @cached_property
     def width(self) -> int:
-        """How many real numbers an element of the base is."""
+        """The number of real numbers in an element of the base."""
         return math.prod(self.base.element_shape) * (2 if self.base.is_complex else 1)
 
     @cached_property

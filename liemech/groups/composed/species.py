@@ -62,7 +62,7 @@ class SpeciesGroup(DirectProduct):
 
     @cached_property
     def copies(self) -> int:
-        """How many sites there are."""
+        """The number of sites of all species."""
         return sum([power.copies for power in self.powers])
 
     @cached_property
@@ -120,7 +120,7 @@ class SpeciesGroup(DirectProduct):
 
     @property
     def counts(self) -> list[int]:
-        """How many sites each species has."""
+        """The number of sites of each species."""
         return [power.copies for power in self.powers]
 
     # ---------------------------------------------------------------- arrays

@@ -76,9 +76,8 @@ def exact_rigid_body(
 
         mu' = mu x J^{-1} mu,    g' = g hat(J^{-1} mu),    from mu and g at time 0
 
-    inertia : (3,) principal moments in any order, or (3, 3) symmetric positive definite, kg m^2;
-    they need not satisfy
-        the triangle inequality
+    inertia : (3,) principal moments in any order, or (3, 3) symmetric positive definite, kg m^2; they need not
+    satisfy the triangle inequality
     mu : (3,) body angular momentum at time 0, kg m^2/s
     g : (3, 3) attitude at time 0, body to space; None if the momentum is all you want
     t : any shape, s, of either sign

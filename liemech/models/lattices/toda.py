@@ -37,7 +37,7 @@ class FlaschkaStructure(PoissonStructure):
 
     @property
     def springs(self) -> int:
-        """How many a there are."""
+        """The number of springs, of the variables a."""
         return self.particles if self.periodic else self.particles - 1
 
     @property

@@ -21,7 +21,7 @@ from ...systems.kinetic_energy import KineticEnergy, times
 from ...systems.lie_poisson import LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import Force
-from ..swinging.pendulums import check_positive
+from ..parameters import check_positive
 from .rod_section import RodSection
 from .rod_statics import balance, equilibrium
 
@@ -258,7 +258,7 @@ class CosseratRod(MechanicalSystem):
 
     @cached_property
     def frames(self) -> int:
-        """How many frames there are."""
+        """The number of frames of the rod."""
         return self.elements if self.closed else self.elements + 1
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, record
-from ..swinging.pendulums import check_positive
+from ..parameters import check_positive
 
 
 @record

@@ -11,8 +11,8 @@ from ...formulas import Vec, dot, norm, record, vec
 from ...formulas.classes.derived import closed_form_of
 from ...systems.canonical import CanonicalState
 from ...systems.separable import SeparableSystem
-from ...systems.system import alone, exact_times
-from ..swinging.pendulums import check_positive
+from ..exact_motion import alone, exact_times
+from ..parameters import check_positive
 
 
 @record

@@ -8,17 +8,19 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Mat, Vec, real_array, record
+from ...formulas import Mat, Vec, record
 from ...groups.composed.product import ProductGroup
 from ...groups.rigid.so3 import SO3
 from ...groups.vector_space import VectorSpace
 from ...systems.kinetic_energy import KineticEnergy
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
-from ...systems.system import alone, exact_times, members_of, points
+from ...systems.system import members_of, points
 from ..bodies.gravity import CentralGravity, UniformGravity
 from ..bodies.kirchhoff import KirchhoffBody
 from ..bodies.rigid_body import RigidBody
+from ..exact_motion import alone, exact_times
+from ..parameters import positive_number
 
 
 @record
@@ -43,7 +45,7 @@ class FallingBody(MechanicalSystem):
 
     def __post_init__(self) -> None:
         turning = RigidBody(self.inertia)
-        mass = _positive(f"{type(self).__name__}: mass", self.mass)
+        mass = positive_number(f"{type(self).__name__}: mass", self.mass)
         object.__setattr__(self, "inertia", turning.inertia)
         object.__setattr__(self, "body", KirchhoffBody(with_mass(turning.inertia, mass)))
         object.__setattr__(self, "potential", UniformGravity(mass * self.gravity))
@@ -106,9 +108,9 @@ class OrbitingBody(MechanicalSystem):
 
     def __post_init__(self) -> None:
         turning = RigidBody(self.inertia)
-        mass = _positive(f"{type(self).__name__}: mass", self.mass)
+        mass = positive_number(f"{type(self).__name__}: mass", self.mass)
         object.__setattr__(self, "inertia", turning.inertia)
-        attraction = _positive(f"{type(self).__name__}: attraction", self.attraction)
+        attraction = positive_number(f"{type(self).__name__}: attraction", self.attraction)
         kinetic = KineticEnergy(with_mass(turning.inertia, mass))
         object.__setattr__(self, "body", LiePoissonSystem(ProductGroup(SO3(), VectorSpace(3)), kinetic))
         object.__setattr__(self, "potential", CentralGravity(attraction, mass, turning.inertia))
@@ -123,7 +125,7 @@ class OrbitingBody(MechanicalSystem):
         """
         name = "OrbitingBody.circular_orbit"
         radius, R = (
-            _positive(f"{name}: radius", radius),
+            positive_number(f"{name}: radius", radius),
             np.eye(3) if g is None else members_of(SO3(), g, f"{name}: g"),
         )
         if R.shape != (3, 3):
@@ -146,10 +148,3 @@ def with_mass(inertia: Vec | Mat, mass: float) -> Vec | Mat:
     if J.ndim == 1:
         return Vec.of([*J, mass, mass, mass])
     return Mat.of(np.block([[J, np.zeros((3, 3))], [np.zeros((3, 3)), mass * np.eye(3)]]))
-
-
-def _positive(name: str, value: Any) -> float:
-    number = real_array(value, name)
-    if number.ndim or not (np.isfinite(number) and number > 0.0):
-        raise InvalidInput(f"{name} must be a positive number; got {value!r}")
-    return float(number)

@@ -19,7 +19,7 @@ from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import Force, NoPotential, Potential
 from ...systems.system import points
 from ..bodies.rigid_body import RigidBody
-from ..swinging.pendulums import check_positive
+from ..parameters import check_positive
 from .effectors import ConservativeEffector, Effector, Flight, PoseInSpace
 from .reaction_wheels import GyrostatEnergy, ReactionWheels
 from .space_bodies import with_mass
@@ -99,7 +99,7 @@ class Spacecraft(MechanicalSystem):
     mass : of the whole, in kg.
     effectors : what acts on it, a list of records, each a formula of force and torque: `PointGravity`,
     `GravityGradient`, `Oblateness`, `Drag`, `SolarPressure`, `MagneticTorquers`, or a subclass of
-    `Effector` or `ConservativeEffector` of your own.  What is not given is not computed.
+    `Effector` or `ConservativeEffector` of your own.
     wheels : ReactionWheels, if there are some.
 
     mu = (Pi, p, h): the angular momentum of body and wheels together about the centre of mass in
@@ -158,7 +158,7 @@ class Spacecraft(MechanicalSystem):
 
     @property
     def _wheels(self) -> int:
-        """How many wheels there are."""
+        """The number of reaction wheels."""
         return 0 if self.wheels is None else len(self.wheels.inertias)
 
     def state_of(

@@ -19,7 +19,7 @@ from ...joints.link import Link
 from ...joints.linkage import Linkage
 from ...joints.linked_joints import LinkedForm
 from ...rooms.constraints.constrained import SeparableConstrainedSystem
-from .pendulums import check_positive
+from ..parameters import check_positive
 
 
 def excess(r: Vec, l: float) -> float:
@@ -361,7 +361,7 @@ class FourBarLinkage(SeparableConstrainedSystem):
         return -self.mass * self.gravity * vec(*[x for share in self._shares() for x in (0.0, share)])
 
     def _shares(self) -> list[float]:
-        """How many rods each joint carries: half of its crank, and half of each rod beside it."""
+        """The number of rods whose mass each joint carries: half of its crank, and half of each rod beside it."""
         n = self.loops + 1
         return [0.5 + (0.5 if j in (0, n - 1) else 1.0) for j in range(n)]
 

@@ -7,12 +7,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Vec, cos, real_array, record, sin, vec
+from ...formulas import Vec, cos, record, sin, vec
 from ...formulas.classes.derived import closed_form_of
 from ...formulas.classes.fields import frozen_array
 from ...systems.canonical import CanonicalState, HamiltonianSystem
 from ...systems.separable import SeparableSystem
-from ...systems.system import alone, exact_motion, exact_times
+from ..exact_motion import alone, exact_motion, exact_times
+from ..parameters import check_positive
 
 
 @record
@@ -105,8 +106,7 @@ def _single(start: CanonicalState, name: str) -> tuple[float, float]:
 
 @record
 class DoublePendulum(HamiltonianSystem):
-    """A pendulum that hangs from another one: chaotic, and with a kinetic energy that depends on
-    the angles.
+    """A double pendulum: chaotic, with a kinetic energy that depends on the angles.
 
         L = (m1 + m2) l1^2 a'^2/2 + m2 l2^2 b'^2/2 + m2 l1 l2 cos(a - b) a' b' + (m1 + m2) g l1 cos
         a + m2 g l2 cos b
@@ -165,13 +165,3 @@ class DoublePendulum(HamiltonianSystem):
         """The factors of -cos a and -cos b in the potential energy."""
         m, l = self.masses, self.lengths
         return (m[0] + m[1]) * self.gravity * l[0], m[1] * self.gravity * l[1]
-
-
-def check_positive(owner: Any, *names: str) -> None:
-    """Refuse parameters that are not positive and finite."""
-    for name in names:
-        value = real_array(getattr(owner, name), f"{type(owner).__name__}: {name}")
-        if not (np.isfinite(value) & (value > 0.0)).all():
-            raise InvalidInput(
-                f"{type(owner).__name__}: {name} must be positive and finite; got {getattr(owner, name)}"
-            )

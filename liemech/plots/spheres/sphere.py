@@ -45,16 +45,14 @@ def momentum_sphere(
     """Draw body momenta on their coadjoint orbit, the sphere |mu| = const.
 
     mu : (n, 3), numerical momenta, drawn as dots; more than 4000 are thinned evenly.
-    exact : (m, 3), a densely sampled exact curve, drawn as a thin line above the dots. One period
-    is enough: many laps
-        drawn over each other look bold.
+    exact : (m, 3), a densely sampled exact curve, drawn as a thin line above the dots. One period is enough:
+    many laps drawn over each other look bold.
     inertia : three principal moments, or a symmetric 3x3 matrix: adds curves of constant energy and
     the separatrix.
     system : instead of an inertia, any free body on SO(3): adds the curves of constant energy of
     its Hamiltonian.
-    end : (3,), the exact momentum at the time of the last dot. Both are marked, which shows the
-    phase error that a
-        curve on the sphere hides.
+    end : (3,), the exact momentum at the time of the last dot. Both are marked, which shows the phase error
+    that a curve on the sphere hides.
     radius : of the sphere; that of the first momentum if not given. A momentum that left the sphere
     shows as such.
     ax : plane axes to draw on; a new figure (`ax.figure`) is made if not given.

@@ -184,7 +184,7 @@ class Stepper:
 
     @property
     def steps(self) -> int:
-        """How many steps were taken, from the start on."""
+        """The number of steps taken since the start."""
         body = self._here
         return int(self._carry.step) if body is None else body.taken
 

@@ -63,10 +63,9 @@ class ConstrainedSystem(CanonicalSystem):
     It lives on M = {g(q) = 0, G(q) H_p(q, p) = 0}: the second equation, the hidden constraint, is
     the derivative of the first.
 
-    1. A subclass writes `energy(q, p)` and `constraint(q)`, as formulas, and says the number of
-    coordinates, `degrees`, n.  Its
-       fields are the parameters.  (SeparableConstrainedSystem: kinetic(p) and potential(q) instead
-       of the energy.)
+    1. A subclass writes `energy(q, p)` and `constraint(q)`, as formulas, and says the number of coordinates,
+    `degrees`, n.  Its fields are the parameters.  (SeparableConstrainedSystem: kinetic(p) and potential(q)
+    instead of the energy.)
     2. It may write `velocity`, `force` and `constraint_jacobian` in closed form; left out, they
     follow by differentiation.
     3. It may name what stays constant beside the energy (`constants`).

@@ -30,12 +30,10 @@ class TimeScale(Record):
     """The sigma of a time transformation, dt = sigma(state) dtau: positive, and small where the
     motion is fast.
 
-    1. A subclass writes `value(system, state)`, as a formula.  If that depends on some parts of the
-    state only, it names them, such
-       as `parts = ("q",)`; what moves the others is then not computed.
-    2. It may write `slope`, the gradient of such a sigma(q), in closed form; and `value_at(system,
-    t, state)`, if it depends on time
-       too, as velocities of driven systems do.
+    1. A subclass writes `value(system, state)`, as a formula.  If that depends on some parts of the state only,
+    it names them, such as `parts = ("q",)`; what moves the others is then not computed.
+    2. It may write `slope`, the gradient of such a sigma(q), in closed form; and `value_at(system, t, state)`, if it
+    depends on time too, as velocities of driven systems do.
 
     A function does too: `lambda q: lm.dot(q, q)`, whose arguments are named as the parts of the
     state are.
@@ -266,8 +264,8 @@ class OfEnergy(TimeScale):
 
 @record
 class EqualChange(OfEnergy):
-    """sigma = (H_0 - V + dV.M^-1 dV)^(-1/2): equal steps in positions and momenta together, told
-    from the positions.
+    """sigma = (H_0 - V + dV.M^-1 dV)^(-1/2): equal steps in positions and momenta together, as a
+    function of the positions.
 
     Source: Hairer, Lubich, Wanner, VIII.2.1, choice 3; Huang and Leimkuhler, SIAM J. Sci. Comput.
     18 (1997).

@@ -70,8 +70,8 @@ class Metriplectic(System):
     entropy : S, a Casimir function of it, as a Hamiltonian.
     friction : the skew forms A_k, a `Friction`; a number stands for `BracketFriction` of this strength.
 
-    On the dual of so(3), with S a function of |mu|^2, the body turns to a rest axis while |mu| changes, as one does that
-    exchanges angular momentum with its surroundings and no energy.
+    On the dual of so(3), with S a function of |mu|^2, the body settles on a principal axis while |mu| changes: it exchanges
+    angular momentum with its surroundings, and no energy.
     `DiscreteGradient()` keeps the energy to rounding and lets the entropy grow in every step.
 
     Raises InvalidType for a system of another kind, InvalidInput for an entropy that is no Casimir function and
@@ -103,7 +103,7 @@ class Metriplectic(System):
         super().__post_init__()
 
     def _require_laws(self) -> None:
-        """Raise InvalidInput where S is no Casimir function, or a form is not skew, at a place of nothing special."""
+        """Raise InvalidInput where S is no Casimir function, or a form is not skew, at a generic place."""
         rng = np.random.default_rng(2)
         mu, xi = [Vec.of(rng.uniform(0.5, 1.0, self.dim).tolist()) for _ in range(2)]
         moved = [self.structure.sharp(mu, x) for x in (self.entropy.gradient(mu), xi)]

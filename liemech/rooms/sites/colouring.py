@@ -100,7 +100,7 @@ class Coloured(Record):
 
     @property
     def count(self) -> int:
-        """How many colours the sites have; none if there are no graphs."""
+        """The number of colours of the sites; none without graphs."""
         return self.colouring.count if self.graphs else 0
 
     @cached_property
@@ -110,7 +110,7 @@ class Coloured(Record):
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """How many colours the edges of each graph have."""
+        """The number of colours of the edges, for each graph."""
         return tuple([int(colours.max(initial=-1)) + 1 for colours in self.of_bonds])
 
     @cached_property

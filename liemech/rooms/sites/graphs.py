@@ -44,7 +44,7 @@ class Graph(Record):
 
     @property
     def sites(self) -> int | None:
-        """How many sites there are; None: as many as the system has."""
+        """The number of sites; None for any, that of the system."""
         raise undefined(self, "sites")
 
     @property

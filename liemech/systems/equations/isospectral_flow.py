@@ -21,7 +21,7 @@ class IsospectralFlow(LiePoissonMotion):
     A subclass writes `size` and `velocity_matrix`, X.  The momentum mu is L row by row, on gl(n)*, so
     that methods for Lie-Poisson systems apply; X need not be the derivative of an energy there.  An
     element moves with it, g' = g X, and g L g^-1 stays.
-    Isospectral keeps all eigenvalues to rounding, of methods of other kinds RKMK and CommutatorFree.
+    `Isospectral` keeps all eigenvalues to rounding; so do RKMK and CommutatorFree.
 
     Source: Calvo, Iserles, Zanna, Numerical solution of isospectral flows, Math. Comp. 66 (1997);
     Modin and Viviani, Found. Comput. Math. 20 (2020).
@@ -38,11 +38,11 @@ class IsospectralFlow(LiePoissonMotion):
 
     @property
     def size(self) -> int:
-        """How many rows the matrix has."""
+        """The number of rows of the matrix."""
         raise undefined(self, "size")
 
     def velocity_matrix(self, m: Mat) -> Mat:
-        """X from L.  m : (n, n)."""
+        """The skew matrix X of L.  m : L, (n, n)."""
         raise undefined(self, "velocity_matrix")
 
     def velocity(self, mu: Vec) -> Vec:
@@ -92,7 +92,7 @@ class IsospectralFlow(LiePoissonMotion):
         return start
 
     def matrix(self, mu: Any) -> np.ndarray:
-        """L.  mu : (..., n^2); (..., n, n)."""
+        """The matrix L, (..., n, n).  mu : (..., n^2)."""
         array = real_array(mu, f"{type(self).__name__}.matrix: mu")
         return array.reshape(*array.shape[:-1], self.size, self.size)
 

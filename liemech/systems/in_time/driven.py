@@ -24,9 +24,8 @@ class DrivenHamiltonianSystem(PhaseSpace):
     """Hamilton's equations in R^2n for an energy that changes with time, q' = dH/dp(t, q, p),
     p' = -dH/dq(t, q, p).
 
-    1. A subclass writes `energy(t, q, p)`, as a formula, and says its number of `degrees` of
-    freedom, n.  Its fields are the
-       parameters.
+    1. A subclass writes `energy(t, q, p)`, as a formula, and says its number of `degrees` of freedom, n.  Its
+    fields are the parameters.
     2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by
     differentiation.
     3. It may name what stays constant (`constants`); the energy does not.

@@ -198,8 +198,8 @@ class PiecewisePolynomial(Record):
         return make(np.asarray(self.knots), values, self.outside)
 
     def derivative(self, order: int = 1) -> PiecewisePolynomial:
-        """df/dt, again as such a function; at a knot that of the interval behind it.  Held values
-        have no slope: use the formula's `lm.derivative` there.
+        """The derivative of this order, a piecewise polynomial; at a knot that of the interval behind it.  Raises
+        InvalidInput where values are held: use `lm.derivative` in a formula there.
         """
         if self.outside == "hold":
             raise InvalidInput(
@@ -233,7 +233,7 @@ class PiecewisePolynomial(Record):
         return [vec(*row) if self.size else row[0] for row in rows]
 
     def _of_array(self, t: np.ndarray) -> np.ndarray:
-        """The values at many times, to the bit."""
+        """The values at many times, bit for bit those at each time."""
         knots, terms = np.asarray(self.knots), self._terms()
         times = np.array([self._inside(x, -1.0, self.intervals, ANY) for x in t.ravel().tolist()])
         i = np.clip(np.searchsorted(knots, times, "right") - 1, 0, len(knots) - 2)
@@ -242,13 +242,13 @@ class PiecewisePolynomial(Record):
         return heights.reshape(*t.shape, *heights.shape[1:])
 
     def _terms(self) -> np.ndarray:
-        """The coefficients as they were given."""
+        """The coefficients as an array, (n, degree + 1) or (n, degree + 1, dim)."""
         return np.asarray(self.coefficients).reshape(
             len(self.knots) - 1, self.degree + 1, *([self.size] if self.size else [])
         )
 
     def _inside(self, t: Any, low: Any, high: Any, period: Any) -> Any:
-        """The time in the table that counts for t, where the intervals from `low` to `high` do."""
+        """The time in the table at which its value for t is looked up; only the intervals from `low` to `high` count."""
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
         if self.outside == "hold":
             t = where(high >= self.intervals, min(t, last), t)
@@ -321,7 +321,7 @@ class PiecewisePolynomial(Record):
         return min(before, low), max(behind, high)
 
     def jump_times(self, low: float, high: float, every: bool) -> list[float]:
-        """All times from `low` to `high` that `jump_ahead` knows."""
+        """All times from `low` to `high` at which `jump_ahead` stops."""
         knots, count = np.asarray(self.knots), int(self.intervals)
         times = np.asarray(self.jumps)[: int(self.jumping)]
         if every:
@@ -367,7 +367,7 @@ class PiecewisePolynomial(Record):
 
 
 def _table(t: Any, values: Any, more: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times and values that belong together."""
+    """Times and values as arrays, checked.  more : the times beyond the number of values."""
     times, rows = (real_array(t, "PiecewisePolynomial: t"), real_array(values, "PiecewisePolynomial: values"))
     check_finite(times, "PiecewisePolynomial: t")
     check_finite(rows, "PiecewisePolynomial: values")
@@ -385,9 +385,7 @@ def _table(t: Any, values: Any, more: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _jumping(knots: np.ndarray, terms: np.ndarray, repeat: bool) -> np.ndarray:
-    """At which knots, but for the last one, the value jumps: the last polynomial of a table that is
-    repeated is followed by the first one.
-    """
+    """Whether the value jumps, for each knot but the last; at the first one from the end of a table that is repeated."""
     width = np.diff(knots).reshape(-1, *[1] * (terms.ndim - 2))
     parts = terms * width[:, None] ** np.arange(terms.shape[1]).reshape(1, -1, *[1] * (terms.ndim - 2))
     before = np.roll(parts.sum(axis=1), 1, axis=0)
@@ -419,12 +417,12 @@ def _left_of(table: Any, low: Any, high: Any, t: Any) -> Any:
 
 
 def _slack(t: Any, end: Any) -> Any:
-    """By how much times at the ends of a step may miss a knot."""
+    """The distance by which the ends of a step may miss a knot."""
     return NEAR * max(abs(t), abs(end))
 
 
 def _from_to(t: Any, h: Any) -> tuple[Any, Any]:
-    """Just behind the earlier end of a step, and just before the later one."""
+    """Times just inside the ends of a step, the earlier one first."""
     slack, middle = _slack(t, t + h), t + 0.5 * h
     return min(min(t, t + h) + slack, middle), max(max(t, t + h) - slack, middle)
 
@@ -455,7 +453,7 @@ def inputs(system: Any) -> list[PiecewisePolynomial]:
 
 
 def has_inputs(system: Any) -> bool:
-    """Whether the system has tables; asked of its layout, which is known from another run."""
+    """Whether the system has tables; by its layout, which is cached."""
     return _has_table(layout_of(system))
 
 

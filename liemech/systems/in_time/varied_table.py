@@ -1,6 +1,4 @@
-"""Tables of which one interval carries a derivative: by the coefficients there a motion is
-differentiated.
-"""
+"""Tables of which one interval carries derivatives, by which motions are differentiated by its coefficients."""
 
 from __future__ import annotations
 
@@ -15,14 +13,13 @@ from .tabulated import ROUNDING, PiecewisePolynomial
 
 @record
 class VariedTable(PiecewisePolynomial):
-    """The part of a table that some steps meet, whose coefficients in one interval are moved by
-    something that is zero and has a slope.
+    """The part of a table that some steps meet; the coefficients in one interval are perturbed by numbers that are zero
+    and have a slope.
 
-    A formula that asks elsewhere, such as one of a delay or of a place, would have a derivative that
-    nobody looks for, and is refused.
+    Raises InvalidInput for times outside of this part, such as those of a delay: derivatives there would be lost.
 
-    moved : (degree + 1) * size numbers by which the coefficients are moved.  where_moved : the number
-    of the interval in this part.  at_begin, at_end : is the beginning, and the end, that of the whole?
+    moved : the (degree + 1) * size perturbations.  where_moved : the number of the interval in this part.
+    at_begin, at_end : does this part begin, and end, where the table does?
     """
 
     moved: Any = None
@@ -51,7 +48,7 @@ PART = "knots", "coefficients", "intervals", "jumps", "jumping", "last"
 
 
 def varied(table: PiecewisePolynomial) -> VariedTable:
-    """The whole table, moved nowhere."""
+    """The whole table, perturbed in no interval."""
     width = (table.degree + 1) * max(table.size, 1)
     return fill(VariedTable, fields_of(table) | {"moved": Vec(*[0.0] * width), "where_moved": -1.0,
                                                  "at_begin": 1.0, "at_end": 1.0})  # fmt: skip

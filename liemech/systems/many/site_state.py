@@ -22,7 +22,7 @@ class StateOfSites(State):
 
     @property
     def width(self) -> int:
-        """How many numbers there are in all: momenta, or positions."""
+        """The number of components of all momenta, or positions."""
         return int(self._leading.size)
 
     @cached_property
@@ -32,13 +32,13 @@ class StateOfSites(State):
 
     @property
     def bodies(self) -> int | None:
-        """How many members an ensemble has; None for a single system."""
+        """The number of members of an ensemble; None for a single system."""
         first = self._leading
         return len(first) if first.ndim == 3 else None
 
     @property
     def sites(self) -> int:
-        """How many sites a system has."""
+        """The number of sites."""
         return int(self._leading.shape[-2])
 
 

@@ -204,7 +204,7 @@ class Over(Record, StandsForAnEnergy):
 
     @property
     def arguments(self) -> int | None:
-        """How many sites the energy takes; None: as many as it is given."""
+        """The number of sites that the energy is made for; None for any."""
         names = _arguments(type(self.term))
         return None if names is None else len(names)
 
