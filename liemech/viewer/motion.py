@@ -80,8 +80,8 @@ class Motion:
         """The motion of a run that is shown: at most `frames` samples of it, evenly chosen, the first and the
         last among them, of many sites fewer.
 
-        body : the one to show of an ensemble.  smooth : of a run with dense output, which has few
-        and long steps, `frames` samples.  sites : the numbers of those to show.
+        body : the one to show of an ensemble.  smooth : a run with dense output, whose steps are few and
+        long, has even times between its own, `frames` in all.  sites : the numbers of those to show.
         """
         if not isinstance(run, (Trajectory, Motion)):
             raise InvalidType(f"a scene shows what `integrate` returns, or a Motion(system, t, states); got {run!r}")
@@ -91,7 +91,8 @@ class Motion:
         states, bodies, t = run.states, run.bodies, run.t
         few = smooth and t.ndim == 1 and 1 < n < frames
         if few and isinstance(run, Trajectory) and run.dense is not None:
-            t = np.linspace(run.t[0], run.t[-1], frames)
+            between = np.linspace(t[0], t[-1], frames - n + 2)[1:-1]
+            t = np.union1d(t, between)[:: 1 if t[-1] >= t[0] else -1]
             states = run.at(t).parts
         states = {name: rows for name, rows in states.items() if rows is not None}
         if body is not None:
