@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from ..errors import InvalidType, LawViolation
+from ..simulation.reports.written_tables import html_table
 
 ROUNDING = 2.0**-52
 """The unit in which defects are given, times the size of what is compared."""
@@ -33,10 +34,17 @@ class Finding:
     remark: str = ""
 
     columns = f"{'law':<29} {'verdict':<9} {'roundings, at worst':<21} where"
+    headings: ClassVar[tuple[str, ...]] = ("law", "verdict", "roundings, at worst", "where", "")
 
     def __str__(self) -> str:
         worst = f"{self.defect:>9.2g} of {self.bound:<8.3g} {self.where}" if self.bound else ""
         return f"{self.law:<29} {self.verdict:<9} {worst}  {self.remark}".rstrip()
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Its row, under the headings."""
+        worst = f"{self.defect:.2g} of {self.bound:.3g}" if self.bound else ""
+        return self.law, self.verdict, worst, self.where if self.bound else "", self.remark
 
     @property
     def details(self) -> list[str]:
@@ -64,10 +72,17 @@ class Observation(Finding):
     wanted: str = ""
 
     columns = f"{'law':<29} {'verdict':<9} {'observed':<34} wanted"
+    headings = ("law", "verdict", "observed", "wanted", "where", "")
 
     def __str__(self) -> str:
+        law, verdict, observed, *others = self.cells
+        return f"{law:<29} {verdict:<9} {observed:<34} {'  '.join(others)}".rstrip()
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Its row, under the headings."""
         at = self.where if self.verdict == "broken" else ""
-        return f"{self.law:<29} {self.verdict:<9} {self.observed:<34} {self.wanted}  {at}  {self.remark}".rstrip()
+        return self.law, self.verdict, self.observed, self.wanted, at, self.remark
 
     @property
     def details(self) -> list[str]:
@@ -111,6 +126,9 @@ class Report:
 
     def __str__(self) -> str:
         return "\n".join([self.verdict, self.findings[0].columns, *map(str, self.findings)])
+
+    def _repr_html_(self) -> str:
+        return html_table(self.verdict, self.findings[0].headings, [finding.cells for finding in self.findings])
 
     @property
     def verdict(self) -> str:

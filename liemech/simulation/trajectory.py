@@ -21,6 +21,7 @@ from ..systems.system import State, System, small_state
 from .between.dense import DenseOutput, DenseOutputs, ShortSteps, flat
 from .compiled.systems import OfBodies, Systems, of_body
 from .reports.drift import RECORDED, Drift
+from .reports.written_tables import html_table
 from .runs.carry import SiteCarry
 from .stopped import NONE, Stop
 
@@ -494,6 +495,11 @@ class Trajectory:
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
+
+    def _repr_html_(self) -> str:
+        arrays = {"t": self.t} | self.states
+        rows = [(name, str(x.shape), _range(x) if x.size else "none") for name, x in arrays.items()]
+        return html_table(repr(self), ("recorded", "shape", "values"), rows)
 
 
 def require_savable(value: Any) -> None:

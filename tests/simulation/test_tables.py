@@ -6,13 +6,14 @@ import csv
 import io
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import liemech as lm
 from liemech.rooms.at_work.measured_orders import order_of
-from liemech.simulation.reports.written_tables import WrittenTable, latex, latex_label, latex_number
+from liemech.simulation.reports.written_tables import WrittenTable, html_table, latex, latex_label, latex_number
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state([0.5, 0.0, 0.75**0.5], np.eye(3))
@@ -58,6 +59,31 @@ def test_the_report_of_a_run_as_a_table(tmp_path: Path) -> None:
     assert table.startswith("\\begin{tabular}{llrrr}\n") and table.endswith("\\end{tabular}\n")
 
 
+def rows_in_notebook(shown: object) -> tuple[str, list[list[str]]]:
+    """The line and the cells that a notebook shows of an object."""
+    about, table = ElementTree.fromstring(f"<div>{shown._repr_html_()}</div>")  # type: ignore[attr-defined]
+    return about.text or "", [[cell.text or "" for cell in row] for row in table]
+
+
+def test_runs_and_reports_are_tables_in_notebooks() -> None:
+    run = lm.integrate(BODY, lm.RKMK(order=4), START, h=0.1, steps=50)
+    about, (_, t, mu, g) = rows_in_notebook(run)
+    assert about == repr(run)
+    assert (t[:2], mu[:2], g[:2]) == (["t", "(51,)"], ["mu", "(51, 3)"], ["g", "(51, 3, 3)"])
+    assert t[2] == "0 ... 5" and [float(x) for x in mu[2].split(" ... ")] == pytest.approx(
+        [run.mu.min(), run.mu.max()], 1e-5
+    )
+    _, rows = rows_in_notebook(run.drift())
+    for name, cells in zip(run.drift(), rows[1:], strict=True):
+        kept = run.drift()[name]
+        assert cells[:2] == [name, kept.verdict] and float(cells[2]) == pytest.approx(kept.largest, rel=0.05)
+    for report in (lm.check_group(lm.SO3()), lm.check_method(lm.RKMK(order=2), BODY, START)):
+        about, rows = rows_in_notebook(report)
+        assert about == report.verdict
+        assert [row[:2] for row in rows[1:]] == [[f.law, f.verdict] for f in report.findings]
+        assert {len(row) for row in rows} == {len(rows[0])}
+
+
 def test_names_with_every_sign_in_tables() -> None:
     table = WrittenTable((HARD, "x"), (('with "quotes", commas\nand lines', 1.0), (HARD, float("nan"))))
     text, tabular = table.to_csv(), table.to_latex()
@@ -65,6 +91,8 @@ def test_names_with_every_sign_in_tables() -> None:
     read = list(csv.reader(io.StringIO(text)))
     assert read[0][0] == HARD and read[1] == ['with "quotes", commas\nand lines', "1.0"]
     assert tabular.count(ESCAPED) == 2 and "{lr}" in tabular
+    (about, shown) = ElementTree.fromstring(f"<div>{html_table(HARD, (HARD,), [(HARD,)])}</div>")
+    assert about.text == HARD and [cell.text for row in shown for cell in row] == [HARD, HARD]
 
 
 def test_orders_are_measured(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import InvalidInput
 from ...formulas.classes.frozen import frozen
 from ...systems.system import System
-from .written_tables import WrittenTable
+from .written_tables import WrittenTable, html_table
 
 FEW = 20
 """Samples below which nothing is said of a trend: a dozen steps show neither a bound nor a drift."""
@@ -78,10 +78,14 @@ class Kept:
         cancelling = "" if self.scale == self.size else f", the size of its terms; it is {self.size:.1e}"
         return f"relative to {self.scale:.6g}{cancelling}"
 
+    @property
+    def trend(self) -> str:
+        """The slope of a drift; why nothing is said of one."""
+        trends = {"drifting": f"{self.slope:+.1e} per unit time", "changed": "too few samples for a trend"}
+        return trends.get(self.verdict, "")
+
     def __str__(self) -> str:
-        trends = {"drifting": f"; {self.slope:+.1e} per unit time", "changed": "; too few samples for a trend"}
-        trend = trends.get(self.verdict, "")
-        change = f"largest change {self.largest:.1e} ({self.measure}){trend}"
+        change = f"largest change {self.largest:.1e} ({self.measure}){self.trend and '; '}{self.trend}"
         return f"{self.name:<{COLUMN}}{self.verdict:<10}{change}"
 
 
@@ -143,6 +147,10 @@ class Drift:
         wide = max([COLUMN, *(len(constant.name) + 2 for constant in self.kept)])
         lines = [constant.name.ljust(wide) + str(constant)[max(COLUMN, len(constant.name)) :] for constant in self.kept]
         return "\n".join(lines) or "no constants of the motion are known"
+
+    def _repr_html_(self) -> str:
+        rows = [(k.name, k.verdict, f"{k.largest:.1e}", k.measure, k.trend) for k in self.kept]
+        return html_table("", ("constant", "verdict", "largest change", "", ""), rows)
 
     @property
     def table(self) -> WrittenTable:

@@ -1,4 +1,4 @@
-"""Tables for papers and spreadsheets: LaTeX and CSV, with texts that LaTeX takes as they are."""
+"""Tables for papers, spreadsheets and notebooks: LaTeX, CSV and HTML, with texts that are shown as they are."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import io
 import math
 import os
 import re
+from collections.abc import Iterable
 from typing import Any
 
 from ...formulas.classes.frozen import frozen
@@ -107,6 +108,16 @@ class WrittenTable:
             "\\end{tabular}\n",
             path,
         )
+
+
+def html_table(about: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Rows of texts under headings, and a line above them, as a notebook shows them."""
+    from html import escape
+
+    def line(cells: Iterable[str], kind: str = "td") -> str:
+        return "".join(["<tr>", *(f'<{kind} style="text-align:left">{escape(x)}</{kind}>' for x in cells), "</tr>"])
+
+    return f"<div>{escape(about)}</div><table>{line(headings, 'th')}{''.join(map(line, rows))}</table>"
 
 
 def _real(x: Any) -> bool:
