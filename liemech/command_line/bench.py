@@ -31,7 +31,7 @@ def bench(arguments: Sequence[str]) -> int:
         prog="liemech bench",
         description="Measure a system: nanoseconds for a step, seconds to compile it, and the order that is observed.",
         epilog="examples:\n  liemech bench my_module:system --start my_module:start\n"
-        "  liemech bench 'HeavyTop([1.0, 1.5, 0.7], 1.3)' --method 'KickDrift(order=4)'",
+        "  liemech bench 'HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])' --method 'KickDrift(order=4)'",
         formatter_class=RawDescriptionHelpFormatter,
     )
     add = parser.add_argument

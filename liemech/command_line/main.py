@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from typing import Any
 
 from ..names import meant
 
@@ -25,8 +27,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not words or words[0].startswith("-"):
         words = [MAIN, *words]
     elif words[0] not in COMMANDS:
+        from .scenes import SCENES
+
+        known = [*COMMANDS, *(f"run {scene}" for scene in SCENES)]
         print(
-            f"liemech: {words[0]!r} is no command{meant(words[0], COMMANDS)}; there are "
+            f"liemech: {words[0]!r} is no command{meant(words[0], known)}; there are "
             f"{', '.join(COMMANDS)} (--help explains)",
             file=sys.stderr,
         )
@@ -34,10 +39,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     name, *options = words
     command: Callable[[Sequence[str]], int] = getattr(import_module(f".{COMMANDS.get(name, MAIN)}", __package__), name)
     try:
-        return command(options)
+        with warnings.catch_warnings():
+            warnings.showwarning = _told
+            return command(options)
     except KeyboardInterrupt:
         print("liemech: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:  # whoever reads what is printed has had enough
         sys.stderr.close()
         return 1
+
+
+def _told(message: Warning | str, *_: Any, **__: Any) -> None:
+    """A warning, without the line of a program that its reader has not written."""
+    print(f"liemech: {message}", file=sys.stderr)

@@ -22,5 +22,7 @@ def called(thing: Any) -> str:
 
 
 def duration(seconds: float) -> str:
-    unit, size = next(((u, s) for u, s in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)) if seconds >= s), ("ns", 1e-9))
-    return f"{seconds / size:.3g} {unit}"
+    """Three digits, with the unit that leaves least to write."""
+    rounded = float(f"{seconds:.3g}")
+    unit, size = next(((u, s) for u, s in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)) if rounded >= s), ("ns", 1e-9))
+    return f"{rounded / size:.6g} {unit}"

@@ -16,7 +16,6 @@ import numpy as np
 
 import liemech as lm
 
-from ..names import meant
 from ..simulation.arguments import chooses_steps
 from ..simulation.reports.progress import WANTED
 from .constructors import read
@@ -24,7 +23,7 @@ from .numbers import called, duration
 from .options import Parser, count, number, output, picture
 from .scene import Setup
 from .scene_file import scene_file
-from .scenes import SCENES
+from .scenes import SCENES, scene_meant
 
 HERE = Path()
 
@@ -128,8 +127,8 @@ def _scene(options: Any) -> Setup:
         scene = scene_file(Path(options.scene), options.trusted)
     else:
         raise lm.errors.InvalidInput(
-            f"{options.scene!r} is neither a scene nor a .toml file{meant(options.scene, SCENES)}; "
-            f"there are {', '.join(SCENES)}"
+            f"{options.scene!r} is neither a scene nor a .toml file{scene_meant(options.scene)}; "
+            "`liemech scenes` lists them"
         )
     method = None if options.method is None else read(options.method, lm.Method, "argument --method")
     return scene.changed(h=options.h, steps=options.steps, method=method)

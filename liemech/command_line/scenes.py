@@ -9,6 +9,7 @@ import numpy as np
 
 import liemech as lm
 
+from ..names import nearest
 from .scene import Setup
 
 library: Any = lm
@@ -16,6 +17,15 @@ library: Any = lm
 
 SCENES: dict[str, Callable[[], Setup]] = {}
 """Every scene by its name."""
+
+
+def scene_meant(name: str) -> str:
+    """The end of a refusal of a name, as of `meant`: the scene with a name, or a word in it, that is written alike."""
+    words = {word: scene for scene in reversed(SCENES) for word in scene.split("-")} | {
+        scene: scene for scene in SCENES
+    }
+    near = nearest(name, words)
+    return f" (did you mean {words[near]}?)" if near else ""
 
 
 def scene(function: Callable[[], Setup]) -> Callable[[], Setup]:

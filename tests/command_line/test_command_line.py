@@ -272,7 +272,10 @@ def test_adaptive_steps_of_a_file_have_an_end(folder: Path, capsys: pytest.Captu
 
 
 def test_what_does_not_exist_is_named_with_what_does(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "there are free-body, flip" in refused(capsys, "run", "flop")
+    assert "(did you mean flip?); `liemech scenes` lists them" in refused(capsys, "run", "flop")
+    assert "did you mean heavy-top?" in refused(capsys, "run", "topp")
+    assert "did you mean" not in refused(capsys, "run", "frobnicate")
+    assert "did you mean run flip?" in refused(capsys, "flip")
     assert "there are run, scenes, methods" in refused(capsys, "fly")
     assert "cannot be read" in refused(capsys, "run", "gone.toml")
     assert "does not end with .npz" in refused(capsys, "run", "flip", "--save", "run.zip")

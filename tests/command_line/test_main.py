@@ -191,4 +191,13 @@ def test_numbers_are_read_and_written() -> None:
     assert [short(x) for x in (0.0, 1.30, 0.12, 172.4, -1.7e-3, 4.4e-16, 12345.0)] == [
         "0", "1.3", "0.12", "172", "-1.7e-3", "4.4e-16", "1.2e4"
     ]  # fmt: skip
-    assert [duration(s) for s in (2.0, 3e-3, 2.5e-4, 1.2e-7)] == ["2 s", "3 ms", "250 us", "120 ns"]
+    times = {
+        2.0: "2 s",
+        3e-3: "3 ms",
+        2.5e-4: "250 us",
+        1.2e-7: "120 ns",
+        0.9999: "1 s",
+        9.999e-4: "1 ms",
+        4321.0: "4320 s",
+    }
+    assert [duration(s) for s in times] == [*times.values()]

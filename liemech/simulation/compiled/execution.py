@@ -163,7 +163,7 @@ class Execution:
         try:
             if why_not is not None:
                 raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-            with notice(self.progress, f"liemech: compiling {self.given[0]!r} ..."):
+            with notice(self.progress, f"liemech: compiling {self.given[0]!r}"):
                 return kernel.kernel(*self.call, lanes=self.lanes)
         except NotCompilable as error:
             if self.wanted:

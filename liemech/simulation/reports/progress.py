@@ -87,12 +87,15 @@ def named(name: str) -> Iterator[None]:
 
 @contextmanager
 def notice(wanted: bool | None, text: str) -> Iterator[None]:
-    """A line for what takes longer than a second."""
+    """A line for what takes longer than a second, as long as the terminal is wide."""
     shown, start = list[float](), time.perf_counter()
 
     def show() -> None:
+        from shutil import get_terminal_size
+
         shown.append(time.perf_counter())
-        print(text, end="", file=sys.stderr, flush=True)
+        room = get_terminal_size().columns - len(" ... 000.0 s")
+        print(f"{text[:room]} ...", end="", file=sys.stderr, flush=True)
 
     timer = threading.Timer(NOTICE, show)
     timer.daemon = True
