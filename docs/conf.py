@@ -22,6 +22,7 @@ extensions = [
         "reference",
         "examples",
         "breaks",
+        "sources",
         "typeset",
         "contact_sheet",
     ),

@@ -24,6 +24,14 @@ IN_THE_BROWSER = {
 """The examples that write a page, and its name."""
 
 
+def frame(example: str, root: str = "") -> str:
+    """The page that an example writes, as part of another one; root : the way from that one to the
+    root of the site.
+    """
+    page = f"{root}pages/{IN_THE_BROWSER[example]}.html"
+    return f'<iframe loading="lazy" src="{page}" title="{example.replace("_", " ")}"></iframe>'
+
+
 def write(app: Sphinx) -> None:
     """A page for every example, and the pages that examples write."""
     folder = Path(app.srcdir) / "generated" / "examples"
@@ -32,6 +40,8 @@ def write(app: Sphinx) -> None:
     for example in EXAMPLES:
         title = example.stem.replace("_", " ").capitalize()
         text = f":orphan:\n\n{title}\n{'=' * len(title)}\n\nOne of the examples of :doc:`the gallery </gallery>`.\n\n"
+        if example.stem in IN_THE_BROWSER:
+            text += f".. raw:: html\n\n   {frame(example.stem, '../../')}\n\n"
         text += f".. literalinclude:: ../../../examples/{example.name}\n   :language: python\n"
         if output := outputs.get(example.stem, "").rstrip():
             text += "\nIt prints\n\n.. code-block:: text\n   :class: output\n\n"
@@ -61,13 +71,10 @@ def link(app: Sphinx, name: str, source: list[str]) -> None:
         r"\]\((?:\.\./)+examples/(\w+)\.py\)", rf"]({depth}generated/examples/\1.rst)", source[0]
     )
     if name == "gallery":
-        for example, page in IN_THE_BROWSER.items():
-            picture = f"(figures/{example}.png)"
-            frame = f'<iframe loading="lazy" src="pages/{page}.html" title="{example}"></iframe>'
-            whole = rf"!\[[^\]]*\]{re.escape(picture)}"
+        for example in IN_THE_BROWSER:  # a blank line ends what is HTML
             source[0] = re.sub(
-                whole, frame, source[0]
-            )  # the page itself in the place of its picture
+                rf"!\[[^\]]*\]\(figures/{example}\.png\)\s*", f"{frame(example)}\n\n  ", source[0]
+            )
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

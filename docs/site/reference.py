@@ -118,7 +118,9 @@ def constants(part: str) -> dict[str, str]:
 
 def row(full: str) -> list[str]:
     """A name and the first sentence about it."""
-    return [f"   * - :obj:`~{full}`", f"     - {escaped(sentence(_thing(full)), None)}."]
+    about = sentence(_thing(full))
+    stop = "" if about.endswith("?") else "."
+    return [f"   * - :obj:`~{full}`", f"     - {escaped(about, None)}{stop}"]
 
 
 def page(part: str) -> str:

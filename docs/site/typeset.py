@@ -317,7 +317,11 @@ INDENTED = re.compile(r"(?<=\n\n)((?:    \S.*\n)+)(?=\n)")
 
 
 def pages(app: Sphinx, name: str, source: list[str]) -> None:
-    """In the pages a formula in backticks, or on indented lines, is set as one."""
+    """In the pages a formula in backticks, or on indented lines, is set as one; in those that are
+    generated it is set already.
+    """
+    if name.startswith("generated/"):
+        return
 
     def formula(span: re.Match[str]) -> str:
         typed = span[1].replace(r"\|", "|")  # as a table has it
