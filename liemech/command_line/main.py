@@ -27,12 +27,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not words or words[0].startswith("-"):
         words = [MAIN, *words]
     elif words[0] not in COMMANDS:
-        from .scenes import SCENES
+        from .scenes import scene_meant
 
-        known = [*COMMANDS, *(f"run {scene}" for scene in SCENES)]
+        near = meant(words[0], COMMANDS) or scene_meant(words[0], "run ")
         print(
-            f"liemech: {words[0]!r} is no command{meant(words[0], known)}; there are "
-            f"{', '.join(COMMANDS)} (--help explains)",
+            f"liemech: {words[0]!r} is no command{near}; there are {', '.join(COMMANDS)} (--help explains)",
             file=sys.stderr,
         )
         raise SystemExit(2)

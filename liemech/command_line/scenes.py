@@ -19,13 +19,13 @@ SCENES: dict[str, Callable[[], Setup]] = {}
 """Every scene by its name."""
 
 
-def scene_meant(name: str) -> str:
-    """The end of a refusal of a name, as of `meant`: the scene with a name, or a word in it, that is written alike."""
+def scene_meant(name: str, command: str = "") -> str:
+    """The end of a refusal, as of `meant`: the scene of which the name, or a word in it, is written like this."""
     words = {word: scene for scene in reversed(SCENES) for word in scene.split("-")} | {
         scene: scene for scene in SCENES
     }
     near = nearest(name, words)
-    return f" (did you mean {words[near]}?)" if near else ""
+    return f" (did you mean {command}{words[near]}?)" if near else ""
 
 
 def scene(function: Callable[[], Setup]) -> Callable[[], Setup]:

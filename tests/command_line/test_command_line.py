@@ -276,6 +276,7 @@ def test_what_does_not_exist_is_named_with_what_does(folder: Path, capsys: pytes
     assert "did you mean heavy-top?" in refused(capsys, "run", "topp")
     assert "did you mean" not in refused(capsys, "run", "frobnicate")
     assert "did you mean run flip?" in refused(capsys, "flip")
+    assert "did you mean run heavy-top?" in refused(capsys, "topp")
     assert "there are run, scenes, methods" in refused(capsys, "fly")
     assert "cannot be read" in refused(capsys, "run", "gone.toml")
     assert "does not end with .npz" in refused(capsys, "run", "flip", "--save", "run.zip")
