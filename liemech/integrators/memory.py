@@ -79,7 +79,13 @@ def extrapolated(last: Any, last_1: Any, last_2: Any) -> Any:
 
 
 def continued(past: Any) -> Any:
-    """The value that continues equidistant ones, the last one first, by the polynomial through them."""
+    """The value that continues equidistant ones, the last one first, by the polynomial through them; of tuples part by
+    part.
+    """
+    if isinstance(past[0], tuple):
+        return tuple([continued(part) for part in zip(*past)])
+    if len(past) == 3:
+        return extrapolated(*past)
     total, n = past[0] * float(len(past)), len(past)
     for k in range(1, n):
         total = total + ((-1.0) ** k * math.comb(n, k + 1)) * past[k]

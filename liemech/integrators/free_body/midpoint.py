@@ -22,7 +22,7 @@ from ...systems.system import lies_in_memory
 from ...tableaus.collocation import gauss
 from ...tableaus.trees import Row
 from ..implicit import Implicit
-from ..memory import Memory, extrapolated
+from ..memory import Memory, continued, extrapolated
 from ..method import Method
 from ..rkmk import combination
 from . import isospectral_matrices
@@ -316,18 +316,6 @@ def by_matrices(system: Any) -> bool:
     """Whether this is a Lie-Poisson system of a group of matrices given by generators."""
     served = isinstance(system, (LiePoissonSystem, IsospectralFlow))
     return served and isinstance(system.group, MatrixLieGroup)
-
-
-def continued(past: tuple[Any, ...]) -> Any:
-    """The value that continues equidistant ones, three or six, the last first, by the polynomial
-    through them; of tuples part by part.
-    """
-    if isinstance(past[0], tuple):
-        return tuple([continued(part) for part in zip(*past)])
-    if len(past) == 3:
-        return extrapolated(*past)
-    a, b, c, d, e, f = past
-    return 6.0 * a - 15.0 * b + 20.0 * c - 15.0 * d + 6.0 * e - f
 
 
 def cofactors(q: Mat) -> Mat:
