@@ -20,6 +20,7 @@ from ...rooms.constraints.constrained_body import BoundBody, ConstrainedBody
 from ...rooms.constraints.constrained_parts import SplitConstrainedSystem
 from ...rooms.fictive_time.time_transformed import ExtendedSystem
 from ...rooms.poisson.poisson import PoissonSystem
+from ...rooms.sites.terms.bound_terms import term_of_edge
 from ...rooms.sites.terms.sums_of_terms import MomentumTerms, OfTerms, PlaceTerms
 from ...rooms.sites.terms.terms import at_time
 from ...simulation.integrate import integrate
@@ -199,9 +200,8 @@ def ends_of_edges(system: Any, at: AtState) -> Iterator[Same]:
         sites = terms._sites(at.state.mu if momenta else at.state.g)  # type: ignore[attr-defined]
         group: Any = terms.group.base
         for part in terms.parts:
-            edges = [x for i in range(len(sites)) for x in part.edges_at(sites, i) if x[0] == 0]
-            for _, timed, ends in edges[:EDGES] if part.graph.arity > 1 else []:
-                term = at_time(timed, at.t)
+            for number, numbers in part.graph.some_edges(EDGES) if part.graph.arity > 1 else []:
+                term, ends = at_time(term_of_edge(part.term, number), at.t), [sites[i] for i in numbers]
                 if momenta:
                     formula, together = partial(term.slope), term.slopes(*ends)
                 else:

@@ -20,7 +20,7 @@ from ...systems.system import as_precise
 from .colouring import PlacesByColour
 from .graphs import AllPairs, Edges
 from .terms.bonds_at_site import BondsOfSite
-from .terms.bound_terms import BoundTerm, slopes
+from .terms.bound_terms import BoundTerm, term_of_edge
 from .terms.sums_of_terms import MomentumTerms
 from .terms.terms import AtTime, at_time
 from .terms.terms_at_site import at_this_site
@@ -95,10 +95,8 @@ class MotionsOfTerms(Record):
         base, sites = self.terms.group.base, self._sites(bodies)
         moved = [*bodies]
         for i in [i for i in some if i not in self.terms.held]:
-            xi = vec(*[0.0 for _ in range(base.dim)])
-            for term in terms:
-                xi = slopes(xi, term.edges_at(sites, i))
-            moved[i] = turned(base, *bodies[i], h * xi)
+            form = self.terms.at_site(i, sites, terms)
+            moved[i] = turned(base, *bodies[i], h * form.gradient(sites[i].mu))
         return moved
 
 
@@ -294,7 +292,7 @@ class Bonds(MotionsOfTerms):
         pairs = [term for term in self.terms.parts if term.graph.arity == 2]
         moved = [*bodies]
         for k, edge, i, j in self.groups[part]:
-            bond = pairs[k].at_edge(edge)
+            bond = term_of_edge(pairs[k].term, edge)
             of_i, of_j = [h * bond.slope(end, sites[i], sites[j]) for end in (0, 1)]
             moved[i] = turned(base, *bodies[i], -of_j, of_i + of_j)
             moved[j] = turned(base, *bodies[j], -of_i, of_i + of_j)

@@ -42,7 +42,7 @@ class BondsOfSite(TermsOfSite):
             incidence = Incidence(mates[None], edges, np.full(shape[1], shape[0]))
             roles.append(RoleAtSite.of_incidence(part, role, incidence, fixed=False))
             existing.append(SiteArray.of(exists, edges=True))
-        return cls(tuple(roles), names, parameters, None, None, tuple(existing))
+        return cls(tuple(roles), names, parameters, there=tuple(existing))
 
     def turns(self, colour: int, mu: Vec, time: float) -> tuple[Vec, Vec]:
         """The velocities that the bond of a colour gives the other end and this site, times a time;

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from ....errors import InvalidInput
-from ....formulas import Record, Vec, record
+from ....formulas import Record, record
+from ....formulas.classes.fields import OfEach
 from ....formulas.classes.of_each import Each, each
 from ....formulas.classes.pytree import exchanged, inside
-from ....formulas.sites import partners
+from ....formulas.sites import chains_of_partners
 from ....formulas.vectors import small
 from ....groups.composed.power import PowerGroup
 from ....groups.composed.species import SpeciesGroup
@@ -100,67 +101,26 @@ class BoundTerm(Record):
         return self.graph.incidence(None if self.merged else role)
 
     @cached_property
-    def at_sites(self) -> tuple[Any, ...]:
-        """For each site the edges that end there: the role, the number of the edge, and all sites in
-        the order in which the energy takes them.
+    def chains(self) -> tuple[tuple[tuple[Any, ...], ...], ...]:
+        """For each role, and in it for each site, its edges, in chains whose sums are added by halves: where the site
+        stands in the energy, the number of the edge, and all its sites.
         """
-        count = self.graph.sites or 0
+        return tuple(tuple(self._chains_at(i, role) for i in range(self.graph.sites or 0)) for role in self.roles)
+
+    def _chains_at(self, i: int, role: int) -> tuple[Any, ...]:
         if self.in_rounds:
-            met = [partners(i, count) for i in range(count)]
             return tuple(
-                [
-                    tuple([(0, 0, (i, j)) if first else (1, 0, (j, i)) for j, first in them])
-                    for i, them in enumerate(met)
-                ]
+                tuple(tuple((0, 0, (i, j)) if first else (1, 0, (j, i)) for j, first in chain) for chain in chains)
+                for chains in chains_of_partners(i, self.graph.sites or 0)
             )
-        edges_of_sites: list[list[Any]] = [[] for _ in range(count)]
-        for role in self.roles:
-            others, numbers, counts = self.incidence(role)
-            for i, mine in enumerate(edges_of_sites):
-                for d in range(int(counts[i])):
-                    ends = [int(x) for x in others[:, d, i]]
-                    mine.append((role, int(numbers[d, i]), (*ends[:role], i, *ends[role:])))
-        return tuple(map(tuple, edges_of_sites))
-
-    def at_edge(self, number: int) -> Term:
-        """The term with the parameters of one edge."""
-        return exchanged(self.term, Each, [parameter.of(number) for parameter in inside(self.term, Each)])
-
-    def edges_at(self, sites: list[Any], i: int) -> list[Any]:
-        """The edges at site i: the role, the term, the sites."""
-        return [(role, self.at_edge(number), [sites[j] for j in ends]) for role, number, ends in self.at_sites[i]]
+        others, numbers, counts = self.incidence(role)
+        mates, edges = others[:, : counts[i], i].T.tolist(), numbers[: counts[i], i].tolist()
+        return ((tuple((role, e, (*ends[:role], i, *ends[role:])) for e, ends in zip(edges, mates)),),)
 
 
-def share(total: float, edges: list[Any], merged: bool) -> float:
-    """A number, and the energies of the edges of which a site is the first, half of each where ends
-    are alike.
-    """
-    for role, term, ends in edges:
-        if role == 0 or merged:
-            energy = term.energy(*ends)
-            total = total + (0.5 * energy if merged else energy)
-    return total
-
-
-def slopes(total: Vec, edges: list[Any]) -> Vec:
-    """A vector, and the derivatives of the energies of edges by the momentum of a site."""
-    for role, term, ends in edges:
-        total = total + term.slope(role, *ends)
-    return total
-
-
-def forces(total: Vec, group: Any, edges: list[Any]) -> Vec:
-    """A vector, and the forces on a site."""
-    for role, term, ends in edges:
-        total = total + term.force(group, role, *ends)
-    return total
-
-
-def loads(total: Vec, t: float, edges: list[Any]) -> Vec:
-    """A vector, and the forces that terms are on a site at time t."""
-    for role, term, ends in edges:
-        total = total + term.covector(t, ends[role], *ends[:role], *ends[role + 1 :])
-    return total
+def term_of_edge(term: Term, number: Any) -> Term:
+    """The term with the parameters of one edge."""
+    return exchanged(term, OfEach, [parameter.of(number) for parameter in inside(term, OfEach)])
 
 
 def bound(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[BoundTerm, ...]:

@@ -142,7 +142,7 @@ def _numbers(
 
     numbers : those of the edges; None for residues, whatever the parameters are.
     """
-    of_edge = _of_edge(terms, part)
+    of_edge = OfEdge.of_part(terms, part)
     columns: list[np.ndarray] = []
     for k in range(ends.shape[1]):
         states = np.array([_states(terms, part, int(ends[0, k]), 1, size, rng)[0] for size in sizes])
@@ -175,12 +175,6 @@ def _in_momenta(terms: Any) -> bool:
     return isinstance(terms, Hamiltonian)
 
 
-def _of_edge(terms: Any, part: BoundTerm) -> OfEdge:
-    in_momenta = _in_momenta(terms)
-    leading = part.term, terms.group.base, part.graph.arity, 0, in_momenta
-    return OfEdge(*leading, terms.names, terms.own, terms.species, part.of)
-
-
 def _holds(
     terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: list[np.ndarray]
 ) -> tuple[np.ndarray, bool]:
@@ -189,7 +183,7 @@ def _holds(
 
     numbers : residues, or floats, each (sizes, 1) or (1, edges).
     """
-    of_edge, ways = _of_edge(terms, part), Ways(of_moving)
+    of_edge, ways = OfEdge.of_part(terms, part), Ways(of_moving)
     shape = np.broadcast_shapes(*[x.shape for x in numbers])
     exact = numbers[0].dtype == object
     step = of_edge.width + sum(len(x.numbers) // len(x) for x in of_edge.own if isinstance(x, Each))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from ....systems.potential import Force, NoPotential, Potential
 from ..colouring import Coloured
 from ..energy_of_species import EnergyOfSpecies
 from .among import Species
-from .bound_terms import BoundTerm, bound, forces, loads, numbers_of, parameters, share, slopes
+from .bound_terms import BoundTerm, bound, numbers_of, parameters, term_of_edge
 from .kinds_of_terms import feels_velocity, kind_of
 from .terms import AtTime, Over, PerSite, Term, Terms, as_terms, at_time, is_a_force, site_class
 from .terms_at_site import (
@@ -37,6 +37,7 @@ from .terms_at_site import (
     PotentialOfSite,
     RoleAtSite,
     SlopesOfLoad,
+    TermsOfSite,
 )
 from .terms_in_arrays import energies, slopes_of
 from .trials_of_terms import plain_term, require_apart, tried
@@ -50,6 +51,8 @@ class OfTerms(OfManySites):
     own : parameters of the sites.  held : the sites that do not move.  species : those of the sites,
     if there are several.  pinned : the sites on SE(3) that turn where they are.
     """
+
+    form: ClassVar[type[TermsOfSite]]
 
     group: PowerGroup | SpeciesGroup
     parts: tuple[BoundTerm, ...]
@@ -103,31 +106,27 @@ class OfTerms(OfManySites):
         mine = [x for name, x in zip(self.names, parameters) if name in self.species.names[k]]
         return type(self.species.blank[k])(mu, g, xi, *mine)
 
+    def at_site(self, i: int, sites: list[Any], parts: Any = None) -> Any:
+        """The site form at site i of sites that are all known.  parts : the terms that count; None: all."""
+        roles: list[Any] = []
+        for part in self.parts if parts is None else parts:
+            for role, chains in zip(part.roles, part.chains):
+                roles = [*roles, RoleAtSite(part.term, role, part.merged, False, chains=chains[i])]
+        return with_fields(self.form(()), roles=tuple(roles), present=(sites[i], sites))
+
     def energy_of(self, sites: list[Any]) -> float:
         """The sum over terms and edges, site by site."""
-        energies: list[Any] = []
-        for i in range(self.group.copies):
-            energy = 0.0
-            for part in self.parts:
-                energy = share(energy, part.edges_at(sites, i), part.merged)
-            energies = [*energies, energy]
-        return interleaved_sum(energies)
+        return interleaved_sum([self.at_site(i, sites).share(None, None) for i in range(len(sites))])
 
     def by_site(self, sites: list[Any], formula: Any, parts: Any = None) -> Vec:
-        """A sum over parts and edges for every site, one behind the other: formula(sum, group of the
-        site, edges) adds those of one part.  Sites that are held have zero.  parts : those that count;
-        None: all.
+        """The values of formula(site form, group of the site, site), one behind the other; zero where sites are held.
+        parts : the terms that count; None: all.
         """
         components: list[Any] = []
-        for i in range(self.group.copies):
-            base: Any = self.group.base_of(i)
-            total = vec(*[0.0 for _ in range(base.dim)])
-            for part in (self.parts if parts is None else parts) if i not in self.held else ():
-                total = formula(total, base, part.edges_at(sites, i))
-            if i in self.pinned:
-                total = vec(*total[:3], 0.0, 0.0, 0.0)
-            components = [*components, *total]
-        return vec(*components)
+        for i, site in enumerate(sites):
+            form = self.at_site(i, sites, () if i in self.held else parts)
+            components = [*components, *formula(form, self.group.base_of(i), site)]
+        return self.moving(vec(*components))
 
     @property
     def released(self) -> Any:
@@ -152,6 +151,12 @@ class OfTerms(OfManySites):
     def divided(self, x: Vec) -> list[Any]:
         """The parts of a vector that belong to the sites."""
         return [self.group.momentum_of(x, i) for i in range(self.group.copies)]
+
+    def of_site(self) -> Any:
+        """The site form: the energy or the load of one body, which asks the other sites for what it needs; of `PerSite`
+        alone the one that it was given.
+        """
+        return self._of_one_at_a_site() or self.form(*self._at_a_site())
 
     def _at_a_site(self) -> tuple[Any, ...]:
         """The fields of the site form."""
@@ -185,6 +190,17 @@ class OfTerms(OfManySites):
             return EnergyOfSpecies.at_site(energy, species, group) if momenta else None
         return energy and exchanged(energy, Each, map(EachOfSites.of_each, inside(energy, Each)))
 
+    def _by_site(self, arguments: dict[str, Any]) -> np.ndarray:
+        """The momenta or the elements of samples, (samples, sites, width)."""
+        raise NotImplementedError
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        if method == "energy":
+            return energies(self, self._by_site(arguments))
+        if method in ("gradient", "force"):
+            return self.group.without_sites(slopes_of(self, self._by_site(arguments)), "Vec")
+        return None
+
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (self.group.dim,) if kind == "Vec" else self.group.element_shape
 
@@ -202,6 +218,7 @@ class MomentumTerms(OfTerms, Hamiltonian):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
 
+    form: ClassVar[type[TermsOfSite]] = HamiltonianOfSite
     __repr__ = OfTerms.__repr__
 
     def _sites(self, mu: Vec) -> list[Any]:
@@ -213,7 +230,7 @@ class MomentumTerms(OfTerms, Hamiltonian):
 
     def gradient(self, mu: Vec) -> Vec:
         """The derivative dH by the momenta.  mu : (sites dim,), or (sites, dim)."""
-        return self.by_site(self._sites(mu), lambda slope, _, edges: slopes(slope, edges))
+        return self.by_site(self._sites(mu), lambda form, _, site: form.gradient(site.mu))
 
     @cached_property
     def affine(self) -> Coloured:
@@ -227,19 +244,8 @@ class MomentumTerms(OfTerms, Hamiltonian):
         graphs = [part.graph for part in self.parts if part.graph.arity == 2]
         return Coloured(tuple(graphs), self.group.copies)
 
-    def of_site(self) -> Hamiltonian:
-        """The site form: the Hamiltonian of one body, which asks the other sites for what it needs; of `PerSite` alone
-        the one that it was given.
-        """
-        return self._of_one_at_a_site() or HamiltonianOfSite(*self._at_a_site())
-
-    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
-        if method not in ("energy", "gradient"):
-            return None
-        mu = self.group.by_site(arguments["mu"], "Vec")
-        if method == "energy":
-            return energies(self, mu, True)
-        return self.group.without_sites(slopes_of(self, mu, True), "Vec")
+    def _by_site(self, arguments: dict[str, Any]) -> np.ndarray:
+        return self.group.by_site(arguments["mu"], "Vec")
 
 
 @record
@@ -255,12 +261,12 @@ class KineticTerms(MomentumTerms, Lagrangian):
     def of_one_at(self, i: int) -> Any:
         """The energy of site i."""
         if not isinstance(self.group, SpeciesGroup):
-            return self.parts[0].at_edge(i).energy_of_one
+            return term_of_edge(self.parts[0].term, i).energy_of_one
         k = self.group.species_of(i)
         of_species = self.parts[0]
         for part in self.parts:
             of_species = part if part.of == (k,) else of_species
-        return of_species.at_edge(i - self.group.firsts[k]).energy_of_one
+        return term_of_edge(of_species.term, i - self.group.firsts[k]).energy_of_one
 
     def _each_one(self) -> list[Any]:
         return [self.of_one_at(i) for i in range(self.group.copies)]
@@ -317,6 +323,7 @@ class PlaceTerms(OfTerms, Potential):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
     """
 
+    form: ClassVar[type[TermsOfSite]] = PotentialOfSite
     __repr__ = OfTerms.__repr__
 
     def _sites(self, g: Vec) -> list[Any]:
@@ -328,11 +335,11 @@ class PlaceTerms(OfTerms, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The forces on all sites.  g : an element of the power."""
-        return self.by_site(self._sites(g), forces)
+        return self.by_site(self._sites(g), lambda form, base, site: form.force(base, site.g))
 
     def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
         """The forces of term number k alone."""
-        return self.by_site(self._sites(g), forces, (self.parts[k],))
+        return with_fields(self, parts=(self.parts[k],)).force(group, g)
 
     def require_start(self, name: str, group: LieGroup, mu: Any, g: Any) -> None:
         """Raises InvalidInput for sites in one place whose energy is infinite there, and for held ones that move."""
@@ -340,24 +347,9 @@ class PlaceTerms(OfTerms, Potential):
         _require_rest(name, group, self.held, np.asarray(mu), "held: its momentum")
         _require_rest(name, group, self.pinned, np.asarray(mu), "pinned: its linear momentum", 3)
 
-    def of_site(self) -> Potential:
-        """The site form: the potential of one body, which asks the other sites for what it needs; of `PerSite` alone
-        the one that it was given.
-        """
-        return self._of_one_at_a_site() or PotentialOfSite(*self._at_a_site())
-
-    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
-        if method not in ("energy", "force"):
-            return None
-        g = arguments["g"]
-        g = (
-            g.reshape(len(g), self.group.copies, -1)
-            if isinstance(self.group, PowerGroup)
-            else self.group.by_site(g, "Element")
-        ).reshape(len(g), self.group.copies, -1)
-        if method == "energy":
-            return energies(self, g, False)
-        return self.group.without_sites(slopes_of(self, g, False), "Vec")
+    def _by_site(self, arguments: dict[str, Any]) -> np.ndarray:
+        g, group = arguments["g"], self.group
+        return (group.by_site(g, "Element") if isinstance(group, SpeciesGroup) else g).reshape(len(g), group.copies, -1)
 
 
 @record
@@ -367,6 +359,7 @@ class ForceTerms(OfTerms, Force):
     Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
     """
 
+    form: ClassVar[type[TermsOfSite]] = ForceOfSite
     __repr__ = OfTerms.__repr__
 
     @property
@@ -380,7 +373,8 @@ class ForceTerms(OfTerms, Force):
 
     def _of_parts(self, parts: Any, t: float, xi: Vec, g: Any) -> Vec:
         """Those of some of the terms."""
-        return self.by_site(self._moving_sites(xi, g), lambda force, _, edges: loads(force, t, edges), parts)
+        sites = self._moving_sites(xi, g)
+        return self.by_site(sites, lambda form, _, site: form.covector(t, site.xi, site.g), parts)
 
     def _moving_sites(self, xi: Vec, g: Any) -> list[Any]:
         return [self.site_with(i, None, self.group.site(g, i), x) for i, x in enumerate(self.divided(xi))]
@@ -391,20 +385,10 @@ class ForceTerms(OfTerms, Force):
         """
         said = tuple([part for part in self.parts if part.term.says_resistance])
         others = tuple([part for part in self.parts if not part.term.says_resistance])
-        sites, found = self._moving_sites(xi, g), []  # type: list[Any], list[Any]
-        for i, mine in enumerate(self.divided(along)):
-            total = 0.0 * mine
-            for part in said:
-                for role, term, ends in part.edges_at(sites, i):
-                    total = total + term.resistance(t, mine, ends[role], *ends[:role], *ends[role + 1 :])
-            found = [*found, *total]
-        return self.moving(vec(*found)) - derivative(lambda x: self._of_parts(others, t, x, g), xi, along)
-
-    def of_site(self) -> Force:
-        """The site form: the load on one body, which asks the other sites for what it needs; of `PerSite` alone the one
-        that it was given.
-        """
-        return self._of_one_at_a_site() or ForceOfSite(*self._at_a_site())
+        sites, mine = self._moving_sites(xi, g), self.divided(along)
+        found = [self.at_site(i, sites, said).resistance(t, sites[i].xi, sites[i].g, x) for i, x in enumerate(mine)]
+        all_of_said = vec(*[x for damping in found for x in damping])
+        return self.moving(all_of_said) - derivative(lambda x: self._of_parts(others, t, x, g), xi, along)
 
     def slopes_of_site(self) -> Any:
         """The site form of the derivatives of <lambda, F>; that of `PerSite` alone is the load itself."""

@@ -12,7 +12,7 @@ from ....formulas.classes.fields import OfEach
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.pytree import exchanged, inside, with_fields
 from ....formulas.classes.signatures import bare
-from ....formulas.sites import SiteArray, SiteTable, meet, own
+from ....formulas.sites import SiteArray, SiteTable, halves, meet, own
 from ....groups.composed.one_of import filled
 from ....groups.lie_group import LieGroup
 from ....systems.hamiltonian import Hamiltonian
@@ -20,7 +20,7 @@ from ....systems.many.energies import WithHeldSites
 from ....systems.potential import Force, Potential
 from ..graphs import Incidence, Lattice, Within
 from .among import Among, Species, is_all_pairs, is_near
-from .bound_terms import BoundTerm
+from .bound_terms import BoundTerm, term_of_edge
 from .point_terms import acts_through_points
 from .terms import Term, site_class
 
@@ -68,7 +68,7 @@ class EachOfEdges(Record, OfEach):
     array: SiteArray
     shape: tuple[int, ...] = ()
 
-    def here(self, d: int) -> Any:
+    def of(self, d: int) -> Any:
         """The value of edge d of this site."""
         return in_shape(own(self.array, d), self.shape)
 
@@ -101,6 +101,7 @@ class RoleAtSite(Record):
     which a run may make lists.  of : the species of the ends; (): there is one only.  reach : the
     first of the sites of the other end and the one behind the last, where it is tied to all of these.
     once : along a chain, does the first site of an edge find the forces on both of them?
+    chains : the edges of this site where it is known, `BoundTerm.chains`.
     """
 
     term: Term
@@ -113,6 +114,7 @@ class RoleAtSite(Record):
     of: tuple[int, ...] = ()
     reach: Vec | None = None
     once: bool = False
+    chains: Any = None
 
     @classmethod
     def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
@@ -153,36 +155,65 @@ class RoleAtSite(Record):
         degrees = None if same else SiteArray.of(counts.astype(float))
         return with_fields(self, others=tables, counts=degrees)
 
-    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any, mine: Any = None) -> Any:
-        """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
+    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any, mine: Any) -> Any:
+        """A number or a vector, and the values of a formula(role, term, sites) for all edges at this site.
 
-        of_both : gives of a pair the values for both of its sites.  meeting : the others.  seen : makes
+        of_both : gives of a pair the values for both of its sites; None: the formula does.  meeting : the others.  seen : makes
         of what a site publishes what terms see of it.  mine : the number of this site, if it is in the
         reach.
         """
+        if self.chains is not None:
+            return self._along_chains(total, meeting, formula)
         if self.alone:
-            return total + formula(self.at_edge(0), [me])
+            return total + formula(self, self.at_edge(0), [me])
         if len(self.others) == 0:
             if self.reach is not None:
-                return meeting.some(lambda b, j: formula(self.term, self.ends(me, [seen(b)])), total, self.reach, mine)
-            return meeting.pairs(lambda a, b: of_both(self.term, [seen(a), seen(b)]), total)
-        first, further = self.others[0], self.others[1:]
+                return meeting.some(
+                    lambda b, j: formula(self, self.term, self.ends(me, [seen(b)])), total, self.reach, mine
+                )
+            both = self.of_both(formula) if of_both is None else of_both
+            return meeting.pairs(lambda a, b: both(self.term, [seen(a), seen(b)]), total)
 
         def of_edge(b: Any, d: Any) -> Any:
-            mates = [seen(b), *[seen(meeting.of(table, d)) for table in further]]
-            value = formula(self.at_edge(d), self.ends(me, mates))
+            mates = [seen(b), *[seen(meeting.of(table, d)) for table in self.others[1:]]]
+            return formula(self, self.at_edge(d), self.ends(me, mates))
+
+        return self.over_edges(total, meeting, of_edge)
+
+    def over_edges(self, total: Any, meeting: Any, of_edge: Any) -> Any:
+        """total + of_edge(b, d) + ... for all edges at this site; b is what the first other end of edge d publishes."""
+
+        def if_there(b: Any, d: Any) -> Any:
+            value = of_edge(b, d)
             return value if self.counts is None else masked(d < own(self.counts), value)
 
-        if first.degree is None:
-            return meeting.sum(first, of_edge, total)
-        for d in range(first.degree):
-            total = total + of_edge(meeting.of(first, d), d)
+        table = self.others[0]
+        if table.degree is None:
+            return meeting.sum(table, if_there, total)
+        for d in range(table.degree):
+            total = total + if_there(meeting.of(table, d), d)
+        return total
+
+    def of_both(self, formula: Any) -> Any:
+        """The values of a formula(role, term, sites) for the first and for the second of two sites."""
+        second = with_fields(self, role=1)
+        return lambda term, sites: (formula(self, term, sites), formula(second, term, sites))
+
+    def _along_chains(self, total: Any, sites: Any, formula: Any) -> Any:
+        """The sum of `added` over edges that are written out."""
+        for chains in self.chains:
+            sums = [total, *[total - total for _ in chains[1:]]]
+            for k, chain in enumerate(chains):
+                for role, number, ends in chain:
+                    one = self if role == self.role else with_fields(self, role=role)
+                    sums[k] = sums[k] + formula(one, self.at_edge(number), [sites[j] for j in ends])
+            total = halves(sums)
         return total
 
     @property
     def through_points(self) -> bool:
         """Whether sites act on each other through their points."""
-        return acts_through_points(self.term) and self.of == () and not self.once
+        return self.chains is None and acts_through_points(self.term) and self.of == () and not self.once
 
     def through(self, group: Any, g: Any) -> Vec:
         """The force on this site, with what sites publish of their points."""
@@ -190,20 +221,14 @@ class RoleAtSite(Record):
         mine = term.points(g)
         meeting = meet(mine)
         zero = vec(*[0.0 for point in mine for _ in point])
-        if len(self.others) == 0:
-            return term.felt(group, g, meeting.pairs(term.pushes, zero))
 
         def of_edge(b: Any, d: Any) -> Any:
-            term_of_edge: Any = self.at_edge(d)
-            value = term_of_edge.pushes(mine, b)[0] if self.role == 0 else term_of_edge.pushes(b, mine)[1]
-            return value if self.counts is None else masked(d < own(self.counts), value)
+            at_edge: Any = self.at_edge(d)
+            return at_edge.pushes(mine, b)[0] if self.role == 0 else at_edge.pushes(b, mine)[1]
 
-        table = self.others[0]
-        if table.degree is None:
-            return term.felt(group, g, meeting.sum(table, of_edge, zero))
-        for d in range(table.degree):
-            zero = zero + of_edge(meeting.of(table, d), d)
-        return term.felt(group, g, zero)
+        if len(self.others) == 0:
+            return term.felt(group, g, meeting.pairs(term.pushes, zero))
+        return term.felt(group, g, self.over_edges(zero, meeting, of_edge))
 
     def if_there(self, value: Any) -> Any:
         """A value of the first edge of this site; zero if it has none."""
@@ -211,7 +236,7 @@ class RoleAtSite(Record):
 
     def at_edge(self, d: Any) -> Term:
         """The term with the parameters of edge d of this site."""
-        return exchanged(self.term, EachOfEdges, [parameter.here(d) for parameter in inside(self.term, EachOfEdges)])
+        return term_of_edge(self.term, d)
 
     def ends(self, me: Any, mates: list[Any]) -> list[Any]:
         """The sites of an edge in the order in which the energy takes them."""
@@ -241,7 +266,7 @@ class TermsOfSite(WithHeldSites):
 
     roles : the terms, and the places in their energies.  names, own : parameters of the site.
     moves : 1 for sites that move, 0 for those that are held, or so for each component; None: all move.
-    species : those of the sites, if there are several.
+    species : those of the sites, if there are several.  present : this site and all, where all are known.
     """
 
     roles: tuple[RoleAtSite, ...]
@@ -249,6 +274,7 @@ class TermsOfSite(WithHeldSites):
     own: tuple[Any, ...] = ()
     moves: SiteArray | None = None
     species: Species | None = None
+    present: Any = None
 
     def __repr__(self) -> str:
         return f"Terms({', '.join([repr(role.term) for role in self.roles if role.role == 0])})"
@@ -267,6 +293,8 @@ class TermsOfSite(WithHeldSites):
         """This site, the meeting with the others (None if it is alone), and what makes of what a site
         publishes there what terms see of it.  roles : those that count; None: all.
         """
+        if self.present is not None:
+            return *self.present, None
         mine = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
         me = type(self.site)(mu, g, xi, *mine)
         alone = all(role.alone for role in (self.roles if roles is None else roles))
@@ -281,10 +309,10 @@ class TermsOfSite(WithHeldSites):
 
         return me, meeting, view
 
-    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, roles: Any = None) -> Any:
+    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any = None, roles: Any = None) -> Any:
         """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role; of_both(term, sites) is of both sites of a pair.  roles : those that count;
-        None: all.
+        role by role.  of_both(term, sites) : of both sites of a pair, where they have more in common.  roles : those
+        that count; None: all.
         """
         me, meeting, view = self.met(mu, g, xi, roles)
         species = self.species
@@ -298,10 +326,10 @@ class TermsOfSite(WithHeldSites):
         """A formula(role, term, sites) for terms that see sites of their species."""
         species = self.species
         if species is None:
-            return lambda term, sites: formula(role, term, sites)
+            return formula
 
-        def of_species(term: Any, sites: list[Any]) -> Any:
-            at_edge = formula(role, term, [species.seen(k, x) for k, x in zip(role.of, sites)])
+        def of_species(one: Any, term: Any, sites: list[Any]) -> Any:
+            at_edge = formula(one, term, [species.seen(k, x) for k, x in zip(role.of, sites)])
             return filled(at_edge, len(total)) if isinstance(total, vectors.Vec) else at_edge
 
         return of_species
@@ -352,15 +380,8 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
     def gradient(self, mu: Vec) -> Vec:
         """The velocity of this site.  mu : (dim,), its momentum."""
         zero = vec(*[0.0 for _ in mu])
-        slope = self.added(
-            zero,
-            mu,
-            None,
-            None,
-            lambda one, term, sites: term.slope(one.role, *sites),
-            lambda term, sites: term.slopes(*sites),
-        )
-        return self.moving(slope)
+        of_edge = lambda one, term, sites: term.slope(one.role, *sites)  # noqa: E731
+        return self.moving(self.added(zero, mu, None, None, of_edge, lambda term, sites: term.slopes(*sites)))
 
 
 @record
@@ -398,15 +419,9 @@ class PotentialOfSite(TermsOfSite, Potential):
             force = force + role.through(group, g)
         apart = [role for role in chosen if not role.once and not role.through_points]
         if len(apart) > 0:
-            force = self.added(
-                force,
-                None,
-                g,
-                None,
-                lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites),
-                lambda term, sites: term.forces(group, *sites),
-                apart,
-            )
+            of_edge = lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites)  # noqa: E731
+            of_both = lambda term, sites: term.forces(group, *sites)  # noqa: E731
+            force = self.added(force, None, g, None, of_edge, of_both, apart)
         along = [role for role in chosen if role.once]
         if len(along) > 0:
             force = force + self._along(group, g, along)
@@ -442,29 +457,20 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force on this site.  xi : (dim,), its velocity, g : its element."""
         zero = vec(*[0.0 for _ in xi])
-        force = self.added(
-            zero,
-            None,
-            g,
-            xi,
-            lambda one, term, sites: term.covector(t, *sites),
-            lambda term, sites: (term.covector(t, *sites), term.covector(t, *sites[::-1])),
-        )
-        return self.moving(force)
+        covector = lambda one, term, sites: term.covector(t, *_from(one.role, sites))  # noqa: E731
+        return self.moving(self.added(zero, None, g, xi, covector))
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
         """The damping of this site by its own velocity, where the others keep theirs, (dim,).  xi, along : (dim,), g : its
         element.
         """
-        damping = self.added(
-            vec(*[0.0 for _ in xi]),
-            None,
-            g,
-            xi,
-            lambda one, term, sites: _damping(t, term, sites, along),
-            lambda term, sites: (_damping(t, term, sites, along), _damping(t, term, sites[::-1], along)),
-        )
-        return self.moving(damping)
+        damping = lambda one, term, sites: _damping(t, term, _from(one.role, sites), along)  # noqa: E731
+        return self.moving(self.added(vec(*[0.0 for _ in xi]), None, g, xi, damping))
+
+
+def _from(k: int, sites: list[Any]) -> list[Any]:
+    """The sites of an edge, number k first."""
+    return [sites[k], *sites[:k], *sites[k + 1 :]]
 
 
 def _damping(t: float, term: Term, sites: list[Any], along: Vec) -> Vec:
@@ -483,14 +489,8 @@ class SlopesOfLoad(TermsOfSite):
     def slopes(self, group: LieGroup, t: float, xi: Vec, g: Any, along: Vec) -> tuple[Vec, Vec]:
         """d/dxi and d/deta with dg = g hat(eta), (dim,) each.  along : lambda of this site."""
         n = group.dim
-        slope = self.added(
-            vec(*[0.0 for _ in range(2 * n)]),
-            along,
-            g,
-            xi,
-            lambda one, term, sites: _slope(group, t, one.merged, term, one.role, sites),
-            lambda term, sites: (_slope(group, t, True, term, 0, sites), _slope(group, t, True, term, 1, sites)),
-        )
+        of_edge = lambda one, term, sites: _slope(group, t, one.merged, term, one.role, sites)  # noqa: E731
+        slope = self.added(vec(*[0.0 for _ in range(2 * n)]), along, g, xi, of_edge)
         return vec(*slope[:n]), vec(*slope[n:])
 
 

@@ -17,6 +17,7 @@ from ....formulas.classes.pytree import exchanged, inside
 from ....groups.composed.one_of import filled, width_of
 from ....groups.composed.product import shaped
 from ....groups.lie_group import LieGroup
+from ....systems.hamiltonian import Hamiltonian
 from ..graphs import AllPairs
 from .among import Species, is_near, places_of_sites
 from .bound_terms import BoundTerm
@@ -47,6 +48,12 @@ class OfEdge(Record):
     own: tuple[Any, ...]
     species: Species | None = None
     of: tuple[int, ...] = ()
+
+    @classmethod
+    def of_part(cls, terms: Any, part: BoundTerm, role: int = 0) -> OfEdge:
+        """The function for an edge of one of the terms of a sum."""
+        leading = part.term, terms.group.base, part.graph.arity, role, isinstance(terms, Hamiltonian)
+        return cls(*leading, terms.names, terms.own, terms.species, part.of)
 
     @property
     def width(self) -> int:
@@ -102,23 +109,23 @@ def _taken(numbers: Any, at: int, shape: tuple[int, ...]) -> Any:
     return in_shape(numbers[at : at + math.prod(shape)] if shape else numbers[at], shape)
 
 
-def energies(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
+def energies(terms: Any, states: np.ndarray) -> np.ndarray:
     """The energy at every sample.  states : (samples, sites, width)."""
     totals = np.zeros(len(states))
     for part in terms.parts:
-        of_edge = _of_edge(terms, part, 0, in_momenta)
+        of_edge = OfEdge.of_part(terms, part)
         for samples, ends, numbers in _blocks(terms, part, states):
             rows = _rows(of_edge, states[samples], ends, numbers)
             totals[samples] += np.asarray(of_edge.energy(rows)).reshape(-1, len(ends)).sum(axis=1)
     return totals
 
 
-def slopes_of(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
+def slopes_of(terms: Any, states: np.ndarray) -> np.ndarray:
     """The derivatives by momenta, or the forces, at every sample, (samples, sites, dim)."""
     slopes = np.zeros((*states.shape[:2], terms.group.base.dim))
     for part in terms.parts:
         for role in range(part.graph.arity):
-            of_edge = _of_edge(terms, part, role, in_momenta)
+            of_edge = OfEdge.of_part(terms, part, role)
             for samples, ends, numbers in _blocks(terms, part, states):
                 rows = _rows(of_edge, states[samples], ends, numbers)
                 values = np.asarray(of_edge.slope(rows)).reshape(-1, len(ends), slopes.shape[2])
@@ -127,11 +134,6 @@ def slopes_of(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
     slopes[:, list(terms.held)] = 0.0
     slopes[:, list(terms.pinned), 3:] = 0.0
     return slopes
-
-
-def _of_edge(terms: Any, part: BoundTerm, role: int, in_momenta: bool) -> OfEdge:
-    leading = part.term, terms.group.base, part.graph.arity, role, in_momenta
-    return OfEdge(*leading, terms.names, terms.own, terms.species, part.of)
 
 
 def _rows(of_edge: OfEdge, states: np.ndarray, ends: np.ndarray, numbers: Any) -> np.ndarray:

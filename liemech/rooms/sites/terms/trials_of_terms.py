@@ -17,7 +17,7 @@ from ....systems.hamiltonian import Hamiltonian
 from ....systems.potential import Force
 from ..graphs import places_of, require_no_duplicates
 from .among import has_places, places_of_sites
-from .bound_terms import BoundTerm
+from .bound_terms import BoundTerm, term_of_edge
 from .kinds_of_terms import alike
 from .near_pairs import NearPairs
 from .terms import AtTime, Site
@@ -140,7 +140,7 @@ def _require_finite(name: str, terms: Any, part: BoundTerm, row: np.ndarray, end
 
 def _values(part: BoundTerm, number: int, sites: list[Any], force: bool) -> tuple[Any, Any]:
     """The energy of an edge, and that with its ends exchanged."""
-    term = part.at_edge(number)
+    term = term_of_edge(part.term, number)
     if force:
         covector = term.covector(0.3, *sites)
         return covector, covector
