@@ -64,9 +64,10 @@ class PointTerm(Term):
 
 def acts_through_points(term: Any) -> bool:
     """Whether the energy and forces of a term are those of its points, not written anew by a subclass."""
-    base = PointTerm if not isinstance(term, NearPointPairs) else NearPointPairs
     names = "energy", "force", "forces"
-    return isinstance(term, base) and all(bare(getattr(type(term), x)) is bare(getattr(base, x)) for x in names)
+    return isinstance(term, PointTerm) and all(
+        bare(getattr(type(term), x)) is bare(getattr(PointTerm, x)) for x in names
+    )
 
 
 def _in_a_row(points: tuple[Any, ...]) -> Vec:
@@ -80,7 +81,7 @@ def _as_points(row: Vec, like: tuple[Any, ...]) -> tuple[Vec, ...]:
 
 
 @record
-class NearPointPairs(NearPairs, PointTerm):
+class NearPointPairs(PointTerm, NearPairs):
     """Near pairs of such a term: the last point is the place of the site, from which the switch is."""
 
     def __repr__(self) -> str:
@@ -119,18 +120,6 @@ class NearPointPairs(NearPairs, PointTerm):
         n = len(push) - len(place(self.first, g))
         term: Any = self.term
         return term.felt(group, g, push[:n]) + seen_from(group, g, push[n:])
-
-    def energy(self, a: Any, b: Any) -> float:
-        """The energy of two sites, by their points."""
-        return PointTerm.energy(self, a, b)
-
-    def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """The force on site number k."""
-        return PointTerm.force(self, group, k, *sites)
-
-    def forces(self, group: Any, *sites: Any) -> tuple[Any, ...]:
-        """The forces on both sites, by their points."""
-        return PointTerm.forces(self, group, *sites)
 
 
 def near_pairs(term: Term, first: LieGroup, second: LieGroup, *more: Any) -> NearPairs:
