@@ -65,12 +65,11 @@ from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...systems.many.energies import moving
 from ...systems.mechanical import MechanicalSystem
 from ..hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
-from ..sites.parts_of_spins import FieldAtSite, turned
+from ..sites.parts_of_spins import FieldAtSite, turned_by
 from ..sites.separable_sites import SeparableSite
 from ..sites.spin_splittings import TermSplitting
-from ..sites.terms.bonds_at_site import BondsOfSite
 from ..sites.terms.terms import at_time
-from ..sites.terms.terms_at_site import SlopesOfLoad, TermsOfSite, at_this_site
+from ..sites.terms.terms_at_site import SlopesOfLoad, TermsOfSite
 
 
 @record
@@ -765,22 +764,15 @@ class BondTurn(SiteMotion):
 
     energy: Any
 
-    def turned(self, group: Any, part: StepPart, state: Any, time: float) -> BodyState:
-        """A site some time later."""
-        energy, mu = at_time(self.energy, part.t), state.mu
-        if isinstance(energy, BondsOfSite):
-            theirs, mine = energy.turns(int(part.term), mu, time)
-            return BodyState(*turned(group, mu, state.g, -theirs, mine + theirs))
-        return BodyState(*turned(group, mu, state.g, time * at_this_site(energy).gradient(mu)))
-
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The turn."""
-        return self.turned(system.group, part, state, part.h)
+        return turned_by(self.energy, system.group, int(part.term), part.t, part.h, state)
 
     def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """J^T = Omega J^-1 Omega^-1, where elements are known or not: nothing depends on them."""
-        back = lambda there: self.turned(system.group, part, there, -part.h)  # noqa: E731
-        return Back(carried_back(system.group, back, before, after, w), (), ())
+        group, colour = system.group, int(part.term)
+        back = lambda there: turned_by(self.energy, group, colour, part.t, -part.h, there)  # noqa: E731
+        return Back(carried_back(group, back, before, after, w), (), ())
 
 
 @record
@@ -808,7 +800,7 @@ class FieldTurn(SiteMotion):
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """A site that turns."""
-        return BodyState(*turned(system.group, state.mu, state.g, self.omega(part, state.mu)))
+        return self.field.turned(system.group, int(part.term), part.t, part.h, state)
 
     def of_turned(self, system: Any, part: StepPart, before: Any, w: Any) -> tuple[Any, Vec]:
         """J^T w of its own turn, and the direction along which the energy was asked."""

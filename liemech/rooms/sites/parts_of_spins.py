@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formulas import Element, Record, Vec, plain, record, vec, where
+from ...formulas import Record, Vec, plain, record, vec, where
 from ...formulas.classes.fields import frozen_array
 from ...formulas.classes.pytree import exchanged, inside, with_fields
 from ...formulas.numbers.ways import APART
@@ -28,16 +28,28 @@ from .terms.terms_at_site import at_this_site
 _UNSTEADY = "the velocity that it gives changes as the site moves"
 
 
-def turned(group: LieGroup, mu: Vec, g: Element | None, *omegas: Vec) -> tuple[Vec, Any]:
-    """Momentum and element moved along constant velocities, the last of which moves the momentum:
+def turned(group: LieGroup, state: BodyState, *omegas: Vec) -> BodyState:
+    """A state moved along constant velocities, the last of which moves the momentum:
     Ad*_exp(omega) mu, g exp(...) exp(omega).
     """
-    precise = [as_precise(omega, mu) for omega in omegas]
-    moved = group.algebra.exp_Ad_star(precise[-1], mu)
+    precise, g = [as_precise(omega, state.mu) for omega in omegas], state.g
+    moved = group.algebra.exp_Ad_star(precise[-1], state.mu)
     if g is not None:
         for omega in precise:
             g = group.compose_exp(g, omega)
-    return moved, g
+    return BodyState(moved, g)
+
+
+def turned_by(energy: Any, group: LieGroup, colour: int, t: float, time: float, state: BodyState) -> BodyState:
+    """The state of a site some time later, turned by its bond of a colour, or by its own energy.
+
+    energy : `BondsOfSite`, or the Hamiltonian of a single site; t : when it is taken, if it changes.
+    """
+    energy, mu = at_time(energy, t), plain(state.mu)
+    if isinstance(energy, BondsOfSite):
+        theirs, mine = energy.turns(colour, mu, time)
+        return turned(group, state, -theirs, mine + theirs)
+    return turned(group, state, time * at_this_site(energy).gradient(mu))
 
 
 @record
@@ -61,7 +73,7 @@ class MotionsOfTerms(Record):
         raise NotImplementedError
 
     def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
-        """The momenta and elements of the sites after a part has moved them for a time."""
+        """The states of the sites after a part has moved them for a time."""
         raise NotImplementedError
 
     @property
@@ -73,12 +85,13 @@ class MotionsOfTerms(Record):
         """The state after the motions of parts, by number, for how long and when, one after the other."""
         group, n, g = self.terms.group, self.terms.group.base.dim, state.g
         bodies: list[Any] = [
-            (state.mu[n * i : n * (i + 1)], None if g is None else group.site(g, i)) for i in range(group.copies)
+            BodyState(state.mu[n * i : n * (i + 1)], None if g is None else group.site(g, i))
+            for i in range(group.copies)
         ]
         for part, h, t in turns:
             bodies = at_time(self, t).moved(part, h, bodies)
-        mu = vec(*[x for m, _ in bodies for x in m])
-        return BodyState(mu, None if g is None else group.join(*[g for _, g in bodies]))
+        mu = vec(*[x for body in bodies for x in body.mu])
+        return BodyState(mu, None if g is None else group.join(*[body.g for body in bodies]))
 
     # ---------------------------------------------------------------- single sites
 
@@ -88,7 +101,7 @@ class MotionsOfTerms(Record):
         raise NotImplementedError
 
     def _sites(self, bodies: list[Any]) -> list[Any]:
-        return [self.terms.site_with(i, plain(mu), None) for i, (mu, _) in enumerate(bodies)]
+        return [self.terms.site_with(i, plain(body.mu), None) for i, body in enumerate(bodies)]
 
     def _along(self, terms: Any, some: Any, h: float, bodies: list[Any]) -> list[Any]:
         """The bodies, of which some sites have moved along the velocities that terms give them."""
@@ -96,7 +109,7 @@ class MotionsOfTerms(Record):
         moved = [*bodies]
         for i in [i for i in some if i not in self.terms.held]:
             form = self.terms.at_site(i, sites, terms)
-            moved[i] = turned(base, *bodies[i], h * form.gradient(sites[i].mu))
+            moved[i] = turned(base, bodies[i], h * form.gradient(sites[i].mu))
         return moved
 
 
@@ -188,6 +201,10 @@ class FieldAtSite(Record):
             slope = at_this_site(energy).gradient(mu)
             xi = vec(*[where(part == k + 1, x, y) for x, y in zip(slope, xi)])
         return xi
+
+    def turned(self, group: LieGroup, part: int, t: float, time: float, state: BodyState) -> BodyState:
+        """The state of a site some time later.  t : when the terms are taken, if they change."""
+        return turned(group, state, time * at_time(self, t).velocity(part, plain(state.mu)))
 
 
 def by_edges(part: BoundTerm) -> BoundTerm:
@@ -294,6 +311,6 @@ class Bonds(MotionsOfTerms):
         for k, edge, i, j in self.groups[part]:
             bond = term_of_edge(pairs[k].term, edge)
             of_i, of_j = [h * bond.slope(end, sites[i], sites[j]) for end in (0, 1)]
-            moved[i] = turned(base, *bodies[i], -of_j, of_i + of_j)
-            moved[j] = turned(base, *bodies[j], -of_i, of_i + of_j)
+            moved[i] = turned(base, bodies[i], -of_j, of_i + of_j)
+            moved[j] = turned(base, bodies[j], -of_i, of_i + of_j)
         return moved

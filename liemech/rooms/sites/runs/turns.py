@@ -13,19 +13,15 @@ from ....compiler import kernel
 from ....compiler.driver import read, write
 from ....compiler.sites.planes import Planes, each, load, save, some
 from ....errors import NotFinite, undefined
-from ....formulas import Record, plain, record
+from ....formulas import Record, record
 from ....formulas.classes.pytree import NUMBER
 from ....formulas.sites import padded, rows_of
 from ....formulas.tables import Table, entry
 from ....integrators.ending_at_jumps import jumps_between, uncut
 from ....simulation.compiled.control import MARK, STUCK, TAKEN, TIME
 from ....systems.in_time.tabulated import NEAR, during
-from ....systems.lie_poisson import BodyState
-from ..parts_of_spins import turned
+from ..parts_of_spins import turned_by
 from ..spin_splittings import terms_of
-from ..terms.bonds_at_site import BondsOfSite
-from ..terms.terms import at_time
-from ..terms.terms_at_site import at_this_site
 from .driver import CROSSED, OVERFLOW
 from .execution import SiteExecution
 from .run import SiteRun
@@ -105,9 +101,7 @@ def turned_site(
     layout: Any,
 ) -> None:  # fmt: skip
     """The turn of one site."""
-    state = load(here, 0, layout)
-    xi = at_time(field, t).velocity(part, plain(state.mu))
-    save(there, row, BodyState(*turned(group, state.mu, state.g, time * xi)), layout)
+    save(there, row, field.turned(group, part, t, time, load(here, 0, layout)), layout)
 
 
 @record
@@ -140,15 +134,7 @@ def turned_by_bond(
     row: int, layout: Any,
 ) -> None:  # fmt: skip
     """The turn of one site along its bond of a colour, or along its own energy."""
-    term = at_time(term, t)
-    state = load(sites, here, layout)
-    mu = plain(state.mu)
-    if isinstance(term, BondsOfSite):
-        theirs, mine = term.turns(colour, mu, time)
-        moved = turned(group, state.mu, state.g, -theirs, mine + theirs)
-    else:
-        moved = turned(group, state.mu, state.g, time * at_this_site(term).gradient(mu))
-    save(there, row, BodyState(*moved), layout)
+    save(there, row, turned_by(term, group, colour, t, time, load(sites, here, layout)), layout)
 
 
 def copied_site(sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
