@@ -65,11 +65,11 @@ from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...systems.many.energies import moving
 from ...systems.mechanical import MechanicalSystem
 from ..hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
-from ..sites.parts_of_spins import FieldAtSite, turned_by
+from ..sites.parts_of_spins import turned_by
 from ..sites.separable_sites import SeparableSite
 from ..sites.spin_splittings import TermSplitting
 from ..sites.terms.terms import at_time
-from ..sites.terms.terms_at_site import SlopesOfLoad, TermsOfSite
+from ..sites.terms.terms_at_site import SlopesOfLoad, TermsOfSite, at_this_site
 
 
 @record
@@ -78,7 +78,7 @@ class StepPart(Record):
 
     given : is a derivative by the state before it given?  momenta, elements : of what is kept of the
     energies that were asked, the row of the first.  begin, end : the places of the sites that turn,
-    last : behind the last place.  term : what turns them.  whole, length : when the step or the piece of
+    last : behind the last place.  term : the colour of bonds.  whole, length : when the step or the piece of
     one begins of which it is a part, and its length, where steps are cut.
     """
 
@@ -777,17 +777,17 @@ class BondTurn(SiteMotion):
 
 @record
 class FieldTurn(SiteMotion):
-    """The sites of one colour, or all of them, turned about the velocities that a term gives them, while
+    """The sites of one colour, or all of them, turned about the velocities that an energy gives them, while
     the others rest.  Backwards first those that turn feel their own turn, and then others what they
     have been turned by.
 
-    field, released : of all sites, `FieldAtSite`; with held sites free.
+    energy, released : of a site; with held sites free.
 
     Source: Frank, Huang and Leimkuhler, J. Comput. Phys. 133 (1997).
     """
 
-    field: FieldAtSite
-    released: FieldAtSite
+    energy: Any
+    released: Any
 
     @property
     def momenta(self) -> int:
@@ -796,19 +796,19 @@ class FieldTurn(SiteMotion):
 
     def omega(self, part: StepPart, mu: Vec) -> Vec:
         """The displacement of a site that turns."""
-        return part.h * at_time(self.field, part.t).velocity(int(part.term), mu)
+        return part.h * at_this_site(at_time(self.energy, part.t)).gradient(mu)
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """A site that turns."""
-        return self.field.turned(system.group, int(part.term), part.t, part.h, state)
+        return turned_by(self.energy, system.group, 0, part.t, part.h, state)
 
     def of_turned(self, system: Any, part: StepPart, before: Any, w: Any) -> tuple[Any, Vec]:
         """J^T w of its own turn, and the direction along which the energy was asked."""
         omega = self.omega(part, before.mu)
         w, bent = _displaced(Exponential(), system, before, omega, w)
-        return w, moving(self.field.field, part.h * bent)
+        return w, moving(self.energy, part.h * bent)
 
     def of_others(self, part: StepPart, mu: Vec, along: Vec) -> Vec:
         """The derivative by the momentum of a site that others turn by.  along : its own direction."""
-        field = at_time(self.released, part.t)
-        return derivative(lambda m: field.velocity(int(part.term), m), mu, along)
+        energy = at_this_site(at_time(self.released, part.t))
+        return derivative(lambda m: energy.gradient(m), mu, along)

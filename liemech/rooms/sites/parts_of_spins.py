@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formulas import Record, Vec, plain, record, vec, where
+from ...formulas import Record, Vec, plain, record, vec
 from ...formulas.classes.fields import frozen_array
 from ...formulas.classes.pytree import exchanged, inside, with_fields
 from ...formulas.numbers.ways import APART
@@ -163,18 +163,14 @@ class Sublattices(MotionsOfTerms):
         """The places of sites in memory: by colours."""
         return PlacesByColour.of_colouring(self.terms.affine.colouring)
 
-    def of_site(self, places: PlacesByColour) -> tuple[FieldAtSite, list[tuple[int, ...]]]:
-        """The velocities that the parts give a site, where sites stand by colours; and of each part
-        where its sites begin and end, and its number there.
+    def of_site(self, places: PlacesByColour) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
+        """The energies that turn a site, where sites stand by colours: that of the field, and each term of one site that
+        is not affine; and of each part its energy, and where its sites begin and end.
         """
-        affine = tuple(map(by_edges, self.affine))
-        forms = [with_fields(self.terms, parts=affine).of_site()] + [
-            with_fields(self.terms, parts=(part,)).of_site() for part in self.lonely
-        ]
-        field, *lonely = [at_places(form, places) for form in forms]
-        colours = [(*ends, 0) for ends in places.ranges if self.affine]
-        alone = [(0, len(places.sites), k + 1) for k in range(len(lonely))]
-        return FieldAtSite(field, tuple(lonely)), [*colours, *alone]
+        parts = [tuple(map(by_edges, self.affine)), *[(part,) for part in self.lonely]]
+        forms = [at_places(with_fields(self.terms, parts=some).of_site(), places) for some in parts]
+        alone = [(k + 1, 0, len(places.sites)) for k in range(len(self.lonely))]
+        return tuple(forms), [*[(0, *ends) for ends in places.ranges if self.affine], *alone]
 
     def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
         """The sites of a colour about the field of the others, or all about their own axes."""
@@ -182,29 +178,6 @@ class Sublattices(MotionsOfTerms):
             return self._along(self.affine, self.groups[part], h, bodies)
         term = self.lonely[part - len(self.groups)]
         return self._along((term,), range(len(bodies)), h, bodies)
-
-
-@record
-class FieldAtSite(Record):
-    """The velocities that the parts of a splitting give one site among others.
-
-    field : the Hamiltonian of a site of all terms that are affine.  lonely : of each one that is not.
-    """
-
-    field: Any
-    lonely: tuple[Any, ...]
-
-    def velocity(self, part: int, mu: Vec) -> Vec:
-        """The velocity by the field if the part is 0, else by the terms that are not affine, from 1 on."""
-        xi = at_this_site(self.field).gradient(mu)
-        for k, energy in enumerate(self.lonely):
-            slope = at_this_site(energy).gradient(mu)
-            xi = vec(*[where(part == k + 1, x, y) for x, y in zip(slope, xi)])
-        return xi
-
-    def turned(self, group: LieGroup, part: int, t: float, time: float, state: BodyState) -> BodyState:
-        """The state of a site some time later.  t : when the terms are taken, if they change."""
-        return turned(group, state, time * at_time(self, t).velocity(part, plain(state.mu)))
 
 
 def by_edges(part: BoundTerm) -> BoundTerm:

@@ -118,9 +118,9 @@ class BackwardRun:
                 )
             places = found.places
             self.order, self.places = places.sites, places.places
-            field, numbers = found.of_site(places)
-            motions: Any = (FieldTurn(field, released(field)),)
-            rows = [(0, at, share, *numbers[k]) for k, share, at in method.turns(found)]
+            forms, numbers = found.of_site(places)
+            motions: Any = tuple([FieldTurn(form, released(form)) for form in forms])
+            rows = [(numbers[k][0], at, share, *numbers[k][1:], 0) for k, share, at in method.turns(found)]
         elif isinstance(method, BondSplitting):
             bonds = Bonds(terms_of(self.plan._one))
             places = bonds.places

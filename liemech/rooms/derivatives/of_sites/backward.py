@@ -142,10 +142,10 @@ def turned_back(
     """
     begin, end, given = int(part.begin), int(part.end), (way, turn, part, states, n, felt, alongs)
     some(states, begin, end, one_turned_back, *given, momenta)
-    for _ in range(int(part.term == 0.0)):
+    if turn.energy.coupled:
         some(states, 0, begin, one_other_back, *given, momenta)
         some(states, end, int(part.last), one_other_back, *given, momenta)
-    for _ in range(int(part.term > 0.0)):
+    else:
         some(states, begin, end, one_other_back, *given, momenta)
     some(states, begin, end, one_at_rest, alongs, way.along)
 

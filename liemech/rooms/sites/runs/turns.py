@@ -20,7 +20,7 @@ from ....formulas.tables import Table, entry
 from ....integrators.ending_at_jumps import jumps_between, uncut
 from ....simulation.compiled.control import MARK, STUCK, TAKEN, TIME
 from ....systems.in_time.tabulated import NEAR, during
-from ..parts_of_spins import turned_by
+from ..parts_of_spins import Bonds, turned_by
 from ..spin_splittings import terms_of
 from .driver import CROSSED, OVERFLOW
 from .execution import SiteExecution
@@ -75,33 +75,31 @@ class Turns(Record):
 
 @record
 class TurnsOfColours(Turns):
-    """Those of sites by colours, in place, while the others rest: where the sites of a turn begin and
-    end in memory, and which part of the energy makes it (0 is the field of the others).
+    """Those of sites by colours, in place, while the others rest.  The numbers are the energy that makes a turn, and
+    where its sites begin and end in memory.
 
-    form : `FieldAtSite`.
+    form : the energies, that of the field of the others first.
     """
 
     __repr__ = Turns.__repr__
 
     def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
         """Turn number k: of the sites of a colour."""
-        begin, end, part = self.number(k, 0), self.number(k, 1), self.number(k, 2)
-        some(
-            sites, begin, end, turned_site, self.group, self.form, part, t, time, sites, there, row,
-            layout,
-        )  # fmt: skip
+        which, begin, end = self.number(k, 0), self.number(k, 1), self.number(k, 2)
+        for i in range(len(self.form)):
+            for _ in range(int(which == i)):
+                some(
+                    sites, begin, end, turned_site, self.group, self.form[i], t, time, sites, there, row, layout,
+                )  # fmt: skip
 
     def after(self, here: int) -> int:
         """Where they were."""
         return here
 
 
-def turned_site(
-    group: Any, field: Any, part: int, t: float, time: float, here: Any, there: Any, row: int,
-    layout: Any,
-) -> None:  # fmt: skip
+def turned_site(group: Any, energy: Any, t: float, time: float, here: Any, there: Any, row: int, layout: Any) -> None:
     """The turn of one site."""
-    save(there, row, field.turned(group, part, t, time, load(here, 0, layout)), layout)
+    save(there, row, turned_by(energy, group, 0, t, time, load(here, 0, layout)), layout)
 
 
 @record
@@ -207,7 +205,7 @@ class Turning:
         self.places = motions.places
         form, numbers = motions.of_site(self.places)
         rows = [(*numbers[part], share, at) for part, share, at in method.turns(motions)]
-        kind, self.copies = (TurnsOfBonds, 2) if isinstance(form, tuple) else (TurnsOfColours, 1)
+        kind, self.copies = (TurnsOfBonds, 2) if isinstance(motions, Bonds) else (TurnsOfColours, 1)
         last = rows[-1]
         if len(rows) == 1:  # one turn is a step, and leaves nothing
             last = *last[:3], 0.0, 0.0
