@@ -12,7 +12,7 @@ import numpy as np
 from ....compiler import kernel
 from ....compiler.driver import read, write
 from ....compiler.sites.planes import Planes, each, load, save, some
-from ....errors import NotFinite, undefined
+from ....errors import NotFinite
 from ....formulas import Record, record
 from ....formulas.classes.pytree import NUMBER
 from ....formulas.sites import padded, rows_of
@@ -35,18 +35,21 @@ ROWS = 2**21
 
 @record
 class Turns(Record):
-    """The turns of a step: for each five numbers, of which the last two are its share of the step, and
-    at which share of it terms are taken that change with time; abstract.
+    """The turns of a step: for each five numbers, of which the first is the energy that makes it, and the last two are
+    its share of the step, and at which share of it terms are taken that change with time.
 
     The first one begins with what the step before has left, which is the share `last`.
 
-    group : of one site.  form : of the energy at a site.  name : of the method.
+    group : of one site.  form : the energies.  in_place : do the sites of a colour turn while the others rest?  The
+    numbers in between are where these begin and end; else all sites turn from one copy to the other, along bonds
+    of one colour, the second number.  name : of the method.
     """
 
     group: Any
-    form: Any
+    form: tuple[Any, ...]
     numbers: Any
     last: float
+    in_place: bool
     name: str = ""
 
     def __repr__(self) -> str:
@@ -54,11 +57,18 @@ class Turns(Record):
 
     def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
         """Turn number k, at a time and for another, from one copy of the sites to a row of others."""
-        raise undefined(self, "make")
+        which, first, end = self.number(k, 0), self.number(k, 1), self.number(k, 2)
+        for i in range(len(self.form)):
+            for _ in range(int(which == i)):
+                given = self.group, self.form[i], first, t, time, sites
+                if self.in_place:
+                    some(sites, first, end, turned_site, *given, 0, there, row, layout)
+                else:
+                    each(sites, turned_site, *given, here, there, row, layout)
 
     def after(self, here: int) -> int:
         """The copy in which the sites are after a turn."""
-        raise undefined(self, "after")
+        return here if self.in_place else 1 - here
 
     def number(self, k: int, which: int) -> int:
         """One of the whole numbers of turn number k."""
@@ -73,66 +83,12 @@ class Turns(Record):
         return entry(self.numbers, 5 * k + 4)
 
 
-@record
-class TurnsOfColours(Turns):
-    """Those of sites by colours, in place, while the others rest.  The numbers are the energy that makes a turn, and
-    where its sites begin and end in memory.
-
-    form : the energies, that of the field of the others first.
-    """
-
-    __repr__ = Turns.__repr__
-
-    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
-        """Turn number k: of the sites of a colour."""
-        which, begin, end = self.number(k, 0), self.number(k, 1), self.number(k, 2)
-        for i in range(len(self.form)):
-            for _ in range(int(which == i)):
-                some(
-                    sites, begin, end, turned_site, self.group, self.form[i], t, time, sites, there, row, layout,
-                )  # fmt: skip
-
-    def after(self, here: int) -> int:
-        """Where they were."""
-        return here
-
-
-def turned_site(group: Any, energy: Any, t: float, time: float, here: Any, there: Any, row: int, layout: Any) -> None:
-    """The turn of one site."""
-    save(there, row, turned_by(energy, group, 0, t, time, load(here, 0, layout)), layout)
-
-
-@record
-class TurnsOfBonds(Turns):
-    """Those of bonds by colours, of which both ends turn at the same time: from one copy of all sites
-    to the other.  The numbers are the term, from those of two sites on, and the colour.
-
-    form : the terms, `BondsOfSite` and then energies of single sites.
-    """
-
-    __repr__ = Turns.__repr__
-
-    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
-        """Turn number k: of all sites, along one term."""
-        which, colour = self.number(k, 0), self.number(k, 1)
-        for i in range(len(self.form)):
-            for _ in range(int(which == i)):
-                each(
-                    sites, turned_by_bond, self.group, self.form[i], colour, t, time, sites, here,
-                    there, row, layout,
-                )  # fmt: skip
-
-    def after(self, here: int) -> int:
-        """The other one."""
-        return 1 - here
-
-
-def turned_by_bond(
-    group: Any, term: Any, colour: int, t: float, time: float, sites: Any, here: int, there: Any,
+def turned_site(
+    group: Any, energy: Any, colour: int, t: float, time: float, sites: Any, here: int, there: Any,
     row: int, layout: Any,
 ) -> None:  # fmt: skip
     """The turn of one site along its bond of a colour, or along its own energy."""
-    save(there, row, turned_by(term, group, colour, t, time, load(sites, here, layout)), layout)
+    save(there, row, turned_by(energy, group, colour, t, time, load(sites, here, layout)), layout)
 
 
 def copied_site(sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
@@ -205,13 +161,14 @@ class Turning:
         self.places = motions.places
         form, numbers = motions.of_site(self.places)
         rows = [(*numbers[part], share, at) for part, share, at in method.turns(motions)]
-        kind, self.copies = (TurnsOfBonds, 2) if isinstance(motions, Bonds) else (TurnsOfColours, 1)
+        in_place = not isinstance(motions, Bonds)
+        self.copies = 1 if in_place else 2
         last = rows[-1]
         if len(rows) == 1:  # one turn is a step, and leaves nothing
             last = *last[:3], 0.0, 0.0
             rows = [*rows, last]
         table = Table(np.array(rows, dtype=float).ravel())
-        turns = kind(system.group.base, form, table, last[3], repr(method))
+        turns = Turns(system.group.base, form, table, last[3], in_place, repr(method))
         self.arguments = turns, layout, steps.h, len(rows) - 1
         planes, shared = Planes.of_rows(1, 1), kernel.Shared(np.empty(0))
         self.execution = SiteExecution(
