@@ -77,8 +77,8 @@ class StepPart(Record):
     """A part of a step, all numbers: which of the `SiteMotion`s it is, when it begins, and how long it is.
 
     given : is a derivative by the state before it given?  momenta, elements : of what is kept of the
-    energies that were asked, the row of the first.  begin, end : the places of the sites that turn,
-    last : behind the last place.  term : the colour of bonds.  whole, length : when the step or the piece of
+    energies that were asked, the row of the first.  begin, end : the places of the sites that turn, or
+    begin is the colour of bonds, last : behind the last place.  whole, length : when the step or the piece of
     one begins of which it is a part, and its length, where steps are cut.
     """
 
@@ -90,7 +90,6 @@ class StepPart(Record):
     elements: float = 0.0
     begin: float = 0.0
     end: float = 0.0
-    term: float = 0.0
     last: float = 0.0
     whole: float = 0.0
     length: float = 0.0
@@ -757,7 +756,7 @@ class BondTurn(SiteMotion):
     """The two sites of every bond of one colour turned about their sum, or all sites by a term of one: the
     exact motion of its energy, whose inverse is that of the time -h.
 
-    energy : of a site, `BondsOfSite` or terms of single sites.  The colour is `term` of the part.
+    energy : of a site, `BondsOfSite` or terms of single sites.  The colour is `begin` of the part.
 
     Source: Steinigeweg and Schmidt, Comput. Phys. Commun. 174 (2006).
     """
@@ -766,11 +765,11 @@ class BondTurn(SiteMotion):
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The turn."""
-        return turned_by(self.energy, system.group, int(part.term), part.t, part.h, state)
+        return turned_by(self.energy, system.group, int(part.begin), part.t, part.h, state)
 
     def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """J^T = Omega J^-1 Omega^-1, where elements are known or not: nothing depends on them."""
-        group, colour = system.group, int(part.term)
+        group, colour = system.group, int(part.begin)
         back = lambda there: turned_by(self.energy, group, colour, part.t, -part.h, there)  # noqa: E731
         return Back(carried_back(group, back, before, after, w), (), ())
 

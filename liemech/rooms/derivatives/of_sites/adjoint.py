@@ -24,11 +24,11 @@ from ....integrators.ending_at_jumps import uncut
 from ....simulation.between.dense import unpacked
 from ....systems.in_time.tabulated import inputs
 from ....systems.many.site_state import SiteValues
-from ...sites.parts_of_spins import Bonds, Sublattices
+from ...sites.parts_of_spins import Sublattices
 from ...sites.runs.execution import SiteExecution
 from ...sites.runs.lists import Lists
 from ...sites.runs.states import first_of, site_rows
-from ...sites.spin_splittings import BondSplitting, SublatticeSplitting, terms_of
+from ...sites.spin_splittings import TermSplitting, terms_of
 from ...sites.terms.sums_of_terms import MomentumTerms, PlaceTerms
 from ..reversal import go_back
 from ..steps_backwards import BondTurn, FieldTurn, Question, parts_of, refused, released
@@ -109,34 +109,27 @@ class BackwardRun:
         and where the sites are that turn.
         """
         self.order = self.places = np.arange(self.sites)
-        if isinstance(method, SublatticeSplitting):
-            found = Sublattices(terms_of(self.plan._one))
-            if found.lonely and kept:
+        if isinstance(method, TermSplitting):
+            turning = method._motions(terms_of(self.plan._one))
+            in_place = isinstance(turning, Sublattices)
+            if in_place and turning.lonely and kept:
                 raise IncompatibleSystem(
                     f"Plan.gradient: {method!r} has no derivative by parameters where terms of one site make "
                     "parts of their own; RKMK has one"
                 )
-            places = found.places
+            places = turning.places
             self.order, self.places = places.sites, places.places
-            forms, numbers = found.of_site(places)
-            motions: Any = tuple([FieldTurn(form, released(form)) for form in forms])
-            rows = [(numbers[k][0], at, share, *numbers[k][1:], 0) for k, share, at in method.turns(found)]
-        elif isinstance(method, BondSplitting):
-            bonds = Bonds(terms_of(self.plan._one))
-            places = bonds.places
-            self.order, self.places = places.sites, places.places
-            forms, numbers = bonds.of_site(places)
-            motions = tuple(map(BondTurn, forms))
-            turns = [(numbers[k], share, at) for k, share, at in method.turns(bonds)]
-            rows = [(term, at, share, 0, 0, colour) for (term, colour, _), share, at in turns]
+            forms, numbers = turning.of_site(places)
+            motions: Any = tuple([FieldTurn(x, released(x)) if in_place else BondTurn(x) for x in forms])
+            rows = [(numbers[k][0], at, share, *numbers[k][1:]) for k, share, at in method.turns(turning)]
         else:
             motions, some = parts_of(method, site)
-            rows = [(*row, 0, 0, 0) for row in some]
-        # kind, t, h, begin, end, term
+            rows = [(*row, 0, 0) for row in some]
+        # kind, t, h, begin, end
         self.of_step = np.array(rows, dtype=float)
         first, last = self.of_step[0], self.of_step[-1]
         joins = motions[int(first[0])].joins and len(rows) > 1
-        self.joined = joins and self.cut is None and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
+        self.joined = joins and self.cut is None and bool((first[[0, 3, 4]] == last[[0, 3, 4]]).all())
         blank = type(self.first)(*[zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts])
         momentum, element = [
             carried_layout(Question(0.0, place, zeros(self.dims[name])) if name else ())
@@ -291,15 +284,15 @@ class BackwardRun:
         """
         first = block * self.block
         n = np.arange(first, min(self.last, first + self.block))
-        kind, node, share, begin, end, term = self.of_step.T
+        kind, node, share, begin, end = self.of_step.T
         n, begins, lengths, first_ones = self._pieces(n)
         shape = len(n), len(kind)
         rows = np.zeros((*shape, PART.width))
         rows[..., 0] = kind
         rows[..., 1] = begins[:, None] + node * lengths[:, None]
         rows[..., 2] = share * lengths[:, None]
-        rows[..., 10], rows[..., 11] = begins[:, None], lengths[:, None]
-        rows[..., 6], rows[..., 7], rows[..., 8], rows[..., 9] = begin, end, term, self.count
+        rows[..., 6], rows[..., 7], rows[..., 8] = begin, end, self.count
+        rows[..., 9], rows[..., 10] = begins[:, None], lengths[:, None]
         rows[:, 0, 3] = [k in self.given and one for k, one in zip(n.tolist(), first_ones)]
         stay = np.ones(shape, dtype=bool)
         if self.joined:
