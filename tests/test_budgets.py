@@ -68,6 +68,7 @@ def sizes() -> dict[str, tuple[int, int]]:
     return totals
 
 
+@pytest.mark.slow
 def test_every_part_has_a_budget() -> None:
     assert set(sizes()) == set(BUDGETS)
 

@@ -61,7 +61,7 @@ def test_brackets_of_driven_systems_are_observed(name: str) -> None:
     assert found["Poisson" if name == "body" else "symplectic"] == "holds"
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_a_wrong_bracket_is_found_on_driven_systems(name: str) -> None:
     system, start, _, _ = CASES[name]
@@ -88,6 +88,7 @@ def towed(begin: float) -> lm.MechanicalSystem:
     return lm.MechanicalSystem(body, lm.NoPotential(), load=Towed(torque, 0.1))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("begin", "given"), [(0.0, True), (990.0, False)])
 def test_a_system_with_a_table_is_looked_at_when_the_table_has_values(begin: float, given: bool) -> None:
     system = towed(begin)
@@ -106,7 +107,7 @@ def test_a_load_keeps_no_bracket_and_no_method_is_blamed() -> None:
     assert found == {"order": "holds", "symmetric": "holds", "symplectic": "not seen"}
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("begin", "length"), [(990.0, 20.0), (-30.0, 20.0), (0.0, 0.5)])
 def test_claims_are_observed_while_a_table_has_values(begin: float, length: float) -> None:
     """Before, a table without a value at 0 was a bare ValueError, and a short one ended the check."""

@@ -47,6 +47,7 @@ def starts(system: Any) -> Any:
     return system.state(q=q, p=np.tile([0.8, -0.2], (5, 1)))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("system", [Springs(), Arm()], ids=lambda system: type(system).__name__)
 def test_series_pass_both_ways_of_a_branch(system: Any) -> None:
     """The motion by power series is that of a Runge-Kutta method, which sees numbers only."""

@@ -13,6 +13,7 @@ import liemech as lm
 DROPPED = {"Andrews": 9, "slider-crank": 3, "spatial slider-crank": 0, "Bricard": 1, "governor": 0, "8 four-bars": 24}
 
 
+@pytest.mark.slow
 def test_bricard_s_loop_of_six_hinges_moves_and_is_where_its_one_freedom_says() -> None:
     mechanism = benchmark_mechanisms.bricard()
     assert len(mechanism.linkage.dropped) == 1

@@ -12,6 +12,7 @@ from liemech.joints import Damper, Linkage, Shaking, chain
 ROD = chain(1, axis=[0.0, 1.0, 0.0])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 def test_a_damped_hinge_with_a_rotor_breaks_no_law(damping):
     """d/dt (H + A q'^2/2) = -c q'^2."""

@@ -44,6 +44,7 @@ def slope(value: Any, e: float) -> float:
     return (8.0 * (value(e) - value(-e)) - (value(2.0 * e) - value(-2.0 * e))) / (12.0 * e)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("moving", [True, False])
 def test_by_a_force(moving: bool) -> None:
     """From rest too, where the hinge has no rate."""
@@ -53,6 +54,7 @@ def test_by_a_force(moving: bool) -> None:
     assert found == pytest.approx(right, rel=1e-8, abs=0.0)
 
 
+@pytest.mark.slow
 def test_by_a_table_of_torques() -> None:
     """It is asked at the times of its steps alone."""
     values = np.array([0.3, -0.2, 0.5, 0.1])

@@ -61,6 +61,7 @@ CASES: dict[str, Any] = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", CASES)
 def test_hubs_change_nothing_but_the_way_of_elimination(case: str, monkeypatch: Any) -> None:
     """Every body of more than one joint as a hub, and none: Woodbury's identity."""
@@ -111,6 +112,7 @@ def test_work_of_a_hub_grows_like_its_joints() -> None:
     assert chain(9).linked.links.parts == 0
 
 
+@pytest.mark.slow
 def test_a_mimic_of_the_joint_that_holds_a_hub() -> None:
     """The joint to the ground has no block before the motion of the hub: its rotor drives another one."""
     n, errors = 8, []

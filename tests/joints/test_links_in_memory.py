@@ -132,6 +132,7 @@ def written_out(monkeypatch: Any, linkage: Any, method: Any, start: Any, **optio
     return run
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("made", [tree, star, ring, ladder], ids=lambda f: f.__name__)
 def test_loops_and_formulas_written_out_make_the_same_steps(made: Any, monkeypatch: Any) -> None:
     linkage, start = made()
@@ -154,6 +155,7 @@ def arm() -> tuple[Linkage, Any]:
     return linkage, linkage.state(angles={"elbow": 0.4, 2: [0.2, 0.1, 0.3]})
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("made", [arm, pytest.param(tree, marks=pytest.mark.slow)])
 def test_native_loops_give_the_bits_of_plain_ones(made: Any) -> None:
@@ -199,6 +201,7 @@ def in_angles(n: int, q: np.ndarray, rates: np.ndarray, t: np.ndarray) -> np.nda
     return np.diff(found.y[:n].T, axis=1, prepend=0.0)
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("order", [pytest.param(2, marks=pytest.mark.slow), 4])
 def test_a_chain_of_hinges_moves_by_lagranges_equations_of_its_angles(order: int) -> None:
@@ -289,6 +292,7 @@ def test_ten_rods_keep_their_energy_over_many_steps() -> None:
         assert np.abs(linkage.conditions_at(run.mu[-1], run.g[-1])[0]).max() < 4e-15
 
 
+@pytest.mark.slow
 def test_how_often_states_are_looked_at_changes_no_bit() -> None:
     """What is shown is found beside the steps; inside of a step, too."""
     linkage, start = hinged(3)

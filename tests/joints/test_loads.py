@@ -82,6 +82,7 @@ def reference(scene: str) -> Any:
     return run(system, lm.RKMK(order=6), start, 0.04, 10, t0=0.3).last
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("order", [2, 4])
 def test_orders_under_a_load(scene: str, order: int) -> None:
@@ -118,6 +119,7 @@ def test_strong_drag_is_solved_for_at_the_end_and_refused_at_the_start() -> None
         run(system, lm.LieRATTLE(), start, 0.1, 5)
 
 
+@pytest.mark.slow
 def test_the_power_of_a_load_is_the_change_of_energy() -> None:
     """dE/dt = <F, xi>: constraints do no work."""
     system, start = top()
@@ -133,6 +135,7 @@ def test_the_power_of_a_load_is_the_change_of_energy() -> None:
     assert moved.drift().kept == ()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scene", [pytest.param("top", marks=pytest.mark.slow), "sleigh"])
 def test_the_checks_know_loads(scene: str) -> None:
     (system, start), method = SCENES[scene][0](), SCENES[scene][1]

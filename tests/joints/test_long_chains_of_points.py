@@ -29,6 +29,7 @@ def bent(count, dimension, kind=lm.models.ChainPendulum):
     return chain, chain.state(q.ravel(), p.ravel())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_steps_are_those_of_rattle(dimension):
     count = 7 if dimension == 2 else 5
@@ -44,6 +45,7 @@ def test_steps_are_those_of_rattle(dimension):
     assert np.array_equal(run.energy[0], other.energy[0])
 
 
+@pytest.mark.slow
 def test_a_thousand_links():
     chain, start = bent(1000, 3)
     run = lm.integrate(chain, lm.RATTLE(), start, h=1e-3, steps=20, compiled=True)
@@ -58,6 +60,7 @@ def test_a_thousand_links():
     assert np.ptp(turn) < 1e-12 * abs(turn[0])
 
 
+@pytest.mark.slow
 def test_what_runs_have():
     chain, start = bent(5, 3)
     plan = lm.Plan(chain, lm.RATTLE(), h=0.01, compiled=False)

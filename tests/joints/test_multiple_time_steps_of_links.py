@@ -46,6 +46,7 @@ def ended(made, method, h, steps, compiled=False):
     return lm.integrate(made[0], method, made[1], h=h, steps=steps, compiled=compiled)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("potential", [{0: Tether(1.0), 2: Tether(0.5)}, Together(1.0)])
 def test_one_fast_step_is_lie_rattle(potential):
     """Impulses at the end of a kick and those at the end of a step are the same ones, found in two parts."""
@@ -54,6 +55,7 @@ def test_one_fast_step_is_lie_rattle(potential):
     assert np.abs(one.mu - other.mu).max() < 1e-12 and np.abs(one.g - other.g).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_reversible_and_on_the_constraint():
     made = stiff({0: Tether(1.0), 2: Tether(0.5)})
     there = ended(made, lm.MultipleTimeSteps((3,)), 0.04, 4)

@@ -44,6 +44,7 @@ def end(made, order, steps, t_end=0.16):
     return run.g[-1], run.mu[-1], run
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [3, 6])
 def test_steps_are_those_of_the_equation_written_out(order):
     ours, theirs = end(arm(Linkage), order, 3), end(arm(WrittenOut), order, 3)
@@ -51,6 +52,7 @@ def test_steps_are_those_of_the_equation_written_out(order):
         assert np.abs(a - b).max() < 2e-15 * np.abs(b).max()
 
 
+@pytest.mark.slow
 def test_order_and_drift():
     """Order 4; conditions are left by the error of the method, and nothing is projected."""
     reference, errors, missed = end(arm(WrittenOut), 8, 16)[0], [], []

@@ -33,6 +33,7 @@ def ring(n: int) -> lm.LiePoissonSystem:
     return lm.LiePoissonSystem(lm.SO3() ** n, terms)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("native", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_uncoupled_sites_are_bodies_with_their_paths(native: bool) -> None:
     field, mu, paths = [0.0, 0.1, 0.3], directions(5), [3, 0, 8, 2**40, 1]
@@ -47,6 +48,7 @@ def test_uncoupled_sites_are_bodies_with_their_paths(native: bool) -> None:
     assert np.abs(runs[0] - runs[1]).max() < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_same_bits_plain_native_in_threads_and_resumed() -> None:
     bath = lm.thermal_bath(ring(40), damping=0.3, temperature=0.5, seed=6)
@@ -112,6 +114,7 @@ def test_a_damping_of_ones_own_is_refused_where_sites_would_not_have_it() -> Non
         Growing(ring(20), 0.1)
 
 
+@pytest.mark.slow
 def test_systems_that_leave_their_orbits_begin_with_all_sites_in_a_row() -> None:
     """Beside DOP853: damping of all momenta at the rate c, and friction A(xi, eta) = root(c) [xi, eta]."""
 
@@ -158,6 +161,7 @@ def test_states_inside_of_steps_are_refused(tmp_path: object) -> None:
             lm.integrate(bath, lm.WongZakai(), start, h=0.1, t_end=1.0, t_eval=[0.35])
 
 
+@pytest.mark.slow
 def test_saved_runs_go_on(tmp_path: object) -> None:
     bath = lm.thermal_bath(ring(20), damping=0.3, temperature=0.5)
     run = lm.integrate(bath, lm.WongZakai(), bath.state(mu=directions(20)), h=0.1, steps=4)
@@ -168,6 +172,7 @@ def test_saved_runs_go_on(tmp_path: object) -> None:
     assert np.array_equal(*ends)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("inner", [lm.ImplicitMidpoint(), lm.SphericalMidpoint()], ids=repr)
 def test_midpoint_rules_follow_the_same_noise_without_damping(inner: lm.Method) -> None:

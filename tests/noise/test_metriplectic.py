@@ -86,6 +86,7 @@ def test_the_damped_pendulum_moves_as_mechanics_writes_it() -> None:
     assert np.allclose(system.rate(0.0, start), expected, rtol=0, atol=1e-15)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("of", [relaxing, heating])
 def test_energy_to_rounding_and_entropy_in_every_step(of: object) -> None:
     system, start = of()
@@ -135,6 +136,7 @@ def test_its_end_is_a_rest_axis() -> None:
     assert np.abs(mu - [0.0, 0.0, 1.0]).max() < 1e-10  # most entropy at this energy: the largest moment
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("of", [relaxing, heating])
 def test_same_bits(of: object) -> None:

@@ -35,6 +35,7 @@ def test_the_equation_of_boris() -> None:
     assert np.allclose(x1, m + H * v1 / 2, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_claims() -> None:
     lm.check_method(lm.Boris(), DRIVEN, DRIVEN.state(Y), compiled=False)
 

@@ -16,6 +16,7 @@ def swinging():
     return rod, rod.at_rest(rod.shape(start=LEVEL))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("h", [2e-3, -2e-3])
 def test_times_between_steps_are_shorter_steps(h):
     rod, start = swinging()
@@ -29,6 +30,7 @@ def test_times_between_steps_are_shorter_steps(h):
     assert np.array_equal(run.at(3.65 * h).g, seen.g[3])
 
 
+@pytest.mark.slow
 def test_an_event_is_met_where_a_shorter_step_has_it():
     rod, start = swinging()
     height = ("height", lambda t, site: site.g[2, 3])

@@ -21,6 +21,7 @@ def torch() -> Any:
     return pytest.importorskip("torch")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="no JAX")
 def test_jax() -> None:
     """`bridges_of_jax`, in a process of its own."""

@@ -63,7 +63,7 @@ def printed(folder: Path, name: str, *words: str) -> np.ndarray:
 
 
 @NEEDS_CC
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", CASES)
 def test_the_example_makes_the_run_to_the_bit(case: str, tmp_path: Path) -> None:
     system, method, start, bounded = CASES[case]
@@ -101,6 +101,7 @@ int main(void) {
 """
 
 
+@pytest.mark.sample(1)
 @NEEDS_CC
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieVerlet()], ids=["RKMK", "LieVerlet"])
 def test_a_loop_closed_in_c_is_that_of_the_stepper(method: Any, tmp_path: Path) -> None:
@@ -160,6 +161,7 @@ def test_a_step_that_fails_is_not_made(tmp_path: Path) -> None:
     assert printed(tmp_path, "fuse").tolist() == [[4.0, 0.0, 1.0, 2.0, 1.5]]
 
 
+@pytest.mark.slow
 def test_it_needs_the_c_library_and_nothing_else(tmp_path: Path) -> None:
     """Names that the object file asks for, and platforms that it may be for."""
     plan = lm.Plan(satellite(), lm.LieVerlet(), h=0.01)

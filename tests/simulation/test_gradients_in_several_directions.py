@@ -101,7 +101,7 @@ def test_bodies_with_steps_of_their_own_have_the_gradients_of_each() -> None:
         plan.pullback({"mu": mu[0]}, starts, t_end=1.0)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", ["linear", "constant"])
 @pytest.mark.parametrize("step", [{"h": 0.13}, {"rtol": 1e-3}])
 def test_tangent_maps_by_the_values_of_a_table(kind: str, step: dict[str, float]) -> None:

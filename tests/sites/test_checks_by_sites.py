@@ -78,7 +78,7 @@ class Pushed(lm.BondSplitting):
 KEEPS = ("total momentum",)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "law"),
     [(Pushed(), "total momentum"), (Claiming(), "Poisson"), (Leaking(), f"Casimir {N}"), (Late(), "symmetric")],
@@ -90,6 +90,7 @@ def test_faults_are_seen(method: Any, law: str) -> None:
     assert law in [f.law for f in report.findings if f.verdict == "broken"]
 
 
+@pytest.mark.slow
 @native
 def test_total_momentum_is_that_of_a_symmetry() -> None:
     """Of all turns of all sites, about one axis, or of none; and kept by methods as they say."""
@@ -167,6 +168,7 @@ class Uneven(Spring):
         return force, -1.001 * force
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("term", "law"), [(Spring, ""), (Pushing, "force"), (Uneven, "ends")])
 def test_faults_of_terms_are_seen(term: Any, law: str) -> None:
     """Of the forces on each end, and of those on both that runs of many sites ask for."""

@@ -81,6 +81,7 @@ def test_order_and_way_back(method: Any) -> None:
     assert np.abs(back.mu[-1] - start()).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """In plain Python and natively; the time at the end of a step is rounded in two ways."""
     found = []

@@ -44,6 +44,7 @@ def zero() -> float:
     return float(brentq(level, 7.0, 9.0, xtol=1e-13))
 
 
+@pytest.mark.sample(1)
 @native
 @pytest.mark.parametrize(
     ("how", "span", "close"), [({"rtol": 1e-9}, {"t_end": 9.0}, 1e-7), ({"h": 0.05, "every": 60}, {"steps": 180}, 1e-6)]
@@ -63,6 +64,7 @@ def test_zeros(zero: float, how: Any, span: Any, close: float) -> None:
         assert not len(plan.replace(events=[up]).run(START, **span).events[0][0])
 
 
+@pytest.mark.slow
 @native
 def test_terminal(zero: float, tmp_path: Path) -> None:
     plan = lm.Plan(spins(), lm.RKMK(order=5), rtol=1e-9, record=[SPIN], events=[ends])
@@ -83,6 +85,7 @@ def test_terminal(zero: float, tmp_path: Path) -> None:
     assert run.ended == 0
 
 
+@pytest.mark.slow
 @native
 def test_bits() -> None:
     """An event soon after the start, in plain Python and natively; with chosen sites."""
@@ -121,6 +124,7 @@ class Field(lm.Hamiltonian):
         return -50.0 * mu[2]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("other", [0.6, 0.75])
 def test_a_zero_where_a_step_ends_hides_no_other(other: float) -> None:
     """Steps of a quarter, which are exact: the next zero is inside of the next step, or at its end."""
@@ -132,6 +136,7 @@ def test_a_zero_where_a_step_ends_hides_no_other(other: float) -> None:
     assert run.events[0][0] == pytest.approx([0.5, other], abs=1e-12)
 
 
+@pytest.mark.sample(1)
 @native
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_zero_just_after_the_end_of_a_step_is_no_start(compiled: bool) -> None:

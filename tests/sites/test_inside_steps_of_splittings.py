@@ -30,7 +30,7 @@ def small_runs(monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
     monkeypatch.setattr(lm.System, "small", numbers)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "h"), [(METHODS[0], -0.1), (METHODS[1], 0.1)], ids=repr)
 def test_times_inside(monkeypatch: pytest.MonkeyPatch, method: Any, h: float) -> None:
     """The states that the system written out has, in plain Python and natively."""

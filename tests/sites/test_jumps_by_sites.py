@@ -78,6 +78,7 @@ def test_steps_end_at_jumps(method: Any, case: str) -> None:
     check(method, case)
 
 
+@pytest.mark.slow
 @native
 def test_bonds_end_at_breaks() -> None:
     check(lm.BondSplitting(), "breaks")
@@ -131,6 +132,7 @@ def test_an_event_behind_a_jump() -> None:
     assert np.abs(states.mu[0] - exact(cuts, field, 0.447)).max() < 1e-6
 
 
+@pytest.mark.slow
 @native
 def test_between_adaptive_steps() -> None:
     free = lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Exchange(1.0).over(RING)))

@@ -36,7 +36,7 @@ def ranges(method: Any, h: float, side: int, steps: int) -> tuple[float, float]:
     return float(np.ptp(energy)) / scale, float(np.ptp(modified)) / scale
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [2, 3])
 def test_the_energy_moves_with_the_state_and_the_modified_energy_stays(side: int) -> None:
     moved, stays = ranges(lm.KickDrift(), 0.0005, side, 2000)

@@ -34,6 +34,7 @@ def forces(system: Any, g: np.ndarray) -> np.ndarray:
     return np.asarray(run.mu)[-1] / 1e-9
 
 
+@pytest.mark.slow
 def test_forces_through_lists_are_slopes_of_the_energy() -> None:
     system, mu, g = liquid(6, 5.0)
     found, group = forces(system, g), lm.SE3()

@@ -65,6 +65,7 @@ def test_errors_fall_with_the_square_of_the_step(ratio: int) -> None:
         assert fine < 0.2 * np.abs(plain.g[-1] - exact).max()
 
 
+@pytest.mark.slow
 def test_loops_have_the_bits_of_what_is_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     system, start = chain(3)
     method, ends = lm.MultipleTimeSteps(ratios=(2,)), []

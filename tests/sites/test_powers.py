@@ -59,5 +59,6 @@ def test_what_is_no_power_is_named() -> None:
         lm.PowerGroup(lm.SO3, 3)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_laws_hold() -> None:
     lm.check_group(lm.SE3() ** 2)

@@ -28,7 +28,7 @@ def differences(plan: Any, first: Any, v: np.ndarray, steps: int) -> np.ndarray:
 
 
 @native
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=4), lm.SphericalMidpoint(), lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr
 )

@@ -79,7 +79,7 @@ def same(a: Any, b: Any) -> None:
 
 
 @native
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", CASES)
 def test_bits_of_plain_python(only_sites: None, case: str) -> None:
     """With fixed steps, whatever sites ask of each other."""
@@ -89,7 +89,7 @@ def test_bits_of_plain_python(only_sites: None, case: str) -> None:
     same(*runs)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", CASES)
 def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
     """The steps of all sites as one body, whose series know nothing of sites."""
@@ -118,6 +118,7 @@ def test_order_against_scipy() -> None:
         assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
 
 
+@pytest.mark.sample(1)
 @native
 @pytest.mark.parametrize(
     ("order", "rtol"),
@@ -133,6 +134,7 @@ def test_adaptive_steps_against_scipy(order: int, rtol: float) -> None:
     assert 1e-3 * rtol < np.abs(run.mu - right).max() < 30.0 * rtol
 
 
+@pytest.mark.slow
 @native
 def test_adaptive_bits(only_sites: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of plain Python, natively, with any number of workers; and backwards to the start."""

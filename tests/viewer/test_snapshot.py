@@ -57,6 +57,7 @@ def test_a_gif_moves(browser: Chromium, tmp_path: Path) -> None:
     assert all((a != b).any() for a, b in pairwise(frames))
 
 
+@pytest.mark.slow
 def test_what_cannot_be_drawn_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene(run())
     with pytest.raises(InvalidInput, match=r"must end in \.png"):
