@@ -110,7 +110,7 @@ class BackwardRun:
         """
         self.order = self.places = np.arange(self.sites)
         if isinstance(method, TermSplitting):
-            turning = method._motions(terms_of(self.plan._one))
+            turning: Any = method._motions(terms_of(self.plan._one))
             in_place = isinstance(turning, Sublattices)
             if in_place and turning.lonely and kept:
                 raise IncompatibleSystem(
