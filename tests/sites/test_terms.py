@@ -109,6 +109,14 @@ def test_the_site_form_has_the_same_bits() -> None:
         assert energy == system.energy(mu)
 
 
+@pytest.mark.parametrize("count", [9, 10, 12, 13])
+def test_all_pairs_written_out_are_added_by_halves_as_sites_add_them(count: int) -> None:
+    system, mu = spins(lm.neighbours.all_pairs(count)), np.random.default_rng(count).normal(size=(count, 3))
+    velocities, energy = forms(system, mu)
+    assert np.array_equal(velocities, system.velocity(mu))
+    assert energy == system.energy(mu)
+
+
 def test_runs_have_the_bits_of_plain_python() -> None:
     system = spins(lm.neighbours.chain(2))
     start = system.state(mu=RNG.normal(size=(2, 3)), g=lm.SO3().random(RNG, 2))

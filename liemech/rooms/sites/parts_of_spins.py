@@ -164,8 +164,8 @@ class Sublattices(MotionsOfTerms):
         return PlacesByColour.of_colouring(self.terms.affine.colouring)
 
     def of_site(self, places: PlacesByColour) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
-        """The energies that turn a site, where sites stand by colours: that of the field, and each term of one site that
-        is not affine; and of each part its energy, and where its sites begin and end.
+        """The energies that turn a site, where sites stand by colours: that of the field, and each term of one site
+        that is not affine; and of each part its energy, and where its sites begin and end.
         """
         parts = [tuple(map(by_edges, self.affine)), *[(part,) for part in self.lonely]]
         forms = [at_places(with_fields(self.terms, parts=some).of_site(), places) for some in parts]

@@ -88,7 +88,7 @@ class BoundTerm(Record):
 
     @property
     def in_rounds(self) -> bool:
-        """Whether every site meets all others, alike, in the order of `partners`."""
+        """Whether every site meets all others, alike, in the order of `chains_of_partners`."""
         return isinstance(self.graph, AllPairs) and self.merged and not _each_of(self.term)
 
     @property

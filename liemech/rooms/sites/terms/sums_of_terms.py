@@ -386,9 +386,9 @@ class ForceTerms(OfTerms, Force):
         said = tuple([part for part in self.parts if part.term.says_resistance])
         others = tuple([part for part in self.parts if not part.term.says_resistance])
         sites, mine = self._moving_sites(xi, g), self.divided(along)
-        found = [self.at_site(i, sites, said).resistance(t, sites[i].xi, sites[i].g, x) for i, x in enumerate(mine)]
-        all_of_said = vec(*[x for damping in found for x in damping])
-        return self.moving(all_of_said) - derivative(lambda x: self._of_parts(others, t, x, g), xi, along)
+        dampings = [self.at_site(i, sites, said).resistance(t, sites[i].xi, sites[i].g, x) for i, x in enumerate(mine)]
+        of_said = vec(*[x for damping in dampings for x in damping])
+        return self.moving(of_said) - derivative(lambda x: self._of_parts(others, t, x, g), xi, along)
 
     def slopes_of_site(self) -> Any:
         """The site form of the derivatives of <lambda, F>; that of `PerSite` alone is the load itself."""

@@ -158,9 +158,9 @@ class RoleAtSite(Record):
     def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any, mine: Any) -> Any:
         """A number or a vector, and the values of a formula(role, term, sites) for all edges at this site.
 
-        of_both : gives of a pair the values for both of its sites; None: the formula does.  meeting : the others.  seen : makes
-        of what a site publishes what terms see of it.  mine : the number of this site, if it is in the
-        reach.
+        of_both : gives of a pair the values for both of its sites; None: the formula does.  meeting : the others; where
+        edges are written out, all sites.  seen : makes of what a site publishes what terms see of it.  mine : the
+        number of this site, if it is in the reach.
         """
         if self.chains is not None:
             return self._along_chains(total, meeting, formula)
@@ -171,7 +171,7 @@ class RoleAtSite(Record):
                 return meeting.some(
                     lambda b, j: formula(self, self.term, self.ends(me, [seen(b)])), total, self.reach, mine
                 )
-            both = self.of_both(formula) if of_both is None else of_both
+            both = self.at_both_ends(formula) if of_both is None else of_both
             return meeting.pairs(lambda a, b: both(self.term, [seen(a), seen(b)]), total)
 
         def of_edge(b: Any, d: Any) -> Any:
@@ -183,18 +183,18 @@ class RoleAtSite(Record):
     def over_edges(self, total: Any, meeting: Any, of_edge: Any) -> Any:
         """total + of_edge(b, d) + ... for all edges at this site; b is what the first other end of edge d publishes."""
 
-        def if_there(b: Any, d: Any) -> Any:
+        def value_there(b: Any, d: Any) -> Any:
             value = of_edge(b, d)
             return value if self.counts is None else masked(d < own(self.counts), value)
 
         table = self.others[0]
         if table.degree is None:
-            return meeting.sum(table, if_there, total)
+            return meeting.sum(table, value_there, total)
         for d in range(table.degree):
-            total = total + if_there(meeting.of(table, d), d)
+            total = total + value_there(meeting.of(table, d), d)
         return total
 
-    def of_both(self, formula: Any) -> Any:
+    def at_both_ends(self, formula: Any) -> Any:
         """The values of a formula(role, term, sites) for the first and for the second of two sites."""
         second = with_fields(self, role=1)
         return lambda term, sites: (formula(self, term, sites), formula(second, term, sites))
@@ -290,8 +290,8 @@ class TermsOfSite(WithHeldSites):
         return not all([role.alone for role in self.roles])  # noqa: C419
 
     def met(self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None) -> tuple[Any, Any, Any]:
-        """This site, the meeting with the others (None if it is alone), and what makes of what a site
-        publishes there what terms see of it.  roles : those that count; None: all.
+        """This site, the meeting with the others (None if it is alone; all sites where they are known), and what makes
+        of what a site publishes there what terms see of it.  roles : those that count; None: all.
         """
         if self.present is not None:
             return *self.present, None
