@@ -94,18 +94,22 @@ def test_moving_pages_are_in_the_gallery_and_beside_their_code() -> None:
     assert len(led) == len(moving)
 
 
+BEYOND = "Math.max(...[...document.querySelectorAll('html, .content')].map(e => e.scrollWidth - e.clientWidth))"
+"""How many pixels of a page, or of the column that scrolls on telephones, are outside."""
+
+
 @pytest.mark.skipif(find() is None, reason="needs Chromium on the search path")
 def test_no_page_scrolls_sideways() -> None:
     """Wide tables, formulas and code do, each in its own box."""
     wide = []
     with Chromium() as browser:
-        for page in sorted(
-            page for page in pages() if not page.startswith(("_modules/", "generated/", "contact_sheet"))
-        ):
+        for page in sorted(pages()):
+            if page.startswith(("_modules/", "generated/examples/", "contact_sheet")):
+                continue
             tab = browser.open(SITE / page)
             for width in WIDTHS:
                 tab.resize(width, 900)
-                shown = tab.evaluate("document.scrollingElement.scrollWidth")
-                wide += [f"{page}: {shown} of {width}"] if shown > width else []
+                beyond = tab.evaluate(BEYOND)
+                wide += [f"{page}: {beyond} pixels more than {width}"] if beyond else []
             tab.close()
     assert not wide, wide
