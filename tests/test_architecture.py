@@ -233,7 +233,6 @@ def within() -> list[Import]:
     return [one for one in (*inside(), *for_typing_inside()) if one.module not in faces and one.parts[1]]
 
 
-@pytest.mark.slow
 def test_every_module_belongs_to_the_core_or_to_a_room() -> None:
     known = {*CORE, *ROOMS, "", "__main__", "rooms"}
     complain(
@@ -369,7 +368,7 @@ def test_modules_of_formulas_name_their_source() -> None:
         module
         for module, tree in trees().items()
         if part(module) in SOURCED
-        and not module.endswith((".plan", ".runs"))  # which hold no mathematics
+        and not module.endswith((".plan", ".runs", ".parameters", ".exact_motion"))  # which hold no mathematics
         and any(isinstance(node, ast.ClassDef | ast.FunctionDef) for node in tree.body)
         and not any("Source:" in (ast.get_docstring(n) or "") for n in ast.walk(tree) if isinstance(n, documented))
     ]

@@ -155,7 +155,7 @@ def test_fences_say_what_they_hold(page: Path) -> None:
             )
 
 
-@pytest.mark.sample(1)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("page", programs(PAGES), ids=page_name)
 def test_page_runs(page: Path, tmp_path: Path) -> None:
     # The program has its lines where the page has them, so a traceback points into the page; and a
@@ -196,7 +196,6 @@ def test_an_output_that_is_not_printed_is_noticed() -> None:
         assert outputs.difference(wanted + "\n", found + "\n") is not None, wanted
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("example", programs(EXAMPLES), ids=lambda example: example.stem)
 def test_example_runs_and_shows_something(example: Path, tmp_path: Path) -> None:
     printed = run(example, tmp_path)

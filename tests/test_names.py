@@ -36,7 +36,6 @@ def page() -> Any:
     return module
 
 
-@pytest.mark.slow
 def test_the_page_of_names_is_that_of_the_list() -> None:
     text = (DOCS / "names.md").read_text(encoding="utf-8")
     assert page().page() == text, "run: python docs/site/names.py"

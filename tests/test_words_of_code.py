@@ -51,7 +51,6 @@ def counted() -> dict[str, Counter[str]]:
     return found
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("what", MOST)
 def test_words_that_say_nothing_become_fewer(what: str) -> None:
     by_file, most = counted()[what], MOST[what]

@@ -1,4 +1,4 @@
-"""What the exact motions of models have in common: one start, times, and a phase that is finite."""
+"""Checks of the exact motions of models: of one start, of times, of a phase that is finite."""
 
 from __future__ import annotations
 
