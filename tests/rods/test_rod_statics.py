@@ -169,6 +169,38 @@ def test_forces_and_derivatives_are_those_of_the_energy(tau):
         np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-12 * abs(theirs).max())
 
 
+@lm.record
+class Stiffening(RodStrain):
+    """Stretch that grows stiff: W = (l/2) e . K e + l c e_6^4, of another length without force."""
+
+    c: float = 0.0
+
+    def energy(self, a, b):
+        e = self.strain(a, b)
+        return 0.5 * self.length * lm.dot(e, self.stiffness * e) + self.length * self.c * e[5] ** 4
+
+
+@lm.record
+class StiffeningRod(CosseratRod):
+    @property
+    def element(self):
+        return Stiffening(self.length / self.elements, self.section.stiffness, [0, 0, 0, 0, 0, 1.1], c=1e4)
+
+
+def test_an_element_of_ones_own_is_at_rest_where_its_own_energy_says():
+    """EA e + 4 c e^3 = P of a rod that is pulled along."""
+    EA = SECTION.stiffness[5]
+    rod = StiffeningRod(SECTION, 1.0, 2, tip_force=[0, 0, 0.3 * EA])
+    stretch = brentq(lambda e: EA * e + 4e4 * e**3 - 0.3 * EA, 0.0, 1.0)
+    g = rod.equilibrium(stages=2)
+    np.testing.assert_allclose(g[-1, :3, 3], [0, 0, 1.1 + stretch], rtol=1e-12, atol=1e-12)
+    along = np.zeros((3, 6))
+    along[:, 5] = 0.0, 0.5, 1.0  # the elements stretch alike
+    assert along.ravel() @ rod.stiffness(g) @ along.ravel() == pytest.approx(EA + 12e4 * stretch**2, rel=1e-11)
+    with pytest.raises(lm.errors.NotDefined, match="wrenches"):
+        rod.wrenches(g)
+
+
 def test_energy_and_forces_are_the_same_in_every_frame():
     rng = np.random.default_rng(5)
     rod = CosseratRod(SECTION, 1.0, 6, ends=("free", "free"))

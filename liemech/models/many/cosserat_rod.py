@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import InvalidInput, InvalidType
 from ...formulas import Mat, Vec, check_finite, dot, mat, real_array, record, vec
+from ...formulas.classes.derived import closed_form_of
 from ...formulas.classes.of_each import Each, each
 from ...groups.retractions import Exponential, Retraction
 from ...groups.rigid.se3 import SE3, join
@@ -301,8 +302,9 @@ class CosseratRod(MechanicalSystem):
 
     @property
     def rest_strain(self) -> np.ndarray:
-        """u_0, (6,) or (N, 6)."""
-        return self.rest.values if isinstance(self.rest, Each) else np.array(self.rest)
+        """u_0 of the elements, (6,) or (N, 6)."""
+        rest: Any = self.element.rest
+        return rest.values if isinstance(rest, Each) else np.array(rest)
 
     def shape(self, u: Any = None, start: Any = None) -> np.ndarray:
         """The frames of a rod with strain u, (frames, 4, 4): g_k+1 = g_k tau(l u_k).
@@ -405,6 +407,7 @@ class CosseratRod(MechanicalSystem):
         h = SE3().compose(SE3().inverse(first), second)
         return first, second, np.asarray(self.retraction.tau_inv(SE3(), h))
 
+    @closed_form_of("element")
     def wrenches(self, g: Any) -> np.ndarray:
         """Moment and force in the elements, K (u - u_0), (..., N, 6), in N m and N, in their own
         axes.  g : (..., frames, 4, 4).

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import NoConvergence
 from ...formulas import Mat, Record, Vec, mat, record, vec
+from ...formulas.classes.pytree import with_fields
 from ...groups.rigid.se3 import SE3
 from ...groups.rigid.so3 import SO3
 from ...rooms.sites.terms.terms import Site
@@ -40,7 +41,7 @@ class ElementInRows(Record):
     def balance(self, numbers: Vec) -> Vec:
         """Forces on both frames, and the four blocks of their derivatives, in a row of 156 numbers."""
         a, b = (Site(g=_pose(numbers[16 * k : 16 * k + 16])) for k in range(2))
-        beam = type(self.element)(self.element.length, self.element.stiffness, numbers[32:38], self.element.retraction)
+        beam: Any = with_fields(self.element, rest=numbers[32:38])
         forces, blocks = beam.forces(SE3(), a, b), beam.stiffnesses(SE3(), a, b)
         rows = [x for f in forces for x in f]
         return vec(*rows, *[x for pair in blocks for block in pair for row in block for x in row])
