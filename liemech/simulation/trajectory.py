@@ -323,7 +323,7 @@ class Trajectory:
             if complete and self.rejected is None:
                 return self._runs_by_sites.between(self, type(example))
             example = None
-        far = abs(self.h) * (1.0 + 1e-6)
+        far = abs(self.h) * (1.0 + 1e-6) + 2.0 * np.spacing(np.abs(self.t).max(initial=0.0))
         if example is None or self.rejected is not None or np.abs(np.diff(self.t)).max() > far:
             raise InvalidInput(
                 "Trajectory.at needs a run that kept all its steps: adaptive ones do with dense=True, "

@@ -73,3 +73,10 @@ def test_at_a_jump_of_the_velocity_where_the_run_ends(compiled: bool) -> None:
     run = plan.run(START, t_end=2.0, t_eval=times)
     assert np.array_equal(whole.at(times).mu, run.mu) and run.t[-1] == whole.t[-1] == 2.0
     assert np.array_equal(whole.mu[-1], run.mu[-1])
+
+
+def test_of_fixed_steps_long_after_zero() -> None:
+    """Steps of 0.04 s at t = 1e9 s differ by the rounding of the time, 1.2e-7 s."""
+    plan = lm.Plan(BODY, lm.RKMK(order=4), h=0.04, compiled=False)
+    later = plan.run(START, steps=5, t0=1e9).at(1e9 + 0.1).mu
+    np.testing.assert_allclose(later, plan.run(START, steps=5).at(0.1).mu, rtol=1e-6)

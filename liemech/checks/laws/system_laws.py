@@ -240,9 +240,9 @@ def constraints_stay(system: BoundBody, at: AtState) -> Iterator[Same]:
 
 def _leaving(system: BoundBody, at: AtState) -> Iterator[Same]:
     if isinstance(system, ConstrainedBody):
-        change, scale = at.along([system.constraint.value(state.g) for state in at.nearby])
-        G = size(system.jacobian(at.state.g))
-        yield vanishes(change, scale + G * size(system.velocity(at.state.mu)))
+        change, _ = at.along([system.constraint.value(state.g) for state in at.nearby])
+        G, terms = size(system.jacobian(at.state.g)), size(system._terms(at.state.g))
+        yield vanishes(change, terms / at.unit + G * size(system.velocity(at.state.mu)))
     G = max(size(system.jacobian(state.g)) for state in at.nearby)
     speeds = [system.velocity(state.mu) for state in at.nearby]
     change, _ = at.along([flat(system.jacobian(s.g) @ v) for s, v in zip(at.nearby, speeds, strict=True)])
