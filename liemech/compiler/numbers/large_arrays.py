@@ -19,7 +19,6 @@ from ...errors import NotCompilable
 from ...formulas.classes.pytree import Layout
 from ...formulas.large import TOGETHER, DiagonalSolver, Large, LinearMap, size_of
 from ...formulas.numbers.complex_numbers import Complex
-from ...formulas.sites import halves
 from .ir_numbers import F64, I32, I64, Emitter, Num
 from .lookups import constants
 
@@ -317,9 +316,9 @@ class LargeArrays:
         b = self.e.builder
         whole, total = count // TOGETHER * TOGETHER, ir.Constant(F64, 0.0)
         if whole:
-            first = range(0, TOGETHER, WIDE)
+            halves = range(0, TOGETHER, WIDE)
             at = lambda i, k: b.add(i, ir.Constant(I64, k))  # noqa: E731
-            sums = [term(ir.Constant(I64, k), WIDE) for k in first]
+            sums = [term(ir.Constant(I64, k), WIDE) for k in halves]
             if whole > TOGETHER:
                 before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
                 b.branch(head)
@@ -329,15 +328,18 @@ class LargeArrays:
                 phis = [b.phi(s.type) for s in sums]
                 for phi, s in zip(phis, sums):
                     phi.add_incoming(s, before)
-                sums = [b.fadd(phi, term(at(i, k), WIDE)) for phi, k in zip(phis, first)]
+                sums = [b.fadd(phi, term(at(i, k), WIDE)) for phi, k in zip(phis, halves)]
                 following = at(i, TOGETHER)
                 i.add_incoming(following, b.block)
                 for phi, s in zip(phis, sums):
                     phi.add_incoming(s, b.block)
                 b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, whole)), head, done)
                 b.position_at_end(done)
-            lanes = [self.e.num([b.extract_element(s, ir.Constant(I32, k))]) for s in sums for k in range(WIDE)]
-            total = halves(lanes).values[0]
+            numbers = [b.extract_element(s, ir.Constant(I32, k)) for s in sums for k in range(WIDE)]
+            while len(numbers) > 1:
+                half = len(numbers) // 2
+                numbers = [b.fadd(x, y) for x, y in zip(numbers[:half], numbers[half:])]
+            total = numbers[0]
         for k in range(whole, count):
             total = b.fadd(total, term(ir.Constant(I64, k), 1))
         return total
