@@ -368,6 +368,33 @@ def repeated(
     return unknown, state
 
 
+class Column:
+    """The values of one name that all sites have where a formula runs `once`."""
+
+    __slots__ = ("values",)
+
+    def __init__(self, values: Any) -> None:
+        self.values = values
+
+    def at(self, i: int) -> Any:
+        """The value of site i."""
+        return self.values[i]
+
+    def put(self, i: int, value: Any) -> None:
+        """Set the value of site i."""
+        self.values[i] = value
+
+
+def once(formula: Callable[..., None], values: tuple[Any, ...], *args: Any) -> Any:
+    """Values of this site, as a formula has left them which runs once, for all sites, when all of them have come here.
+
+    formula : of a `Column` for each of the values, and of `args`, which are the same for all sites.  It may ask `at` a
+    site for what was published at the last meeting, as sites may behind it; it asks for no other words.
+    """
+    visit = _visit("once")
+    return visit.ask("once", (formula, values, args))[visit.site]
+
+
 def _entry(table: SiteTable, d: int, site: int) -> int:
     return int(table.numbers[d * int(table.places) + site])
 
@@ -480,7 +507,7 @@ FEW = 2000
 
 
 class TooManySites(Exception):
-    """One site asks for a total over more than a few, or for sweeps over all."""
+    """One site asks for a total over more than a few, or for sweeps or a formula of all."""
 
 
 class _Early(Visit):
@@ -494,7 +521,7 @@ class _Early(Visit):
         self.until, self.visit = until, visit
 
     def ask(self, kind: str, value: Any) -> Any:
-        if kind == "repeated":
+        if kind in ("repeated", "once"):
             raise TooManySites
         if self.asked == len(self.answers):
             self.answers.append((kind, _Some(self.asked, self.visit)))
@@ -580,6 +607,14 @@ def _swept(requests: list[Any]) -> list[Any]:
     return [(unknown, state) for unknown in unknowns]
 
 
+def _ran_once(requests: list[Any]) -> list[Any]:
+    """The values of all sites, as the formula that runs once has left them."""
+    formula, _, args = requests[0]
+    columns = [Column([*column]) for column in zip(*[values for _, values, _ in requests], strict=True)]
+    formula(*columns, *args)
+    return [*zip(*[column.values for column in columns])]
+
+
 def _added(values: list[Any]) -> Any:
     """The sum of values of one layout, number by number."""
     layout = carried_layout(values[0])
@@ -587,7 +622,9 @@ def _added(values: list[Any]) -> Any:
     return build(layout, iter([interleaved_sum(list(column)) for column in columns]))
 
 
-_ANSWERS: dict[str, Callable[[list[Any]], Any]] = {"meet": lambda values: values, "total": _added, "repeated": _swept}
+_ANSWERS: dict[str, Callable[[list[Any]], Any]] = {
+    "meet": lambda values: values, "total": _added, "repeated": _swept, "once": _ran_once,
+}  # fmt: skip
 """The answer to all sites, from the values that they ask with, by the word that they ask."""
 
 

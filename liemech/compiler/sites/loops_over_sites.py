@@ -31,7 +31,7 @@ from ...formulas.classes.pytree import (
 )
 from ...formulas.numbers import series_of_sites
 from ...formulas.numbers.series_of_sites import SeriesMeeting, company, has_series
-from ...formulas.sites import EIGHT, FAR, TOGETHER, Meeting, SiteArray, SiteTable
+from ...formulas.sites import EIGHT, FAR, TOGETHER, Column, Meeting, SiteArray, SiteTable
 from ...formulas.vectors import Vec
 from ..buffers import SiteRows, unchanged
 from ..numbers.arrays import vector
@@ -68,7 +68,7 @@ class LoopOverSites:
     a place for the first site that has failed.  range : of the sites that move while others rest;
     None: all of them move.  company : the last meetings of power series.
     loops : the first and the last pass of loops around passes.  meetings :
-    how many there have been.
+    how many there have been.  once : is a formula being translated that runs once, for all sites?
     """
 
     sites: SiteRows
@@ -83,6 +83,7 @@ class LoopOverSites:
     met: Published | None = None
     where: Any = None
     saved: bool = False
+    once: bool = False
     meetings: int = 0
     company: list[SeriesMeeting] | None = None
 
@@ -165,6 +166,9 @@ class SiteLoops:
             words.mean: self.mean,
             words.met_through: lambda k: None,
             words.repeated: self.repeated,
+            words.once: self.once,
+            Column.at: self.of_column,
+            Column.put: self.put_in_column,
             words.rows_in: self.rows_in,
             rounds.seen: self.seen,
             rounds.apart: self.apart,
@@ -254,10 +258,14 @@ class SiteLoops:
         """End a pass where sites meet: the next one begins when all threads have come to it, unless one has given the
         step up.
         """
-        b, pass_ = self.b, self.t.state.over.passes[-1]
         self._close(lanes)
-        flags = self._wait(I64(0))
-        pass_.left, on = b.append_basic_block(), b.append_basic_block()
+        self._wait_or_leave()
+
+    def _wait_or_leave(self) -> None:
+        """Wait at the barrier; behind it control goes on only if no thread has given the step up."""
+        b, pass_ = self.b, self.t.state.over.passes[-1]
+        flags, on = self._wait(I64(0)), b.append_basic_block()
+        pass_.left = pass_.left or b.append_basic_block()
         b.cbranch(b.icmp_signed("!=", flags, I64(0)), pass_.left, on)
         b.position_at_end(on)
 
@@ -286,9 +294,7 @@ class SiteLoops:
 
     def _meeting(self, word: str) -> LoopOverSites:
         """The loop over sites, at a place where all sites come together."""
-        over, t = self.t.state.over, self.t
-        if over is None:
-            raise NotCompilable(f"`{word}` outside of a loop over sites")
+        over, t = self._over(word), self.t
         if t.state.region != over.region or t.active(t.frames[-1].env) is not None or t.state.depth:
             raise NotCompilable(f"`{word}` inside a branch or a loop of unknown length: all sites come together there")
         if len(t.state.escapes) > over.attempts or self.b.function is not self.kernel:
@@ -339,7 +345,8 @@ class SiteLoops:
 
     def put(self, sites: SiteRows, i: Any, k: Any, value: Any, layout: Layout) -> None:
         """Set value number k of site i."""
-        if self.t.state.over is not None:
+        over = self.t.state.over
+        if over is not None and not over.once:
             raise NotCompilable("`put` inside of a loop over sites")
         unchanged(value, layout)
         b, e = self.b, self.e
@@ -408,14 +415,19 @@ class SiteLoops:
         return gathered[key]
 
     def at(self, meeting: Meeting, j: Any) -> Any:
-        """Numbers that one site has published, for all that ask."""
-        b, place = self.b, self.e.cast(j, "i", False)[0]
-        return self._published(
-            meeting,
-            lambda rows: [
-                self.e.num([b.load(rows.after(rows.at(row), place), align=8, typ=F64)]) for rows, row in rows
-            ],
-        )
+        """Numbers that one site has published, for all that ask; gathered lane by lane if these ask for several."""
+        return self._published(meeting, lambda rows: self._of_site(rows, j))
+
+    def _of_site(self, rows: list[tuple[SiteRows, Any]], j: Any) -> list[Num]:
+        """The numbers of site j in rows."""
+        if isinstance(j, Num) and j.varying:
+            return self._gathered(rows, j)
+        return [self.e.num([self.b.load(place, align=8, typ=F64)]) for place in self._places(rows, j)]
+
+    def _places(self, rows: list[tuple[SiteRows, Any]], j: Any) -> list[ir.Value]:
+        """The addresses of the numbers of site j in rows."""
+        place = self.e.cast(j, "i", False)[0]
+        return [among.after(among.at(row), place) for among, row in rows]
 
     def _published(self, meeting: Meeting, numbers_of: Callable[..., list[Num]]) -> Any:
         """A published value, its numbers from their rows."""
@@ -425,6 +437,58 @@ class SiteLoops:
         numbers = numbers_of(published.rows)
         values = (self.scratch._found(x, k) for x, k in zip(numbers, published.layout.kinds))
         return build(published.layout, values)
+
+    # -------------------------------------------------------------- all sites together
+
+    def once(self, formula: Any, values: tuple[Any, ...], *args: Any) -> tuple[Any, ...]:
+        """Values of every site lie in rows, in the turn of the next meeting, so that what the last one has published
+        stays; the thread with the first site runs the formula, and the others wait.
+        """
+        t, e, b, state = self.t, self.e, self.b, self.t.state
+        over, values = self._meeting("once"), tuple([vector(x) for x in values])
+        if over.range is not None:
+            raise NotCompilable("`once` where some sites rest")
+        if any(isinstance(x, Num) and x.varying for x in args):
+            raise NotCompilable("`once` with a number of one site among its arguments: give it among the values")
+        layout = carried_layout(values)
+        rows = self._publish(over, [self.scratch._kept(x, k) for x, k in zip(leaves(values, layout), layout.kinds)])
+        over.meetings -= 1
+        self._pass_on()
+        several = iter(rows)
+        columns = [Column(Published(x, [next(several) for _ in range(x.width)], None)) for x in layout.parts]
+        run, done = b.append_basic_block(), b.append_basic_block()
+        b.cbranch(b.icmp_signed("==", b.function.args[4], I64(0)), run, done)
+        b.position_at_end(run)
+        failed, raises = state.failed, state.raises
+        with e.side_by_side(1, 1), t.apart():
+            state.failed, state.raises, over.once = e.slot(), 0, True
+            e.store(False, state.failed)
+            t.call(formula, *columns, *args)
+            found, raised = e.load(state.failed), state.raises
+            state.failed, state.raises, over.once = failed, raises + raised, False
+        if raised:
+            e.store(e.logic("or_", e.load(failed), found), failed)
+        b.branch(done)
+        b.position_at_end(done)
+        self._wait_or_leave()
+        self._open()
+        self.scratch.body = over.passes[-1].index
+        numbers = [self.scratch.load(self.scratch.first(row), 0) for _, row in rows]
+        return build(layout, iter([self.scratch._found(x, k) for x, k in zip(numbers, layout.kinds)]))
+
+    def of_column(self, column: Column, i: Any) -> Any:
+        """The value of site i."""
+        numbers = self._of_site(column.values.rows, i)
+        layout = column.values.layout
+        return build(layout, iter([self.scratch._found(x, k) for x, k in zip(numbers, layout.kinds)]))
+
+    def put_in_column(self, column: Column, i: Any, value: Any) -> None:
+        """Set the value of site i."""
+        layout, value = column.values.layout, vector(value)
+        unchanged(value, layout)
+        places = self._places(column.values.rows, i)
+        for x, kind, place in zip(leaves(value, layout), layout.kinds, places, strict=True):
+            self.b.store(self.e.cast(self.scratch._kept(x, kind), "f", False)[0], place, align=8)
 
     # -------------------------------------------------------------- all pairs
 
@@ -764,6 +828,8 @@ class SiteLoops:
             raise NotCompilable(f"`{word}` outside of a loop over sites")
         if over.passes[-1].paired:
             raise NotCompilable(f"`{word}` in a formula of pairs: it is for one site")
+        if over.once:
+            raise NotCompilable(f"`{word}` in a formula that runs once, for all sites: it is for one site")
         return over
 
     # -------------------------------------------------------------- sweeps
