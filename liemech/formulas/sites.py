@@ -1,9 +1,13 @@
 """Sites, the parts of one system: formulas of one site, in which it meets the others.
 
 A formula of a site publishes what others need of it (`meet`), asks for what they have published,
-for its own parameters (`own`) and for sums over all sites (`total`).  In plain Python every site
-runs again and again, up to what it asks next; native code divides the formula into loops over the
-sites there.  Both give the same bits.
+for its own parameters (`own`), for sums over all sites (`total`), for sweeps (`repeated`) and for a formula that
+runs once, for all sites together (`once`).  In plain Python every site runs again and again, up to what it asks next;
+native code divides the formula into loops over the sites there, and of several threads one runs what runs once.  Both
+give the same bits.
+
+All sites ask alike: not in a branch or a loop of unknown length, and before a site saves anything.  What was published
+may be asked for up to the next `meet`, behind and within `once` too; what a site has computed is kept across all words.
 """
 
 from __future__ import annotations

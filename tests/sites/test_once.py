@@ -92,7 +92,7 @@ def matrix(numbers: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("n", [1, 2, 13])
 def test_all_sites_are_eliminated_together(n: int) -> None:
     found: Any = run(n, 0)
-    d, b, r, x, y, across, z = found
+    d, _, r, x, y, across, z = found
     i = np.arange(n)
     np.testing.assert_allclose(x, np.linalg.solve(matrix(found), r - r.mean()), rtol=1e-13)
     assert np.array_equal(y, x[(i + 1) % n])

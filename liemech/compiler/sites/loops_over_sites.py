@@ -426,12 +426,16 @@ class SiteLoops:
 
     def _places(self, rows: list[tuple[SiteRows, Any]], j: Any) -> list[ir.Value]:
         """The addresses of the numbers of site j in rows."""
+        if self.t.state.over is None:
+            raise NotCompilable("rows of sites in a native function")
         place = self.e.cast(j, "i", False)[0]
         return [among.after(among.at(row), place) for among, row in rows]
 
     def _published(self, meeting: Meeting, numbers_of: Callable[..., list[Num]]) -> Any:
         """A published value, its numbers from their rows."""
         over, published = self.t.state.over, meeting.published
+        if over is None:
+            raise NotCompilable("what sites have published in a native function")
         if published.meeting not in (None, over.meetings):
             raise NotCompilable("what sites have published is asked for before they meet again")
         numbers = numbers_of(published.rows)
@@ -461,7 +465,7 @@ class SiteLoops:
         b.position_at_end(run)
         failed, raises = state.failed, state.raises
         with e.side_by_side(1, 1), t.apart():
-            state.failed, state.raises, over.once = e.slot(), 0, True
+            e.packs, state.failed, state.raises, over.once = True, e.slot(), 0, True
             e.store(False, state.failed)
             t.call(formula, *columns, *args)
             found, raised = e.load(state.failed), state.raises
@@ -857,7 +861,9 @@ class SiteLoops:
         count = b.phi(I64)
         self._open()
         first = len(over.passes) - 1
-        new, summands = t.call(sweep, build(layout, iter(self._kept(rows))))
+        old = self._kept(rows)
+        over.again |= {register for x in old for register in x.values}  # which stay up to the end of a turn
+        new, summands = t.call(sweep, build(layout, iter(old)))
         unchanged(new, layout)
         self._keep(rows, leaves(new, layout))
         sums = self.total(summands, again=False)
