@@ -9,7 +9,7 @@ they are in.
     planets/, space/       points that attract each other; spacecraft and what acts on them
     lattices/, many/       Poisson and isospectral systems; rods, water, many bodies
     charged_particle.py    charges in magnetic fields
-    parameters.py, exact_motion.py        what models check: parameters; starts and times of exact motions
+    input_checks.py        parameters; starts and times of exact motions
     poses.py, curves.py, even_boxes.py    what pictures ask: where bodies are, from where curves are seen, boxes by inertia
 """
 

@@ -363,7 +363,7 @@ class Expressions(Loops):
     # -------------------------------------------------------------- attributes and items
 
     def attribute(self, value: Any, name: str) -> Any:
-        """The value of `value.name`."""
+        """The attribute of a value; NotCompilable where native code has none."""
         if isinstance(value, Num):
             raise NotCompilable(f"`{name}` of a number known only at run time: use functions")
         if isinstance(value, (Closure, ItemStream)):
@@ -380,7 +380,7 @@ class Expressions(Loops):
         return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
-        """The value of `value[index]`."""
+        """The item of a value, by an index known now or in the run."""
         if isinstance(value, Array):
             if not all(isinstance(i, (int, slice, Num)) for i in (index if type(index) is tuple else [index])):
                 raise arrays.refuse("this index")

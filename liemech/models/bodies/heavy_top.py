@@ -17,7 +17,7 @@ from ...systems.hamiltonian import Hamiltonian
 from ...systems.kinetic_energy import KineticEnergy
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
-from ..exact_motion import alone, exact_motion, exact_times
+from ..input_checks import alone, exact_motion, exact_times
 from .gravity import FixedPointGravity
 from .rigid_body import RigidBody
 

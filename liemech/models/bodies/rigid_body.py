@@ -15,7 +15,7 @@ from ...groups.rigid.unit_quaternions import UnitQuaternions
 from ...systems.inertia import checked_inertia
 from ...systems.kinetic_energy import MAX, KineticEnergy, kinetic_energy
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
-from ..exact_motion import alone, exact_times
+from ..input_checks import alone, exact_times
 
 
 @record

@@ -22,7 +22,7 @@ from ...systems.kinetic_energy import KineticEnergy, times
 from ...systems.lie_poisson import LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import Force
-from ..parameters import check_positive
+from ..input_checks import check_positive
 from .rod_section import RodSection
 from .rod_statics import balance, equilibrium
 

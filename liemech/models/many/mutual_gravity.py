@@ -20,7 +20,7 @@ from ...systems.kinetic_energy import KineticEnergy
 from ...systems.lie_poisson import LiePoissonSystem
 from ...systems.many.site_state import SiteState
 from ...systems.mechanical import MechanicalSystem
-from ..parameters import check_positive
+from ..input_checks import check_positive
 
 NEWTON = 6.6743e-11
 """G in m^3/(kg s^2), CODATA 2018."""

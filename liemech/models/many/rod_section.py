@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, record
-from ..parameters import check_positive
+from ..input_checks import check_positive
 
 
 @record

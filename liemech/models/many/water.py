@@ -15,7 +15,7 @@ from ...groups.rigid.se3 import join
 from ...rooms.sites.terms.point_terms import PointTerm
 from ...rooms.sites.terms.terms import Term
 from ...systems.kinetic_energy import KineticEnergy
-from ..parameters import check_positive
+from ..input_checks import check_positive
 
 COULOMB = 138935.45764438
 """e^2/(4 pi epsilon_0) in u A^3/ps^2, with the constants of CODATA 2018."""

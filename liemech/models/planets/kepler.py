@@ -11,8 +11,7 @@ from ...formulas import Vec, dot, norm, record, vec
 from ...formulas.classes.derived import closed_form_of
 from ...systems.canonical import CanonicalState
 from ...systems.separable import SeparableSystem
-from ..exact_motion import alone, exact_times
-from ..parameters import check_positive
+from ..input_checks import alone, check_positive, exact_times
 
 
 @record

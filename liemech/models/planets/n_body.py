@@ -20,8 +20,8 @@ from ...systems.canonical import CanonicalState
 from ...systems.kinetic_energy import KineticEnergy
 from ...systems.lie_poisson import LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
+from ..input_checks import check_positive
 from ..many.water import Gravity
-from ..parameters import check_positive
 
 VX, VY = 0.3471168881189269382427769203203, 0.53272494538803022926202798769193
 """Velocities of the figure eight (Newton's method on the choreography, 30 digits); Li and Liao have

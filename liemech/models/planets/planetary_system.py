@@ -16,7 +16,7 @@ from ...groups.poisson_structure import Canonical, PoissonStructure
 from ...rooms.poisson.poisson import PoissonState, PoissonSystem
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.parts import Part, SplitHamiltonian, StraightLineFlow
-from ..parameters import check_positive
+from ..input_checks import check_positive
 from .n_body import NBody
 from .universal_variables import solved
 

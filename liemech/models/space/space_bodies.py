@@ -19,8 +19,7 @@ from ...systems.system import members_of, points
 from ..bodies.gravity import CentralGravity, UniformGravity
 from ..bodies.kirchhoff import KirchhoffBody
 from ..bodies.rigid_body import RigidBody
-from ..exact_motion import alone, exact_times
-from ..parameters import positive_number
+from ..input_checks import alone, exact_times, positive_number
 
 
 @record

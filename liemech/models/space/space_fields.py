@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ...formulas import Vec, cross, dot, record, sqrt, vec
 from ...systems.kinetic_energy import times, trace
-from ..parameters import check_positive
+from ..input_checks import check_positive
 from .effectors import ConservativeEffector
 
 

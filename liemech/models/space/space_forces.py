@@ -7,7 +7,7 @@ from typing import Any
 
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, acos, asin, cos, cross, dot, exp, norm, record, sin, sqrt, vec, where
-from ..parameters import check_positive
+from ..input_checks import check_positive
 from .effectors import Effector
 
 SUN_RADIUS = 6.957e8

@@ -19,7 +19,7 @@ from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import Force, NoPotential, Potential
 from ...systems.system import points
 from ..bodies.rigid_body import RigidBody
-from ..parameters import check_positive
+from ..input_checks import check_positive
 from .effectors import ConservativeEffector, Effector, Flight, PoseInSpace
 from .reaction_wheels import GyrostatEnergy, ReactionWheels
 from .space_bodies import with_mass

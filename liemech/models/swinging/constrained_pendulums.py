@@ -19,7 +19,7 @@ from ...joints.link import Link
 from ...joints.linkage import Linkage
 from ...joints.linked_joints import LinkedForm
 from ...rooms.constraints.constrained import SeparableConstrainedSystem
-from ..parameters import check_positive
+from ..input_checks import check_positive
 
 
 def excess(r: Vec, l: float) -> float:

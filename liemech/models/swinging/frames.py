@@ -13,7 +13,7 @@ from ...formulas import Mat, Vec, dot, mat, record, transpose, vec
 from ...formulas.classes.derived import closed_form_of
 from ...groups.matrices.matrix_functions import expm
 from ...rooms.constraints.constrained import SeparableConstrainedSystem
-from ..parameters import check_positive
+from ..input_checks import check_positive
 
 
 @record

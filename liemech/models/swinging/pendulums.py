@@ -12,8 +12,7 @@ from ...formulas.classes.derived import closed_form_of
 from ...formulas.classes.fields import frozen_array
 from ...systems.canonical import CanonicalState, HamiltonianSystem
 from ...systems.separable import SeparableSystem
-from ..exact_motion import alone, exact_motion, exact_times
-from ..parameters import check_positive
+from ..input_checks import alone, check_positive, exact_motion, exact_times
 
 
 @record

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InvalidInput
 from ...formulas import Mat, Vec, dot, mat, record, vec
 from ...rooms.constraints.constrained import SeparableConstrainedSystem
-from ..parameters import check_positive
+from ..input_checks import check_positive
 
 
 @record

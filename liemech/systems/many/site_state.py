@@ -38,7 +38,7 @@ class StateOfSites(State):
 
     @property
     def sites(self) -> int:
-        """The number of sites."""
+        """The number of sites of the system."""
         return int(self._leading.shape[-2])
 
 
