@@ -139,6 +139,7 @@ def of_bodies(run: Any, goes_on: bool = True) -> Any:
         "bodies": run.count,
         "steps": run.most,
         "events": tuple(zip(*events, strict=True)),
+        "ended": ends([getattr(run.events.each.get(i), "ended", None) for i in range(run.count)] if run.events else []),
         "stopped": Stopped(run.stops, run.why),
     }
     promises = SimpleNamespace(carry=run.carry if goes_on else lambda: None)
@@ -261,10 +262,15 @@ def of_members(runs: list[Any], stopped: dict[int, Any]) -> Any:
     longest = max(runs, key=len)
     t = clock([longest if i in stopped else run for i, run in enumerate(runs)])
     return of_some(
-        runs, t=t, method=longest.method, ended=None,
+        runs, t=t, method=longest.method, ended=ends([run.ended for run in runs]),
         events=tuple(zip(*[r.events for r in runs], strict=True)),
         stopped=Stopped({i: runs[i].steps for i in stopped}, stopped.__getitem__),
     )  # fmt: skip
+
+
+def ends(events: list[int | None]) -> tuple[int | None, ...] | None:
+    """The numbers of the events that ended bodies; None if none did."""
+    return tuple(events) if any(number is not None for number in events) else None
 
 
 def beside(runs: list[Any]) -> dict[str, Any]:

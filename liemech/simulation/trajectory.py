@@ -43,8 +43,8 @@ class Trajectory:
     In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k); if they have steps of their
     own h is (m,) and t is (n, m).  Of adaptive steps h is the mean; `at(t)` gives the state at any
     time; rejected : the steps that were tried in vain;
-    events : for every event function the times, and the states then; ended : of one body the number
-    of the terminal one that ended the run.
+    events : for every event function the times, and the states then; ended : the number of the
+    terminal one that ended the run; of an ensemble those of its bodies, (m,), None for the others.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
     observed : names in `states` that are no parts of the state but functions of it, which `record`
     asked for.  breaks : times at which fixed steps had to end.  written : of a run from a file the
@@ -68,7 +68,7 @@ class Trajectory:
     carry: Any = field(default_factory=lambda: None)
     observed: tuple[str, ...] = ()
     breaks: tuple[float, ...] = ()
-    ended: int | None = None
+    ended: int | tuple[int | None, ...] | None = None
     written: Any = None
 
     @classmethod
@@ -285,12 +285,25 @@ class Trajectory:
     @property
     def last(self) -> State:
         """The last state, from which a run can be continued: that of the terminal event that ended
-        it, or the last sample; of a run without samples where it stands.  Of a method that leaves
-        the constraints it is beside them, and no start.
+        it, or the last sample; of a run without samples where it stands.  In an ensemble every body
+        has its own.  Of a method that leaves the constraints it is beside them, and no start.
         """
-        if self.ended is not None and self.bodies is None:
-            states = self.events[self.ended][1]
-            return self._laws._reached(**{name: array[-1] for name, array in states.arrays.items()})
+        if isinstance(self.ended, int):
+            arrays = self.events[self.ended][1].arrays
+            return self._laws._reached(**{name: array[-1] for name, array in arrays.items()})
+        zeros: list[Any] = [e if e is None else self.events[e][i][1].arrays for i, e in enumerate(self.ended or ())]
+        if not zeros:
+            return self._last_sample
+        others = self._last_sample.arrays if None in zeros else zeros[0]
+        parts = {
+            name: np.stack([others[name][i] if at is None else at[name][-1] for i, at in enumerate(zeros)])
+            for name in others
+        }
+        return self._laws._reached(**parts)
+
+    @property
+    def _last_sample(self) -> State:
+        """The state of the last sample; of a run without samples the one where it stands."""
         if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
@@ -409,8 +422,16 @@ class Trajectory:
             steps=self.steps + rest.steps,
             rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
             events=tuple([_joined(*pair) for pair in zip(self.events, rest.events, strict=False)]),
+            ended=self._ends(rest),
             **self._more(rest, shared),
         )
+
+    def _ends(self, rest: Trajectory) -> Any:
+        """What `ended` the joined run; bodies with fixed steps that an event has ended do not go on."""
+        if not isinstance(self.ended, tuple) or self.rejected is not None:
+            return rest.ended
+        later = rest.ended if isinstance(rest.ended, tuple) else self.ended
+        return tuple([first if last is None else last for first, last in zip(self.ended, later, strict=True)])
 
     def _clock(self, carry: Any = None) -> Any:
         """The times by which samples are ordered, or the time of a carry."""

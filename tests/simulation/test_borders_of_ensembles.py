@@ -112,6 +112,39 @@ def test_a_run_that_an_event_ended_says_so() -> None:
         plan.resume(plan.run(ONE, steps=4), steps=1)
 
 
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_the_last_state_of_every_body_is_that_of_its_terminal_event(
+    adaptive: bool, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(spread, "CHUNK", 1)
+
+    def turned_by_a_twelfth(t: float, state: Any) -> float:
+        return state.g[1, 0] - 0.5
+
+    turned_by_a_twelfth.terminal = True  # type: ignore[attr-defined]
+    rates = np.r_[np.linspace(1.0, 2.0, 18), 0.1, 0.2]  # of spins about a main axis; the last two come nowhere near
+    starts = BODY.state(mu=[[0.0, 0.0, 2.0 * w] for w in rates], g=np.tile(np.eye(3), (20, 1, 1)))
+    method, how = (lm.RKMK(order=5), {}) if adaptive else (lm.RKMK(order=2), {"h": 0.1})
+    plan = lm.Plan(BODY, method, events=turned_by_a_twelfth, compiled=False, **how)
+    first, whole = ({"t_end": 0.4}, {"t_end": 0.8}) if adaptive else ({"steps": 4}, {"steps": 8})
+    until = {"t_end": 0.8} if adaptive else {"steps": 4}
+    halves = plan.run(starts, **first)
+    with futures.ThreadPoolExecutor(1) as executor:
+        chunks = plan.run(starts, t_eval=[0.0, 0.1], executor=executor, **whole)
+    runs = [plan.run(starts, t_eval=[0.0, 0.1], **whole), chunks]
+    runs[0].save(tmp_path / "run.npz")
+    runs.append(lm.Trajectory.load(tmp_path / "run.npz"))
+    seen = [0.1, 0.1, 0.1]
+    if not adaptive:  # bodies that an event has ended go on with adaptive steps
+        runs.append(halves.then(plan.resume(halves, **until)))
+        seen.append(0.8)
+    for run, t in zip(runs, seen, strict=True):
+        assert run.ended == (0,) * 18 + (None,) * 2
+        angle = np.r_[np.full(18, np.pi / 6.0), rates[18:] * t]
+        turned = np.arctan2(run.last.g[:, 1, 0], run.last.g[:, 0, 0])
+        assert np.allclose(turned, angle, rtol=1e-12, atol=0.0)
+
+
 def test_what_a_checkpoint_cannot_hold_is_named(tmp_path: Any) -> None:
     function = lm.ReversibleController(lm.StormerVerlet(), lambda q: lm.dot(q, q))
     start = KEPLER.state(q=[0.5, 0.0], p=[0.0, 1.2])

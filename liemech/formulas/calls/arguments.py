@@ -91,7 +91,7 @@ def _of(*types: type) -> Callable[[Any], Any]:
     return convert
 
 
-def _whole(value: Any) -> int:
+def whole(value: Any) -> int:
     if isinstance(value, (bool, np.bool_)):
         raise TypeError
     return operator.index(value)
@@ -104,21 +104,21 @@ def _truth(value: Any) -> bool:
 def _generator(value: Any) -> Any:
     """A seed or generator of random numbers, as it came."""
     generators = (np.random.Generator, np.random.BitGenerator, np.random.SeedSequence)
-    if not isinstance(value, generators) and (value := _whole(value)) < 0:
+    if not isinstance(value, generators) and (value := whole(value)) < 0:
         raise ValueError
     return value
 
 
 def _axes(value: Any) -> tuple[int, ...]:
     """The leading axes of a result, from one number or several."""
-    axes = tuple(map(_whole, value)) if isinstance(value, (tuple, list)) else (_whole(value),)
+    axes = tuple(map(whole, value)) if isinstance(value, (tuple, list)) else (whole(value),)
     if not all(0 <= n < 2**31 for n in axes) or math.prod(axes) >= 2**31:
         raise ValueError
     return axes
 
 
 _OPTIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
-    "int": ("a whole number", _whole),
+    "int": ("a whole number", whole),
     "bool": ("True or False", _truth),
     "dict": ("a dict", _of(dict)),
     "Generator | int": ("a seed, a whole number from 0 on, or a numpy.random.Generator", _generator),

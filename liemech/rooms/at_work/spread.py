@@ -19,7 +19,7 @@ from ...errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
 from ...simulation import arguments
 from ...simulation.compiled.systems import OfBodies, Systems
 from ...simulation.reports.progress import WANTED, Bar
-from ...simulation.result import of_some
+from ...simulation.result import ends, of_some
 from ...simulation.runs.carry import Carry, all_of
 from ...simulation.stopped import Stopped
 from ...simulation.trajectory import Trajectory, TransformedTrajectory
@@ -260,6 +260,7 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         "method": plan.method,
         "stopped": stopped,
         "events": tuple([sum(events, ()) for events in zip(*(run.events for run in runs))]),
+        "ended": ends([number for run in runs for number in run.ended or [None] * run.bodies]),
     }
     return of_some(runs, lambda: _carry([run.carry for run in runs], fields.get("origin")), **fields)
 

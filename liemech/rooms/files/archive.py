@@ -275,8 +275,11 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         dense = _dense_of(arrays["dense"], *motion, system, method, decode)
     events = tuple([_event_of(i, arrays, about, bodies, decode) for i in range(len(about["events"]))])
     ended = about.get("ended")
-    if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
+    numbers = ended if isinstance(ended, list) else [ended]
+    if not all(number is None or (type(number) is int and 0 <= number < len(events)) for number in numbers):
         raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
+    if ended is not None and (len(ended) if isinstance(ended, list) else None) != bodies:
+        raise InvalidInput(f"{decode.where}: {ended!r} has not one entry for each of {bodies or 1} bodies")
     encoded_carry, reasons = about.get("carry"), {int(i): x for i, x in about["stopped"].items()}
     carry = None if encoded_carry is None else _carry_of(encoded_carry, arrays, bodies, origin, decode)
     first = (
@@ -311,7 +314,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "carry": carry,
         "observed": tuple(about.get("observed", ())),
         "breaks": tuple([float(t) for t in about.get("breaks", ())]),
-        "ended": ended,
+        "ended": tuple(ended) if isinstance(ended, list) else ended,
     }
 
 
