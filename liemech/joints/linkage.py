@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -11,6 +12,7 @@ import numpy as np
 
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec
+from ..formulas.calls.arguments import whole
 from ..formulas.classes.pytree import with_fields
 from ..formulas.vectors import small
 from ..groups.composed.product import ProductGroup
@@ -875,10 +877,11 @@ def _follows(joint: Any) -> bool:
 def number_of(items: tuple[Any, ...], item: str | int, what: str = "joint") -> int:
     """The number of a joint, or a link, that is given by its name, or by its number."""
     names = [entry.name for entry in items]
-    if item in names:
+    if isinstance(item, str) and item in names:
         return names.index(item)
-    if type(item) is int and 0 <= item < len(names):
-        return item
+    with suppress(TypeError):
+        if 0 <= (number := whole(item)) < len(names):
+            return number
     listing = ", ".join(repr(name) for name in names if name is not None)
     raise InvalidInput(
         f"Linkage: there is no {what} {item!r}; there are {len(names)}, numbered from 0"

@@ -288,10 +288,11 @@ class Trajectory:
         it, or the last sample; of a run without samples where it stands.  In an ensemble every body
         has its own.  Of a method that leaves the constraints it is beside them, and no start.
         """
+        events: Any = self.events
         if isinstance(self.ended, int):
-            arrays = self.events[self.ended][1].arrays
+            arrays = events[self.ended][1].arrays
             return self._laws._reached(**{name: array[-1] for name, array in arrays.items()})
-        zeros: list[Any] = [e if e is None else self.events[e][i][1].arrays for i, e in enumerate(self.ended or ())]
+        zeros = [e if e is None else events[e][i][1].arrays for i, e in enumerate(self.ended or ())]
         if not zeros:
             return self._last_sample
         others = self._last_sample.arrays if None in zeros else zeros[0]
@@ -427,7 +428,7 @@ class Trajectory:
         )
 
     def _ends(self, rest: Trajectory) -> Any:
-        """What `ended` the joined run; bodies with fixed steps that an event has ended do not go on."""
+        """The events that ended the bodies of the joined run; with fixed steps none goes on that one has ended."""
         if not isinstance(self.ended, tuple) or self.rejected is not None:
             return rest.ended
         later = rest.ended if isinstance(rest.ended, tuple) else self.ended

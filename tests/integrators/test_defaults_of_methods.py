@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 from typing import Any
 
+import numpy as np
 import pytest
 
 import liemech as lm
@@ -100,6 +101,7 @@ def test_which_orders_a_method_offers(made: Any, wanted: list[int]) -> None:
             continue
         found.append(order)
     assert found == wanted
+    assert [made(np.int64(order)) for order in wanted] == [made(order) for order in wanted]
 
 
 @pytest.mark.parametrize("method", NAMES, ids=repr)

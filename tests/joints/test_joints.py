@@ -116,6 +116,28 @@ def test_what_is_no_joint_is_refused():
         lm.joints.chain(2).assembled(np.eye(4))
 
 
+@pytest.mark.parametrize("kind", [np.int64, np.uint8, np.array])
+def test_numbers_of_joints_are_whole_numbers_of_any_kind(kind: Any) -> None:
+    def arm(of: Any) -> lm.joints.Linkage:
+        links = [lm.joints.Link(1.0, [0.1, 0.2, 0.2])] * 2
+        hinges = [lm.joints.RevoluteJoint(of(0), None, A, B, A, A), lm.joints.RevoluteJoint(of(1), of(0), A, B, A, A)]
+        forces = [lm.joints.Spring(of(1), 2.0, freedom=of(0)), lm.joints.Damper(of(0), 0.1)]
+        return lm.joints.Linkage(links, hinges, forces=forces)
+
+    plain, of_numpy = arm(int), arm(int if kind is np.array else kind)
+    assert of_numpy == plain and repr(of_numpy) == repr(plain)
+    start = of_numpy.state(angles={np.int64(0): 0.3, np.int64(1): -0.2})
+    assert start == plain.state(angles={0: 0.3, 1: -0.2})
+    run = lm.integrate(of_numpy, lm.LieRATTLE(), start, h=0.01, steps=1, compiled=False)
+    assert np.array_equal(run.joint(kind(1)).angle, run.joint(1).angle)
+    assert np.array_equal(run.link(kind(1)).pose, run.link(1).pose)
+    for number in (None, True, 1.0, np.float64(1.0), np.arange(2)):
+        with pytest.raises(lm.errors.InvalidInput, match="there is no joint"):
+            run.joint(number)
+    with pytest.raises(lm.errors.InvalidInput, match="there is no joint None"):
+        plain.state(angles={None: 0.3})
+
+
 def test_a_body_at_rest_in_a_field_may_have_a_momentum_of_rounding():
     """Beside the speed that the weight gives it, in any units; a speed that is none of rounding is
     refused.

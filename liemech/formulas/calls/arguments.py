@@ -92,6 +92,7 @@ def _of(*types: type) -> Callable[[Any], Any]:
 
 
 def whole(value: Any) -> int:
+    """A whole number of any kind, such as numpy.int64, as an int; TypeError for anything else."""
     if isinstance(value, (bool, np.bool_)):
         raise TypeError
     return operator.index(value)

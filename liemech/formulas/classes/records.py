@@ -184,11 +184,16 @@ _FLOAT = {float}
 
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
     """An `__init__` or `__post_init__` of a subclass, after which all fields are checked; that of a
-    base leaves it to the last.
+    base leaves it to the last.  A `__post_init__` sees whole numbers of NumPy as ints.
     """
 
     @functools.wraps(initialise)
     def method(self: Any, *args: Any, **options: Any) -> None:
+        cls = type(self)
+        if method is cls.__post_init__:
+            for name, value in [*vars(self).items()]:
+                if isinstance(value, np.integer):  # which NumPy gives as an element or a length
+                    object.__setattr__(self, name, int(value))
         try:
             initialise(self, *args, **options)
         except LiemechError:
@@ -196,7 +201,6 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
         except Exception as error:
             _blame(self, error)
             raise
-        cls = type(self)
         if method is cls.__post_init__ or method is vars(cls).get("__init__"):
             _convert(self, True)
             for name in Record.__slots__:  # it was looked at before it was ready
