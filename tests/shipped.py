@@ -44,6 +44,7 @@ JOINTS: dict[str, tuple[Any, int]] = {
     "revolute": (lm.joints.RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 1),
     "revolute to the ground": (lm.joints.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]), 1),
     "universal": (lm.joints.UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]), 2),
+    "universal to the ground": (lm.joints.UniversalJoint(1, None, A, B), 2),
     "prismatic": (lm.joints.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])), 1),
     "planar": (lm.joints.PlanarJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 3),
     "rod": (lm.joints.RigidRod(0, 1, A, B, 1.3), 5),

@@ -30,6 +30,19 @@ def test_written_derivatives_are_derived_ones(name):
     assert len(written) == joint.conditions == 6 - freedom
 
 
+@pytest.mark.parametrize("name", [name for name, (joint, _) in JOINTS.items() if joint.freedoms])
+def test_a_long_shift_is_no_turn(name):
+    """A coordinate of 7 is 7 m where it is a shift, and 7 - 2 pi where the joint says that it turns."""
+    joint, _ = JOINTS[name]
+    k = lm.SE3().random(3)
+    for i in range(joint.freedoms):
+        q = np.zeros(joint.freedoms)
+        q[i] = 7.0
+        turns = i in joint.angles or i in joint.rotation_vector
+        seen = joint.coordinates(k @ joint.relative(q), k)
+        assert np.allclose(seen, q - 2.0 * np.pi * (q != 0.0) * turns, rtol=0.0, atol=1e-13)
+
+
 @pytest.mark.parametrize(
     ("joint", "velocity"),
     [

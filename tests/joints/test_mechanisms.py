@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shipped
 from scipy.integrate import solve_ivp
+from shipped import A, B
 
 import liemech as lm
 from liemech.joints import (
-    BallJoint,
     Damper,
     DryFriction,
     JointForce,
@@ -22,7 +23,6 @@ from liemech.joints import (
     Linkage,
     Mimic,
     Motor,
-    PlanarJoint,
     PrismaticJoint,
     RevoluteJoint,
     RigidRod,
@@ -228,15 +228,7 @@ def test_members_of_an_ensemble_have_joints_too() -> None:
         assert np.allclose(getattr(moved.joint(1), name)[:, 0], getattr(alone.joint(1), name), rtol=1e-13, atol=1e-13)
 
 
-A, B = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
-JOINTS = {
-    "ball": BallJoint(0, 1, A, B),
-    "revolute": RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]),
-    "universal": UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]),
-    "prismatic": PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])),
-    "ground": UniversalJoint(1, None, A, B),
-    "planar": PlanarJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]),
-}
+JOINTS = {name: joint for name, (joint, _) in shipped.JOINTS.items() if joint.freedoms and joint.conditions}
 
 
 @pytest.mark.parametrize("name", JOINTS)
