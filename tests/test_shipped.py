@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,3 +25,13 @@ def test_every_public_class_is_in_its_list(name: str) -> None:
     public = {x for x in everything().values() if inspect.isclass(x) and issubclass(x, base) and x is not base}
     missing = {x for x in public if not any(isinstance(member, x) for member in members)}
     assert not missing, f"{sorted(x.__name__ for x in missing)} in no list: add them to {name} in {shipped.__file__}"
+
+
+@pytest.mark.parametrize(("name", "page"), [("GROUPS", "groups.md"), ("JOINTS", "joints.md")])
+def test_every_public_class_is_on_its_page(name: str, page: str) -> None:
+    base, members = LISTS[name]
+    public = {x.__name__ for x in everything().values() if inspect.isclass(x) and issubclass(x, base) and x is not base}
+    file = Path(__file__).parent.parent / "docs" / page
+    text = file.read_text(encoding="utf-8")
+    missing = sorted(x for x in public if f"`{x}(" not in text and f"`{x}." not in text)
+    assert not missing, f"{missing} on no line of {file}: add a row to its table"
