@@ -29,7 +29,7 @@ def test_every_public_class_is_in_its_list(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "page"), [("GROUPS", "groups.md"), ("JOINTS", "joints.md")])
 def test_every_public_class_is_on_its_page(name: str, page: str) -> None:
-    base, members = LISTS[name]
+    base, _ = LISTS[name]
     public = {x.__name__ for x in everything().values() if inspect.isclass(x) and issubclass(x, base) and x is not base}
     file = Path(__file__).parent.parent / "docs" / page
     text = file.read_text(encoding="utf-8")
