@@ -160,16 +160,26 @@ class Table:
         cells = ["" if p is None else f"{p:.2f}{'*' if p > order + 0.1 else ''}" for p in slopes]
         return f"| {' | '.join((name, str(order), *cells))} |"
 
-    def text(self) -> str:
-        """All rows, measured now."""
+    def text(self, kept: dict[str, str]) -> str:
+        """All rows, measured now but for those that are kept."""
+        names = [name for name in self.rows if name not in kept]
         with ProcessPoolExecutor() as pool:
-            lines = [self.line(name, slopes) for name, slopes in zip(self.rows, pool.map(self.measured, self.rows))]
+            measured = {name: self.line(name, slopes) for name, slopes in zip(names, pool.map(self.measured, names))}
+        lines = [kept.get(name) or measured[name] for name in self.rows]
         return "\n".join((self.head, "| --- " * (self.head.count("|") - 1) + "|", *lines))
 
     def printed(self) -> dict[str, str]:
         """The lines of the table in the page, by their first cells."""
         lines = PAGE.read_text(encoding="utf-8").partition(self.head)[2].partition("\n\n")[0].splitlines()[2:]
         return {text.split("|")[1].strip(): text for text in lines}
+
+    def is_printed(self, file: str) -> None:
+        """Assert that the page has these rows, in their order.  file : which writes them."""
+        printed, command = list(self.printed()), f"PYTHONPATH=tests:. python {Path(file).relative_to(PAGE.parents[2])}"
+        assert printed == list(self.rows), (
+            f"{sorted({*printed} ^ {*self.rows})} are rows of the table or of {PAGE} alone, or their order differs: "
+            f"run {command} --write --new, which measures the new ones"
+        )
 
     def agrees(self, name: str, slopes: list[float | None]) -> None:
         """Assert that the page has these slopes, to 0.05, and stars where they are due; nan is what
@@ -183,8 +193,10 @@ class Table:
             assert cell.endswith("*") == (p is not None and p > self.rows[name][1] + 0.1)
 
     def main(self) -> None:
-        """Print the table; with --write, put it into the page, in the place of the old one."""
-        text = self.text()
+        """Print the table; with --write, put it into the page, in the place of the old one; with --new, measure only
+        rows that are not in the page.
+        """
+        text = self.text(self.printed() if "--new" in sys.argv else {})
         print(text)
         if "--write" in sys.argv:
             replace(self.head, text)
