@@ -19,6 +19,7 @@ LISTS: dict[str, tuple[type, tuple[Any, ...]]] = {
 }
 
 
+@pytest.mark.sample(len(LISTS))
 @pytest.mark.parametrize("name", LISTS)
 def test_every_public_class_is_in_its_list(name: str) -> None:
     base, members = LISTS[name]
