@@ -15,6 +15,9 @@ from ...formulas.numbers.sizes import EPSILON
 from .dense import execution_of, natively, observe
 
 Event = Callable[[float, Any], float]
+"""A function of time and state, which knows nothing of the body: what each has of its own, such as the energy at its
+start, belongs into `Events`, by body.
+"""
 
 
 def name_of(event: Any) -> str:
