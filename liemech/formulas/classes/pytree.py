@@ -619,9 +619,11 @@ def _like(value: Any, parts: list[Any]) -> Any:
     return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)
 
 
-vector = vector_layout
+def vector(n: int) -> Layout:
+    """The layout of a vector of n floats; native code asks for it."""
+    return layout_of(Vec(*[0.0] * n))
 
 
 def matrix(n: int, m: int) -> Layout:
-    """The layout of a matrix of n rows and m columns."""
-    return _one_layout("mat", (vector_layout(m),) * n)
+    """The layout of a matrix of n rows and m columns; native code asks for it."""
+    return layout_of(Mat(*[Vec(*[0.0] * m)] * n))
