@@ -229,13 +229,14 @@ def changes(local: Local) -> Iterator[tuple[str, float]]:
 
 
 def off_constraint(system: Any, states: list[Any]) -> Iterator[tuple[str, float]]:
-    """By how much conditions fail at states, beside their terms."""
+    """By how much conditions fail at states, beside their terms; those of velocities, beside what velocities of the
+    energy could be off.
+    """
     largest = {"constraint": 0.0, "hidden constraint": 0.0}
     for state in states:
         G = np.array(system.jacobian(state.g), dtype=float)
-        xi = flat(system.velocity(state.mu))
-        reach = np.abs(G) @ np.abs(xi)
-        speed = np.abs(G @ xi) / np.where(reach > 0.0, reach, 1.0)
+        reach = system._reach_of(G, state.mu, state.g)
+        speed = np.abs(G @ flat(system.velocity(state.mu))) / np.where(reach > 0.0, reach, 1.0)
         largest["hidden constraint"] = max(largest["hidden constraint"], float(speed.max()))
         if isinstance(system, ConstrainedBody):
             rows = np.abs(G).max(axis=1)

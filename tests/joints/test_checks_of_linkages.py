@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.joints import Damper, Link, Linkage, RevoluteJoint, Shaking, chain
+from liemech.checks.local_claims import off_constraint
+from liemech.joints import Damper, Link, Linkage, PrismaticJoint, RevoluteJoint, Shaking, chain
 
 ROD = chain(1, axis=[0.0, 1.0, 0.0])
 
@@ -37,6 +39,21 @@ def test_what_moves_with_time_is_not_looked_at():
     report = lm.check_system(system, system.state(angles={0: 1.0}))
     told = {row.law: row.verdict for row in report.findings}
     assert told["rows of the constraint"] == "holds" and told["constraints stay"] == "not there"
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-33, 1e-3, 1.0])
+def test_a_turn_of_a_slider_is_measured_beside_velocities_of_its_energy(turn):
+    """With momentum p along the axis and L about another one it is off by L / sqrt(J E), E = p^2/m + L^2/J: a body that
+    does not turn but for rounding was told to be off by 1.
+    """
+    m, J, p = 2.0, 0.3, 1.2
+    slider = PrismaticJoint(0, None, [0.1, -0.2, 0.4], [0.0, 0.0, 0.1], [1.0, 0.0, 0.0])
+    system = Linkage([Link(m, [J, 0.4, 0.5])], [slider], gravity=0.0)
+    start = system.state(angles={0: 0.1}, rates={0: p / m})
+    state = type(start)(mu=lm.vec(turn, 0.0, 0.0, *start.mu[3:]), g=start.g)
+    off = dict(off_constraint(system, [state]))
+    assert off["hidden constraint"] == pytest.approx(turn / np.sqrt(J * (p**2 / m + turn**2 / J)), rel=1e-12)
+    assert off["constraint"] < 1e-15
 
 
 def test_the_power_of_a_load_is_that_of_the_whole():
