@@ -221,29 +221,30 @@ def changes(local: Local) -> Iterator[tuple[str, float]]:
         if x is not None
     }
     if isinstance(place.base, BoundBody):
-        yield from off_constraint(place.base, states)
+        yield from off_constraint(place.base, states, [place.t0 + k * h for k in range(len(states))])
     values, terms = constants_and_terms(place.base, arrays, len(states))
     for name, value in values.items():
         scale = size(np.abs(terms[name]).max(axis=0))
         yield name, size(np.abs(value - value[0]).max(axis=0)) / (scale or 1.0)
 
 
-def off_constraint(system: Any, states: list[Any]) -> Iterator[tuple[str, float]]:
-    """By how much conditions fail at states, beside their terms; those of velocities, beside what velocities of the
-    energy could be off.
+def off_constraint(bound: Any, states: list[Any], times: list[float]) -> Iterator[tuple[str, float]]:
+    """By how much conditions fail at states and their times, beside their terms; those of velocities,
+    beside what velocities of the energy could be off.
     """
     largest = {"constraint": 0.0, "hidden constraint": 0.0}
-    for state in states:
-        G = np.array(system.jacobian(state.g), dtype=float)
-        reach = system._reach_of(G, state.mu, state.g)
-        speed = np.abs(G @ flat(system.velocity(state.mu))) / np.where(reach > 0.0, reach, 1.0)
+    for t, state in zip(times, states, strict=True):
+        system = bound.at_time(t) if bound.constraint.rheonomic else bound
+        G, paces = np.array(system.jacobian(state.g), dtype=float), system._paces(state.g)
+        reach = system._reach_of(G, state.mu, state.g) + np.abs(paces)
+        speed = np.abs(G @ flat(system.velocity(state.mu)) + paces) / np.where(reach > 0.0, reach, 1.0)
         largest["hidden constraint"] = max(largest["hidden constraint"], float(speed.max()))
         if isinstance(system, ConstrainedBody):
             rows = np.abs(G).max(axis=1)
             terms = system._terms(state.g) + np.where(rows > 0.0, rows, 1.0)
             off = np.abs(flat(system.constraint.value(state.g))) / terms
             largest["constraint"] = max(largest["constraint"], float(off.max()))
-    if not isinstance(system, ConstrainedBody):
+    if not isinstance(bound, ConstrainedBody):
         del largest["constraint"]
     yield from largest.items()
 

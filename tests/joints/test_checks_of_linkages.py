@@ -51,9 +51,18 @@ def test_a_turn_of_a_slider_is_measured_beside_velocities_of_its_energy(turn):
     system = Linkage([Link(m, [J, 0.4, 0.5])], [slider], gravity=0.0)
     start = system.state(angles={0: 0.1}, rates={0: p / m})
     state = type(start)(mu=lm.vec(turn, 0.0, 0.0, *start.mu[3:]), g=start.g)
-    off = dict(off_constraint(system, [state]))
+    off = dict(off_constraint(system, [state], [0.0]))
     assert off["hidden constraint"] == pytest.approx(turn / np.sqrt(J * (p**2 / m + turn**2 / J)), rel=1e-12)
     assert off["constraint"] < 1e-15
+
+
+def test_conditions_of_a_driven_arm_are_those_of_its_time():
+    motion = Shaking([0.0, 0.0, 0.1], 6.0, 1.0)
+    system = Linkage(ROD.links, ROD.joints, motions={0: motion})
+    starts = [system.state(angles={0: 1.0}, rates={0: 0.4}, t=t) for t in (0.0, 0.2)]
+    assert max(dict(off_constraint(system, starts, [0.0, 0.2])).values()) < 4.0 * np.finfo(float).eps
+    early = dict(off_constraint(system, starts[:1], [0.2]))
+    assert min(early.values()) > 1e-3  # centimetres and decimetres a second
 
 
 def test_the_power_of_a_load_is_that_of_the_whole():
