@@ -292,7 +292,7 @@ class Trajectory:
         if isinstance(self.ended, int):
             arrays = events[self.ended][1].arrays
             return self._laws._reached(**{name: array[-1] for name, array in arrays.items()})
-        zeros = [e if e is None else events[e][i][1].arrays for i, e in enumerate(self.ended or ())]
+        zeros: list[Any] = [e if e is None else events[e][i][1].arrays for i, e in enumerate(self.ended or ())]
         if not zeros:
             return self._last_sample
         others = self._last_sample.arrays if None in zeros else zeros[0]
