@@ -563,7 +563,8 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, requ
     former = signal.signal(signal.SIGINT, signal.default_int_handler)
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, former))
     body, start = asymmetric_body()
-    lm.integrate(body, CAYLEY, start, h=0.1, steps=2, compiled=compiled)  # nothing left to compile
+    steps, every = (10**12, 10**5) if compiled else (10**6, 10)
+    lm.integrate(body, CAYLEY, start, h=0.1, steps=2 * every, every=every, compiled=compiled)  # nothing left to compile
     pressed: list[float] = []
 
     def press() -> None:
@@ -574,7 +575,6 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, requ
     thread = threading.Thread(target=press)
     thread.start()
     with pytest.raises(lm.errors.IntegrationInterrupted, match=r"interrupted after \d+ of") as caught:
-        steps, every = (10**12, 10**5) if compiled else (10**6, 10)
         lm.integrate(body, CAYLEY, start, h=0.1, steps=steps, every=every, compiled=compiled, progress=False)
     spent = time.process_time() - pressed[0]  # of the processor, whatever else the machine does
     thread.join()
