@@ -563,7 +563,7 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, requ
     former = signal.signal(signal.SIGINT, signal.default_int_handler)
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, former))
     body, start = asymmetric_body()
-    steps, every = (10**12, 10**5) if compiled else (10**6, 10)
+    steps, every = (10**10, 10**5) if compiled else (10**6, 10)
     lm.integrate(body, CAYLEY, start, h=0.1, steps=2 * every, every=every, compiled=compiled)  # nothing left to compile
     pressed: list[float] = []
 
@@ -583,7 +583,7 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, requ
     assert not isinstance(caught.value, Exception)  # `except Exception` must not swallow it
     run = caught.value.trajectory
     assert len(run) > 1
-    assert run.steps < 10**12
+    assert run.steps < steps
     again = lm.integrate(body, CAYLEY, start, h=0.1, steps=round(run.t[1] / 0.1), every=10**5, compiled=compiled)
     assert same_bits(run.mu[1], again.mu[-1])
     assert np.isfinite(run.mu).all()
