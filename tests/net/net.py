@@ -71,7 +71,7 @@ def of_run(run: lm.Trajectory, times: Any = None) -> dict[str, Any]:
     """
     found: dict[str, Any] = {"t": digest(run.t), "steps": int(run.steps), "h": digest(run.h)}
     counts = ("rejected", run.rejected), ("ended", run.ended)
-    found |= {name: int(x) for name, x in counts if x is not None}
+    found |= {name: int(x) for name, x in counts if x is not None and not isinstance(x, tuple)}  # events say it by body
     found |= {f"states.{name}": digest(x) for name, x in run.states.items()}
     if isinstance(getattr(run, "tau", None), np.ndarray):
         found["tau"] = digest(run.tau)
