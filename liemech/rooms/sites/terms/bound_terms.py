@@ -105,17 +105,27 @@ class BoundTerm(Record):
         """For each role, and in it for each site, its edges, in chains whose sums are added by halves: where the site
         stands in the energy, the number of the edge, and all its sites.
         """
-        return tuple(tuple(self._chains_at(i, role) for i in range(self.graph.sites or 0)) for role in self.roles)
-
-    def _chains_at(self, i: int, role: int) -> tuple[Any, ...]:
+        count = self.graph.sites or 0
         if self.in_rounds:
-            return tuple(
-                tuple(tuple((0, 0, (i, j)) if first else (1, 0, (j, i)) for j, first in chain) for chain in chains)
-                for chains in chains_of_partners(i, self.graph.sites or 0)
-            )
+            return (tuple(_in_rounds(i, count) for i in range(count)),)
+        return tuple(self._chains_of(role) for role in self.roles)
+
+    def _chains_of(self, role: int) -> tuple[Any, ...]:
+        """For each site its edges in this role, one chain of them."""
         others, numbers, counts = self.incidence(role)
-        mates, edges = others[:, : counts[i], i].T.tolist(), numbers[: counts[i], i].tolist()
-        return ((tuple((role, e, (*ends[:role], i, *ends[role:])) for e, ends in zip(edges, mates)),),)
+        chains: list[Any] = []
+        for i, count in enumerate(counts):
+            mates, edges = others[:, :count, i].T.tolist(), numbers[:count, i].tolist()
+            chains.append(((tuple((role, e, (*ends[:role], i, *ends[role:])) for e, ends in zip(edges, mates)),),))
+        return tuple(chains)
+
+
+def _in_rounds(i: int, count: int) -> tuple[Any, ...]:
+    """The edges of site i to all others, in the chains in which it meets them."""
+    return tuple(
+        tuple(tuple((0, 0, (i, j)) if first else (1, 0, (j, i)) for j, first in chain) for chain in chains)
+        for chains in chains_of_partners(i, count)
+    )
 
 
 def term_of_edge(term: Term, number: Any) -> Term:
