@@ -262,7 +262,7 @@ class Meeting:
         and what the second of two sites get, of what they have published.
 
         Sites go by eights, so that native code can take each pair once, for both of its sites, side by
-        side: the sums here are in that order (`partners`).
+        side: the sums here are in that order (`chains_of_partners`).
         """
         sum_ = start
         for chains in chains_of_partners(self.site, _visit("pairs").count):
@@ -273,11 +273,6 @@ class Meeting:
                     sums[k] = sums[k] + formula(self.at(ends[0]), self.at(ends[1]))[not first]
             sum_ = halves(sums)
         return sum_
-
-
-def partners(i: int, count: int) -> Iterator[tuple[int, bool]]:
-    """All other sites in the order in which site i meets them, and whether it is the first of the two."""
-    return (met for chains in chains_of_partners(i, count) for chain in chains for met in chain)
 
 
 def chains_of_partners(i: int, count: int) -> Iterator[list[list[tuple[int, bool]]]]:

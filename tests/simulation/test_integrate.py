@@ -558,10 +558,7 @@ def test_no_result_holds_what_is_no_number(method: lm.Method, compiled: bool) ->
 
 @pytest.mark.sample(1)
 @BOTH_WORLDS
-def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, request: pytest.FixtureRequest) -> None:
-    # a shell lets what it runs in the background ignore Ctrl-C
-    former = signal.signal(signal.SIGINT, signal.default_int_handler)
-    request.addfinalizer(lambda: signal.signal(signal.SIGINT, former))
+def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool) -> None:
     body, start = asymmetric_body()
     steps, every = (10**10, 10**5) if compiled else (10**6, 10)
     lm.integrate(body, CAYLEY, start, h=0.1, steps=2 * every, every=every, compiled=compiled)  # nothing left to compile

@@ -1,6 +1,6 @@
 """All pairs of sites, each of them once: native code takes eights of sites, which meet in a ring.
 
-The order is that of `formulas.sites.partners`.  These words are for native code alone; plain Python
+The order is that of `formulas.sites.chains_of_partners`.  These words are for native code alone; plain Python
 lets every site ask for all its partners.
 """
 
