@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("llvmlite")
+from processors import AMONG, available, processor_for
+
 from liemech.compiler import kernel
 from liemech.compiler.machine import llvm
 from liemech.errors import InvalidInput
@@ -18,14 +20,13 @@ pytestmark = [
     pytest.mark.compiled,
     pytest.mark.skipif(not llvm.triple().startswith("x86_64"), reason="code for one processor only"),
 ]
-processor_for = llvm.processor.__wrapped__
-AMONG = "x86-64", "x86-64-v3", "x86-64-v4"
 
 PROGRAM = """
 import sys
 import numpy as np
 import liemech as lm
-from liemech.compiler import kernel, llvm
+from liemech.compiler import kernel
+from liemech.compiler.machine import llvm
 
 native = sys.argv[1:] != ["plain"]
 body = lm.RigidBody([1.0, 1.5, 2.25])
@@ -78,16 +79,6 @@ def test_code_on_disk_is_of_one_processor(monkeypatch: pytest.MonkeyPatch) -> No
         monkeypatch.setenv("LIEMECH_CPU", name)
         keys.add(kernel._key(available, (), 1))
     assert len(keys) == len(among)
-
-
-def available(name: str) -> bool:
-    """Can code for this processor run here?"""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LIEMECH_CPU", name)
-        try:
-            return processor_for()[0] == name
-        except InvalidInput:
-            return False
 
 
 @pytest.mark.parametrize(
