@@ -413,6 +413,7 @@ def test_the_page_for_contributors_names_what_is_there() -> None:
     complain([path for path in named if not any((root / path).exists() for root in roots)], "Named, and not there:")
 
 
+@pytest.mark.compiled
 def test_programs_within_texts_import_what_is_there() -> None:
     """Those of the gate, of pages and of tests, which no checker reads."""
     home = Path(__file__).parent.parent
