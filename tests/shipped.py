@@ -1,4 +1,4 @@
-"""The groups, retractions, joints and models that the library has, from which tables of tests draw.
+"""The groups, retractions, joints and methods that the library has, from which tables of tests draw.
 
 A class that is in no list fails `test_shipped.py`, which says where to add it.
 """
@@ -6,6 +6,8 @@ A class that is in no list fails `test_shipped.py`, which says where to add it.
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
 
 import liemech as lm
 
@@ -52,6 +54,69 @@ JOINTS: dict[str, tuple[Any, int]] = {
     "floating": (lm.joints.FloatingJoint(0, 1), 6),
 }
 """Joints with slanted axes, each with the freedoms that it leaves."""
+
+BODY, MU, R, END = lm.RigidBody([1.0, 1.5, 2.2]), np.array([0.8, -0.5, 0.6]), lm.SO3().exp([0.3, 0.4, -0.2]), 0.24
+"""A free body, from where and how long it moves, for methods that are fitted to a motion."""
+
+METHODS: tuple[lm.Method, ...] = (
+    lm.RKMK(order=4),
+    lm.RKMK(order=2, retraction=lm.Cayley()),
+    lm.CommutatorFree(order=4),
+    lm.CrouchGrossman(order=3),
+    lm.Taylor(4),
+    lm.Magnus(order=4),
+    lm.CovariantVariational(),
+    lm.CovariantVariational(lagrangian=lm.QuadratureLagrangian()),
+    lm.GalerkinVariational(order=2),
+    lm.LiePoissonHamiltonJacobi(2),
+    lm.LiePoissonHamiltonJacobi(4),
+    lm.FirstKindHamiltonJacobi(order=1, scale=1.0),
+    lm.HamiltonJacobi(2),
+    lm.SymmetricHamiltonJacobi(2),
+    lm.MoserVeselov(),
+    lm.ExactMoserVeselov.of(BODY, BODY.state(MU, R), END / 6),
+    lm.ThreeRotations(),
+    lm.ExactFreeBody(),
+    lm.ImplicitMidpoint(),
+    lm.SphericalMidpoint(),
+    lm.Isospectral(2),
+    lm.Composition(lm.ThreeRotations(), order=4),
+    lm.Composition(lm.SphericalMidpoint(), order=4),
+    lm.LieVerlet(),
+    lm.KickDrift(),
+    lm.KickDrift(lm.ThreeRotations()),
+    lm.KickDrift(lm.SphericalMidpoint()),
+    lm.StormerVerlet(),
+    lm.SymplecticEuler(),
+    lm.Splitting(order=4),
+    lm.MultipleTimeSteps([2]),
+    lm.RATTLE(),
+    lm.ConstrainedEuler(),
+    lm.LobattoPair(order=2),
+    lm.GeodesicSplitting(order=2),
+    lm.IndexReduction(lm.RKMK(order=4)),
+    lm.LieRATTLE(),
+    lm.LagrangeDAlembert(),
+    lm.PoissonEuler(),
+    lm.PoissonVerlet(),
+    lm.Boris(),
+    lm.AdaptiveVerlet(),
+    lm.ReversibleController(lm.StormerVerlet(), sigma=lambda q: lm.dot(q, q)),
+    lm.ReversibleController(lm.LieVerlet(), sigma=lambda mu: 1.0 + lm.dot(mu, mu)),
+    lm.DiscreteGradient(),
+    lm.DissipativeSplitting(),
+    lm.DissipativeSplitting(lm.ExactFreeBody()),
+    lm.SublatticeSplitting(),
+    lm.BondSplitting(),
+    lm.WongZakai(lm.RKMK(order=4)),
+    lm.WongZakai(lm.ExactFreeBody()),
+    lm.WongZakai(lm.ThreeRotations()),
+    lm.WongZakai(lm.ImplicitMidpoint()),
+    lm.NinomiyaVictoir(lm.RKMK(order=4)),
+    lm.NinomiyaVictoir(lm.ExactFreeBody()),
+    lm.NinomiyaVictoir(lm.CommutatorFree(order=4)),
+)
+"""Methods: one of each class, and others of it that move systems in another way."""
 
 
 def turning(groups: tuple[Any, ...] = GROUPS) -> list[Any]:

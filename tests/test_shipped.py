@@ -1,4 +1,4 @@
-"""The lists of groups, retractions and joints from which tables of tests draw have all that the library has."""
+"""The lists of groups, retractions, joints and methods from which tables of tests draw have all that the library has."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from liemech.names import everything
 LISTS: dict[str, tuple[type, tuple[Any, ...]]] = {
     "GROUPS": (lm.LieGroup, (*shipped.GROUPS, *shipped.OF_SITES)),
     "RETRACTIONS": (lm.Retraction, shipped.RETRACTIONS),
+    "METHODS": (lm.Method, shipped.METHODS),
     "JOINTS": (lm.joints.BallJoint.__base__, tuple(joint for joint, _ in shipped.JOINTS.values())),  # type: ignore[dict-item]
 }
 

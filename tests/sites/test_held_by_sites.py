@@ -84,7 +84,7 @@ def reference(t: float) -> np.ndarray:
         (lm.RKMK(order=4), 1e-4),
         (lm.KickDrift(), 1e-2),
         (lm.LieVerlet(), 1e-2),
-        (lm.Taylor(6), 1e-6),
+        (lm.Taylor(6, lm.Exponential()), 1e-6),
         (lm.GalerkinVariational(order=2), 1e-2),
         (lm.GalerkinVariational(order=4), 1e-3),
         (lm.CommutatorFree(order=4), 1e-4),
