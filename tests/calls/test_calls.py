@@ -16,6 +16,7 @@ import liemech as lm
 from liemech.compiler import batch
 
 
+@pytest.mark.slow
 def test_calls_end_with_a_result_or_with_an_error_that_says_what_is_wrong() -> None:
     assert fuzz_calls.failures(500, seed=5) == []
 

@@ -670,7 +670,7 @@ class HastyInUnlikeUnits(InUnlikeUnits):
     algebra = property(HastyAlgebra)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e3, 1e-6])
 def test_unlike_units_neither_break_laws_nor_hide_faults(unit: float) -> None:
     """Vectors are compared in units in which they are of like sizes, and told in those given."""

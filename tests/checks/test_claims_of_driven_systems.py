@@ -107,7 +107,7 @@ def test_a_load_keeps_no_bracket_and_no_method_is_blamed() -> None:
     assert found == {"order": "holds", "symmetric": "holds", "symplectic": "not seen"}
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("begin", "length"), [(990.0, 20.0), (-30.0, 20.0), (0.0, 0.5)])
 def test_claims_are_observed_while_a_table_has_values(begin: float, length: float) -> None:
     """Before, a table without a value at 0 was a bare ValueError, and a short one ended the check."""

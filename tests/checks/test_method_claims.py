@@ -200,7 +200,7 @@ def known_motions() -> Iterator[None]:
 KEPT = {"free body": "spatial momentum", "heavy top": "vertical momentum"}
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "name"), [*cases()])
 def test_claims(method: lm.Method, name: str) -> None:
     """Order, symmetry, symplecticity as claimed; momenta of symmetries kept by what is made to keep
@@ -296,7 +296,7 @@ class Higher(lm.Method):
         return self.base.step(system, t, state, h)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "claimed"), [(1, 2), (3, 4), (4, 5), (6, 7)])
 def test_an_order_too_high_is_found(order: int, claimed: int) -> None:
     higher = Higher(lm.RKMK(order=order), claimed)
@@ -359,6 +359,7 @@ def test_the_midpoint_rule_is_symplectic_in_the_plane_without_saying_so() -> Non
     assert verdicts(report)["symplectic"] == verdicts(report)["symmetric"] == "seen"
 
 
+@pytest.mark.slow
 def test_the_report_names_numbers() -> None:
     galaxy, start = systems()["galaxy"]
     lines = str(check_method(lm.StormerVerlet(), galaxy, start, compiled=False)).splitlines()
@@ -369,6 +370,7 @@ def test_the_report_names_numbers() -> None:
     assert lines[-1].split()[:2] == ["reversible", "holds"]
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_is_compared_on_request() -> None:
     galaxy, start = systems()["galaxy"]

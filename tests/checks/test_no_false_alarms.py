@@ -40,7 +40,7 @@ CASES = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_a_method_that_keeps_its_claims_is_not_blamed(name: str) -> None:
     system, q, method = CASES[name]

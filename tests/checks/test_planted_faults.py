@@ -666,6 +666,7 @@ def test_methods_in_fictive_time_keep_their_claims(name: str) -> None:
     assert report["reversible"].verdict == "holds"
 
 
+@pytest.mark.slow
 def test_a_reversal_of_ones_own() -> None:
     """The motion in a galaxy has mirror images too; what turns nothing back is refused."""
     system, start = GALAXY, IN_GALAXY
@@ -969,7 +970,7 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SECOND)
 def test_a_mistake_as_users_make_it_is_found(name: str) -> None:
     make, law = SECOND[name]

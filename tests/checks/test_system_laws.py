@@ -65,6 +65,7 @@ SHIPPED = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", SHIPPED, ids=lambda system: type(system).__name__)
 def test_shipped_systems_obey_their_laws(system: lm.System) -> None:
     """By a wide margin: the bounds are for slips, not for rounding."""
@@ -73,6 +74,7 @@ def test_shipped_systems_obey_their_laws(system: lm.System) -> None:
     assert all(finding.defect <= finding.bound / 64 for finding in report.held), report
 
 
+@pytest.mark.slow
 def test_formulas_that_are_left_out_follow() -> None:
     report = check_system(Relativistic())
     assert report["force of energy"].verdict == report["velocity of energy"].verdict == "follows"
@@ -186,7 +188,7 @@ SLIPS: dict[str, tuple[Any, str, str]] = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SLIPS)
 def test_a_slip_is_found(name: str) -> None:
     system, law, hint = SLIPS[name]

@@ -389,6 +389,7 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
     assert exit.value.code == 0 and f"usage: liemech {command}" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_module_is_the_command_and_loads_no_pictures() -> None:
     code = (
         "import sys; from liemech.command_line.main import main; main(['run', 'kepler', '--steps', '3', '--quiet']); "

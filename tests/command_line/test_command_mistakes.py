@@ -153,7 +153,7 @@ def test_steps_in_fictive_time_are_explained(capsys: pytest.CaptureFixture[str])
 # saved
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.RATTLE(), lm.PoissonEuler(), slow(lm.LieRATTLE())])
 def test_methods_with_systems_of_their_own_are_checked(method: lm.Method) -> None:
     (report,) = _reports(method)

@@ -49,6 +49,7 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     return done.stdout, folder
 
 
+@pytest.mark.slow
 def test_the_table_has_the_errors_of_the_reference_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*ARTICLE, "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
@@ -74,6 +75,7 @@ def test_families_look_like_what_they_are(job: tuple[str, Path]) -> None:
     assert float(table["Algorithm 1, exp"][0]) > 100.0 * float(table["Hamilton-Jacobi 4"][0])
 
 
+@pytest.mark.slow
 def test_attitude_error_is_the_angle_between_the_attitudes(job: tuple[str, Path]) -> None:
     body = lm.RigidBody([1.0, 1.5, 2.0])
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))

@@ -248,6 +248,7 @@ def test_found_after_edits_that_do_not_matter(project: Project) -> None:
     assert project.hits()
 
 
+@pytest.mark.slow
 def test_numbers_known_at_run_time_share_the_code(project: Project) -> None:
     """Only what is static belongs to the key: a body with another inertia needs no compiler."""
     program = """
@@ -276,7 +277,7 @@ def test_many_processes_fill_one_empty_cache(project: Project) -> None:
     assert project.hits()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "damage",
     [

@@ -221,6 +221,7 @@ def mixed(a: float, b: float, c: float, d: float, turns: int) -> Any:
     return a, b, c, d
 
 
+@pytest.mark.slow
 def test_asking_changes_no_register_of_a_processor_with_avx2() -> None:
     """The loop asks once in 2^14 turns, and goes on with the same numbers in all lanes."""
     from llvmlite import binding

@@ -64,6 +64,7 @@ def test_a_sweep_over_static_values_does_not_leak(monkeypatch: pytest.MonkeyPatc
     assert args[2][:, 0].tolist() == [2.5, 5.0]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the memory of the process as Linux tells it")
 def test_compiling_keeps_no_memory(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
     """Before, 0.27 KB for each instruction: the passes' tables were never freed."""

@@ -149,6 +149,7 @@ def march_assembly(order: int, lanes: int) -> str:
     return next(k for k in mine if k.lanes == lanes and k.kinds[3].detail.width == 3).assembly()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.machine().lower() not in ("x86_64", "amd64"), reason="reads the assembly of x86")
 def test_an_ensemble_computes_with_whole_vector_registers() -> None:
     text = march_assembly(4, kernel.lanes())
@@ -355,6 +356,7 @@ def _child(queue: Any) -> None:
     os._exit(0)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="has no fork")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_forked_process_uses_the_code_and_makes_more() -> None:

@@ -56,6 +56,7 @@ class _Wavy(lm.Hamiltonian):
         return 0.5 * lm.dot(mu, mu) + 0.1 * math.sin(self.k * mu[0]) + wave(mu[1])
 
 
+@pytest.mark.slow
 def test_an_energy_with_math_runs_plain_and_native() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), _Wavy())
     start = system.state(mu=[0.1, 0.2, 0.3])
@@ -88,6 +89,7 @@ def searched(x: Any, n: int) -> Any:
     return -1.0, -1
 
 
+@pytest.mark.slow
 def test_returns_inside_of_loops() -> None:
     def formula(x: float, y: float, z: float, n: int) -> Any:
         total = 0.0

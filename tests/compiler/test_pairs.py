@@ -164,6 +164,7 @@ class Branching(lm.Hamiltonian):
         return a * dot(mu, mu) + v[0] * (0.25 if mu[1] > 0.0 else mu[2]) + where(mu[2] > 0.0, mu[2] * mu[2], 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_derivatives_on_one_way_only() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Branching())

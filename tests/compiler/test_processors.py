@@ -69,6 +69,7 @@ def test_the_same_bits_and_code_of_its_own(tmp_path: Path) -> None:
     assert last[0].endswith(" 0") and last[1] == plain
 
 
+@pytest.mark.slow
 def test_code_on_disk_is_of_one_processor(monkeypatch: pytest.MonkeyPatch) -> None:
     """The key of a kernel tells for which."""
     monkeypatch.setattr(llvm, "processor", processor_for)

@@ -377,6 +377,7 @@ def test_the_same_bits_without_a_compiler() -> None:
     assert "llvmlite is not installed" in missing[1] and "LIEMECH_COMPILE=0" in off[1]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("at_once")
 def test_a_compiler_that_fails_is_no_reason_to_stop(gyrostat, monkeypatch: pytest.MonkeyPatch) -> None:
     """LLVM itself may refuse (an unknown processor, a broken installation): the run goes on, with a

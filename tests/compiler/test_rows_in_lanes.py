@@ -61,6 +61,7 @@ def known_ones(a, b, c, d, n):
     return vec(*same, *known, *fixed, *whole, *alone, *in_lanes(root, [], []))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formula", [roots, one_fails, in_a_branch, known_ones])
 def test_rows_in_lanes_have_the_bits_of_single_ones(formula):
     """In plain Python, one body, and bodies in lanes, where the rows go one after the other."""

@@ -56,6 +56,7 @@ def test_constants_that_formulas_make_are_told_by_their_content(
     assert [name for name, _ in made].count("SE3Algebra.exp_residual") == 1
 
 
+@pytest.mark.slow
 def test_native_functions_know_the_constants_of_their_arguments(
     made: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
 ) -> None:

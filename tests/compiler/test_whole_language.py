@@ -340,7 +340,7 @@ def test_guarded_quotients_are_written_at_special_points_too() -> None:
     assert any(" != 0.0 else 1.0" in text for text in texts)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("seed", range(20))
 def test_random_memories(

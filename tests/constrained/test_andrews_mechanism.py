@@ -23,6 +23,7 @@ def test_accelerations_and_multipliers_at_the_start() -> None:
     assert np.allclose(MECHANISM.multipliers(start.q, start.p), multipliers, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_energy_and_constraints_are_constants_of_the_reduced_equation() -> None:
     start = MECHANISM.from_rest()
     run = lm.integrate(MECHANISM, lm.RKMK(order=4), start, h=1e-4, steps=4, compiled=False, progress=False)

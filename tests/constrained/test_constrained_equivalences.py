@@ -257,6 +257,7 @@ def test_geodesics_of_an_ellipsoid_keep_joachimsthals_integral() -> None:
     assert np.log2(ranges[0] / ranges[1]) == pytest.approx(4.0, abs=0.6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "k"), [slow(3, 1), (3, 2), slow(3, 3), slow(4, 2)])
 def test_splittings_on_stiefel_manifolds(n: int, k: int) -> None:
     """Geodesics obey their laws, splittings have their order, and RATTLE comes to the same motion."""

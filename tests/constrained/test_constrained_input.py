@@ -130,6 +130,7 @@ def test_parameters_of_the_models() -> None:
         lm.IndexReduction("RKMK")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_slips_in_written_formulas_are_found() -> None:
     @record
     class Halved(lm.SphericalPendulum):
@@ -206,6 +207,7 @@ def test_a_step_too_large_is_refused_before_it_lands_on_another_branch() -> None
             assert (turns > 0.0).all(), f"{method!r}, h = {h}: a step of more than a right angle"
 
 
+@pytest.mark.slow
 def test_a_linkage_stops_at_its_dead_point() -> None:
     """All rods in one line: parallelogram and antiparallelogram meet there."""
     linkage = lm.models.FourBarLinkage()

@@ -104,7 +104,7 @@ def test_the_energy_is_the_sum_and_the_parts_sum_to_the_motion() -> None:
     assert lm.check_system(GENERAL)["motions of parts"].verdict == "holds"
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 6])
 def test_order(order: int) -> None:
     method = lm.Splitting(order=order, quadratic=False)
@@ -146,6 +146,7 @@ def test_two_parts_of_second_degree_are_the_geodesic_splitting(order: int) -> No
     assert np.abs(ours.p - theirs.p).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_long_runs_keep_the_constraints_and_the_energy() -> None:
     run = lm.integrate(
@@ -155,6 +156,7 @@ def test_long_runs_keep_the_constraints_and_the_energy() -> None:
     assert np.asarray(GENERAL.defects(run.q, run.p)).max() < 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_lanes_and_plain_are_one() -> None:
     angles = np.linspace(0.1, 2.0, 9)

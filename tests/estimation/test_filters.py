@@ -314,6 +314,7 @@ def test_what_is_linear_is_kalmans_filter(make):
         assert np.isclose(belief.nis, r @ np.linalg.solve(S, r), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_bent_cloud_is_normal_in_the_algebra():
     """Headings spread by 0.4 rad and a step forward make a bent cloud in the plane, whose errors in the
     algebra are normally distributed as the filter says (Long et al., The banana distribution is Gaussian,
@@ -420,7 +421,7 @@ class Seeking(es.Discrete):
         return vec(0.1, 0.2, 0.3)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("side", SIDES)
 def test_the_covariance_moves_by_the_differential_of_the_step_itself(side):
     group, h = lm.SO3(), 0.4
@@ -443,7 +444,7 @@ def test_the_covariance_moves_by_the_differential_of_the_step_itself(side):
     assert not np.allclose(other.predict(other.belief(g, P), u, h).covariance, found.covariance, rtol=1e-3)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
 def test_members_of_an_ensemble_are_as_alone(kind):
     process = es.BiasedGyroscope([0.01] * 3, [1e-4] * 3)
@@ -544,7 +545,7 @@ def test_noise_widens_a_belief_by_more_than_a_turn(group, angles, shifts, side, 
         np.testing.assert_allclose(found.covariance, wanted * np.eye(n), rtol=1e-7, atol=1e-7 * wanted)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
 @pytest.mark.parametrize("h", [1.0, 10.0, 60.0, 600.0])
 def test_an_unknown_bias_turns_an_attitude_by_more_than_a_turn(kind, h):
@@ -556,7 +557,7 @@ def test_an_unknown_bias_turns_an_attitude_by_more_than_a_turn(kind, h):
     np.testing.assert_allclose(found.deviations, [0.1 * h] * 3 + [0.1] * 3, rtol=1e-6)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("width", [0.3, 1.0, np.pi])
 @pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])

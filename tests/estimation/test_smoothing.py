@@ -136,7 +136,7 @@ def twist(m):
     return np.array([m[2, 1], m[0, 2], m[1, 0], *m[:3, 3]])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_smoothed_chain_of_poses_is_scipys_least_squares(side):
     """The same cost with expm and logm of matrices and differences for derivatives."""
@@ -185,6 +185,7 @@ def test_a_smoothed_chain_of_poses_is_scipys_least_squares(side):
         assert np.allclose(found.covariance, blocks, rtol=2e-3, atol=2e-5)
 
 
+@pytest.mark.slow
 def test_what_is_found_does_not_depend_on_where_it_begins():
     process, u, x, h = tour(6)
     group, at = process.group, np.array([2, 4, 6])
@@ -242,6 +243,7 @@ def tumble(steps=60):
     return body, plan, start, plan.run(start, steps=steps)
 
 
+@pytest.mark.slow
 def test_a_start_is_found_from_the_attitude():
     """Without noise to rounding; with noise as scipy.optimize.least_squares finds it, by differences."""
     body, plan, start, run = tumble()
@@ -264,6 +266,7 @@ def test_a_start_is_found_from_the_attitude():
     assert np.allclose(found.covariance, np.linalg.inv(other.jac.T @ other.jac), rtol=1e-4, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_parameters_are_found_with_the_start():
     body, plan, start, run = tumble()
     space, at = es.phase_space(body, start), np.arange(0, 61, 3)

@@ -78,6 +78,7 @@ def test_of_a_subclass_that_writes_anew_what_it_abbreviates(cls: type) -> None:
                 assert member is not vars(cls)[name], (name, source)
 
 
+@pytest.mark.slow
 def test_a_class_of_the_library_keeps_its_closed_forms_in_a_subclass() -> None:
     for cls, name, _ in FORMS:
         made = type("Mine", (cls,), {"__module__": "mine"})
@@ -214,6 +215,7 @@ class Harmonic(M.NBody):
         return super().potential(q) + 0.3 * lm.dot(q, q)
 
 
+@pytest.mark.slow
 def test_many_masses_with_another_energy_are_moved_by_it() -> None:
     rng = np.random.default_rng(1)
     system = Harmonic(np.ones(8))

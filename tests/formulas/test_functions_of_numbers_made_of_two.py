@@ -84,6 +84,7 @@ def _whole(x: float, y: float, z: float, n: int) -> Any:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_the_same_bits_in_all_worlds() -> None:
     rows = [[-3.5, 2.5, 1.0], [3.0, -0.5, 1.0], [0.3, 0.7, -1.1], [2.5, 2.5, 1.0], [-8.0, 3.0, 0.7]]
@@ -102,7 +103,7 @@ class _Body(lm.Hamiltonian):
         return 0.5 * lm.dot(mu, mu) + f.log(3.0 + mu[1]) * f.atan2(mu[0], 2.0 + mu[2])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", (lm.ImplicitMidpoint(), lm.LieVerlet()), ids=lambda m: m.name)
 def test_energies_with_functions_run_natively_in_compensated_sums(method: Any) -> None:

@@ -149,6 +149,7 @@ OF_ONE = tuple(f for f in SMOOTH if f.nin == 1 and f is not np.arccosh)
 OF_TWO = (*(f for f in SMOOTH if f.nin == 2), np.floor_divide)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_every_function_by_components_in_native_code() -> None:
     def formula(a: float, b: float, c: float, n: int) -> Any:

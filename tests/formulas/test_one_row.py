@@ -55,7 +55,7 @@ def test_the_bits_of_many_rows(group):
         assert np.array_equal(ours, np.array(method(*map(small, args)))), method
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("group", [lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SU(2)], ids=repr)
 def test_the_bits_in_native_code(group, at_once, monkeypatch):
     for method, args in calls(group):

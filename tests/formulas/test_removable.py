@@ -117,7 +117,7 @@ def curvatures_of_them(x, turns):
     return f.derivative(lambda y: slopes_of_them(y, turns), x)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("formula", [all_of_them, slopes_of_them, curvatures_of_them])
 def test_the_same_bits_in_all_worlds(formula: Any) -> None:

@@ -27,7 +27,7 @@ def ad(group: lm.LieGroup, xi: np.ndarray) -> np.ndarray:
     return np.stack([group.ad(xi, unit) for unit in np.eye(group.dim)], axis=1)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @names
 def test_every_law_holds(group: lm.LieGroup) -> None:
     report = lm.check_group(group)

@@ -57,6 +57,7 @@ def test_what_they_are_for(group: lm.LieGroup) -> None:
     assert np.abs(group.log(moved) - group.Ad_matrix(g) @ d).max() < bound
 
 
+@pytest.mark.slow
 @names
 def test_the_sides_differ_by_Ad(group: lm.LieGroup) -> None:
     """The right-trivialised differential is Ad_exp(xi) times the left one, and the left one at

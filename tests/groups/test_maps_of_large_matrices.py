@@ -108,6 +108,7 @@ def test_large_groups_obey_their_laws() -> None:
     assert not [f for f in report.findings if f.verdict == "broken"]
 
 
+@pytest.mark.slow
 def test_a_group_of_many_generators_is_found_in_seconds() -> None:
     """so(13) by its 78 generators alone: its forms, and what is no element."""
     group = lm.MatrixLieGroup.of(lm.SO(13).generators)

@@ -201,7 +201,7 @@ def test_proper_subgroups_of_rotations(name: str) -> None:
             assert min(np.abs(h - e).max() for e in exponentials(generators, h)) <= 1e-13
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["SO(3) on R^5", *sorted(set(PROPER) - {"SO(3) on R^5"})])
 def test_proper_subgroups_obey_the_laws(name: str) -> None:
     assert lm.check_group(lm.MatrixLieGroup.of(PROPER[name]))

@@ -236,7 +236,7 @@ def test_on_other_groups(group: lm.LieGroup) -> None:
     assert not same_bits(one.mu, other.mu)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("group", "method", "size"),

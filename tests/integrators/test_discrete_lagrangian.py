@@ -138,7 +138,7 @@ def test_the_action_is_that_of_the_motion_up_to_the_fifth_power_of_h() -> None:
         assert abs(rest[1] / rest[0] - 1.0) < 0.05
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("action", [Trace(J), Skewed(J), lm.QuadratureLagrangian()], ids=lambda a: type(a).__name__)
 def test_momenta_are_kept_and_steps_are_poisson_maps(action: lm.DiscreteLagrangian) -> None:
     method = lm.CovariantVariational(lm.Cayley(), action)

@@ -269,7 +269,7 @@ def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None
     assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 2e-13
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "s0", "retraction"),
     [

@@ -13,7 +13,7 @@ from liemech import FirstKindHamiltonJacobi
 RNG = np.random.default_rng(7)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("retraction", [lm.Cayley(), lm.Exponential()], ids=["cay", "exp"])
 @pytest.mark.parametrize("group", [lm.SL(2), lm.SU(2), lm.Sp(2)], ids=repr)
 def test_trace_of_ad_reaches_every_start(group: lm.LieGroup, retraction: lm.Retraction) -> None:

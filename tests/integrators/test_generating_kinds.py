@@ -91,7 +91,7 @@ def test_order_of_the_symmetric_method(system: Any, kind: str, order: int) -> No
     assert abs(local_order(system, SymmetricHamiltonJacobi(order, kind)) - order) < 0.35
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @SYSTEMS
 @KINDS
 def test_steps_are_symplectic_and_undone_by_the_adjoint(system: Any, kind: str) -> None:

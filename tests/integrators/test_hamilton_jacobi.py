@@ -149,7 +149,7 @@ def test_the_formulas_for_the_first_four_terms() -> None:
 # ------------------------------------------------------------------ order
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", range(1, 7))
 @pytest.mark.parametrize(("system", "adjoint"), [(PENDULUM, False), (CURVED, False), (CURVED, True)])
@@ -279,7 +279,7 @@ def test_angular_momentum_is_kept() -> None:
 # ------------------------------------------------------------------ native code
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("system", "method"),

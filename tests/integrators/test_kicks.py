@@ -309,7 +309,7 @@ def test_without_a_field_only_the_drift_is_left() -> None:
     assert same_bits(a.g, b.g)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [BY_ORDER[1], ROTATIONS, *(slow(m) for m in (BY_ORDER[0], BY_ORDER[2]))], ids=named)
 def test_energy_is_bounded_and_the_vertical_momentum_kept(method: Any) -> None:

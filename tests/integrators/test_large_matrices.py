@@ -197,6 +197,7 @@ def test_adaptive_steps_small_and_large_are_the_same(method: Any, monkeypatch: p
     assert np.abs(small.t - large.t).max() < 1e-9 and np.abs(small.mu - large.mu).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_runs_go_on_are_saved_and_are_many(tmp_path: Path) -> None:
     system = body(lm.SO(14))
     mu = np.array([start_of(system, k) for k in range(3)])

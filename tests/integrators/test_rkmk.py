@@ -177,7 +177,7 @@ class EvenFromSpace(Even):
     side = "right"
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)

@@ -214,6 +214,7 @@ def test_casimir_and_spatial_momentum_to_rounding_over_ten_thousand_steps(order:
     assert np.abs(np.einsum("nji,njk->nik", run.g, run.g) - np.eye(3)).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_backwards_and_forwards() -> None:
     body, start = asymmetric_body()
     there = lm.integrate(body, Taylor(order=12), start, h=0.1, steps=20, compiled=False)

@@ -167,7 +167,7 @@ def third(system: lm.LiePoissonSystem, retraction: lm.Retraction, p: np.ndarray)
     return (4.0 * fine - coarse) / 3.0
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @EACH
 def test_modified_energy_is_kept_to_fourth_order(scene: object, method: lm.CovariantVariational) -> None:
     """H - (h^2/6) s_3, s_3 of the Hamilton-Jacobi equation: its oscillation falls by 16 per

@@ -98,6 +98,7 @@ def test_axes_that_are_opposite_are_refused_by_name(joint):
         assert np.isclose(relative_turn(linkage, start)[2, 2], 1.0, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_joints_that_follow_a_path_begin_where_the_path_says():
     """A hinge on a path is held like a weld; whatever poses it is looked for from."""
     path = lm.PiecewisePolynomial([0.0, 1.0], [[0.5]])
@@ -115,6 +116,7 @@ def test_joints_that_follow_a_path_begin_where_the_path_says():
         linkage.state(mu=np.zeros(12), g=over.ravel())
 
 
+@pytest.mark.slow
 def test_loops_are_never_closed_with_bodies_turned_over():
     """A triangle of a weld and two hinges, from random poses: closed as it should be, or NoConvergence."""
     side = [0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]

@@ -14,7 +14,7 @@ from liemech.joints import Damper, Link, Linkage, PrismaticJoint, RevoluteJoint,
 ROD = chain(1, axis=[0.0, 1.0, 0.0])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 def test_a_damped_hinge_with_a_rotor_breaks_no_law(damping):
     """d/dt (H + A q'^2/2) = -c q'^2."""
@@ -24,6 +24,7 @@ def test_a_damped_hinge_with_a_rotor_breaks_no_law(damping):
     assert {row.verdict for row in report.findings if row.law in ("load", "constraints stay")} == {"holds"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.0, 1e-4, 1e-2])
 def test_a_hinge_that_hardly_moves_breaks_no_law(rate):
     """Its places are some tenths of a metre, of which conditions are differences, however slow it is."""
@@ -65,6 +66,7 @@ def test_conditions_of_a_driven_arm_are_those_of_its_time():
     assert min(early.values()) > 1e-3  # centimetres and decimetres a second
 
 
+@pytest.mark.slow
 def test_the_power_of_a_load_is_that_of_the_whole():
     """A rotor that the energy forgets is found: dE/dt = <F, xi> fails by its part."""
 

@@ -91,6 +91,7 @@ def test_kapitza():
     assert np.allclose(run.joint(0).reaction[:, 2], lift, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_upside_down():
     """Fast shaking holds a pendulum upright: a w > sqrt(2 g l), of a rod l = 2/3 of its length."""
     for frequency, stays in ((60.0, True), (25.0, False)):
@@ -275,7 +276,7 @@ def test_a_given_motion_brings_energy_to_rotors_too():
     assert abs(off[1]) < 1e-3 and off[0] / off[1] == pytest.approx(4.0, abs=0.3)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieRATTLE()])
 def test_a_damper_at_a_shaken_slider_sees_the_pace_of_its_support(method):
     """A slider on a place that shakes along it: m x'' = -c (x' - a w cos w t), whose solution is closed."""
@@ -308,7 +309,7 @@ def test_a_damper_at_a_shaken_slider_sees_the_pace_of_its_support(method):
     assert force == pytest.approx(-c * begun, rel=1e-12)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("h", [0.02, -0.02])
 def test_bodies_under_drag_that_follow_a_path(h):
     """A damper at a joint on a path has its work and no say: the motion is that without it, to rounding."""

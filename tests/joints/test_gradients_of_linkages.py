@@ -44,7 +44,7 @@ def slope(value: Any, e: float) -> float:
     return (8.0 * (value(e) - value(-e)) - (value(2.0 * e) - value(-2.0 * e))) / (12.0 * e)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", [True, False])
 def test_by_a_force(moving: bool) -> None:
     """From rest too, where the hinge has no rate."""

@@ -61,7 +61,7 @@ CASES: dict[str, Any] = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_hubs_change_nothing_but_the_way_of_elimination(case: str, monkeypatch: Any) -> None:
     """Every body of more than one joint as a hub, and none: Woodbury's identity."""

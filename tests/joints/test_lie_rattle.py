@@ -154,7 +154,7 @@ def test_two_links_on_hinges_are_the_double_pendulum():
 # ------------------------------------------------------------------ claims
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()])
 def test_order_two_and_the_way_back(retraction):
     body, start, heavy, heavy_start = top()

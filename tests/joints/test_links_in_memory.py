@@ -132,7 +132,7 @@ def written_out(monkeypatch: Any, linkage: Any, method: Any, start: Any, **optio
     return run
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("made", [tree, star, ring, ladder], ids=lambda f: f.__name__)
 def test_loops_and_formulas_written_out_make_the_same_steps(made: Any, monkeypatch: Any) -> None:
     linkage, start = made()
@@ -221,6 +221,7 @@ def test_a_chain_of_hinges_moves_by_lagranges_equations_of_its_angles(order: int
     assert order == 2 or errors[-1] < 1e-7
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_another_number_of_links_compiles_nothing(monkeypatch: Any) -> None:
     """Beyond four places, of which code has one more version, a little faster."""

@@ -192,6 +192,7 @@ def test_fields_and_loads_on_bodies_are_checked_at_the_border() -> None:
             library.joints.Linkage(links, joints, load=given)
 
 
+@pytest.mark.slow
 def test_forces_of_every_kind_act_together(monkeypatch: Any) -> None:
     rods = chain(3)
     linkage = Linkage(
@@ -352,6 +353,7 @@ def test_neither_are_steps_that_are_too_long() -> None:
         lm.integrate(few, lm.LieRATTLE(), begun, h=0.05, steps=3, compiled=False)
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_events_are_looked_at_leaves_the_run_where_it_was() -> None:
     linkage, start = swinging(3)
     plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.05, compiled=False)

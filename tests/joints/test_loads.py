@@ -82,7 +82,7 @@ def reference(scene: str) -> Any:
     return run(system, lm.RKMK(order=6), start, 0.04, 10, t0=0.3).last
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("order", [2, 4])
 def test_orders_under_a_load(scene: str, order: int) -> None:

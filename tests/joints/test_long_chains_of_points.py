@@ -29,7 +29,7 @@ def bent(count, dimension, kind=lm.models.ChainPendulum):
     return chain, chain.state(q.ravel(), p.ravel())
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_steps_are_those_of_rattle(dimension):
     count = 7 if dimension == 2 else 5

@@ -156,6 +156,7 @@ def test_orders_with_forces_at_joints(order: int) -> None:
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
 
 
+@pytest.mark.slow
 def test_energy_is_the_work_of_motors_and_dampers() -> None:
     """What springs and stops do is in the energy; the balance is of the order of the method."""
     it, missed = arm(), []
@@ -172,6 +173,7 @@ def test_energy_is_the_work_of_motors_and_dampers() -> None:
     assert len(stored) == 2 and np.allclose(spring.work, taken[0] - taken, rtol=0.0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_springs_alone_keep_the_energy() -> None:
     it = Arm([1.0, 0.6], [1.0, 0.7], [Spring("hinge 0", 20.0, 0.3), Stops("hinge 1", -0.1, 0.1, 50.0)])
     moved = run(it.linkage, lm.LieRATTLE(), it.start(*START[2]), 0.02, 40)
@@ -219,6 +221,7 @@ def test_a_joint_carries_what_hangs_on_it() -> None:
     assert np.allclose(rail.moment, [0.0, -0.5 * 2.0 * GRAVITY, 0.0], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_members_of_an_ensemble_have_joints_too() -> None:
     it = arm()
     one, other = it.start(*START[2]), it.start([0.1, 0.2], [0.0, 0.0])
@@ -242,7 +245,7 @@ def test_states_have_the_coordinates_and_rates_that_were_asked_for(name: str) ->
     assert np.array(at.rates(0.0, start.g, both.velocity(start.mu))) == pytest.approx(v, abs=1e-13)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", JOINTS)
 def test_springs_and_dampers_fit_every_joint(name: str) -> None:
     """Forces are gradients of energies, power is what load does; between two bodies momenta are
@@ -312,7 +315,7 @@ def four_bar(normal: Any = None, ground: float = 1.0) -> tuple[Linkage, np.ndarr
     return linkage, poses
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("normal", [None, [0.7, -0.4, 0.2]])
 def test_a_four_bar_of_spatial_hinges_runs(normal: Any) -> None:
     whole, poses = four_bar(normal)
@@ -601,6 +604,7 @@ def accelerations(arm: Linkage, start: Any) -> np.ndarray:
     ])  # fmt: skip
 
 
+@pytest.mark.slow
 def test_arm_with_armature_moves_as_in_mujoco() -> None:
     # MuJoCo 4.0: qacc at the start, and qpos after 0.5 s by RK4, which is the same for steps of 1, 0.5
     # and 0.25 ms to all digits.
@@ -614,7 +618,7 @@ def test_arm_with_armature_moves_as_in_mujoco() -> None:
     assert np.abs(np.array(ends) - there).max() < 1e-12
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "mimics, start, wanted, there",
     [

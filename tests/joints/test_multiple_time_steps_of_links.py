@@ -46,7 +46,7 @@ def ended(made, method, h, steps, compiled=False):
     return lm.integrate(made[0], method, made[1], h=h, steps=steps, compiled=compiled)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("potential", [{0: Tether(1.0), 2: Tether(0.5)}, Together(1.0)])
 def test_one_fast_step_is_lie_rattle(potential):
     """Impulses at the end of a kick and those at the end of a step are the same ones, found in two parts."""

@@ -185,7 +185,7 @@ def test_loads_on_free_bodies(method: Any, how: bool) -> None:
     assert len(turned) == 4  # it only turns the velocity, however strong
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 6])
 def test_loads_on_sites(count: int) -> None:
     load = lm.PerSite(Friction(1.0, 0.0))

@@ -27,6 +27,7 @@ def end(made, method, steps, t_end=0.24):
     return lm.integrate(linkage, method, start, h=t_end / steps, steps=steps, compiled=False)
 
 
+@pytest.mark.slow
 def test_order():
     """Against RKMK of order 8, a method of another kind; conditions are missed by the error."""
     rods = lm.joints.chain(3, axis=TURN)
@@ -63,6 +64,7 @@ def test_with_loads_on_bodies_and_friction():
     assert np.abs(a.mu[-1] - b.mu[-1]).max() < 1e-11
 
 
+@pytest.mark.slow
 def test_momentum_of_links_that_float():
     """Joints pull both bodies by opposite forces in every order: the linear momentum stays to rounding,
     whatever the error.

@@ -87,6 +87,7 @@ def test_accelerations_of_the_puma_are_those_of_pinocchio() -> None:
     assert [found[name] for name in ANGLES] == pytest.approx(PUMA_ABA, abs=2e-6 * 35.0)
 
 
+@pytest.mark.slow
 def test_accelerations_of_every_kind_of_joint_are_those_of_pinocchio() -> None:
     q = {"wheels": [0.0, 0.0, 0.0], "mast": 0.2, "slew": 0.4, "swivel": -0.6}
     v = {"wheels": [0.3, -0.2, 0.5], "mast": -0.4, "slew": 0.7, "swivel": 1.1}

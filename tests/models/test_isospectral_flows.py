@@ -57,7 +57,7 @@ def test_the_full_toda_flow_is_that_of_qr_factors(n: int, method: Any, order: in
     assert order - 0.4 < np.log2(coarse / fine) < order + 0.7
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("small", [9, 3])
 def test_a_tridiagonal_matrix_is_todas_lattice(small: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Written out, and in memory."""

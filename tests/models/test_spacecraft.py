@@ -169,6 +169,7 @@ def test_the_node_of_an_orbit_turns_as_published() -> None:
     assert run.drift()["angular momentum along e3"].largest < 1e-12
 
 
+@pytest.mark.slow
 def test_librations_have_the_frequencies_of_the_gravity_gradient() -> None:
     """Pitch: 3 n^2 (J1 - J3)/J2; roll and yaw together: the roots of
     s^4 + (1 + 3 k1 + k1 k3) s^2 + 4 k1 k3 (times n), with k1 = (J2 - J3)/J1, k3 = (J2 - J1)/J3.
@@ -288,6 +289,7 @@ def test_saturated_motors() -> None:
     assert np.abs(W[:, 2] + 4.5).max() < 0.02  # beyond it: no torque that speeds up
 
 
+@pytest.mark.slow
 def test_a_law_of_control_is_a_subclass() -> None:
     """A wheel on each axis by a proportional and differential law: the error falls as of a damped
     oscillator.
@@ -346,6 +348,7 @@ def test_momenta_in_space_are_sums_of_what_acts_on_them() -> None:
 # ---------------------------------------------------------------- products of groups
 
 
+@pytest.mark.slow
 def test_free_bodies_and_midpoints_on_products() -> None:
     """Factors that nothing couples move as they do alone; coupled ones keep every sphere."""
     group = lm.ProductGroup(lm.SO3(), lm.UnitQuaternions(), lm.VectorSpace(2))
@@ -380,6 +383,7 @@ def test_free_bodies_and_midpoints_on_products() -> None:
         lm.integrate(coupled, lm.ExactFreeBody(), start, h=0.1, steps=1)
 
 
+@pytest.mark.slow
 def test_kicks_and_drifts_with_wheels() -> None:
     """Order 2 with the spherical midpoint rule as drift; the moment of everything is kept."""
     wheels = M.ReactionWheels(AXES, [1.6, 2.0, 1.0])

@@ -92,6 +92,7 @@ def test_order_beside_scipy() -> None:
         assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1, (method, errors)
 
 
+@pytest.mark.slow
 def test_native_code_has_the_bits_of_plain_python_and_goes_on() -> None:
     sphere = viscous(0.4)  # so viscous that a step is damped in several pieces
     assert sphere.fastest * 0.05 > 2.0

@@ -73,7 +73,7 @@ def wave(sphere: lm.models.ZeitlinSphere, omega: float, turned: float = 0.0) -> 
             (3, 1): -0.3 * np.sin(a), (3, -1): 0.3 * np.cos(a)}  # fmt: skip
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("rotation", [0.0, 0.6])
 def test_a_rossby_haurwitz_wave_moves_exactly(rotation: float) -> None:
     """It turns with omega - (omega + Omega) 2/(l (l + 1)) where omega + Omega is the absolute

@@ -172,7 +172,7 @@ def test_saved_runs_go_on(tmp_path: object) -> None:
     assert np.array_equal(*ends)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("inner", [lm.ImplicitMidpoint(), lm.SphericalMidpoint()], ids=repr)
 def test_midpoint_rules_follow_the_same_noise_without_damping(inner: lm.Method) -> None:

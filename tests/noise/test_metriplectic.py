@@ -86,7 +86,7 @@ def test_the_damped_pendulum_moves_as_mechanics_writes_it() -> None:
     assert np.allclose(system.rate(0.0, start), expected, rtol=0, atol=1e-15)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [relaxing, heating])
 def test_energy_to_rounding_and_entropy_in_every_step(of: object) -> None:
     system, start = of()
@@ -110,6 +110,7 @@ def test_the_entropy_grows_by_the_sum_of_squares() -> None:
     assert np.abs(np.diff(0.5 * (run.mu**2).sum(axis=1)) - growth).max() < 1e-15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [relaxing, heating])
 def test_order_two_beside_scipy(of: object) -> None:
     system, start = of()

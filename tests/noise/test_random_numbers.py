@@ -63,6 +63,7 @@ def test_every_counter_counts() -> None:
     assert len(set(drawn)) == len(drawn) and all(0.0 < u < 1.0 for u in drawn)
 
 
+@pytest.mark.slow
 def test_moments_and_independence() -> None:
     n = 40_000
     z = np.array([normals(3.0, float(i % 7), float(i), 3) for i in range(n)])

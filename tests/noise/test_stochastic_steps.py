@@ -117,7 +117,7 @@ def weak_error(method: Any, base: int, steps: int, t: float) -> float:
     return float((weights * (mu[:, 0] + mu[:, 1] * mu[:, 2])).sum() - exact_mean(fields, f, START, t))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "base", "steps", "order"),
     [
@@ -133,6 +133,7 @@ def test_weak_order(method: Any, base: int, steps: tuple[int, int], order: int) 
     assert slope == pytest.approx(order, abs=0.25) and errors[1] < 2e-3
 
 
+@pytest.mark.slow
 def test_the_mean_under_isotropic_noise_is_known() -> None:
     """Without energy the mean of mu is exp(-sigma^2 t) mu: sum_i ad_e_i^2 = -2."""
     system = noisy(*(0.5 * np.eye(3)).tolist(), body=lm.LiePoissonSystem(lm.SO3(), Still()))
@@ -163,7 +164,7 @@ class Bent(lm.Hamiltonian):
         return self.strength * (mu[0] * mu[0] + mu[1] * mu[2])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fields", "order"),
     [((Bent(0.4),), 1.0), (([0.5, 0.0, 0.0], [0.0, 0.5, 0.0]), 0.5)],
@@ -190,7 +191,7 @@ def test_strong_order(fields: Any, order: float, method: Any) -> None:
 # ------------------------------------------------------------------ what paths keep
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method",
@@ -229,6 +230,7 @@ def test_resumed_and_saved_runs_go_on_with_their_noise(tmp_path: Any) -> None:
     assert np.array_equal(resumed.mu[-1], whole.mu[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_workers_do_not_change_the_noise() -> None:
     system = noisy([0.2, 0.0, 0.1], seed=3)
@@ -323,7 +325,7 @@ class OnlyForwards(lm.NinomiyaVictoir):
         return lm.NinomiyaVictoir.moved(self, system, t, memory, h, z, 0.25)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "broken"),
     [

@@ -122,6 +122,7 @@ def test_one_sample_or_a_foreign_thing() -> None:
         plots.drift({"a": 3})
 
 
+@pytest.mark.slow
 def test_pictures_draw_on_given_axes_and_leave_settings_alone(run: Any) -> None:
     import matplotlib
     from matplotlib.figure import Figure

@@ -27,6 +27,7 @@ def spins(graph: Any, **given: Any) -> Any:
     return lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=4, compiled=False, **given)
 
 
+@pytest.mark.slow
 def test_arrows_stand_on_the_lattice_and_point_as_the_spins() -> None:
     run = spins(lm.neighbours.square(3, 4))
     ax = plots.spins(run, 0, axis=(1.0, 0.0, 0.0))

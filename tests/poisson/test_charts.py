@@ -123,6 +123,7 @@ def test_a_chart_that_is_left_says_so() -> None:
         chart.system(SPECIES, SPECIES.state([1.0, 1.0, 1.0]))
 
 
+@pytest.mark.slow
 def test_species_in_logarithms_and_back() -> None:
     """Gauss' method is a Poisson integrator there, and keeps the Casimir; here it is none."""
     chart = lm.charts.LogarithmicDarboux(SPECIES.structure)
@@ -245,7 +246,7 @@ METHODS = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("momenta", [True, False], ids=["momenta", "velocities"])
 @pytest.mark.parametrize("name", METHODS)
 def test_symplectic_on_the_manifold_is_poisson_in_coordinates(name: str, momenta: bool) -> None:

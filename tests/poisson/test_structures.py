@@ -91,6 +91,7 @@ def test_laws_and_ranks_do_not_depend_on_units(structure: Any, decades: float) -
     assert 2 * chart.degrees == rank
 
 
+@pytest.mark.slow
 def test_a_strong_field_hides_no_degree_of_freedom() -> None:
     """x stays a coordinate whatever the field; a Casimir would stand still."""
     for strength in 10.0 ** np.arange(-30, 31, 12):

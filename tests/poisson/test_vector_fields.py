@@ -136,6 +136,7 @@ def test_order(system: lm.SplitField, order: int) -> None:
     assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_composition_of_shears_keeps_volumes_and_goes_back() -> None:
     method = lm.Splitting(order=4)
     D = np.array(lm.jacobian(lambda y: stepped(ABC, method, y, 0.5), lm.vec(*Y)))

@@ -70,7 +70,7 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_all_frames_together_make_the_step_of_the_method(case, monkeypatch):
     """Newton's method along the chain solves the equations that fixed points solve, frame by frame."""
@@ -83,6 +83,7 @@ def test_all_frames_together_make_the_step_of_the_method(case, monkeypatch):
     np.testing.assert_allclose(together.mu, alone.mu, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_steps_have_the_bits_of_plain_ones():
     rod, start = bent(3, **HANGING)
@@ -113,6 +114,7 @@ def test_a_rod_at_rest_stays():
     assert np.abs(run.g[-1] - run.g[0]).max() < 1e-15
 
 
+@pytest.mark.slow
 def test_a_rod_held_by_its_load_stays():
     rod = CosseratRod(SOFT, 1.0, 4, tip_force=[0.3, 0.0, 0.0], tip_moment=[0.2, 0.1, 0.1])
     g = rod.equilibrium()
@@ -120,6 +122,7 @@ def test_a_rod_held_by_its_load_stays():
     assert np.abs(run.g[-1] - g).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_hinged_and_clamped_ends_stay_where_they_are():
     rod, start = bent(3, ends=("hinged", "clamped"), gravity=1.0)
     for method in (IMPLICIT, lm.KickDrift()):
@@ -138,7 +141,7 @@ class Spring(lm.Term):
         return 0.25 * self.stiffness * (lm.dot(d, d) - 1.0) ** 2
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("graph", [lm.neighbours.ring(3), lm.neighbours.chain(3)], ids=repr)
 def test_terms_of_users_along_a_chain_are_solved_for_together(graph, monkeypatch):
     bodies = lm.LiePoissonSystem(lm.SE3() ** 3, lm.PerSite(lm.KineticEnergy([0.1, 0.2, 0.3, 1, 1, 1])))
@@ -163,6 +166,7 @@ def test_too_long_a_step_names_the_site():
     assert len(caught.value.trajectory) == 1
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_where_it_stood():
     rod, start = bent(3)
     whole = lm.integrate(rod, IMPLICIT, start, h=0.02, steps=4, compiled=False)

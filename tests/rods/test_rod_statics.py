@@ -55,6 +55,7 @@ def elastica(load):
     return across, np.sqrt(2.0 * np.sin(angle) / load)
 
 
+@pytest.mark.slow
 def test_a_cantilever_under_a_large_load_is_eulers_elastica():
     stiff, errors = inextensible(), []
     exact = np.array(elastica(10.0))
@@ -187,6 +188,7 @@ class StiffeningRod(CosseratRod):
         return Stiffening(self.length / self.elements, self.section.stiffness, [0, 0, 0, 0, 0, 1.1], c=1e4)
 
 
+@pytest.mark.slow
 def test_an_element_of_ones_own_is_at_rest_where_its_own_energy_says():
     """EA e + 4 c e^3 = P of a rod that is pulled along."""
     EA = SECTION.stiffness[5]

@@ -74,7 +74,7 @@ def test_every_body_is_what_it_is_alone(bodies: int, workers: int) -> None:
         assert runs.h == np.mean([one.h for one in whole])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("own", [False, True])
 def test_samples_between_the_steps(sign: float, own: bool) -> None:
@@ -105,6 +105,7 @@ def test_no_samples_are_asked_for() -> None:
     assert np.array_equal(runs.carry.state.mu[4], alone(4, t_end=2.0).mu[-1])
 
 
+@pytest.mark.slow
 def test_parameters_and_tolerances_of_every_body() -> None:
     bodies = [lm.RigidBody([1.0, 1.5 + 0.02 * i, 2.0]) for i in range(11)]
     rtol, longest = 10.0 ** -np.linspace(2.0, 6.0, 11), np.linspace(0.05, 1.0, 11)
@@ -164,7 +165,7 @@ UNBOUNDED = lm.LiePoissonSystem(lm.SO3(), Blowing())
 STARTS = np.array([[0.0, 0.0, 1.0], [1.0, 2.0, 3.0], [0.0, 1.0, 0.0], [0.3, 0.2, 0.1]])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("t_eval", [None, [0.0, 0.1, 50.0]])
 def test_a_body_that_fails_stands_at_its_last_accepted_state(compiled: bool, t_eval: Any) -> None:
@@ -247,7 +248,7 @@ WALLED = lm.LiePoissonSystem(lm.SO3(), Walled([1.0, 0.6, 0.4]))
 BEHIND = [-1.91, 0.9003, -0.48]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_body_whose_formula_fails_at_its_start_makes_no_step(compiled: bool) -> None:
     """Though the first step is found by a probe, which goes through the wall."""
@@ -308,6 +309,7 @@ class Bounded(lm.Hamiltonian):
         return lm.vec(mu[0], mu[1] / 1.5, mu[2] / 2.0)
 
 
+@pytest.mark.slow
 def test_steps_of_one_length_that_fail_between_two_samples() -> None:
     """Of bodies with ends or events of their own too: it stands where it came to."""
     system = lm.LiePoissonSystem(lm.SO3(), Bounded())
@@ -354,7 +356,7 @@ def test_breaks_without_samples_between(method: Any, bodies: int) -> None:
 # ---------------------------------------------------------------------------------
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("own", [False, True])
 def test_motions_between_steps_are_those_of_every_body_alone(own: bool, compiled: bool) -> None:

@@ -85,6 +85,7 @@ def test_a_saved_run_comes_back_and_goes_on(case: str, tmp_path: Path) -> None:
         assert np.array_equal(plain["t"], run.t)
 
 
+@pytest.mark.slow
 def test_whatever_the_library_has_can_be_in_files() -> None:
     """Read in a process that knows nothing but the library."""
     made = [getattr(scene(), part) for scene in SCENES.values() for part in ("system", "method", "start")]

@@ -248,6 +248,7 @@ def test_threads_may_share_a_plan_and_a_run() -> None:
         assert all(pool.map(look, range(8)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [RKMK4, lm.KickDrift(order=4)], ids=["no memory", "a memory"])
 @pytest.mark.parametrize("bodies", [5, 16])
 def test_a_short_run_of_systems_of_their_own_is_the_run_in_pieces(

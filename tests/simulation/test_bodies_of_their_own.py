@@ -310,7 +310,7 @@ ENDS = np.where(np.arange(MANY) % 3 == 0, -4.0, np.linspace(2.0, 9.0, MANY))
 ADAPTIVE = {"rtol": 1e-6, "max_step": 0.1}
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("method", "stepping", "how"),

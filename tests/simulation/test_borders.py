@@ -106,6 +106,7 @@ def test_joined_runs_keep_events_and_the_way_between() -> None:
     assert np.array_equal(joined.at([3.0, 50.0]).mu, np.concatenate([first.at([3.0]).mu, rest.at([50.0]).mu]))
 
 
+@pytest.mark.slow
 def test_a_run_resumed_at_an_event_leaves_it() -> None:
     def event(t: float, state: Any) -> float:
         return float(state.mu[0])

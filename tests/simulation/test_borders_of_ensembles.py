@@ -112,6 +112,7 @@ def test_a_run_that_an_event_ended_says_so() -> None:
         plan.resume(plan.run(ONE, steps=4), steps=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("adaptive", [False, True])
 def test_the_last_state_of_every_body_is_that_of_its_terminal_event(
     adaptive: bool, tmp_path: Any, monkeypatch: pytest.MonkeyPatch

@@ -219,8 +219,8 @@ class Given(lm.Hamiltonian):
         return 0.3 * mu[0] - 0.7 * mu[1] + 1.1 * mu[2]
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("system", "method"),
     [
@@ -328,6 +328,7 @@ class Kinked(lm.GroupEquation):
         return lm.vec(0.3 + k * k, 0.7, 1.1)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.xfail(reason="the float becomes a number of two doubles in native code: 0.1 * 0.1 in 31 digits")
 def test_a_float_on_one_way_stays_a_float() -> None:

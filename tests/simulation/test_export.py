@@ -62,8 +62,8 @@ def printed(folder: Path, name: str, *words: str) -> np.ndarray:
     return np.array([[float(x) for x in line.split()] for line in made.stdout.splitlines()])
 
 
+@pytest.mark.slow
 @NEEDS_CC
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", CASES)
 def test_the_example_makes_the_run_to_the_bit(case: str, tmp_path: Path) -> None:
     system, method, start, bounded = CASES[case]
@@ -101,7 +101,7 @@ int main(void) {
 """
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @NEEDS_CC
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieVerlet()], ids=["RKMK", "LieVerlet"])
 def test_a_loop_closed_in_c_is_that_of_the_stepper(method: Any, tmp_path: Path) -> None:
@@ -196,6 +196,7 @@ class NamedAsInC(lm.Force):
         return lm.vec(self.double, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_what_is_refused(tmp_path: Path) -> None:
     path, plan = tmp_path / "body", lm.Plan(satellite(), lm.RKMK(order=4), h=0.01)
     asking = lm.MechanicalSystem(BODY, lm.NoPotential(), load=AskingPython())

@@ -261,6 +261,7 @@ def test_an_event_that_raises_keeps_the_samples() -> None:
     assert len(caught.value.trajectory) > 1  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_an_event_that_raises_ends_an_adaptive_run_before_its_step() -> None:
     """Rows, samples, steps, zeros and ensembles end where it was last looked at, in both worlds: and

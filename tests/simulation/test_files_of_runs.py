@@ -29,7 +29,7 @@ def ensemble(n: int, suffix: str, folder: Path) -> tuple[lm.Trajectory, Path]:
     return run, path
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".h5"])
 def test_parameters_of_many_systems_are_arrays(suffix: str, tmp_path: Path) -> None:
     """The text about 300 systems is as long as that about 30, and the file little longer than the

@@ -153,6 +153,7 @@ def test_tables_are_as_long_as_their_numbers_say() -> None:
             type(one)(**fields)
 
 
+@pytest.mark.slow
 def test_springs_and_dampers_of_a_loaded_linkage_go_on(tmp_path: Path) -> None:
     """As in a run that was never saved."""
     hinges = chain(3, axis=[1.0, 0.0, 0.0])

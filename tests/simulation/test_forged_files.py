@@ -306,7 +306,7 @@ def forged(arrays: dict[str, Any], about: dict[str, Any], rng: random.Random) ->
     return arrays, about
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("cases", "seed"), [(100, 26), slow(3000, 27)])
 def test_forged_files_are_refused_or_read(cases: int, seed: int, written: dict[str, Any], tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def compared(plan: lm.Plan, start: Any, by: list[str], **length: Any) -> None:
     assert abs(found.growth - norm) < 1e-9 * norm
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "system", "start", "by"),
     [
@@ -118,7 +118,7 @@ VALUES = 0.3 * np.cos(np.arange(18.0)).reshape(6, 3)
 AT_REST = driven(lm.PiecewisePolynomial.linear(KNOTS, VALUES)).state(mu=[1.0, 0.5, 0.2], g=np.eye(3))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
 @pytest.mark.parametrize("kind", ["linear", "constant"])
 def test_gradients_by_the_values_of_a_table(kind: str, outside: str) -> None:
@@ -141,6 +141,7 @@ def test_gradients_by_the_values_of_a_table(kind: str, outside: str) -> None:
         assert abs(found[place] - wanted) < 1e-9 * np.abs(found).max()
 
 
+@pytest.mark.slow
 def test_a_table_asked_elsewhere_is_refused() -> None:
     """A delayed torque would have a derivative by values of which no block knows."""
     table = lm.PiecewisePolynomial.constant(np.linspace(0.0, 60.0, 61), np.ones((60, 3)), "hold")
@@ -149,6 +150,7 @@ def test_a_table_asked_elsewhere_is_refused() -> None:
         plan.gradient(loss, AT_REST, steps=600, by="torque.values")
 
 
+@pytest.mark.slow
 def test_bodies_of_an_ensemble_have_gradients_of_their_own() -> None:
     """Those of each alone; by parameters that they share the sum."""
     inertias = np.array([[1.0, 1.5, 2.0], [1.2, 1.4, 2.1], [0.9, 1.7, 2.3]])
@@ -176,6 +178,7 @@ def test_bodies_of_an_ensemble_have_gradients_of_their_own() -> None:
     assert off(weighed["start"], found["start"] * np.array([[1.0], [2.0], [3.0]])) < 1e-13
 
 
+@pytest.mark.slow
 def test_running_costs_are_summed_over_samples() -> None:
     """The gradient of a sum is that of cotangents at all samples, and the sum of gradients of ends."""
     plan = lm.Plan(BODY, lm.RKMK(order=4), h=0.1, compiled=False)
@@ -199,6 +202,7 @@ def test_running_costs_are_summed_over_samples() -> None:
     assert off(pulled["start"], wanted) < 1e-13
 
 
+@pytest.mark.slow
 def test_where_motion_is_sensitive_the_gradient_warns() -> None:
     """A top on its head at rest: disturbances grow by e^(lambda t), lambda^2 = weight / inertia."""
     top = lm.models.HeavyTop(inertia=[1.0, 1.0, 1.0], weight=1.0, centre=[0.0, 0.0, 1.0])

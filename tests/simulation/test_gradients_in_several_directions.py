@@ -51,6 +51,7 @@ def test_how_many_directions_share_a_value() -> None:
     assert side_by_side(24, 44) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_code_that_is_too_long_goes_direction_by_direction(monkeypatch: Any) -> None:
     """One that fits only where a number carries one derivative."""
@@ -73,6 +74,7 @@ def test_code_that_is_too_long_goes_direction_by_direction(monkeypatch: Any) -> 
     assert seen == [3, 1]
 
 
+@pytest.mark.slow
 def test_bodies_with_steps_of_their_own_have_the_gradients_of_each() -> None:
     """An ensemble by an error estimate; by parameters of one system the sum."""
     others = [BODY, lm.RigidBody([1.1, 1.6, 2.5])]
@@ -101,7 +103,7 @@ def test_bodies_with_steps_of_their_own_have_the_gradients_of_each() -> None:
         plan.pullback({"mu": mu[0]}, starts, t_end=1.0)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["linear", "constant"])
 @pytest.mark.parametrize("step", [{"h": 0.13}, {"rtol": 1e-3}])
 def test_tangent_maps_by_the_values_of_a_table(kind: str, step: dict[str, float]) -> None:
@@ -119,6 +121,7 @@ def test_tangent_maps_by_the_values_of_a_table(kind: str, step: dict[str, float]
         assert np.abs(w @ tangent[name][-1] - found[name].ravel()).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_a_delayed_table_has_a_tangent_map() -> None:
     """Forwards, where a table is asked does not matter; against differences of order 4."""
 

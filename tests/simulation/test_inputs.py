@@ -161,6 +161,7 @@ def test_a_body_that_fails_leaves_the_others_to_go_on() -> None:
     assert np.array_equal(one.mu, alone.mu)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_an_interrupt_keeps_the_steps_of_an_ensemble() -> None:
     """All bodies stand at one step, which is one of the run's, and go on from there."""
@@ -249,6 +250,7 @@ def test_the_motor_of_a_joint_by_its_name() -> None:
         loop.step(1, **{"knee.torque": 1.0})
 
 
+@pytest.mark.slow
 @WORLDS
 def test_tables_and_ramps_are_inputs(compiled: bool) -> None:
     """A table whose numbers and knots change, and a ramp: as systems that are made with them."""
@@ -302,6 +304,7 @@ def test_reset_and_at(method: Any, compiled: bool) -> None:
     assert np.array_equal(loop.inputs["load.torque"], COMMANDS[1])
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_turn_of_a_loop_leaves_nothing_to_collect() -> None:
     loop = lm.Plan(satellite(), lm.RKMK(order=4), h=0.01, compiled=True).stepper(START)

@@ -103,7 +103,7 @@ def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: p
         assert same_bits(sparse.t, whole.t[rows])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("workers", [1, 2, 3, 8, 100])
 def test_threads_change_nothing(workers: int) -> None:

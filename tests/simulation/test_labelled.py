@@ -47,6 +47,7 @@ def test_a_frame_of_pandas():
     assert frame.index.names == ["t", "body"] and np.array_equal(frame.xs(2, level="body")["mu[1]"], many.mu[:, 2, 1])
 
 
+@pytest.mark.slow
 def test_fictive_times_go_along():
     pytest.importorskip("xarray")
     pytest.importorskip("pandas")

@@ -95,7 +95,7 @@ def test_a_run_its_parts_and_a_stepper(compiled: bool, tmp_path: Path) -> None:
         assert np.array_equal(stepper.mu, exact[n])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @WORLDS
 def test_an_ensemble_with_and_without_a_rest(compiled: bool) -> None:
     exact = np.stack([by_hand(BODY.state(mu=mu), STEPS) for mu in MANY.mu], axis=1)
@@ -241,6 +241,7 @@ def crossing(t: float, state: Any) -> Any:
 crossing.terminal = True  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_tangents_and_times_and_events() -> None:
     runs = []
     for compiled in (False, True):

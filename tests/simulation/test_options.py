@@ -44,6 +44,7 @@ def test_a_plan_keeps_its_options() -> None:
     assert plan.replace(every=1).options.every == 1
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_bodies_in_fictive_time_meet_events_side_by_side() -> None:
     """Each as it does alone, in plain Python."""

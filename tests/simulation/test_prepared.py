@@ -94,6 +94,7 @@ def test_times_between_adaptive_steps(end: float) -> None:
     np.testing.assert_array_equal(plan.resume(found, t_end=1.5 * end).mu, plain.resume(expected, t_end=1.5 * end).mu)
 
 
+@pytest.mark.slow
 def test_starts_of_one_plan_in_fictive_time() -> None:
     method = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
     plan = lm.Plan(KEPLER, method, 0.05, compiled=True)

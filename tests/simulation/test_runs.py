@@ -138,7 +138,7 @@ def body_of(run: lm.Trajectory, i: int) -> tuple[np.ndarray, dict[str, np.ndarra
 # ---------------------------------------------------------------- worlds, lanes, workers
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @over(*ALL, *BACK)
 @BODIES

@@ -125,7 +125,7 @@ class Equator:
         return state.mu[0]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @WORLDS
 def test_the_count_of_an_event_goes_on(compiled: bool) -> None:
     """Two zeros of three were met before the run is stepped by hand."""
@@ -259,6 +259,7 @@ def test_threads_may_share_it() -> None:
     stands(stepper, run, 2000)
 
 
+@pytest.mark.slow
 def test_what_is_no_step_of_this_plan_is_refused() -> None:
     plan, start = plan_of("explicit", False)
     stepper = plan.stepper(start)

@@ -64,6 +64,7 @@ def test_one_body(times: list[float] | None, monkeypatch: pytest.MonkeyPatch) ->
         assert (native.steps, native.rejected) == (plain.steps, plain.rejected)
 
 
+@pytest.mark.slow
 def test_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run, "LONGEST", 8)
     python = noted(monkeypatch)

@@ -65,6 +65,7 @@ def rows_in_notebook(shown: object) -> tuple[str, list[list[str]]]:
     return about.text or "", [[cell.text or "" for cell in row] for row in table]
 
 
+@pytest.mark.slow
 def test_runs_and_reports_are_tables_in_notebooks() -> None:
     run = lm.integrate(BODY, lm.RKMK(order=4), START, h=0.1, steps=50)
     about, (_, t, mu, g) = rows_in_notebook(run)
@@ -95,6 +96,7 @@ def test_names_with_every_sign_in_tables() -> None:
     assert about.text == HARD and [cell.text for row in shown for cell in row] == [HARD, HARD]
 
 
+@pytest.mark.slow
 def test_orders_are_measured(tmp_path: Path) -> None:
     """Against the exact body, and against a reference where there is none."""
     methods = {"two": lm.RKMK(order=2), "four_4": lm.RKMK(order=4)}
@@ -139,6 +141,7 @@ def test_the_order_is_told_above_the_floor_of_rounding() -> None:
     assert order_of(h, np.zeros(4)) is None
 
 
+@pytest.mark.slow
 def test_labels_of_pgf_pictures_survive_latex(tmp_path: Path) -> None:
     """Without LaTeX: no bare _ or #, no command of Matplotlib's own preamble, balanced braces."""
     pytest.importorskip("matplotlib")

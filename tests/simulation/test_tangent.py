@@ -167,6 +167,7 @@ def test_what_has_no_tangent_map() -> None:
         plan.tangent(START, steps=2, by="mass")
 
 
+@pytest.mark.slow
 def test_poisson_integrators_keep_the_bracket_and_rattle_the_two_form() -> None:
     """D B(y) D^T = B(y') for a splitting and symplectic Euler on Lotka and Volterra's species; on
     the sphere v D^T J D w = v J w for directions v, w along the constraints.
@@ -235,7 +236,7 @@ class Spring(lm.Force):
         return lm.vec(self.torque(t), 0.0, 0.0)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, None])
 def test_a_step_that_fails_ends_the_run_and_its_map(compiled):
     times = np.linspace(0.0, 1.0, 11)

@@ -35,7 +35,7 @@ def slopes(function: Callable[[Any], Any], x: Any, h: float = 1e-2) -> np.ndarra
     ).T
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, slow(True)], ids=["plain", "compiled"])
 @pytest.mark.parametrize(
     "method",
@@ -79,6 +79,7 @@ def test_ensembles_have_the_tangent_maps_of_their_bodies(how: dict[str, Any]) ->
             assert np.array_equal(runs.tangent[name][: len(D), i], D)
 
 
+@pytest.mark.slow
 def test_adaptive_steps_are_differentiated_as_they_were_taken() -> None:
     """Steps that all have the largest length are fixed ones; others lead to the derivative
     of the flow, to the order of the method; a jump of the torque is met between two steps.
@@ -161,6 +162,7 @@ def test_steps_in_fictive_time(system: Any, method: Any) -> None:
         assert np.abs(by - found).max() < 1e-11
 
 
+@pytest.mark.slow
 def test_a_controlled_body_with_an_attitude() -> None:
     top = lm.models.HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 1.0])
     method = lm.ReversibleController(lm.LieVerlet(), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))

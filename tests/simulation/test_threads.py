@@ -266,6 +266,7 @@ def test_runs_in_threads_have_the_bits_of_runs_alone(name: str) -> None:
                 np.testing.assert_array_equal(x, y)
 
 
+@pytest.mark.slow
 def test_two_calls_at_once_have_two_scratch_memories() -> None:
     system, starts = spins(100)
     plan = lm.Plan(system, lm.RKMK(order=4), h=0.05, compiled=True, progress=False)

@@ -52,7 +52,7 @@ def test_no_zero_of_a_steady_spin_is_missed(method: Any, tolerance: float, compi
     require_zeros(plan.run(STEADY, t_end=10.0).events[0][0], 10.0, 10.0, 10.0 * tolerance + 1e-12)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @WORLDS
 @pytest.mark.parametrize("method", [lm.ExactFreeBody(), lm.ReversibleController(lm.ExactFreeBody(), lambda mu: 1.0)])
 def test_no_zero_is_missed_by_exact_steps(method: Any, compiled: bool) -> None:
@@ -85,7 +85,7 @@ def test_no_zero_is_missed_on_other_groups(group: Any, compiled: bool) -> None:
         require_zeros(run.events[0][0], 20.0, 5.0)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @WORLDS
 def test_no_body_of_an_ensemble_misses_a_zero(compiled: bool) -> None:
     rates = np.array([10.0, 0.1, 4.0])

@@ -37,7 +37,7 @@ def run(n: int = N, t_end: float = 1.0, t_eval: Any = None, **options: Any) -> A
     return adaptive(n, **options).run(spins(n).state(mu=directions(n)), t_end=t_end, t_eval=t_eval)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("t_end", [1.0, -1.0])
 def test_against_scipy(t_end: float) -> None:
@@ -50,6 +50,7 @@ def test_against_scipy(t_end: float) -> None:
     assert np.abs(np.linalg.norm(found.mu, axis=2) - 1.0).max() < 1e-14
 
 
+@pytest.mark.slow
 @native
 def test_order_of_the_steps() -> None:
     """The error goes with the tolerance, the number of steps with its fifth root."""
@@ -58,7 +59,7 @@ def test_order_of_the_steps() -> None:
     assert [len(one) for one in runs] == [2, 2]  # start and end
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [5, 8])
 def test_as_written_out(monkeypatch: pytest.MonkeyPatch, order: int) -> None:
     """The same steps as of one body, and the same way between them."""
@@ -173,6 +174,7 @@ def test_a_site_that_fails(compiled: Any) -> None:
     assert caught.value.trajectory.mu.shape == (1, n, 3)
 
 
+@pytest.mark.slow
 @native
 def test_a_site_whose_steps_fail_for_a_while() -> None:
     """A step that leaves the domain of a formula becomes shorter; natively, and with the same bits
@@ -210,6 +212,7 @@ def test_going_on(tmp_path: Path) -> None:
         lm.Plan(spins(), lm.RKMK(order=5), h=0.1).resume(first, steps=3)
 
 
+@pytest.mark.slow
 @native
 def test_times_of_fixed_steps() -> None:
     """Inside of a fixed step by a shorter one."""
@@ -234,6 +237,7 @@ def test_order_of_cost() -> None:
     assert found.steps < 20
 
 
+@pytest.mark.slow
 @native
 def test_dense_beside_times(tmp_path: Path) -> None:
     """`run.at` is on the way of each step, to the bits of `t_eval`, resumed, loaded and of members too."""

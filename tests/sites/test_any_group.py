@@ -107,7 +107,7 @@ def test_in_a_field(group: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert all(np.abs(x - y).max() < 1e-15 for x, y in zip(whole, sites))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("group", [lm.SO3(), lm.UnitQuaternions(), lm.VectorSpace(3), lm.SE3()], ids=repr)
 def test_kicks(group: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for order in (2, 6):

@@ -30,7 +30,7 @@ def moved(t: float, held: list[int], neighbours: Any) -> tuple[np.ndarray, np.nd
     return s, end.reshape(N, 3)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True])
 def test_sublattices_where_every_two_are_tied(compiled: bool) -> None:
     """Places that are filled by the last site of a colour are no partners."""
@@ -92,7 +92,7 @@ class AlongZ(lm.Term):
         return -strength * a.mu[2]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SublatticeSplitting()], ids=repr)
 def test_constants_may_change_between_runs(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Native code of a system that has run says what its formulas say now."""
@@ -181,7 +181,7 @@ def rubbing_ring(n: int, c: Any) -> tuple[Any, Any]:
     return system, system.state(mu=np.resize([1.0, -1.0], (n, 1)), g=np.zeros((n, 1)))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.KickDrift(), lm.LieVerlet()], ids=repr)
 def test_friction_between_more_sites_than_are_written_out(method: Any) -> None:
     """xi' = -4 c xi in this mode: a half kick at the start has the factor 1 - 2 c h, one at the end 1/(1 + 2 c h)."""
@@ -195,7 +195,7 @@ def test_friction_between_more_sites_than_are_written_out(method: Any) -> None:
     assert np.array_equal(run.mu[:, 1::2], -run.mu[:, ::2])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True])
 def test_a_site_that_others_rub_too_strongly_is_refused(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each site is slowed by 2 c, whatever the others do: c h is 1.5 with c = 15, and 0.9 with c = 9."""

@@ -327,7 +327,7 @@ class Pulsed(lm.Term):
         return -self.pulse(t) * lm.dot(self.B, a.mu)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("method", [lm.RKMK(order=2), lm.SublatticeSplitting(), lm.CommutatorFree(order=2)], ids=repr)
 def test_steps_that_are_cut(method: Any, compiled: bool) -> None:
@@ -483,7 +483,7 @@ def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(found - components.ravel() @ whole[9:]).max() < 1e-13
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True], ids=["momenta", "elements"])
 @pytest.mark.parametrize(
     "method",

@@ -78,7 +78,7 @@ class Pushed(lm.BondSplitting):
 KEEPS = ("total momentum",)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "law"),
     [(Pushed(), "total momentum"), (Claiming(), "Poisson"), (Leaking(), f"Casimir {N}"), (Late(), "symmetric")],
@@ -168,7 +168,7 @@ class Uneven(Spring):
         return force, -1.001 * force
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("term", "law"), [(Spring, ""), (Pushing, "force"), (Uneven, "ends")])
 def test_faults_of_terms_are_seen(term: Any, law: str) -> None:
     """Of the forces on each end, and of those on both that runs of many sites ask for."""

@@ -66,7 +66,7 @@ def reference() -> np.ndarray:
     return solve_ivp(rate, (0.0, 2.0), start().ravel(), "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", [lm.SublatticeSplitting(), lm.SublatticeSplitting(order=4), lm.BondSplitting(order=4)], ids=repr
 )

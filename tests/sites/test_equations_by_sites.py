@@ -77,7 +77,7 @@ def test_bits_of_one_lane() -> None:
     assert np.array_equal(one, plain)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_order(method: Any) -> None:
@@ -91,7 +91,7 @@ def test_order(method: Any) -> None:
     assert abs(np.log2(errors[0] / errors[1]) - method.order) < 0.1
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_the_structure_is_kept(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two spins by sites; the plain midpoint, which claims nothing, misses it."""

@@ -44,7 +44,7 @@ def zero() -> float:
     return float(brentq(level, 7.0, 9.0, xtol=1e-13))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize(
     ("how", "span", "close"), [({"rtol": 1e-9}, {"t_end": 9.0}, 1e-7), ({"h": 0.05, "every": 60}, {"steps": 180}, 1e-6)]
@@ -124,7 +124,7 @@ class Field(lm.Hamiltonian):
         return -50.0 * mu[2]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("other", [0.6, 0.75])
 def test_a_zero_where_a_step_ends_hides_no_other(other: float) -> None:
     """Steps of a quarter, which are exact: the next zero is inside of the next step, or at its end."""
@@ -136,7 +136,7 @@ def test_a_zero_where_a_step_ends_hides_no_other(other: float) -> None:
     assert run.events[0][0] == pytest.approx([0.5, other], abs=1e-12)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_zero_just_after_the_end_of_a_step_is_no_start(compiled: bool) -> None:
@@ -149,6 +149,7 @@ def test_a_zero_just_after_the_end_of_a_step_is_no_start(compiled: bool) -> None
     assert run.events[0][0] == pytest.approx([0.5], abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="totals of many sites are looked at where steps end alone")
 def test_no_zero_of_a_total_is_missed_in_long_steps() -> None:
     """20 spins that turn together, of which the total has 31 zeros in 2."""

@@ -31,7 +31,7 @@ def pulls(m: np.ndarray, q: np.ndarray) -> np.ndarray:
     return np.asarray(1.3 * m[:, None] * np.einsum("j,ijk->ik", m, apart / cubes[..., None]))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_leapfrog_is_the_one_written_in_numpy(dimension: int) -> None:
     system, start = cloud(40, dimension)
@@ -72,6 +72,7 @@ def test_by_sites_is_as_written_out(method: Any, monkeypatch: pytest.MonkeyPatch
     assert np.abs(a.q - b.q).max() < 1e-13 and np.abs(a.energy - b.energy).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_runs_have_the_bits_of_plain_python_and_go_on(tmp_path: Path) -> None:
     system, start = cloud(9)
     plan = lm.Plan(system, lm.Splitting(order=4), h=0.02)
@@ -212,6 +213,7 @@ def test_on_se3_it_is_the_same() -> None:
     assert np.abs(b[:, 3:].sum(axis=0)).max() < 1e-15
 
 
+@pytest.mark.slow
 def test_the_binary_asteroid_keeps_what_it_should() -> None:
     system, start = GravitatingBodies.asteroid_1999_kw4(tilt=0.05, libration=0.1)
     run = lm.integrate(system, lm.KickDrift(order=4), start, h=600.0, steps=600, every=20)

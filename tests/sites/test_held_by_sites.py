@@ -102,6 +102,7 @@ def test_a_load_leaves_them(
     assert np.abs(g - reference(1.0)).max() < error
 
 
+@pytest.mark.slow
 def test_what_is_held_is_said_anywhere() -> None:
     """In the load, or in both: those of all."""
     for held, of_load in (((), [0]), ([0], [0]), ([0], [5])):
@@ -112,8 +113,8 @@ def test_what_is_held_is_said_anywhere() -> None:
         assert np.abs(run.g[-1, 1] - run.g[0, 1]).max() > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.KickDrift(), lm.LieVerlet(), lm.GalerkinVariational(order=4)])
-@pytest.mark.sample(1)
 def test_pinned_sites_turn_where_they_are(method: Any) -> None:
     """A body on a pin, driven about its axis by a constant torque, omega = M t/J, beside others."""
     J = [0.6, 0.6, 0.9, 1.0, 1.0, 1.0]
@@ -175,6 +176,7 @@ def test_what_would_move_them_is_refused() -> None:
         lm.MechanicalSystem(bodies, lm.Terms(Tie().over(near.chain(2)), pinned=[0]))
 
 
+@pytest.mark.slow
 def test_momenta_that_are_coupled_move_no_held_site() -> None:
     @lm.record
     class Drag(lm.Term):

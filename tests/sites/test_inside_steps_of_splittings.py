@@ -47,7 +47,7 @@ def test_times_inside(monkeypatch: pytest.MonkeyPatch, method: Any, h: float) ->
         assert np.array_equal(run.g, found[0].g.reshape(run.g.shape))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_zeros(monkeypatch: pytest.MonkeyPatch, method: Any) -> None:
     """Those of the state of all sites, written out; the run goes on as one that looks for none."""

@@ -106,6 +106,7 @@ def start(n: int = N) -> np.ndarray:
     return mu / np.linalg.norm(mu, axis=1)[:, None]
 
 
+@pytest.mark.slow
 def test_one_bond_among_many_that_is_not_symmetric() -> None:
     """An antisymmetric one, beside DOP853; on edges without a direction it is refused."""
     D, mu = np.array([0.3, 0.2, 1.0]), start()

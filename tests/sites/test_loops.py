@@ -63,7 +63,7 @@ ON_BODIES = (
 )
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("method", ON_MOMENTA, ids=repr)
 def test_bits_of_momenta(method: Any) -> None:
@@ -79,7 +79,7 @@ SWEEPING = (
 )
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("method", SWEEPING, ids=repr)
 def test_bits_of_sweeps(method: Any) -> None:
@@ -96,7 +96,7 @@ def test_order_of_sweeps() -> None:
     assert 13.0 < ratio < 20.0
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("method", ON_BODIES, ids=repr)
 def test_bits_of_bodies(method: Any) -> None:
@@ -106,7 +106,7 @@ def test_bits_of_bodies(method: Any) -> None:
         assert np.array_equal(found, plain), lanes
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("n", [1, 2, 7, 33])
 def test_any_number_of_sites(n: int) -> None:
@@ -126,7 +126,7 @@ def test_sites_meet_all_others_once(count: int) -> None:
                 assert first == (i < j) and (i, not first) in met[j]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("n", [1, 8, 9, 16, 33])
 def test_pairs_taken_once_have_the_bits_of_those_taken_from_both_ends(n: int) -> None:

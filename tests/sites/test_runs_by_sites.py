@@ -54,6 +54,7 @@ def run(plan: Any) -> Any:
     return plan.run(plan.system.state(mu=directions()), steps=57)
 
 
+@pytest.mark.slow
 def test_samples(run: Any) -> None:
     assert run.mu.shape == (7, N, 3)
     assert np.allclose(run.t, [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 2.85], rtol=1e-15)
@@ -62,6 +63,7 @@ def test_samples(run: Any) -> None:
     assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
 
 
+@pytest.mark.slow
 @native
 def test_bits_of_plain_python(run: Any) -> None:
     plain = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=False)
@@ -71,6 +73,7 @@ def test_bits_of_plain_python(run: Any) -> None:
     assert np.array_equal(plain.mu, other.mu)
 
 
+@pytest.mark.slow
 def test_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """A system of so few numbers that all of them are written out."""
     n = 12
@@ -102,6 +105,7 @@ def test_checkpoint(plan: Any, run: Any, tmp_path: Path) -> None:
     assert np.array_equal(plan.resume(kept, steps=7).mu[-1], run.mu[-1])
 
 
+@pytest.mark.slow
 def test_quantities(run: Any) -> None:
     found = lm.integrate(
         spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=57, every=10,
@@ -130,6 +134,7 @@ def test_attitudes() -> None:
         assert np.ptp(found.energy) < 1e-2 * np.abs(found.energy[0])
 
 
+@pytest.mark.slow
 def test_order_of_kicks_and_drifts() -> None:
     system, start = chain(20)
     ends = [lm.integrate(system, lm.KickDrift(), start, h=0.4 / n, steps=n, every=n).mu[-1] for n in (4, 8, 64)]
@@ -236,6 +241,7 @@ def test_many_sites() -> None:
     assert np.abs(np.linalg.norm(found.mu[-1], axis=1) - 1.0).max() < 1e-14
 
 
+@pytest.mark.slow
 @native
 def test_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("liemech.compiler.sites.site_calls.SHARE", 2**11)

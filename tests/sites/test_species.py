@@ -191,7 +191,7 @@ def test_by_sites_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     }  # fmt: skip
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("graph", [lm.neighbours.all_pairs(), lm.neighbours.within(2.0)], ids=repr)
 @pytest.mark.parametrize("method", [lm.KickDrift(), lm.LieVerlet(), lm.RKMK(order=2)], ids=repr)
 def test_fields_as_written_out(graph: Any, method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -260,6 +260,7 @@ def test_one_site_of_a_species(n: int, m: int, monkeypatch: pytest.MonkeyPatch) 
     assert np.ptp(run.energy) < 1e-4
 
 
+@pytest.mark.slow
 def test_driven_and_loads(monkeypatch: pytest.MonkeyPatch) -> None:
     @lm.record
     class Pulse(lm.Term):
@@ -303,6 +304,7 @@ def test_splittings_of_spins_take_one_species() -> None:
             lm.integrate(system, method, start, h=0.1, steps=1)
 
 
+@pytest.mark.slow
 def test_laws_of_the_group() -> None:
     group = lm.SO3() ** 2 * lm.VectorSpace(2) ** 1
     lm.check_group(group)

@@ -217,7 +217,7 @@ def pairs() -> Any:
     return spins(3, Exchange(1.0).over(ring), Biquadratic(0.3).over(ring), EasyAxis(0.5, AXIS))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4, 6, 8])
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting, lm.BondSplitting])
 def test_errors_fall_with_the_order(method: Any, order: int) -> None:
@@ -233,6 +233,7 @@ def test_errors_fall_with_the_order(method: Any, order: int) -> None:
     assert abs(slope([1.5 / n for n in counts], errors) - order) < (0.15 if order < 6 else 0.6)
 
 
+@pytest.mark.slow
 def test_the_energy_and_every_length_are_kept_to_rounding() -> None:
     lattice = near.cubic(3, 4, 5)
     system = spins(60, Exchange(1.0).over(lattice), Zeeman(FIELD))
@@ -368,7 +369,7 @@ def test_waves_have_the_frequencies_of_the_closed_form() -> None:
 # ------------------------------------------------------------------ one bit for all
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "compensated", "attitudes"), [(2, True, True), (4, None, False)])
 def test_loops_have_the_bits_of_what_is_written_out(
     order: int, compensated: Any, attitudes: bool, monkeypatch: pytest.MonkeyPatch
@@ -397,6 +398,7 @@ def test_loops_have_the_bits_of_what_is_written_out(
         assert not attitudes or np.array_equal(other.g[-1], found.g[-1])
 
 
+@pytest.mark.slow
 def test_samples_do_not_move_what_is_sampled() -> None:
     system = spins(20, Exchange(lm.each(np.linspace(0.5, 1.5, 19))).over(near.chain(20)))
     start = system.state(mu=directions(20))
@@ -528,6 +530,7 @@ def test_bonds_by_sites_have_the_bits_of_what_is_written_out(
         assert not attitudes or np.array_equal(run.g[-1], ends[0].g[-1])
 
 
+@pytest.mark.slow
 def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
     lattice = near.cubic(6, 5, 4)
     system = spins(lattice.sites, Exchange(1.0).over(lattice), Biquadratic(0.3).over(lattice))

@@ -27,8 +27,8 @@ def differences(plan: Any, first: Any, v: np.ndarray, steps: int) -> np.ndarray:
     return found
 
 
+@pytest.mark.slow
 @native
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=4), lm.SphericalMidpoint(), lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr
 )
@@ -50,6 +50,7 @@ def test_products_of_many_sites(method: Any) -> None:
     assert abs(back @ v.ravel() - product[-1] @ w.ravel()) < 1e-12
 
 
+@pytest.mark.slow
 def test_plain_python_has_the_map_that_is_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     n = 3
     plan = lm.Plan(spins(n), lm.RKMK(order=2), h=H, compiled=False)
@@ -93,6 +94,7 @@ def test_what_is_no_direction_is_refused() -> None:
         plan.tangent(start(10), steps=1, along=np.full(30, np.nan))
 
 
+@pytest.mark.slow
 @native
 def test_members() -> None:
     """One after the other; what has no map by sites is told by name."""

@@ -78,8 +78,8 @@ def same(a: Any, b: Any) -> None:
             assert np.array_equal(getattr(a, name), getattr(b, name)), name
 
 
+@pytest.mark.slow
 @native
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", CASES)
 def test_bits_of_plain_python(only_sites: None, case: str) -> None:
     """With fixed steps, whatever sites ask of each other."""
@@ -105,6 +105,7 @@ def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
         assert a is None or np.abs(a - b).max() < 1e-13
 
 
+@pytest.mark.slow
 @native
 def test_order_against_scipy() -> None:
     n, t = 60, 1.0
@@ -154,6 +155,7 @@ def test_adaptive_bits(only_sites: None, monkeypatch: pytest.MonkeyPatch) -> Non
     assert np.abs(back.mu[-1] - directions(n)).max() < 1e-5
 
 
+@pytest.mark.slow
 @native
 def test_events_and_going_on() -> None:
     n = 60

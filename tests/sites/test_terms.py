@@ -314,6 +314,7 @@ def test_pairs_within_a_cutoff_are_those_of_numpy() -> None:
         assert np.isclose(force[i, k], -slope / (2.0 * h), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_lists_of_neighbours_leave_the_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     from liemech.rooms.sites.runs import lists as sites_lists
 
@@ -432,6 +433,7 @@ def test_loads_are_sums_of_forces() -> None:
         system.state(mu=np.ones((2, 3)), g=g)
 
 
+@pytest.mark.slow
 def test_water_attracts_as_its_authors_say() -> None:
     """The dimer of SPC has its least energy, -6.59 kcal/mol, at 2.75 A between the oxygens.
 

@@ -36,6 +36,7 @@ def test_as_written_out(method: Any, periodic: bool, monkeypatch: pytest.MonkeyP
     assert np.array_equal(found[0], found[2])
 
 
+@pytest.mark.slow
 @native
 def test_a_long_lattice_keeps_its_spectrum(tmp_path: Path) -> None:
     n = 500

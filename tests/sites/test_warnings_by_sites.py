@@ -133,6 +133,7 @@ def test_members_are_told_once() -> None:
     assert len(told) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [4, 6])
 @pytest.mark.parametrize("kind", ["fixed", "colours", "adaptive"])
 def test_no_samples(n: int, kind: str, tmp_path: Path) -> None:
@@ -162,6 +163,7 @@ def test_no_samples_of_links(n: int) -> None:
         run.drift()
 
 
+@pytest.mark.slow
 def test_the_first_kind_serves_few_sites_alone() -> None:
     """Its equation is that of all sites: few are written out, beside DOP853; of more it is refused."""
     system, start = spins(5)

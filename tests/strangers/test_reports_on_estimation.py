@@ -97,6 +97,7 @@ def test_an_unknown_bias_makes_places_uncertain_by_the_square_of_time() -> None:
     assert np.isclose(np.sort(variances)[-4], b * b * t**2, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FILTERS)
 def test_a_device_that_measures_no_force_falls(kind: Any) -> None:
     """borglab/gtsam#143: is gravity in it?  A force of zero means z = -g t^2/2, v = -g t."""
@@ -168,6 +169,7 @@ def test_an_uncertain_heading_stays_about_the_vertical_of_space() -> None:
     assert np.isclose(belief.nees(truth), 0.36, rtol=1e-9) and np.isclose(seen.nees(truth), 0.36, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_bias_of_a_gyroscope_is_what_it_shows_at_rest() -> None:
     """ArduPilot/ardupilot#5691: the bias that was reported had the opposite sign."""
     process = es.BiasedGyroscope([1e-4] * 3, [1e-9] * 3)

@@ -73,7 +73,7 @@ def test_the_first_of_two_events_in_one_step_ends_the_run() -> None:
         assert not len(run.events[1 - number][0])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 3, 50])
 def test_a_ball_does_not_fall_through_the_floor(steps: int) -> None:
     """SciML/DifferentialEquations.jl#353 and #138, SciML/DiffEqBase.jl#266: after some bounces a zero is missed.  With a

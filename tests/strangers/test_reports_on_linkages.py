@@ -34,6 +34,7 @@ def swinging(length: float, angle: float, gravity: float = 9.8) -> float:
     return 4.0 * np.sqrt(length / gravity) * ellipk(np.sin(angle / 2.0) ** 2)
 
 
+@pytest.mark.slow
 def test_the_frame_of_an_inertia_in_a_file_may_be_turned() -> None:
     """google-deepmind/mujoco#3559, dartsim/dart#47: the rotation of the inertial frame was lost.
     diag(1, 2, 2.5) in a frame turned by 90 degrees about z resists a torque about x by 2 kg m^2.
@@ -58,7 +59,7 @@ def test_a_link_welded_on_weighs_about_the_hinge_as_steiner_says() -> None:
     assert np.isclose(motion.angle[-1], 0.8, rtol=0.0, atol=1e-6) and abs(motion.angle[40] + 0.8) < 1e-6
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [1e-7, 1.0, 1e7])
 def test_a_light_link_swings_as_a_heavy_one(mass: float) -> None:
     """gazebosim/sdformat#199: a link of 1e-6 kg was left out without a word."""
@@ -91,7 +92,7 @@ class Servo(lm.joints.JointForce):
         return self.target
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [45.0, 90.0, 135.0, 179.0, -100.0])
 def test_a_servo_reaches_its_angle(degrees: float) -> None:
     """dimforge/rapier#378: targets at and beyond 90 degrees were missed, or turned for ever."""
@@ -173,6 +174,7 @@ def test_a_joint_at_its_stop_leaves_another_body_alone() -> None:
     assert -0.7 < block.min() < -0.5 and 0.5 < block.max() < 0.7
 
 
+@pytest.mark.slow
 def test_gravity_points_down_in_space_however_a_mount_is_turned() -> None:
     """tud-phi/soromox#209: gravity was turned with the mount of the robot.  A hinge whose axis leans by 60 degrees swings
     with g cos 60.

@@ -95,6 +95,7 @@ def test_the_noise_of_many_seeds_is_spread_as_that_of_many_paths() -> None:
     assert abs(ends.var() - 1.0) < BOUND * np.sqrt(2.0 / 300)
 
 
+@pytest.mark.slow
 def test_a_run_with_steps_of_another_length_takes_another_seed() -> None:
     """espressomd/espresso#3840: counters by time / time_step repeated the noise when the step or the time was set anew.
     Noise here is counted by the steps of a run, so that a plan does not go on with another step, and says why.
@@ -138,6 +139,7 @@ def test_members_of_an_ensemble_have_noise_of_their_own_wherever_they_run() -> N
     assert np.abs(np.subtract.outer(ends, ends))[~np.eye(12, dtype=bool)].min() > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.25, 1.0])
 def test_the_temperature_does_not_depend_on_the_damping(damping: float) -> None:
     """MolarVerse/PQ#273: the amplitude of the noise stayed where it was when the friction was changed."""
@@ -148,6 +150,7 @@ def test_the_temperature_does_not_depend_on_the_damping(damping: float) -> None:
     assert_mean(run.mu[-1, :, 2], langevin(1.0 / 0.8))
 
 
+@pytest.mark.slow
 def test_a_bath_begun_again_in_pieces_is_the_bath_in_one() -> None:
     """espressomd/espresso#3341, AMReX-Microelectronics/artemis#84: a start anew heated or cooled for a step."""
     bath = lm.thermal_bath(spin(Zeeman(1.0)), damping=0.3, temperature=0.8, seed=9)

@@ -284,7 +284,7 @@ def test_motion_between_samples_does_not_depend_on_the_frame() -> None:
 # ------------------------------------------------------------------ bodies and robots
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 26.0])
 def test_a_body_welded_to_a_light_one_turns_as_one_body(ratio: float) -> None:
     """google-deepmind/mujoco#3553: a free body whose inertia sat on a fixed child blew up after 4294 steps. Its angular
@@ -310,7 +310,7 @@ def hinged(axis: str, more: str = "", inertial: str = "") -> str:
     <joint name="hinge" type="continuous"><parent link="wall"/><child link="arm"/>{more}<axis xyz="{axis}"/></joint></robot>"""
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", ["0.638404 -0.769701 0.0", "0 1.5 0", "3 4 0", "0 -1e-3 0"])
 def test_an_axis_of_any_direction_and_length(axis: str) -> None:
     """petercorke/robotics-toolbox-python#441, ros/kdl_parser#31: axes that are no coordinate axes were turned onto one. A
@@ -353,7 +353,7 @@ def test_a_plane_is_that_of_its_axis(normal: Any) -> None:
     assert np.allclose(place, 0.125 * (pull - (pull @ n) * n), rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio, offset", [(-1.0, 0.0), (0.5, 0.02), (2.0, -0.01)])
 def test_a_joint_that_mimics_has_ratio_and_offset(ratio: float, offset: float) -> None:
     """google-deepmind/mujoco#3527, stack-of-tasks/pinocchio#2753, clemense/yourdfpy#1: mimic was dropped without a word, or
@@ -420,6 +420,7 @@ def test_a_device_that_accelerates_moves() -> None:
         assert np.allclose(sorted(map(tuple, columns)), sorted(map(tuple, wanted)), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_covariance_of_the_inverse_of_a_pose() -> None:
     """colmap/colmap#3155, microsoft/lamar-benchmark#84, artivis/manif#154: it was carried over by the adjoint of the wrong
     pose. x = m exp(e): x^-1 = exp(-e) m^-1, so that an error on the left of m is one on the right of its inverse.

@@ -148,6 +148,7 @@ def test_pairs_of_one_kind_given_twice_add_up() -> None:
     assert np.allclose(run.mu[-1], reference(slope, mu, 2.0), rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_second_run_of_one_plan_begins_as_the_first() -> None:
     """lammps/lammps#2817: counters were not set back between two runs."""
     system = spins(9, Exchange(1.0).over(lm.neighbours.square(3, 3)), Zeeman([0.0, 0.0, 1.0]))
@@ -158,6 +159,7 @@ def test_a_second_run_of_one_plan_begins_as_the_first() -> None:
     assert np.array_equal(plan.run(start, steps=7).mu, plan.run(start, steps=7).mu)
 
 
+@pytest.mark.slow
 def test_workers_come_to_an_end_where_many_spins_are_held() -> None:
     """lammps/lammps#4903: threads hung when some atoms did not take part."""
     n = 2**15
@@ -173,7 +175,7 @@ def test_workers_come_to_an_end_where_many_spins_are_held() -> None:
     assert (ends[0][1::3] != mu[1::3]).any(axis=1).all()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("laps", [0.0, 7.0])
 def test_a_pair_that_crosses_its_box_again_and_again_moves_as_in_open_space(laps: float) -> None:
     """lammps/lammps#1577: a molecule exploded when it crossed the border of the box for the second time.
@@ -204,7 +206,7 @@ def test_a_mass_of_zero_is_named() -> None:
         masses(2, Spring(1.0).over(lm.neighbours.chain(2)), mass=0.0)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_backward_steps_lead_back(order: int) -> None:
     """ben-cassese/jorbit#85, adrn/gala#255: steps backwards went forwards."""
@@ -217,7 +219,7 @@ def test_backward_steps_lead_back(order: int) -> None:
     assert np.allclose(back.g[-1], start.g, rtol=0.0, atol=1e-12) and back.t[-1] == pytest.approx(-0.5)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 1e-15])
 def test_bodies_with_tiny_moments_of_inertia_turn(scale: float) -> None:
     """lammps/lammps#1657, #2105: moments below 1e-6 counted as zero, and the attitude stayed.
@@ -255,6 +257,7 @@ def test_molecules_keep_their_total_angular_momentum() -> None:
     assert np.abs(momenta - momenta[0]).max() < 1e-12 * np.abs(momenta).max()
 
 
+@pytest.mark.slow
 def test_motion_in_a_plane_stays_in_it_exactly() -> None:
     """lammps/lammps#2459: bodies of a plane drifted out of it."""
     free = lm.LiePoissonSystem(lm.VectorSpace(3) ** 7, lm.PerSite(lm.KineticEnergy([1.0] * 3)))
@@ -272,6 +275,7 @@ class Coulomb(lm.Term):
         return a.q * b.q / lm.formulas.sqrt(lm.dot(d, d))
 
 
+@pytest.mark.slow
 def test_an_antisymmetric_exchange_that_fades_along_a_ring() -> None:
     """fidimag#155: an antisymmetric exchange that varies in space was not taken.  Here it is some bonds of 200."""
 
@@ -297,6 +301,7 @@ def test_an_antisymmetric_exchange_that_fades_along_a_ring() -> None:
     assert np.allclose(run.mu[-1], reference(slope, mu, 0.4), rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_antisymmetric_bond_between_one_pair_of_atoms() -> None:
     """tsdev/spinw#28: one pair has a known D; (a, b) with D is (b, a) with -D."""
     D, mu, ends = np.array([0.3, -0.2, 0.9]), directions(8, 5), []
@@ -317,6 +322,7 @@ def test_spins_of_different_size() -> None:
         assert np.allclose(run.mu[-1, k : k + 2], mu[k : k + 2] @ turn.T, rtol=0.0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_charges_of_other_signs_attract() -> None:
     """espressomd/espresso#870: opposite charges repelled each other; Mjolnir#13: and one without a charge goes
     straight on, among all pairs.

@@ -185,6 +185,7 @@ def test_the_motion_in_new_variables_leads_where_the_old_one_does(name: str) -> 
     assert slopes[0] == pytest.approx(2.0, abs=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_gives_the_same_bits() -> None:
     system = Turning(0.7).system(KEPLER)

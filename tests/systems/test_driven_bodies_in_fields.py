@@ -219,6 +219,7 @@ def test_ensembles_know_the_time() -> None:
         assert np.array_equal(kept.states["power"][:, 1], power)
 
 
+@pytest.mark.slow
 def test_checks_and_refusals() -> None:
     assert lm.check_system(system(), START)
     with pytest.raises(InvalidInput, match="give mu; the momentum of a velocity is another one"):

@@ -149,7 +149,7 @@ def test_order_two_against_the_reference(method: lm.Method, scene: Any, numbers_
         assert slope([2.0 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @BOTH
 @EVERYWHERE
 def test_order_two_of_momentum_and_configuration(method: LieVerlet, scene: Any) -> None:

@@ -242,7 +242,7 @@ def momentum_at_the_end() -> np.ndarray:
     return mu
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method",
     [
@@ -271,6 +271,7 @@ def test_methods_keep_their_order_and_symmetry_where_inputs_jump_inside_of_steps
     assert (np.abs(slopes - method.order) < 0.25).all() or errors[-1] < 1e-12
 
 
+@pytest.mark.slow
 def test_controlled_steps_are_cut_where_inputs_jump_too():
     held = lm.PiecewisePolynomial(SWITCHED.knots, SWITCHED._terms(), "hold")
     system, wanted, errors = turned(held), momentum_at_the_end(), []
@@ -355,6 +356,7 @@ def test_a_plan_goes_on_across_breaks_bit_for_bit(tmp_path: Path):
     assert np.array_equal(loaded.at(at).mu, whole.at(at).mu)
 
 
+@pytest.mark.slow
 def test_the_tangent_of_a_run_across_jumps_is_its_derivative():
     system = turned(SWITCHED)
     plan = lm.Plan(system, lm.LieVerlet(), h=0.1, compiled=False)
@@ -486,7 +488,7 @@ class Pushed(lm.DrivenHamiltonianSystem):
         return 0.5 * p[0] ** 2 + 0.5 * q[0] ** 2 - self.push(t) * q[0]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("until", [3.0, 0.25])
 @pytest.mark.filterwarnings("ignore:integrate. 5 of 5")
 def test_implicit_methods_of_ensembles_see_where_a_table_ends(until):

@@ -101,7 +101,7 @@ def test_table_of_equal_steps() -> None:
 # ellipses
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("e", [0.99, 0.999])
 def test_steps_for_each_revolution_do_not_grow_with_the_eccentricity(e: float) -> None:

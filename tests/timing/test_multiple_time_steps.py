@@ -278,6 +278,7 @@ def test_one_step_of_each_field_is_strangs_splitting() -> None:
     assert np.abs(runs[0].y - runs[1].y).max() < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_of_fields_gives_the_same_bits() -> None:
     system, method = FIELDS["a method for the slow part"]

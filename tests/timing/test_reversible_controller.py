@@ -319,7 +319,7 @@ DRIVEN = [
 ]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "start", "method", "sigma"), DRIVEN)
 def test_on_driven_systems(system: Any, start: Any, method: lm.Method, sigma: Any) -> None:
     """Of its order at a physical time, from a time that is not zero; the scale of a sample is that

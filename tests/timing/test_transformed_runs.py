@@ -92,6 +92,7 @@ def test_a_run_may_be_pickled() -> None:
     assert np.array_equal(again.at(1.7).q, whole.at(1.7).q) and repr(again) == repr(whole)
 
 
+@pytest.mark.slow
 def test_a_time_that_is_never_reached() -> None:
     """Towards the collision of a straight fall equal steps in tau take less and less time."""
     fall = KEPLER.state(q=[1.0, 0.0], p=[0.0, 0.0])

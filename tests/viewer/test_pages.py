@@ -211,6 +211,7 @@ def test_adaptive_steps_move_by_their_dense_output() -> None:
     assert (steps.t == run.t).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_trail_of_a_comet_is_its_ellipse(sign: float) -> None:
     """Steps in fictive time are short near the sun: chords of the trail stay as close to the conic
