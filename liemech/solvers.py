@@ -10,7 +10,8 @@ from typing import Any
 
 from .errors import NoConvergence
 from .formulas import Mat, Record, Vec, cross, dot, jacobian, mat, record, solve, solve3, sqrt, sum, vec, where
-from .formulas.classes.pytree import double_double, layout_of, moving_as, rounded
+from .formulas.classes.layouts import layout_of
+from .formulas.numbers.conversions import double_double, moving_as, rounded
 from .formulas.numbers.double_double import is_long
 from .formulas.numbers.dual import constant, value_of
 from .formulas.numbers.sizes import EPSILON
@@ -307,7 +308,7 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5
     (the error is iterated away).
     """
-    words = 2 if layout_of(guess).long else 1
+    words = 2 if layout_of(guess).has_double_doubles else 1
     epsilon, noise = EPSILON**words, NOISE**words
 
     def told(unknown: Any) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Vec, record, vec
-from ..formulas.classes.pytree import with_fields
+from ..formulas.classes.records import with_fields
 from ..rooms.noise.stochastic import Stochastic
 from ..rooms.noise.stochastic_steps import NoisySteps
 from ..simulation.integrate import integrate

@@ -28,8 +28,10 @@ import numpy as np
 
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
 from ..formulas.calls.batches import MEMBERSHIP, Batch, row_of
+from ..formulas.classes.flattening import leaves
 from ..formulas.classes.frozen import frozen
-from ..formulas.classes.pytree import NUMBER, Layout, is_any_number, layout_of, leaves, vector_layout
+from ..formulas.classes.layouts import NUMBER, Layout, layout_of, vector_layout
+from ..formulas.numbers.bases import is_any_number
 from ..formulas.numbers.complex_numbers import Complex
 from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec

@@ -7,7 +7,8 @@ from typing import Any
 from llvmlite import ir
 
 from ..errors import NotCompilable
-from ..formulas.classes.pytree import Layout, build, carried_layout, fits, leaves
+from ..formulas.classes.flattening import build, leaves
+from ..formulas.classes.layouts import Layout, carried_layout, fits
 from ..formulas.large import size_of
 from ..formulas.sites import TOGETHER
 from .driver import refusal

@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from ..formulas.classes.pytree import Layout, build, carried_layout, difference, fits, is_any_number, layout_of, leaves
+from ..formulas.classes.flattening import build, leaves
+from ..formulas.classes.layouts import Layout, carried_layout, difference, fits, layout_of
 from ..formulas.large import sum_of
+from ..formulas.numbers.bases import is_any_number
 from ..formulas.vectors import Vec
 
 
@@ -45,7 +47,7 @@ def read(buffer: np.ndarray, k: int, layout: Layout) -> Any:
     """Row number k of a buffer, whose rows have this layout."""
     array, start = buffer, k * layout.width
     numbers = array[start : start + layout.width].tolist()
-    if layout.exact:
+    if layout.has_integers:
         integers = array.view(np.int64)
         for i, kind in enumerate(layout.kinds):
             if kind in ("integer", "truth"):
@@ -59,10 +61,10 @@ def write(buffer: np.ndarray, k: int, value: Any, layout: Layout) -> None:
     """
     unchanged(value, layout)
     array, start = buffer, k * layout.width
-    if layout.in_memory and not layout.exact:
+    if layout.in_memory and not layout.has_integers:
         array[start : start + layout.width] = list(leaves(value, layout))
         return
-    integers = array.view(np.int64) if layout.exact else array
+    integers = array.view(np.int64) if layout.has_integers else array
     for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
         (integers if kind in ("integer", "truth") else array)[start + i] = x
 
@@ -74,7 +76,7 @@ def unchanged(value: Any, layout: Layout) -> None:
     actual = carried_layout(value)
     if not fits(actual, layout):
         raise InvalidType(refusal(actual, layout))
-    if layout.exact:
+    if layout.has_integers:
         for x, kind in zip(leaves(value, layout), layout.kinds, strict=True):
             if kind == "integer" and isinstance(x, int) and not -HUGE <= x < HUGE:
                 raise OverflowError(

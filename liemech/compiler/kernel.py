@@ -25,8 +25,9 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas.blas import on_one_thread
+from ..formulas.classes.flattening import gatherer
 from ..formulas.classes.frozen import frozen
-from ..formulas.classes.pytree import Layout, gatherer, layout_of
+from ..formulas.classes.layouts import Layout, layout_of
 from . import driver
 from .machine import guard_words, interrupts
 from .machine.gc_pause import gc_paused

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import of_numpy  # noqa: F401 (NumPy's functions become formulas)
 from .arrays import check_finite, real_array
-from .classes.pytree import plain
 from .classes.records import Record, record
 from .derivatives import derivative, gradient, jacobian
 from .elimination import determinant, inverse, solve, solve3
@@ -51,6 +50,7 @@ from .functions import (
     where,
 )
 from .numbers.complex_numbers import Complex
+from .numbers.conversions import plain
 from .numbers.dual import Dual, constant
 from .removable import (
     atan_over,

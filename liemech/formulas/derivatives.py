@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from .classes.pytree import fields_of, fill
-from .classes.records import Record
+from .classes.records import Record, fields_of, fill
 from .numbers.bases import InMemory, Pair, StandIn
 from .numbers.complex_numbers import Complex
 from .numbers.dual import ALONE, DEPTH, Dual, value_of

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from .classes.pytree import plain
 from .functions import where
 from .numbers.bases import InMemory
 from .numbers.complex_numbers import Complex
+from .numbers.conversions import plain
 from .numbers.double_double import DoubleDouble, is_long
 from .numbers.dual import constant
 from .sums import abs2

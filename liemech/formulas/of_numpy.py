@@ -21,10 +21,10 @@ import numpy as np
 from ..errors import InvalidType
 from . import functions
 from . import reductions as r
-from .classes.pytree import plain
 from .elimination import determinant, inverse, solve
 from .numbers.bases import OF_NUMPY, Operand
 from .numbers.complex_numbers import Complex
+from .numbers.conversions import plain
 from .reductions import larger, smaller
 from .vectors import Mat, Vec, are_samples, cross, outer, small, transpose
 

@@ -21,9 +21,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from .classes.pytree import as_others_see, build, carried_layout, leaves
+from .classes.flattening import build, leaves
+from .classes.layouts import carried_layout
 from .classes.records import Record, record
 from .functions import where
+from .numbers.conversions import as_others_see
 from .numbers.series_of_sites import SeriesMeeting, company, has_series
 from .tables import Table
 from .vectors import Vec

@@ -7,7 +7,9 @@ from typing import Any
 
 from ..errors import IncompatibleSystem
 from ..formulas import record, where
-from ..formulas.classes.pytree import fields_of, fitted, layout_of, with_fields
+from ..formulas.classes.layouts import layout_of
+from ..formulas.classes.records import fields_of, with_fields
+from ..formulas.numbers.conversions import fitted
 from ..formulas.tables import Table, entry
 from ..systems.in_time.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
 from .method import Method, Wrapping

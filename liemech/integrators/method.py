@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidType, undefined
 from ..formulas import Record, Vec, dot, record, sqrt, vec
-from ..formulas.classes.pytree import fields_of
+from ..formulas.classes.records import fields_of
 from ..formulas.numbers.bases import InMemory
 from ..formulas.sites import mean
 from ..groups.retractions import Retraction

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
 from ..formulas import Mat, Record, Vec, cross, derivative, mat, record, sin, vec
-from ..formulas.classes.pytree import with_fields
+from ..formulas.classes.records import with_fields
 from ..groups.rigid.se3 import join
 from ..systems.in_time.tabulated import PiecewisePolynomial
 from .joints import GROUND, FixedJoint, Joint, turned

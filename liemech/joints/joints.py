@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Record, Vec, atan2, cross, dot, mat, record, sqrt, transpose, vec
-from ..formulas.classes.pytree import with_fields
+from ..formulas.classes.records import with_fields
 from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import join
 from ..groups.rigid.so3 import SO3

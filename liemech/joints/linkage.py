@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec
 from ..formulas.calls.arguments import whole
-from ..formulas.classes.pytree import with_fields
+from ..formulas.classes.records import with_fields
 from ..formulas.vectors import small
 from ..groups.composed.product import ProductGroup
 from ..groups.lie_group import LieGroup

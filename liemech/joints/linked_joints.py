@@ -14,7 +14,9 @@ import numpy as np
 from ..compiler.numbers.square_blocks import wide
 from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.classes.derived import is_derived
-from ..formulas.classes.pytree import layout_of, leaves, with_fields
+from ..formulas.classes.flattening import leaves
+from ..formulas.classes.layouts import layout_of
+from ..formulas.classes.records import with_fields
 from ..formulas.classes.signatures import bare
 from ..formulas.sites import EIGHT, padded
 from ..formulas.tables import Table, of_whole

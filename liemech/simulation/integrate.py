@@ -8,7 +8,9 @@ from datetime import timedelta
 from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
-from ..formulas.classes.pytree import exact, layout_of, leaves
+from ..formulas.classes.exact_keys import exact_key
+from ..formulas.classes.flattening import leaves
+from ..formulas.classes.layouts import layout_of
 from ..formulas.classes.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System
@@ -129,7 +131,7 @@ def integrate(
     key: Any = None
     if isinstance(system, System) and isinstance(method, Method):
         layout = layout_of(method)
-        numbers = exact(tuple(leaves(method, layout))) if layout.width else ()
+        numbers = exact_key(tuple(leaves(method, layout))) if layout.width else ()
         key = (layout_of(system), layout, numbers, t_end is None, fixed, *map(type, options), *options)
     try:
         plan = _plans.get(key)

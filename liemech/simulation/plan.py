@@ -12,7 +12,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegrationInterrupted, InvalidInput, StepWarning, warn
-from ..formulas.classes.pytree import Layout, layout_of
+from ..formulas.classes.layouts import Layout, layout_of
 from ..formulas.classes.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System, member

@@ -16,7 +16,7 @@ from ..compiler.driver import attempt, reason
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, failure, is_mistake
 from ..formulas import Record
 from ..formulas.classes.frozen import frozen
-from ..formulas.classes.pytree import layout_of
+from ..formulas.classes.layouts import layout_of
 from ..formulas.vectors import small
 from ..systems.system import State
 from .between.dense import evaluated, flat, observe

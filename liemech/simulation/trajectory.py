@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Record
 from ..formulas.classes.frozen import frozen
-from ..formulas.classes.pytree import fields_of
+from ..formulas.classes.records import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.many.site_state import StateOfSites
 from ..systems.system import State, System, small_state

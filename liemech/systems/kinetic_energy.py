@@ -11,8 +11,9 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, dot, real_array, record, vectors
 from ..formulas.classes.fields import OfEach
+from ..formulas.classes.layouts import laid_out
 from ..formulas.classes.of_each import Each, each
-from ..formulas.classes.pytree import fields_of, fill, laid_out
+from ..formulas.classes.records import fields_of, fill
 from ..formulas.large import Large
 from ..formulas.vectors import small
 from .hamiltonian import Hamiltonian

@@ -11,7 +11,8 @@ from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.classes.derived import closed_form_of, written_together
-from ..formulas.classes.pytree import fields_of, fill, laid_out
+from ..formulas.classes.layouts import laid_out
+from ..formulas.classes.records import fields_of, fill
 from ..formulas.classes.remembered import Remembered
 from ..formulas.large import Large
 from ..formulas.numbers.bases import InMemory

@@ -12,8 +12,9 @@ from ..errors import InvalidInput, undefined
 from ..formulas import Complex, Record, Vec, check_finite, real_array, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.calls.batches import MEMBERSHIP
+from ..formulas.classes.exact_keys import exact_key
 from ..formulas.classes.fields import array_held, frozen_array
-from ..formulas.classes.pytree import exact, fields_of, names_of
+from ..formulas.classes.records import fields_of, names_of
 from ..formulas.classes.remembered import Remembered
 from ..formulas.classes.signatures import bare
 from ..formulas.large import Large
@@ -241,7 +242,7 @@ class System(Record):
         checked = _checked.get(state)
         if checked is None or checked[:2] != (type(self), self.group):
             return False
-        return not self.bounded or checked[2] is self or exact(checked[2]) == exact(self)
+        return not self.bounded or checked[2] is self or exact_key(checked[2]) == exact_key(self)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Quantities that the motion should keep, by name, each (n, ...), from the samples of a

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..formulas.classes.overriding import WrongResult, theirs
-from ..formulas.classes.pytree import fields_of
-from ..formulas.classes.records import Record
+from ..formulas.classes.records import Record, fields_of
 from ..formulas.classes.signatures import bare
 from ..formulas.vectors import small
 

@@ -22,7 +22,7 @@ from liemech.compiler import kernel
 from liemech.compiler.driver import write
 from liemech.compiler.machine import interrupts
 from liemech.errors import IntegrationInterrupted
-from liemech.formulas.classes.pytree import NUMBER
+from liemech.formulas.classes.layouts import NUMBER
 
 pytestmark = [pytest.mark.compiled, pytest.mark.skipif(os.name == "nt", reason="os.kill ends a process there")]
 

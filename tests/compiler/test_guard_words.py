@@ -12,7 +12,7 @@ from liemech.compiler import kernel
 from liemech.compiler.driver import read, write
 from liemech.compiler.machine import guard_words
 from liemech.errors import BufferOverrun, NotCompilable
-from liemech.formulas.classes.pytree import NUMBER, vector_layout
+from liemech.formulas.classes.layouts import NUMBER, vector_layout
 
 pytestmark = pytest.mark.compiled
 

@@ -23,7 +23,7 @@ from liemech.compiler.changes import cache
 from liemech.compiler.driver import read, write
 from liemech.compiler.machine.cache_lines import LINE, WORTH, in_lines
 from liemech.formulas import Vec, vec
-from liemech.formulas.classes.pytree import layout_of
+from liemech.formulas.classes.layouts import layout_of
 
 pytestmark = pytest.mark.compiled
 

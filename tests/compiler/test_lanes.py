@@ -21,7 +21,7 @@ import liemech as lm
 from liemech.compiler import kernel
 from liemech.compiler.driver import accepted, attempt, itself
 from liemech.formulas import Record, Vec, dot, record, sin, vec
-from liemech.formulas.classes.pytree import layout_of
+from liemech.formulas.classes.layouts import layout_of
 from liemech.simulation.compiled.driver import advance
 
 pytestmark = pytest.mark.compiled

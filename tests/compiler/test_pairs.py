@@ -31,7 +31,7 @@ from liemech.formulas import (
     vec,
     where,
 )
-from liemech.formulas.classes.pytree import layout_of
+from liemech.formulas.classes.layouts import layout_of
 
 ELEMENTARY = {
     "sqrt": 0.7, "sin": 0.7, "cos": 0.7, "tan": 0.7, "asin": 0.3, "acos": 0.3, "atan": 0.7, "sinh": 0.7, "cosh": 0.7, "tanh": 0.7,

@@ -24,8 +24,9 @@ from liemech.compiler import batch
 from liemech.errors import InvalidInput, InvalidType
 from liemech.formulas import Mat, Record, Vec, dot, mat, outer, record, sin, vec
 from liemech.formulas.calls import batches
+from liemech.formulas.classes.exact_keys import exact_key
 from liemech.formulas.classes.fields import FrozenDict
-from liemech.formulas.classes.pytree import Layout, exact, layout_of
+from liemech.formulas.classes.layouts import Layout, layout_of
 
 
 @record
@@ -278,7 +279,7 @@ HELD = [
 @pytest.mark.parametrize(("annotation", "given", "held"), HELD, ids=lambda x: str(x)[:30])
 def test_what_a_field_holds(annotation: Any, given: Any, held: Any) -> None:
     found = annotated(annotation)(given).value
-    assert found == held and exact(found) == exact(held if not isinstance(held, dict) else FrozenDict(held))
+    assert found == held and exact_key(found) == exact_key(held if not isinstance(held, dict) else FrozenDict(held))
     hash(found)
 
 

@@ -18,7 +18,7 @@ from liemech.compiler import kernel
 from liemech.compiler.driver import accepted, attempt, itself, read, write
 from liemech.errors import NotCompilable as NotCompilable
 from liemech.formulas import Vec, where
-from liemech.formulas.classes.pytree import NUMBER, layout_of
+from liemech.formulas.classes.layouts import NUMBER, layout_of
 
 REJECTED = "rejected"  # the formula raised
 

@@ -18,8 +18,8 @@ from compiler.worlds import same_in_all_worlds
 import liemech as lm
 from liemech import formulas as f
 from liemech.formulas import derivative, functions, vec
-from liemech.formulas.classes.pytree import compensated, double_double, rounded
 from liemech.formulas.numbers.compensated import Compensated
+from liemech.formulas.numbers.conversions import compensated, double_double, rounded
 from liemech.formulas.numbers.double_double import DoubleDouble
 
 WHOLE = int, round, math.floor, math.ceil, math.trunc

@@ -14,12 +14,14 @@ import pytest
 from liemech import formulas as f
 from liemech.errors import InvalidInput
 from liemech.formulas import Complex, Mat, Vec, derivative, record, vec
-from liemech.formulas.classes.pytree import build, double_double, fitted, layout_of, leaves, rounded, with_slopes
+from liemech.formulas.classes.flattening import build, leaves
+from liemech.formulas.classes.layouts import layout_of
 from liemech.formulas.classes.records import Record
 from liemech.formulas.derivatives import tangent
 from liemech.formulas.functions import fma
 from liemech.formulas.numbers.anything import Anything, choice, degree, made_of
 from liemech.formulas.numbers.compensated import Compensated
+from liemech.formulas.numbers.conversions import double_double, fitted, rounded, with_slopes
 from liemech.formulas.numbers.dual import Dual
 from liemech.formulas.numbers.series import Series
 from liemech.formulas.numbers.sizes import one_norm

@@ -13,7 +13,7 @@ from scenes import hat, slope
 
 import liemech as lm
 from liemech.formulas import Vec
-from liemech.formulas.classes.pytree import double_double, rounded
+from liemech.formulas.numbers.conversions import double_double, rounded
 
 G = lm.SO3()
 EPS = np.finfo(float).eps

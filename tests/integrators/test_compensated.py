@@ -16,8 +16,9 @@ import liemech as lm
 from liemech.compiler import kernel
 from liemech.compiler.driver import read, write
 from liemech.formulas import Complex, Dual, mat, plain, record, sqrt, vec, where
-from liemech.formulas.classes.pytree import NUMBER, compensated, fitted, layout_of
+from liemech.formulas.classes.layouts import NUMBER, layout_of
 from liemech.formulas.numbers.compensated import Compensated
+from liemech.formulas.numbers.conversions import compensated, fitted
 
 # ---------------------------------------------------------------- the numbers
 

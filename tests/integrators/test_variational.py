@@ -26,7 +26,7 @@ from scenes import (
 )
 
 import liemech as lm
-from liemech.formulas.classes.pytree import double_double, rounded
+from liemech.formulas.numbers.conversions import double_double, rounded
 from liemech.formulas.numbers.double_double import is_long
 from liemech.integrators.variational import first_size
 from liemech.names import everything

@@ -10,7 +10,7 @@ from terms_of_spins import Exchange, Zeeman
 from test_runs_by_sites import native
 
 import liemech as lm
-from liemech.formulas.classes.pytree import with_fields
+from liemech.formulas.classes.records import with_fields
 
 N = 3
 

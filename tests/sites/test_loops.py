@@ -182,7 +182,7 @@ def test_one_kernel_for_every_number() -> None:
 @native
 def test_rows_of_scratch_memory() -> None:
     system, none = field(), np.empty(0)
-    from liemech.formulas.classes.pytree import carried_layout, layout_of
+    from liemech.formulas.classes.layouts import carried_layout, layout_of
     from liemech.rooms.sites.runs.driver import PLACE, Shown, Sighted, advance_sites
     from liemech.simulation.runs.equal import Equal
     from liemech.systems.lie_poisson import BodyState

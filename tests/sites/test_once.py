@@ -14,7 +14,7 @@ from liemech.compiler.sites.planes import Planes, each, load, save
 from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.errors import InvalidInput, NoConvergence, NotCompilable
 from liemech.formulas import sqrt, vec
-from liemech.formulas.classes.pytree import layout_of
+from liemech.formulas.classes.layouts import layout_of
 from liemech.formulas.sites import SiteTable, TooManySites, meet, once, one_site, repeated, rows_of, total
 
 NUMBER = layout_of(0.0)

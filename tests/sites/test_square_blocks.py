@@ -14,7 +14,7 @@ from liemech.compiler.numbers.square_blocks import block_at, lead_block, lessen_
 from liemech.compiler.sites.planes import Planes, each, load
 from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.formulas import mat, vec
-from liemech.formulas.classes.pytree import Layout, layout_of
+from liemech.formulas.classes.layouts import Layout, layout_of
 
 SIZES = (1, 3, 6, 9)
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")

@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import LiemechError, OutsideChart
 from ...formulas import Record
 from ...formulas.classes.derived import closed_forms
-from ...formulas.classes.pytree import fields_of
+from ...formulas.classes.records import fields_of
 from ...formulas.vectors import Mat, Vec
 from ...groups.lie_algebra import LieAlgebra
 from ...groups.lie_group import LieGroup

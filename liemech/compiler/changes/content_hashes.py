@@ -25,10 +25,11 @@ from typing import Any
 
 import numpy as np
 
-from ...formulas.classes.pytree import PAIRS, Layout
+from ...formulas.classes.layouts import Layout
 from ...formulas.classes.records import Record
 from ...formulas.large import DiagonalSolver, Large, LinearMap
 from ...formulas.numbers.bases import StandIn
+from ...formulas.numbers.pairs import PAIRS
 from ...formulas.tables import Table
 from ...formulas.vectors import Mat
 

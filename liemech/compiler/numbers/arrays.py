@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import NotCompilable
-from ...formulas.classes.pytree import fill
-from ...formulas.classes.records import Record, record
+from ...formulas.classes.records import Record, fill, record
 from ...formulas.numbers.bases import Operand
 from ...formulas.of_numpy import by_components
 from ...formulas.vectors import MANY, Mat, Vec, small

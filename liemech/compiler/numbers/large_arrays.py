@@ -16,7 +16,7 @@ from typing import Any
 from llvmlite import ir
 
 from ...errors import NotCompilable
-from ...formulas.classes.pytree import Layout
+from ...formulas.classes.layouts import Layout
 from ...formulas.large import TOGETHER, DiagonalSolver, Large, LinearMap, size_of
 from ...formulas.numbers.complex_numbers import Complex
 from .ir_numbers import F64, I32, I64, Emitter, Num

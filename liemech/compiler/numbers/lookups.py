@@ -9,7 +9,8 @@ import numpy as np
 from llvmlite import ir
 
 from ...formulas import tables
-from ...formulas.classes.pytree import Layout, build, carried_layout, leaves
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import Layout, carried_layout
 from ...formulas.tables import Table
 from ...formulas.vectors import Vec
 from .ir_numbers import F64, HUGE, I32, I64, TYPES, Emitter, Num

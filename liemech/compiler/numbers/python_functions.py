@@ -16,9 +16,8 @@ import numpy as np
 
 from ...errors import NotCompilable
 from ...formulas import functions
-from ...formulas.classes.pytree import is_any_number
 from ...formulas.numbers import double_double
-from ...formulas.numbers.bases import OF_NUMPY, ByValue, Operand
+from ...formulas.numbers.bases import OF_NUMPY, ByValue, Operand, is_any_number
 from ...formulas.numbers.compensated import value_of
 from ...formulas.numbers.double_double import DoubleDouble
 from ...formulas.numbers.dual import Dual

@@ -11,7 +11,9 @@ from llvmlite import ir
 
 from ...errors import NotCompilable
 from ...formulas.calls import lanes as words
-from ...formulas.classes.pytree import build, is_any_number, layout_of, leaves
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import layout_of
+from ...formulas.numbers.bases import is_any_number
 from ..translation.joins import Open
 from .ir_numbers import F64, I32, Num
 

@@ -19,17 +19,11 @@ from llvmlite import ir
 
 from ...errors import NotCompilable
 from ...formulas import sites as words
-from ...formulas.classes.pytree import (
-    Layout,
-    as_others_see,
-    build,
-    carried_layout,
-    is_any_number,
-    layout_of,
-    leaves,
-    with_slopes,
-)
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import Layout, carried_layout, layout_of
 from ...formulas.numbers import series_of_sites
+from ...formulas.numbers.bases import is_any_number
+from ...formulas.numbers.conversions import as_others_see, with_slopes
 from ...formulas.numbers.series_of_sites import SeriesMeeting, company, has_series
 from ...formulas.sites import EIGHT, FAR, TOGETHER, Column, Meeting, SiteArray, SiteTable
 from ...formulas.vectors import Vec

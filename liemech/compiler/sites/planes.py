@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.pytree import Layout
+from ...formulas.classes.layouts import Layout
 from ...formulas.sites import each_site, padded, present_site, room, some_sites
 from ..driver import read, write
 

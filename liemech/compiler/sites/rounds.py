@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, NoReturn
 
-from ...formulas.classes.pytree import Layout
+from ...formulas.classes.layouts import Layout
 from ...formulas.sites import EIGHT, Meeting, period_of
 
 

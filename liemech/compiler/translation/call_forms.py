@@ -15,8 +15,11 @@ import numpy as np
 from llvmlite import ir
 
 from ...errors import NotCompilable
-from ...formulas.classes.pytree import PAIRS, Layout, build, fill, is_any_number, layout_of, leaves
-from ...formulas.classes.records import Record
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.records import Record, fill
+from ...formulas.numbers.bases import is_any_number
+from ...formulas.numbers.pairs import PAIRS
 from ...formulas.tables import Table
 from ...formulas.vectors import Mat, Vec
 from ..numbers.ir_numbers import F64, I64, Num

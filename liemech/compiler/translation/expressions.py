@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidType, NotCompilable
-from ...formulas.classes.pytree import is_any_number
-from ...formulas.numbers.bases import ByValue
+from ...formulas.numbers.bases import ByValue, is_any_number
 from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.series import Series
 from ...formulas.vectors import Entries, EqualComponents, Mat, UnequalComponents, Vec

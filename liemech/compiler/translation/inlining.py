@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from ...formulas.classes.pytree import Layout
+from ...formulas.classes.layouts import Layout
 from ..numbers.large_arrays import spans
 from . import state
 from .call_forms import Call, CallForms

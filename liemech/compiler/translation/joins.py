@@ -16,11 +16,14 @@ from typing import Any
 
 from llvmlite import ir
 
-from ...formulas.classes.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import layout_of
 from ...formulas.classes.taken_back import back
+from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.compensated import Compensated
 from ...formulas.numbers.complex_numbers import Complex
 from ...formulas.numbers.dual import at_rest
+from ...formulas.numbers.pairs import PAIRS, paired
 from ...formulas.vectors import Mat, Vec
 from ..changes.dependencies import Reads
 from ..numbers.ir_numbers import Emitter, Num, Values

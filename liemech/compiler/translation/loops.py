@@ -14,7 +14,9 @@ from typing import Any
 from llvmlite import ir
 
 from ...errors import NotCompilable
-from ...formulas.classes.pytree import Layout, build, is_any_number, layout_of, leaves
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.numbers.bases import is_any_number
 from ..driver import is_part_of_driver
 from ..machine.stop_checks import StopCheck
 from ..numbers.ir_numbers import Num, kind_of

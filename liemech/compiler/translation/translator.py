@@ -24,28 +24,18 @@ import numpy as np
 from ...errors import InvalidInput, InvalidType, NotCompilable
 from ...formulas import functions, large, sums, tables, vectors
 from ...formulas.classes.fields import converters
+from ...formulas.classes.flattening import leaves
+from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.nested import exchanged, inside
 from ...formulas.classes.overriding import kept
-from ...formulas.classes.pytree import (
-    PAIRS,
-    compensated,
-    double_double,
-    exchanged,
-    fill,
-    fitted,
-    inside,
-    is_any_number,
-    layout_of,
-    leaves,
-    paired,
-    plain,
-    rounded,
-    with_fields,
-)
-from ...formulas.classes.records import Record
+from ...formulas.classes.records import Record, fill, with_fields
 from ...formulas.classes.signatures import bare
 from ...formulas.derivatives import axes, carried, tangent
 from ...formulas.numbers import philox, products, series
+from ...formulas.numbers.bases import is_any_number
+from ...formulas.numbers.conversions import compensated, double_double, fitted, plain, rounded
 from ...formulas.numbers.dual import Dual
+from ...formulas.numbers.pairs import PAIRS, paired
 from ...formulas.numbers.series import Series, SeriesInMemory
 from ...formulas.vectors import Mat, Vec
 from .. import driver

@@ -158,6 +158,25 @@ def names_of(cls: Any) -> tuple[str, ...]:
     return tuple([f.name for f in dataclasses.fields(cls)])
 
 
+def fields_of(value: Any) -> dict[str, Any]:
+    """The values of the fields of a record, by name."""
+    cls: Any = type(value)
+    return {name: getattr(value, name) for name in names_of(cls)}
+
+
+def fill(cls: type, fields: dict[str, Any]) -> Any:
+    """An instance of a record class with these fields, unchecked."""
+    record: Any = object.__new__(cls)
+    for name, value in fields.items():
+        object.__setattr__(record, name, value)
+    return record
+
+
+def with_fields(value: Any, **fields: Any) -> Any:
+    """A record with other values of some fields, unchecked."""
+    return fill(type(value), fields_of(value) | fields)
+
+
 def _alike(value: Any, other: Any) -> bool:
     """Whether two values are equal but for real numbers.  Tables know their sizes by their own classes."""
     if type(value) is not type(other):

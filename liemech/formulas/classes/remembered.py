@@ -6,8 +6,8 @@ import functools
 import weakref
 from typing import Any
 
-from .pytree import exact, fields_of
-from .records import Record
+from .exact_keys import exact_key
+from .records import Record, fields_of
 
 
 class common(functools.cached_property[Any]):
@@ -21,7 +21,7 @@ class common(functools.cached_property[Any]):
     def __get__(self, owner: Any, cls: type | None = None) -> Any:  # type: ignore[override]
         computed = super().__get__(owner, cls)
         if owner is not None and _is_its_fields(computed):
-            computed = vars(owner)[self.attrname] = _in_use.setdefault(exact(computed), computed)
+            computed = vars(owner)[self.attrname] = _in_use.setdefault(exact_key(computed), computed)
         return computed
 
 

@@ -54,6 +54,16 @@ class StandIn:
         return None
 
 
+def is_number(value: Any) -> bool:
+    """A float, or the compiler's stand-in for a number (ints and bools inside values are static)."""
+    return isinstance(value, (float, StandIn))
+
+
+def is_any_number(value: Any) -> bool:
+    """A number of any kind: what may differ between the branches of a formula."""
+    return isinstance(value, (bool, int, float, StandIn))
+
+
 def of_an_int(x: Any) -> Any:
     """A stand-in for an int as one for a float; anything else as it is."""
     integer: Any = x if isinstance(x, StandIn) and x.is_integer else None

@@ -19,7 +19,9 @@ from typing import Any, cast
 
 from ...errors import InvalidType, NotCompilable
 from .. import functions as f
-from ..classes.pytree import build, fields_of, fill, layout_of, leaves
+from ..classes.flattening import build, leaves
+from ..classes.layouts import layout_of
+from ..classes.records import fields_of, fill
 from ..classes.taken_back import noted
 from ..functions import LOG_2, LOG_10
 from ..vectors import Vec, vec
@@ -217,7 +219,7 @@ class Series(Operand):
         determines them.
         """
         layout = layout_of(start)
-        if layout.long:
+        if layout.has_double_doubles:
             raise InvalidType(
                 "precision: power series have numbers of one double; take precision='double' or another method"
             )

@@ -15,10 +15,11 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-from ..classes.pytree import build, is_any_number, layout_of, leaves
+from ..classes.flattening import build, leaves
+from ..classes.layouts import layout_of
 from ..classes.taken_back import noted
 from ..vectors import Vec
-from .bases import Pair
+from .bases import Pair, is_any_number
 from .series import Series
 
 

@@ -42,7 +42,9 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, NoConvergence
 from ...formulas import Mat, Record, Vec, cross, dot, mat, record, sqrt, vec, vectors, where
-from ...formulas.classes.pytree import fitted, layout_of, with_fields
+from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.records import with_fields
+from ...formulas.numbers.conversions import fitted
 from ...groups.composed.power import PowerGroup
 from ...groups.composed.product import ProductGroup, entries
 from ...groups.composed.species import SpeciesGroup

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
-from ...formulas.classes.pytree import exchanged
+from ...formulas.classes.nested import exchanged
 from ...formulas.numbers.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of
 from ...solvers import newton
 from ...systems.in_time.tabulated import PiecewisePolynomial, inputs

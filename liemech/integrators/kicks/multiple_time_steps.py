@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, InvalidType
 from ...formulas import Vec, gradient, jacobian, plain, record
-from ...formulas.classes.pytree import with_fields
+from ...formulas.classes.records import with_fields
 from ...formulas.vectors import small
 from ...systems.canonical import CanonicalState
 from ...systems.lie_poisson import BodyState

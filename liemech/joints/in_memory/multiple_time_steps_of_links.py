@@ -16,7 +16,9 @@ from typing import Any, ClassVar
 
 from ...compiler.sites.planes import at, below, each, load, save
 from ...formulas import Record, plain, record
-from ...formulas.classes.pytree import Layout, fitted, with_fields
+from ...formulas.classes.layouts import Layout
+from ...formulas.classes.records import with_fields
+from ...formulas.numbers.conversions import fitted
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
 from .rattle_of_links import (

@@ -32,8 +32,10 @@ from ...formulas import (
     vectors,
     where,
 )
-from ...formulas.classes.pytree import Layout, carried_layout, fitted, layout_of, matrix, vector, with_fields
+from ...formulas.classes.layouts import Layout, carried_layout, layout_of, matrix, vector
+from ...formulas.classes.records import with_fields
 from ...formulas.elimination import inverted, of_quarters, quarters
+from ...formulas.numbers.conversions import fitted
 from ...formulas.tables import entry, whole
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Exponential

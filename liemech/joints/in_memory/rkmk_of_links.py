@@ -14,7 +14,8 @@ from typing import Any, ClassVar
 from ...compiler.sites.planes import at, below, each, load, put, save
 from ...errors import NoConvergence
 from ...formulas import Record, Vec, cross, derivative, dot, mat, plain, record, vec
-from ...formulas.classes.pytree import Layout, fitted, vector
+from ...formulas.classes.layouts import Layout, vector
+from ...formulas.numbers.conversions import fitted
 from ...formulas.tables import entry
 from ...groups.rigid.se3 import SE3
 from ...systems.kinetic_energy import KineticEnergy, times

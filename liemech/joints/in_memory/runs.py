@@ -9,7 +9,7 @@ import numpy as np
 
 from ...compiler.sites.planes import Planes
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ...formulas.classes.pytree import layout_of
+from ...formulas.classes.layouts import layout_of
 from ...formulas.sites import rows_of
 from ...formulas.tables import Table
 from ...groups.retractions import Exponential

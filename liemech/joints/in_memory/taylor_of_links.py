@@ -20,7 +20,9 @@ from typing import Any, ClassVar
 from ...compiler.sites.planes import at, below, each, load, put, save
 from ...errors import NoConvergence
 from ...formulas import Mat, Record, Vec, cross, dot, mat, plain, record, vec, where
-from ...formulas.classes.pytree import Layout, fitted, matrix, vector, with_fields
+from ...formulas.classes.layouts import Layout, matrix, vector
+from ...formulas.classes.records import with_fields
+from ...formulas.numbers.conversions import fitted
 from ...formulas.numbers.series import Series
 from ...groups.rigid.se3 import SE3, join
 from ...integrators.taylor import total

@@ -12,7 +12,7 @@ from typing import Any
 
 from ...compiler.driver import read, write
 from ...formulas import Mat, Record, Vec, record, sqrt, vec, where
-from ...formulas.classes.pytree import NUMBER, layout_of, vector_layout
+from ...formulas.classes.layouts import NUMBER, layout_of, vector_layout
 from ...groups.rigid.rotation_coefficients import SINC, VERSINE, polynomial
 from .carlson import elliprj
 

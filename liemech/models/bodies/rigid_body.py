@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from ...errors import InertiaWarning, InvalidInput, InvalidType, warn
 from ...formulas import Mat, Vec, record
 from ...formulas.classes.fields import frozen_array
-from ...formulas.classes.pytree import fill
+from ...formulas.classes.records import fill
 from ...groups.rigid.so3 import SO3
 from ...groups.rigid.unit_quaternions import UnitQuaternions
 from ...systems.inertia import checked_inertia

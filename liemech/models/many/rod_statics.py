@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import NoConvergence
 from ...formulas import Mat, Record, Vec, mat, record, vec
-from ...formulas.classes.pytree import with_fields
+from ...formulas.classes.records import with_fields
 from ...groups.rigid.se3 import SE3
 from ...groups.rigid.so3 import SO3
 from ...rooms.sites.terms.terms import Site

@@ -27,7 +27,7 @@ from ...compiler import batch
 from ...compiler.driver import accepted, attempt, itself, read, write
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, asinh, cbrt, record, sqrt, vec, where
-from ...formulas.classes.pytree import NUMBER, vector_layout
+from ...formulas.classes.layouts import NUMBER, vector_layout
 from ..bodies.polhode import nearest
 from .decimals import DIGITS, PI, cos_sin
 from .universal_variables import solved

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from ...errors import undefined
 from ...formulas import Mat, Record, Vec, gradient, record, vec
 from ...formulas.classes.derived import derived
-from ...formulas.classes.pytree import with_fields
+from ...formulas.classes.records import with_fields
 from ...groups.rigid.so3 import SO3
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import check_finite, real_array
-from ...formulas.classes.pytree import fill
+from ...formulas.classes.records import fill
 from ...formulas.vectors import small
 from ...simulation import arguments
 from .ramp import Ramp

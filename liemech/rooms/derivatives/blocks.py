@@ -10,7 +10,9 @@ from ...compiler import kernel
 from ...compiler.driver import Rejected, attempt, reason
 from ...errors import NotCompilable, failure, is_mistake
 from ...formulas import Vec
-from ...formulas.classes.pytree import build, carried_layout, fitted, layout_of, leaves, with_slopes
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import carried_layout, layout_of
+from ...formulas.numbers.conversions import fitted, with_slopes
 from ...integrators.ending_at_jumps import EndingAtJumps
 from ...integrators.method import Method
 from ...simulation.compiled.control import ASKED, LAST_TIME, LIMIT, MARK, ORIGIN, STEP, STRAIGHT, TAKEN, TIME, begun

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...compiler.driver import attempt, read
 from ...formulas import Vec, derivative
-from ...formulas.classes.pytree import layout_of
+from ...formulas.classes.layouts import layout_of
 from ...formulas.derivatives import BELOW
 from ...simulation.between.dense import evaluated, flat, report
 from ..fictive_time.clocked import Clocked

@@ -25,7 +25,7 @@ import numpy as np
 
 from ...errors import GradientWarning, IncompatibleSystem, InvalidInput, NotCompilable, warn
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.pytree import layout_of
+from ...formulas.classes.layouts import layout_of
 from ...integrators.ending_at_jumps import ending_at_jumps, overshoot
 from ...simulation import arguments
 from ...simulation.between.dense import flat

@@ -12,7 +12,8 @@ from ...compiler.driver import attempt, read
 from ...compiler.kernel import Several
 from ...errors import InvalidInput, InvalidType
 from ...formulas import Record
-from ...formulas.classes.pytree import NUMBER, fitted, layout_of
+from ...formulas.classes.layouts import NUMBER, layout_of
+from ...formulas.numbers.conversions import fitted
 from ...formulas.numbers.dual import Dual
 from ...simulation.between.dense import evaluated, report
 from .frames import LEVEL

@@ -47,7 +47,8 @@ from ...formulas import (
     sqrt,
     vec,
 )
-from ...formulas.classes.pytree import exchanged, inside, with_fields
+from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.records import with_fields
 from ...formulas.derivatives import carried, tangent
 from ...groups.retractions import Cayley, Exponential
 from ...groups.rigid.so3 import SO3

@@ -15,8 +15,11 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas import Vec, record
+from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.pytree import Layout, build, fields_of, layout_of, leaves, with_slopes
+from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.records import fields_of
+from ...formulas.numbers.conversions import with_slopes
 from ...formulas.numbers.dual import Dual
 from ...formulas.tables import Table, entry
 from ...formulas.vectors import small

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas.classes.pytree import build, exchanged, layout_of, leaves
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.nested import exchanged
 from ...simulation.compiled.parameters import full_name, parameter
 from ...systems.in_time.tabulated import PiecewisePolynomial, inputs
 from ...systems.in_time.varied_table import varied

@@ -9,7 +9,8 @@ import numpy as np
 from ...compiler import kernel
 from ...compiler.driver import attempt, read
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.pytree import NUMBER, layout_of, rounded
+from ...formulas.classes.layouts import NUMBER, layout_of
+from ...formulas.numbers.conversions import rounded
 from ...simulation.between.dense import MotionBetween, evaluated, report, unpacked
 from ...simulation.compiled.control import landed
 

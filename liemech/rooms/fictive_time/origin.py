@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.pytree import layout_of
+from ...formulas.classes.layouts import layout_of
 from ...integrators.composition import Composition
 from ...simulation.between.dense import unpacked
 from ...simulation.compiled.prepared import Steps

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
-from ...formulas.classes.pytree import inside, layout_of
+from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.nested import inside
 from ...groups.composed.power import PowerGroup
 from ...groups.composed.species import SpeciesGroup
 from ...integrators.ending_at_jumps import ending_at_jumps

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import IncompatibleSystem, InvalidInput, InvalidType
 from ...formulas import Record, Vec, dot, record
 from ...formulas.classes.fields import frozen_array
-from ...formulas.classes.pytree import with_fields
+from ...formulas.classes.records import with_fields
 from ...formulas.numbers.philox import LARGEST
 from ...groups.composed.power import PowerGroup
 from ...groups.composed.species import SpeciesGroup

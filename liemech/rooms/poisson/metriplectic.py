@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InvalidInput, InvalidType, undefined
 from ...formulas import Record, Vec, dot, jacobian, record, sqrt
-from ...formulas.classes.pytree import with_fields
+from ...formulas.classes.records import with_fields
 from ...groups.lie_algebra import LieAlgebra
 from ...groups.poisson_structure import LiePoissonStructure, PoissonStructure
 from ...groups.retractions import Retraction

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...formulas import Record, record
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.pytree import fill
+from ...formulas.classes.records import fill
 from ...formulas.sites import TOGETHER
 from .graphs import Edges, Graph, Lattice
 

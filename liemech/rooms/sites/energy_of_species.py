@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...formulas import Mat, Vec, record
+from ...formulas.classes.nested import exchanged, inside
 from ...formulas.classes.of_each import Each, each
-from ...formulas.classes.pytree import exchanged, inside
 from ...groups.composed.one_of import chosen, lengthened, widened
 from ...groups.composed.product import entries
 from ...groups.composed.species import SpeciesGroup

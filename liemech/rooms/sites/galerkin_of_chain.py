@@ -25,8 +25,9 @@ from typing import Any, ClassVar
 from ...compiler.sites.planes import at, below, each, load, put, save
 from ...errors import NoConvergence
 from ...formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, plain, record, vec, where
-from ...formulas.classes.pytree import Layout, fitted, matrix, vector
+from ...formulas.classes.layouts import Layout, matrix, vector
 from ...formulas.elimination import inverted
+from ...formulas.numbers.conversions import fitted
 from ...formulas.sites import own
 from ...formulas.tables import entry
 from ...groups.lie_group import LieGroup

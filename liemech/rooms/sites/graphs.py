@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import IncompatibleSystem, InvalidInput, InvalidType, undefined
 from ...formulas import Element, Record, Vec, check_finite, mat, real_array, record, vec
 from ...formulas.classes.fields import frozen_array
-from ...formulas.classes.pytree import with_fields
+from ...formulas.classes.records import with_fields
 from ...groups.lie_group import LieGroup
 from ...groups.rigid.se2 import SE2
 from ...groups.rigid.se3 import SE3

@@ -10,7 +10,8 @@ import numpy as np
 
 from ...formulas import Record, Vec, plain, record, vec
 from ...formulas.classes.fields import frozen_array
-from ...formulas.classes.pytree import exchanged, inside, with_fields
+from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.records import with_fields
 from ...formulas.numbers.ways import APART
 from ...formulas.sites import SiteArray, SiteTable, padded, rows_of
 from ...formulas.tables import Table

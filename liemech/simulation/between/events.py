@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidType, warn
-from ...formulas.classes.pytree import NUMBER
+from ...formulas.classes.layouts import NUMBER
 from ...formulas.numbers.sizes import EPSILON
 from .dense import execution_of, natively, observe
 

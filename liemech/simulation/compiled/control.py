@@ -15,7 +15,8 @@ import numpy as np
 from ...compiler.driver import Rejected, accepted, any_body, attempt, itself, part_of_driver, reason, unchanged, write
 from ...errors import StepTooSmall, is_mistake
 from ...formulas import Record, record, where
-from ...formulas.classes.pytree import fitted, layout_of, rounded
+from ...formulas.classes.layouts import layout_of
+from ...formulas.numbers.conversions import fitted, rounded
 
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
 """The controller aims at 0.9 of the step that would just be accepted, and changes steps by factors

@@ -6,7 +6,8 @@ from typing import Any
 
 from ...compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ...formulas import Record, horner, record, where
-from ...formulas.classes.pytree import NUMBER, fitted, layout_of
+from ...formulas.classes.layouts import NUMBER, layout_of
+from ...formulas.numbers.conversions import fitted
 from .control import ASKED, CLOCK, GOAL, STUCK, begun, observed, with_mark
 
 

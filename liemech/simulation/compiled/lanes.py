@@ -11,7 +11,7 @@ import numpy as np
 
 from ...compiler.kernel import Several
 from ...compiler.machine.interrupts import in_threads
-from ...formulas.classes.pytree import Layout, layout_of
+from ...formulas.classes.layouts import Layout, layout_of
 from .control import ASKED, CLOCK, GOAL, MARK, STUCK, TAKEN, Equal, Fictive
 from .driver import advance
 from .execution import COLUMNS, Execution, like, numbers_of

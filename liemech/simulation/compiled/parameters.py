@@ -13,7 +13,8 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import Record
-from ...formulas.classes.pytree import Layout, build, gatherer, layout_of, leaves
+from ...formulas.classes.flattening import build, gatherer, leaves
+from ...formulas.classes.layouts import Layout, layout_of
 from ...formulas.tables import Table
 
 named: Callable[[Any], tuple[str, ...]] = functools.cache(lambda kind: tuple(inspect.signature(kind).parameters))
@@ -162,7 +163,7 @@ def shape_of(layout: Layout) -> tuple[int, ...] | None:
     """The shape of a number, a vector or a matrix; None for a record."""
     if layout.kind == "number":
         return ()
-    if layout.plain and layout.kind == "vec":
+    if layout.only_numbers and layout.kind == "vec":
         return (len(layout.parts),)
     if layout.kind == "mat":
         return len(layout.parts), len(layout.parts[0].parts)

@@ -11,17 +11,10 @@ import numpy as np
 
 from ...compiler import kernel
 from ...errors import IncompatibleSystem
+from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.pytree import (
-    Layout,
-    build,
-    carried_layout,
-    compensated,
-    double_double,
-    fitted,
-    layout_of,
-    leaves,
-)
+from ...formulas.classes.layouts import Layout, carried_layout, layout_of
+from ...formulas.numbers.conversions import compensated, double_double, fitted
 from ...integrators.ending_at_jumps import ending_at_jumps
 from ...integrators.method import Method
 from ...systems.system import State, System

@@ -11,8 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidInput
+from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.nested import exchanged, inside
 from ...formulas.classes.of_each import Each
-from ...formulas.classes.pytree import exchanged, inside, layout_of
 from ...formulas.classes.remembered import Remembered
 from ...integrators.method import Method
 from ...systems.many.energies import OfManySites

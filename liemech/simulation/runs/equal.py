@@ -15,7 +15,9 @@ from ...compiler import kernel
 from ...compiler.driver import Rejected, attempt, read, reason
 from ...compiler.machine.cache_lines import in_lines
 from ...errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_mistake
-from ...formulas.classes.pytree import Layout, build, double_double, fitted, layout_of, leaves
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.numbers.conversions import double_double, fitted
 from ...systems.system import State, member
 from .. import arguments
 from ..between.dense import MotionBetween, ShortSteps, lay_out
@@ -168,7 +170,7 @@ class EqualRun(Run):
                         f"{shown}.observe must return the state in what is carried along, as "
                         f"{shown}.start gives it; got {example!r:.90}"
                     )
-                return double_double(carry) if started.long else carry, example
+                return double_double(carry) if started.has_double_doubles else carry, example
             self.failures[i] = [reason(trial)]
             if is_mistake(reason(trial)):
                 break

@@ -10,7 +10,8 @@ import numpy as np
 from ...compiler.kernel import Several
 from ...errors import InvalidInput, InvalidType
 from ...formulas import Record
-from ...formulas.classes.pytree import exact, fields_of
+from ...formulas.classes.exact_keys import exact_key
+from ...formulas.classes.records import fields_of
 from ..compiled.systems import OfBodies, Systems, each_of
 from ..trajectory import TangentTrajectory, Trajectory
 from .carry import SiteCarry
@@ -39,7 +40,7 @@ def carry_of(plan: Any, given: Any, what: str) -> Any:
     if run is None:
         require_fixed(plan, given, carry, what)
     for name, mine, theirs in pairs(plan, run, carry, what):
-        if mine is theirs or exact(mine) == exact(theirs):
+        if mine is theirs or exact_key(mine) == exact_key(theirs):
             continue
         others = ", ".join(differing(mine, theirs))
         if run is not None:
@@ -143,7 +144,7 @@ def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:
     if type(mine) is not type(theirs) or not isinstance(mine, Record) or not fields_of(mine):
         return (
             []
-            if exact(mine) == exact(theirs)
+            if exact_key(mine) == exact_key(theirs)
             else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
         )
     signature = inspect.signature(type(mine)).parameters

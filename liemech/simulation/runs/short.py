@@ -16,7 +16,8 @@ import numpy as np
 
 from ...compiler.kernel import Kernel, address
 from ...compiler.machine.cache_lines import in_lines
-from ...formulas.classes.pytree import build, gatherer, restricted
+from ...formulas.classes.flattening import build, gatherer
+from ...formulas.classes.layouts import restricted
 from ...systems.system import State
 from .. import arguments
 from ..between.dense import DenseOutput, lay_out, unpacked

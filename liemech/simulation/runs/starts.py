@@ -6,7 +6,8 @@ from typing import Any
 
 from ...compiler import kernel
 from ...errors import InvalidInput, InvalidType
-from ...formulas.classes.pytree import known_layout, layout_of, names_of, restricted
+from ...formulas.classes.layouts import known_layout, layout_of, restricted
+from ...formulas.classes.records import names_of
 from ...systems.system import State, member
 from .. import arguments
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import InvalidType, undefined
 from ...formulas import Vec, gradient, record, vec
 from ...formulas.classes.derived import derived
-from ...formulas.classes.pytree import fill, with_fields
+from ...formulas.classes.records import fill, with_fields
 from ...groups.lie_group import LieGroup
 from ..canonical import CanonicalState, PhaseSpace
 from ..kinetic_energy import has_inertia

@@ -6,7 +6,7 @@ from typing import Any
 
 from ...errors import undefined
 from ...formulas import Mat, Vec, dot, inverse, record, vectors
-from ...formulas.classes.pytree import fill, with_fields
+from ...formulas.classes.records import fill, with_fields
 from ..kinetic_energy import KineticEnergy, times
 from .driven_hamiltonian import DrivenHamiltonian
 

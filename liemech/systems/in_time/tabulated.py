@@ -11,7 +11,9 @@ import numpy as np
 
 from ...errors import InvalidInput, InvalidType
 from ...formulas import Record, check_finite, horner, real_array, record, vec, where
-from ...formulas.classes.pytree import Layout, exchanged, inside, layout_of, with_fields
+from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.records import with_fields
 from ...formulas.tables import Table, entry
 
 OUTSIDE = ("refuse", "hold", "repeat")

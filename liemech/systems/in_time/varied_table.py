@@ -6,7 +6,7 @@ from typing import Any
 
 from ...errors import InvalidInput
 from ...formulas import Vec, record, where
-from ...formulas.classes.pytree import fields_of, fill
+from ...formulas.classes.records import fields_of, fill
 from ...formulas.tables import entry
 from .tabulated import ROUNDING, PiecewisePolynomial
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, record
-from ...formulas.classes.pytree import exchanged, inside
+from ...formulas.classes.nested import exchanged, inside
 from ...groups.lie_group import LieGroup
 from ..hamiltonian import Hamiltonian
 

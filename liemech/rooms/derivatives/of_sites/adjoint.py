@@ -17,7 +17,8 @@ import numpy as np
 from ....compiler import kernel
 from ....compiler.sites.planes import Planes
 from ....errors import IncompatibleSystem, IntegrationFailure, NotFinite
-from ....formulas.classes.pytree import carried_layout, layout_of, with_fields
+from ....formulas.classes.layouts import carried_layout, layout_of
+from ....formulas.classes.records import with_fields
 from ....formulas.sites import padded, rows_of
 from ....groups.composed.species import SpeciesGroup
 from ....integrators.ending_at_jumps import uncut

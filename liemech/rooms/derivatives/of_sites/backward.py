@@ -10,7 +10,9 @@ from ....compiler.driver import accepted, attempt, itself, read, reason, write
 from ....compiler.sites.planes import at, each, load, save, some
 from ....formulas import Record, derivative, gradient, record, vec
 from ....formulas.classes.fields import OfEach
-from ....formulas.classes.pytree import NUMBER, exchanged, fitted, inside, layout_of
+from ....formulas.classes.layouts import NUMBER, layout_of
+from ....formulas.classes.nested import exchanged, inside
+from ....formulas.numbers.conversions import fitted
 from ....formulas.sites import SiteArray, own
 from ....formulas.vectors import Vec as SmallVec
 from ....systems.canonical import CanonicalState

@@ -12,8 +12,10 @@ from ....compiler.sites.planes import Planes
 from ....errors import IncompatibleSystem, InvalidInput
 from ....formulas import vec
 from ....formulas.classes.frozen import frozen
+from ....formulas.classes.layouts import Layout, carried_layout, layout_of
+from ....formulas.classes.nested import exchanged, inside
 from ....formulas.classes.of_each import Each, each
-from ....formulas.classes.pytree import Layout, carried_layout, exchanged, inside, layout_of, names_of, with_fields
+from ....formulas.classes.records import names_of, with_fields
 from ....formulas.sites import SiteArray, SiteTable
 from ....simulation.compiled.parameters import full_name, named, parameter, parameters, shape_of
 from ...sites.graphs import AllPairs

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ....formulas.classes.pytree import build, layout_of, with_slopes
+from ....formulas.classes.flattening import build
+from ....formulas.classes.layouts import layout_of
+from ....formulas.numbers.conversions import with_slopes
 from ....simulation import arguments
 from ....simulation.between.dense import unpacked
 from ....simulation.result import of_tangent

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....compiler.sites.planes import Planes
 from ....errors import NoConvergence, OutsideChart
-from ....formulas.classes.pytree import with_fields
+from ....formulas.classes.records import with_fields
 from ....formulas.sites import SiteArray, SiteTable, rows_of
 from ....formulas.tables import Table
 from ....groups.retractions import Exponential

@@ -10,7 +10,8 @@ from ....compiler.driver import accepted, attempt, itself, numbers, read, reason
 from ....compiler.sites.planes import each, load, save
 from ....errors import NotFinite
 from ....formulas import Record, Vec, record, vec, where
-from ....formulas.classes.pytree import NUMBER, Layout, carried_layout, fitted, layout_of
+from ....formulas.classes.layouts import NUMBER, Layout, carried_layout, layout_of
+from ....formulas.numbers.conversions import fitted
 from ....formulas.sites import total
 from ....formulas.sums import total as added
 from ....integrators.rkmk import TrialStep

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ....formulas.classes.pytree import exchanged, inside
+from ....formulas.classes.nested import exchanged, inside
 from ..terms.among import Among, places_of_sites
 from ..terms.terms_at_site import RoleAtSite
 

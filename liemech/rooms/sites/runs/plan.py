@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from ....compiler.sites.planes import Planes
 from ....errors import IncompatibleSystem, IntegrationFailure, InvalidInput, NotCompilable, warn
-from ....formulas.classes.pytree import layout_of
+from ....formulas.classes.layouts import layout_of
 from ....integrators.ending_at_jumps import AT_ENDS, uncut
 from ....simulation import arguments
 from ....simulation.between.events import name_of

@@ -12,16 +12,10 @@ from ....compiler import kernel
 from ....compiler.sites.planes import Planes, load
 from ....errors import InvalidInput
 from ....formulas import Record, record
-from ....formulas.classes.pytree import (
-    build,
-    carried_layout,
-    layout_of,
-    leaves,
-    names_of,
-    rounded,
-    with_fields,
-    with_slopes,
-)
+from ....formulas.classes.flattening import build, leaves
+from ....formulas.classes.layouts import carried_layout, layout_of
+from ....formulas.classes.records import names_of, with_fields
+from ....formulas.numbers.conversions import rounded, with_slopes
 from ....formulas.sites import EIGHT, one_site
 from ....integrators.ending_at_jumps import uncut
 from ....simulation.compiled.control import Equal, Tolerance

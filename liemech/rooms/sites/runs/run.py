@@ -14,7 +14,8 @@ import numpy as np
 from ....compiler import kernel
 from ....compiler.sites.planes import Planes
 from ....errors import InvalidInput, NoConvergence, NotFinite, is_mistake
-from ....formulas.classes.pytree import inside, layout_of
+from ....formulas.classes.layouts import layout_of
+from ....formulas.classes.nested import inside
 from ....formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
 from ....simulation import arguments
 from ....simulation.between.dense import unpacked

@@ -11,7 +11,8 @@ import numpy as np
 
 from ....compiler import kernel
 from ....compiler.sites.planes import Planes
-from ....formulas.classes.pytree import carried_layout, layout_of, names_of
+from ....formulas.classes.layouts import carried_layout, layout_of
+from ....formulas.classes.records import names_of
 from ....formulas.sites import padded
 from ....groups.composed.species import SpeciesGroup
 from ....systems.system import state_of

@@ -14,7 +14,7 @@ from ....compiler.driver import read, write
 from ....compiler.sites.planes import Planes, each, load, save, some
 from ....errors import NotFinite
 from ....formulas import Record, record
-from ....formulas.classes.pytree import NUMBER
+from ....formulas.classes.layouts import NUMBER
 from ....formulas.sites import padded, rows_of
 from ....formulas.tables import Table, entry
 from ....integrators.ending_at_jumps import jumps_between, uncut

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....errors import InvalidInput
 from ....formulas import Record, Vec, record, vec
-from ....formulas.classes.pytree import with_fields
+from ....formulas.classes.records import with_fields
 from ....formulas.sites import SiteArray
 from ....groups.composed.one_of import width_of
 from ....groups.composed.product import shaped

@@ -10,8 +10,8 @@ import numpy as np
 from ....errors import InvalidInput
 from ....formulas import Record, record
 from ....formulas.classes.fields import OfEach
+from ....formulas.classes.nested import exchanged, inside
 from ....formulas.classes.of_each import Each, each
-from ....formulas.classes.pytree import exchanged, inside
 from ....formulas.sites import chains_of_partners
 from ....formulas.vectors import small
 from ....groups.composed.power import PowerGroup

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from ....formulas import dot, jacobian, vec
+from ....formulas.classes.nested import exchanged, inside
 from ....formulas.classes.of_each import Each
-from ....formulas.classes.pytree import exchanged, inside, with_fields
+from ....formulas.classes.records import with_fields
 from ....formulas.classes.remembered import Remembered
 from ....formulas.numbers.ways import ANY, APART, MOVING, AnyFunction, Number, Residue, Ways, values_of
 from ....systems.hamiltonian import Hamiltonian

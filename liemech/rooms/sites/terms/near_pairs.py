@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ....formulas import Vec, constant, dot, record, vec, where
-from ....formulas.classes.pytree import with_fields
+from ....formulas.classes.records import with_fields
 from ....groups.lie_group import LieGroup
 from ..graphs import displaced, place, seen_from
 from .terms import Term

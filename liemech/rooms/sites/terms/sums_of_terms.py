@@ -9,8 +9,9 @@ import numpy as np
 
 from ....errors import IncompatibleSystem, InvalidInput
 from ....formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
+from ....formulas.classes.nested import exchanged, inside
 from ....formulas.classes.of_each import Each
-from ....formulas.classes.pytree import exchanged, fields_of, inside, with_fields
+from ....formulas.classes.records import fields_of, with_fields
 from ....formulas.sites import SiteArray, interleaved_sum
 from ....groups.composed.power import PowerGroup
 from ....groups.composed.product import spans

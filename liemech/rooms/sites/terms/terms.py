@@ -15,9 +15,10 @@ from ....errors import InvalidInput, InvalidType, undefined
 from ....formulas import Mat, Record, Vec, check_finite, derivative, gradient, jacobian, mat, record, vec
 from ....formulas.classes.derived import derived
 from ....formulas.classes.fields import FrozenDict
+from ....formulas.classes.nested import exchanged, inside
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.overriding import asked
-from ....formulas.classes.pytree import exchanged, inside, with_fields
+from ....formulas.classes.records import with_fields
 from ....formulas.classes.signatures import bare
 from ....formulas.derivatives import gradient_to_add
 from ....formulas.vectors import small

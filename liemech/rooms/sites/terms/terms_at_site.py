@@ -9,8 +9,9 @@ import numpy as np
 
 from ....formulas import Element, Record, Vec, dot, gradient, mat, record, vec, vectors, where
 from ....formulas.classes.fields import OfEach
+from ....formulas.classes.nested import exchanged, inside
 from ....formulas.classes.of_each import Each
-from ....formulas.classes.pytree import exchanged, inside, with_fields
+from ....formulas.classes.records import with_fields
 from ....formulas.classes.signatures import bare
 from ....formulas.sites import SiteArray, SiteTable, halves, meet, own
 from ....groups.composed.one_of import filled

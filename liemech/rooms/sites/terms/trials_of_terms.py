@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ....errors import InvalidInput
+from ....formulas.classes.nested import inside
 from ....formulas.classes.of_each import Each
-from ....formulas.classes.pytree import inside, names_of, with_fields
+from ....formulas.classes.records import names_of, with_fields
 from ....formulas.numbers.ways import APART
 from ....formulas.vectors import small
 from ....systems.hamiltonian import Hamiltonian

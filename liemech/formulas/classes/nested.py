@@ -1,0 +1,46 @@
+"""Records inside of values: those of a kind, and copies with others in their places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from .records import Record, fields_of, fill
+
+
+def inside(value: Any, kind: type) -> list[Any]:
+    """The records of a kind that a value holds, in order."""
+    if isinstance(value, kind):
+        return [value]
+    if isinstance(value, Record):
+        return [x for part in fields_of(value).values() for x in inside(part, kind)]
+    if type(value) in (tuple, list):
+        return [x for part in value for x in inside(part, kind)]
+    return []
+
+
+def exchanged(
+    value: Any, kind: type, others: Iterable[Any], on_exchange: Callable[[Any, Any], None] | None = None
+) -> Any:
+    """The value with the records of a kind, those of `inside`, replaced by others, in order.  Attributes beside the fields
+    of a record are copied unless they hold a record of the kind.
+
+    on_exchange : called with every new record and the one that it replaces.
+    """
+    replacements = iter(others)
+
+    def changed(x: Any) -> Any:
+        if isinstance(x, kind):
+            return next(replacements)
+        if not inside(x, kind):
+            return x
+        if not isinstance(x, Record):
+            return type(x)([changed(part) for part in x])
+        fields = fields_of(x)
+        beside = {n: y for n, y in vars(x).items() if n not in fields and not inside(y, kind)}
+        record = fill(type(x), beside | {n: changed(part) for n, part in fields.items()})
+        if on_exchange is not None:
+            on_exchange(record, x)
+        return record
+
+    return changed(value)

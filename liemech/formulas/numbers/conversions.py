@@ -1,0 +1,110 @@
+"""Values in numbers of another kind: with more digits, with derivatives, or plain."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+from ..classes.flattening import build
+from ..classes.layouts import Layout
+from ..classes.records import Record, fields_of, fill
+from ..vectors import Mat, Vec
+from .bases import is_number
+from .compensated import Compensated, value_of
+from .complex_numbers import Complex
+from .double_double import DoubleDouble, rounded_number
+from .dual import ALONE, Dual, at_rest
+from .pairs import PAIRS, paired
+
+_COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of such numbers
+
+
+def compensated(value: Any) -> Any:
+    """The value in compensated numbers, which remember what rounding takes from sums; `plain` is the inverse."""
+    return _mapped(value, Compensated)
+
+
+def plain(value: Any) -> Any:
+    """The value with compensated numbers replaced by their values."""
+    return _mapped(value, value_of)
+
+
+def double_double(value: Any) -> Any:
+    """The value in numbers of two doubles; `rounded` is the inverse."""
+    return _mapped(value, lambda x: x if isinstance(x, DoubleDouble) else DoubleDouble(value_of(x), 0.0))
+
+
+def with_slopes(value: Any, level: float, still: Any = 0.0) -> Any:
+    """The value in numbers that all carry a derivative of this level, zero where they had none.
+
+    still : the slope zero; along several directions a vector.
+    """
+    return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, still, level), (Dual,))
+
+
+def moving_as(value: Any, x: Any) -> Any:
+    """The value in numbers that carry a derivative like that of x; the value itself if x has none."""
+    return with_slopes(value, x.level, at_rest(x.slope)) if isinstance(x, Dual) else value
+
+
+def as_others_see(value: Any) -> Any:
+    """The value of a site without slopes of derivatives in which the other sites rest."""
+    alone = ALONE.get()
+    return _mapped(value, lambda x: _at_rest(x, alone), (Dual,)) if alone else value
+
+
+def _at_rest(x: Any, alone: tuple[int, ...]) -> Any:
+    if not isinstance(x, Dual):
+        return x
+    value = _at_rest(x.value, alone)
+    return value if x.level in alone else Dual(value, _at_rest(x.slope, alone), x.level)
+
+
+def rounded(value: Any) -> Any:
+    """The value in plain doubles."""
+    return _mapped(value, lambda x: rounded_number(value_of(x)))
+
+
+def _mapped(value: Any, change: Callable[[Any], Any], whole: tuple[type, ...] = ()) -> Any:
+    """The value with every real number changed.  whole : kinds of numbers that count as one."""
+    if isinstance(value, (float, Compensated, DoubleDouble, *whole)) or is_number(value):
+        return change(value)
+    if isinstance(value, _STRUCTURES):
+        return _like(value, [_mapped(x, change, whole) for x in _parts(value)])
+    if isinstance(value, Record):
+        parts = fields_of(value).items()
+        return fill(type(value), {n: _mapped(x, change, whole) for n, x in parts})
+    return value
+
+
+def fitted(value: Any, layout: Layout) -> Any:
+    """The value with compensated numbers, numbers of two doubles and derivatives just where a layout has them."""
+    if layout.kind == "number":
+        return rounded_number(value_of(value))
+    if layout.kind == "pair" and layout.detail == _COMPENSATED:
+        return Compensated(value) if is_number(value) else value.settled()
+    if layout.kind == "pair" and layout.detail == _DOUBLE_DOUBLE:
+        return DoubleDouble(value, 0.0) if is_number(value) else value
+    if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):
+        still = build(layout.parts[1], itertools.repeat(0.0))
+        return Dual(fitted(value, layout.parts[0]), still, layout.detail[1])
+    if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):
+        return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(fields_of(value).items(), layout.parts)})
+    if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):
+        return _like(value, [fitted(x, part) for x, part in zip(_parts(value), layout.parts)])
+    return value
+
+
+_STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
+
+
+def _parts(value: Any) -> Any:
+    return value.rows if isinstance(value, Mat) else value.parts if isinstance(value, PAIRS) else value
+
+
+def _like(value: Any, parts: list[Any]) -> Any:
+    """A vector, a matrix, a tuple, ... of these parts."""
+    if isinstance(value, PAIRS):
+        return paired(value.form, parts)
+    return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)
