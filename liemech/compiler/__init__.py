@@ -3,16 +3,17 @@
 The compiler knows what formulas are made of and nothing of mechanics; only `llvm` knows LLVM's
 binding.  Its files, in the order in which a formula comes through them:
 
-* kernel, driver, buffers: native code for a driver, kept while what it has read is unchanged.
+* kernel, driver, buffers: native code for a driver; kept: what a process keeps of it between calls.
 * changes/: what a formula reads from outside, and whether that has changed (dependencies, content_hashes, staleness);
   object code on disk (cache).
 * translation/: the syntax tree (source), walked with numbers of the run in place of floats (translator, statements,
   expressions, loops, branches, joins, scopes); which calls become functions (inlining, call_forms, native_functions);
   where the translation is, and snapshots (state); a cure for what is refused (advice).
 * numbers/: the numbers and what is done to them.
-* sites/: loops over the sites of one system (loops_over_sites), in passes between their meetings (fission), on threads.
+* sites/: loops over the sites of one system (loops_over_sites), in passes between their meetings (fission), and over all
+  pairs of them (all_pairs), on threads.
 * machine/: LLVM, object files, Ctrl-C, guard words.
-* batch, one_row: formulas on many arguments at once.
+* batch, one_row, row_driver: formulas on many arguments at once, on one, and drivers of an array of numbers.
 """
 
 import time

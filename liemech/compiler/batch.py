@@ -10,8 +10,6 @@ again in plain Python, whose result or error counts.
 
 from __future__ import annotations
 
-import collections
-import contextlib
 import dataclasses
 import functools
 import inspect
@@ -19,7 +17,6 @@ import itertools
 import os
 import time
 import weakref
-from array import array
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -28,7 +25,6 @@ import numpy as np
 
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
 from ..formulas.calls.batches import MEMBERSHIP, Batch, row_of
-from ..formulas.classes.flattening import leaves
 from ..formulas.classes.frozen import frozen
 from ..formulas.classes.layouts import NUMBER, Layout, layout_of, vector_layout
 from ..formulas.numbers.bases import is_any_number
@@ -37,6 +33,7 @@ from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec
 from . import kernel
 from .driver import accepted, any_body, attempt, itself, numbers, read, write
+from .kept import BATCHES, NATIVE, REFUSED, SECONDS_OF_BATCHES
 from .machine.interrupts import in_threads
 
 SHARE = 50_000
@@ -56,36 +53,21 @@ NOISE = 0.005
 FEW = 8
 """Smaller batches are not worth the preparations; no register holds more numbers."""
 
-_spent: dict[Any, float] = {}
-"""Seconds that the formulas of a class have taken in plain Python, in batches."""
-
-_native: set[Any] = set()
-"""Formulas of classes that have native code in this process, for some layouts at least."""
-
-_refused: set[Any] = set()
-"""Formulas and layouts that cannot be compiled: nobody tries again."""
-
-
-_ready: collections.OrderedDict[Any, tuple[Job, weakref.ref[kernel.Kernel]]] = collections.OrderedDict()
-"""Jobs and their native code by the form of a batch, those used last at the end: such a batch needs
-no row of plain Python.
-"""
-
 
 def evaluate_rows(batch: Batch) -> Any:
     """The formula for every row, the batch axis first: the values of plain Python, bit for bit,
     wherever they are computed.
     """
     n, key = len(batch), (batch.formula, type(batch.owner))
-    ready = _of_this_form(batch) if n >= FEW and key in _native else None
+    ready = _of_this_form(batch) if n >= FEW and key in NATIVE else None
     if ready is not None:
         return _finished(batch, *ready, [])
     values = [batch.row(0)]
     job = job_of(batch, values[0]) if n >= FEW else None
-    run = _ready_made(kernel.known, job) if job is not None and key in _native else None
+    run = _ready_made(kernel.known, job) if job is not None and key in NATIVE else None
     if run is not None and job is not None:
         return _finished(batch, job, run, values)
-    started, before, looked = time.thread_time(), _spent.get(key, 0.0), False
+    started, before, looked = time.thread_time(), SECONDS_OF_BATCHES.get(key, 0.0), False
     while run is None and len(values) < n:
         values.append(batch.row(len(values)))
         done = len(values) - 1
@@ -98,10 +80,10 @@ def evaluate_rows(batch: Batch) -> Any:
         if expected > WORTH + ROWS * spent / done and before + spent > NOISE and run is None:
             run = compiled(each, job, batch, _lanes())
             job = None if run is None else job
-    _spent[key] = before + time.thread_time() - started
+    SECONDS_OF_BATCHES[key] = before + time.thread_time() - started
     if run is None or job is None or len(values) == n:
         return batch.stacked(values, range(n))
-    _native.add(key)
+    NATIVE.add(key)
     return _finished(batch, job, run, values)
 
 
@@ -121,78 +103,15 @@ def _form(batch: Batch) -> Any:
 def _of_this_form(batch: Batch) -> tuple[Job, kernel.Kernel] | None:
     """The job and its kernel, if a batch of this form had them and nothing that the kernel has read has changed."""
     form = _form(batch)
-    entry = _ready.get(form)
+    entry = BATCHES.get(form)
     run = entry[1]() if entry is not None and kernel.available() is None else None
     if entry is None or run is None:
         return None
     job = entry[0].for_batch(batch)
     if not run.reads.unchanged((*job.arguments, *job.rows)):
         return None
-    with contextlib.suppress(KeyError):  # another thread has thrown it out meanwhile
-        _ready.move_to_end(form)
+    BATCHES.use(form)
     return job, run
-
-
-WIDEST = 8
-"""The largest number of floats that a vector register holds."""
-
-
-class Driver:
-    """A driver of rows, done by NumPy for all rows at once until native code pays; both give the same bits.
-
-    driver : of values, and of two arrays: it reads the number in a row of the first and fills the
-    row of the second.
-    """
-
-    def __init__(self, driver: Callable[..., None]) -> None:
-        self.driver = driver
-        # seconds in NumPy, and after how many it is asked again for native code
-        self.spent, self.next = 0.0, DISK
-        self.kernels: dict[Any, kernel.Kernel] = {}
-
-    def rows(
-        self, values: Values, x: np.ndarray, width: int, in_numpy: Callable[[np.ndarray, np.ndarray], None]
-    ) -> np.ndarray:
-        """A row of `width` numbers for every x, (n,).  in_numpy : fills the rows without native code, given x and them."""
-        n = len(x)
-        xs, outputs = np.zeros((n + -n % WIDEST, 1)), np.empty((n + -n % WIDEST, width))
-        xs[:n, 0] = x
-        run = self._kernel(values, xs, outputs) if n >= FEW else None
-        if run is None:
-            started = time.perf_counter()
-            in_numpy(x, outputs[:n])
-            self.spent += time.perf_counter() - started
-        else:
-            call = functools.partial(run.run, values.numbers, (1, width), (xs, outputs), 1)
-            _share_out(call, len(xs), run.lanes)
-        return outputs[:n]
-
-    def _kernel(self, values: Values, *arrays: np.ndarray) -> kernel.Kernel | None:
-        run = self.kernels.get(values.layouts)
-        if run is not None and run.reads.unchanged((*values.values, *arrays)):
-            return run
-        if self.spent <= self.next or kernel.available() is not None:
-            return None
-        args = self.driver, *values.values, *[kernel.Rows(a) for a in arrays]
-        run = kernel.stored(*args, lanes=kernel.width())
-        if run is None and self.spent > WORTH:
-            run = kernel.kernel(*args, lanes=kernel.width())
-        if run is None:
-            self.next = min(WORTH, 2.0 * self.spent)
-        else:
-            self.kernels[values.layouts] = run
-        return run
-
-
-class Values:
-    """Arguments of a driver with their layouts and numbers."""
-
-    def __init__(self, *values: Any) -> None:
-        self.values = values
-        self.layouts = tuple(map(layout_of, values))
-        self.numbers = array(
-            "d", [x for value, layout in zip(values, self.layouts) for x in leaves(value, layout)]
-        ).tobytes()
 
 
 # ------------------------------------------------------------------ native code for a batch
@@ -253,7 +172,7 @@ def job_of(batch: Batch, example: Any) -> Job | None:
     arguments = (batch.formula, batch.owner, batch.group, MEMBERSHIP, tuple(plan), tuple(static.values()), results)
     example_rows = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(results))]
     job = Job(arguments, example, parts, layouts, example_rows, static)
-    return None if job.key in _refused else job
+    return None if job.key in REFUSED else job
 
 
 _signature = functools.cache(inspect.signature)
@@ -285,7 +204,7 @@ def compiled(driver: Callable[..., None], job: Job, batch: Batch, several: tuple
             return kernel.kernel(driver, *job.arguments, *job.rows, lanes=lanes)
         except NotCompilable as error:
             reason = error
-    _refused.add(job.key)
+    REFUSED.add(job.key)
     # ours that call NumPy mean to
     if not batch.formula.__module__.startswith(f"{__package__.partition('.')[0]}."):
         warn(f"{batch.where} runs as plain Python: {reason}", NotCompiledWarning)
@@ -296,11 +215,8 @@ def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> 
     """The results: of the first rows the values, of all others from native code, or from plain Python if it marks them."""
     if values:
         form = _form(batch)
-        _ready.pop(form, None)  # what is assigned to stays where it was
-        _ready[form] = job.kept(batch), weakref.ref(run)
-        with contextlib.suppress(KeyError):
-            while len(_ready) > kernel.ALIVE:
-                _ready.popitem(last=False)
+        BATCHES[form] = job.kept(batch), weakref.ref(run)
+        BATCHES.use(form)
     # at least a register full of rows, some of them twice
     start = min(len(values), len(batch) - run.lanes)
     whole = [np.empty((len(batch), layout.width)) for layout in job.layouts]
@@ -309,7 +225,7 @@ def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> 
 
     def evaluate(marks: np.ndarray) -> None:
         rows = [kernel.Rows(array) for array in (marks, *arrays)]
-        _share_out(run.on(*job.arguments, *rows), count, run.lanes)
+        share_out(run.on(*job.arguments, *rows), count, run.lanes)
 
     mark, marks = np.zeros((1, 1)), np.zeros((0, 1))
     evaluate(np.ndarray((count, 1), buffer=mark, strides=(0, 8)))
@@ -335,7 +251,7 @@ def _put(results: Any, rows: Any, values: Any) -> None:
         results[rows] = values
 
 
-def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
+def share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
     """Run the rows from 0 to n, many of them on all processors; the last ones, too few for all lanes, together with some
     that are run twice.
     """

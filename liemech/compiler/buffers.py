@@ -44,7 +44,7 @@ class NativeArray:
         if layout.in_memory:
             return build(in_places(layout), iter([self._part(first, *x) for x in spans(layout)]))
         numbers = enumerate(layout.kinds)
-        return build(layout, iter([self._found(self.load(first, i), kind) for i, kind in numbers]))
+        return build(layout, iter([self.of_bits(self.load(first, i), kind) for i, kind in numbers]))
 
     def write(self, k: Any, value: Any, layout: Layout) -> None:
         """Set row number k.  Raises NotCompilable for a value of another layout."""
@@ -57,15 +57,15 @@ class NativeArray:
                     large = self.emitter.large
                     large.move(large.pointer(x), self.after(first[0], i), size_of(form))
                 else:
-                    self.store(first, i, self._kept(x, kind))
+                    self.store(first, i, self.as_bits(x, kind))
             return
         for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
-            self.store(first, i, self._kept(x, kind))
+            self.store(first, i, self.as_bits(x, kind))
 
     def _part(self, first: list[ir.Value], kind: str, i: int, form: Any) -> Any:
         """A number, or the place of a copy of a large part."""
         if kind != "large":
-            return self._found(self.load(first, i), kind)
+            return self.of_bits(self.load(first, i), kind)
         large = self.emitter.large
         place = large.allocate(size_of(form))
         large.move(self.after(first[0], i), large.pointer(place), size_of(form))
@@ -78,7 +78,7 @@ class NativeArray:
         e, width = self.emitter, ir.Constant(I64, layout.width)
         return e.num([e.builder.mul(e.cast(k, "i", False)[0], width)])
 
-    def _found(self, x: Num, kind: str) -> Num:
+    def of_bits(self, x: Num, kind: str) -> Num:
         """A loaded number in its kind: the bits of a float are those of an integer or a truth value."""
         if kind not in ("integer", "truth"):
             return x
@@ -86,7 +86,7 @@ class NativeArray:
         whole = e.each(lambda v: b.bitcast(v, e.type("i", x.varying)), x.values)
         return whole if kind == "integer" else whole != 0
 
-    def _kept(self, x: Any, kind: str) -> Any:
+    def as_bits(self, x: Any, kind: str) -> Any:
         """A number to be stored: of an integer or truth value the float with its bits."""
         if kind not in ("integer", "truth"):
             return x

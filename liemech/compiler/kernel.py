@@ -9,7 +9,6 @@ driver runs in plain Python.
 
 from __future__ import annotations
 
-import collections
 import contextlib
 import ctypes
 import functools
@@ -29,6 +28,7 @@ from ..formulas.classes.flattening import gatherer
 from ..formulas.classes.frozen import frozen
 from ..formulas.classes.layouts import Layout, layout_of
 from . import driver
+from .kept import KERNELS, Variants
 from .machine import guard_words, interrupts
 from .machine.gc_pause import gc_paused
 from .sites.planes import Planes
@@ -37,14 +37,6 @@ Kind = Layout | str | tuple[str, Layout]
 """The kind of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
 "columns", "shared", "rows" or "planes".
 """
-
-ALIVE = 256
-"""Drivers and layouts whose kernels a process keeps; those not used for the longest time are
-released.
-"""
-
-VARIANTS = 8
-"""Kernels kept for one driver and layout while globals, helpers, ... change."""
 
 
 @frozen(eq=False)
@@ -230,7 +222,7 @@ class Kernel:
         return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
 
 
-_raised, _stopped = interrupts.come
+_raised, _stopped = interrupts.pending
 _addressof, _byte_in = ctypes.addressof, ctypes.c_char.from_buffer
 
 
@@ -242,37 +234,8 @@ def address(values: Any) -> int:
         return values.ctypes.data
 
 
-class _Kept:
-    """The kernels for one driver and layout, the last used first, and the lock of the thread that
-    makes one.
-    """
-
-    def __init__(self) -> None:
-        self.lock = threading.RLock()
-        self.kernels: list[Kernel] = []
-
-    def find(self, args: Sequence[Any]) -> Kernel | None:
-        args = examples(args)
-        for k in self.kernels:
-            if k.reads.unchanged(args):
-                if k is not self.kernels[0]:
-                    self.kernels = [k, *(other for other in self.kernels if other is not k)]
-                return k
-        return None
-
-
-_kept: collections.OrderedDict[Any, _Kept] = collections.OrderedDict()
-
-
-def _after_fork() -> None:
-    """Give the child of a fork locks of its own: the threads that held them are not there."""
-    for variants in _kept.values():
-        variants.lock = threading.RLock()
-
-
 _importing = threading.RLock()
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
     os.register_at_fork(
         before=_importing.acquire, after_in_parent=_importing.release, after_in_child=_importing.release
     )
@@ -300,39 +263,36 @@ def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: boo
     """The kernel: kept, on disk or, with `make`, compiled.  Raises NotCompilable."""
     _imported()
     key = entry, tuple(map(kind_of, args)), lanes
-    variants = _kept.setdefault(key, _Kept())
-    kernel = variants.find(args)
+    variants, given = KERNELS.setdefault(key, Variants()), examples(args)
+    kernel: Kernel | None = variants.find(given)
     if kernel is None:
         with variants.lock:
-            kernel = variants.find(args)  # made by another thread meanwhile
+            kernel = variants.find(given)  # made by another thread meanwhile
             if kernel is None:
                 try:
                     kernel = Kernel(*key, args, make)
                 # of LLVM: an unknown processor, a broken installation
                 except RuntimeError as error:
                     raise NotCompilable(f"native code cannot be made here: {error}") from error
-                variants.kernels = [kernel, *variants.kernels[: VARIANTS - 1]]
-    with contextlib.suppress(KeyError):
-        _kept.move_to_end(key)
-        while len(_kept) > ALIVE:
-            _kept.popitem(last=False)
+                variants.add(kernel)
+    KERNELS.use(key)
     return kernel
 
 
 def known(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
     """The kernel for arguments like these, if this process has it already."""
-    variants = _kept.get((entry, tuple(map(kind_of, args)), lanes))
-    return variants.find(args) if variants else None
+    variants = KERNELS.get((entry, tuple(map(kind_of, args)), lanes))
+    return variants.find(examples(args)) if variants else None
 
 
 def alive() -> list[Kernel]:
     """All kernels that this process keeps."""
-    return [k for variants in [*_kept.values()] for k in variants.kernels]
+    return [k for variants in [*KERNELS.values()] for k in variants.kernels]
 
 
 def forget() -> None:
     """Keep none of the kernels."""
-    _kept.clear()
+    KERNELS.clear()
 
 
 def stored(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:

@@ -19,11 +19,9 @@ from ..formulas.classes.flattening import gatherer
 from ..formulas.classes.layouts import layout_of
 from ..formulas.vectors import small
 from . import batch, kernel
+from .kept import SECONDS_OF_ROWS
 
 _DOUBLE = np.dtype(float)
-
-_spent: dict[Any, float] = {}
-"""Seconds that the formulas of a class have taken in plain Python, one row at a time, for all owners."""
 
 _adding = threading.Lock()
 
@@ -37,7 +35,7 @@ def prepare(row: OneRow, args: tuple[Any, ...], result: Any) -> None:
     """
     rows, key = row.rows(args), (row.formula, type(row.batch[1]))
     with _adding:
-        spent = _spent[key] = _spent.get(key, 0.0) + row.spent
+        spent = SECONDS_OF_ROWS[key] = SECONDS_OF_ROWS.get(key, 0.0) + row.spent
     row.spent = 0.0
     job = batch.job_of(rows, _small(result))
     if job is None or kernel.available() is not None:

@@ -4,7 +4,6 @@ form the arrays come.
 
 from __future__ import annotations
 
-import collections
 import gc
 import inspect
 import warnings
@@ -17,7 +16,7 @@ import pytest
 from scenes import same_bits
 
 import liemech as lm
-from liemech.compiler import batch
+from liemech.compiler import batch, kept
 from liemech.errors import InvalidInput, NotCompiledWarning, OutsideChart
 from liemech.formulas import Complex, Mat, Record, Vec, record, sqrt, vec
 from liemech.formulas.calls import batches
@@ -470,9 +469,9 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     monkeypatch.setattr(batch, "WORTH", 0.3)
     monkeypatch.setattr(batch, "ROWS", 200)
     monkeypatch.setattr(batch, "NOISE", 0.005)
-    for name in ("_native", "_refused"):
+    for name in ("NATIVE", "REFUSED"):
         monkeypatch.setattr(batch, name, set())
-    monkeypatch.setattr(batch, "_spent", {})
+    monkeypatch.setattr(batch, "SECONDS_OF_BATCHES", {})
     monkeypatch.setattr(batch.kernel, "stored", lambda *a, **o: None)
     return now
 
@@ -525,16 +524,16 @@ def test_a_batch_like_one_before_sees_what_it_is_given_now(rng: np.random.Genera
 def test_a_batch_thrown_out_by_another_thread_is_evaluated_all_the_same(
     monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
-    class Shared(collections.OrderedDict[Any, Any]):
+    class Shared(kept.LastUsed):
         """Another thread throws out what was looked up."""
 
         def get(self, key: Any, default: Any = None) -> Any:
             return self.pop(key, default)
 
-    monkeypatch.setattr(batch, "_ready", Shared())
+    monkeypatch.setattr(batch, "BATCHES", Shared())
     x = rng.normal(size=(64, 3))
     first = Counted(2.0).value(x)
-    assert batch._ready
+    assert batch.BATCHES
     assert np.array_equal(Counted(2.0).value(x), first)
 
 
@@ -542,12 +541,12 @@ def test_a_batch_thrown_out_by_another_thread_is_evaluated_all_the_same(
 def test_what_is_remembered_of_a_batch_keeps_no_owner(
     monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
-    monkeypatch.setattr(batch, "_ready", collections.OrderedDict())
+    monkeypatch.setattr(batch, "BATCHES", kept.LastUsed())
     x = rng.normal(size=(64, 3))
     owner = Counted(2.0)
     gone = weakref.ref(owner)
     owner.value(x)
-    assert batch._ready
+    assert batch.BATCHES
     del owner
     gc.collect()
     assert gone() is None
@@ -555,11 +554,11 @@ def test_what_is_remembered_of_a_batch_keeps_no_owner(
 
 
 def test_the_batch_used_last_is_the_last_to_go(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
-    monkeypatch.setattr(batch, "_ready", collections.OrderedDict())
+    monkeypatch.setattr(batch, "BATCHES", kept.LastUsed())
     monkeypatch.setattr(batch, "_of_this_form", lambda _: None)
     x = rng.normal(size=(64, 3))
     Counted(2.0).value(x)
-    (form,) = batch._ready
-    batch._ready["another"] = batch._ready[form]
+    (form,) = batch.BATCHES
+    batch.BATCHES["another"] = batch.BATCHES[form]
     Counted(2.0).value(x)
-    assert [*batch._ready] == ["another", form]
+    assert [*batch.BATCHES] == ["another", form]

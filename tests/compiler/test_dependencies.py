@@ -17,7 +17,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import kernel
+from liemech.compiler import kept, kernel
 from liemech.compiler.changes import content_hashes
 from liemech.errors import NotCompilable
 from liemech.groups.composed.product import ProductAlgebra
@@ -247,7 +247,7 @@ def test_a_change_is_seen_and_a_change_back_needs_no_compiler(what: str, world: 
     after = worlds.plain(formula, rows[0], 3)
     assert after != before, "the change should make a difference"
     assert worlds.native(formula, rows, 2, 3, lanes) == [after] * 4
-    assert len(kernel.alive()) >= min(made + 1, kernel.ALIVE)
+    assert len(kernel.alive()) >= min(made + 1, kept.ALIVE)
 
 
 def test_constants_that_come_and_go_are_compiled_once_each(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,7 +32,7 @@ def text_of(system: Any, method: Any, start: Any, monkeypatch: pytest.MonkeyPatc
         raise Seen
 
     monkeypatch.setattr(llvm, "object_code", stop)
-    monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
+    monkeypatch.setattr(kernel, "KERNELS", type(kernel.KERNELS)())
     monkeypatch.setenv("LIEMECH_CACHE_DIR", "/dev/null")
     with pytest.raises(Seen):
         lm.integrate(system, method, start, h=0.05, steps=1, compiled=True, progress=False)

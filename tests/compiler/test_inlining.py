@@ -4,7 +4,6 @@ whatever becomes a function.
 
 from __future__ import annotations
 
-import collections
 import importlib
 import re
 from pathlib import Path
@@ -100,9 +99,9 @@ def no_kernels(patch: pytest.MonkeyPatch) -> None:
     """A process that has made nothing yet, with an empty disk."""
     patch.setattr(cache, "load", lambda key, fits: None)
     patch.setattr(cache, "store", lambda *_: None)
-    patch.setattr(kernel, "_kept", collections.OrderedDict())
+    patch.setattr(kernel, "KERNELS", type(kernel.KERNELS)())
     patch.setattr(execution, "_histories", {})
-    patch.setattr(execution, "_told", set())
+    patch.setattr(execution, "_shown", set())
     patch.setattr(importlib.import_module("liemech.simulation.integrate"), "_plans", {})
 
 

@@ -18,7 +18,7 @@ import pytest
 
 import liemech
 import liemech as lm
-from liemech.compiler import kernel
+from liemech.compiler import kept, kernel
 from liemech.compiler.changes import cache
 from liemech.compiler.driver import read, write
 from liemech.compiler.machine.cache_lines import LINE, WORTH, in_lines
@@ -74,7 +74,7 @@ def test_compiling_keeps_no_memory(monkeypatch: pytest.MonkeyPatch, no_disk: Non
     made = llvm.object_code
     monkeypatch.setattr(llvm, "object_code", lambda text: texts.append(text) or made(text))
     body = lm.RigidBody([1.0, 2.0, 3.0])
-    monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
+    monkeypatch.setattr(kernel, "KERNELS", type(kernel.KERNELS)())
     start = body.state([1.0, 0.2, 0.3], np.eye(3))
     lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=1, compiled=True, progress=False)
 
@@ -91,7 +91,7 @@ def test_compiling_keeps_no_memory(monkeypatch: pytest.MonkeyPatch, no_disk: Non
 
 
 def test_what_is_used_stays(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
-    monkeypatch.setattr(kernel, "ALIVE", 3)
+    monkeypatch.setattr(kept, "ALIVE", 3)
     kernel.forget()
     result(0.5)
     first = kernel.alive()[0]

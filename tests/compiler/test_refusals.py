@@ -281,7 +281,7 @@ def gyrostat(tmp_path: Path):
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Native code is made before the first step, as by a run that has taken long enough."""
     monkeypatch.setattr(execution, "WAIT", 0.0)
-    monkeypatch.setattr(execution, "_told", set())
+    monkeypatch.setattr(execution, "_shown", set())
 
 
 @pytest.mark.usefixtures("at_once")

@@ -112,7 +112,7 @@ def test_the_code_does_not_grow_with_the_table(monkeypatch: pytest.MonkeyPatch) 
     sizes: list[int] = []
     code = llvm.object_code
     monkeypatch.setattr(llvm, "object_code", lambda text: (sizes.append(llvm.size(text)), code(text))[1])
-    monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
+    monkeypatch.setattr(kernel, "KERNELS", type(kernel.KERNELS)())
     monkeypatch.setattr(cache, "load", lambda *_: None)
     for n in (50, 10_000):
         monkeypatch.setitem(globals(), "FLOATS", [0.5 * i for i in range(n)])

@@ -38,7 +38,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
 
     monkeypatch.setattr(inlining.Outliner, "make", noted)
     monkeypatch.setattr(llvm, "object_code", stop)
-    monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
+    monkeypatch.setattr(kernel, "KERNELS", type(kernel.KERNELS)())
     monkeypatch.setattr(cache, "load", lambda *_: None)
     return found
 

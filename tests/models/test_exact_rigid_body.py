@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import batch, kernel
+from liemech.compiler import batch, kernel, row_driver
 from liemech.models.bodies import exact_rigid_body as exact
 from liemech.models.bodies import polhode
 from liemech.models.bodies.exact_rigid_body import exact_rigid_body, momentum_period
@@ -419,8 +419,8 @@ BODIES = {
 
 
 @pytest.fixture
-def fresh(monkeypatch: pytest.MonkeyPatch) -> batch.Driver:
-    driver = batch.Driver(polhode.moved)
+def fresh(monkeypatch: pytest.MonkeyPatch) -> row_driver.RowDriver:
+    driver = row_driver.RowDriver(polhode.moved)
     monkeypatch.setattr(exact, "_MOVED", driver)
     return driver
 
@@ -429,7 +429,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> batch.Driver:
 @pytest.mark.compiled
 @pytest.mark.parametrize("attitude", [True, False])
 def test_native_code_gives_the_bits_of_numpy(
-    attitude: bool, fresh: batch.Driver, monkeypatch: pytest.MonkeyPatch
+    attitude: bool, fresh: row_driver.RowDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     t = np.concatenate([np.linspace(-7.0, 30.0, 91), [0.0, 1e5, -1e9, 1e17, 1e290]])
     for J, mu in BODIES.values():
@@ -449,7 +449,7 @@ def test_native_code_gives_the_bits_of_numpy(
 
 
 @pytest.mark.compiled
-def test_native_code_is_made_when_it_pays(fresh: batch.Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_native_code_is_made_when_it_pays(fresh: row_driver.RowDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[object] = []
     monkeypatch.setattr(kernel, "stored", lambda *_, **__: None)
     monkeypatch.setattr(kernel, "kernel", lambda *args, **__: made.append(args))

@@ -4,7 +4,6 @@ same.
 
 from __future__ import annotations
 
-import collections
 import importlib
 import os
 import subprocess
@@ -32,9 +31,9 @@ RKMK = lm.RKMK(order=4, truncation=9)  # which no other test uses
 def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A process that has learned nothing yet, and has a cache of nothing."""
     monkeypatch.setattr(execution, "_histories", {})
-    monkeypatch.setattr(execution, "_told", set())
+    monkeypatch.setattr(execution, "_shown", set())
     monkeypatch.setattr(importlib.import_module("liemech.simulation.integrate"), "_plans", {})
-    monkeypatch.setattr(kernel, "_kept", collections.OrderedDict())
+    monkeypatch.setattr(kernel, "KERNELS", type(kernel.KERNELS)())
     monkeypatch.setattr(kernel, "stored", lambda *_, **__: None)
     return monkeypatch
 

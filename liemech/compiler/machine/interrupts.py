@@ -36,7 +36,7 @@ _working: dict[int, threading.Event] = {}
 
 _is_stopped = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_ulong)(_stopped.__contains__)
 
-come = _raised, _count
+pending = _raised, _count
 """The last word of the first, and the second, are zero as long as there is nothing to stop for."""
 
 

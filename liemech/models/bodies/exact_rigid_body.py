@@ -40,7 +40,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...compiler import batch
+from ...compiler import row_driver
 from ...formulas import Mat, Vec, diagonal, dot, identity_matrix, mat, vec, vectors
 from .carlson import duplications, elliprf
 from .polhode import (
@@ -154,7 +154,7 @@ def _place(orbit: Any, start: Mat | None, e: Any, psi: Any, rows: np.ndarray) ->
         rows[:, j] = column
 
 
-_MOVED = batch.Driver(moved)
+_MOVED = row_driver.RowDriver(moved)
 
 
 class _PreparedMotion(NamedTuple):
@@ -165,7 +165,7 @@ class _PreparedMotion(NamedTuple):
     orbit: _Steady | _Separatrix | Polhode
     unit: _Unit
     start: Mat | None
-    values: batch.Values
+    values: row_driver.Arguments
 
 
 @functools.lru_cache(256)
@@ -175,7 +175,7 @@ def _prepared(inertia: Vec | Mat, mu: Vec, g: Mat | None) -> _PreparedMotion:
     if g is not None:
         rows = [vec(*[in_body(orbit.axes, *x, j) for j in range(3)]) for x in (*frame(e0), e0)]
         start = mat(*[vec(*[dot(x, y) for y in rows]) for x in g])
-    return _PreparedMotion(orbit, unit, start, batch.Values(orbit, start))
+    return _PreparedMotion(orbit, unit, start, row_driver.Arguments(orbit, start))
 
 
 # --- the data, in the principal frame and in units of their own

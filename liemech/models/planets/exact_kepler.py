@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...compiler import batch
+from ...compiler import row_driver
 from ...compiler.driver import accepted, attempt, itself, read, write
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, asinh, cbrt, record, sqrt, vec, where
@@ -116,7 +116,7 @@ def _placed(c: Conic, times: Any, rows: Any) -> None:
         write(rows, 0, position, PLACE)
 
 
-_PLACED = batch.Driver(_placed)
+_PLACED = row_driver.RowDriver(_placed)
 
 
 def exact_kepler(q: Vec, p: Vec, attraction: float, t: np.ndarray) -> np.ndarray:
@@ -148,13 +148,13 @@ def exact_kepler(q: Vec, p: Vec, attraction: float, t: np.ndarray) -> np.ndarray
 
 class _PreparedOrbit(NamedTuple):
     conic: Conic
-    values: batch.Values
+    values: row_driver.Arguments
 
 
 @functools.lru_cache(256)
 def _prepared(q: Vec, p: Vec, attraction: float) -> _PreparedOrbit:
     orbit = conic(q, p, attraction)
-    return _PreparedOrbit(orbit, batch.Values(orbit))
+    return _PreparedOrbit(orbit, row_driver.Arguments(orbit))
 
 
 def conic(q: Vec, p: Vec, attraction: float) -> Conic:

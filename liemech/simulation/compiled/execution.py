@@ -45,7 +45,7 @@ to 0.8 ms each.
 """
 
 _histories: dict[Any, History] = {}
-_told: set[str] = set()  # refusals that were shown
+_shown: set[str] = set()  # refusals
 
 
 COLUMNS, SHARED = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
@@ -172,8 +172,8 @@ class Execution:
             self.wanted = False
             if why_not is None:
                 self.history.refused = True
-                if not self.silent and str(error) not in _told:
-                    _told.add(str(error))
+                if not self.silent and str(error) not in _shown:
+                    _shown.add(str(error))
                     warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning)
             return None
 
