@@ -336,7 +336,7 @@ def test_an_energy_of_ones_own() -> None:
 
 def test_tables_that_native_code_reads_stay_where_they_are() -> None:
     """A second system with equal tables must not set free those whose addresses native code holds."""
-    from liemech.formulas.large import TABLES
+    from liemech.formulas.large_maps import TABLES
 
     first = lm.models.ZeitlinSphere(13)
     content = [first.hamiltonian.solver.content, first.group.generated.hat_map.content]

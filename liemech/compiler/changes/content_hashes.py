@@ -27,7 +27,8 @@ import numpy as np
 
 from ...formulas.classes.layouts import Layout
 from ...formulas.classes.records import Record
-from ...formulas.large import DiagonalSolver, Large, LinearMap
+from ...formulas.large import Large
+from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers.bases import StandIn
 from ...formulas.numbers.pairs import PAIRS
 from ...formulas.tables import Table

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...formulas import blas
-from ...formulas.large import TABLES
+from ...formulas.large_maps import TABLES
 from .interrupts import THREAD
 
 _MATH = "acosh asinh atanh cbrt erf erfc exp2 fmod gamma hypot lgamma log10 log2 nextafter remainder"

@@ -17,7 +17,8 @@ from llvmlite import ir
 
 from ...errors import NotCompilable
 from ...formulas.classes.layouts import Layout
-from ...formulas.large import TOGETHER, DiagonalSolver, Large, LinearMap, size_of
+from ...formulas.large import TOGETHER, Large, size_of
+from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers.complex_numbers import Complex
 from .ir_numbers import F64, I32, I64, Emitter, Num
 from .lookups import constants

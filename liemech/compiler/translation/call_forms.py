@@ -15,10 +15,9 @@ import numpy as np
 from llvmlite import ir
 
 from ...errors import NotCompilable
-from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import Layout, layout_of
-from ...formulas.classes.records import Record, fill
-from ...formulas.numbers.bases import is_any_number
+from ...formulas.classes.nested import of_parts, parts_of
+from ...formulas.classes.records import Record
 from ...formulas.numbers.pairs import PAIRS
 from ...formulas.tables import Table
 from ...formulas.vectors import Mat, Vec
@@ -88,7 +87,7 @@ class CallForms:
             parts.append(x)
             inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
             kind = x.form if isinstance(x, PAIRS) else type(x)
-            return kind, tuple([form(y, inside, general) for y in _parts(x)])
+            return kind, tuple([form(y, inside, general) for y in parts_of(x)])
 
         try:
             items = [*env.items(), ("<mask>", active)]
@@ -111,7 +110,7 @@ class CallForms:
         if id(x) not in self.keys_of_constants:
             key: Any = "object", id(x)
             if (type(x) is tuple or isinstance(x, Record)) and self.translator.reads.made(x):
-                key = type(x), tuple([self._key_of_constant(y) for y in _parts(x)])
+                key = type(x), tuple([self._key_of_constant(y) for y in parts_of(x)])
             self.keys_of_constants[id(x)] = x, key
         return self.keys_of_constants[id(x)][1]
 
@@ -182,7 +181,7 @@ class CallForms:
             place = places[id(x)] = len(parts)
             parts.append(None)
             inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
-            parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
+            parts[place] = of_parts(x, [seen(y, inside) for y in parts_of(x)])
             self.translator.reads.copied(parts[place], x)
             if isinstance(x, list):  # the caller has it too
                 self.translator.aliases.share([parts[place]])
@@ -221,7 +220,7 @@ class CallForms:
                 listed.append(x)
             if not isinstance(x, _STRUCTURES):
                 raise NotCompilable(f"a result that holds {type(x).__name__}")
-            return "structure", (x, [of_part(y) for y in _parts(x)])
+            return "structure", (x, [of_part(y) for y in parts_of(x)])
 
         return of_part(result), numbers
 
@@ -230,7 +229,7 @@ class CallForms:
         kind, x = recipe
         match kind:
             case "structure":
-                whole = _of_parts(x[0], [self.restored(y, call, passed, numbers) for y in x[1]])
+                whole = of_parts(x[0], [self.restored(y, call, passed, numbers) for y in x[1]])
                 self.translator.reads.made_again(whole, x[0])
                 if id(x[0]) in self.translator.aliases.shared:
                     self.translator.aliases.share([whole, *lists(call.parts)])
@@ -248,26 +247,3 @@ class CallForms:
 
 _STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record, Table)
 _OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)
-
-
-def _parts(x: Any) -> list[Any]:
-    """The parts of a vector, a record, a list, ..."""
-    if isinstance(x, Record):
-        return [getattr(x, f.name) for f in dataclasses.fields(x)]  # type: ignore[arg-type]
-    if isinstance(x, Table):
-        return [x.place]
-    return list(x.parts if isinstance(x, PAIRS) else x)
-
-
-def _of_parts(x: Any, parts: list[Any]) -> Any:
-    """A value of the form of x, made of these parts."""
-    if isinstance(x, PAIRS):
-        layout = dataclasses.replace(
-            layout_of(x, is_any_number), parts=tuple([layout_of(y, is_any_number) for y in parts])
-        )
-        return build(layout, iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]))
-    if isinstance(x, Record):
-        return fill(type(x), {f.name: y for f, y in zip(dataclasses.fields(x), parts)})  # type: ignore[arg-type]
-    if isinstance(x, Table):
-        return Table.at(*parts)
-    return type(x)(parts) if type(x) in (tuple, list) else type(x)(*parts)

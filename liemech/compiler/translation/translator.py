@@ -31,6 +31,7 @@ from ...formulas.classes.overriding import kept
 from ...formulas.classes.records import Record, fill, with_fields
 from ...formulas.classes.signatures import bare
 from ...formulas.derivatives import axes, carried, tangent
+from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers import philox, products, series
 from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.conversions import compensated, double_double, fitted, plain, rounded
@@ -139,7 +140,7 @@ class Interpreter(Statements):
             ):
                 return self.inline(function, args, options)
             return function(*args, **options)
-        if isinstance(function, (large.LinearMap, large.DiagonalSolver)):
+        if isinstance(function, (DiagonalSolver, LinearMap)):
             return function(*args)
         if isinstance(function, types.FunctionType) and not _of_numbers(function):
             if function.__module__ in (sums.__name__, large.__name__):  # Python runs these as they stand

@@ -1,11 +1,34 @@
-"""Records inside of values: those of a kind, and copies with others in their places."""
+"""What is inside of values: their parts, and the records of a kind among these."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from .records import Record, fields_of, fill
+from ..numbers.pairs import PAIRS, paired
+from ..tables import Table
+from .records import Record, fields_of, fill, names_of
+
+
+def parts_of(value: Any) -> list[Any]:
+    """The fields of a record, the rows of a matrix, the two numbers of a pair, the items of a vector, a tuple, a list."""
+    if isinstance(value, Record):
+        return [*fields_of(value).values()]
+    if isinstance(value, Table):
+        return [value.place]
+    return [*(value.parts if isinstance(value, PAIRS) else value)]
+
+
+def of_parts(value: Any, parts: list[Any]) -> Any:
+    """A value of the kind of another, with other parts; a record is filled in unchecked."""
+    if isinstance(value, PAIRS):
+        return paired(value.form, parts)
+    if isinstance(value, Record):
+        cls: Any = type(value)
+        return fill(cls, dict(zip(names_of(cls), parts, strict=True)))
+    if isinstance(value, Table):
+        return Table.at(*parts)
+    return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)
 
 
 def inside(value: Any, kind: type) -> list[Any]:

@@ -8,14 +8,14 @@ from typing import Any
 
 from ..classes.flattening import build
 from ..classes.layouts import Layout
-from ..classes.records import Record, fields_of, fill
+from ..classes.nested import of_parts, parts_of
+from ..classes.records import Record
 from ..vectors import Mat, Vec
 from .bases import is_number
 from .compensated import Compensated, value_of
 from .complex_numbers import Complex
 from .double_double import DoubleDouble, rounded_number
 from .dual import ALONE, Dual, at_rest
-from .pairs import PAIRS, paired
 
 _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of such numbers
 
@@ -71,10 +71,7 @@ def _mapped(value: Any, change: Callable[[Any], Any], whole: tuple[type, ...] = 
     if isinstance(value, (float, Compensated, DoubleDouble, *whole)) or is_number(value):
         return change(value)
     if isinstance(value, _STRUCTURES):
-        return _like(value, [_mapped(x, change, whole) for x in _parts(value)])
-    if isinstance(value, Record):
-        parts = fields_of(value).items()
-        return fill(type(value), {n: _mapped(x, change, whole) for n, x in parts})
+        return of_parts(value, [_mapped(x, change, whole) for x in parts_of(value)])
     return value
 
 
@@ -89,22 +86,9 @@ def fitted(value: Any, layout: Layout) -> Any:
     if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):
         still = build(layout.parts[1], itertools.repeat(0.0))
         return Dual(fitted(value, layout.parts[0]), still, layout.detail[1])
-    if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):
-        return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(fields_of(value).items(), layout.parts)})
-    if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):
-        return _like(value, [fitted(x, part) for x, part in zip(_parts(value), layout.parts)])
+    if isinstance(value, _STRUCTURES) and len(parts := parts_of(value)) == len(layout.parts):
+        return of_parts(value, [fitted(x, part) for x, part in zip(parts, layout.parts)])
     return value
 
 
-_STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
-
-
-def _parts(value: Any) -> Any:
-    return value.rows if isinstance(value, Mat) else value.parts if isinstance(value, PAIRS) else value
-
-
-def _like(value: Any, parts: list[Any]) -> Any:
-    """A vector, a matrix, a tuple, ... of these parts."""
-    if isinstance(value, PAIRS):
-        return paired(value.form, parts)
-    return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)
+_STRUCTURES = (Vec, Mat, tuple, list, Record, Complex, Dual)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput, InvalidType, LawViolation, NotDefined
-from ...formulas.large import LinearMap
+from ...formulas.large_maps import LinearMap
 from ...formulas.sums import Terms
 
 SMALL = 12

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InvalidInput, InvalidType
 from ...formulas import Vec, record
-from ...formulas.large import LinearMap
+from ...formulas.large_maps import LinearMap
 from ...rooms.noise.dissipative import Dissipative
 from ...systems.lie_poisson import BodyState
 from .zeitlin_sphere import ZeitlinSphere, laplacian

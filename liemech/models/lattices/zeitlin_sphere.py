@@ -18,7 +18,8 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import Mat, Vec, check_finite, dot, real_array, record
-from ...formulas.large import DiagonalSolver, Large
+from ...formulas.large import Large
+from ...formulas.large_maps import DiagonalSolver
 from ...groups.matrices import matrix_basis
 from ...groups.matrices.classical import SU
 from ...groups.matrices.matrix_group import whole_number
