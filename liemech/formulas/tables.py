@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .functions import where
 from .numbers.bases import StandIn
 
 
@@ -79,6 +80,18 @@ def entry(table: Table, i: Any) -> Any:
     infinite times too.
     """
     return table.array.item(i)
+
+
+def last_up_to(table: Table, low: Any, high: Any, x: Any, below: bool = False) -> Any:
+    """The largest i from low to high with table[i] <= x, or with `below` table[i] < x; low if there is none.  The table
+    rises; native code bisects it too.
+    """
+    high = high + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        later = x > entry(table, middle) if below else x >= entry(table, middle)
+        low, high = where(later, middle, low), where(later, high, middle)
+    return low
 
 
 def whole(table: Table, i: Any) -> int:

@@ -10,8 +10,10 @@ from ..formulas import record, where
 from ..formulas.classes.layouts import layout_of
 from ..formulas.classes.records import fields_of, with_fields
 from ..formulas.numbers.conversions import fitted
-from ..formulas.tables import Table, entry
-from ..systems.in_time.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
+from ..formulas.tables import Table, entry, last_up_to
+from ..systems.in_time.inputs import during, has_inputs, inputs
+from ..systems.in_time.knots import jump_ahead, slack_of
+from ..systems.in_time.tabulated import ROUNDING
 from .method import Method, Wrapping
 
 AT_ENDS = "its noise is known at the ends of steps only. Let steps end there: t0 + n h"
@@ -171,7 +173,7 @@ class EndingAtJumps(Wrapping):
         """Where a step from t to `to`, of length h, begins, and its length, away from the times in
         `breaks`.
         """
-        near, sign = NEAR * max(abs(t), abs(to)), where(h > 0.0, 1.0, -1.0)
+        near, sign = slack_of(t, to), where(h > 0.0, 1.0, -1.0)
         first, last = self._break_before(t + near), self._break_before(to + near)
         at_first = self.count > 0.0 and abs(first - t) <= near
         at_last = self.count > 0.0 and abs(last - to) <= near
@@ -182,7 +184,7 @@ class EndingAtJumps(Wrapping):
 
     def _break_before(self, t: float) -> float:
         """The last time in `breaks` up to t, or the first one of all."""
-        return entry(self.breaks, reached(self.breaks, 0, max(int(self.count) - 1, 0), t))
+        return entry(self.breaks, last_up_to(self.breaks, 0, max(int(self.count) - 1, 0), t))
 
     def __repr__(self) -> str:
         return repr(self.method)

@@ -643,14 +643,16 @@ ODD_TIMES = (0.0, -0.0, 1e-300, 1e300, np.inf, -np.inf, np.nan)
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
 def test_no_formula_reads_beyond_a_table(monkeypatch, outside):
     """Native code does not look where a table ends, and computes the same indices as plain Python."""
+    from liemech.formulas import tables
     from liemech.integrators import ending_at_jumps
+    from liemech.systems.in_time import knots as beside_knots
     from liemech.systems.in_time import tabulated
 
     def looked_at(table, i):
         assert type(i) is int and 0 <= i < len(table)
         return table.array.item(i)
 
-    for module in tabulated, ending_at_jumps:
+    for module in tables, beside_knots, tabulated, ending_at_jumps:
         monkeypatch.setattr(module, "entry", looked_at)
     rng = np.random.default_rng(8)
     for _ in range(25):

@@ -20,7 +20,7 @@ from ...systems.canonical import CanonicalState, CanonicalSystem, PhaseSpace
 from ...systems.equations.group_equation import GroupEquation, Position
 from ...systems.equations.homogeneous_equation import HomogeneousEquation, Point
 from ...systems.in_time.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
-from ...systems.in_time.tabulated import inputs
+from ...systems.in_time.inputs import inputs
 from ...systems.lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
 from ...systems.system import State, System

@@ -13,7 +13,8 @@ from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record,
 from ...formulas.classes.nested import exchanged
 from ...formulas.numbers.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of
 from ...solvers import newton
-from ...systems.in_time.tabulated import PiecewisePolynomial, inputs
+from ...systems.in_time.inputs import inputs
+from ...systems.in_time.tabulated import PiecewisePolynomial
 from ...systems.kinetic_energy import has_inertia
 from ...systems.lie_poisson import BodyState
 from ...systems.many.energies import OfManySites

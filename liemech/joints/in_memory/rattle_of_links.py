@@ -45,7 +45,8 @@ from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, S
 from ...integrators.variational import momentum_slope, with_inertia
 from ...rooms.constraints.lie_rattle import MOST, eliminated
 from ...solvers import CUT, NOISE, TOLERANCE, least_part, slope_beside
-from ...systems.in_time.tabulated import during, inputs, jump_ahead
+from ...systems.in_time.inputs import during, inputs
+from ...systems.in_time.knots import jump_ahead
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
 from ...systems.system import System

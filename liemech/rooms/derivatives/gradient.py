@@ -36,7 +36,8 @@ from ...simulation.compiled.systems import OfBodies
 from ...simulation.reports.progress import Bar
 from ...simulation.result import of_some
 from ...simulation.trajectory import Trajectory
-from ...systems.in_time.tabulated import NEAR, PiecewisePolynomial
+from ...systems.in_time.knots import NEAR
+from ...systems.in_time.tabulated import PiecewisePolynomial
 from ...systems.system import State, member
 from .blocks import Blocks
 from .losses import Loss

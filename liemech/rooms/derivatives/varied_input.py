@@ -11,7 +11,8 @@ from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import layout_of
 from ...formulas.classes.nested import exchanged
 from ...simulation.compiled.parameters import full_name, parameter
-from ...systems.in_time.tabulated import PiecewisePolynomial, inputs
+from ...systems.in_time.inputs import inputs
+from ...systems.in_time.tabulated import PiecewisePolynomial
 from ...systems.in_time.varied_table import varied
 
 

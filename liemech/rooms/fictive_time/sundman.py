@@ -16,7 +16,7 @@ from ...groups.composed.product import ProductGroup
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Retraction
 from ...groups.vector_space import VectorSpace
-from ...systems.in_time.tabulated import inputs
+from ...systems.in_time.inputs import inputs
 from ...systems.system import State, System
 from .clocked import ClockedState, clocked
 from .time_scales import TimeScale, time_scale

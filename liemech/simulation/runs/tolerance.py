@@ -17,7 +17,7 @@ from ...formulas.classes.frozen import frozen
 from ...formulas.classes.layouts import layout_of
 from ...formulas.vectors import Vec
 from ...integrators.ending_at_jumps import jumps_between
-from ...systems.in_time.tabulated import has_inputs
+from ...systems.in_time.inputs import has_inputs
 from .. import arguments
 from ..between.dense import DenseOutput, DenseOutputs, flat, packed
 from ..compiled.control import (

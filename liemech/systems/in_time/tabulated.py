@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from typing import Any
 
@@ -11,21 +10,15 @@ import numpy as np
 
 from ...errors import InvalidInput, InvalidType
 from ...formulas import Record, check_finite, horner, real_array, record, vec, where
-from ...formulas.classes.layouts import Layout, layout_of
-from ...formulas.classes.nested import exchanged, inside
 from ...formulas.classes.records import with_fields
-from ...formulas.tables import Table, entry
+from ...formulas.tables import Table, entry, last_up_to
+from .knots import jump_ahead, just_inside, slack_of
 
 OUTSIDE = ("refuse", "hold", "repeat")
 """The ways to go on beyond a table."""
 
 ROUNDING = 2.0**-48
 """Part of the times of a table by which a stage of a step may miss its ends."""
-
-NEAR = 2.0**-49
-"""Part of the times of a step by which its ends may miss a knot and still be there: some units in
-the last place, for the rounding of t0 + n h, of h and of the knot.
-"""
 
 EQUAL = 2.0**-44
 """Part of its terms by which the value of a table may change at a knot and not jump."""
@@ -42,8 +35,8 @@ class PiecewisePolynomial(Record):
 
     `cubic`, `linear` and `constant` make one of values, `of` takes one from SciPy.  It is a record:
     a field of a force, a system, ... whose formulas call it, `self.torque(t)`, in native code too,
-    where tables of any length share one code.  A number or a vector.  At a knot the interval behind
-    it counts; a step that ends there sees the one before it.  Runs make their steps end where the
+    where tables of any length share one code.  A number or a vector.  At a knot the later interval
+    counts; a step that ends there sees the earlier one.  Runs make their steps end where the
     value jumps, of a table that is a field of the system; `breaks=f.knots` does so at every knot.
 
     knots : (n + 1,) times in s, rising.  coefficients : (n, degree + 1) or, of a vector, (n,
@@ -200,7 +193,7 @@ class PiecewisePolynomial(Record):
         return make(np.asarray(self.knots), values, self.outside)
 
     def derivative(self, order: int = 1) -> PiecewisePolynomial:
-        """The derivative of this order, a piecewise polynomial; at a knot that of the interval behind it.  Raises
+        """The derivative of this order, a piecewise polynomial; at a knot that of the later interval.  Raises
         InvalidInput where values are held: use `lm.derivative` in a formula there.
         """
         if self.outside == "hold":
@@ -267,9 +260,9 @@ class PiecewisePolynomial(Record):
         return t
 
     def _interval(self, t: Any, low: Any, high: Any) -> Any:
-        """The number of the interval in which t is, by bisection among those from `low` to `high`."""
-        ends = self.intervals - 1.0
-        return reached(self.knots, int(min(max(low, 0.0), ends)), int(max(min(high, ends), 0.0)), t)
+        """The number of the interval in which t is, among those from `low` to `high`."""
+        final = self.intervals - 1.0
+        return last_up_to(self.knots, int(min(max(low, 0.0), final)), int(max(min(high, final), 0.0)), t)
 
     # ---------------------------------------------------------------- the table and steps
 
@@ -280,47 +273,45 @@ class PiecewisePolynomial(Record):
         beyond : the part of h by which stages lie beyond the ends of the step, None if none does;
         where an end is at a jump, they see the polynomial on this side of it.
         """
-        low, high = _from_to(t, h)
+        early, late = just_inside(t, h)
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
-        ends = int(self.intervals) - 1
-        slack = 2.0 * _slack(t, t + h)
+        final = int(self.intervals) - 1
+        slack = 2.0 * slack_of(t, t + h)
         begin, end = min(t, t + h) - slack, max(t, t + h) + slack
         period, shift = ANY, 0.0
         if self.outside == "repeat":
             length = last - first
-            turn = (low - first) // length
-            period = where(turn == -((first - high) // length) - 1.0, turn, ANY)
+            turn = (early - first) // length
+            period = where(turn == -((first - late) // length) - 1.0, turn, ANY)
             shift = turn * length
-        start, stop = low - shift, high - shift
+        early, late = early - shift, late - shift
         if beyond is not None:
             begin, end = begin - beyond * abs(h), end + beyond * abs(h)
-            start, stop = self._up_to_jumps(start, stop)
+            early, late = self._up_to_jumps(early, late)
             if self.outside == "repeat":  # where it begins anew without a jump, another period counts
                 smooth = entry(self.jumps, 0) > first
                 begin = where(smooth, max(begin, first + shift), begin)
                 end = where(smooth, min(end, last + shift), end)
-        i = 1.0 * reached(self.knots, 0, ends, start)
-        j = 1.0 * _left_of(self.knots, 0, ends, stop)
+        i = 1.0 * last_up_to(self.knots, 0, final, early)
+        j = 1.0 * last_up_to(self.knots, 0, final, late, below=True)
         if self.outside == "repeat":
-            i, j = where(period == ANY, -1.0, i), where(period == ANY, 1.0 * ends, j)
+            i, j = where(period == ANY, -1.0, i), where(period == ANY, 1.0 * final, j)
         if self.outside == "hold":
-            i = where(start < first, -1.0, where(start >= last, self.intervals, i))
-            j = where(stop <= first, -1.0, where(stop > last, self.intervals, j))
+            i = where(early < first, -1.0, where(early >= last, self.intervals, i))
+            j = where(late <= first, -1.0, where(late > last, self.intervals, j))
         return with_fields(self, begin=begin, end=end, first=i, last=j, period=period)
 
-    def _up_to_jumps(self, low: Any, high: Any) -> tuple[Any, Any]:
-        """The last jump before `low`, and the first one behind `high`; beyond the table if there
-        is none.
-        """
+    def _up_to_jumps(self, early: Any, late: Any) -> tuple[Any, Any]:
+        """The last jump up to `early`, and the first one from `late` on; beyond the table if there is none."""
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
-        length, none = last - first, max(int(self.jumping) - 1, 0)
-        before = entry(self.jumps, reached(self.jumps, 0, none, low))
-        k = _left_of(self.jumps, 0, none, high)
-        k = where(entry(self.jumps, 0) >= high, 0, k + 1)
-        behind = entry(self.jumps, min(k, none))
-        before = where(self.jumping > 0.0, where(before <= low, before, first - length), first - length)
-        behind = where(self.jumping > 0.0, where(k <= none, behind, last + length), last + length)
-        return min(before, low), max(behind, high)
+        length, final = last - first, max(int(self.jumping) - 1, 0)
+        before = entry(self.jumps, last_up_to(self.jumps, 0, final, early))
+        k = last_up_to(self.jumps, 0, final, late, below=True)
+        k = where(entry(self.jumps, 0) >= late, 0, k + 1)
+        behind = entry(self.jumps, min(k, final))
+        before = where(self.jumping > 0.0, where(before <= early, before, first - length), first - length)
+        behind = where(self.jumping > 0.0, where(k <= final, behind, last + length), last + length)
+        return min(before, early), max(behind, late)
 
     def jump_times(self, low: float, high: float, every: bool) -> list[float]:
         """All times from `low` to `high` at which `jump_ahead` stops."""
@@ -350,7 +341,7 @@ class PiecewisePolynomial(Record):
                 count = count + 1
         if self.outside != "repeat":
             return jump_ahead(table, begin, count, t, end)
-        length, slack = last - first, _slack(t, end)
+        length, slack = last - first, slack_of(t, end)
         forward = end > t
         period = where(forward, (t + slack - first) // length, -((first - t + slack) // length) - 1.0)
         in_period = jump_ahead(table, begin, count, t - period * length, end - period * length)
@@ -396,79 +387,3 @@ def _jumping(knots: np.ndarray, terms: np.ndarray, repeat: bool) -> np.ndarray:
     jumping: np.ndarray = jumps.reshape(len(jumps), -1).any(axis=1)
     jumping[0] &= repeat
     return jumping
-
-
-def reached(table: Any, low: Any, high: Any, t: Any) -> Any:
-    """The largest i from low to high with table[i] <= t, or low."""
-    high = high + 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        later = t >= entry(table, middle)
-        low, high = where(later, middle, low), where(later, high, middle)
-    return low
-
-
-def _left_of(table: Any, low: Any, high: Any, t: Any) -> Any:
-    """The largest i from low to high with table[i] < t, or low."""
-    high = high + 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        later = t > entry(table, middle)
-        low, high = where(later, middle, low), where(later, high, middle)
-    return low
-
-
-def _slack(t: Any, end: Any) -> Any:
-    """The distance by which the ends of a step may miss a knot."""
-    return NEAR * max(abs(t), abs(end))
-
-
-def _from_to(t: Any, h: Any) -> tuple[Any, Any]:
-    """Times just inside the ends of a step, the earlier one first."""
-    slack, middle = _slack(t, t + h), t + 0.5 * h
-    return min(min(t, t + h) + slack, middle), max(max(t, t + h) - slack, middle)
-
-
-def jump_ahead(table: Any, begin: Any, count: Any, t: Any, end: Any) -> Any:
-    """The first entry of a rising table after t on the way to `end`; `end` if there is none before
-    it.  begin, count : the entries from number `begin` to number count - 1 count.
-    """
-    slack, forward = _slack(t, end), end > t
-    none = max(count - 1, 0)
-    after = reached(table, begin, none, t + slack)
-    after = where(t + slack >= entry(table, min(begin, none)), after + 1, begin)
-    before = _left_of(table, begin, none, t - slack)
-    before = where(t - slack > entry(table, min(begin, none)), before, begin - 1)
-    at = where(forward, after, before)
-    outside = where(forward, at >= count, at < begin)
-    jump = entry(table, min(max(at, 0), none))
-    beyond = where(forward, jump >= end - slack, jump <= end + slack)
-    return where(outside, end, where(beyond, end, jump))
-
-
-# ------------------------------------------------------------------ the inputs of a system
-
-
-def inputs(system: Any) -> list[PiecewisePolynomial]:
-    """The tables in the fields of a system."""
-    return inside(system, PiecewisePolynomial)
-
-
-def has_inputs(system: Any) -> bool:
-    """Whether the system has tables; by its layout, which is cached."""
-    return _has_table(layout_of(system))
-
-
-@functools.lru_cache(256)
-def _has_table(layout: Layout) -> bool:
-    is_table = layout.kind == "record" and issubclass(layout.detail[0], PiecewisePolynomial)
-    return is_table or any(map(_has_table, layout.parts))
-
-
-def during(system: Any, t: Any, h: Any, beyond: Any = None) -> Any:
-    """The system as a step from t to t + h sees it: every table by its limits from inside.
-
-    beyond : the part of h by which stages of the method lie beyond the ends of the step, or None.
-    """
-    limited = [table.during(t, h, beyond) for table in inputs(system)]
-    return exchanged(system, PiecewisePolynomial, limited)

@@ -23,7 +23,7 @@ from ....formulas.sites import padded, rows_of
 from ....groups.composed.species import SpeciesGroup
 from ....integrators.ending_at_jumps import uncut
 from ....simulation.between.dense import unpacked
-from ....systems.in_time.tabulated import inputs
+from ....systems.in_time.inputs import inputs
 from ....systems.many.site_state import SiteValues
 from ...sites.parts_of_spins import Sublattices
 from ...sites.runs.execution import SiteExecution

@@ -16,7 +16,7 @@ from ....formulas.numbers.conversions import fitted
 from ....formulas.sites import SiteArray, own
 from ....formulas.vectors import Vec as SmallVec
 from ....systems.canonical import CanonicalState
-from ....systems.in_time.tabulated import during
+from ....systems.in_time.inputs import during
 from ....systems.lie_poisson import BodyState
 from ...sites.runs.driver import require_finite
 from ...sites.runs.turns import copied_site

@@ -17,7 +17,7 @@ from ....formulas.sums import total as added
 from ....integrators.rkmk import TrialStep
 from ....simulation.compiled.control import CLOCK, GOAL, going, sample, stepped
 from ....simulation.compiled.driver import advance, on_the_way
-from ....systems.in_time.tabulated import during
+from ....systems.in_time.inputs import during
 from ..terms.terms_at_site import at_this_site
 
 

@@ -42,7 +42,7 @@ from ....simulation.runs.course import Course, told
 from ....simulation.runs.equal import affordable, at_steps
 from ....simulation.runs.jumps import Ways, beyond_jump, stretches, until_jumps
 from ....simulation.runs.tolerance import limit_of, too_many, too_small
-from ....systems.in_time.tabulated import during, has_inputs
+from ....systems.in_time.inputs import during, has_inputs
 from ....systems.many.site_state import StateOfSites
 from .driver import (
     COPIES,

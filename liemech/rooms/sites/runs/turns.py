@@ -19,7 +19,8 @@ from ....formulas.sites import padded, rows_of
 from ....formulas.tables import Table, entry
 from ....integrators.ending_at_jumps import jumps_between, uncut
 from ....simulation.compiled.control import MARK, STUCK, TAKEN, TIME
-from ....systems.in_time.tabulated import NEAR, during
+from ....systems.in_time.inputs import during
+from ....systems.in_time.knots import NEAR
 from ..parts_of_spins import Bonds, turned_by
 from ..spin_splittings import terms_of
 from .driver import CROSSED, OVERFLOW
