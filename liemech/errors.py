@@ -182,8 +182,8 @@ def is_mistake(error: BaseException | None) -> bool:
 
 
 def failure(error: Exception | None, what: str, at: str) -> IntegrationFailure:
-    """The failure that an exception of a formula stands for, with the exception as its cause; None
-    for a number that is none.
+    """The failure that an exception of a formula stands for, with the exception as its cause; for
+    None, a result that is not finite.
 
     what : which method failed.  at : where.
     """

@@ -41,7 +41,7 @@ from .points.special_points import SPECIAL
 from .report import Finding, Observation, Report, finished, require
 
 SURELY = 1e-9
-"""A relative difference of short motions that is none."""
+"""The relative difference up to which short motions count as equal."""
 
 LONGEST = 12.0
 """The longest time over which an order is observed, in times in which the start changes by its

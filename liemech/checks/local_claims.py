@@ -45,7 +45,7 @@ BACKWARDS = 0, 1
 """The places at which steps are taken backwards too."""
 
 EXACT = 4096.0 * ROUNDING
-"""A relative difference that is none."""
+"""The relative difference up to which numbers count as equal."""
 
 UNSTABLE = (LiemechError, ArithmeticError, ValueError)
 """Errors of a step that is too long, or leads out of where a system is defined."""

@@ -119,7 +119,7 @@ def check_poisson_field(
     field : a VectorField, or a formula of y.  structure : B.
     points : (m, n), where to look; left out, random points of size one, with positive coordinates
     if f or B need them.
-    raises : False returns the report on a field that is none as well.  seed : of the random points.
+    raises : False returns the report on other fields, too.  seed : of the random points.
 
     Returns a Report, which prints as a table.  Raises LawViolation with the entries at fault, where
     and by how much; InvalidType, InvalidInput.

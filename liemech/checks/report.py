@@ -33,7 +33,7 @@ class Finding:
     size: float = 0.0
     remark: str = ""
 
-    columns = f"{'law':<29} {'verdict':<9} {'roundings, at worst':<21} where"
+    width: ClassVar[int] = 21  # of the numbers
     headings: ClassVar[tuple[str, ...]] = ("law", "verdict", "roundings, at worst", "where", "")
 
     def __str__(self) -> str:
@@ -71,12 +71,12 @@ class Observation(Finding):
     observed: str = ""
     wanted: str = ""
 
-    columns = f"{'law':<29} {'verdict':<9} {'observed':<34} wanted"
+    width = 34
     headings = ("law", "verdict", "observed", "wanted", "where", "")
 
     def __str__(self) -> str:
         law, verdict, observed, *others = self.cells
-        return f"{law:<29} {verdict:<9} {observed:<34} {'  '.join(others)}".rstrip()
+        return f"{law:<29} {verdict:<9} {observed:<{self.width}} {'  '.join(others)}".rstrip()
 
     @property
     def cells(self) -> tuple[str, ...]:
@@ -125,7 +125,9 @@ class Report:
         return not self.broken
 
     def __str__(self) -> str:
-        return "\n".join([self.verdict, self.findings[0].columns, *map(str, self.findings)])
+        first = self.findings[0]
+        heading = "{:<29} {:<9} {:<{width}} {}".format(*first.headings, width=first.width)
+        return "\n".join([self.verdict, heading, *map(str, self.findings)])
 
     def _repr_html_(self) -> str:
         return html_table(self.verdict, self.findings[0].headings, [finding.cells for finding in self.findings])

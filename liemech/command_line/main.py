@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command: Callable[[Sequence[str]], int] = getattr(import_module(f".{COMMANDS.get(name, MAIN)}", __package__), name)
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _told
+            warnings.showwarning = _print_warning
             return command(options)
     except KeyboardInterrupt:
         print("liemech: interrupted", file=sys.stderr)
@@ -49,6 +49,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-def _told(message: Warning | str, *_: Any, **__: Any) -> None:
-    """A warning, without the line of a program that its reader has not written."""
+def _print_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Print a warning without the line of the program, which its reader has not written."""
     print(f"liemech: {message}", file=sys.stderr)

@@ -22,9 +22,10 @@ class PieceOfBodies:
     """The steps of one piece of a run, listed body after body.
 
     out : (turns + 1, width, bodies) rows, of which the first is where the bodies were.
-    marks, taken : of each body what marked its steps so far, and how many there were.
-    body, column, turn : of each step.  before : the row where it began.  number : of steps, with it.
-    a, b : the times where it began and ended.  kept : is its row a sample, whatever its number?
+    marks, taken : of each body the mark of its last step before the piece, and how many steps it had made.
+    body, column, turn : of each step its body, the column of this body in `out`, and the row where it ended.
+    before : the row where it began.  number : its number in the motion of the body.  a, b : the times where it
+    began and ended.  kept : is its row a sample, whatever its number?
 
     Of two bodies and three turns, in which the first one had its second trial rejected: body (0, 0, 1, 1, 1),
     turn (1, 3, 1, 2, 3), before (0, 1, 0, 1, 2).

@@ -625,7 +625,7 @@ class Plan:
         Returns what was written, with a bound on what a step does.  The numbers are those of
         `stepper`, to the bit, with the same C library.
         Raises NotCompilable for formulas that ask Python, IncompatibleSystem for steps that are not
-        fixed ones of one body, InvalidInput for a name that is none in C and for inputs of which
+        fixed ones of one body, InvalidInput for a name that C does not allow and for inputs of which
         other numbers are made.
         """
         from ..rooms.at_work.export import export

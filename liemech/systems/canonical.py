@@ -12,7 +12,7 @@ from ..formulas.classes.derived import derived
 from ..formulas.classes.remembered import common
 from ..groups.retractions import Retraction
 from ..groups.vector_space import VectorSpace
-from .system import State, System, frozen, points
+from .system import State, System, as_field, points
 
 
 @record
@@ -95,7 +95,7 @@ class PhaseSpace(System):
     @final
     def _canonical_state(self, both: list[np.ndarray], members: int | None) -> CanonicalState:
         """The state of checked positions and momenta."""
-        return self.vouched(CanonicalState(*[frozen(a, (self.degrees,), members) for a in both]))
+        return self.vouched(CanonicalState(*[as_field(a, (self.degrees,), members) for a in both]))
 
     @final
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:

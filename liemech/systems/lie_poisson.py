@@ -34,9 +34,9 @@ from .many.site_state import SiteState, rows_of_species, site_state, velocities_
 from .system import (
     State,
     System,
+    as_field,
     as_precise,
     element_at_a_glance,
-    frozen,
     large_members,
     lies_in_memory,
     members_of,
@@ -378,6 +378,6 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
         raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
     bodies = counts[0] if counts else None
     start = BodyState(
-        frozen(momenta, dim, bodies, large), None if elements is None else frozen(elements, shape, bodies, large)
+        as_field(momenta, dim, bodies, large), None if elements is None else as_field(elements, shape, bodies, large)
     )
     return large_members(start, large)

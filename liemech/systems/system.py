@@ -342,7 +342,7 @@ def large_members(state: Any, large: bool) -> Any:
     return state
 
 
-def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None, large: bool = False) -> Any:
+def as_field(array: np.ndarray, one: tuple[int, ...], bodies: int | None, large: bool = False) -> Any:
     """A field of a state: a small vector or matrix for a single body, else a read-only array with a row for each body.
     large : does the field of a single body lie in memory?
     """

@@ -22,7 +22,7 @@ from ..groups.poisson_structure import require_formula
 from ..groups.retractions import Retraction
 from ..groups.vector_space import VectorSpace
 from .parts import LEAST, OfParts, affine, special_nowhere, straight, where_defined
-from .system import State, System, frozen, points
+from .system import State, System, as_field, points
 
 
 @record
@@ -134,7 +134,7 @@ class VectorField(System):
         array = points(y, f"{where}: y", shape, f"a point of {self!r}")
         self._check_formulas(array)
         self._require(array, where)
-        return self.vouched(PoissonState(frozen(array, shape, None if array.shape == shape else len(array))))
+        return self.vouched(PoissonState(as_field(array, shape, None if array.shape == shape else len(array))))
 
     def _check_formulas(self, y: np.ndarray) -> None:
         """Whether `velocity` is a vector of n numbers.  y : (n,), or (members, n)."""

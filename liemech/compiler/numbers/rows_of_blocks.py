@@ -60,7 +60,9 @@ class SquareBlocks:
                 self.b.store(self.e.cast(x, "f", False)[0], at, align=8)
 
     def save(self, sites: Any, count: int, k: int, block: Mat) -> None:
-        """Rows of the sites that run side by side, each a vector, from vectors of one number of all."""
+        """Store block number k of every site of the lanes.  A register has one number of all of them, a row of a block the
+        numbers of one: they are transposed.
+        """
         b, e, n = self.b, self.e, len(block)
         over = self.loops._over("save_block")
         over.saved, width = True, wide(n)
@@ -75,7 +77,7 @@ class SquareBlocks:
                 lanes = e.width if several else 1
                 if not several:
                     vectors = [self.e.spread(x, 2) for x in vectors]
-                while len(vectors) > 1:  # of each lane its numbers come side by side
+                while len(vectors) > 1:  # two halves are interleaved, until the numbers of a lane lie together
                     half = len(vectors) // 2
                     size = vectors[0].type.count
                     turn = [x for l in range(size) for x in (l, size + l)]

@@ -66,14 +66,16 @@ class Outliner:
         self.translator, self.emitter = translator, translator.emitter
         self.forms = CallForms(translator)
         self.functions = NativeFunctions(translator, self.forms)
-        self.natives: dict[Any, NativeFunction | None] = {}  # by form of the call; None: it has to be written out
-        # by form of the call, the function that LLVM copies; None: there was one call; False: it has no copies
+        # by the form of the call: its native function; None: it must be written out
+        self.natives: dict[Any, NativeFunction | None] = {}
+        # by the form of the call: the function that LLVM copies; None after the first call; False: it cannot be copied
         self.copies: dict[Any, NativeFunction | bool | None] = {}
-        # sets of formulas
-        self.costly: set[Any] = set()  # one call at least had LARGE instructions
-        self.worth_copying: set[Any] = set()  # one call at least had COPIED instructions, and more by its numbers
-        self.too_large: set[Any] = set()  # to be written out
-        self.with_meetings: set[Any] = set()  # of sites: always written out
+        # formulas: those of which a call had LARGE instructions, and more than COPIED beside its numbers; those that
+        # are never written out, and those that always are, for sites meet in them
+        self.costly: set[Any] = set()
+        self.worth_copying: set[Any] = set()
+        self.too_large: set[Any] = set()
+        self.with_meetings: set[Any] = set()
         # in lanes a formula has as many instructions more as its numbers take registers
         single = self.emitter.lanes == 1
         translator.state.patience = ALONE if single else self.emitter.registers(True)

@@ -31,7 +31,7 @@ MISSING = dataclasses.MISSING
 
 @dataclasses.dataclass(frozen=True)
 class _Example:
-    """A model, from which it is taken how `dataclasses` marks a class, a field and what is none."""
+    """An example of how `dataclasses` marks a class, a field and a class variable."""
 
     field: Any
     other: ClassVar[Any] = None

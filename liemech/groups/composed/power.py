@@ -63,8 +63,8 @@ class PowerGroup(DirectProduct):
     may have an axis of sites as well, velocities and momenta (copies, dim) and elements (copies, n,
     n), and give back what is shaped so.  A system on a power shows its states in that shape.
 
-    base : the group, which is no power itself.  copies : how many.  Raises InvalidType, InvalidInput
-    for what is none.
+    base : the group, which is no power itself.  copies : how many.  Raises InvalidType for
+    what is no group, InvalidInput for a power and for no copies.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
     """

@@ -270,7 +270,7 @@ class ProductGroup(DirectProduct):
     and momenta are those of the factors one after another.
 
     factors : groups of any kind, products and complex ones among them.  Raises InvalidType,
-    InvalidInput for what is none.
+    InvalidInput for what is no group.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
     """

@@ -195,7 +195,7 @@ class SemidirectProduct(LieGroup):
     with CoadjointAction(G) the cotangent group T*G.
 
     The Cayley map is that of the matrices [[xi, u], [0, 0]], where the action has one.  Raises
-    InvalidType, InvalidInput for an action that is none, or one of another group.
+    InvalidType for what is no Representation, InvalidInput for one of another group.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and
     14.7; Cendra, Holm, Marsden and Ratiu (1998), section 1; Leonard and Marsden, Physica D 105

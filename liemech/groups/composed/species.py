@@ -24,7 +24,7 @@ class SpeciesGroup(DirectProduct):
     An element is one vector, as that of `ProductGroup`.  Systems on it take momenta, velocities and
     elements of every species, [(100, 3), (8, 6)] and [(100, 3, 3), (8, 4, 4)], and show them so.
 
-    powers : of each species.  Raises InvalidType, InvalidInput for what is none.
+    powers : of each species.  Raises InvalidType for what is no power, InvalidInput for none at all.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
     """
@@ -212,8 +212,8 @@ class SpeciesGroup(DirectProduct):
 
 
 def times(one: LieGroup, other: LieGroup) -> LieGroup:
-    """The product of two groups: of powers, that of species.  Raises InvalidInput for a power and a
-    group that is none.
+    """The product of two groups: of powers, that of species.  Raises InvalidInput for a power beside a
+    group of one body.
     """
     powers = [
         x.powers if isinstance(x, SpeciesGroup) else (x,) if isinstance(x, PowerGroup) else () for x in (one, other)

@@ -125,7 +125,7 @@ def measure_order(
 
     The error is that of the part of the state with the largest one, relative to its largest
     component.  Times are the least of three runs, without compiling and preparing.
-    Raises InvalidInput, InvalidType for what is none of these.
+    Raises InvalidInput, InvalidType for other arguments.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4 and
     II.10.

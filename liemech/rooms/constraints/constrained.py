@@ -33,7 +33,7 @@ from ...formulas.vectors import small
 from ...solvers import correction, newton
 from ...systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
 from ...systems.separable import SeparableEnergy, SeparableSystem
-from ...systems.system import frozen
+from ...systems.system import as_field
 
 CONSISTENT = 2.0**-40
 """A start is on the constraints if they fail by no more than this, relative to their terms."""
@@ -278,7 +278,7 @@ class ConstrainedSystem(CanonicalSystem):
     def _reached(self, **parts: Any) -> CanonicalState:
         """The state with these parts, on M or not."""
         both, members = self._points(**parts)
-        return CanonicalState(*[frozen(a, (self.degrees,), members) for a in both])
+        return CanonicalState(*[as_field(a, (self.degrees,), members) for a in both])
 
     def _check_motion(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
         """Raise InvalidInput for consistent states, (members, n), whose motion a subclass does not

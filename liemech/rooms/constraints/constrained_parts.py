@@ -72,7 +72,7 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
     quadratic : say so where the parts are two, (T, V), T of second degree in p and V a function of
     q: then splittings of Runge-Kutta-Nystroem kind are of their order.
 
-    Raises InvalidType for parts that are none.
+    Raises InvalidType for parts that are no ConstrainedParts.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.5; the slides,
     (1.14) and (1.15).
     """

@@ -240,7 +240,7 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
         return fields
     except (MissingExtra, OSError):
         raise
-    # whatever comes of content that is none
+    # anything may come of damaged content
     except Exception as error:
         if isinstance(error, InvalidInput) and str(error).startswith(f"{path}: "):
             raise

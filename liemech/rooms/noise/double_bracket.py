@@ -31,7 +31,7 @@ class DoubleBracket(LiePoissonMotion):
     system : the motion without damping.  damping : not negative; its unit makes damping ad*_xi mu a velocity.
     metric : M, a scalar product on the algebra, (dim, dim) symmetric and positive; None: that of the basis.
 
-    Raises InvalidInput for a negative damping and a metric that is none.
+    Raises InvalidInput for a negative damping, and for a metric that is not symmetric and positive.
     Source: Bloch, Krishnaprasad, Marsden, Ratiu, The Euler-Poincare equations and double bracket dissipation,
     Commun. Math. Phys. 175 (1996), section 3.
     """

@@ -550,7 +550,7 @@ class Within(AllPairs):
     box: Vec | None = None
 
     def __post_init__(self) -> None:
-        """Raises InvalidInput for distances that are none, and for a cutoff beyond half the box."""
+        """Raises InvalidInput unless 0 <= inner < cutoff, and for a cutoff beyond half the box."""
         super().__post_init__()
         name, far, near = "neighbours.within", self.cutoff, self.inner
         if not 0.0 <= near < far < np.inf:

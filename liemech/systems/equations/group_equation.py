@@ -9,7 +9,7 @@ from ...formulas import Element, Vec, record
 from ...formulas.numbers.bases import InMemory
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Retraction
-from ..system import State, System, as_precise, frozen, large_members, lies_in_memory, members_of
+from ..system import State, System, as_field, as_precise, large_members, lies_in_memory, members_of
 
 
 @record
@@ -75,7 +75,7 @@ class GroupEquation(System):
         elements, shape = (members_of(self.group, g, f"{type(self).__name__}.state: g"), self.group.element_shape)
         many = None if elements.shape == shape else len(elements)
         large = lies_in_memory(self.group)
-        return self.vouched(large_members(Position(frozen(elements, shape, many, large)), large))
+        return self.vouched(large_members(Position(as_field(elements, shape, many, large)), large))
 
 
 @record

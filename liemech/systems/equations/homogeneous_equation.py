@@ -12,7 +12,7 @@ from ...formulas.numbers.bases import InMemory
 from ...groups.actions import GroupAction
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Retraction
-from ..system import State, System, as_precise, frozen, large_members, lies_in_memory, points
+from ..system import State, System, as_field, as_precise, large_members, lies_in_memory, points
 
 
 @record
@@ -95,7 +95,7 @@ class HomogeneousEquation(System):
                 how = f"got {bad!r}"
             raise InvalidInput(f"{which} is no point of {self.action!r}: {how}")
         many, large = None if array.shape == point_shape else len(array), lies_in_memory(self.group)
-        return self.vouched(large_members(Point(frozen(array, point_shape, many, large)), large))
+        return self.vouched(large_members(Point(as_field(array, point_shape, many, large)), large))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.action._shape(argument, kind)

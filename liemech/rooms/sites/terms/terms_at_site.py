@@ -380,9 +380,14 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
 
     def gradient(self, mu: Vec) -> Vec:
         """The velocity of this site.  mu : (dim,), its momentum."""
-        zero = vec(*[0.0 for _ in mu])
-        of_edge = lambda one, term, sites: term.slope(one.role, *sites)  # noqa: E731
-        return self.moving(self.added(zero, mu, None, None, of_edge, lambda term, sites: term.slopes(*sites)))
+
+        def of_edge(role: RoleAtSite, term: Any, sites: list[Any]) -> Vec:
+            return term.slope(role.role, *sites)
+
+        def of_both(term: Any, sites: list[Any]) -> tuple[Vec, Vec]:
+            return term.slopes(*sites)
+
+        return self.moving(self.added(vec(*[0.0 for _ in mu]), mu, None, None, of_edge, of_both))
 
 
 @record
@@ -413,6 +418,12 @@ class PotentialOfSite(TermsOfSite, Potential):
         return self._forces(group, g, roles)
 
     def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
+        def of_edge(role: RoleAtSite, term: Any, sites: list[Any]) -> Vec:
+            return term.force(self.group_of(role, group), role.role, *sites)
+
+        def of_both(term: Any, sites: list[Any]) -> tuple[Vec, Vec]:
+            return term.forces(group, *sites)
+
         force = vec(*[0.0 for _ in range(group.dim)])
         chosen = self.roles if roles is None else roles
         through = [role for role in chosen if role.through_points]
@@ -420,8 +431,6 @@ class PotentialOfSite(TermsOfSite, Potential):
             force = force + role.through(group, g)
         apart = [role for role in chosen if not role.once and not role.through_points]
         if len(apart) > 0:
-            of_edge = lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites)  # noqa: E731
-            of_both = lambda term, sites: term.forces(group, *sites)  # noqa: E731
             force = self.added(force, None, g, None, of_edge, of_both, apart)
         along = [role for role in chosen if role.once]
         if len(along) > 0:
@@ -458,25 +467,25 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force on this site.  xi : (dim,), its velocity, g : its element."""
         zero = vec(*[0.0 for _ in xi])
-        covector = lambda one, term, sites: term.covector(t, *_from(one.role, sites))  # noqa: E731
-        return self.moving(self.added(zero, None, g, xi, covector))
+        return self.moving(
+            self.added(zero, None, g, xi, lambda one, term, sites: term.covector(t, *_from(one.role, sites)))
+        )
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
         """The damping of this site by its own velocity, where the others keep theirs, (dim,).  xi, along : (dim,), g : its
         element.
         """
-        damping = lambda one, term, sites: _damping(t, term, _from(one.role, sites), along)  # noqa: E731
-        return self.moving(self.added(vec(*[0.0 for _ in xi]), None, g, xi, damping))
+
+        def of_edge(role: RoleAtSite, term: Any, sites: list[Any]) -> Vec:
+            first = sites[role.role]
+            return term.resistance(t, vec(*along[: len(first.xi)]), *_from(role.role, sites))
+
+        return self.moving(self.added(vec(*[0.0 for _ in xi]), None, g, xi, of_edge))
 
 
 def _from(k: int, sites: list[Any]) -> list[Any]:
     """The sites of an edge, number k first."""
     return [sites[k], *sites[:k], *sites[k + 1 :]]
-
-
-def _damping(t: float, term: Term, sites: list[Any], along: Vec) -> Vec:
-    """The fall of the force on the first of the sites as it moves faster along a velocity, (dim,)."""
-    return term.resistance(t, vec(*along[: len(sites[0].xi)]), *sites)
 
 
 @record
@@ -489,21 +498,20 @@ class SlopesOfLoad(TermsOfSite):
 
     def slopes(self, group: LieGroup, t: float, xi: Vec, g: Any, along: Vec) -> tuple[Vec, Vec]:
         """d/dxi and d/deta with dg = g hat(eta), (dim,) each.  along : lambda of this site."""
-        n = group.dim
-        of_edge = lambda one, term, sites: _slope(group, t, one.merged, term, one.role, sites)  # noqa: E731
-        slope = self.added(vec(*[0.0 for _ in range(2 * n)]), along, g, xi, of_edge)
+        n, zero = group.dim, vec(*[0.0 for _ in range(2 * group.dim)])
+        slope = self.added(zero, along, g, xi, lambda one, term, sites: _slope(group, t, one, term, sites))
         return vec(*slope[:n]), vec(*slope[n:])
 
 
-def _slope(group: LieGroup, t: float, merged: bool, term: Term, k: int, sites: list[Any]) -> Vec:
-    """The derivatives of <lambda, F> on one edge by its k-th site; `mu` of a site holds its lambda."""
-    n = group.dim
+def _slope(group: LieGroup, t: float, role: RoleAtSite, term: Term, sites: list[Any]) -> Vec:
+    """The derivatives of <lambda, F> on one edge by the site in a role; `mu` of a site holds its lambda."""
+    n, k = group.dim, role.role
 
     def power(y: Vec) -> float:
         g = group.compose_exp(sites[k].g, vec(*y[n:]))
         moved_site = with_fields(sites[k], xi=sites[k].xi + vec(*y[:n]), g=g)
         ends = [moved_site if j == k else s for j, s in enumerate(sites)]
         of_first = dot(ends[0].mu, term.covector(t, *ends))
-        return of_first + dot(ends[1].mu, term.covector(t, *ends[::-1])) if merged else of_first
+        return of_first + dot(ends[1].mu, term.covector(t, *ends[::-1])) if role.merged else of_first
 
     return gradient(power, vec(*[0.0 for _ in range(2 * n)]))
