@@ -51,6 +51,10 @@ UNSTABLE = (LiemechError, ArithmeticError, ValueError)
 """Errors of a step that is too long, or leads out of where a system is defined."""
 
 
+Errors = list[tuple[float, dict[str, np.ndarray]]]
+"""Steps h, each smaller than the one before, and the errors of the parts after a few of them, until they are rounding."""
+
+
 @dataclass(frozen=True)
 class Local:
     """Short runs of a method at a place."""
@@ -65,18 +69,16 @@ class Local:
         return float(max(2.0 ** (5.0 / (self.place.method.order + 1)), 2.0**0.5))
 
     @cached_property
-    def errors(self) -> list[tuple[float, dict[str, float]]]:
-        """Steps h, each smaller than the one before, and the errors of the parts after a few of
-        them, until they are rounding.
-        """
+    def errors(self) -> Errors:
+        """Those of steps forwards."""
         return self._errors(1.0)
 
     @cached_property
-    def backwards(self) -> list[tuple[float, dict[str, float]]]:
-        """The `errors` of steps with negative h."""
+    def backwards(self) -> Errors:
+        """Those of steps with negative h."""
         return self._errors(-1.0)
 
-    def _errors(self, sign: float) -> list[tuple[float, dict[str, float]]]:
+    def _errors(self, sign: float) -> Errors:
         place, errors = self.place, []
         longest = 0.25 if place.method.order <= 4 else 0.5
         h = sign * longest * place.unit / place.scale
@@ -85,13 +87,13 @@ class Local:
                 end = place.after(place.begin, h, SOME)
                 passed = place.clock(end, SOME * h)
                 exact, doubts = place.exact_within(passed)
-                error = place.distances(place.plainly(end), exact)
+                error = place.differences(place.plainly(end), exact)
             except UNSTABLE:
                 error, doubts = {}, {}
-            clear = [e <= place.noise or CLEAR * doubts[name] < e < np.inf for name, e in error.items()]
-            if error and all(clear):
+            sizes = {name: size(e) for name, e in error.items()}
+            if sizes and all(e <= place.noise or CLEAR * doubts[name] < e < np.inf for name, e in sizes.items()):
                 errors.append((h, error))
-                if max(error.values()) <= place.noise:
+                if max(sizes.values()) <= place.noise:
                     break
             h = h / self.ratio
         return errors
@@ -103,7 +105,7 @@ class Local:
     @property
     def sensible(self) -> list[float]:
         """Steps that do not err by nonsense."""
-        return [h for h, error in self.errors if max(error.values()) <= SENSIBLE]
+        return [h for h, error in self.errors if max(map(size, error.values())) <= SENSIBLE]
 
     @property
     def h(self) -> float:
@@ -111,10 +113,19 @@ class Local:
         return self.sensible[0]
 
 
-def seen_errors(errors: list[tuple[float, dict[str, float]]], name: str, noise: float) -> list[tuple[float, float]]:
-    """Steps and errors between nonsense and rounding, of a part or of all."""
-    series = [(h, max(e.values()) if name == "all" else e[name]) for h, e in errors]
-    return [(h, e) for h, e in series if noise < e <= SENSIBLE]
+def seen_errors(errors: Errors, name: str, noise: float) -> list[tuple[float, float]]:
+    """Steps and errors between nonsense and rounding, of a part or of all, from where they point to one side: about a
+    change of sign an error is small, and falls at first too fast and then too slowly.
+    """
+    seen: list[tuple[float, float]] = []
+    before = np.zeros(0)
+    for h, parts in errors:
+        error = np.concatenate([*parts.values()]) if name == "all" else parts[name]
+        large = max(map(size, parts.values())) if name == "all" else size(error)
+        if noise < large <= SENSIBLE:
+            seen = [*(seen if seen and before @ error > 0.0 else []), (h, large)]
+            before = error
+    return seen
 
 
 def power(larger: tuple[float, float], smaller: tuple[float, float]) -> float:
@@ -123,7 +134,7 @@ def power(larger: tuple[float, float], smaller: tuple[float, float]) -> float:
     return float(np.log(f / e) / np.log(g / h))
 
 
-def local_order(local: Local, errors: list[tuple[float, dict[str, float]]]) -> Observation | None:
+def local_order(local: Local, errors: Errors) -> Observation | None:
     """The power of h by which the error of a few steps falls at last, unless it grows still; None
     if it is as claimed.
 

@@ -163,9 +163,7 @@ def cases() -> Iterator[Any]:
                 method.require(system)
             except lm.errors.IncompatibleSystem:
                 continue
-            marks: list[Any] = [] if name in ("galaxy", "species") else [pytest.mark.slow]  # seconds, of bodies
-            if name == "species" and method == lm.RKMK(order=8):
-                marks.append(pytest.mark.xfail(reason="from one of the starts an order of 4.97 is observed"))
+            marks = [] if name in ("galaxy", "species") else [pytest.mark.slow]  # seconds, of bodies
             yield pytest.param(method, name, marks=marks, id=f"{method!r}-{name}")
 
 

@@ -172,8 +172,13 @@ def test_with_steps_that_follow_a_time_scale() -> None:
         assert min(math.log2(a / b) for a, b in itertools.pairwise(errors)) > 1.8
 
 
+def test_whole_numbers_of_numpy_are_ratios() -> None:
+    made = lm.MultipleTimeSteps((np.int64(2), np.int32(3)))  # type: ignore[arg-type]
+    assert made == lm.MultipleTimeSteps((2, 3)) and made.name == "Impulse 2:3"
+
+
 def test_what_is_refused() -> None:
-    for wrong in ((), (0,), (2.0,)):
+    for wrong in ((), (0,), (2.0,), (True,), (np.int64(0),)):
         with pytest.raises(InvalidInput, match="ratios"):
             lm.MultipleTimeSteps(ratios=wrong)  # type: ignore[arg-type]
     with pytest.raises(InvalidInput, match="two parts"):

@@ -203,14 +203,18 @@ class CheckPlace:
                     sizes[name] = max(sizes.get(name, 0.0), size(flat(x)))
         return sizes
 
-    def distances(self, a: Any, b: Any) -> dict[str, float]:
-        """The distances of parts of two states, beside their size here, at the start and soon after."""
+    def differences(self, a: Any, b: Any) -> dict[str, np.ndarray]:
+        """The differences of parts of two states, beside their size here, at the start and soon after."""
         parts, reference = ({name: flat(x) for name, x in s.parts.items() if x is not None} for s in (a, b))
         return {
-            name: size(parts[name] - x) / (max(size(x), self.sizes[name]) or 1.0)
+            name: (parts[name] - x) / (max(size(x), self.sizes[name]) or 1.0)
             for name, x in reference.items()
             if name in self.sizes
         }
+
+    def distances(self, a: Any, b: Any) -> dict[str, float]:
+        """The sizes of the differences of two states."""
+        return {name: size(x) for name, x in self.differences(a, b).items()}
 
     def moved(self, starts: list[dict[str, np.ndarray]], h: float, steps: int) -> list[Any]:
         """The states after some steps from states that are given by their parts."""

@@ -203,7 +203,7 @@ _FLOAT = {float}
 
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
     """An `__init__` or `__post_init__` of a subclass, after which all fields are checked; that of a
-    base leaves it to the last.  A `__post_init__` sees whole numbers of NumPy as ints.
+    base leaves it to the last.  A `__post_init__` sees whole numbers of NumPy as ints, those in tuples too.
     """
 
     @functools.wraps(initialise)
@@ -213,6 +213,8 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
             for name, value in [*vars(self).items()]:
                 if isinstance(value, np.integer):  # which NumPy gives as an element or a length
                     object.__setattr__(self, name, int(value))
+                elif type(value) is tuple and any(isinstance(x, np.integer) for x in value):
+                    object.__setattr__(self, name, tuple([int(x) if isinstance(x, np.integer) else x for x in value]))
         try:
             initialise(self, *args, **options)
         except LiemechError:
