@@ -4,7 +4,7 @@ code that is written and compiled for each class.
 `dataclasses` compiles six methods for a class, half a millisecond, and there are hundreds of
 classes.  Here five of them are closures, and `__init__` is left to `dataclasses` until it is first
 asked for.  Fields, defaults, `replace`, `fields`, `repr`, comparisons and errors are those of
-`dataclasses`.
+`dataclasses`; but arrays among the fields are compared by their entries.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ import types
 from collections.abc import Callable
 from dataclasses import KW_ONLY, InitVar
 from typing import Any, ClassVar, TypeVar, dataclass_transform, overload
+
+import numpy as np
 
 from .annotations import own_annotations
 
@@ -169,11 +171,15 @@ def _methods(cls: Any, fields: list[Any]) -> dict[str, Any]:
 
     def __eq__(self: Any, other: object) -> Any:
         if other.__class__ is self.__class__:
-            return compared(self) == compared(other)
+            return _equal(compared(self), compared(other))
         return NotImplemented
 
     def __hash__(self: Any) -> int:
-        return hash(hashed(self))
+        values = hashed(self)
+        try:
+            return hash(values)
+        except TypeError:
+            return hash(_without_arrays(values))
 
     def __setattr__(self: Any, name: str, value: Any) -> None:
         if type(self) is cls or name in names:
@@ -199,6 +205,24 @@ _methods.__code__ = _methods.__code__.replace(
         [c.replace(co_filename="<string>") if isinstance(c, types.CodeType) else c for c in _methods.__code__.co_consts]
     )
 )
+
+
+def _equal(a: Any, b: Any) -> Any:
+    """Whether two values are equal, as parts of tuples are: arrays if they have one shape and equal entries."""
+    if a is b:
+        return True
+    if type(a) is type(b) is tuple:
+        return len(a) == len(b) and all(map(_equal, a, b))
+    if np.ndarray in (type(a), type(b)):
+        return type(a) is type(b) and np.array_equal(a, b)
+    return a == b
+
+
+def _without_arrays(value: Any) -> Any:
+    """A value with the shapes of its arrays in their place."""
+    if type(value) is tuple:
+        return tuple(map(_without_arrays, value))
+    return value.shape if type(value) is np.ndarray else value
 
 
 def _shown(value: Any) -> str:
