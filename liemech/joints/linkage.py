@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec
-from ..formulas.calls.arguments import whole
+from ..formulas.calls.arguments import ordinary, whole
 from ..formulas.classes.records import with_fields
 from ..formulas.vectors import small
 from ..groups.composed.product import ProductGroup
@@ -920,6 +920,7 @@ def chain(
     Source: Lee, Leok and McClamroch, Global Formulations of Lagrangian and Hamiltonian Dynamics on
     Manifolds (2018), section 9.4.
     """
+    count = ordinary(count)
     if type(count) is not int or count < 1:
         raise InvalidInput(f"chain: count is a whole number of rods, at least 1; got {count!r}")
     top, bottom = vec(0.0, 0.0, 0.5 * length), vec(0.0, 0.0, -0.5 * length)

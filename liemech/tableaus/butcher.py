@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..errors import InvalidInput, InvalidType
+from ..formulas.calls.arguments import ordinary
 from . import diagonally_implicit, explicit, pairs
 from .collocation import gauss, lobatto_iiia, lobatto_iiib, lobatto_iiic, radau_iia
 from .dop853 import DOP853
@@ -92,6 +93,7 @@ def pair(order: int) -> ButcherTableau:
     """The explicit method of this order with an error estimate.  Raises InvalidInput with the
     orders there are.
     """
+    order = ordinary(order)
     if type(order) is not int or order not in PAIRS:
         raise InvalidInput(f"no pair of order {order!r}; there are pairs of the orders {', '.join(map(str, PAIRS))}")
     return PAIRS[order]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 
 from ..errors import InvalidInput
+from ..formulas.calls.arguments import ordinary
 from .tableau import ButcherTableau
 
 MOST_STAGES = 20
@@ -68,7 +69,7 @@ def lobatto_iiic(stages: int) -> ButcherTableau:
 
 
 def _member(name: str, stages: int) -> ButcherTableau:
-    fewest = 2 if name.startswith("Lobatto") else 1
+    fewest, stages = 2 if name.startswith("Lobatto") else 1, ordinary(stages)
     if type(stages) is not int or not fewest <= stages <= MOST_STAGES:
         raise InvalidInput(f"{name} has from {fewest} to {MOST_STAGES} stages; got {stages!r}")
     return _computed(name, stages)

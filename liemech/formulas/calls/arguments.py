@@ -91,6 +91,11 @@ def _of(*types: type) -> Callable[[Any], Any]:
     return convert
 
 
+def ordinary(value: Any) -> Any:
+    """A whole number of NumPy as an int; any other value as it is."""
+    return int(value) if isinstance(value, np.integer) else value
+
+
 def whole(value: Any) -> int:
     """A whole number of any kind, such as numpy.int64, as an int; TypeError for anything else."""
     if isinstance(value, (bool, np.bool_)):

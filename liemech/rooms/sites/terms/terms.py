@@ -13,6 +13,7 @@ import numpy as np
 
 from ....errors import InvalidInput, InvalidType, undefined
 from ....formulas import Mat, Record, Vec, check_finite, derivative, gradient, jacobian, mat, record, vec
+from ....formulas.calls.arguments import ordinary
 from ....formulas.classes.derived import derived
 from ....formulas.classes.fields import FrozenDict
 from ....formulas.classes.nested import exchanged, inside
@@ -173,7 +174,7 @@ def _species(name: str, graph: Graph, of: Any) -> tuple[int, ...]:
     """The species of the ends of an edge; () if nothing is said."""
     if of is None:
         return ()
-    species = of if isinstance(of, (tuple, list)) else (of,) * graph.arity
+    species = [*map(ordinary, of if isinstance(of, (tuple, list)) else (of,) * graph.arity)]
     if len(species) != graph.arity or not all(type(k) is int and k >= 0 for k in species):
         raise InvalidInput(
             f"{name}: of is the number of a species, from 0, or one for each of the {graph.arity} "
@@ -399,6 +400,7 @@ def _parameters(name: str, value: Any) -> Any:
     """A parameter, one for all sites, or by species."""
     if not isinstance(value, dict):
         return _parameter(name, value)
+    value = {ordinary(k): x for k, x in value.items()}
     wrong = [k for k in value if type(k) is not int or k < 0]
     if wrong:
         raise InvalidInput(f"{name}: its values are told by the numbers of species, from 0; got {wrong[0]!r}")
