@@ -91,7 +91,7 @@ def bound_refusal(
     method: Any, system: Any, t: float, mu: Vec, g: Element, h: float, share: float = 1.0
 ) -> NoConvergence:
     """The error of bodies under conditions, in a step of length h; it names the joint of a Linkage."""
-    from scipy.linalg import eigh, null_space
+    from scipy.linalg import null_space
 
     whole, load = system._with_rotors if getattr(system, "geared", False) else system, system.body.load
     rows, inverse = (
@@ -102,10 +102,11 @@ def bound_refusal(
     J = np.linalg.inv(inverse)
     for row, light in zip(rows[yields > 0.0], yields[yields > 0.0]):  # a rotor
         J = J + np.outer(row, row) / light
-    rigid = rows[yields == 0.0]
-    free = null_space(rigid / np.linalg.norm(rigid, axis=1)[:, None])
+    of_energy = np.linalg.inv(np.linalg.cholesky(J)).T  # velocities of energy 1/2, whatever metres and radians are
+    rigid = rows[yields == 0.0] @ of_energy
+    free = of_energy @ null_space(rigid / np.linalg.norm(rigid, axis=1)[:, None])
     xi, units = system.velocity(mu), np.eye(len(mu)).tolist()
     damping = np.array([load.resistance(t, xi, g, vec(*unit)) for unit in units])
-    values, modes = eigh(0.5 * free.T @ (damping + damping.T) @ free, free.T @ J @ free)
+    values, modes = np.linalg.eigh(0.5 * free.T @ (damping + damping.T) @ free)
     mode = vec(*(free @ modes[:, -1]).tolist())
     return refusal(f"{method!r}: {system.strongest_damper(t, xi, g, mode)}", 0.5 * h * float(values[-1]), h, share)
