@@ -455,13 +455,17 @@ def test_a_field_with_the_name_of_what_the_library_calls_is_refused(base: Any) -
 
 
 def test_a_ratio_is_told_where_metres_and_radians_are_far_apart():
-    """A planar joint of 1 nm, damped by 0.1 in N s/m and N m s: 1/2 c h beside the mass is 0.0005, beside the moment 2e16."""
+    """Two rods of 1 nm, one askew on the other, on a plane, damped by 0.1 in N s/m and N m s: c h/2 is 0.00025 of the mass,
+    and 1e16 times the moment about their common centre.
+    """
     size = 2.0**-30
-    link = Link(1.0, size**2 * np.array([0.09, 0.1, 0.02]))
-    up = [0.0, 0.0, 1.0]
-    joint = PlanarJoint(0, None, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], up, up)
-    system = Linkage([link], [joint], forces=[Damper(0, 0.1)])
-    start = system.state(rates={0: [size, 0.0, 1.0]})
-    told = f"joint 0: c h/(2 I) is {0.5 * 0.1 * 0.01 / (0.02 * size**2):.4g}"
+    links = [Link(1.0, size**2 * np.array([0.09, 0.1, 0.02]))] * 2
+    top, bottom = [0.0, 0.0, 0.5 * size], [0.0, 0.0, -0.5 * size]
+    joints = [PlanarJoint(0, None, ORIGIN, ORIGIN, UP, UP), RevoluteJoint(1, 0, top, bottom, ACROSS, ACROSS)]
+    system = Linkage(links, joints, forces=[Damper(0, 0.1)])
+    start = system.state(angles={1: 0.15}, rates={1: -0.5})
+    sine2 = np.sin(0.15) ** 2
+    moment = size**2 * (0.02 + 0.02 * (1.0 - sine2) + 0.09 * sine2 + 0.5 * 0.25 * sine2)
+    told = f"joint 0: c h/(2 I) is {0.5 * 0.1 * 0.01 / moment:.4g}"
     with pytest.raises(lm.errors.NoConvergence, match=re.escape(told)):
         lm.integrate(system, lm.LieRATTLE(), start, h=0.01, steps=1, compiled=False)
