@@ -166,6 +166,20 @@ def test_what_follows_from_the_rest_is_not_replaced() -> None:
         Doubled(SO3, lm.KineticEnergy([1.0, 2.0, 3.0]))
 
 
+@lm.record
+class Turning(lm.LinearGroupEquation):
+    """A velocity under the name of what follows from it, and with fewer arguments."""
+
+    def velocity(self, t):  # type: ignore[misc, no-untyped-def, override]
+        return lm.vec(t, 0.0, 1.0)
+
+
+def test_a_replaced_method_is_not_asked_for_other_arguments() -> None:
+    """It was to take (t, g), and was refused then."""
+    with pytest.raises(lm.errors.InvalidType, match=r"Turning replaces LinearGroupEquation.velocity"):
+        Turning(SO3)
+
+
 def test_formulas_without_a_value_are_not_judged() -> None:
     body = lm.LiePoissonSystem(SO3, Root())
     assert body.velocity([1.0, 2.0, 8.0]) == pytest.approx([2.0, 1.0, 0.5], rel=1e-15)

@@ -249,8 +249,8 @@ def _completed(cls: Any) -> tuple[frozenset[str], Callable[[type], Any]]:
     """The entry of a class in `_complete`, once it has been looked at."""
     _require_dataclass(cls)
     _require_methods_in_sight(cls)
-    require_signatures(cls, bare)
     _require_final_methods(cls)
+    require_signatures(cls, bare)
     parameters = frozenset(keywords(inspect.unwrap(cls.__init__)) or ())
     _complete[cls] = parameters, super(Record, cls).__new__
     return _complete[cls]
