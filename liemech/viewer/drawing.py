@@ -46,6 +46,7 @@ class Canvas:
     """One of the pictures side by side: what it is called, and which ball (centre and radius) of
     its own space it shows.
 
+    known : what the page should know to place it: the numbers of its "runs", and whether it is one of the "main" pictures.
     tips : of a motion of one sample the points at which trails are, and their colours.
     """
 
@@ -53,6 +54,7 @@ class Canvas:
     title: str
     centre: Array
     unit: float
+    known: dict[str, Any] = field(default_factory=dict)
     nodes: dict[str, Node] = field(default_factory=dict)
     tips: dict[str, tuple[Array, str]] = field(default_factory=dict)
 

@@ -67,7 +67,7 @@ def described(scene: Scene) -> dict[str, Any]:
         "notes": scene.notes(),
         "unit": scene.unit,
         "axes": any(content.of_space for run in scene.shown for content in run.contents),
-        "panels": [{"path": panel.path, "title": panel.title} for panel in panels],
+        "panels": [{"path": panel.path, "title": panel.title, **panel.known} for panel in panels],
         "labels": [{"path": node.path, "text": node.label} for node in nodes if node.label],
         "commands": commands(panels),
         "clocks": scene.clocks(),

@@ -85,50 +85,66 @@ function startPlayer() {
   controls.maxDistance = 8 * distance;
   controls.update();
 
-  function write(text, kind) {
-    const words = document.createElement("div");
-    words.className = kind;
-    words.textContent = text;
-    document.body.appendChild(words);
-    return words;
-  }
-  for (const panel of panels) panel.caption = write(panel.title, "caption");
-  const labels = scene.labels.map(({ path, text }) => ({
-    words: write(text, "label"), object: node(path).object, panel: panels.find((panel) => path.startsWith(panel.path + "/")),
-  }));
-
-  function letter(panel) { // the names at the ends of axes
-    const [x, y, w, h] = panel.rect, v = new THREE.Vector3();
-    for (const { words, object } of labels.filter((label) => label.panel === panel)) {
-      v.set(0, 0, 1.07).applyMatrix4(object.matrixWorld).project(camera);
-      words.style.left = x + (v.x + 1) * w / 2 + "px";
-      words.style.top = y + (1 - v.y) * h / 2 + "px";
-    }
+  for (const panel of panels) {
+    panel.caption = document.body.appendChild(document.createElement("div"));
+    Object.assign(panel.caption, { className: "caption", textContent: panel.title, title: panel.title });
   }
 
-  function layout() { // rows and columns that make the panels largest
+  const letters = scene.labels.map(({ path, text }) => { // names at the ends of axes, which bodies hide
+    const sheet = document.createElement("canvas"), pen = sheet.getContext("2d");
+    sheet.width = sheet.height = 128;
+    Object.assign(pen, { font: "62px system-ui, sans-serif", textAlign: "center", textBaseline: "middle", fillStyle: "#1a1a1a" });
+    pen.fillText(text, 64, 64);
+    const map = new THREE.CanvasTexture(sheet), sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, sizeAttenuation: false, depthWrite: false }));
+    sprite.position.z = 1.09;
+    node(path).object.add(sprite);
+    return sprite;
+  });
+
+  function resize(letter, height) { // to 28 pixels, whatever the distance
+    const size = 28 / height * 2 / camera.projectionMatrix.elements[5];
+    letter.scale.setScalar(1);
+    letter.updateWorldMatrix(true, false);
+    letter.scale.setScalar(size / letter.getWorldScale(new THREE.Vector3()).x);
+  }
+
+  const MAIN = 0.6; // the share of the stage that orbits have beside bodies
+  const hidden = new Set(); // numbers of runs
+  let shown = panels;
+  function layout() { // orbits have most of the stage, bodies the rest
+    shown = panels.filter(({ runs }) => runs.some((run) => !hidden.has(run)));
+    for (const panel of panels) panel.caption.hidden = !shown.includes(panel);
     const bare = document.body.classList.contains("bare");
     const width = pane.clientWidth, height = pane.clientHeight;
     const head = Math.min($("head").offsetHeight + ($("head").textContent.trim() ? 8 : 0), height / 4), foot = bare ? 4 : 48;
-    const free = Math.max(1, height - head - foot), line = 20;
-    let best = { size: -1, columns: 1, rows: 1 };
-    for (let columns = 1; columns <= panels.length; columns++) {
-      const rows = Math.ceil(panels.length / columns);
-      const size = Math.min(width / columns, free / rows - line);
-      if (size > best.size) best = { size, columns, rows };
-    }
-    const w = width / best.columns, h = free / best.rows;
-    panels.forEach((panel, k) => {
-      const row = Math.floor(k / best.columns), inRow = Math.min(best.columns, panels.length - row * best.columns);
-      const x = (k % best.columns) * w + (best.columns - inRow) * w / 2, y = head + row * h;
+    const free = Math.max(1, height - head - foot), bodies = shown.filter(({ main }) => !main), orbits = shown.filter(({ main }) => main);
+    const share = !orbits.length ? 1 : !bodies.length ? 0 : 1 - MAIN;
+    const [w, h] = width > free ? [share * width, free] : [width, share * free];
+    arrange(bodies, 0, head, w, h);
+    if (width > free) arrange(orbits, w, head, width - w, free); else arrange(orbits, 0, head + h, width, free - h);
+    renderer.setPixelRatio(window.devicePixelRatio);
+    renderer.setSize(width, height);
+    shown.filter((panel) => panel.extent).forEach(fit);
+    viewer.needs_render = true;
+  }
+
+  function arrange(some, left, top, width, height) { // rows and columns that make these panels largest
+    const line = 20, size = (columns) => Math.min(width / columns, height / Math.ceil(some.length / columns) - line);
+    const columns = some.map((_, k) => k + 1).reduce((a, b) => (size(b) > size(a) ? b : a), 1);
+    const w = width / columns, h = height / Math.ceil(some.length / columns);
+    some.forEach((panel, k) => {
+      const row = Math.floor(k / columns), inRow = Math.min(columns, some.length - row * columns);
+      const x = left + (k % columns) * w + (columns - inRow) * w / 2, y = top + row * h;
       panel.rect = [x, y, w, Math.max(1, h - line)];
       const below = y + (h - line) / 2 + Math.min(w, h - line) / 2; // close to the picture
       Object.assign(panel.caption.style, { left: x + "px", width: w + "px", top: below + "px" });
     });
-    renderer.setPixelRatio(window.devicePixelRatio);
-    renderer.setSize(width, height);
-    panels.filter((panel) => panel.extent).forEach(fit);
-    viewer.needs_render = true;
+  }
+
+  function hide(run) { // a run from all panels, or show it again
+    if (!hidden.delete(run)) hidden.add(run);
+    for (const { path, runs } of panels) if (runs.includes(run)) node(`${path}/run ${run + 1}`).object.visible = !hidden.has(run);
+    layout();
   }
 
   function measure() { // the points of every panel to which its content comes, at some times
@@ -138,7 +154,7 @@ function startPlayer() {
       for (const track of moving) move(track, scene.duration * n / TIMES);
       viewer.scene.updateMatrixWorld();
       for (const { object: root, extent } of panels) root.traverse((object) => {
-        if (!object.geometry || !object.geometry.attributes.position) return;
+        if (object.isSprite || !object.geometry || !object.geometry.attributes.position) return;
         const { cloud, room = [0] } = object.userData, p = cloud || object.geometry.attributes.position.array;
         const every = 3 * Math.ceil(p.length / 3 / MOST);
         for (let k = 0; k < p.length; k += every) for (const side of room[0] ? [-1, 1] : [0]) {
@@ -200,14 +216,14 @@ function startPlayer() {
     renderer.setScissorTest(false);
     renderer.clear();
     renderer.setScissorTest(true);
-    for (const panel of panels) {
+    for (const panel of shown) {
       for (const other of panels) other.object.visible = other === panel;
       const [x, y, w, h] = panel.rect;
       renderer.setViewport(x, height - y - h, w, h);
       renderer.setScissor(x, height - y - h, w, h);
       aim(panel);
+      letters.forEach((letter) => resize(letter, h));
       renderer.render(viewer.scene, camera);
-      letter(panel);
     }
     for (const panel of panels) panel.object.visible = true;
   }
@@ -373,8 +389,12 @@ function startPlayer() {
   // ---------------------------------------------------------------- the bar, the keys
 
   if (scene.title) $("head").querySelector("h1").textContent = scene.title; else $("head").querySelector("h1").remove();
-  for (const { name, color, colors, line, ends = ["", ""] } of scene.legend) {
-    const entry = document.createElement("span"), dot = document.createElement("i");
+  for (const { name, color, colors, line, run, ends = ["", ""] } of scene.legend) {
+    const entry = document.createElement(run === undefined ? "span" : "button"), dot = document.createElement("i");
+    if (run !== undefined) {
+      Object.assign(entry, { title: "hide or show this run", ariaPressed: true });
+      entry.onclick = () => { hide(run); entry.ariaPressed = !hidden.has(run); };
+    }
     dot.style.background = colors ? `linear-gradient(90deg, ${colors})` : color;
     dot.className = colors ? "scale" : line ? "line" : "";
     entry.append(...(colors ? [name, " ", ends[0], dot, ends[1]] : [dot, name]));

@@ -174,7 +174,8 @@ class Scene:
 
     def legend(self) -> list[dict[str, Any]]:
         """The colours of the runs that have names, and other meanings of colours, each said once."""
-        entries: list[dict[str, Any]] = [{"name": run.name, "color": run.color} for run in self._runs() if run.name]
+        runs = enumerate(self._runs())
+        entries: list[dict[str, Any]] = [{"name": r.name, "color": r.color, "run": k} for k, r in runs if r.name]
         for run in self.shown:
             for content in run.contents:
                 entries += [entry for entry in content.legend(run.motion) if entry not in entries]
@@ -216,9 +217,10 @@ class Scene:
         """The pictures side by side, drawn."""
         panels = []
         for path, members in self._pictures():
-            runs = {run for run, _ in members}
+            runs = sorted({run for run, _ in members})
             named = len(runs) == 1 < len(self.shown)
             panel = _framed(path, [(self.shown[run], c) for run, c in members], named)
+            panel.known = {"runs": runs, "main": not members[0][1].of_space}
             for run, content in members:
                 shown = self.shown[run]
                 content.draw(shown.motion, Drawing(panel, f"run {run + 1}", shown.color, run))

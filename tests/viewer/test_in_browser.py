@@ -140,6 +140,49 @@ def test_dragging_turns_every_panel(tab: Tab) -> None:
 
 
 @pytest.mark.slow
+def test_orbits_have_most_of_the_stage_and_the_legend_hides_a_run(browser: Chromium, tmp_path: Path) -> None:
+    page = Scene(run(), name="one").add(run(), name="other").save(tmp_path / "two.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        for width, height in ((1280, 720), (400, 800)):
+            tab.resize(width, height)
+            tab.drawn()
+            both = tab.seek(20.0)
+            *bodies, (left, top, w, h) = tab.evaluate("player.panels.map(panel => panel.rect)")
+            wide = width > height
+            head = tab.evaluate("document.getElementById('head').offsetHeight") + 8.0
+            assert (w if wide else h + 20.0) == pytest.approx(0.6 * (width if wide else height - 48.0 - head))
+            for x, y, across, down in bodies:  # beside it, or above
+                assert x + across <= left + 1.0 if wide else y + down <= top
+            tab.click("#legend button:nth-child(2)")
+            one = tab.drawn()
+            seen = "getComputedStyle(player.panels[1].caption).display"
+            assert tab.evaluate(seen) == "none" and tab.evaluate("player.panels[1].object.visible")
+            assert not tab.evaluate("player.viewer.scene_tree.find(['panel 3', 'run 2']).object.visible")
+            assert (
+                tab.evaluate("player.panels[0].rect[2] * player.panels[0].rect[3]") > 1.3 * bodies[0][2] * bodies[0][3]
+            )
+            tab.click("#legend button:nth-child(2)")
+            assert unlike(both, one) > 1e-2 and unlike(both, tab.drawn()) < 1e-4
+
+
+@pytest.mark.slow
+def test_a_body_hides_the_letters_behind_it(browser: Chromium, tmp_path: Path) -> None:
+    """The plate in front of its third axis covers the name of that, which is seen from the other side."""
+    plate = Motion(BODY, np.zeros(1), {"g": np.eye(3)[None]})
+    for name, elevation, seen in (("above", 80.0, True), ("below", -80.0, False)):
+        page = Scene(plate, show="body", view=(35.0, elevation)).save(tmp_path / f"{name}.html")
+        with Tab.of(browser, page) as tab:
+            tab.wait(READY)
+            with_letters = tab.drawn()
+            tab.evaluate(
+                "player.viewer.scene.traverse(o => { o.visible &&= !o.isSprite; }); player.viewer.needs_render = true"
+            )
+            middle = np.abs(with_letters - tab.drawn())[150:300, 250:390]
+            assert bool(middle.max() > 60) == seen
+
+
+@pytest.mark.slow
 def test_speed_is_what_the_page_says(tab: Tab) -> None:
     def advance(speed: float) -> float:
         """Seconds of the motion in a second of the browser's clock; a picture that takes longer
@@ -250,7 +293,7 @@ def test_few_samples_and_texts_that_look_like_code(browser: Chromium, tmp_path: 
         assert not is_blank(tab.seek(0.0))
         assert tab.evaluate("document.title") == title
         assert tab.evaluate("document.querySelector('h1').textContent") == title
-        assert tab.evaluate("document.querySelector('#legend span').textContent") == "<i>one</i>"
+        assert tab.evaluate("document.querySelector('#legend button').textContent") == "<i>one</i>"
         assert tab.complaints() == []
     assert html.escape(title) in page.read_text(encoding="utf-8")
 

@@ -192,7 +192,10 @@ def test_several_runs_share_the_sphere_and_stand_side_by_side() -> None:
     names = [path.partition("/")[2] for path in panels[-1].nodes]
     assert {"run 1/mu", "run 2/mu"} <= set(names) and sum(name.startswith("shared/sphere") for name in names) == 1
     assert scene.duration == RUN.t[-1]
-    assert described(scene)["legend"][:2] == [{"name": "four", "color": "#0072B2"}, {"name": "two", "color": "#D55E00"}]
+    assert described(scene)["legend"][:2] == [
+        {"name": "four", "color": "#0072B2", "run": 0},
+        {"name": "two", "color": "#D55E00", "run": 1},
+    ]
 
 
 def test_different_bodies_have_spheres_of_their_own() -> None:
