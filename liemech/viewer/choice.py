@@ -6,11 +6,15 @@ from typing import Any
 
 from ..errors import InvalidInput
 from ..joints.linkage import Linkage
+from ..joints.rolling import Blade, Rolling
+from ..models.bodies.gravity import UniformGravity
 from ..models.bodies.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.lattices.zeitlin_sphere import ZeitlinSphere
 from ..models.many.cosserat_rod import CosseratRod
 from ..models.many.sites import base_of, is_place, is_spin
 from ..models.poses import configurations, is_pose, turns
+from ..models.swinging.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
+from ..models.swinging.pendulums import DoublePendulum, Pendulum
 from ..systems.canonical import CanonicalSystem
 from ..systems.system import System
 from .contents.body import Body
@@ -44,6 +48,27 @@ SUITED: dict[type[System], tuple[type[Content], ...]] = {
     ReducedHeavyTop: (Body, Vertical),
 }
 """Contents that suit systems with a picture of their own."""
+
+
+PULLED = (
+    HeavyTop,
+    ReducedHeavyTop,
+    Linkage,
+    CosseratRod,
+    Pendulum,
+    DoublePendulum,
+    SphericalPendulum,
+    ChainPendulum,
+    FourBarLinkage,
+)
+"""Systems that gravity pulls downwards."""
+
+
+def has_floor(system: Any) -> bool:
+    """Whether a system moves above a floor: gravity pulls it downwards, or it rolls or glides on a plane."""
+    pulled = isinstance(system, PULLED) and getattr(system, "gravity", 1.0) != 0.0
+    on_plane = isinstance(getattr(system, "constraint", None), (Rolling, Blade))
+    return pulled or on_plane or isinstance(getattr(system, "potential", None), UniformGravity)
 
 
 def contents_of(system: Any, parts: frozenset[str], ensemble: bool, show: Any = None) -> tuple[Content, ...]:

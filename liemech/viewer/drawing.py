@@ -46,7 +46,8 @@ class Canvas:
     """One of the pictures side by side: what it is called, and which ball (centre and radius) of
     its own space it shows.
 
-    known : what the page should know to place it: the numbers of its "runs", and whether it is one of the "main" pictures.
+    known : what the page should know to place it: the numbers of its "runs", whether it is one of the "main" pictures and
+    has a "floor", or at which height, and in its "ruler" the length of the motion that is one unit of the panel, or 0.
     tips : of a motion of one sample the points at which trails are, and their colours.
     """
 

@@ -128,7 +128,8 @@ class Motion:
         elif left_out >= 2.0:  # fewer are not missed
             notes.append(f"{len(samples):,} of {len(t):,} samples")
         thinned = shown(samples)
-        angle = turn(run.system, *({n: x[k] for n, x in thinned.items()} for k in (FIRST, LATER)))
+        pairs = ({n: x[k] for n, x in thinned.items()} for k in (FIRST, LATER))
+        angle = turn(run.system, *pairs) if len(samples) > 1 else 0.0
         if angle > FAR:
             notes.append(f"samples one by one, which are up to {angle:.0f} degrees apart")
         joined = angle <= FAR

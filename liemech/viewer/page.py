@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MissingExtra
+from ..plots.style import time_unit
 from .drawing import MANY, Node, commands
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ def described(scene: Scene) -> dict[str, Any]:
         "legend": scene.legend(),
         "notes": scene.notes(),
         "unit": scene.unit,
+        "length": "m" if time_unit(scene.shown[0].motion.system) == "s" else "",
         "axes": any(content.of_space for run in scene.shown for content in run.contents),
         "panels": [{"path": panel.path, "title": panel.title, **panel.known} for panel in panels],
         "labels": [{"path": node.path, "text": node.label} for node in nodes if node.label],

@@ -23,26 +23,39 @@ function startPlayer() {
     return;
   }
   const { camera, controls, renderer } = viewer;
-  const node = (path) => viewer.scene_tree.find(path.split("/"));
+  const node = (path) => viewer.scene_tree.find(path.split("/")), inside = (path) => node(path).children["<object>"].object;
 
   viewer.gui.domElement.style.display = "none";
   viewer.scene.background = null;
-  renderer.setClearColor(0xffffff, 1);
+  const tone = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const dark = matchMedia("(prefers-color-scheme: dark)").matches, paper = new THREE.Color(tone("--paper"));
+  renderer.setClearColor(paper, 1);
   renderer.autoClear = false;
-  renderer.shadowMap.enabled = false;
+  renderer.shadowMap.enabled = scene.panels.some(({ floor }) => floor !== false);
+  Object.assign(renderer.shadowMap, { autoUpdate: false, type: THREE.PCFShadowMap });
   for (const name of ["Lights", "Grid", "Axes"]) node(name).object.visible = false;
-  const lamp = new THREE.DirectionalLight(0xffffff, 0.55); // shines from over the left shoulder, wherever the eye is
-  viewer.scene.add(new THREE.AmbientLight(0xffffff, 0.62), lamp, lamp.target);
+  const [lamp, rim, sun] = [0.45, 0.25, 0.15].map((strength) => new THREE.DirectionalLight(0xffffff, strength));
+  viewer.scene.add(new THREE.HemisphereLight(0xffffff, 0xc9bfae, 0.66), lamp, lamp.target, rim, sun);
+  sun.position.set(0.3, -0.4, 3); // casts the shadows on floors
+  sun.castShadow = true;
+  sun.shadow.mapSize.setScalar(512);
+  sun.shadow.radius = 4;
+  Object.assign(sun.shadow.camera, { left: -1.6, right: 1.6, top: 1.6, bottom: -1.6, near: 0.5, far: 6 });
 
   for (const command of scene.commands) viewer.handle_command(command);
   const panels = scene.panels.map((panel) => ({ ...panel, object: node(panel.path).object, rect: [0, 0, 1, 1] }));
+  const trails = new Set(scene.tracks.filter(({ channel }) => channel === "reveal").map(({ path }) => inside(path)));
   viewer.scene.traverse((object) => {
     const normal = object.geometry && object.geometry.attributes.normal;
     if (normal && unknown(normal.array)) object.geometry.computeVertexNormals();
-    const { type } = object.geometry || {};
+    const { type } = object.geometry || {}, { colors, tints, sides } = object.userData;
+    if (object.isMesh) object.castShadow = !trails.has(object);
+    if (colors) object.userData.colors = colors.map(night);
+    else if (tints) for (let k = 0; k < tints.length; k += 3) tints.set(night([...tints.subarray(k, k + 3)]), k);
+    else if (object.material && !sides) object.material.color.fromArray(night(object.material.color.toArray()));
     if (type === "LatheGeometry") object.geometry.rotateX(Math.PI / 2); // about the third axis
     if (type === "BoxGeometry" && !object.isInstancedMesh) { // with its edges
-      const color = object.material.color.clone().multiplyScalar(0.55);
+      const color = object.material.color.clone().lerp(new THREE.Color(dark ? 0xffffff : 0), 0.45);
       object.add(new THREE.LineSegments(new THREE.EdgesGeometry(object.geometry), new THREE.LineBasicMaterial({ color })));
       object.children[0].scale.setScalar(1.002);
     }
@@ -52,6 +65,11 @@ function startPlayer() {
       object.instanceMatrix = new THREE.InstancedBufferAttribute(new Float32Array(16 * object.count), 16);
     }
   });
+
+  function night(rgb) { // on a dark page a grey is as light as it was dark, and a dark colour paler
+    const most = Math.max(...rgb), least = Math.min(...rgb), grey = most - least < 0.16;
+    return rgb.map((c) => (!dark ? c : grey ? Math.min(1, c + 1.05 - most - least) : most + least < 0.72 ? 0.7 * c + 0.3 : c));
+  }
 
   function paintSides(object) { // two colours in turn on the eight octants, or one for each of three sides and a fourth
     const geometry = object.geometry = object.geometry.toNonIndexed(), p = geometry.attributes.position.array, sides = object.userData.sides;
@@ -87,13 +105,14 @@ function startPlayer() {
 
   for (const panel of panels) {
     panel.caption = document.body.appendChild(document.createElement("div"));
-    Object.assign(panel.caption, { className: "caption", textContent: panel.title, title: panel.title });
+    Object.assign(panel.caption, { className: "caption", title: panel.title });
+    panel.caption.append(panel.title, ...(panel.ruler ? [document.createElement("i"), ""] : []));
   }
 
   const letters = scene.labels.map(({ path, text }) => { // names at the ends of axes, which bodies hide
     const sheet = document.createElement("canvas"), pen = sheet.getContext("2d");
     sheet.width = sheet.height = 128;
-    Object.assign(pen, { font: "62px system-ui, sans-serif", textAlign: "center", textBaseline: "middle", fillStyle: "#1a1a1a" });
+    Object.assign(pen, { font: "62px system-ui, sans-serif", textAlign: "center", textBaseline: "middle", fillStyle: tone("--ink") });
     pen.fillText(text, 64, 64);
     const map = new THREE.CanvasTexture(sheet), sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, sizeAttenuation: false, depthWrite: false }));
     sprite.position.z = 1.09;
@@ -183,8 +202,45 @@ function startPlayer() {
     const [, , w, h] = panel.rect;
     camera.aspect = w / h;
     camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
-    const [left, top, size] = panel.part || [0, 0, 1];
+    let [left, top, size] = panel.part || [0, 0, 1];
+    const body = panel.part && player.following && tracks.find(({ path, channel }) => channel === "position" && path.startsWith(panel.path + "/") && path.endsWith("/body"));
+    if (body) { // in the middle, twice as large
+      camera.clearViewOffset();
+      const middle = body.object.getWorldPosition(new THREE.Vector3()).project(camera);
+      size /= 2;
+      [left, top] = [(middle.x + 1 - size) / 2, (1 - middle.y - size) / 2];
+    }
     camera.setViewOffset(w, h, left * w, top * h, size * w, size * h);
+  }
+
+  const round = (x) => { // 1, 2 or 5 times a power of ten, not above x
+    const decade = 10 ** Math.floor(Math.log10(x));
+    return decade * [5, 2, 1].find((n) => n * decade <= x * (1 + 1e-9));
+  };
+
+  function measured(panel, height) { // a bar in the caption, of a round length at the distance of the middle
+    if (!panel.ruler) return;
+    const pixels = height / 2 * camera.projectionMatrix.elements[5] / camera.position.distanceTo(controls.target) / panel.ruler;
+    const length = round(100 / pixels), [, bar, text] = panel.caption.childNodes;
+    bar.style.width = length * pixels + "px";
+    text.data = Number(length.toPrecision(1)) + (scene.length && " " + scene.length);
+  }
+
+  function lay(panel) { // the floor below all that its content does, with squares of a round size; shadows fall on it
+    const group = new THREE.Group(), box = new THREE.Box3().setFromPoints(panel.extent);
+    const unit = panel.ruler || 1, square = round(0.25 * unit) / unit, middle = box.getCenter(new THREE.Vector3()), reach = 1.3 * Math.hypot(box.max.x - box.min.x, box.max.z - box.min.z) / 2 + square;
+    const points = [], colors = [], line = new THREE.Color(tone("--line")), many = Math.ceil(reach / square);
+    for (let i = -many; i <= many; i++) for (let j = -many; j < many; j++) for (const [x, y] of [[i, j], [i, j + 1], [j, i], [j + 1, i]]) {
+      points.push(x * square, y * square, 0);
+      paper.clone().lerp(line, Math.max(0, 1 - Math.hypot(x, y) * square / reach)).toArray(colors, colors.length);
+    }
+    const grid = new THREE.BufferGeometry();
+    for (const [name, array] of Object.entries({ position: points, color: colors })) grid.setAttribute(name, new THREE.Float32BufferAttribute(array, 3));
+    const plane = new THREE.Mesh(new THREE.PlaneGeometry(4 * reach, 4 * reach), new THREE.ShadowMaterial({ opacity: dark ? 0.6 : 0.22 }));
+    plane.receiveShadow = true;
+    group.add(new THREE.LineSegments(grid, new THREE.LineBasicMaterial({ vertexColors: true })), plane);
+    group.position.set(square * Math.round(middle.x / square), -square * Math.round(middle.z / square), (panel.floor === true ? box.min.y : panel.floor) - 0.012); // below trails
+    panel.object.add(group);
   }
 
   function drawAxes() { // the directions of the scene's axes on the screen
@@ -209,6 +265,7 @@ function startPlayer() {
     // lights are children of the scene, whose third axis is up
     lamp.position.copy(camera.position).addScaledVector(up, 0.7 * away).addScaledVector(right, -0.5 * away);
     viewer.scene.worldToLocal(lamp.position);
+    rim.position.copy(lamp.position).multiplyScalar(-1);
     lamp.target.position.copy(controls.target);
     viewer.scene.worldToLocal(lamp.target.position);
     lamp.target.updateMatrixWorld();
@@ -222,6 +279,8 @@ function startPlayer() {
       renderer.setViewport(x, height - y - h, w, h);
       renderer.setScissor(x, height - y - h, w, h);
       aim(panel);
+      renderer.shadowMap.needsUpdate = panel.floor !== false;
+      measured(panel, h);
       letters.forEach((letter) => resize(letter, h));
       renderer.render(viewer.scene, camera);
     }
@@ -287,7 +346,7 @@ function startPlayer() {
         "#include <project_vertex>\nfresh = clamp(1.0 - (head - float(gl_InstanceID)) / tail, 0.3, 1.0);\n" +
         "gl_Position.z += 4e-4 * (1.0 - fresh) * gl_Position.w;"); // the newer lap is in front
       shader.fragmentShader = "varying float fresh;\n" + shader.fragmentShader.replace("#include <dithering_fragment>",
-        "#include <dithering_fragment>\ngl_FragColor.rgb = mix(vec3(1.0), gl_FragColor.rgb, fresh);");
+        `#include <dithering_fragment>\ngl_FragColor.rgb = mix(vec3(${paper.toArray().map((c) => c.toFixed(3))}), gl_FragColor.rgb, fresh);`);
     };
   }
 
@@ -340,7 +399,7 @@ function startPlayer() {
   const digits = scene.duration > 0 ? Math.max(0, Math.min(12, 3 - Math.ceil(Math.log10(scene.duration)))) : 3;
   const icons = { play: "M3 1 L13 7.5 L3 14 Z", pause: "M3 1 H6 V14 H3 Z M9 1 H12 V14 H9 Z" };
   const player = {
-    duration: scene.duration, time: 0, playing: false, loop: false, speed: 1, viewer, panels, tracks, aim,
+    duration: scene.duration, time: 0, playing: false, loop: false, following: false, speed: 1, viewer, panels, tracks, aim,
     get drawn() { return drawn; },
     seek(t) {
       this.time = Math.max(0, Math.min(scene.duration, t));
@@ -395,7 +454,8 @@ function startPlayer() {
       Object.assign(entry, { title: "hide or show this run", ariaPressed: true });
       entry.onclick = () => { hide(run); entry.ariaPressed = !hidden.has(run); };
     }
-    dot.style.background = colors ? `linear-gradient(90deg, ${colors})` : color;
+    const [first, ...others] = (colors || [color]).map((c) => paint.fromArray(night(paint.set(c).toArray())).getStyle());
+    dot.style.background = colors ? `linear-gradient(90deg, ${[first, ...others]})` : first;
     dot.className = colors ? "scale" : line ? "line" : "";
     entry.append(...(colors ? [name, " ", ends[0], dot, ends[1]] : [dot, name]));
     $("legend").append(entry);
@@ -408,6 +468,8 @@ function startPlayer() {
   if (!(scene.duration > 0)) $("bar").style.display = "none";
   const press = (id) => { $(id).click(); };
   $("loop").onclick = () => { $("loop").setAttribute("aria-pressed", player.loop = !player.loop); };
+  $("follow").onclick = () => { $("follow").setAttribute("aria-pressed", player.following = !player.following); viewer.needs_render = true; };
+  $("follow").hidden = !moving.some(({ path, channel }) => channel === "position" && path.endsWith("/body"));
   $("reset").onclick = () => player.reset();
   $("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()).catch(say);
   $("full").hidden = !document.fullscreenEnabled;
@@ -425,6 +487,7 @@ function startPlayer() {
       End: () => window.seekTo(scene.duration),
       l: () => press("loop"),
       r: () => press("reset"),
+      c: () => press("follow"),
       f: () => press("full"),
     };
     if (answers[event.key]) (answers[event.key](), event.preventDefault());
@@ -477,6 +540,7 @@ function startPlayer() {
 
   controls.saveState();
   if (!scene.socket) measure();
+  panels.filter((panel) => panel.floor !== false && panel.extent).forEach(lay);
   layout();
   player.seek(0);
   requestAnimationFrame(frame);

@@ -16,9 +16,10 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import real_array
 from ..models.curves import ASIDE
+from ..models.poses import flies
 from ..plots import COLORS
 from ..plots.style import time_unit
-from .choice import contents_of
+from .choice import contents_of, has_floor
 from .contents.content import Content
 from .drawing import Canvas, Drawing
 from .live import Live
@@ -220,7 +221,7 @@ class Scene:
             runs = sorted({run for run, _ in members})
             named = len(runs) == 1 < len(self.shown)
             panel = _framed(path, [(self.shown[run], c) for run, c in members], named)
-            panel.known = {"runs": runs, "main": not members[0][1].of_space}
+            panel.known = {"runs": runs, **_known(self.shown[runs[0]].motion.system, members[0][1], panel.unit)}
             for run, content in members:
                 shown = self.shown[run]
                 content.draw(shown.motion, Drawing(panel, f"run {run + 1}", shown.color, run))
@@ -250,6 +251,14 @@ class Scene:
             for run in self.shown
         ]
         return f"Scene({'; '.join(runs)})"
+
+
+def _known(system: Any, content: Content, unit: float) -> dict[str, Any]:
+    """Whether a panel with this content is one of the main ones, stands over a floor, and has a length to measure."""
+    floor = content.of_space and has_floor(system)
+    of_places = floor or getattr(system, "degrees", 2) > 1  # not the plane of one position and its momentum
+    ruler = unit if (content.to_scale and of_places) or (content.panel == "space" and flies(system)) else 0.0
+    return {"main": not content.of_space, "floor": floor, "ruler": ruler}
 
 
 def _framed(path: str, members: Sequence[tuple[ShownRun, Content]], named: bool) -> Canvas:

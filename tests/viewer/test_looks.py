@@ -108,8 +108,13 @@ def test_printed_in_grey_the_curves_of_a_picture_are_told_apart() -> None:
 
 def test_lines_have_contrast_three_and_texts_four_and_a_half() -> None:
     assert min(contrast(color) for color in (*COLORS, *AXES, LEVEL, SEPARATRIX)) >= 3.0
-    css = part("page.html")
-    assert min(contrast(c) for c in (INK, GREY, *re.findall(r"[ {;]color: (#\w{6})", css))) >= 4.5
+    assert min(contrast(c) for c in (INK, GREY)) >= 4.5
+    themes = [dict(re.findall(r"--(\w+): (#\w{6})", theme)) for theme in part("page.html").split(":root")[1:]]
+    assert len(themes) == 2  # light and dark
+    for theme in themes:
+        for ground in (theme["paper"], theme["bar"]):
+            assert min(contrast(theme[words], ground) for words in ("ink", "pale")) >= 4.5
+        assert contrast(theme["blue"], theme["paper"]) >= 4.5
 
 
 def test_the_eye_looks_across_the_plane_of_a_motion() -> None:
@@ -145,6 +150,84 @@ def test_scenes_fill_their_stage(browser: Chromium, tmp_path: Path, name: str) -
         for left, bottom, right, top in tab.evaluate(FILLED):
             assert 0.6 < max(right - left, top - bottom) / 2.0 <= 0.9
             assert min(left, bottom) >= -1.0 and max(right, top) <= 1.0
+        assert tab.complaints() == []
+
+
+def _thrown() -> Motion:
+    """A body on its parabola, and turning."""
+    t, s = np.linspace(0.0, 2.0, 81), np.linspace(0.0, 3.0, 81)
+    g = np.tile(np.eye(4), (81, 1, 1))
+    g[:, :3, :3] = lm.SO3().exp(np.outer(s, [0.6, 0.0, 0.8]))
+    g[:, 0, 3], g[:, 2, 3] = 3.0 * t, 9.80665 * (t - 0.5 * t**2)
+    return Motion(lm.models.FallingBody([1.0, 2.0, 2.5], 3.0), t, {"g": g})
+
+
+def test_a_floor_lies_where_gravity_pulls() -> None:
+    for name in ("heavy-top", "falling-body", "double-pendulum", "chain", "hanging-rods", "kepler", "figure-eight"):
+        scene = SCENES[name]()
+        states = {part: np.asarray(x)[None] for part, x in scene.start.parts.items() if x is not None}
+        panel = Scene(Motion(scene.system, np.zeros(1), states)).panels()[0]
+        assert panel.known["floor"] == (name not in ("kepler", "figure-eight")), name
+        assert bool(panel.known["ruler"]) == (name != "heavy-top")
+    ball = SCENES["rolling-ball"]()
+    panel = Scene(Motion(ball.system, np.zeros(1), {"g": np.asarray(ball.start.g)[None]})).panels()[0]
+    assert panel.known["floor"] == pytest.approx(panel.inside([0.0, 0.0, 0.0])[2])  # it rolls on x3 = 0
+
+
+@pytest.mark.slow
+def test_shadow_scale_and_the_eye_that_follows(browser: Chromium, tmp_path: Path) -> None:
+    motion = _thrown()
+    with Tab.of(browser, Scene(motion).save(tmp_path / "thrown.html")) as tab:
+        tab.wait("window.ready || window.failed")
+        body = "player.tracks.find(t => t.path.endsWith('/body')).object.getWorldPosition(new MeshCat.THREE.Vector3())"
+        shadows = []
+        for t in (0.3, 1.0):  # the shadow is below the body
+            seen = tab.seek(t)
+            tab.evaluate(
+                "player.viewer.scene.traverse(o => { o.visible &&= !(o.material?.type === 'ShadowMaterial'); })"
+            )
+            tab.evaluate("player.viewer.needs_render = true")
+            rows, columns = np.nonzero(np.abs(seen - tab.drawn()).sum(axis=-1) > 15)
+            tab.evaluate("player.viewer.scene.traverse(o => { o.visible ||= o.material?.type === 'ShadowMaterial'; })")
+            x, y = tab.evaluate(
+                f"(() => {{ const p = player.panels[0], v = {body}.project((player.aim(p), player.viewer.camera));"
+                " return [p.rect[0] + (v.x + 1) / 2 * p.rect[2], p.rect[1] + (1 - v.y) / 2 * p.rect[3]]; })()"
+            )
+            assert len(rows) > 30 and rows.min() > y and abs(columns.mean() - x) < 60
+            shadows.append(columns.mean())
+        assert shadows[1] > shadows[0] + 50
+        # the bar is as long as what it says, at the distance of the middle
+        apart = tab.evaluate(
+            """(() => { const panel = player.panels[0], [, bar, text] = panel.caption.childNodes;
+            const { camera, controls } = player.viewer, length = parseFloat(text.data) / panel.ruler;
+            const right = new MeshCat.THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 0);
+            player.aim(panel);
+            const middle = (s) => controls.target.clone().addScaledVector(right, s).project(camera);
+            const ends = [0, length].map((s) => middle(s).x * panel.rect[2] / 2);
+            return [ends[1] - ends[0], bar.getBoundingClientRect().width, text.data]; })()"""
+        )
+        assert apart[0] == pytest.approx(apart[1], abs=1.0) and apart[2].endswith(" m")
+        tab.click("#follow")
+        for t in (0.2, 1.0, 1.8):
+            tab.seek(t)
+            v = tab.evaluate(f"{body}.project((player.aim(player.panels[0]), player.viewer.camera)).toArray()")
+            assert np.abs(v[:2]) == pytest.approx(0.0, abs=1e-6)
+        assert tab.complaints() == []
+
+
+@pytest.mark.slow
+def test_a_dark_page_where_the_reader_has_one(browser: Chromium, tmp_path: Path) -> None:
+    body = lm.RigidBody([1.0, 2.0, 3.0])
+    still = Motion(body, np.zeros(1), {"mu": np.array([[0.3, 1.0, 0.2]]), "g": np.eye(3)[None]})
+    page = Scene(still, name="ink", color="#1a1a1a").save(tmp_path / "dark.html")
+    with Tab.of(browser, page) as tab:
+        tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
+        tab.evaluate("window.ready = false")
+        tab.call("Page.reload")
+        tab.wait("document.readyState === 'complete' && window.ready")
+        pixels = tab.drawn()
+        assert pixels[2, 2].max() < 40  # the page
+        assert (pixels.min(axis=-1) > 200)[60:430].sum() > 100  # the arrow of a run that is black on white
         assert tab.complaints() == []
 
 

@@ -20,7 +20,7 @@ from ...models.space.spacecraft import Spacecraft
 from ...systems.system import System
 from ..drawing import Drawing
 from ..motion import Motion
-from ..shapes import ThreeShape, ball, box, mesh_file, mixed, often, segments, shares, turned
+from ..shapes import ThreeShape, ball, box, mesh_file, mixed, often, shares, turned
 from ..thinning import Numbers, evenly
 from .content import UNITS, Content, refuse
 from .vectors import AXES, MOST_POINTS, axis_of, triad
@@ -40,8 +40,8 @@ drawn to scale.
 
 @dataclass(frozen=True)
 class Body(Content):
-    """The body at its attitude g and, where it flies, at its place: the box with its inertia, with
-    its axes as a triad.
+    """The body at its attitude g and, where it flies, at its place: the box with its inertia, with its axes as a triad
+    and a mark on the face from which the third one comes.
 
     mesh : a file (.stl, .obj, .dae) to show instead of the box.  size : of the mesh's unit of
     length, in units of the picture,
@@ -104,22 +104,24 @@ class Body(Content):
         if flies(system):
             where, size = place(system, motion["g"]), _size(system, drawing.panel.unit)
         drawing.add("body", quaternion=attitude(system, motion["g"]), position=drawing.panel.inside(where), scale=size)
-        color = mixed(STONE, drawing.color, 0.18)
+        color = mixed(STONE, drawing.color, 0.3)
         if self.mesh is not None:
             drawing.add("body/mesh", mesh_file(self.mesh, color), scale=self.size)
         elif top:
             _top(drawing, axis_of(system), color)
         elif isinstance(_constraint(system), Rolling):
             _octants(drawing, np.ones(3), color)
-            _ground(drawing, motion, -_constraint(system).radius)
+            drawing.panel.known["floor"] = float(drawing.panel.inside(where)[0, 2] - size)
         elif isinstance(_constraint(system), Blade):
             _sleigh(drawing, color)
-            _ground(drawing, motion, 0.0)
+            drawing.panel.known["floor"] = float(drawing.panel.inside(where)[0, 2])
         elif isinstance(system, KirchhoffBody):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
             edges = box_of_inertia(inertia_of(system))
             drawing.add("body/box", box(edges, color))
+            face = box(edges * [0.72, 0.72, 0.0] + [0.0, 0.0, 0.02], mixed(color, drawing.color, 0.6))
+            drawing.add("body/third face", face, position=[0.0, 0.0, 0.5 * edges[2]])
             if isinstance(system, Spacecraft) and system.wheels is not None:
                 _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
@@ -231,21 +233,6 @@ def _sleigh(drawing: Drawing, color: str) -> None:
     drawing.add("body/deck", deck, position=[-0.35, 0.0, 0.45])
     drawing.add("body/blade", box(np.array([0.9, 0.05, 0.4]), "#333333"), position=[-1.0, 0.0, 0.2])
     drawing.add("body/centre", ball(0.16, "#333333"), position=[0.0, 0.0, 0.55])
-
-
-def _ground(drawing: Drawing, motion: Motion, below: float) -> None:
-    """The plane on which a body moves, a grid with squares of 1, 2 or 5 times a power of ten."""
-    path = place(motion.system, motion["g"])
-    low, high = path[:, :2].min(axis=0), path[:, :2].max(axis=0)
-    least = 0.1 * float((high - low).max() or 1.0)
-    decade, z = 10.0 ** np.floor(np.log10(least)), path[0, 2] + below
-    square = decade * next(n for n in (1.0, 2.0, 5.0, 10.0) if n * decade >= least)
-    x, y = (
-        square * np.arange(first - 1.0, last + 1.5)
-        for first, last in zip(np.floor(low / square), np.ceil(high / square), strict=True)
-    )
-    lines = [[(x[0], b, z), (x[-1], b, z)] for b in y] + [[(a, y[0], z), (a, y[-1], z)] for a in x]
-    drawing.once("ground", segments(drawing.panel.inside(lines), "#9aa3b0"))
 
 
 def _top(drawing: Drawing, axis: Array, color: str) -> None:

@@ -31,13 +31,15 @@ class Content:
     origin.
 
     Contents of the same panel share a picture; if they are `alike`, those of equal systems do.
-    With `own` each run has its own.  In a panel `of_space` directions are those of space.
+    With `own` each run has its own.  In a panel `of_space` directions are those of space, and if it is `to_scale` lengths
+    are those of the motion.
     """
 
     panel: ClassVar[str] = "space"
     title: ClassVar[str] = "in space"
     alike: ClassVar[bool] = False
     of_space: ClassVar[bool] = True
+    to_scale: ClassVar[bool] = False
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The parts of the state that are drawn, such as ("mu",).  Raises InvalidInput if the

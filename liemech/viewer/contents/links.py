@@ -41,6 +41,7 @@ class Links(Content):
 
     panel = "links"
     title = "in space"
+    to_scale = True
 
     trail: int | None = -1
 
@@ -75,7 +76,7 @@ class Links(Content):
         """
         system, poses = _read(motion)
         inside, unit, ends = drawing.panel.inside, drawing.panel.unit, _ends(system)
-        color, joints = mixed(STONE, drawing.color, 0.18), _placed(poses, ends)
+        color, joints = mixed(STONE, drawing.color, 0.3), _placed(poses, ends)
         names = [*(f"link {k + 1}" for k in range(len(system.links))), "ground"]
         for k, name in enumerate(names):
             turns = quaternions(poses[:, k, :3, :3])

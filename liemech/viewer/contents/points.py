@@ -45,6 +45,7 @@ class Points(Content):
 
     panel = "points"
     title = "position"
+    to_scale = True
 
     places: Callable[[Array, Array], Array] | None = None
     rods: bool | None = None

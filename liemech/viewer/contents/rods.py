@@ -37,6 +37,7 @@ class Rod(Content):
     """
 
     panel = "rod"
+    to_scale = True
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The parts of the state drawn, the frames; InvalidInput for other systems."""

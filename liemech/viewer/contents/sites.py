@@ -149,6 +149,7 @@ class Sites(OnSites):
     """
 
     title = "in space"
+    to_scale = True
 
     atoms: ArrayLike | None = field(default=None, compare=False)
     sizes: ArrayLike | None = field(default=None, compare=False)
