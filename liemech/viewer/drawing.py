@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..models.curves import is_smooth
 from ..models.poses import rotation, toward
-from .shapes import ThreeShape, ball, colored, often, plain, rod
+from .shapes import ThreeShape, ball, colored, often, plain, stick
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class Node:
     points, `scale` (1), `reveal`, the segments of a trail that are behind the moving point, and of
     what is there many times its places `cloud` (m, 3), and arrows `vectors` (m, 3) or attitudes
     `turns` (m, 4), of the points of a surface their colours `tones` (m,), from -1 to 1.  A `label`
-    stands at the end of an arrow or a rod.
+    stands at the end of an arrow or a rod.  least : to which share a trail tapers.
     """
 
     path: str
@@ -38,7 +38,7 @@ class Node:
     moving: dict[str, Array] = field(default_factory=dict)
     clock: int = 0
     label: str = ""
-    fading: bool = False
+    least: float = 0.0
 
 
 @dataclass
@@ -110,7 +110,7 @@ class Drawing:
         shape = often(ball(0.5, "#ffffff", rows=12 if count < 200 else 6), count, sizes, **known)
         return self.add(path, colored(shape, colors), cloud=places)
 
-    def sticks(self, path: str, ends: Array, thick: float, colors: str | Sequence[str]) -> Node:
+    def sticks(self, path: str, ends: Array, thick: float, colors: str | Sequence[str], sides: int = 8) -> Node:
         """Round sticks between pairs of points, (n, m, 2, 3) or (m, 2, 3), as one object.  thick : their
         diameter.  colors : one, or m of them.
         """
@@ -118,25 +118,29 @@ class Drawing:
         length = np.linalg.norm(vectors.reshape(-1, count, 3)[0], axis=-1)
         wide = thick / np.where(length > 0.0, length, 1.0)
         sizes = np.column_stack([wide, wide, np.ones_like(wide)])
-        shape = colored(often(rod("#ffffff", 0.5, 8), count, sizes, room=[0.0]), colors)
+        shape = colored(
+            often(stick(0.5 * thick / (length.max() or 1.0), sides), count, sizes, room=[0.5 * thick]), colors
+        )
         return self.add(path, shape, cloud=ends[..., 0, :], vectors=vectors)
 
     def curve(self, path: str, points: Array, color: str, thick: float = 0.018) -> Node:
         """A curve (n, 3), or its points if it would be invented: lines are one pixel wide in WebGL."""
         if is_smooth(points):
-            node = self.sticks(path, neighbours(points), thick, color)
+            node = self.sticks(path, neighbours(points), thick, color, 6)
         else:
             node = self.balls(path, points, [[0.03]], color)
         assert node.shape is not None
         node.shape = replace(node.shape, material=plain(color))
         return node
 
-    def trail(self, path: str, points: Array, color: str | None = None, fading: bool = True) -> None:
-        """The curve behind a moving point, (n, 3): it grows with the time, and fades."""
+    def trail(self, path: str, points: Array, color: str | None = None, least: float = 0.3) -> None:
+        """The curve behind a moving point, (n, 3): it grows with the time, and tapers to this share of its
+        thickness and colour.
+        """
         color = color or self.color
         if len(points) > 1:
-            node = self.curve(path, points, color)
-            node.moving["reveal"], node.fading = np.arange(len(points), dtype=float), fading
+            node = self.curve(path, points, color, 0.024)
+            node.moving["reveal"], node.least = np.arange(len(points), dtype=float), least
         else:
             self.panel.tips[f"{self.panel.path}/{self.name}/{path}"] = points[-1], color
 

@@ -84,7 +84,7 @@ def tracks(node: Node) -> list[dict[str, Any]]:
     for channel, rows in (still | node.moving).items():
         track: dict[str, Any] = {"path": node.path, "channel": channel, "clock": node.clock}
         if channel == "reveal" and node.shape is not None:  # how many are there at the start
-            track |= {"first": node.shape.known["count"] + 1 - len(rows), "fading": node.fading}
+            track |= {"first": node.shape.known["count"] + 1 - len(rows), "least": node.least}
         else:
             track |= {"values": rows.astype(np.float32).ravel(), "width": int(rows[0].size)}
         if channel in MANY and len(rows) > 1:  # two bytes each are enough for a screen

@@ -173,12 +173,14 @@ function startPlayer() {
       for (const track of moving) move(track, scene.duration * n / TIMES);
       viewer.scene.updateMatrixWorld();
       for (const { object: root, extent } of panels) root.traverse((object) => {
-        if (object.isSprite || !object.geometry || !object.geometry.attributes.position) return;
+        if (object.isSprite) return void extent.push(new THREE.Vector3(0, 0, 1.2).applyMatrix4(object.parent.matrixWorld));
+        if (!object.geometry || !object.geometry.attributes.position) return;
         const { cloud, room = [0] } = object.userData, p = cloud || object.geometry.attributes.position.array;
         const every = 3 * Math.ceil(p.length / 3 / MOST);
-        for (let k = 0; k < p.length; k += every) for (const side of room[0] ? [-1, 1] : [0]) {
-          const [x, y, z] = [0, 1, 2].map((i) => p[k + i] + side * room[i % room.length]);
-          extent.push(new THREE.Vector3(x, y, z).applyMatrix4(object.matrixWorld));
+        for (let k = 0; k < p.length; k += every) for (const side of room[0] ? [-1, 1] : [0]) for (let i = 0; i < (side ? 3 : 1); i++) {
+          const point = new THREE.Vector3().fromArray(p, k);
+          point.setComponent(i, point.getComponent(i) + side * room[i % room.length]);
+          extent.push(point.applyMatrix4(object.matrixWorld));
         }
       });
     }
@@ -338,13 +340,14 @@ function startPlayer() {
   tracks.forEach((track) => move(track, 0));
   placeAll();
 
-  for (const track of tracks.filter((track) => track.fading)) { // what is long past is pale
+  for (const track of tracks.filter(({ channel }) => channel === "reveal")) { // what is long past is pale and thin
     track.head = { value: 0 };
+    const thinner = track.object.geometry.type === "SphereGeometry" ? "transformed" : "transformed.xy";
     track.object.material.onBeforeCompile = (shader) => {
       Object.assign(shader.uniforms, { head: track.head, tail: { value: 0.35 * track.times.length } });
-      shader.vertexShader = "varying float fresh; uniform float head, tail;\n" + shader.vertexShader.replace("#include <project_vertex>",
-        "#include <project_vertex>\nfresh = clamp(1.0 - (head - float(gl_InstanceID)) / tail, 0.3, 1.0);\n" +
-        "gl_Position.z += 4e-4 * (1.0 - fresh) * gl_Position.w;"); // the newer lap is in front
+      shader.vertexShader = "varying float fresh; uniform float head, tail;\n" + shader.vertexShader.replace("#include <begin_vertex>",
+        `#include <begin_vertex>\nfresh = clamp(1.0 - (head - float(gl_InstanceID)) / tail, ${track.least.toFixed(2)}, 1.0);\n${thinner} *= fresh;`)
+        .replace("#include <project_vertex>", "#include <project_vertex>\ngl_Position.z += 4e-4 * (1.0 - fresh) * gl_Position.w;"); // the newer lap is in front
       shader.fragmentShader = "varying float fresh;\n" + shader.fragmentShader.replace("#include <dithering_fragment>",
         `#include <dithering_fragment>\ngl_FragColor.rgb = mix(vec3(${paper.toArray().map((c) => c.toFixed(3))}), gl_FragColor.rgb, fresh);`);
     };

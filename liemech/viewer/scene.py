@@ -32,6 +32,12 @@ from .thinning import MOST_NUMBERS
 FRAMES = 900
 """Samples of a run that a scene keeps: fifteen seconds at sixty pictures a second."""
 
+PACE = 3.0
+"""Samples in a second of playing where they are too far apart to be joined, and more would flicker.
+
+Source: Web Content Accessibility Guidelines 2.2, 2.3.1 (three flashes).
+"""
+
 ENSEMBLE_FRAMES = 300
 """Of an ensemble fewer, and no more than a page below 20 MB holds of all its bodies."""
 
@@ -62,7 +68,7 @@ class Scene:
     sites : the numbers of those to show of many; left out, all, or of more than 12,000 every third
     along each axis, or fifth, ...
     title : of the page.  seconds : how long it plays; default: as long as the motion, but 5 to 15
-    s.
+    s, and so long that samples too far apart to be joined are shown three a second.
     frames : samples that are kept of each run, evenly chosen; the data of the run are not touched.
     interpolate : move between the samples, of adaptive steps by their dense output; False shows the
     steps one after another.
@@ -154,7 +160,8 @@ class Scene:
     @property
     def seconds(self) -> float:
         """How long the scene plays at ordinary speed, in s."""
-        return self._seconds or min(max(self.duration, 5.0), 15.0)
+        apart = [len(run.motion) / PACE for run in self.shown if not run.motion.joined]
+        return self._seconds or max([min(max(self.duration, 5.0), 15.0), *apart])
 
     def _sign(self) -> float:
         return -1.0 if any(run.motion.t[-1] < run.motion.t[0] for run in self.shown) else 1.0

@@ -106,6 +106,16 @@ def rod(color: str, radius: float = 0.015, sides: int = 12) -> ThreeShape:
     return turned([(0.0, 0.0), (radius, 0.0), (radius, 1.0), (0.0, 1.0)], color, sides)
 
 
+def stick(cap: float, sides: int) -> ThreeShape:
+    """A rod of diameter and length 1 along the third axis, from the origin, with round ends beyond it, which fill the
+    bends of a tube; thin ones, of less than eight sides, have points.  cap : the height of the ends.
+    """
+    angles = np.radians([0.0, 60.0, 90.0, 90.0] if sides >= 8 else [0.0, 90.0])  # the rim twice: it stays sharp
+    end = [{"x": 0.5 * float(np.sin(a)), "y": -cap * float(np.cos(a))} for a in angles]
+    points = end + [{"x": p["x"], "y": 1.0 - p["y"]} for p in reversed(end)]
+    return ThreeShape("Mesh", lambda: {"type": "LatheGeometry", "points": points, "segments": sides}, solid("#ffffff"))
+
+
 def needle(radius: float, sides: int) -> ThreeShape:
     """An arrow of length 1 along the third axis, with the origin in its middle.  radius : of its
     head.

@@ -216,6 +216,45 @@ def test_shadow_scale_and_the_eye_that_follows(browser: Chromium, tmp_path: Path
 
 
 @pytest.mark.slow
+def test_trails_taper(browser: Chromium, tmp_path: Path) -> None:
+    """The path of a point that moves evenly on a line, seen from the side."""
+    t = np.linspace(0.0, 1.0, 101)
+    line = Motion(lm.models.HenonHeiles(), t, {"q": np.stack([t, 0.0 * t], axis=1), "p": np.ones((101, 2))})
+    page = Scene(line, show="points", view=(-90.0, 0.0)).save(tmp_path / "line.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait("window.ready || window.failed")
+        seen = (tab.seek(1.0) - tab.seek(0.0)).astype(int)[60:420]
+        thick = (np.abs(seen).sum(axis=-1) > 40).sum(axis=0)
+        columns = np.nonzero(thick)[0]
+        start, end = columns[0], columns[-1]
+        share = thick[start : end + 1][np.round(np.linspace(0, end - start, 101)).astype(int)]
+        tail, middle, head = share[35:50].mean(), share[75:80].mean(), share[85:90].mean()
+        assert 0.0 < tail < 0.6 * head and tail < middle < head
+
+
+@pytest.mark.slow
+def test_a_scene_is_few_draw_calls_and_triangles(browser: Chromium, tmp_path: Path) -> None:
+    body = lm.RigidBody([1.0, 2.0, 3.0])
+    t = np.linspace(0.0, 60.0, 900)
+    exact = Motion(body, t, body.exact(body.state(mu=[0.3, 1.0, 0.2], g=np.eye(3)), t))
+    five = Scene(exact, name="1")
+    for k in range(2, 6):
+        five.add(exact, name=f"{k}")
+    for name, scene, calls, triangles in (
+        ("one", Scene(exact), 30, 70_000),
+        ("five", five, 95, 200_000),
+        ("thrown", Scene(_thrown()), 20, 15_000),
+    ):
+        with Tab.of(browser, scene.save(tmp_path / f"{name}.html")) as tab:
+            tab.wait("window.ready || window.failed")
+            drawn = tab.evaluate(
+                "(() => { const { info } = player.viewer.renderer; info.autoReset = false; seekTo(player.duration); info.reset();"
+                " player.draw(); return [info.render.calls, info.render.triangles]; })()"
+            )
+            assert drawn[0] <= calls and drawn[1] <= triangles, (name, drawn)
+
+
+@pytest.mark.slow
 def test_a_dark_page_where_the_reader_has_one(browser: Chromium, tmp_path: Path) -> None:
     body = lm.RigidBody([1.0, 2.0, 3.0])
     still = Motion(body, np.zeros(1), {"mu": np.array([[0.3, 1.0, 0.2]]), "g": np.eye(3)[None]})

@@ -45,6 +45,23 @@ def test_a_tube_follows_the_elements_and_not_their_chords(elements: int) -> None
     assert thick == pytest.approx(2.0 * RUBBER.radius)
 
 
+def test_round_ends_fill_the_bends_of_a_tube() -> None:
+    """Between two pieces that turn by a the outside of the bend is at a/2 beyond their ends."""
+    motion = bent(40)
+    (panel,) = Scene(motion).panels()
+    tube = panel.nodes["panel 1/run 1/tube"]
+    assert tube.shape is not None
+    length = np.linalg.norm(tube.still["vectors"], axis=1) * panel.unit
+    points = tube.shape.geometry()["points"]
+    x = RUBBER.radius / 0.5 * np.array([p["x"] for p in points])
+    z = length.max() * np.array([p["y"] for p in points])
+    assert x.max() == pytest.approx(RUBBER.radius) and z.max() > length.max()
+    corners = np.stack([x, z], axis=1)[z <= 1e-9][:3]  # of the end at the origin, from its tip to its rim
+    assert np.linalg.norm(corners, axis=1) == pytest.approx(RUBBER.radius)  # half a ball
+    chords = np.linalg.norm(0.5 * (corners[1:] + corners[:-1]), axis=1)
+    assert chords[-1] > 0.95 * RUBBER.radius  # up to bends of 60 degrees
+
+
 def test_ends_are_marked_where_they_are_held() -> None:
     held = Scene(bent(4, ends=("clamped", "hinged"))).panels()[0].nodes
     assert {"panel 1/run 1/end 0", "panel 1/run 1/end -1"} <= held.keys()

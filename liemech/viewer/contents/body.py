@@ -130,7 +130,7 @@ class Body(Content):
         if self.trail and flies(system):
             drawing.trail("path", drawing.panel.inside(where))
         elif self.trail and top:
-            drawing.trail("nose", rotated(attitude(system, motion["g"]), axis_of(system)))
+            drawing.trail("nose", rotated(attitude(system, motion["g"]), axis_of(system)), least=0.0)
         if isinstance(system, ORBITS):
             centre = drawing.panel.inside(np.zeros(3))
             drawing.once("centre", ball(0.05, "#C87F00"), position=centre)

@@ -61,7 +61,7 @@ class Rod(Content):
         radius /= panel.unit
         g = system.between(motion["g"], -(-PIECES // system.elements))
         where, color = panel.inside(g[..., :3, 3]), mixed(STONE, drawing.color, 0.6)
-        drawing.sticks("tube", neighbours(where), 2.0 * radius, color)
+        drawing.sticks("tube", neighbours(where), 2.0 * radius, color, 16)
         if motion["g"].shape[1] <= LONG:
             line, dark = where + radius * g[..., :3, 0], mixed(color, "#000000", 0.6)
             drawing.sticks("line", neighbours(line), 0.5 * radius, dark)

@@ -156,7 +156,7 @@ class Vertical(Content):
         else:
             back = attitude(motion.system, motion["g"]) * [-1.0, -1.0, -1.0, 1.0]
             gamma = rotated(back, np.array([0.0, 0.0, 1.0]))
-        _moving_vector(drawing, gamma, "vertical", trail=True)
+        _moving_vector(drawing, gamma, "vertical", trail=True, least=0.0)
         drawing.once("sphere", ball(1.0, SPHERE, SOLID))
         triad(drawing.shared, "axis", "\u0393", 0.007, 1.22)
 
@@ -180,7 +180,7 @@ def axis_of(top: Any) -> Array:
     return centre / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
-def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
+def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool, least: float = 0.7) -> None:
     """An arrow to (n, 3), and the trail of its tip."""
     length = np.linalg.norm(v, axis=1)
     if length.max() <= 0.0:  # a body at rest has no arrow
@@ -190,7 +190,7 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
     drawing.add(name, arrow(drawing.color), direction=unit, scale=length, position=origin)
     if trail:  # with its tip, for the arrow is inside
         drawing.add(f"{name} tip", ball(0.035, drawing.color), position=LIFT * v)
-        drawing.trail(f"{name} trail", LIFT * v, fading=False)
+        drawing.trail(f"{name} trail", LIFT * v, least=least)
 
 
 def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
