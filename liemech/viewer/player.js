@@ -25,7 +25,7 @@ function startPlayer() {
   const { camera, controls, renderer } = viewer;
   const node = (path) => viewer.scene_tree.find(path.split("/")), inside = (path) => node(path).children["<object>"].object;
 
-  viewer.gui.domElement.style.display = "none";
+  viewer.gui.domElement.remove(); // with all its inputs
   viewer.scene.background = null;
   const tone = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const dark = matchMedia("(prefers-color-scheme: dark)").matches, paper = new THREE.Color(tone("--paper"));
@@ -135,7 +135,7 @@ function startPlayer() {
     for (const panel of panels) panel.caption.hidden = !shown.includes(panel);
     const bare = document.body.classList.contains("bare");
     const width = pane.clientWidth, height = pane.clientHeight;
-    const head = Math.min($("head").offsetHeight + ($("head").textContent.trim() ? 8 : 0), height / 4), foot = bare ? 4 : 48;
+    const head = Math.min($("head").offsetHeight + ($("head").textContent.trim() ? 8 : 0), height / 4), foot = bare ? 4 : $("bar").offsetHeight + 4;
     const free = Math.max(1, height - head - foot), bodies = shown.filter(({ main }) => !main), orbits = shown.filter(({ main }) => main);
     const share = !orbits.length ? 1 : !bodies.length ? 0 : 1 - MAIN;
     const [w, h] = width > free ? [share * width, free] : [width, share * free];
@@ -205,7 +205,7 @@ function startPlayer() {
     camera.aspect = w / h;
     camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
     let [left, top, size] = panel.part || [0, 0, 1];
-    const body = panel.part && player.following && tracks.find(({ path, channel }) => channel === "position" && path.startsWith(panel.path + "/") && path.endsWith("/body"));
+    const body = panel.part && player.follow && tracks.find(({ path, channel }) => channel === "position" && path.startsWith(panel.path + "/") && path.endsWith("/body"));
     if (body) { // in the middle, twice as large
       camera.clearViewOffset();
       const middle = body.object.getWorldPosition(new THREE.Vector3()).project(camera);
@@ -402,14 +402,14 @@ function startPlayer() {
   const digits = scene.duration > 0 ? Math.max(0, Math.min(12, 3 - Math.ceil(Math.log10(scene.duration)))) : 3;
   const icons = { play: "M3 1 L13 7.5 L3 14 Z", pause: "M3 1 H6 V14 H3 Z M9 1 H12 V14 H9 Z" };
   const player = {
-    duration: scene.duration, time: 0, playing: false, loop: false, following: false, speed: 1, viewer, panels, tracks, aim,
+    duration: scene.duration, time: 0, playing: false, loop: false, follow: false, speed: 1, viewer, panels, tracks, aim,
     get drawn() { return drawn; },
     seek(t) {
       this.time = Math.max(0, Math.min(scene.duration, t));
       for (const track of moving) move(track, this.time);
       placeAll();
       $("time").value = this.time;
-      $("label").textContent = clock((scene.start + scene.sign * this.time).toFixed(digits));
+      $("label").textContent = $("time").ariaValueText = clock((scene.start + scene.sign * this.time).toFixed(digits));
       viewer.needs_render = true;
     },
     play() {
@@ -432,8 +432,9 @@ function startPlayer() {
   window.seekTo = (t) => { player.pause(); player.seek(t); };
 
   function face() {
-    const path = player.playing ? icons.pause : icons.play;
-    $("play").innerHTML = '<svg width="15" height="15" aria-hidden="true"><path fill="currentColor" d="' + path + '"/></svg>';
+    const act = player.playing ? "pause" : "play";
+    $("play").innerHTML = `<svg width="15" height="15" aria-hidden="true"><path fill="currentColor" d="${icons[act]}"/></svg>`;
+    Object.assign($("play"), { ariaLabel: act, title: act + " (space)" });
   }
 
   let last = null;
@@ -469,9 +470,10 @@ function startPlayer() {
   }
   $("time").max = scene.duration;
   if (!(scene.duration > 0)) $("bar").style.display = "none";
+  const KEYS = "space: play or pause\n\u2190 \u2192: a sixtieth of the time, with shift a tenth of that\n, .: a sample back or on\nHome End: the first, the last time\n" +
+    "+ -: faster, slower\nl: again and again\nc: follow the body\nr: the first view\nf: full screen\n?: these keys, or no more";
   const press = (id) => { $(id).click(); };
-  $("loop").onclick = () => { $("loop").setAttribute("aria-pressed", player.loop = !player.loop); };
-  $("follow").onclick = () => { $("follow").setAttribute("aria-pressed", player.following = !player.following); viewer.needs_render = true; };
+  for (const id of ["loop", "follow"]) $(id).onclick = () => { $(id).ariaPressed = player[id] = !player[id]; viewer.needs_render = true; };
   $("follow").hidden = !moving.some(({ path, channel }) => channel === "position" && path.endsWith("/body"));
   $("reset").onclick = () => player.reset();
   $("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()).catch(say);
@@ -480,7 +482,10 @@ function startPlayer() {
   $("time").oninput = () => window.seekTo(Number($("time").value));
   $("speed").onchange = () => { player.speed = Number($("speed").value); };
   addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey || event.target.tagName === "SELECT") return;
+    const { tagName } = event.target; // what has the focus has its own keys
+    if (event.ctrlKey || event.altKey || event.metaKey || tagName === "SELECT" || (tagName === "BUTTON" && event.key === " ")) return;
+    const times = scene.clocks[0], sample = (n) => window.seekTo(times[Math.max(0, Math.min(times.length - 1, behind(times, player.time) + n))]);
+    const faster = (n) => { $("speed").selectedIndex = Math.max(0, Math.min($("speed").length - 1, $("speed").selectedIndex + n)); $("speed").onchange(); };
     const step = scene.duration / (event.shiftKey ? 600 : 60);
     const answers = {
       " ": () => player.toggle(),
@@ -488,6 +493,11 @@ function startPlayer() {
       ArrowRight: () => window.seekTo(player.time + step),
       Home: () => window.seekTo(0),
       End: () => window.seekTo(scene.duration),
+      ",": () => sample(-1),
+      ".": () => sample(1),
+      "+": () => faster(1),
+      "-": () => faster(-1),
+      "?": () => { if ($("message").style.display === "block") $("message").style.display = "none"; else say(KEYS); },
       l: () => press("loop"),
       r: () => press("reset"),
       c: () => press("follow"),

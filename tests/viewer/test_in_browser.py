@@ -126,6 +126,63 @@ def test_mouse_and_keys(tab: Tab) -> None:
     assert tab.evaluate("player.time") == tab.evaluate("player.duration")
 
 
+@pytest.mark.slow
+def test_more_keys_and_what_has_the_focus(tab: Tab) -> None:
+    tab.evaluate("seekTo(0)")
+    for key, sample in ((".", 1), (".", 2), (",", 1), (",", 0), (",", 0)):
+        tab.press(key)
+        assert tab.evaluate("player.time") == pytest.approx(run().t[sample])
+    for key, speed in (("+", 2.0), ("+", 5.0), ("+", 5.0), ("-", 2.0), ("-", 1.0)):
+        tab.press(key)
+        assert tab.evaluate("player.speed") == speed
+    for shown in ("block", "none"):
+        tab.press("?")
+        assert tab.evaluate("getComputedStyle(document.getElementById('message')).display") == shown
+    tab.evaluate("document.getElementById('loop').focus()")
+    tab.press(" ")  # presses the button, and does not play
+    assert tab.evaluate("player.loop") and not tab.evaluate("player.playing")
+    tab.press(" ")
+    tab.evaluate("document.activeElement.blur()")
+    assert not tab.evaluate("player.loop")
+
+
+@pytest.mark.slow
+def test_what_a_screen_reader_is_told(tab: Tab) -> None:
+    tab.seek(20.0)
+    assert tab.evaluate("document.getElementById('time').getAttribute('aria-valuetext')") == "t = 20.0 s"
+    for face in ("pause", "play"):
+        tab.press(" ")
+        assert tab.evaluate("document.getElementById('play').getAttribute('aria-label')") == face
+    assert tab.evaluate("document.querySelectorAll('input').length") == 1  # the slider
+    buttons = "[...document.querySelectorAll('button:not([hidden])')].map(b => b.ariaLabel || b.textContent)"
+    assert all(tab.evaluate(buttons))
+
+
+@pytest.mark.slow
+def test_a_phone_has_a_long_slider_and_nothing_overlaps(tab: Tab) -> None:
+    tab.resize(360, 740)
+    tab.drawn()
+    assert tab.evaluate("document.getElementById('time').getBoundingClientRect().width") > 330
+    boxes = np.array(
+        tab.evaluate(
+            "[...document.getElementById('bar').children].map(e => e.getBoundingClientRect()).filter(r => r.width)"
+            ".map(r => [r.left, r.right, r.top, r.bottom])"
+        )
+    )
+    for k, (left, right, top, bottom) in enumerate(boxes):
+        assert left >= 0 and right <= 360 and bottom <= 740
+        others = np.delete(boxes, k, axis=0)
+        beside = (others[:, 1] <= left) | (others[:, 0] >= right) | (others[:, 3] <= top) | (others[:, 2] >= bottom)
+        assert beside.all()
+    assert tab.evaluate(
+        "document.getElementById('label').scrollWidth <= document.getElementById('label').clientWidth + 1"
+    )
+    bar = tab.evaluate("document.getElementById('bar').getBoundingClientRect().top")
+    assert all(y + h <= bar for _, y, _, h in tab.evaluate("player.panels.map(panel => panel.rect)"))
+    tab.resize(640, 480)
+    tab.drawn()
+
+
 def test_dragging_turns_every_panel(tab: Tab) -> None:
     eye = "player.viewer.camera.position.toArray()"
     before, picture = np.array(tab.evaluate(eye)), tab.seek(10.0)
