@@ -66,6 +66,7 @@ def described(scene: Scene) -> dict[str, Any]:
         "title": scene.title,
         "legend": scene.legend(),
         "notes": scene.notes(),
+        "courses": scene.courses(),
         "unit": scene.unit,
         "length": "m" if time_unit(scene.shown[0].motion.system) == "s" else "",
         "axes": any(content.of_space for run in scene.shown for content in run.contents),

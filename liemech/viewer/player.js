@@ -91,17 +91,19 @@ function startPlayer() {
 
   const MARGIN = 1.32; // radius of the ball that is seen of a panel of a live scene, whose content reaches to 1.25
   const FIELD = 26 * Math.PI / 180; // of view, in the narrower direction
-  const [azimuth, elevation] = scene.view.map((a) => a * Math.PI / 180);
-  const distance = MARGIN / Math.sin(FIELD / 2);
-  // the third axis of the scene is up, which is the second of three.js
-  camera.position.set(Math.cos(elevation) * Math.cos(azimuth), Math.sin(elevation), -Math.cos(elevation) * Math.sin(azimuth))
-    .multiplyScalar(distance);
+  const distance = MARGIN / Math.sin(FIELD / 2), DEGREE = Math.PI / 180;
+  function look(azimuth, elevation, away = 1) { // the third axis of the scene is up, which is the second of three.js
+    camera.position.setFromSphericalCoords(away * distance, (90 - elevation) * DEGREE, (90 + azimuth) * DEGREE);
+    controls.update();
+  }
   camera.near = 0.05 * distance;
   camera.far = 20 * distance;
   controls.target.set(0, 0, 0);
   controls.minDistance = 0.2 * distance;
   controls.maxDistance = 8 * distance;
-  controls.update();
+  look(...scene.view);
+  camera.updateMatrixWorld();
+  const home = camera.clone();
 
   for (const panel of panels) {
     panel.caption = document.body.appendChild(document.createElement("div"));
@@ -135,7 +137,7 @@ function startPlayer() {
     for (const panel of panels) panel.caption.hidden = !shown.includes(panel);
     const bare = document.body.classList.contains("bare");
     const width = pane.clientWidth, height = pane.clientHeight;
-    const head = Math.min($("head").offsetHeight + ($("head").textContent.trim() ? 8 : 0), height / 4), foot = bare ? 4 : $("bar").offsetHeight + 4;
+    const head = Math.min($("head").offsetHeight + ($("head").textContent.trim() ? 8 : 0), height / 4), foot = bare ? 4 : $("foot").offsetHeight + 4;
     const free = Math.max(1, height - head - foot), bodies = shown.filter(({ main }) => !main), orbits = shown.filter(({ main }) => main);
     const share = !orbits.length ? 1 : !bodies.length ? 0 : 1 - MAIN;
     const [w, h] = width > free ? [share * width, free] : [width, share * free];
@@ -163,6 +165,7 @@ function startPlayer() {
   function hide(run) { // a run from all panels, or show it again
     if (!hidden.delete(run)) hidden.add(run);
     for (const { path, runs } of panels) if (runs.includes(run)) node(`${path}/run ${run + 1}`).object.visible = !hidden.has(run);
+    document.querySelectorAll(".run" + run).forEach((curve) => curve.classList.toggle("hidden", hidden.has(run)));
     layout();
   }
 
@@ -173,7 +176,7 @@ function startPlayer() {
       for (const track of moving) move(track, scene.duration * n / TIMES);
       viewer.scene.updateMatrixWorld();
       for (const { object: root, extent } of panels) root.traverse((object) => {
-        if (object.isSprite) return void extent.push(new THREE.Vector3(0, 0, 1.2).applyMatrix4(object.parent.matrixWorld));
+        if (object.isSprite) return void extent.push(new THREE.Vector3(0, 0, 1.1).applyMatrix4(object.parent.matrixWorld));
         if (!object.geometry || !object.geometry.attributes.position) return;
         const { cloud, room = [0] } = object.userData, p = cloud || object.geometry.attributes.position.array;
         const every = 3 * Math.ceil(p.length / 3 / MOST);
@@ -187,20 +190,19 @@ function startPlayer() {
     moved.clear();
   }
 
-  function fit(panel) { // the part of the film that holds the panel's content, seen as now
+  function fit(panel) { // the part of the film that holds the panel's content at the first view
     panel.part = null;
-    aim(panel);
-    camera.updateMatrixWorld();
+    aim(panel, home);
     const low = [1e9, 1e9], high = [-1e9, -1e9], v = new THREE.Vector3();
     for (const point of panel.extent) {
-      v.copy(point).project(camera);
+      v.copy(point).project(home);
       [v.x, -v.y].forEach((x, k) => { low[k] = Math.min(low[k], x); high[k] = Math.max(high[k], x); });
     }
     const size = Math.max(0.01, ...low.map((x, k) => high[k] - x)) / 2 / 0.88;
     panel.part = [...low.map((x, k) => (x + high[k] + 2) / 4 - size / 2), size]; // left, top, size, of the film
   }
 
-  function aim(panel) { // the camera for a panel: the narrower direction has the same field of view everywhere
+  function aim(panel, camera = viewer.camera) { // at a panel: the narrower direction has the same field of view everywhere
     const [, , w, h] = panel.rect;
     camera.aspect = w / h;
     camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
@@ -410,6 +412,7 @@ function startPlayer() {
       placeAll();
       $("time").value = this.time;
       $("label").textContent = $("time").ariaValueText = clock((scene.start + scene.sign * this.time).toFixed(digits));
+      for (const now of document.querySelectorAll(".now")) now.setAttribute("transform", `translate(${this.time / scene.duration})`);
       viewer.needs_render = true;
     },
     play() {
@@ -418,7 +421,7 @@ function startPlayer() {
       this.playing = true;
       face();
     },
-    pause() { this.playing = false; face(); },
+    pause() { this.playing = false; face(); if (film) film.stop(); },
     toggle() { if (this.playing) this.pause(); else this.play(); },
     reset() { controls.reset(); layout(); }, // the eye goes back to where it was
     bare() { // nothing but the pictures, standing still
@@ -437,12 +440,46 @@ function startPlayer() {
     Object.assign($("play"), { ariaLabel: act, title: act + " (space)" });
   }
 
+  // a link is the address of the page with the time and the view, as in Scene(view=), and how far away the eye is
+  function link() {
+    const { radius, phi, theta } = new THREE.Spherical().setFromVector3(camera.position.clone().sub(controls.target));
+    const view = [theta / DEGREE - 90, 90 - phi / DEGREE].map((a) => a.toFixed(1)), t = $("label").textContent.match(/[-\d.]+/);
+    location.hash = `t=${t}&view=${view},${(radius / distance).toFixed(3)}`;
+    const told = (how) => say(`The address of this moment and view${how}:\n${location.href}`);
+    (navigator.clipboard ? navigator.clipboard.writeText(location.href) : Promise.reject()).then(() => told(", copied"), () => told(""));
+  }
+
+  function follow() { // a link
+    const { t, view } = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+    if (view) look(...view.split(",").map(Number));
+    if (t) window.seekTo(scene.sign * (Number(t) - scene.start));
+    return Boolean(t);
+  }
+
+  let film = null; // one that is being made
+  function record() { // the canvas, from the first moment to the last or until it is stopped
+    if (film) return player.pause();
+    const parts = [];
+    player.seek(0);
+    film = new MediaRecorder(renderer.domElement.captureStream(), { videoBitsPerSecond: 1e7 });
+    film.ondataavailable = ({ data }) => parts.push(data);
+    film.onstop = () => {
+      const { mimeType } = film, href = URL.createObjectURL(new Blob(parts, { type: mimeType }));
+      Object.assign(document.createElement("a"), { href, download: `${scene.title || "liemech"}.${mimeType.includes("mp4") ? "mp4" : "webm"}` }).click();
+      film = null;
+      $("film").ariaPressed = false;
+    };
+    $("film").ariaPressed = true;
+    film.start();
+    player.play();
+  }
+
   let last = null;
   function frame(now) {
     if (player.playing) {
       // a hidden page gets no frames: do not jump when it is seen again
       if (last !== null) player.seek(player.time + Math.min((now - last) / 1000, 0.25) * rate * player.speed);
-      if (player.time >= scene.duration) player.loop ? player.seek(0) : player.pause();
+      if (player.time >= scene.duration) player.loop && !film ? player.seek(0) : player.pause();
     }
     last = now;
     if (viewer.needs_render) draw();
@@ -451,6 +488,16 @@ function startPlayer() {
 
   // ---------------------------------------------------------------- the bar, the keys
 
+  const ink = (color) => paint.fromArray(night(paint.set(color).toArray())).getStyle();
+  for (const name of new Set(scene.courses.map((course) => course.name))) { // how quantities differ from their first values
+    const courses = scene.courses.filter((course) => course.name === name), strip = $("courses").appendChild(document.createElement("div"));
+    const most = courses.reduce((m, { values }) => values.reduce((a, b) => Math.max(a, Math.abs(b)), m), 0);
+    const scale = Math.max(most, ...courses.map(({ rounding }) => 20 * rounding)) || 1; // rounding is no drift
+    const curve = ({ run, color, values }) => `<polyline class="run${run}" stroke="${ink(color)}" points="${[...values].map((y, k) => [scene.clocks[run][k] / scene.duration, -y / scale])}"/>`;
+    strip.innerHTML = `<svg viewBox="0 -1.1 1 2.2" preserveAspectRatio="none" aria-hidden="true">${courses.map(curve).join("")}<path class="now" d="M0 -2 V2"/></svg><span></span>`;
+    strip.lastChild.textContent = `${name}: first value \u00b1 ${Number(most.toPrecision(2))}`;
+    strip.onclick = ({ offsetX }) => window.seekTo(offsetX / strip.clientWidth * scene.duration);
+  }
   if (scene.title) $("head").querySelector("h1").textContent = scene.title; else $("head").querySelector("h1").remove();
   for (const { name, color, colors, line, run, ends = ["", ""] } of scene.legend) {
     const entry = document.createElement(run === undefined ? "span" : "button"), dot = document.createElement("i");
@@ -458,8 +505,7 @@ function startPlayer() {
       Object.assign(entry, { title: "hide or show this run", ariaPressed: true });
       entry.onclick = () => { hide(run); entry.ariaPressed = !hidden.has(run); };
     }
-    const [first, ...others] = (colors || [color]).map((c) => paint.fromArray(night(paint.set(c).toArray())).getStyle());
-    dot.style.background = colors ? `linear-gradient(90deg, ${[first, ...others]})` : first;
+    dot.style.background = colors ? `linear-gradient(90deg, ${colors.map(ink)})` : ink(color);
     dot.className = colors ? "scale" : line ? "line" : "";
     entry.append(...(colors ? [name, " ", ends[0], dot, ends[1]] : [dot, name]));
     $("legend").append(entry);
@@ -471,11 +517,16 @@ function startPlayer() {
   $("time").max = scene.duration;
   if (!(scene.duration > 0)) $("bar").style.display = "none";
   const KEYS = "space: play or pause\n\u2190 \u2192: a sixtieth of the time, with shift a tenth of that\n, .: a sample back or on\nHome End: the first, the last time\n" +
-    "+ -: faster, slower\nl: again and again\nc: follow the body\nr: the first view\nf: full screen\n?: these keys, or no more";
+    "+ -: faster, slower\nl: again and again\nc: follow the body\nr: the first view\nk: a link to this moment and view\nw: write a film\nf: full screen\n?: these keys, or no more";
   const press = (id) => { $(id).click(); };
   for (const id of ["loop", "follow"]) $(id).onclick = () => { $(id).ariaPressed = player[id] = !player[id]; viewer.needs_render = true; };
   $("follow").hidden = !moving.some(({ path, channel }) => channel === "position" && path.endsWith("/body"));
   $("reset").onclick = () => player.reset();
+  $("link").onclick = link;
+  $("film").onclick = record;
+  $("film").hidden = !window.MediaRecorder;
+  $("message").onclick = () => { $("message").style.display = "none"; };
+  addEventListener("hashchange", follow);
   $("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()).catch(say);
   $("full").hidden = !document.fullscreenEnabled;
   $("play").onclick = () => { player.toggle(); $("play").blur(); };
@@ -501,13 +552,15 @@ function startPlayer() {
       l: () => press("loop"),
       r: () => press("reset"),
       c: () => press("follow"),
+      k: () => press("link"),
+      w: () => press("film"),
       f: () => press("full"),
     };
     if (answers[event.key]) (answers[event.key](), event.preventDefault());
   });
   controls.addEventListener("change", () => { viewer.needs_render = true; });
   addEventListener("resize", layout);
-  addEventListener("load", layout);
+  new ResizeObserver(layout).observe($("foot"));
 
   // ---------------------------------------------------------------- states that come one by one
 
@@ -515,7 +568,7 @@ function startPlayer() {
 
   function listen() {
     const trails = new Map(), MOST = 2000;
-    for (const id of ["play", "time", "speed", "loop"]) $(id).style.display = "none"; // there is no way back
+    for (const id of ["play", "time", "speed", "loop", "link", "film"]) $(id).style.display = "none"; // there is no way back
     const connection = new WebSocket(scene.socket);
     connection.onclose = () => { $("label").textContent += " (ended)"; };
     connection.onmessage = (message) => {
@@ -557,8 +610,7 @@ function startPlayer() {
   layout();
   player.seek(0);
   requestAnimationFrame(frame);
-  const quiet = matchMedia("(prefers-reduced-motion: reduce)").matches;
-  if (quiet) face(); else player.play();
+  if (!follow() && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
   face();
   window.ready = true;
 }

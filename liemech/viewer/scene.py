@@ -189,6 +189,22 @@ class Scene:
                 entries += [entry for entry in content.legend(run.motion) if entry not in entries]
         return entries
 
+    def courses(self) -> list[dict[str, Any]]:
+        """What quantities of the runs differ from their first values, at the times of each run."""
+        return [
+            {
+                "name": name,
+                "run": k,
+                "color": run.color,
+                "rounding": float(np.spacing(abs(values[0]))),
+                "values": (values - values[0]).astype(np.float32),
+            }
+            for k, run in enumerate(self._runs())
+            for content in run.contents
+            for name, values in content.courses(run.motion).items()
+            if len(values) > 1
+        ]
+
     def notes(self) -> list[str]:
         """Remarks on the runs: what the pictures leave out of them, what is not to
         scale, why one ended early.

@@ -147,6 +147,80 @@ def test_more_keys_and_what_has_the_focus(tab: Tab) -> None:
 
 
 @pytest.mark.slow
+def test_a_link_leads_back_to_the_moment_and_the_view(browser: Chromium, tmp_path: Path) -> None:
+    page = Scene(run(), seconds=10.0).save(tmp_path / "body.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        first = tab.seek(17.0)
+        tab.drag((150.0, 200.0), (210.0, 180.0))
+        turned, eye = tab.drawn(), np.array(tab.evaluate("player.viewer.camera.position.toArray()"))
+        tab.click("#link")
+        address = tab.evaluate("location.href")
+        assert "#t=17.0&view=" in address and address in tab.evaluate("document.getElementById('message').innerText")
+        tab.click("#message")
+        assert tab.evaluate("getComputedStyle(document.getElementById('message')).display") == "none"
+    with Tab.of(browser, address) as tab:
+        tab.wait(READY)
+        assert tab.evaluate("player.time") == pytest.approx(17.0) and not tab.evaluate("player.playing")
+        again = np.array(tab.evaluate("player.viewer.camera.position.toArray()"))
+        assert np.linalg.norm(again - eye) < 2e-3 * np.linalg.norm(eye)  # a tenth of a degree
+        assert unlike(tab.drawn(), turned) < 0.02 < unlike(first, turned)
+        tab.click("#reset")  # the first view is that of the page
+        assert unlike(tab.drawn(), first) < 1e-3
+    with Tab.of(browser, address.partition("#")[0] + "#view=-90,90") as tab:  # as Scene(view=) says it
+        tab.wait(READY)
+        x, y, z = tab.evaluate("player.viewer.camera.position.toArray()")
+        assert y > 100 * abs(x) and y > 100 * abs(z)  # from above: the second axis of three.js
+
+
+@pytest.mark.slow
+def test_the_page_writes_a_film(browser: Chromium, tmp_path: Path) -> None:
+    """WebM by the browser's own recorder: the bytes with which every one begins (RFC 8794, section 11.2.1), and frames."""
+    page = Scene(run(), seconds=1.0).save(tmp_path / "body.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        tab.evaluate(  # the page may fetch nothing, not even itself
+            "URL.createObjectURL = (blob) => { blob.arrayBuffer().then(b => window.film = new Uint8Array(b)); return ''; };"
+            "HTMLAnchorElement.prototype.click = function () { window.saved = this.download; }; seekTo(0)"
+        )
+        tab.click("#film")
+        assert tab.evaluate("document.getElementById('film').ariaPressed") == "true" and tab.evaluate("player.playing")
+        tab.wait("window.saved && window.film.length", 30.0)
+        assert tab.evaluate("player.time") == tab.evaluate("player.duration")
+        assert tab.evaluate("window.saved") == "liemech.webm"
+        assert tab.evaluate("document.getElementById('film').ariaPressed") == "false"
+        size, head = tab.evaluate("[window.film.length, [...window.film.slice(0, 4)]]")
+        assert head == [0x1A, 0x45, 0xDF, 0xA3] and size > 5_000
+        assert tab.complaints() == []
+
+
+@pytest.mark.slow
+def test_energy_and_length_of_the_momentum_follow_the_time(browser: Chromium, tmp_path: Path) -> None:
+    poor = lm.integrate(BODY, lm.RKMK(order=2), START, h=0.2, steps=300, compiled=False)
+    page = Scene(run(), name="exact").add(poor, name="RKMK2").save(tmp_path / "two.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        names = tab.evaluate("[...document.querySelectorAll('#courses span')].map(s => s.textContent)")
+        largest = np.abs(BODY.energy(poor.mu) - BODY.energy(poor.mu[0])).max()
+        assert [name.partition(":")[0] for name in names] == ["energy", "|\u03bc|"]
+        assert float(names[0].rpartition(" ")[2]) == pytest.approx(largest, rel=0.05)
+        assert float(names[1].rpartition(" ")[2]) < 1e-13  # RKMK stays on the orbit
+        curve = "document.querySelector('#courses .run1').getAttribute('points').split(',').map(Number)"
+        points = np.array(tab.evaluate(curve)).reshape(-1, 2)
+        assert points[:, 0] == pytest.approx(poor.t / poor.t[-1])
+        assert -points[:, 1] * largest == pytest.approx(
+            BODY.energy(poor.mu) - BODY.energy(poor.mu[0]), abs=1e-6 * largest
+        )
+        tab.click("#courses div", across=0.25)
+        assert tab.evaluate("player.time") == pytest.approx(0.25 * run().t[-1], rel=0.02)
+        marks = tab.evaluate("[...document.querySelectorAll('.now')].map(m => m.getAttribute('transform'))")
+        assert marks == [f"translate({tab.evaluate('player.time / player.duration')})"] * 2
+        tab.click("#legend button:nth-child(2)")
+        assert tab.evaluate("getComputedStyle(document.querySelector('.run1')).display") == "none"
+        assert tab.complaints() == []
+
+
+@pytest.mark.slow
 def test_what_a_screen_reader_is_told(tab: Tab) -> None:
     tab.seek(20.0)
     assert tab.evaluate("document.getElementById('time').getAttribute('aria-valuetext')") == "t = 20.0 s"
@@ -162,7 +236,7 @@ def test_what_a_screen_reader_is_told(tab: Tab) -> None:
 def test_a_phone_has_a_long_slider_and_nothing_overlaps(tab: Tab) -> None:
     tab.resize(360, 740)
     tab.drawn()
-    assert tab.evaluate("document.getElementById('time').getBoundingClientRect().width") > 330
+    assert tab.evaluate("document.getElementById('time').getBoundingClientRect().width") > 230
     boxes = np.array(
         tab.evaluate(
             "[...document.getElementById('bar').children].map(e => e.getBoundingClientRect()).filter(r => r.width)"
@@ -207,8 +281,8 @@ def test_orbits_have_most_of_the_stage_and_the_legend_hides_a_run(browser: Chrom
             both = tab.seek(20.0)
             *bodies, (left, top, w, h) = tab.evaluate("player.panels.map(panel => panel.rect)")
             wide = width > height
-            head = tab.evaluate("document.getElementById('head').offsetHeight") + 8.0
-            assert (w if wide else h + 20.0) == pytest.approx(0.6 * (width if wide else height - 48.0 - head))
+            others = tab.evaluate("['head', 'foot'].map(id => document.getElementById(id).offsetHeight)")
+            assert (w if wide else h + 20.0) == pytest.approx(0.6 * (width if wide else height - sum(others) - 12.0))
             for x, y, across, down in bodies:  # beside it, or above
                 assert x + across <= left + 1.0 if wide else y + down <= top
             tab.click("#legend button:nth-child(2)")

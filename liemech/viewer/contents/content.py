@@ -71,6 +71,10 @@ class Content:
         """A remark of the picture on itself, such as that it is not to scale."""
         return ""
 
+    def courses(self, motion: Motion) -> dict[str, Array]:
+        """Quantities that are drawn over time below the pictures, by name, (n,)."""
+        return {}
+
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """Put nodes into a panel: `drawing.add`, `drawing.trail`, `drawing.once`."""
         raise NotDefined(f"{type(self).__name__} must define `draw`")

@@ -88,6 +88,13 @@ class Momentum(Content):
             entries.append({"name": "energy", "colors": (COLORS[0], OTHER), "ends": ["low", "high"]})
         return entries
 
+    def courses(self, motion: Motion) -> dict[str, Array]:
+        """The energy and the length of the momentum, of a free body both constant."""
+        if motion.bodies is not None or not isinstance(motion.system, LiePoissonSystem):
+            return {}
+        energy: Any = motion.system.energy(motion["mu"])
+        return {"energy": energy, "|\u03bc|": np.linalg.norm(motion["mu"], axis=1)}
+
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The arrow or the balls, the trail, and once for all runs the orbit."""
         mu = drawing.panel.inside(motion["mu"])
