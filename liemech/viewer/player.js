@@ -4,10 +4,8 @@
 
 function startPlayer() {
   const $ = (id) => document.getElementById(id);
+  const typedArray = (v) => new globalThis[v.$](Uint8Array.from(atob(v.b), (c) => c.charCodeAt(0)).buffer);
   const scene = JSON.parse($("scene").textContent, (_, v) => (v && v.$ ? typedArray(v) : v));
-
-  function typedArray(v) { return new globalThis[v.$](Uint8Array.from(atob(v.b), (c) => c.charCodeAt(0)).buffer); }
-
   const say = (text) => { $("message").textContent = text; $("message").style.display = "block"; };
 
   // ---------------------------------------------------------------- the stage
@@ -31,28 +29,28 @@ function startPlayer() {
   const dark = matchMedia("(prefers-color-scheme: dark)").matches, paper = new THREE.Color(tone("--paper"));
   renderer.setClearColor(paper, 1);
   renderer.autoClear = false;
-  renderer.shadowMap.enabled = scene.panels.some(({ floor }) => floor !== false);
-  Object.assign(renderer.shadowMap, { autoUpdate: false, type: THREE.PCFShadowMap });
+  if (scene.socket) scene.panels.forEach((panel) => { panel.floor = false; }); // nobody knows how deep it will go
+  Object.assign(renderer.shadowMap, { enabled: scene.panels.some(({ floor }) => floor !== false), autoUpdate: false, type: THREE.PCFShadowMap });
   for (const name of ["Lights", "Grid", "Axes"]) node(name).object.visible = false;
   const [lamp, rim, sun] = [0.45, 0.25, 0.15].map((strength) => new THREE.DirectionalLight(0xffffff, strength));
   viewer.scene.add(new THREE.HemisphereLight(0xffffff, 0xc9bfae, 0.66), lamp, lamp.target, rim, sun);
-  sun.position.set(0.3, -0.4, 3); // casts the shadows on floors
-  sun.castShadow = true;
-  sun.shadow.mapSize.setScalar(512);
-  sun.shadow.radius = 4;
+  sun.castShadow = true; // on floors
+  sun.position.set(0.3, -0.4, 3);
+  Object.assign(sun.shadow, { radius: 4, mapSize: new THREE.Vector2(512, 512) });
   Object.assign(sun.shadow.camera, { left: -1.6, right: 1.6, top: 1.6, bottom: -1.6, near: 0.5, far: 6 });
 
   for (const command of scene.commands) viewer.handle_command(command);
   const panels = scene.panels.map((panel) => ({ ...panel, object: node(panel.path).object, rect: [0, 0, 1, 1] }));
   const trails = new Set(scene.tracks.filter(({ channel }) => channel === "reveal").map(({ path }) => inside(path)));
   viewer.scene.traverse((object) => {
-    const normal = object.geometry && object.geometry.attributes.normal;
-    if (normal && unknown(normal.array)) object.geometry.computeVertexNormals();
-    const { type } = object.geometry || {}, { colors, tints, sides } = object.userData;
+    const { type, attributes = {} } = object.geometry || {}, { colors, tints, sides } = object.userData;
+    // many programs write STL files with normals of zero, which would be black
+    const black = attributes.normal?.array.some((_, k, n) => k % 3 === 0 && !n[k] && !n[k + 1] && !n[k + 2]);
+    if (black) object.geometry.computeVertexNormals();
     if (object.isMesh) object.castShadow = !trails.has(object);
     if (colors) object.userData.colors = colors.map(night);
     else if (tints) for (let k = 0; k < tints.length; k += 3) tints.set(night([...tints.subarray(k, k + 3)]), k);
-    else if (object.material && !sides) object.material.color.fromArray(night(object.material.color.toArray()));
+    else if (object.material?.color && !sides) object.material.color.fromArray(night(object.material.color.toArray()));
     if (type === "LatheGeometry") object.geometry.rotateX(Math.PI / 2); // about the third axis
     if (type === "BoxGeometry" && !object.isInstancedMesh) { // with its edges
       const color = object.material.color.clone().lerp(new THREE.Color(dark ? 0xffffff : 0), 0.45);
@@ -61,7 +59,7 @@ function startPlayer() {
     }
     if (object.isInstancedMesh) {
       object.frustumCulled = false;
-      if (object.userData.sides) paintSides(object);
+      if (sides) paintSides(object, sides);
       object.instanceMatrix = new THREE.InstancedBufferAttribute(new Float32Array(16 * object.count), 16);
     }
   });
@@ -71,8 +69,8 @@ function startPlayer() {
     return rgb.map((c) => (!dark ? c : grey ? Math.min(1, c + 1.05 - most - least) : most + least < 0.72 ? 0.7 * c + 0.3 : c));
   }
 
-  function paintSides(object) { // two colours in turn on the eight octants, or one for each of three sides and a fourth
-    const geometry = object.geometry = object.geometry.toNonIndexed(), p = geometry.attributes.position.array, sides = object.userData.sides;
+  function paintSides(object, sides) { // two colours in turn on the eight octants, or one for each of three sides and a fourth
+    const geometry = object.geometry = object.geometry.toNonIndexed(), p = geometry.attributes.position.array;
     for (let k = 0, colors = []; k < p.length; k += 9) {
       const middle = [0, 1, 2].map((i) => p[k + i] + p[k + 3 + i] + p[k + 6 + i]);
       const side = sides.length === 2 ? middle.filter((x) => x > 0).length % 2 : middle.findIndex((x) => x > 1.49);
@@ -80,11 +78,6 @@ function startPlayer() {
       if (k + 9 >= p.length) geometry.setAttribute("color", new THREE.Float32BufferAttribute(colors, 3));
     }
     object.material.vertexColors = true;
-  }
-
-  function unknown(normals) { // many programs write STL files with normals of zero, which would be black
-    for (let k = 0; k < normals.length; k += 3) if (!normals[k] && !normals[k + 1] && !normals[k + 2]) return true;
-    return false;
   }
 
   // ---------------------------------------------------------------- panels and camera
@@ -96,11 +89,9 @@ function startPlayer() {
     camera.position.setFromSphericalCoords(away * distance, (90 - elevation) * DEGREE, (90 + azimuth) * DEGREE);
     controls.update();
   }
-  camera.near = 0.05 * distance;
-  camera.far = 20 * distance;
+  Object.assign(camera, { near: 0.05 * distance, far: 20 * distance });
+  Object.assign(controls, { minDistance: 0.2 * distance, maxDistance: 8 * distance });
   controls.target.set(0, 0, 0);
-  controls.minDistance = 0.2 * distance;
-  controls.maxDistance = 8 * distance;
   look(...scene.view);
   camera.updateMatrixWorld();
   const home = camera.clone();
@@ -232,7 +223,8 @@ function startPlayer() {
 
   function lay(panel) { // the floor below all that its content does, with squares of a round size; shadows fall on it
     const group = new THREE.Group(), box = new THREE.Box3().setFromPoints(panel.extent);
-    const unit = panel.ruler || 1, square = round(0.25 * unit) / unit, middle = box.getCenter(new THREE.Vector3()), reach = 1.3 * Math.hypot(box.max.x - box.min.x, box.max.z - box.min.z) / 2 + square;
+    const unit = panel.ruler || 1, square = round(0.25 * unit) / unit, middle = box.getCenter(new THREE.Vector3());
+    const { x, z } = box.getSize(new THREE.Vector3()), reach = 0.65 * Math.hypot(x, z) + square;
     const points = [], colors = [], line = new THREE.Color(tone("--line")), many = Math.ceil(reach / square);
     for (let i = -many; i <= many; i++) for (let j = -many; j < many; j++) for (const [x, y] of [[i, j], [i, j + 1], [j, i], [j + 1, i]]) {
       points.push(x * square, y * square, 0);
@@ -402,7 +394,6 @@ function startPlayer() {
   const rate = scene.duration / scene.seconds || 0; // time of the motion in a second of playing, at speed 1
   const clock = (t) => "t = " + t + (scene.unit && " " + scene.unit);
   const digits = scene.duration > 0 ? Math.max(0, Math.min(12, 3 - Math.ceil(Math.log10(scene.duration)))) : 3;
-  const icons = { play: "M3 1 L13 7.5 L3 14 Z", pause: "M3 1 H6 V14 H3 Z M9 1 H12 V14 H9 Z" };
   const player = {
     duration: scene.duration, time: 0, playing: false, loop: false, follow: false, speed: 1, viewer, panels, tracks, aim,
     get drawn() { return drawn; },
@@ -436,8 +427,7 @@ function startPlayer() {
 
   function face() {
     const act = player.playing ? "pause" : "play";
-    $("play").innerHTML = `<svg width="15" height="15" aria-hidden="true"><path fill="currentColor" d="${icons[act]}"/></svg>`;
-    Object.assign($("play"), { ariaLabel: act, title: act + " (space)" });
+    Object.assign($("play"), { ariaLabel: act, title: act + " (space)", className: act });
   }
 
   // a link is the address of the page with the time and the view, as in Scene(view=), and how far away the eye is
@@ -449,7 +439,7 @@ function startPlayer() {
     (navigator.clipboard ? navigator.clipboard.writeText(location.href) : Promise.reject()).then(() => told(", copied"), () => told(""));
   }
 
-  function follow() { // a link
+  function arrive() { // by a link
     const { t, view } = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
     if (view) look(...view.split(",").map(Number));
     if (t) window.seekTo(scene.sign * (Number(t) - scene.start));
@@ -516,9 +506,6 @@ function startPlayer() {
   }
   $("time").max = scene.duration;
   if (!(scene.duration > 0)) $("bar").style.display = "none";
-  const KEYS = "space: play or pause\n\u2190 \u2192: a sixtieth of the time, with shift a tenth of that\n, .: a sample back or on\nHome End: the first, the last time\n" +
-    "+ -: faster, slower\nl: again and again\nc: follow the body\nr: the first view\nk: a link to this moment and view\nw: write a film\nf: full screen\n?: these keys, or no more";
-  const press = (id) => { $(id).click(); };
   for (const id of ["loop", "follow"]) $(id).onclick = () => { $(id).ariaPressed = player[id] = !player[id]; viewer.needs_render = true; };
   $("follow").hidden = !moving.some(({ path, channel }) => channel === "position" && path.endsWith("/body"));
   $("reset").onclick = () => player.reset();
@@ -526,7 +513,7 @@ function startPlayer() {
   $("film").onclick = record;
   $("film").hidden = !window.MediaRecorder;
   $("message").onclick = () => { $("message").style.display = "none"; };
-  addEventListener("hashchange", follow);
+  addEventListener("hashchange", arrive);
   $("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()).catch(say);
   $("full").hidden = !document.fullscreenEnabled;
   $("play").onclick = () => { player.toggle(); $("play").blur(); };
@@ -540,23 +527,14 @@ function startPlayer() {
     const step = scene.duration / (event.shiftKey ? 600 : 60);
     const answers = {
       " ": () => player.toggle(),
-      ArrowLeft: () => window.seekTo(player.time - step),
-      ArrowRight: () => window.seekTo(player.time + step),
-      Home: () => window.seekTo(0),
-      End: () => window.seekTo(scene.duration),
-      ",": () => sample(-1),
-      ".": () => sample(1),
-      "+": () => faster(1),
-      "-": () => faster(-1),
-      "?": () => { if ($("message").style.display === "block") $("message").style.display = "none"; else say(KEYS); },
-      l: () => press("loop"),
-      r: () => press("reset"),
-      c: () => press("follow"),
-      k: () => press("link"),
-      w: () => press("film"),
-      f: () => press("full"),
+      ArrowLeft: () => window.seekTo(player.time - step), ArrowRight: () => window.seekTo(player.time + step),
+      Home: () => window.seekTo(0), End: () => window.seekTo(scene.duration),
+      ",": () => sample(-1), ".": () => sample(1), "+": () => faster(1), "-": () => faster(-1),
+      "?": () => { if ($("message").style.display === "block") $("message").click(); else say($("keys").textContent.trim()); },
     };
-    if (answers[event.key]) (answers[event.key](), event.preventDefault());
+    const buttons = { l: "loop", c: "follow", r: "reset", k: "link", w: "film", f: "full" };
+    const answer = answers[event.key] || (buttons[event.key] && (() => $(buttons[event.key]).click()));
+    if (answer) (answer(), event.preventDefault());
   });
   controls.addEventListener("change", () => { viewer.needs_render = true; });
   addEventListener("resize", layout);
@@ -606,11 +584,11 @@ function startPlayer() {
 
   controls.saveState();
   if (!scene.socket) measure();
-  panels.filter((panel) => panel.floor !== false && panel.extent).forEach(lay);
+  panels.filter(({ floor }) => floor !== false).forEach(lay);
   layout();
   player.seek(0);
   requestAnimationFrame(frame);
-  if (!follow() && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
+  if (!arrive() && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
   face();
   window.ready = true;
 }
