@@ -169,6 +169,11 @@ class Page:
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         self.resize(*browser.size)
+        light = {
+            "name": "prefers-color-scheme",
+            "value": "light",
+        }  # pictures are on white, whatever the machine prefers
+        self.call("Emulation.setEmulatedMedia", features=[light])
         failed = self.call("Page.navigate", url=address).get("errorText")
         if failed:
             raise BrowserFailure(f"{address[:100]} does not open: {failed}")

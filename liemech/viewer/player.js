@@ -86,12 +86,12 @@ function startPlayer() {
   const FIELD = 26 * Math.PI / 180; // of view, in the narrower direction
   const distance = MARGIN / Math.sin(FIELD / 2), DEGREE = Math.PI / 180;
   function look(azimuth, elevation, away = 1) { // the third axis of the scene is up, which is the second of three.js
+    controls.target.set(0, 0, 0);
     camera.position.setFromSphericalCoords(away * distance, (90 - elevation) * DEGREE, (90 + azimuth) * DEGREE);
     controls.update();
   }
   Object.assign(camera, { near: 0.05 * distance, far: 20 * distance });
   Object.assign(controls, { minDistance: 0.2 * distance, maxDistance: 8 * distance });
-  controls.target.set(0, 0, 0);
   look(...scene.view);
   camera.updateMatrixWorld();
   const home = camera.clone();
@@ -198,10 +198,9 @@ function startPlayer() {
     camera.aspect = w / h;
     camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
     let [left, top, size] = panel.part || [0, 0, 1];
-    const body = panel.part && player.follow && tracks.find(({ path, channel }) => channel === "position" && path.startsWith(panel.path + "/") && path.endsWith("/body"));
-    if (body) { // in the middle, twice as large
+    if (panel.part && panel.body && player.follow) { // in the middle, twice as large
       camera.clearViewOffset();
-      const middle = body.object.getWorldPosition(new THREE.Vector3()).project(camera);
+      const middle = panel.body.object.getWorldPosition(new THREE.Vector3()).project(camera);
       size /= 2;
       [left, top] = [(middle.x + 1 - size) / 2, (1 - middle.y - size) / 2];
     }
@@ -434,7 +433,7 @@ function startPlayer() {
   function link() {
     const { radius, phi, theta } = new THREE.Spherical().setFromVector3(camera.position.clone().sub(controls.target));
     const view = [theta / DEGREE - 90, 90 - phi / DEGREE].map((a) => a.toFixed(1)), t = $("label").textContent.match(/[-\d.]+/);
-    location.hash = `t=${t}&view=${view},${(radius / distance).toFixed(3)}`;
+    history.replaceState(null, "", `${location.href.split("#")[0]}#t=${t}&view=${view},${(radius / distance).toFixed(3)}`);
     const told = (how) => say(`The address of this moment and view${how}:\n${location.href}`);
     (navigator.clipboard ? navigator.clipboard.writeText(location.href) : Promise.reject()).then(() => told(", copied"), () => told(""));
   }
@@ -507,7 +506,8 @@ function startPlayer() {
   $("time").max = scene.duration;
   if (!(scene.duration > 0)) $("bar").style.display = "none";
   for (const id of ["loop", "follow"]) $(id).onclick = () => { $(id).ariaPressed = player[id] = !player[id]; viewer.needs_render = true; };
-  $("follow").hidden = !moving.some(({ path, channel }) => channel === "position" && path.endsWith("/body"));
+  for (const panel of panels) panel.body = moving.find(({ path, channel }) => channel === "position" && path.startsWith(panel.path + "/") && path.endsWith("/body"));
+  $("follow").hidden = !panels.some(({ body }) => body);
   $("reset").onclick = () => player.reset();
   $("link").onclick = link;
   $("film").onclick = record;

@@ -277,11 +277,11 @@ class Scene:
 
 
 def _known(system: Any, content: Content, unit: float) -> dict[str, Any]:
-    """Whether a panel with this content is one of the main ones, stands over a floor, and has a length to measure."""
+    """Whether a panel with this content is a main one, stands over a floor, and has a length to measure."""
     floor = content.of_space and has_floor(system)
     of_places = floor or getattr(system, "degrees", 2) > 1  # not the plane of one position and its momentum
     ruler = unit if (content.to_scale and of_places) or (content.panel == "space" and flies(system)) else 0.0
-    return {"main": not content.of_space, "floor": floor, "ruler": ruler}
+    return {"main": content.main, "floor": floor, "ruler": ruler}
 
 
 def _framed(path: str, members: Sequence[tuple[ShownRun, Content]], named: bool) -> Canvas:

@@ -32,7 +32,7 @@ class Content:
 
     Contents of the same panel share a picture; if they are `alike`, those of equal systems do.
     With `own` each run has its own.  In a panel `of_space` directions are those of space, and if it is `to_scale` lengths
-    are those of the motion.
+    are those of the motion.  A `main` one has most of the stage.
     """
 
     panel: ClassVar[str] = "space"
@@ -40,6 +40,7 @@ class Content:
     alike: ClassVar[bool] = False
     of_space: ClassVar[bool] = True
     to_scale: ClassVar[bool] = False
+    main: ClassVar[bool] = False
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The parts of the state that are drawn, such as ("mu",).  Raises InvalidInput if the

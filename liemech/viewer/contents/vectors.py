@@ -55,6 +55,7 @@ class Momentum(Content):
     """
 
     panel = "momentum"
+    main = True
     alike = True
     title = "momentum, seen from the body"
     of_space = False
