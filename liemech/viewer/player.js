@@ -411,7 +411,7 @@ function startPlayer() {
       this.playing = true;
       face();
     },
-    pause() { this.playing = false; face(); if (film) film.stop(); },
+    pause() { this.playing = false; face(); if (film?.state === "recording") film.stop(); },
     toggle() { if (this.playing) this.pause(); else this.play(); },
     reset() { controls.reset(); layout(); }, // the eye goes back to where it was
     bare() { // nothing but the pictures, standing still

@@ -191,6 +191,11 @@ def test_the_page_writes_a_film(browser: Chromium, tmp_path: Path) -> None:
         assert tab.evaluate("document.getElementById('film').ariaPressed") == "false"
         size, head = tab.evaluate("[window.film.length, [...window.film.slice(0, 4)]]")
         assert head == [0x1A, 0x45, 0xDF, 0xA3] and size > 5_000
+        tab.evaluate("window.saved = ''")
+        tab.press("w")
+        tab.press("Home")  # whoever moves in time ends it
+        tab.press("Home")
+        tab.wait("window.saved", 30.0)
         assert tab.complaints() == []
 
 
