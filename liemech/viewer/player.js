@@ -335,11 +335,11 @@ function startPlayer() {
 
   for (const track of tracks.filter(({ channel }) => channel === "reveal")) { // what is long past is pale and thin
     track.head = { value: 0 };
-    const thinner = track.object.geometry.type === "SphereGeometry" ? "transformed" : "transformed.xy";
-    track.object.material.onBeforeCompile = (shader) => {
-      Object.assign(shader.uniforms, { head: track.head, tail: { value: 0.35 * track.times.length } });
-      shader.vertexShader = "varying float fresh; uniform float head, tail;\n" + shader.vertexShader.replace("#include <begin_vertex>",
-        `#include <begin_vertex>\nfresh = clamp(1.0 - (head - float(gl_InstanceID)) / tail, ${track.least.toFixed(2)}, 1.0);\n${thinner} *= fresh;`)
+    track.object.material.onBeforeCompile = (shader) => { // one program for all trails: what differs is a uniform
+      const along = { value: track.object.geometry.type === "SphereGeometry" ? 1 : 0 }; // balls become smaller, sticks thinner
+      Object.assign(shader.uniforms, { head: track.head, tail: { value: 0.35 * track.times.length }, least: { value: track.least }, along });
+      shader.vertexShader = "varying float fresh; uniform float head, tail, least, along;\n" + shader.vertexShader.replace("#include <begin_vertex>",
+        "#include <begin_vertex>\nfresh = clamp(1.0 - (head - float(gl_InstanceID)) / tail, least, 1.0);\ntransformed *= vec3(fresh, fresh, mix(1.0, fresh, along));")
         .replace("#include <project_vertex>", "#include <project_vertex>\ngl_Position.z += 4e-4 * (1.0 - fresh) * gl_Position.w;"); // the newer lap is in front
       shader.fragmentShader = "varying float fresh;\n" + shader.fragmentShader.replace("#include <dithering_fragment>",
         `#include <dithering_fragment>\ngl_FragColor.rgb = mix(vec3(${paper.toArray().map((c) => c.toFixed(3))}), gl_FragColor.rgb, fresh);`);

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from liemech.command_line.scenes import SCENES
 from liemech.models.curves import ASIDE, across
 from liemech.plots import COLORS
 from liemech.plots.style import GREY, INK
-from liemech.viewer import Body, Momentum, Motion, Scene
+from liemech.viewer import Body, Content, Drawing, Momentum, Motion, Scene
 from liemech.viewer.chromium import Chromium
 from liemech.viewer.contents.vectors import AXES, LEVEL, SEPARATRIX
 from liemech.viewer.page import part
@@ -215,21 +216,35 @@ def test_shadow_scale_and_the_eye_that_follows(browser: Chromium, tmp_path: Path
         assert tab.complaints() == []
 
 
+@dataclass(frozen=True)
+class Lines(Content):
+    """Two points that move evenly on lines, one above the other, with trails of which the upper one tapers."""
+
+    panel = "lines"
+
+    def needs(self, system: lm.System) -> tuple[str, ...]:
+        return ("mu",)
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        s = np.linspace(-1.0, 1.0, len(motion))
+        for height, least in ((0.2, 0.3), (-0.2, 1.0)):
+            drawing.trail(f"to {least}", np.stack([s, 0.0 * s, height + 0.0 * s], axis=1), least=least)
+
+
 @pytest.mark.slow
 def test_trails_taper(browser: Chromium, tmp_path: Path) -> None:
-    """The path of a point that moves evenly on a line, seen from the side."""
-    t = np.linspace(0.0, 1.0, 101)
-    line = Motion(lm.models.HenonHeiles(), t, {"q": np.stack([t, 0.0 * t], axis=1), "p": np.ones((101, 2))})
-    page = Scene(line, show="points", view=(-90.0, 0.0)).save(tmp_path / "line.html")
-    with Tab.of(browser, page) as tab:
+    motion = Motion(lm.RigidBody([1.0, 2.0, 3.0]), np.linspace(0.0, 1.0, 101), {"mu": np.ones((101, 3))})
+    with Tab.of(browser, Scene(motion, show=Lines(), view=(-90.0, 0.0)).save(tmp_path / "lines.html")) as tab:
         tab.wait("window.ready || window.failed")
-        seen = (tab.seek(1.0) - tab.seek(0.0)).astype(int)[60:420]
-        thick = (np.abs(seen).sum(axis=-1) > 40).sum(axis=0)
-        columns = np.nonzero(thick)[0]
-        start, end = columns[0], columns[-1]
-        share = thick[start : end + 1][np.round(np.linspace(0, end - start, 101)).astype(int)]
-        tail, middle, head = share[35:50].mean(), share[75:80].mean(), share[85:90].mean()
-        assert 0.0 < tail < 0.6 * head and tail < middle < head
+        seen = np.abs(tab.seek(1.0) - tab.seek(0.0)).sum(axis=-1)[60:420] > 40
+        middle = int(np.nonzero(seen)[0].mean())  # between the lines
+        for half, tapers in ((seen[:middle], True), (seen[middle:], False)):
+            thick = half.sum(axis=0)
+            columns = np.nonzero(thick)[0]
+            tail, nearer, head = (
+                thick[round(columns[0] + share * (columns[-1] - columns[0]))] for share in (0.3, 0.8, 0.97)
+            )
+            assert (0 < tail < nearer < head) if tapers else (tail == nearer == head)
 
 
 @pytest.mark.slow
