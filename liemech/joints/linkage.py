@@ -26,7 +26,7 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.potential import Potential
 from .body_forces import of_bodies
 from .given_motion import MovedJoint, MovingSupport, moved, require_motion
-from .in_memory.rattle_of_links import Links
+from .in_memory.links import Links
 from .joint_forces import AtJoint, JointForce, JointPotential, LinkageForce, LinkagePotential, acting, rates_of
 from .joint_motion import JointAngle, JointMotion, LinkMotion
 from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, both

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.numbers.square_blocks import wide
+from ..compiler.sites.planes import Planes, columns
 from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.classes.derived import is_derived
 from ..formulas.classes.flattening import leaves
@@ -22,7 +23,7 @@ from ..formulas.sites import EIGHT, padded
 from ..formulas.tables import Table, of_whole
 from ..groups.rigid.se3 import SE3
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
-from .in_memory.rattle_of_links import BLOCKS, Links, Rows
+from .in_memory.links import BLOCKS, Links, work_of
 from .joint_forces import AtJoint, effort_of, resistance_of, seen_about
 from .joints import REST6
 
@@ -184,7 +185,6 @@ def linked(linkage: Any) -> LinkedForm:
     most = max(joint.joint.conditions for joint in joints) + int(geared)
     freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
     full = any(np.ndim(np.array(link.inertia)) == 2 for link in mechanism.links)
-    width = sum(kind.width for kind in kinds)
     bent = on_all is not None and on_all.load is not None
     pushed = bent or any(member.loads for member in acts)
     moving = mechanism.constraint.rheonomic
@@ -193,26 +193,28 @@ def linked(linkage: Any) -> LinkedForm:
     if any(all(b < 0 or b in hubs for b in ends[j]) for j, _ in meshes):
         hubs = []  # a joint of hubs alone has no block before them, and would be needed by what shares its rotor
     parts = -(-6 // most) if hubs else 0  # nodes of a hub
-    rows = Rows.of(
-        full, most, freedoms, width, sum(kind.width for kind in fields), pushed, bent, moving, parts > 0, geared
-    )
+    work = work_of(full, most, freedoms, kinds, fields, pushed, bent, moving, parts > 0, geared)
     most_places = max(len(mechanism.links), len(joints) + parts * len(hubs))
     places = FEW if most_places <= FEW else EIGHT * -(-most_places // EIGHT)
-    fixed = np.zeros((rows.note, places))
-    bodies = [mechanism.links[b if b < len(mechanism.links) else 0] for b in range(places)]
-    for b, link in enumerate(bodies):
+    numbers = np.zeros((work.width, places))
+    of = columns(Planes(numbers, places), work=work).work.fields
+    own, on = ([ones.nth(k) for k in range(len(ones.layout.parts))] for ones in (of.own, of.on))
+    for b in range(places):
+        link = mechanism.links[b if b < len(mechanism.links) else 0]
         J = inertia_of(link, full)
-        inverse = np.linalg.inv(J) if full else 1.0 / J
-        fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
-    fixed[rows.weight, : len(mechanism.links)] = [link.mass * mechanism.gravity for link in mechanism.links]
+        write(of.inertia, b, J.ravel())
+        write(of.inverse, b, (np.linalg.inv(J) if full else 1.0 / J).ravel())
+    write(of.weight, slice(len(mechanism.links)), [link.mass * mechanism.gravity for link in mechanism.links])
     shared = {j: (SHARED + min(j, *[k for i, k in meshes if i == j]),) for j, _ in meshes}
     tables, blocks, ties, at_blocks = tables_of(
         [(*bodies_of, *shared.get(j, ())) for j, bodies_of in enumerate(ends)], hubs, parts, places
     )
     mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
     further: list[int] = []
+    at_body: dict[int, set[int]] = {}  # its joints
     for j, bodies_of in enumerate(ends):
         for side, b in enumerate(bodies_of):
+            at_body.setdefault(b, set()).add(j)
             if b >= 0 and (b, side) in mine:
                 further += [b, j, side]
             elif b >= 0:
@@ -221,49 +223,46 @@ def linked(linkage: Any) -> LinkedForm:
     for place in range(places):
         j = place if place < len(joints) else 0
         first, second = ends[j]
-        indices = counted[j][1]
-        head = [first, max(second, 0), float(second >= 0), kinds.index(layouts[j])]
-        touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
-        alive = [float(i in indices) for i in range(most)]
+        alive = [float(i in counted[j][1]) for i in range(most)]
         if geared:
             light = mechanism.lightness.get(j, 0.0)
-            alive = [*alive[:-1], float(light > 0.0), light]
-        shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
+            alive = [*alive[:-1], float(light > 0.0)]
+            write(of.yields, place, light)
+        of.ends.put(place, (first, max(second, 0), float(second >= 0), kinds.index(layouts[j])))
+        write(of.alive, place, alive)
+        if hubs:
+            write(of.beside, place, [b not in hubs for b in ends[j]])
+        of.touch.put(place, (*mine.get((place, 0), (0, 0.0)), *mine.get((place, 1), (0, 0.0))))
         tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
         ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
+        of.tie.put(place, tie)
+        for kind, column in zip(kinds, own):
+            write(column, place, leaves(joints[j if layouts[j] == kind else layouts.index(kind)], kind))
         field = acts[place if place < len(acts) else 0]
-        theirs = [field if layout_of(field) == kind
-                  else next(member for member in acts if layout_of(member) == kind) for kind in fields]  # fmt: skip
-        numbers: list[Any] = [
-            *head,
-            *alive,
-            *([float(b not in hubs) for b in ends[j]] if hubs else []),
-            *touch,
-            *tie,
-            *[x for i in shown for x in leaves(joints[i], layouts[i])],
-            *([fields.index(layout_of(field))] if fields else []),
-            *[x for member, kind in zip(theirs, fields) for x in leaves(member, kind)],
-        ]
-        for row, x in enumerate(numbers, rows.ends):
-            (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
+        if fields:
+            of.acting.put(place, fields.index(layout_of(field)))
+        for kind, column in zip(fields, on):
+            one = field if layout_of(field) == kind else next(member for member in acts if layout_of(member) == kind)
+            write(column, place, leaves(one, kind))
     size = most + freedoms
     form: Any = Links
     links = form(
-        SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
+        SE3(), kinds, fields, on_all, (), (), moving, geared, work, most, freedoms,
         any(joint.springs for joint in joints), pushed, True, float(len(mechanism.links)), float(len(joints)),
         float(len(joints) + parts * len(hubs)), parts, sides_of(ties),
         of_whole([len(further) // 3, *further]), *tables, len(meshes) > 0,
         of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
         Table(np.array([*meshes.values(), 0.0])),
-        float(max(len({k for k, other in enumerate(ends) if _sides(member, other)}) for member in ends) - 1),
+        float(max(len(set().union(*[at_body[b] for b in bodies_of if b >= 0])) for bodies_of in ends) - 1),
     )  # fmt: skip
-    return LinkedForm(
-        links,
-        fixed,
-        rows.block - rows.note - (-blocks * size * wide(size) // padded(places)),
-        tuple(joints),
-        has_loops(ends),
-    )
+    fixed = numbers[: of.at_joint.rows.start]
+    more = work.width - len(fixed) - (-blocks * size * wide(size) // padded(places))
+    return LinkedForm(links, fixed, more, tuple(joints), has_loops(ends))
+
+
+def write(column: Any, place: Any, numbers: Any) -> None:
+    """Write numbers into a column."""
+    column.array[column.rows.start : column.rows.stop, place] = numbers
 
 
 def on_bodies(linkage: Any) -> tuple[list[AtBody], OnAll | None]:

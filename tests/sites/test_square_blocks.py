@@ -11,26 +11,27 @@ import pytest
 
 from liemech.compiler import kernel
 from liemech.compiler.numbers.square_blocks import block_at, lead_block, lessen_block, put_block, save_block, wide
-from liemech.compiler.sites.planes import Planes, each, load
+from liemech.compiler.sites.planes import Planes, columns, each
 from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.formulas import mat, vec
-from liemech.formulas.classes.layouts import Layout, layout_of
+from liemech.formulas.classes.layouts import Layout, layout_of, vector
 
 SIZES = (1, 3, 6, 9)
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
 
 
-def saved(planes: Planes, blocks: Planes, layout: Layout) -> None:
+def saved(matrices: Any, blocks: Any) -> None:
     """Two blocks of a site."""
-    A = load(planes, 0, layout)
+    A = matrices.load()
     save_block(blocks, 2, 1, A)
     save_block(blocks, 2, 0, A @ A)
 
 
-def eliminate(planes: Planes, blocks: Planes, layout: Layout, count: int) -> None:
+def eliminate(planes: Planes, behind: Planes, layout: Layout, count: int) -> None:
     """B_i becomes B_i-1 B_i, and loses B_i-2 B_i then; the last block is moved to the front."""
     n = next(k for k in SIZES if k * k == layout.width)
-    each(planes, saved, planes, blocks, layout)
+    blocks = columns(behind, all=vector(0)).all
+    each(planes, saved, columns(planes, matrices=layout).matrices, blocks)
     for i in range(2, 2 * count):
         lead_block(blocks, i, block_at(blocks, i - 1, n))
         lessen_block(blocks, i, i - 2, i, n)

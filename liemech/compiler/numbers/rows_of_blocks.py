@@ -27,10 +27,10 @@ class SquareBlocks:
             lessen_block: self.lessen,
         }
 
-    def _place(self, sites: Any, i: Any, n: int) -> ir.Value:
+    def _place(self, blocks: Any, i: Any, n: int) -> ir.Value:
         """The address of block number i, n x n."""
         size = self.b.mul(self.e.cast(i, "i", False)[0], I64(n * wide(n)))
-        return self.b.gep(sites.pointer, [size], source_etype=F64)
+        return self.b.gep(blocks.array.at(blocks.rows.start), [size], source_etype=F64)
 
     def _row(self, place: ir.Value, i: int, n: int) -> tuple[ir.Value, Any]:
         """The address of a row of a block, and the vector type of the row."""
@@ -46,20 +46,20 @@ class SquareBlocks:
         at = self.b.gep(place, [I64(i * wide(n) + j)], source_etype=F64)
         return self.b.load(at, align=8, typ=F64)
 
-    def at(self, sites: Any, i: Any, n: int) -> Mat:
+    def at(self, blocks: Any, i: Any, n: int) -> Mat:
         """The matrix in block number i, n x n."""
-        place = self._place(sites, i, n)
+        place = self._place(blocks, i, n)
         return Mat(*[Vec(*[self.e.num([self._number(place, k, j, n)]) for j in range(n)]) for k in range(n)])
 
-    def put(self, sites: Any, i: Any, block: Mat) -> None:
+    def put(self, blocks: Any, i: Any, block: Mat) -> None:
         """Store a matrix as block number i, number by number."""
-        n, place = len(block), self._place(sites, i, len(block))
+        n, place = len(block), self._place(blocks, i, len(block))
         for k, row in enumerate(block):
             for j, x in enumerate(row):
                 at = self.b.gep(place, [I64(k * wide(n) + j)], source_etype=F64)
                 self.b.store(self.e.cast(x, "f", False)[0], at, align=8)
 
-    def save(self, sites: Any, count: int, k: int, block: Mat) -> None:
+    def save(self, blocks: Any, count: int, k: int, block: Mat) -> None:
         """Store block number k of every site of the lanes.  A register has one number of all of them, a row of a block the
         numbers of one: they are transposed.
         """
@@ -67,6 +67,7 @@ class SquareBlocks:
         over = self.loops._over("save_block")
         over.saved, width = True, wide(n)
         first = b.add(b.mul(over.passes[-1].index, I64(count)), I64(k))
+        begins = blocks.array.at(blocks.rows.start)
         several = e.lanes > 1
         zero = e.cast(0.0, "f", several)
         for i, row in enumerate(block):
@@ -87,7 +88,7 @@ class SquareBlocks:
                     mine = [lane * width + j for j in range(width)]
                     mask = ir.Constant(ir.VectorType(I32, width), mine)
                     site = b.add(first, I64((r * lanes + lane) * count))
-                    begin = b.gep(sites.pointer, [b.mul(site, I64(n * width))], source_etype=F64)
+                    begin = b.gep(begins, [b.mul(site, I64(n * width))], source_etype=F64)
                     lane_row = b.shuffle_vector(vectors[0], vectors[0], mask)
                     b.store(lane_row, self._row(begin, i, n)[0], align=8)
 
@@ -99,17 +100,17 @@ class SquareBlocks:
             total = term if total is None else self.b.fadd(total, term)
         return total
 
-    def lead(self, sites: Any, i: Any, a: Mat) -> None:
+    def lead(self, blocks: Any, i: Any, a: Mat) -> None:
         """B_i <- A B_i, row by row."""
-        n, place = len(a), self._place(sites, i, len(a))
+        n, place = len(a), self._place(blocks, i, len(a))
         rows = [self._load_row(place, k, n) for k in range(n)]
         products = [self._combined([self.e.cast(x, "f", False)[0] for x in row], rows) for row in a]
         for k, row in enumerate(products):
             self.b.store(row, self._row(place, k, n)[0], align=8)
 
-    def lessen(self, sites: Any, i: Any, j: Any, k: Any, n: int) -> None:
+    def lessen(self, blocks: Any, i: Any, j: Any, k: Any, n: int) -> None:
         """B_i <- B_i - B_j B_k, row by row."""
-        place, left, right = [self._place(sites, x, n) for x in (i, j, k)]
+        place, left, right = [self._place(blocks, x, n) for x in (i, j, k)]
         rows = [self._load_row(right, m, n) for m in range(n)]
         for m in range(n):
             a = [self._number(left, m, l, n) for l in range(n)]

@@ -23,9 +23,9 @@ from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import Layout, carried_layout, layout_of
 from ...formulas.numbers import series_of_sites
 from ...formulas.numbers.bases import is_any_number
-from ...formulas.numbers.conversions import as_others_see
+from ...formulas.numbers.conversions import as_others_see, fitted
 from ...formulas.numbers.series_of_sites import SeriesMeeting, company, has_series
-from ...formulas.sites import EIGHT, FAR, TOGETHER, Column, Meeting, SiteArray, SiteTable
+from ...formulas.sites import EIGHT, FAR, TOGETHER, Column, Meeting, SiteArray, SiteTable, columns_of
 from ...formulas.vectors import Vec
 from ..buffers import SiteRows, unchanged
 from ..numbers.arrays import vector
@@ -123,6 +123,12 @@ def _alike(x: ir.Value, y: ir.Value, equal: set[tuple[ir.Value, ir.Value]]) -> b
     return True
 
 
+def _behind(column: Column) -> tuple[int, list[int]]:
+    """The first row of a column, and how far behind it all of its rows are."""
+    first = column.rows[0] if column.rows else 0
+    return first, [row - first for row in column.rows]
+
+
 class SiteLoops:
     """The words of formulas of sites in native code.
 
@@ -144,9 +150,8 @@ class SiteLoops:
             driver.some: self.some,
             driver.load: self.load,
             driver.save: self.save,
-            driver.below: self.below,
             driver.at: self.value_at,
-            driver.put: self.put,
+            driver.columns: lambda sites, **parts: columns_of(sites, parts),
             words.meet: self.meet,
             words.own: self.own,
             words.total: self.total,
@@ -154,8 +159,12 @@ class SiteLoops:
             words.met_through: lambda k: None,
             words.repeated: self.repeated,
             words.once: self.once,
-            Column.at: self.of_column,
-            Column.put: self.put_in_column,
+            Column.load: self.load_column,
+            Column.save: self.save_column,
+            Column.at: self.column_at,
+            Column.put: self.put_column,
+            Column.nth: self.nth,
+            Column.heads: Column.heads,
             words.rows_in: self.rows_in,
             Meeting.of: self.of_neighbour,
             Meeting.at: self.at,
@@ -287,10 +296,14 @@ class SiteLoops:
 
     def load(self, sites: SiteRows, k: Any, layout: Layout) -> Any:
         """Value number k of a site."""
-        over, start = self._over("load"), sites.start(k, layout)
+        return self._loaded(sites, sites.start(k, layout), range(layout.width), layout)
+
+    def _loaded(self, sites: SiteRows, start: Any, behind: Iterable[int], layout: Layout) -> Any:
+        """The value of a site whose numbers are in the rows `behind` a first one."""
+        over = self._over("load")
         sites.body = over.passes[-1].index
         first, row, numbers = sites.first(start), self.e.cast(start, "i", False)[0], []
-        for i, kind in enumerate(layout.kinds):
+        for i, kind in zip(behind, layout.kinds, strict=True):
             x = sites.load(first, i)
             over.again |= {*x.values}
             over.came[x.values] = sites, self.e.num([self.b.add(row, I64(i))])
@@ -303,37 +316,69 @@ class SiteLoops:
         over.saved, sites.body = True, over.passes[-1].index
         sites.write(k, value, layout)
 
-    def below(self, sites: SiteRows, row: Any) -> SiteRows:
-        """The rows of the sites from row `row` on."""
-        rows = copy.copy(sites)
-        rows.pointer = sites.at(row)
-        return rows
-
     def value_at(self, sites: SiteRows, i: Any, k: Any, layout: Layout) -> Any:
         """Value number k of site i, gathered lane by lane if the lanes ask for several."""
-        b, start, over = (self.b, self.e.cast(sites.start(k, layout), "i", False)[0], self.t.state.over)
-        rows = [(sites, self.e.num([b.add(start, I64(j))])) for j in range(layout.width)]
+        return self._of_site(sites, i, sites.start(k, layout), range(layout.width), layout)
+
+    def _of_site(self, sites: SiteRows, i: Any, start: Any, behind: Iterable[int], layout: Layout) -> Any:
+        """The value of site i whose numbers are in the rows `behind` a first one."""
+        b, first, over = self.b, self.e.cast(start, "i", False)[0], self.t.state.over
+        if b.function is not self.kernel:
+            raise NotCompilable("rows of sites in a native function")
+        rows = [(sites, self.e.num([b.add(first, I64(j))])) for j in behind]
         if over is not None and isinstance(i, Num) and i.varying:
             numbers = self._gathered(rows, i)
         else:
-            place = b.gep(sites.at(rows[0][1]), [self.e.cast(i, "i", False)[0]], source_etype=F64)
-            step = [b.mul(sites.step, I64(j)) for j in range(layout.width)]
+            place = b.gep(sites.at(self.e.num([first])), [self.e.cast(i, "i", False)[0]], source_etype=F64)
+            step = [b.mul(sites.step, I64(j)) for j in behind]
             numbers = [self.e.num([b.load(sites.after(place, x), align=8, typ=F64)]) for x in step]
         values = (sites.of_bits(x, kind) for x, kind in zip(numbers, layout.kinds, strict=True))
         return build(layout, values)
 
-    def put(self, sites: SiteRows, i: Any, k: Any, value: Any, layout: Layout) -> None:
-        """Set value number k of site i."""
-        over = self.t.state.over
+    # -------------------------------------------------------------- columns
+
+    def load_column(self, column: Column) -> Any:
+        """The value of a site."""
+        return self._loaded(column.array, *_behind(column), column.layout)
+
+    def column_at(self, column: Column, i: Any) -> Any:
+        """The value of site i."""
+        return self._of_site(column.array, i, *_behind(column), column.layout)
+
+    def save_column(self, column: Column, value: Any) -> None:
+        """Set the value of a site."""
+        over, sites = self._over("save"), column.array
+        over.saved, sites.body = True, over.passes[-1].index
+        start, behind = _behind(column)
+        first = sites.first(start)
+        for x, kind, i in zip(self._leaves(column, value), column.layout.kinds, behind, strict=True):
+            sites.store(first, i, sites.as_bits(x, kind))
+
+    def put_column(self, column: Column, i: Any, value: Any) -> None:
+        """Set the value of site i."""
+        over, sites, b, e = self.t.state.over, column.array, self.b, self.e
         if over is not None and not over.once:
             raise NotCompilable("`put` inside of a loop over sites")
-        unchanged(value, layout)
-        b, e = self.b, self.e
-        start = e.cast(sites.start(k, layout), "i", False)[0]
-        place = b.gep(sites.at(e.num([start])), [e.cast(i, "i", False)[0]], source_etype=F64)
-        for j, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
+        start, behind = _behind(column)
+        place = b.gep(sites.at(start), [e.cast(i, "i", False)[0]], source_etype=F64)
+        for x, kind, j in zip(self._leaves(column, value), column.layout.kinds, behind, strict=True):
             where = sites.after(place, b.mul(sites.step, I64(j)))
             b.store(e.cast(sites.as_bits(x, kind), "f", False)[0], where, align=8)
+
+    def _leaves(self, column: Column, value: Any) -> list[Any]:
+        """The numbers of a value that is to be set."""
+        value = fitted(value, column.layout) if column.layout.remembers else vector(value)
+        unchanged(value, column.layout)
+        return leaves(value, column.layout)
+
+    def nth(self, column: Column, k: Any) -> Column:
+        """The column of a part, of parts alike if it is known in the run only."""
+        if isinstance(k, int):
+            return column.nth(k)
+        first, sites = column.nth(0), copy.copy(column.array)
+        stride = column.rows[first.width] - column.rows[0] if len(column.layout.parts) > 1 else 0
+        sites.pointer = sites.at(self.e.num([self.b.mul(self.e.cast(k, "i", False)[0], I64(stride))]))
+        return Column(sites, first.rows, first.layout)
 
     # -------------------------------------------------------------- the words of formulas
 
@@ -395,20 +440,15 @@ class SiteLoops:
 
     def at(self, meeting: Meeting, j: Any) -> Any:
         """Numbers that one site has published, for all that ask; gathered lane by lane if these ask for several."""
-        return self._published(meeting, lambda rows: self._of_site(rows, j))
 
-    def _of_site(self, rows: list[tuple[SiteRows, Any]], j: Any) -> list[Num]:
-        """The numbers of site j in rows."""
-        if isinstance(j, Num) and j.varying:
-            return self._gathered(rows, j)
-        return [self.e.num([self.b.load(place, align=8, typ=F64)]) for place in self._places(rows, j)]
+        def numbers(rows: list[tuple[SiteRows, Any]]) -> list[Num]:
+            if isinstance(j, Num) and j.varying:
+                return self._gathered(rows, j)
+            place = self.e.cast(j, "i", False)[0]
+            places = [among.after(among.at(row), place) for among, row in rows]
+            return [self.e.num([self.b.load(x, align=8, typ=F64)]) for x in places]
 
-    def _places(self, rows: list[tuple[SiteRows, Any]], j: Any) -> list[ir.Value]:
-        """The addresses of the numbers of site j in rows."""
-        if self.t.state.over is None:
-            raise NotCompilable("rows of sites in a native function")
-        place = self.e.cast(j, "i", False)[0]
-        return [among.after(among.at(row), place) for among, row in rows]
+        return self._published(meeting, numbers)
 
     def _published(self, meeting: Meeting, numbers_of: Callable[..., list[Num]]) -> Any:
         """A published value, its numbers from their rows."""
@@ -437,8 +477,8 @@ class SiteLoops:
         rows = self._publish(over, [self.scratch.as_bits(x, k) for x, k in zip(leaves(values, layout), layout.kinds)])
         over.meetings -= 1
         self._pass_on()
-        several = iter(rows)
-        columns = [Column(Published(x, [next(several) for _ in range(x.width)], None)) for x in layout.parts]
+        whole = Column(self.scratch, [row for _, row in rows], layout)
+        columns = [whole.nth(k) for k in range(len(layout.parts))]
         run, done = b.append_basic_block(), b.append_basic_block()
         b.cbranch(b.icmp_signed("==", b.function.args[4], I64(0)), run, done)
         b.position_at_end(run)
@@ -458,20 +498,6 @@ class SiteLoops:
         self.scratch.body = over.passes[-1].index
         numbers = [self.scratch.load(self.scratch.first(row), 0) for _, row in rows]
         return build(layout, iter([self.scratch.of_bits(x, k) for x, k in zip(numbers, layout.kinds)]))
-
-    def of_column(self, column: Column, i: Any) -> Any:
-        """The value of site i."""
-        numbers = self._of_site(column.values.rows, i)
-        layout = column.values.layout
-        return build(layout, iter([self.scratch.of_bits(x, k) for x, k in zip(numbers, layout.kinds)]))
-
-    def put_in_column(self, column: Column, i: Any, value: Any) -> None:
-        """Set the value of site i."""
-        layout, value = column.values.layout, vector(value)
-        unchanged(value, layout)
-        places = self._places(column.values.rows, i)
-        for x, kind, place in zip(leaves(value, layout), layout.kinds, places, strict=True):
-            self.b.store(self.e.cast(self.scratch.as_bits(x, kind), "f", False)[0], place, align=8)
 
     # -------------------------------------------------------------- other sites
 

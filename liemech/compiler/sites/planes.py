@@ -11,7 +11,7 @@ import numpy as np
 
 from ...formulas.classes.frozen import frozen
 from ...formulas.classes.layouts import Layout
-from ...formulas.sites import each_site, padded, present_site, room, some_sites
+from ...formulas.sites import columns_of, each_site, padded, present_site, room, some_sites
 from ..driver import read, write
 
 
@@ -60,19 +60,15 @@ def save(planes: Planes, k: int, value: Any, layout: Layout) -> None:
     planes.array[k * layout.width : (k + 1) * layout.width, present_site()] = numbers
 
 
-def below(planes: Planes, row: int) -> Planes:
-    """The planes from this row on."""
-    return Planes(planes.array[row:], planes.count)
+def columns(planes: Planes, **parts: Any) -> Any:
+    """The columns of values by name, `Column`, that lie one behind the other.
+
+    parts : their layouts; of several values alike a tuple, of which `nth` is a column.
+    """
+    return columns_of(planes.array, parts)
 
 
 def at(planes: Planes, i: int, k: int, layout: Layout) -> Any:
     """Value number k of site i.  In a loop over sites it is one that the loop does not save."""
     rows = slice(k * layout.width, (k + 1) * layout.width)
     return read(np.ascontiguousarray(planes.array[rows, i]), 0, layout)
-
-
-def put(planes: Planes, i: int, k: int, value: Any, layout: Layout) -> None:
-    """Set value number k of site i, outside of loops over sites."""
-    numbers = np.empty(layout.width)
-    write(numbers, 0, value, layout)
-    planes.array[k * layout.width : (k + 1) * layout.width, i] = numbers

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.sites.planes import Planes
+from ...compiler.sites.planes import Planes, columns
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
 from ...formulas.classes.layouts import layout_of
 from ...formulas.sites import rows_of
@@ -32,10 +32,12 @@ from ...simulation.compiled.parameters import places_of
 from ...simulation.result import AsItIs
 from ...simulation.runs.carry import SiteCarry
 from ...systems.system import small_state
+from .links import BROKEN, Links
+from .loads_of_links import THROWN
 from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
-from .rattle_of_links import BROKEN, THROWN, Links, RattleOfLinks
+from .rattle_of_links import RattleOfLinks
 from .rkmk_of_links import FREE, RkmkOfLinks
-from .taylor_of_links import SeriesRows, TaylorOfLinks
+from .taylor_of_links import TaylorOfLinks, terms_of
 
 NOTHING = np.zeros(0)
 """Totals over sites, of which there are none."""
@@ -53,9 +55,7 @@ FEW = 600
 
 
 def linked_method(plan: Any) -> Any:
-    """The method of a plan as that of many bodies and joints; None if there is none, or the system has no
-    such form.
-    """
+    """The method of a plan as that of many bodies and joints; None if there is none, or the system has no such form."""
     system, site = plan._one, plan._one.site_form
     if not isinstance(site, Links) or plan.fictive:
         return None
@@ -72,27 +72,27 @@ def linked_method(plan: Any) -> Any:
         base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
     if type(base) is RKMK and base is method and base.tableau.explicit:
         special = site.rheonomic or site.geared
-        return rkmk_of(base, site) if ending is None and not special else None
+        return rkmk_of(base) if ending is None and not special else None
     if type(base) is Taylor and base is method:
-        if ending is not None:
-            return written_out(base, "steps that end where inputs jump")
-        if site.rheonomic:
-            return written_out(base, "joints in a given motion")
-        if site.geared:
-            return written_out(base, "rotors")
-        if site.on_all is not None:
-            return written_out(base, "potential or load of all bodies by one formula")
+        for has, what in (
+            (ending is not None, "steps that end where inputs jump"),
+            (site.rheonomic, "joints in a given motion"),
+            (site.geared, "rotors"),
+            (site.on_all is not None, "potential or load of all bodies by one formula"),
+        ):
+            if has:
+                return written_out(base, what)
         return taylor_of(base, site)
     if type(base) is MultipleTimeSteps and base is method and ending is None and not site.geared:
         table, ratio = Table(np.array([1.0, 0.0])), float(base.ratios[0])
-        fast = RattleOfLinks(Exponential(), table, 1.0, 1, site.most)
-        return MultipleTimeStepsOfLinks(fast, ratio, repr(method))
+        fast = RattleOfLinks(repr(base), Exponential(), table, 1.0, 1, site.most)
+        return MultipleTimeStepsOfLinks(repr(method), fast, ratio)
     if not isinstance(base, (LieRATTLE, RATTLE)):
         return None
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
     rows = [(share, node) for share, node in shares]
     table = Table(np.ravel(rows))
-    return RattleOfLinks(retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending)
+    return RattleOfLinks(repr(method), retraction, table, float(len(rows)), len(rows), site.most, ending)
 
 
 def written_out(method: Any, what: str) -> None:
@@ -106,26 +106,21 @@ def written_out(method: Any, what: str) -> None:
         )
 
 
-def rkmk_of(method: RKMK, site: Links) -> RkmkOfLinks:
+def rkmk_of(method: RKMK) -> RkmkOfLinks:
     """An explicit RKMK method as that of many bodies and joints."""
     tableau = method.tableau
     count = tableau.stages
     rows = [[*row, *[0.0] * (count - len(row))] for row in (*tableau.A, tableau.b)]
-    nothing = RattleOfLinks(method.retraction, Table(np.zeros(2)), 1.0, 1, site.most)
-    made: Any = RkmkOfLinks
-    found: RkmkOfLinks = made(
-        method, Table(np.ravel(rows)), Table(np.array(tableau.c)), count, float(count), nothing, FREE, repr(method)
-    )
-    return found
+    nodes = Table(np.array(tableau.c))
+    return RkmkOfLinks(repr(method), method, Table(np.ravel(rows)), nodes, count, float(count), FREE)
 
 
 def taylor_of(method: Taylor, site: Links) -> TaylorOfLinks:
     """A Taylor series method as that of many bodies and joints."""
     order = method.order
-    rows = SeriesRows.of(order, site.most)
     short = site.most <= SHORT or order <= LOW
     spans = range(2, order + 2) if short else (order // 2 + 1, order + 1)
-    return TaylorOfLinks(method, order, float(order), tuple(spans), rows, repr(method))
+    return TaylorOfLinks(repr(method), method, order, float(order), tuple(spans), terms_of(order, site.most))
 
 
 def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
@@ -149,9 +144,8 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
     found = places_of(joint, f"{side}.{len(before)}.{rest}", one.layout)
     if found is None or len(found) != 1:
         return None
-    kinds, own = form.links.kinds, layout_of(joint)
-    above = sum(kind.width for kind in kinds[: kinds.index(own)])
-    return form.links.rows.own + above + found[0], column
+    own = columns(Planes(form.fixed, form.places), work=form.links.work).work.fields.own
+    return own.nth(form.links.kinds.index(layout_of(joint))).rows[found[0]], column
 
 
 class Piece:
@@ -251,9 +245,15 @@ class LinksRun(SiteRun):
         form = self.plan._one.linked
         before = 2 * width + self.shape.method.room
         made = Planes.of_rows(before + len(form.fixed) + form.more, self.count)
-        self.work = made.array[before:]
+        self.of = columns(Planes(made.array[before:], self.count), work=form.links.work).work.fields
         self.work[: len(form.fixed), : self.count] = form.fixed
         return made
+
+    @property
+    def work(self) -> np.ndarray:
+        """The numbers that a step works with, of which `of` has columns by name."""
+        numbers: np.ndarray = self.of.inertia.array
+        return numbers
 
     def become(self, plan: Any, anew: bool) -> None:
         """Go on with the plan of another linkage, of the same joints and kinds of forces.
@@ -319,7 +319,8 @@ class LinksRun(SiteRun):
                 raise
             self.sites.array[:width], self.place[:], self.clocks[:] = before
             self.march[:], self.made, watch.values = march, made, values
-            self.work[self.site.rows.note : self.site.rows.note + 3] = 0.0
+            for column in (self.of.at_joint, self.of.reached, self.of.ready):
+                column.put(0, 0.0)
             watch.forget(float(self.clocks[TIME, 0]), np.sign(self.h), False)
             raise
 
@@ -333,7 +334,7 @@ class LinksRun(SiteRun):
         except KeyboardInterrupt as caught:
             stopped = caught
             super()._call(0)
-        if self.shape.method.settles and self.work[self.site.rows.note + 2, 0] == BROKEN:
+        if self.shape.method.settles and self.of.ready.at(0) == BROKEN:
             shape, (t, copy) = self.shape, (float(self.clocks[TIME, 0]), self._copy)
             with shape.stepping.plain():
                 shape.method.settle_anew(self.site, t, self.sites, copy, shape.memory)
@@ -403,13 +404,13 @@ class LinksRun(SiteRun):
         clocks = np.array([[begun, at - begun, *FRESH]]).T
         clocks[TAKEN] = 0.0
         if not hasattr(self, "spare"):
-            work = self.work
-            self.spare = self._room_for(self.shape.memory.width), self.work
-            self.work = work
-        sites, work = self.spare
-        work[len(self.plan._one.linked.fixed) :] = 0.0
+            of = self.of
+            self.spare = self._room_for(self.shape.memory.width), self.of
+            self.of = of
+        sites, of = self.spare
+        of.inertia.array[len(self.plan._one.linked.fixed) :] = 0.0
         with aside(
-            self, sites=sites, work=work, starts=Planes(rows_of(rows), self.count), goals=goals,
+            self, sites=sites, of=of, starts=Planes(rows_of(rows), self.count), goals=goals,
             clocks=clocks, place=np.zeros((2, 1)), march=np.array([0.0, np.nan, 0.0]), h=at - begun,
             times=self.times[:0], made=0, begun=begun, first=0, steps=1,
         ):  # fmt: skip
@@ -452,9 +453,9 @@ class LinksRun(SiteRun):
         """The reason for which a step failed, and at which joint."""
         if failures and not isinstance(failures[-1], NoConvergence):
             return failures[-1]
-        rows, system = self.site.rows, self.plan._one  # type: Any, Any
-        joint, reached, _ = self.work[rows.note : rows.note + 3, 0].tolist()
-        self.work[rows.note] = 0.0
+        system: Any = self.plan._one
+        joint, reached = self.of.at_joint.at(0), self.of.reached.at(0)
+        self.of.at_joint.put(0, 0.0)
         method = repr(self.plan.method)
         if joint == THROWN:
             seen, h = self.shape.shown_rows(self._memory), abs(reached)

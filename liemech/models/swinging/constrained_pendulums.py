@@ -13,7 +13,7 @@ from ...errors import InvalidInput
 from ...formulas import Mat, Vec, dot, mat, record, sqrt, sum, vec
 from ...formulas.classes.derived import closed_form_of
 from ...groups.rigid.rotation_coefficients import exp_coefficients
-from ...joints.in_memory.rattle_of_links import Links
+from ...joints.in_memory.links import Links
 from ...joints.joints import RigidRod
 from ...joints.link import Link
 from ...joints.linkage import Linkage

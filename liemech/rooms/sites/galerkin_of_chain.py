@@ -22,13 +22,12 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ...compiler.sites.planes import at, below, each, load, put, save
+from ...compiler.sites.planes import columns, each
 from ...errors import NoConvergence
 from ...formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, plain, record, vec, where
 from ...formulas.classes.layouts import Layout, matrix, vector
 from ...formulas.elimination import inverted
-from ...formulas.numbers.conversions import fitted
-from ...formulas.sites import own
+from ...formulas.sites import named, own
 from ...formulas.tables import entry
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Exponential
@@ -43,32 +42,25 @@ MOST = 500.0
 """Corrections in a step after which it is given up."""
 
 
-@record
-class ChainRows(Record):
-    """The rows with which the numbers begin that a step works with, piece by piece."""
-
-    unknown: int
-    slope: int
-    force: int
-    push: int
-    rest: int
-    answer: int
-    told: int
-    own: int
-    right: int
-    back: int
-    ahead: int
-    left: int
-    column: int
-    row: int
-    end: int
-
-    @classmethod
-    def of(cls, n: int) -> ChainRows:
-        """The rows for a group of n dimensions, one piece behind the other."""
-        widths = [*[n] * 6, 3, *[n * n] * 7]
-        places = [sum(widths[:k]) for k in range(len(widths) + 1)]
-        return cls(*places)
+def work_of(n: int) -> Layout:
+    """What each site has beside what the method carries along, by name, for a group of n dimensions."""
+    row, block = vector(n), matrix(n, n)
+    return named(
+        unknown=row,  # the displacement x
+        slope=row,  # along which the solution grows
+        force=row,  # of the bond to the next site, and of what the site has on its own
+        push=row,  # of that bond on the next site
+        rest=row,  # -(2/h) r
+        answer=row,  # zeta
+        told=vector(3),  # squares of the correction, of the displacement, of what is large where the site is
+        own=block,  # -df/dzeta of the site itself; then the block of the site, and its inverse
+        right=block,  # by the next site, then of the row of the site
+        back=block,  # of the push by the site itself
+        ahead=block,  # of the push by the next site
+        left=block,  # of the row of the site by the site before
+        column=block,  # of a ring: of the site by the last one
+        row=block,  # and of the last one by the site
+    )
 
 
 @record
@@ -78,7 +70,7 @@ class GalerkinOfChain(Record):
     edges : the terms of two sites as the first of them has them, in forms of a site.  alone : those
     of one site.  before : of each site the one before it.  tied : 1 if there is one.  ring : is the
     first site tied to the last?  sites : how many there are.  shares : of the substeps, each with
-    its node.  substeps, stages : how many there are.
+    its node.  substeps, stages : how many there are.  work : what lies in memory.
     """
 
     edges: Any
@@ -87,7 +79,7 @@ class GalerkinOfChain(Record):
     tied: Any
     ring: bool
     sites: float
-    rows: ChainRows
+    work: Layout
     shares: Any
     substeps: float
     stages: int
@@ -103,7 +95,7 @@ class GalerkinOfChain(Record):
     @property
     def room(self) -> int:
         """Rows of numbers that a step works with."""
-        return self.rows.end
+        return self.work.width
 
     def start(self, system: Any, state: Any, h: float) -> Memory:
         """A state, and pasts of displacements at its velocity."""
@@ -117,40 +109,35 @@ class GalerkinOfChain(Record):
 
     def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
         """A step of all sites, from one copy of the memory to the other."""
-        work = below(sites, 2 * memory.width)
-        each(sites, copied, sites, here, there, memory)
-        state = memory.parts[0]
-        old = below(sites, there * memory.width)
-        pasts = below(old, state.width)
+        places = columns(sites, copies=(memory, memory), work=self.work)
+        work, one = places.work.fields, places.copies.nth(there)
+        each(sites, copied, places.copies.nth(here), one)
+        old, pasts = one.fields.state, one.fields.past
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
-            self.substep(system, t + node * h, share * h, sites, old, pasts, s, work, state)
+            self.substep(system, t + node * h, share * h, sites, old, pasts.nth(s), work)
 
-    def substep(
-        self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, s: int, work: Any,
-        state: Layout,
-    ) -> None:  # fmt: skip
+    def substep(self, system: Any, t: float, h: float, sites: Any, old: Any, past: Any, work: Any) -> None:
         """One step: Newton's method from the displacements that continue those before, with the
         derivative of the last correction while that is good enough.  Where that leads nowhere the
         solution is grown out of h = 0, in parts of the step.
         """
-        n = system.configurations.dim
-        each(sites, guessed, self, system, h, old, pasts, s, work, state)
+        each(sites, guessed, system, h, old, past, work)
         reached, piece, part, tried = 0.0, 1.0, 1.0, 0.0
         while True:
             k = part * h
             before, anew, last = INFINITY, True, False
             while True:
-                each(sites, forces_here, self, system, old, work, state)
+                each(sites, forces_here, self, system, old, work)
                 if last:
                     break
-                each(sites, misfit_here, self, system, t, k, old, work, state)
+                each(sites, misfit_here, self, system, t, k, old, work)
                 if anew:
-                    each(sites, slopes_here, self, system, old, work, state)
-                    each(sites, block_here, self, system, t, k, old, work, state)
-                    factored(self, work, n)
-                solved(self, work, n)
-                each(sites, corrected, self, system, old, work, state)
+                    each(sites, slopes_here, self, system, old, work)
+                    each(sites, block_here, self, system, t, k, old, work)
+                    factored(self, work)
+                solved(self, work)
+                each(sites, corrected, system, old, work)
                 length, whole, size = summed(self, work)
                 tried = tried + 1.0
                 shrinks = length <= CONTRACTION * before
@@ -166,16 +153,16 @@ class GalerkinOfChain(Record):
             if last:
                 reached, piece = part, 2.0 * piece
                 if reached < 1.0:
-                    each(sites, sloped, self, 1.0 / part, work, n)
+                    each(sites, scaled, 1.0 / part, work.unknown, work.slope)
             else:
                 piece = 0.5 * piece
             part = min(1.0, reached + piece)
             if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
                 break
-            each(sites, along_slope, self, part, work, n)
+            each(sites, scaled, part, work.slope, work.unknown)
         if reached < 1.0:
             raise NoConvergence("no displacements found that fit the momenta and the forces")
-        each(sites, ended, self, system, t, h, old, pasts, s, work, state)
+        each(sites, ended, self, system, t, h, old, past, work)
 
 
 FAR = 2.0**-8
@@ -187,46 +174,32 @@ leads.
 # ------------------------------------------------------------------ formulas of one site
 
 
-def copied(sites: Any, here: int, there: int, memory: Layout) -> None:
+def copied(old: Any, new: Any) -> None:
     """A place as it is."""
-    save(sites, there, load(sites, here, memory), memory)
+    new.save(old.load())
 
 
-def guessed(method: Any, system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
+def guessed(system: Any, h: float, old: Any, past: Any, work: Any) -> None:
     """The displacement that continues those of the last steps, and the slope with which it begins."""
-    rows, n = method.rows, system.configurations.dim
-    past = [load(pasts, 3 * s + i, vector(n)) for i in range(3)]
-    xi = at_this_site(system).velocity(plain(load(old, 0, state).mu))
-    save(below(work, rows.unknown), 0, extrapolated(*past), vector(n))
-    save(below(work, rows.slope), 0, h * xi, vector(n))
+    xi = at_this_site(system).velocity(plain(old.load().mu))
+    work.unknown.save(extrapolated(*past.load()))
+    work.slope.save(h * xi)
 
 
-def sloped(method: Any, factor: float, work: Any, n: int) -> None:
-    """The displacement over the part of the step, along which it goes on."""
-    x = load(below(work, method.rows.unknown), 0, vector(n))
-    save(below(work, method.rows.slope), 0, factor * x, vector(n))
+def scaled(factor: float, column: Any, other: Any) -> None:
+    """The displacement times a factor."""
+    other.save(factor * column.load())
 
 
-def along_slope(method: Any, part: float, work: Any, n: int) -> None:
-    """The displacement of a part of the step."""
-    slope = load(below(work, method.rows.slope), 0, vector(n))
-    save(below(work, method.rows.unknown), 0, part * slope, vector(n))
-
-
-def middle_of(method: Any, system: Any, old: Any, work: Any, state: Layout) -> tuple[Any, Vec, Any]:
+def middle_of(system: Any, old: Any, work: Any) -> tuple[Any, Vec, Any]:
     """The state at the start of the step, x, and the element half-way."""
-    group = system.configurations
-    start = load(old, 0, state)
-    x = load(below(work, method.rows.unknown), 0, vector(group.dim))
-    return start, x, group.compose_exp(plain(start.g), 0.5 * x)
+    start, x = old.load(), work.unknown.load()
+    return start, x, system.configurations.compose_exp(plain(start.g), 0.5 * x)
 
 
-def forces_here(method: Any, system: Any, old: Any, work: Any, state: Layout) -> None:
-    """The forces of the bond to the next site on both of its ends, and of what this site has on its
-    own.
-    """
-    rows, group = method.rows, system.configurations
-    _, _, g = middle_of(method, system, old, work, state)
+def forces_here(method: Any, system: Any, old: Any, work: Any) -> None:
+    """The forces of the bond to the next site on both of its ends, and of what this site has on its own."""
+    group, (_, _, g) = system.configurations, middle_of(system, old, work)
     me, meeting, view = system.potential.met(None, g, None, method.edges)
     force = push = vec(*[0.0 for _ in range(group.dim)])
     for role in method.edges:
@@ -235,15 +208,14 @@ def forces_here(method: Any, system: Any, old: Any, work: Any, state: Layout) ->
         force, push = force + role.if_there(first), push + role.if_there(second)
     for role in method.alone:
         force = force + role.at_edge(0).forces(group, me)[0]
-    save(below(work, rows.force), 0, force, vector(group.dim))
-    save(below(work, rows.push), 0, push, vector(group.dim))
+    work.force.save(force)
+    work.push.save(push)
 
 
-def slopes_here(method: Any, system: Any, old: Any, work: Any, state: Layout) -> None:
+def slopes_here(method: Any, system: Any, old: Any, work: Any) -> None:
     """The derivatives of the forces of `forces_here` by the elements of both ends."""
-    rows, group = method.rows, system.configurations
+    group, (_, _, g) = system.configurations, middle_of(system, old, work)
     n = group.dim
-    _, _, g = middle_of(method, system, old, work, state)
     me, meeting, view = system.potential.met(None, g, None, method.edges)
     blocks = [mat(*[vec(*[0.0 for _ in range(n)]) for _ in range(n)]) for _ in range(4)]
     for role in method.edges:
@@ -252,21 +224,20 @@ def slopes_here(method: Any, system: Any, old: Any, work: Any, state: Layout) ->
         blocks = [a + mat(*[role.if_there(row) for row in b]) for a, b in zip(blocks, (aa, ab, ba, bb))]
     for role in method.alone:
         blocks = [blocks[0] + role.at_edge(0).stiffnesses(group, me)[0][0], *blocks[1:]]
-    for place, block in zip((rows.own, rows.right, rows.back, rows.ahead), blocks):
-        save(below(work, place), 0, block, matrix(n, n))
+    for column, block in zip((work.own, work.right, work.back, work.ahead), blocks):
+        column.save(block)
 
 
-def force_on(method: Any, work: Any, n: int) -> Vec:
+def force_on(method: Any, work: Any) -> Vec:
     """The force of all bonds on a site."""
-    place = below(work, method.rows.push)
-    pushed = own(method.tied) * at(place, own(method.before), 0, vector(n))
-    return load(below(work, method.rows.force), 0, vector(n)) + pushed
+    pushed = own(method.tied) * work.push.at(own(method.before))
+    return work.force.load() + pushed
 
 
 def pulled(method: Any, system: Any, t: float, h: float, x: Vec, g: Any, work: Any) -> tuple[Any, Vec]:
     """The system of a site, and all forces on it."""
     site = at_this_site(system)
-    f = force_on(method, work, system.configurations.dim)
+    f = force_on(method, work)
     if system.load is not None:
         f = f + site.load.covector(t + 0.5 * h, (1.0 / h) * x, g)
     return site, system.potential.moving(f)
@@ -280,21 +251,21 @@ def misfit(group: LieGroup, h: float, x: Vec, p: Vec, mu: Vec, f: Vec) -> tuple[
     return whole + (0.5 * h) * half, slope + (0.25 * h) * bend
 
 
-def misfit_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
+def misfit_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any) -> None:
     """The right side -(2/h) r, carried to the middle."""
     group = system.configurations
-    start, x, g = middle_of(method, system, old, work, state)
+    start, x, g = middle_of(system, old, work)
     site, f = pulled(method, system, t, h, x, g, work)
     r, _ = misfit(group, h, x, site.body.lagrangian.momentum((1.0 / h) * x), plain(start.mu), f)
     right_side = (-2.0 / h) * Exponential().dtau_inv_dual(group, -0.5 * x, r)
-    save(below(work, method.rows.rest), 0, system.potential.moving(right_side), vector(group.dim))
+    work.rest.save(system.potential.moving(right_side))
 
 
-def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
+def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any) -> None:
     """H + 4/h M in the block of the site itself, and H in those beside it."""
-    rows, group, tau = method.rows, system.configurations, Exponential()
+    group, tau = system.configurations, Exponential()
     n, moves = group.dim, system.potential.moving
-    start, x, g = middle_of(method, system, old, work, state)
+    start, x, g = middle_of(system, old, work)
     site, f = pulled(method, system, t, h, x, g, work)
     mu, xi, units = plain(start.mu), (1.0 / h) * x, identity_matrix(n)
     tied, before = own(method.tied), own(method.before)
@@ -302,8 +273,7 @@ def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any
     M = with_inertia(slope, (1.0 / h) * site.body.lagrangian.hessian(xi))
     back = mat(*[tau.dtau_inv(group, 0.5 * x, unit) for unit in units]).T
     forth = mat(*[tau.dtau_inv_dual(group, -0.5 * x, unit) for unit in units]).T
-    D = load(below(work, rows.own), 0, matrix(n, n))
-    D = D + tied * at(below(work, rows.ahead), before, 0, matrix(n, n))
+    D = work.own.load() + tied * work.ahead.at(before)
     D = D + (4.0 / h) * (forth @ (M @ back))
     if system.load is not None:
 
@@ -313,13 +283,12 @@ def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any
         slope = jacobian(loaded, vec(*xi, *[0.0 for _ in range(n)]))
         by_xi, by_g = (mat(*[row[k : k + n] for row in slope]) for k in (0, n))
         D = D - (by_g + (2.0 / h) * (by_xi @ back))
-    left = tied * at(below(work, rows.back), before, 0, matrix(n, n))
-    right = load(below(work, rows.right), 0, matrix(n, n))
+    left, right = tied * work.back.at(before), work.right.load()
     D, left, right = (rows_moving(moves, m) for m in (D, left, right))
     free = moves(vec(*[1.0 for _ in range(n)]))
     D = mat(*[D[i] + (1.0 - free[i]) * units[i] for i in range(n)])
-    for place, block in ((rows.own, D), (rows.left, left), (rows.right, right)):
-        save(below(work, place), 0, block, matrix(n, n))
+    for column, block in ((work.own, D), (work.left, left), (work.right, right)):
+        column.save(block)
 
 
 def rows_moving(moves: Any, m: Mat) -> Mat:
@@ -327,113 +296,89 @@ def rows_moving(moves: Any, m: Mat) -> Mat:
     return mat(*[moves(column) for column in m.T]).T
 
 
-def corrected(method: Any, system: Any, old: Any, work: Any, state: Layout) -> None:
+def corrected(system: Any, old: Any, work: Any) -> None:
     """The displacement after a correction, and what it tells: the squares of the correction, of the
     displacement, and of what is large where the site is.
     """
-    rows, group, site = method.rows, system.configurations, at_this_site(system)
-    place, layout = below(work, rows.unknown), vector(group.dim)
-    x, zeta = load(place, 0, layout), load(below(work, rows.answer), 0, layout)
-    momentum = site.body.lagrangian.momentum
+    group, momentum = system.configurations, at_this_site(system).body.lagrangian.momentum
+    x, zeta = work.unknown.load(), work.answer.load()
     dx = 2.0 * Exponential().dtau_inv(group, 0.5 * x, zeta)
     x = x + dx
-    size = group.scale(plain(load(old, 0, state).g))
+    size = group.scale(plain(old.load().g))
     length = where(Exponential().is_chart(group, 0.75 * x), dot(dx, momentum(dx)), INFINITY)
-    squares = vec(length, dot(x, momentum(x)), dot(size, momentum(size)))
-    save(place, 0, x, layout)
-    save(below(work, rows.told), 0, squares, vector(3))
+    work.unknown.save(x)
+    work.told.save(vec(length, dot(x, momentum(x)), dot(size, momentum(size))))
 
 
-def ended(
-    method: Any, system: Any, t: float, h: float, old: Any, pasts: Any, s: int, work: Any,
-    state: Layout,
-) -> None:  # fmt: skip
+def ended(method: Any, system: Any, t: float, h: float, old: Any, past: Any, work: Any) -> None:
     """The state at the end of the step, and the past with this step."""
-    group = system.configurations
-    n = group.dim
-    start, x, g = middle_of(method, system, old, work, state)
+    start, x, g = middle_of(system, old, work)
     _, f = pulled(method, system, t, h, x, g, work)
-    kick = h * Exponential().tau_Ad_star(group, -0.5 * x, f)
+    kick = h * Exponential().tau_Ad_star(system.configurations, -0.5 * x, f)
     moved = system.body.displaced(Exponential(), BodyState(start.mu + kick, start.g), x)
-    past = [load(pasts, 3 * s + i, vector(n)) for i in range(3)]
-    save(old, 0, fitted(moved, state), state)
-    for i, y in enumerate(followed(tuple(past), x)):
-        save(pasts, 3 * s + i, y, vector(n))
+    pasts = followed(past.load(), x)
+    old.save(moved)
+    past.save(pasts)
 
 
 # ------------------------------------------------------------------ from site to site
 
 
-def factored(method: Any, work: Any, n: int) -> None:
+def factored(method: Any, work: Any) -> None:
     """Elimination of the blocks, in place: of D its inverse stays, of the block left of it the factor
     of the row before.  Of a ring `column` ties a site to the last one, and `row` the last one to it.
     """
-    rows, square, zero = method.rows, matrix(n, n), vec(*[0.0 for _ in range(n)])
-    D, left, right = (below(work, k) for k in (rows.own, rows.left, rows.right))
-    column, row = below(work, rows.column), below(work, rows.row)
-    count = int(method.sites)
-    end = count - 1
+    D, left, right, column, row = work.own, work.left, work.right, work.column, work.row
+    zero, end = vec(*[0.0 for _ in range(work.rest.width)]), int(method.sites) - 1
     if method.ring:
-        put(column, 0, 0, at(left, 0, 0, square), square)
-        put(row, 0, 0, at(right, end, 0, square), square)
-    for k in range(count):
-        inverse, _, _ = inverted(at(D, k, 0, square), zero, 1.0)
-        put(D, k, 0, inverse, square)
+        column.put(0, left.at(0))
+        row.put(0, right.at(end))
+    for k in range(end + 1):
+        inverse, _, _ = inverted(D.at(k), zero, 1.0)
+        D.put(k, inverse)
         if k < end:
-            above = at(right, k, 0, square)
+            above = right.at(k)
             if method.ring:
-                beside, low = at(column, k, 0, square), at(row, k, 0, square)
-                factor = low @ inverse
-                put(row, k, 0, factor, square)
-                if k < end - 1:
-                    put(row, k + 1, 0, -(factor @ above), square)
-                    lower = at(left, k + 1, 0, square) @ inverse
-                    put(column, k + 1, 0, -(lower @ beside), square)
-                    put(left, k + 1, 0, lower, square)
-                    put(D, k + 1, 0, at(D, k + 1, 0, square) - lower @ above, square)
+                beside, factor = column.at(k), row.at(k) @ inverse
+                row.put(k, factor)
+            if k < end - method.ring:
+                lower = left.at(k + 1) @ inverse
+                left.put(k + 1, lower)
+                D.put(k + 1, D.at(k + 1) - lower @ above)
+                if method.ring:
+                    row.put(k + 1, -(factor @ above))
+                    column.put(k + 1, -(lower @ beside))
+            if method.ring:
                 if k == end - 2:
-                    put(column, k + 1, 0, at(column, k + 1, 0, square) + at(right, k + 1, 0, square), square)
-                    put(row, k + 1, 0, at(row, k + 1, 0, square) + at(left, end, 0, square), square)
-                put(D, end, 0, at(D, end, 0, square) - factor @ beside, square)
-            else:
-                lower = at(left, k + 1, 0, square) @ inverse
-                put(left, k + 1, 0, lower, square)
-                put(D, k + 1, 0, at(D, k + 1, 0, square) - lower @ above, square)
+                    column.put(k + 1, column.at(k + 1) + right.at(k + 1))
+                    row.put(k + 1, row.at(k + 1) + left.at(end))
+                D.put(end, D.at(end) - factor @ beside)
 
 
-def solved(method: Any, work: Any, n: int) -> None:
+def solved(method: Any, work: Any) -> None:
     """The corrections, from the right sides and the blocks after elimination."""
-    rows, square, layout = method.rows, matrix(n, n), vector(n)
-    D, left, right = (below(work, k) for k in (rows.own, rows.left, rows.right))
-    column, row = below(work, rows.column), below(work, rows.row)
-    right_side, answer = below(work, rows.rest), below(work, rows.answer)
-    count = int(method.sites)
-    end = count - 1
+    D, left, right, column, row = work.own, work.left, work.right, work.column, work.row
+    rest, answer, end = work.rest, work.answer, int(method.sites) - 1
     for k in range(end):
-        y = at(right_side, k, 0, layout)
+        y = rest.at(k)
         if method.ring:
-            put(right_side, end, 0, at(right_side, end, 0, layout) - at(row, k, 0, square) @ y, layout)
-            if k < end - 1:
-                put(right_side, k + 1, 0, at(right_side, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
-        else:
-            put(right_side, k + 1, 0, at(right_side, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
-    put(answer, end, 0, at(D, end, 0, square) @ at(right_side, end, 0, layout), layout)
+            rest.put(end, rest.at(end) - row.at(k) @ y)
+        if k < end - method.ring:
+            rest.put(k + 1, rest.at(k + 1) - left.at(k + 1) @ y)
+    answer.put(end, D.at(end) @ rest.at(end))
     for back in range(end):
         k = end - 1 - back
-        y = at(right_side, k, 0, layout)
+        y = rest.at(k)
         if method.ring:
-            y = y - at(column, k, 0, square) @ at(answer, end, 0, layout)
-            if k < end - 1:
-                y = y - at(right, k, 0, square) @ at(answer, k + 1, 0, layout)
-        else:
-            y = y - at(right, k, 0, square) @ at(answer, k + 1, 0, layout)
-        put(answer, k, 0, at(D, k, 0, square) @ y, layout)
+            y = y - column.at(k) @ answer.at(end)
+        if k < end - method.ring:
+            y = y - right.at(k) @ answer.at(k + 1)
+        answer.put(k, D.at(k) @ y)
 
 
 def summed(method: Any, work: Any) -> tuple[float, float, float]:
     """The sums over all sites of what a correction tells."""
-    squares = below(work, method.rows.told)
-    total = at(squares, 0, 0, vector(3))
+    total = work.told.at(0)
     for k in range(1, int(method.sites)):
-        total = total + at(squares, k, 0, vector(3))
+        total = total + work.told.at(k)
     return total[0], total[1], total[2]

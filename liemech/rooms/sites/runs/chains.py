@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ....compiler.sites.planes import Planes
+from ....compiler.sites.planes import Planes, columns
 from ....errors import NoConvergence, OutsideChart
+from ....formulas.classes.layouts import vector
 from ....formulas.classes.records import with_fields
 from ....formulas.sites import SiteArray, SiteTable, rows_of
 from ....formulas.tables import Table
@@ -18,7 +19,7 @@ from ....integrators.ending_at_jumps import EndingAtJumps, cuts
 from ....integrators.galerkin import GalerkinVariational
 from ....simulation.compiled.control import FRESH, GOAL, MARK, TAKEN
 from ....systems.mechanical import MechanicalSystem
-from ..galerkin_of_chain import ChainRows, GalerkinOfChain
+from ..galerkin_of_chain import GalerkinOfChain, work_of
 from ..terms.sums_of_terms import PlaceTerms
 from ..terms.terms_at_site import ForceOfSite, PotentialOfSite, RoleAtSite
 from .driver import CROSSED
@@ -66,7 +67,7 @@ def chained_method(plan: Any) -> GalerkinOfChain | None:
         SiteArray.of(np.roll(first, 1)),
         bool(first[-1]),
         float(n),
-        ChainRows.of(dim),
+        work_of(dim),
         Table(np.ravel(rows)),
         float(len(rows)),
         len(rows),
@@ -103,7 +104,8 @@ class ChainRun(SiteRun):
         self.workers = 1
         method = self.shape.method
         made = Planes.of_rows(2 * width + method.room, self.count)
-        self.squares = made.array[2 * width + method.rows.told]
+        told = columns(made, copies=vector(2 * width), work=method.work).work.fields.told
+        self.squares = made.array[told.rows[0]]
         return made
 
     def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

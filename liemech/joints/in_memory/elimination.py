@@ -1,0 +1,267 @@
+"""Elimination of impulses from joint to joint, in an order that was found before the run: a block of conditions for
+each joint, and for each pair of joints that a body ties together.
+
+Source: Duff, Erisman and Reid, Direct Methods for Sparse Matrices, 2nd ed., chapter 9.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...compiler.numbers.square_blocks import block_at, lead_block, lessen_block, put_block, save_block
+from ...compiler.sites.planes import each
+from ...errors import NoConvergence
+from ...formulas import Mat, Vec, dot, mat, vec, where
+from ...formulas.elimination import inverted
+from ...formulas.tables import entry, whole
+from ...integrators.kicks.explicit_kicks import negative_pivots
+from ...systems.kinetic_energy import times
+from .links import BLOCKS, REST6, both, speeds, wrenches
+
+# ------------------------------------------------------------------ formulas of one joint
+
+
+def save_answers(system: Any, sides: Any, answers: Any, sign: float, h: float, work: Any, equations: Any) -> None:
+    """The answers of bodies to a joint's impulses, and its own block: with h/A of its rotor, and on the diagonal 1 for
+    conditions that do not count.  sign : of the matrix.
+    """
+    blank = [*[sign * (1.0 - x) for x in work.alive.load()], *[1.0] * (equations.rest.width - system.most)]
+    if system.geared:
+        blank[system.most - 1] = blank[system.most - 1] + h * work.yields.load()
+    if system.parts > 0:
+        sides = [[x * row for row in side] for x, side in zip(work.beside.load(), sides)]
+    block = [
+        vec(*[dot(a, p) + dot(b, q) + (blank[i] if i == j else 0.0) for j, (p, q) in enumerate(zip(*answers))])
+        for i, (a, b) in enumerate(zip(*sides))
+    ]
+    one, two = answers
+    equations.answers.save((mat(*one), mat(*two)))
+    equations.diagonal.save(vec(*[abs(row[i]) for i, row in enumerate(block)]))
+    save_block(equations.blocks, BLOCKS, 0, mat(*block))
+
+
+def free_answers(sides: Any, work: Any) -> list[list[Vec]]:
+    """The answers of free bodies to the impulses of a joint, J^-1 G*."""
+    return [[times(inverse, row) for row in side] for inverse, side in zip(both(work.inverse, work), sides)]
+
+
+def tied(system: Any, sides: Any, work: Any, equations: Any) -> None:
+    """The two blocks of a joint and another one that a body ties it to.  sides : the column of rows."""
+    other, mine, theirs, there = work.tie.load()
+    one, two = system.sides
+
+    def here(column: Any) -> Mat:
+        return chosen(mine, *column.load()) if one < 0 else column.nth(one).load()
+
+    def beyond(column: Any) -> Mat:
+        return (
+            chosen(theirs, column.nth(0).at(other), column.nth(1).at(other)) if two < 0 else column.nth(two).at(other)
+        )
+
+    a, b = here(sides), beyond(sides)
+    p, q = here(equations.answers), beyond(equations.answers)
+    for slot, left, right in ((1, b, p), (2, a, q)):
+        block = mat(*[vec(*[there * dot(x, y) for y in right]) for x in left])
+        save_block(equations.blocks, BLOCKS, slot, block)
+
+
+def chosen(second: float, a: Mat, b: Mat) -> Mat:
+    """One of two matrices: the second one, if `second` is 1."""
+    return mat(*[vec(*[where(second > 0.0, y, x) for x, y in zip(u, v)]) for u, v in zip(a, b)])
+
+
+def excess_of(system: Any, work: Any, equations: Any) -> None:
+    """The rate off the constraint, G xi, and the answers of free bodies to impulses."""
+    sides = equations.sides.load()
+    save_answers(system, sides, free_answers(sides, work), 1.0, 1.0, work, equations)
+    equations.rest.save(rates_off(system, sides, work))
+
+
+def rates_off(system: Any, sides: Any, work: Any) -> Vec:
+    """The rate off the constraint, and how far rates are from those at which their kick was found."""
+    m, rest = system.most, speeds(sides, both(work.velocity, work))
+    if system.rheonomic:
+        rest = [x + pace for x, pace in zip(rest, work.paces.load())]
+    off: list[Any] = []
+    if system.freedoms > 0:
+        off = [x - w for x, w in zip(rest[m:], work.rate.load())]
+    if system.geared:
+        rest = [*rest[: m - 1], rest[m - 1] - work.dial.load()[1]]
+    return vec(*rest[:m], *off)
+
+
+def wrench_of_impulses(work: Any, equations: Any) -> None:
+    """The pull of a joint on its bodies by the impulses that elimination has found."""
+    work.wrench.save(wrenches(equations.impulse.load(), equations.sides.load()))
+
+
+# ------------------------------------------------------------------ of all joints
+
+
+def pulled_by_impulses(system: Any, sites: Any, work: Any, equations: Any) -> None:
+    """The pull on bodies by the impulses that elimination has found."""
+    each(sites, wrench_of_impulses, work, equations)
+    scattered(system, work)
+
+
+def scattered(system: Any, work: Any) -> None:
+    """The sums of what joints do to bodies that have more than one of either side."""
+    pull, table = work.pull, system.more
+    count = whole(table, 0)
+    for p in range(count):
+        pull.put(whole(table, 1 + 3 * p), REST6)
+    for p in range(count):
+        body, j, side = (whole(table, 1 + 3 * p + i) for i in range(3))
+        pull.put(body, pull.at(body) + work.wrench.nth(side).at(j))
+
+
+def assembled(system: Any, sites: Any, sides: Any, sign: float, h: float, work: Any, equations: Any) -> None:
+    """The blocks beside those of joints alone.  sides : the column of rows.  sign : of the matrix.  h : times it
+    rotors yield.
+    """
+    each(sites, tied, system, sides, work, equations)
+    coupled(system, sides, sign, equations)
+    if system.meshes:
+        mesh_blocks(system, h, equations)
+
+
+def coupled(system: Any, sides: Any, sign: float, equations: Any) -> None:
+    """The blocks of pairs of joints that a body ties together; those that elimination fills are zero."""
+    blocks, table, n = equations.blocks, system.couplings, equations.rest.width
+    for p in range(whole(table, 0)):
+        j, k, mine, theirs, block, kind = (whole(table, 1 + 6 * p + i) for i in range(6))
+        if kind < 0:
+            put_block(blocks, block, mat(*[vec(*[0.0] * n)] * n))
+        else:
+            a, b = sides.nth(mine).at(j), equations.answers.nth(theirs).at(k)
+            found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
+            if kind == 1:
+                found = block_at(blocks, block, n) + found
+            put_block(blocks, block, found)
+    if system.parts > 0:
+        bordered(system, sides, sign, equations)
+
+
+def bordered(system: Any, sides: Any, sign: float, equations: Any) -> None:
+    """The blocks of the motions z of hubs.  Of S = S_0 + U K V* with the rows U and V of joints at a hub and
+    its answer K to momenta, S l = r is
+
+        S_0 l + U z = r,   z - K V* l = 0,
+
+    and S_0 ties no joints by hubs, so that a hub of n joints takes n blocks, not n^2.
+
+    sign : of S; the second line is multiplied by it.
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 2.1.4 (Woodbury).
+    """
+    blocks, table, n, m = equations.blocks, system.borders, equations.rest.width, system.most
+    width = 2 + 2 * system.parts
+    for p in range(whole(table, 0)):
+        j, mine = whole(table, 1 + width * p), whole(table, 2 + width * p)
+        a, b = sides.nth(mine).at(j), equations.answers.nth(mine).at(j)
+        for k in range(system.parts):
+            some = [*range(m * k, min(6, m * k + m))]
+            rest = [0.0] * (n - len(some))
+            by_hub, of_hub = [whole(table, 3 + width * p + 2 * k + i) for i in range(2)]
+            put_block(blocks, by_hub, mat(*[vec(*[x[i] for i in some], *rest) for x in a]))
+            found = [vec(*[-sign * x[i] for x in b]) for i in some]
+            put_block(blocks, of_hub, mat(*found, *[vec(*[0.0] * n)] * len(rest)))
+    for v in range(int(system.joints), int(system.nodes)):
+        unit = [vec(*[sign if i == k else 0.0 for i in range(n)]) for k in range(n)]
+        put_block(blocks, BLOCKS * v, mat(*unit))
+        equations.diagonal.put(v, vec(*[1.0] * n))
+    nothing_of_hubs(system, equations.rest)
+
+
+def nothing_of_hubs(system: Any, column: Any) -> None:
+    """Set numbers of the motions of hubs, which are no conditions and no impulses, to zero."""
+    for v in range(int(system.joints), int(system.nodes)):
+        column.put(v, vec(*[0.0] * column.width))
+
+
+def mesh_blocks(system: Any, h: float, equations: Any) -> None:
+    """Add h times the rate that a rotor gains by another joint to the blocks of such joints."""
+    blocks, table, n, last = equations.blocks, system.mesh, equations.rest.width, system.most - 1
+    for p in range(whole(table, 0)):
+        place, y = whole(table, 3 + 3 * p), h * entry(system.meshing, p)
+        more = [vec(*[y if i == last and j == last else 0.0 for j in range(n)]) for i in range(n)]
+        put_block(blocks, place, block_at(blocks, place, n) + mat(*more))
+
+
+def factored(system: Any, sign: float, equations: Any, counted: float = 0.0) -> float:
+    """Elimination of the blocks, in place, and of what the conditions miss; the first joint whose conditions
+    depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
+    counted : 1 for the number of negative pivots instead, those of conditions as -1.
+    """
+    blocks, n = equations.blocks, equations.rest.width
+    bad, same, count = -1.0, 1.0, 0.0
+    for p in range(int(system.nodes)):
+        k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
+        before = equations.diagonal.at(k)
+        if counted > 0.0:
+            conditions = where(float(k) < system.joints, 1.0 * system.most, 0.0)
+            count = count + negative_pivots(block_at(blocks, BLOCKS * k, n), conditions)
+        inverse, turned, far = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
+        same = same * turned
+        if not far and bad < 0.0:
+            bad = min(float(k), system.joints - 1.0)
+        put_block(blocks, BLOCKS * k, inverse)
+        forward(system, k, begin, end, inverse, equations)
+        for b in range(begin, end):
+            lead_block(blocks, whole(system.belows, 5 * b + 2), inverse)
+        for b in range(begin, end):
+            left, first, last = (whole(system.belows, 5 * b + i) for i in (1, 3, 4))
+            for u in range(first, last):
+                right, place = whole(system.updates, 2 * u), whole(system.updates, 2 * u + 1)
+                lessen_block(blocks, place, left, right, n)
+    bad = system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
+    return where(counted > 0.0, count, bad)
+
+
+def eliminated_again(system: Any, equations: Any) -> None:
+    """Elimination of what the conditions miss, with the blocks as `factored` has left them."""
+    if system.parts > 0:
+        nothing_of_hubs(system, equations.rest)
+    for p in range(int(system.nodes)):
+        k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
+        forward(system, k, begin, end, block_at(equations.blocks, BLOCKS * k, equations.rest.width), equations)
+
+
+def forward(system: Any, k: int, begin: int, end: int, inverse: Mat, equations: Any) -> None:
+    """A joint's share of the impulses, without those of later joints, which are told of it."""
+    rest, n = equations.rest, equations.rest.width
+    x = inverse @ rest.at(k)
+    equations.impulse.put(k, x)
+    for b in range(begin, end):
+        i, left = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 1)
+        rest.put(i, rest.at(i) - block_at(equations.blocks, left, n) @ x)
+
+
+def solved(system: Any, equations: Any) -> None:
+    """The impulses, from the last joint to the first."""
+    impulse, count, n = equations.impulse, int(system.nodes), equations.rest.width
+    for back in range(count):
+        k, begin, end = (whole(system.pivots, 3 * (count - 1 - back) + i) for i in range(3))
+        for b in range(begin, end):
+            i, right = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 2)
+            shared = block_at(equations.blocks, right, n) @ impulse.at(i)
+            impulse.put(k, impulse.at(k) - shared)
+    if system.parts > 0:
+        nothing_of_hubs(system, impulse)
+
+
+def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> None:
+    """The impulses l' of what leads off the constraint, G J^-1 (mu - G* l') = 0, and their pull on bodies."""
+    each(sites, excess_of, system, work, equations)
+    assembled(system, sites, equations.sides, 1.0, 0.0, work, equations)
+    factored(system, 1.0, equations)
+    solved(system, equations)
+    pulled_by_impulses(system, sites, work, equations)
+
+
+def require_multipliers(system: Any, work: Any, equations: Any) -> None:
+    """Elimination of the conditions, which do not depend on each other.  Raises NoConvergence."""
+    bad = factored(system, 1.0, equations)
+    if bad >= 0.0:
+        work.at_joint.put(0, bad)
+        work.reached.put(0, -1.0)
+        raise NoConvergence("the conditions of joints depend on each other")
