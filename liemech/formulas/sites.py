@@ -392,7 +392,7 @@ class Column:
     def at(self, i: int) -> Any:
         """The value of site i.  In a loop over sites it is one that the loop does not save."""
         numbers = np.ascontiguousarray(self.array[self._index, i])
-        if not self.layout.exact:
+        if not self.layout.has_integers:
             return build(self.layout, iter(numbers.tolist()))
         both = zip(numbers.tolist(), numbers.view(np.int64).tolist(), self.layout.kinds)
         return build(self.layout, (_WHOLE[kind](n) if kind in _WHOLE else x for x, n, kind in both))

@@ -9,7 +9,8 @@ from ...formulas.classes.layouts import Layout, carried_layout, layout_of, matri
 from ...formulas.classes.records import with_fields
 from ...formulas.sites import named
 from ...groups.lie_group import LieGroup
-from ...systems.in_time.tabulated import during, inputs, jump_ahead
+from ...systems.in_time.inputs import during, inputs
+from ...systems.in_time.knots import jump_ahead
 from ...systems.lie_poisson import BodyState
 from ...systems.system import System
 
