@@ -139,7 +139,8 @@ class Kernel:
         elif not make:
             raise NotCompilable("there is no such kernel on disk")
         else:
-            self.reads, text = _translated(entry, kinds, lanes, arguments if args else None)
+            reads, text = _translated(entry, kinds, lanes, arguments if args else None)
+            self.reads = reads.alone()
             code = llvm.object_code(text)
             if key and args and self.reads.follow(arguments):  # nothing has changed meanwhile
                 cache.store(key, self.reads.manifest(), code)

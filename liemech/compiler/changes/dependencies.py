@@ -394,6 +394,12 @@ class Reads:
 
     # -------------------------------------------------------------- comparison
 
+    def alone(self) -> Reads:
+        """These reads without what the translation knew of objects, which keeps it, and its arguments, alive."""
+        reads = Reads(self.entry)
+        reads.steps, reads.values, reads.tokens, reads.known = self.steps, self.values, self.tokens, self.known
+        return reads
+
     def manifest(self) -> list[Any]:
         """The paths and the tokens, as another process can read them."""
         return [[*step, token] for step, token in zip(self.steps, self.tokens, strict=True)]
