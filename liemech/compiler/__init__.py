@@ -6,10 +6,11 @@ binding.  Its files, in the order in which a formula comes through them:
 * kernel, driver, buffers: native code for a driver; kept: what a process keeps of it between calls.
 * changes/: what a formula reads from outside, and whether that has changed (dependencies, content_hashes, staleness);
   object code on disk (cache).
-* translation/: the syntax tree (source), walked with numbers of the run in place of floats (translator, statements,
-  expressions, loops, branches, joins, scopes); which calls become functions (inlining, call_forms, native_functions);
-  where the translation is, and snapshots (state); a cure for what is refused (advice).
-* numbers/: the numbers and what is done to them.
+* translation/: a driver as a module of LLVM (module); the syntax tree (source), walked with numbers of the run in place of
+  floats (translator, statements, expressions, loops, branches, joins, scopes); which calls become functions (inlining,
+  call_forms, native_functions); where the translation is, and snapshots (state); a cure for what is refused (advice).
+* numbers/: the numbers (ir_numbers), and many of them: arrays, tables (lookups), loops over memory (memory_loops,
+  large_arrays), blocks of matrices (square_blocks, rows_of_blocks, rows_in_lanes); functions of Python.
 * sites/: loops over the sites of one system (loops_over_sites), in passes between their meetings (fission), and over all
   pairs of them (all_pairs), on threads.
 * machine/: LLVM, object files, Ctrl-C, guard words.

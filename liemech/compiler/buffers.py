@@ -228,13 +228,13 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
     def parts(layout: Layout) -> Any:
         """The numbers of a layout, and the places of what lies in memory."""
         begin = counts["number"]
-        for kind, at, _ in spans(layout):
+        for kind, at, form in spans(layout):
             if kind != "large":
                 yield emitter.num([load(numbers, "number", F64)])
                 continue
             place = b.gep(numbers, [ir.Constant(I64, begin + at)], source_etype=F64)
             yield emitter.num([b.ptrtoint(place, I64)])
-            counts["number"] = begin + at + size_of(_)
+            counts["number"] = begin + at + size_of(form)
 
     args: list[Any] = []
     for kind in kinds:
@@ -297,8 +297,6 @@ def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int, pa
             b.store(I64(rows), places[0])
             b.store(I64(int(pairs)), places[1])
             b.ret_void()
-    integer, array, number = (
-        b.bitcast(p, a.type) for p, a in zip(places[3:], (function.args[i] for i in (1, 2, 0)), strict=True)
-    )
+    integer, array, number = (b.bitcast(p, function.args[i].type) for p, i in zip(places[3:], (1, 2, 0), strict=True))
     b.call(function, [number, integer, array, bodies, begin, end])
     b.ret_void()

@@ -22,6 +22,16 @@ from ..formulas.large import sum_of
 from ..formulas.numbers.bases import is_any_number
 from ..formulas.vectors import Vec
 
+Kind = Layout | str | tuple[str, Layout]
+"""The kind of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
+"columns", "shared", "rows" or "planes".
+"""
+
+
+def layout_of_kind(kind: Kind) -> Any:
+    """The layout of an argument that has one."""
+    return kind[1] if isinstance(kind, tuple) else kind
+
 
 def part_of_driver(function: Callable[..., Any]) -> Callable[..., Any]:
     """Declare a function to be a part of the driver that calls it: bodies that run together leave its

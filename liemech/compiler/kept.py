@@ -1,4 +1,4 @@
-"""What a process keeps of native code between calls: kernels, the work of batches, the seconds of plain Python that decide
+"""Native code that a process keeps between calls: kernels, the work of batches, the seconds of plain Python that decide
 whether native code pays, and what cannot be compiled.  `changes/cache.py` keeps kernels between processes.
 """
 

@@ -9,7 +9,6 @@ driver runs in plain Python.
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import functools
 import os
@@ -27,16 +26,11 @@ from ..formulas.blas import on_one_thread
 from ..formulas.classes.flattening import gatherer
 from ..formulas.classes.frozen import frozen
 from ..formulas.classes.layouts import Layout, layout_of
-from . import driver
+from .driver import Kind, layout_of_kind
 from .kept import KERNELS, Variants
 from .machine import guard_words, interrupts
 from .machine.gc_pause import gc_paused
 from .sites.planes import Planes
-
-Kind = Layout | str | tuple[str, Layout]
-"""The kind of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
-"columns", "shared", "rows" or "planes".
-"""
 
 
 @frozen(eq=False)
@@ -128,7 +122,8 @@ class Kernel:
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
         key = _key(entry, kinds, lanes)
         arguments = [
-            a if isinstance(_layout(k), Layout) else None for a, k in zip(examples(args or kinds), kinds, strict=True)
+            a if isinstance(layout_of_kind(k), Layout) else None
+            for a, k in zip(examples(args or kinds), kinds, strict=True)
         ]
         stored = (
             cache.load(key, lambda manifest: Reads.from_manifest(entry, arguments, manifest)) if key and args else None
@@ -321,24 +316,6 @@ def kind_of(value: Any) -> Kind:
     return "integer" if type(value) is int else layout_of(value)
 
 
-def _in_memory(layout: Layout) -> bool:
-    """Whether a value of this layout, or the layout that is itself the value, has parts in memory."""
-    described = layout.detail if layout.kind == "static" else None
-    return layout.in_memory or (isinstance(described, Layout) and described.in_memory)
-
-
-def _layout(kind: Kind) -> Any:
-    """The layout of an argument that has one."""
-    return kind[1] if isinstance(kind, tuple) else kind
-
-
-def _directions(kinds: tuple[Kind, ...]) -> int:
-    """The largest number of directions along which numbers of a driver carry derivatives."""
-    layouts = [x for x in map(_layout, kinds) if isinstance(x, Layout)]
-    carried = [x.detail for x in layouts if x.kind == "static" and isinstance(x.detail, Layout)]
-    return max([x.directions for x in [*layouts, *carried]], default=0)
-
-
 def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str | None:
     """The name of a kernel on disk: a digest of what it is made for, of the compiler, Python and the processor; None if
     the compiler was edited since its import.
@@ -393,125 +370,9 @@ def translated(entry: Callable[..., Any], *args: Any) -> str:
 def _translated(
     entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, arguments: Sequence[Any] | None = None
 ) -> tuple[Any, str]:
-    """The reads of a translation, and the kernel in LLVM's language.
-
-    In lanes each number gets a register, and two if the kernel is short.  One that is long is made
-    in half the time, and is the faster one too, because the others would not find room beside each
-    other.
-    """
+    """The reads of a translation, and the kernel in LLVM's language."""
     with _importing:
-        from .machine import llvm
-        from .translation.instructions import LIMIT, SHORT, SIDE_BY_SIDE, WITH_SLOPES, TooLong
+        from .translation import module
 
     with gc_paused():
-        if "planes" in kinds:
-            return _translation(entry, kinds, lanes, arguments, LIMIT)
-        limit = LIMIT * (WITH_SLOPES if _directions(kinds) == 1 else 1)
-        translation = _translation(entry, kinds, min(lanes, width()), arguments, limit)
-        if lanes > width() and llvm.size(translation[1]) <= SHORT:
-            with contextlib.suppress(TooLong):
-                return _translation(entry, kinds, lanes, arguments, SIDE_BY_SIDE)
-        return translation
-
-
-def _translation(
-    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, values: Sequence[Any] | None, limit: int
-) -> tuple[Any, str]:
-    """The reads, and in LLVM's language the driver in a loop over bodies, of `limit` instructions at most."""
-    with _importing:
-        from llvmlite import ir
-
-        from ..formulas.classes.taken_back import journal
-        from .buffers import NativeArray, arguments, entrance, hidden, unchanged
-        from .changes.dependencies import Reads
-        from .machine import llvm
-        from .numbers.ir_numbers import F64, I64, Emitter
-        from .numbers.large_arrays import LargeArrays
-        from .numbers.rows_in_lanes import RowsInLanes
-        from .sites.loops_over_sites import SiteLoops
-        from .translation.instructions import Builder, Names, drop_unused
-        from .translation.translator import Interpreter
-
-    module = ir.Module("liemech", ir.Context())
-    module.triple = llvm.triple()
-    signature = ir.FunctionType(
-        ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64]
-    )
-    function = ir.Function(module, signature, "loop")
-    function.scope = Names(function)
-    for pointer in function.args[:3]:
-        pointer.add_attribute("noalias")
-    function.attributes.add("nounwind")
-    if lanes > 1:
-        # else every register kept on the stack straddles two cache lines
-        function.attributes.alignstack = 8 * width()
-    builder = Builder(function.append_basic_block("entry"), limit)
-    head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
-    of_sites = "planes" in kinds  # one system, whose sites have the lanes
-    emitter = Emitter(builder, 1 if of_sites else lanes, width())
-    emitter.few = of_sites and 1 < lanes < width()
-    in_memory = any(isinstance(k, Layout) and _in_memory(k) for k in map(_layout, kinds))
-    if in_memory:
-        if lanes > 1:
-            raise NotCompilable("what lies in memory runs one body after the other")
-        emitter.large = LargeArrays(emitter)
-    args = arguments(emitter, kinds, function)
-    start = builder.block
-    begin, end = function.args[4:] if not of_sites else map(I64, (0, 1))
-    builder.branch(head)
-    builder.position_at_end(head)
-    index = builder.phi(I64)
-    index.add_incoming(begin, start)
-    builder.cbranch(builder.icmp_signed("<", index, end), body, done)
-    builder.position_at_end(body)
-    reads = Reads(entry)
-    for i, (a, kind) in enumerate(zip(args, kinds, strict=True)):
-        if isinstance(a, NativeArray):
-            a.body = index
-        if isinstance(kind, tuple):
-            args[i] = a = a.read(0, kind[1])
-        if isinstance(_layout(kind), Layout):
-            reads.argument(i, a, values[i] if values else a)
-    interpreter = Interpreter(emitter, reads)
-    interpreter.intrinsics |= {
-        driver.read: lambda array, at, layout: array.read(at, interpreter.outliner.fitting(layout)),
-        driver.write: lambda array, at, value, layout: array.write(at, value, layout),
-        driver.unchanged: unchanged,
-        driver.attempt: interpreter.attempt,
-        driver.accepted: interpreter.accepted,
-        driver.any_body: emitter.any,
-    }
-    sites = SiteLoops(interpreter, lanes, width())
-    interpreter.intrinsics |= sites.intrinsics | RowsInLanes(interpreter, width()).intrinsics
-    if of_sites:
-        sites.scratch, sites.notes, sites.crew = hidden(emitter, kinds, args, function)
-    try:
-        with journal():
-            interpreter.call(entry, *args)
-    except Exception as error:
-        located = _located(error, interpreter)
-        if located is error:
-            raise
-        raise located from (None if isinstance(error, NotCompilable) else error)
-    index.add_incoming(builder.add(index, I64(emitter.lanes)), builder.block)
-    builder.branch(head)
-    builder.position_at_end(done)
-    if in_memory:
-        emitter.large.finish()
-    builder.ret_void()
-    size = drop_unused(module, function)
-    entrance(module, function, kinds, sites.rows + sites.lasting, bool(sites.paired))
-    return reads, f"; {size} instructions\n{module}"
-
-
-def _located(error: Exception, interpreter: Any) -> Exception:
-    """The error with the class, method and line of the formula that could not be translated."""
-    if not interpreter.frames:
-        return error
-    frame = interpreter.frames[-1]
-    line = getattr(frame.node, "lineno", frame.source.function.__code__.co_firstlineno)
-    reason = str(error) if isinstance(error, NotCompilable) else f"{type(error).__name__}: {error}"
-    kind = type(error) if isinstance(error, NotCompilable) else NotCompilable
-    return kind(
-        f"{frame.source.name} ({os.path.basename(frame.source.file)}, line {line}) cannot be compiled: {reason}"
-    )
+        return module.translated(entry, kinds, lanes, arguments)

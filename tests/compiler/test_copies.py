@@ -16,6 +16,7 @@ from test_inlining import ROWS, TEXT, no_kernels
 from liemech.compiler import kernel
 from liemech.compiler.machine import llvm
 from liemech.compiler.translation import branches, inlining, instructions
+from liemech.compiler.translation import module as llvm_module
 
 pytestmark = pytest.mark.compiled
 
@@ -89,8 +90,8 @@ def test_lanes_of_a_long_kernel_are_translated_once(monkeypatch: pytest.MonkeyPa
     """With one register a number; a short one once more, with two."""
     no_kernels(monkeypatch)
     widths: list[int] = []
-    translation = kernel._translation
-    monkeypatch.setattr(kernel, "_translation", lambda *a: (widths.append(a[2]), translation(*a))[1])
+    translation = llvm_module._translation
+    monkeypatch.setattr(llvm_module, "_translation", lambda *a: (widths.append(a[2]), translation(*a))[1])
     text = "def formula(x, y, n):\n    return x * y + x, y / (x * x + 1.0)"
     rows = [(0.1 * k, 1.0 + k) for k in range(kernel.lanes())]
     for short, wanted in ((instructions.SHORT, [kernel.width(), kernel.lanes()]), (0, [kernel.width()])):

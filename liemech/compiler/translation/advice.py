@@ -73,3 +73,21 @@ def instead_of(function: Any) -> str:
 def instead_of_syntax(node: ast.AST) -> str:
     """A replacement for a statement or expression that has no place in a formula."""
     return _SYNTAX.get(type(node), "write it with plain statements")
+
+
+_ALIKE = {
+    ("np.",): "write float(x) of NumPy's numbers",
+    ("power series",): "write liemech.formulas.where",
+    ("Complex(",): "write liemech.formulas.Complex(x, 0.0) on every way",
+    ("None", "'"): "let it be a number on every way, such as 0 or 1",
+}
+"""By what is in its layouts, how a variable is alike on all ways to one place."""
+
+
+def differing(layouts: list[str]) -> str:
+    """The layouts of a variable on different ways to one place, and how to make them one."""
+    shown = " and ".join(dict.fromkeys(layouts))
+    cures = [cure for signs, cure in _ALIKE.items() if any(sign in shown for sign in signs)]
+    if len({layout.count(",") for layout in layouts if "list(" in layout}) > 1:
+        cures.append("choose the item, and `append` it after the branch")
+    return ": ".join([shown, *cures])

@@ -27,6 +27,7 @@ from ...formulas.numbers.pairs import PAIRS, paired
 from ...formulas.vectors import Mat, Vec
 from ..changes.dependencies import Reads
 from ..numbers.ir_numbers import Emitter, Num, Values
+from .advice import differing
 from .aliases import Aliases
 from .iterators import ItemStream
 from .scopes import RETURN, CallFrame, Env, Undefined, has
@@ -156,16 +157,7 @@ class Joins:
         items = leveled(items)
         layouts = [layout_of(v, is_any_number) for v in items]
         if any(layout != layouts[0] for layout in layouts):
-            shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
-            shapes += ": write float(x) of NumPy's numbers" if "np." in shapes else ""
-            shapes += ": write liemech.formulas.where" if "power series" in shapes else ""
-            if len({shape.count(",") for shape in map(repr, layouts) if "list(" in shape}) > 1:
-                shapes += ": choose the item, and `append` it after the branch"
-            if "Complex(" in shapes:
-                shapes += ": write liemech.formulas.Complex(x, 0.0) on every way"
-            if "None" in shapes or "'" in shapes:
-                shapes += ": let it be a number on every way, such as 0 or 1"
-            return Undefined(f"it is one thing on one way and another on the other: {shapes}")
+            return Undefined(f"it is one thing on one way and another on the other: {differing([*map(repr, layouts)])}")
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
         return build(layouts[0], iter([row[0] if len(row) > 1 and _alike(row) else combine(*row) for row in rows]))
 
