@@ -1,4 +1,4 @@
-"""What is inside of values: their parts, and the records of a kind among these."""
+"""The inside of values: their parts, and the records of a kind among these."""
 
 from __future__ import annotations
 
@@ -7,28 +7,31 @@ from typing import Any
 
 from ..numbers.pairs import PAIRS, paired
 from ..tables import Table
+from ..vectors import Mat, Vec
 from .records import Record, fields_of, fill, names_of
 
 
-def parts_of(value: Any) -> list[Any]:
-    """The fields of a record, the rows of a matrix, the two numbers of a pair, the items of a vector, a tuple, a list."""
+def parts_of(value: Any) -> Any:
+    """The items of a vector, a tuple, a list, the rows of a matrix, the fields of a record, the two numbers of a pair."""
+    if isinstance(value, (tuple, list)):
+        return value
+    if isinstance(value, Mat):
+        return value.rows
     if isinstance(value, Record):
-        return [*fields_of(value).values()]
-    if isinstance(value, Table):
-        return [value.place]
-    return [*(value.parts if isinstance(value, PAIRS) else value)]
+        return fields_of(value).values()
+    return value.parts if isinstance(value, PAIRS) else [value.place]
 
 
 def of_parts(value: Any, parts: list[Any]) -> Any:
     """A value of the kind of another, with other parts; a record is filled in unchecked."""
+    cls: Any = type(value)
+    if isinstance(value, (Vec, Mat)):
+        return cls(*parts)
+    if isinstance(value, Record):
+        return fill(cls, dict(zip(names_of(cls), parts, strict=True)))
     if isinstance(value, PAIRS):
         return paired(value.form, parts)
-    if isinstance(value, Record):
-        cls: Any = type(value)
-        return fill(cls, dict(zip(names_of(cls), parts, strict=True)))
-    if isinstance(value, Table):
-        return Table.at(*parts)
-    return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)
+    return Table.at(*parts) if cls is Table else cls(parts)
 
 
 def inside(value: Any, kind: type) -> list[Any]:
