@@ -40,8 +40,8 @@ SHARE = 50_000
 """Rows that are worth a thread of their own."""
 
 WORTH, ROWS = 0.3, 200
-"""A compilation is worth while if plain Python would take longer than so many seconds and so many
-rows: formulas of many operations take longer to compile, too.
+"""A compilation is worth while if plain Python would take longer than so many seconds, those of a short kernel, and so
+many rows: formulas of many operations take longer to compile, too.
 """
 
 DISK = 0.1

@@ -4,6 +4,9 @@ Small kernels are written out whole.  Once a native function has grown long, a f
 much in it, called again with arguments of the same form, becomes a function of its own: what is
 known while translating (classes, integers, texts, tableaus) is built into it, numbers are passed.
 Both ways give the same bits.
+
+The thresholds were tried out on the table of `tests/benchmarks/compile_time.py`: the shortest compilation whose steps are
+not longer.  What half and twice of each would do, `tests/benchmarks/thresholds.py` measures, docs/proof/performance.md has.
 """
 
 from __future__ import annotations
