@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas.arrays import real_array
+from ..formulas.arrays import real_array, shown
 from ..formulas.classes.frozen import frozen
 from ..groups.lie_group import LieGroup
 from .errors_of_elements import check_side
@@ -88,13 +88,13 @@ def checked(where: str, group: LieGroup, g: Any, covariance: Any, side: str) -> 
             f"({group.dim},) standard deviations"
         )
     if not np.isfinite(P).all():
-        raise InvalidInput(f"{where}: covariance has entries that are not finite")
+        raise InvalidInput(f"{where}: covariance must be finite; got {shown(P)}")
     # in units in which the variances are 1
     scale = np.sqrt(np.abs(np.diagonal(P, axis1=-2, axis2=-1)))
     scale = np.where(scale > 0.0, scale, 1.0)
     Q = P / scale[..., :, None] / scale[..., None, :]
     if np.abs(Q - np.swapaxes(Q, -1, -2)).max() > ROUNDING:
-        raise InvalidInput(f"{where}: covariance is not symmetric")
+        raise InvalidInput(f"{where}: covariance P must be symmetric, such as (P + P.T)/2; got {shown(P)}")
     least = np.linalg.eigvalsh(Q).min()
     if least < -ROUNDING:
         raise InvalidInput(

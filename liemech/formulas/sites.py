@@ -567,7 +567,7 @@ def some_sites(count: int, begin: int, end: int, formula: Callable[..., Any], *a
     published = [("meet", [everyone[i][1] for i in range(count)])]
     again = [_visited(i, count, published, formula, args) for i in range(begin, end)]
     if any(kind != "nothing" for kind, _ in again) or any(k != "meet" for k, _ in requests):
-        raise InvalidInput("sites of which some rest meet once, with what they have")
+        raise InvalidInput("where some sites rest, formulas `meet` once, with what is known before")
 
 
 class _Some(dict[int, Any]):

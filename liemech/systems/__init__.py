@@ -9,7 +9,7 @@ In the order in which one reads:
     canonical.py, separable.py                positions and momenta in R^n; parts.py: energies in parts that are solved
     multirate.py, one_term.py                 fast and slow parts of a potential
     vector_field.py, equations/               equations without an energy: in R^n, on groups, on spaces, on matrices
-    in_time/                                  energies and inputs that change with time, by formulas and by tables
+    in_time/                                  energies that change with time; tables (tabulated, knots), inputs
     many/                                     states of many sites, and the words by which their energies are asked
     agreement.py, trial.py, inertia.py        checks where a system is made: do energy, gradient and Lagrangian agree?
 

@@ -280,7 +280,7 @@ class MechanicalSystem(System):
                 f"{name}: g is missing; the force depends on where the body is, give state(mu=..., g=...)"
             )
         if self.driven and mu is None:
-            raise InvalidInput(f"{name}: give mu; the momentum of a velocity is another one at every time")
+            raise InvalidInput(f"{name}: give mu; the momentum of a velocity changes with time here")
         body: Any = self.body
         momentum = mu if xi is None and mu is not None else body._momentum_of(name, mu, xi)
         state = body_state(name, self.body.group, momentum, g)

@@ -222,7 +222,7 @@ def test_ensembles_know_the_time() -> None:
 @pytest.mark.slow
 def test_checks_and_refusals() -> None:
     assert lm.check_system(system(), START)
-    with pytest.raises(InvalidInput, match="give mu; the momentum of a velocity is another one"):
+    with pytest.raises(InvalidInput, match="give mu; the momentum of a velocity changes"):
         system().state(xi=[0.1, 0.0, 0.0], g=np.eye(3))
     with pytest.raises(IncompatibleSystem, match=r"Composition\(KickDrift\(\), order=4\)"):
         lm.Plan(system(), lm.KickDrift(order=4), h=0.1)

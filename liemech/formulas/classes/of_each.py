@@ -30,7 +30,7 @@ class Each(Record, OfEach):
         super().__post_init__()
         whole = all(type(n) is int and n > 0 for n in self.shape)
         if not (isinstance(self.numbers, Table) and len(self.shape) < 3 and whole and len(self.numbers)):
-            raise InvalidInput(f"each: values of shape {self.shape} are none; make it by `each`")
+            raise InvalidInput(f"each: {self.numbers!r} has no values of shape {self.shape}; make it by `each`")
         if len(self.numbers) % math.prod(self.shape):
             raise InvalidInput(f"each: {len(self.numbers)} numbers are no values of shape {self.shape}")
 

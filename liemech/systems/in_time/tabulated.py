@@ -57,8 +57,8 @@ class PiecewisePolynomial(Record):
     # the times at which the value jumps, in the first period, and how many there are
     jumps: Any = dataclasses.field(default=None, init=False)
     jumping: float = dataclasses.field(default=0.0, init=False)
-    # from `begin` to `end` the intervals that count, from the first to the last one, and the
-    # period: see `during`; at other times, of a delay or of a place, all of them count
+    # `during` a step: at times from `begin` to `end` only the intervals from `first` to `last` count,
+    # in this period of the table; at other times, such as those of a delay, all of them count
     begin: float = dataclasses.field(default=1.0, init=False)
     end: float = dataclasses.field(default=-1.0, init=False)
     first: float = dataclasses.field(default=-1.0, init=False)

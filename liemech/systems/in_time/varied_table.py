@@ -33,7 +33,7 @@ class VariedTable(PiecewisePolynomial):
         if (self.at_begin == 0.0 and t < first - slack) or (self.at_end == 0.0 and t > last + slack):
             raise InvalidInput(
                 "Plan.gradient: a formula asks a table at other times than those of its step, such as "
-                "with a delay, and has no gradient by its values; runs with moved tables tell it"
+                "with a delay, and has no gradient by its values; take differences of runs with other tables"
             )
         return super()._inside(t, low, high, period)
 
