@@ -322,3 +322,27 @@ def test_ways_that_no_edge_takes_count_for_nothing() -> None:
     lm.BondSplitting().require(spins(OfKind(lm.each(1.0 + np.arange(N) % 2)).over(near.ring(N))))
     with pytest.raises(InvalidInput, match=r"\(151, 152\)"):
         spins(OfKind(lm.each(np.where(np.arange(N) == 151, 3.0, 2.0))).over(near.ring(N)))
+
+
+@lm.record
+class Easy(lm.Term):
+    """A field and an easy axis: no motion of a single site that is known."""
+
+    K: float
+    field: lm.Vec
+
+    def energy(self, a: Any) -> float:
+        return -lm.dot(self.field, a.mu) + self.K * a.mu[2] * a.mu[2]
+
+
+@pytest.mark.parametrize("unit", [1.0, 2.0**28, 2.0**30, 2.0**120, 2.0**-30, 2.0**-120])
+@pytest.mark.parametrize("time", [1.0, 2.0**40, 2.0**-40])
+def test_kinds_do_not_depend_on_units(unit: float, time: float) -> None:
+    """Of spins of 1e9 units and more the axis, a constant below 1e-9, was taken for nothing, and its motion for a turn."""
+    terms = Easy(0.3 / (unit * time), np.array([0.1, 0.2, 0.3]) / time)
+    system = spins(Exchange(0.7 / (unit * time)).over(near.ring(N)), terms)
+    for method in (lm.SublatticeSplitting(order=4), lm.BondSplitting(order=4)):
+        with pytest.raises(IncompatibleSystem, match="needs terms whose motions are known: Easy"):
+            method.require(system)
+    free = spins(Exchange(0.7 / (unit * time)).over(near.ring(N)), Easy(0.0, [0.0, 0.0, 1.0 / time]))
+    lm.SublatticeSplitting(order=4).require(free)

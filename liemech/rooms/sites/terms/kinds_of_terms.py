@@ -214,7 +214,8 @@ def _holds(
             for error, size in test(groups, term, sites, anything):
                 misfit, whole = (np.broadcast_to(np.asarray(x, dtype=float), shape) for x in (error, size))
                 finite = np.isfinite(misfit) & np.isfinite(whole) & ((whole > LEAST) | (whole == 0.0))
-                holds = ((misfit <= APART * whole) | ~finite).all(axis=0) & finite.any(axis=0)
+                # beside residues, of which the size is 1, a constant of the formula is as large as its unit makes it
+                holds = ((misfit <= whole * (0.0 if exact else APART)) | ~finite).all(axis=0) & finite.any(axis=0)
                 good &= holds | ~np.broadcast_to(ways.points, (1, shape[1]))[0]
             branches = branches or ways.branch
     return good, branches
