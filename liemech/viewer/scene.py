@@ -190,7 +190,7 @@ class Scene:
         return entries
 
     def courses(self) -> list[dict[str, Any]]:
-        """What quantities of the runs differ from their first values, at the times of each run."""
+        """The differences of quantities of the runs from their first values, at the times of each run."""
         return [
             {
                 "name": name,
