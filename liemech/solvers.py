@@ -14,7 +14,7 @@ from .formulas.classes.layouts import layout_of
 from .formulas.numbers.conversions import double_double, moving_as, rounded
 from .formulas.numbers.double_double import is_long
 from .formulas.numbers.dual import constant, value_of
-from .formulas.numbers.sizes import EPSILON
+from .formulas.numbers.sizes import EPSILON, one_norm
 from .formulas.sites import repeated, total
 from .formulas.vectors import Vec as SmallVec
 
@@ -409,7 +409,7 @@ def solve6(m: Mat, rhs: Vec) -> Vec:
     A, B = _block(m, 0, 0), _block(m, 0, 3)
     C, D = _block(m, 3, 0), _block(m, 3, 3)
     last = vec(rhs[3], rhs[4], rhs[5])
-    if D[0, 1] == 0.0 and D[0, 2] == 0.0 and D[1, 0] == 0.0 and D[1, 2] == 0.0 and D[2, 0] == 0.0 and D[2, 1] == 0.0:
+    if one_norm(vec(D[0, 1], D[0, 2], D[1, 0], D[1, 2], D[2, 0], D[2, 1])) == 0.0:
         d = vec(1.0 / D[0, 0], 1.0 / D[1, 1], 1.0 / D[2, 2])  # an inertia, along its axes
         G, g = mat(*[d[i] * C[i] for i in range(3)]), d * last
     else:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
+from ..formulas import Mat, Record, Vec, derivative, dot, identity_matrix, mat, norm, plain, record, sqrt, vec
 from ..formulas.derivatives import tangent
 from ..formulas.numbers.sizes import one_norms
 from ..groups.retractions import Exponential, Retraction
@@ -136,8 +136,8 @@ class GalerkinVariational(Implicit):
         mu = plain(state.mu)
         xi = system.velocity(mu)
         of_mu, of_xi = unit_of(mu), unit_of(xi)
-        product = norm(of_mu * mu) * norm(of_xi * xi)
-        if product > 0.0 and not TINY < (product / of_mu) / of_xi < 1.0 / TINY:
+        square = dot(of_mu * mu, of_mu * mu) * dot(of_xi * xi, of_xi * xi)
+        if square > 0.0 and not TINY < (sqrt(square) / of_mu) / of_xi < 1.0 / TINY:
             raise InvalidInput(
                 f"{self!r}: |mu| = {norm(of_mu * mu) / of_mu:.1e} times |xi| = {norm(of_xi * xi) / of_xi:.1e} leaves the "
                 "range of floats; take other units of mass and time"

@@ -13,6 +13,7 @@ from scenes import slow
 
 import liemech as lm
 from liemech import errors
+from liemech.tableaus import gauss
 
 WORLDS = pytest.mark.parametrize(
     "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
@@ -71,6 +72,59 @@ def test_a_tangent_map_is_the_derivative(method: Any, system: Any, start: Any) -
     assert run.tangent["start"].shape == (7, 6, 6)
     assert np.abs(run.tangent["start"][0] - np.eye(6)).max() < 1e-15
     assert np.abs(run.tangent["start"][-1] - differences(plan, start, 6)).max() < 1e-9
+
+
+@pytest.mark.sample(4)
+@WORLDS
+@pytest.mark.parametrize("mu", [(0.0, 0.0, 0.0), (0.0, 0.8, 0.0)], ids=["rest", "axis"])
+@pytest.mark.parametrize(
+    "method",
+    [
+        *(lm.Isospectral(2), lm.Isospectral(4), lm.SphericalMidpoint(), lm.ImplicitMidpoint(), lm.ExactFreeBody()),
+        *(lm.RKMK(tableau=gauss(2)), lm.GalerkinVariational(order=4), lm.CovariantVariational(lm.Exponential())),
+        lm.LiePoissonHamiltonJacobi(order=4),
+    ],
+    ids=lambda x: x.name,
+)
+def test_where_values_settle_at_once_derivatives_do_too(method: Any, mu: Any, compiled: bool) -> None:
+    """At rest and in turns about an axis the first guesses are the stages, but their derivatives are not."""
+    plan, start = lm.Plan(BODY, method, 0.2, compiled=compiled), BODY.state(mu=mu, g=START.g)
+    found = plan.tangent(start, steps=6).tangent["start"][-1]
+    assert np.abs(found - differences(plan, start, 6)).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    "method",
+    [lm.KickDrift(order=2), lm.KickDrift(lm.SphericalMidpoint()), lm.LieVerlet(), lm.GalerkinVariational(order=2)],
+    ids=lambda x: x.name,
+)
+def test_tops_that_are_let_go_have_derivatives(method: Any) -> None:
+    """At their start the length of the momentum has none."""
+    plan, start = lm.Plan(TOP, method, 0.1, compiled=False), TOP.state(mu=[0.0, 0.0, 0.0], g=START.g)
+    found = plan.tangent(start, steps=3).tangent["start"][-1]
+    assert np.abs(found - differences(plan, start, 3)).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    "method", [lm.CovariantVariational(lm.Cayley()), lm.GalerkinVariational(order=2)], ids=lambda x: x.name
+)
+def test_entries_of_equations_that_vanish_at_a_turn_in_one_plane_move(method: Any) -> None:
+    four = lm.LiePoissonSystem(lm.SO(4), lm.KineticEnergy([1.0, 1.4, 1.9, 1.2, 2.3, 1.6]))
+    plan, mu = lm.Plan(four, method, 0.2, compiled=False), 0.7 * np.eye(6)[0]
+    found = plan.tangent(four.state(mu), steps=2).tangent["start"][-1]
+    ends = [
+        [plan.run(four.state(mu + k * 2.0**-8 * unit), steps=2).mu[-1] for k in (1, -1, 2, -2)] for unit in np.eye(6)
+    ]
+    slopes = [2.0**8 * ((2.0 / 3.0) * (a - b) - (1.0 / 12.0) * (c - d)) for a, b, c, d in ends]
+    assert np.abs(found.T - slopes).max() < 1e-9
+
+
+def test_at_the_lowest_point_the_lobatto_pair_of_order_two_has_the_derivative_of_rattle() -> None:
+    """They are one map."""
+    pendulum = lm.SphericalPendulum()
+    plans = [lm.Plan(pendulum, method, 0.2, compiled=False) for method in (lm.LobattoPair(order=2), lm.RATTLE())]
+    maps = [plan.tangent(pendulum.state([0.0, 0.0, -1.0], [0.0, 0.0, 0.0]), steps=6).tangent["start"] for plan in plans]
+    assert np.abs(maps[0] - maps[1]).max() < 1e-13
 
 
 @pytest.mark.parametrize("compiled", [False, slow(True)], ids=["plain", "compiled"])

@@ -5,12 +5,25 @@ from __future__ import annotations
 from typing import Any
 
 from ..large import sum_of
-from ..vectors import Vec, vec
+from ..vectors import Mat, Vec, mat, vec
 from .bases import InMemory
+from .complex_numbers import Complex
 from .dual import size_of
 
 EPSILON = 2.0**-52
 """The distance from 1 to the next double."""
+
+
+def magnitudes(x: Any) -> Any:
+    """The absolute values of the numbers in a vector or matrix, derivatives included that they carry; what lies in
+    memory carries none, and stays.  Sweeps have settled when these have: derivatives settle later than values, and
+    a root of squares has none at zero.
+    """
+    if isinstance(x, InMemory):
+        return x
+    if isinstance(x, Mat):
+        return mat(*[magnitudes(row) for row in x])
+    return vec(*[Complex(size_of(c.re), size_of(c.im)) if isinstance(c, Complex) else size_of(c) for c in x])
 
 
 def one_norm(x: Vec) -> float:

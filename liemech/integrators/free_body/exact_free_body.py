@@ -41,7 +41,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import IncompatibleSystem, NoConvergence
-from ...formulas import Mat, Record, Vec, cross, dot, mat, record, sqrt, vec, vectors, where
+from ...formulas import Mat, Record, Vec, constant, cross, dot, mat, record, sqrt, vec, vectors, where
 from ...formulas.classes.layouts import layout_of
 from ...formulas.classes.records import with_fields
 from ...formulas.numbers.conversions import fitted
@@ -203,7 +203,8 @@ class ExactFreeBody(Method):
         K, D, action, square, per_square, unit = _constants(inverse, mu, h)
         C = square * _cofactors(D)
         # the largest |K mu|^2 on the orbit is action^2/G^2 and at most the size of C
-        parts, size = 1.0, (action * action * per_square + sqrt(trace(times(C, C)))) / TURN
+        size = constant(action * action * per_square) + sqrt(constant(trace(times(C, C))))
+        parts, size = 1.0, size / TURN
         if size > 1.0:
             while size > 1.0 and parts <= PARTS:
                 parts, size = 2.0 * parts, 0.25 * size

@@ -14,6 +14,7 @@ from typing import Any
 from ...formulas import Complex, Mat, atan2, cos, exp, log, plain, sin, sqrt
 from ...formulas.elimination import determinant, solve_matrix
 from ...formulas.large import Large, distance2
+from ...formulas.numbers.sizes import magnitudes
 from ...groups.matrices.matrix_algebra import adjoint
 from ...groups.matrices.matrix_functions import frobenius2, plus
 from ...solvers import fixed_point
@@ -63,7 +64,7 @@ def midpoint_sweep(system: Any, w0: Mat, w: Mat, h: float) -> tuple[tuple[Mat, M
     else:
         turned = pw - w @ p
         new = (w0 - turned) + pwp
-    return (new, turned), sqrt(apart2(new, w)), sqrt(frobenius2(new))
+    return (new, turned), sqrt(apart2(new, w)), sqrt(frobenius2(magnitudes(new)))
 
 
 def midpoint_turn(system: Any, w: Mat, h: float) -> Mat:
@@ -118,7 +119,7 @@ def stages_sweep(
         if not system.group.keeps_lengths:
             new = (*new, -(b + r @ b))
         for a, c in zip(new, found[i]):
-            change, size = change + apart2(a, c), size + frobenius2(a)
+            change, size = change + apart2(a, c), size + frobenius2(magnitudes(a))
         found = (*found[:i], new, *found[i + 1 :])
     return found, sqrt(change), sqrt(size)
 
@@ -146,5 +147,5 @@ def antihermitian(m: Mat) -> Mat:
 
 
 def apart2(a: Mat, b: Mat) -> Any:
-    """The squared distance |a - b|^2 of two matrices."""
-    return distance2(a, b) if isinstance(a, Large) else frobenius2(a - b)
+    """The squared distance |a - b|^2 of two matrices, derivatives included."""
+    return distance2(a, b) if isinstance(a, Large) else frobenius2(magnitudes(a - b))

@@ -8,7 +8,8 @@ import functools
 from typing import Any, ClassVar
 
 from ...errors import IncompatibleSystem, InvalidInput
-from ...formulas import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose, vec, where
+from ...formulas import Mat, Vec, constant, cross, dot, jacobian, mat, record, sqrt, transpose, vec, where
+from ...formulas.numbers.sizes import magnitudes
 from ...groups.composed.product import ProductGroup, spans
 from ...groups.matrices.matrix_group import MatrixLieGroup
 from ...groups.retractions import Cayley
@@ -183,9 +184,9 @@ class SphericalMidpoint(ImplicitMidpoint):
 
 
 def _scale(m: Vec, mu: Vec) -> float:
-    """|mu|/|m|; one where the sphere is a point."""
-    point = dot(mu, mu) == 0.0
-    return where(point, 1.0, norm(mu) / sqrt(where(point, 1.0, dot(m, m))))
+    """|mu|/|m|; one where the sphere is a point, and at a first guess that is zero."""
+    point = (constant(dot(mu, mu)) == 0.0) | (constant(dot(m, m)) == 0.0)
+    return sqrt(where(point, 1.0, dot(mu, mu))) / sqrt(where(point, 1.0, dot(m, m)))
 
 
 @record
@@ -308,7 +309,8 @@ class Isospectral(Implicit):
             new, old = transpose(mat(*[cross(xi, column) for column in q.T])), stages[i]
             stages = [*stages[:i], new, *stages[i + 1 :]]
             for a, b in zip(new, old):
-                change, size = change + dot(a - b, a - b), size + dot(a, a)
+                moved, whole = magnitudes(a - b), magnitudes(a)
+                change, size = change + dot(moved, moved), size + dot(whole, whole)
         return stages, sqrt(change), sqrt(size)
 
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from ...errors import InvalidInput
 from ...formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec
-from ...formulas.numbers.sizes import one_norms
+from ...formulas.numbers.sizes import magnitudes, one_norms
 from ...groups.representations import squares
 from ...integrators.rkmk import combination
 from ...solvers import fixed_point
@@ -99,7 +99,8 @@ class LobattoPair(OnConstraints):
         # momenta follow from positions
         blocks = _of_positions(system.unit_blocks, len(q))
         if len(blocks) == 1:
-            return ((qs, ps, L), sqrt(squares([a - b for a, b in zip(qs, Q)])), norm(q) + norm(qs[s - 1] - q))
+            off = sqrt(squares([magnitudes(a - b) for a, b in zip(qs, Q)]))
+            return (qs, ps, L), off, norm(magnitudes(q)) + norm(magnitudes(qs[s - 1] - q))
         off = vec(*[0.0 for _ in blocks])
         for new, old in zip(qs, Q):
             off = off + one_norms(new - old, blocks)
