@@ -19,6 +19,7 @@ START = BODY.state(mu=[0.5, -0.3, 0.75], g=SO3.exp([0.1, 0.2, 0.3]))
 TOP = lm.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
 TOP_START = TOP.state(mu=[0.3, 0.2, 2.0], g=SO3.exp([0.1, 0.2, 0.3]))
 PENDULUM = lm.SphericalPendulum(length=1.0)
+BATH = lm.thermal_bath(BODY, damping=0.1, temperature=1.0)
 
 
 def loss(state: Any) -> Any:
@@ -57,6 +58,22 @@ def compared(plan: lm.Plan, start: Any, by: list[str], **length: Any) -> None:
 def test_a_pullback_is_the_product_with_the_tangent_map(method: Any, system: Any, start: Any, by: list[str]) -> None:
     """With first guesses and forces in memory, which begin anew in every block; in plain Python."""
     compared(lm.Plan(system, method, 0.05, compiled=False), start, by, steps=13)
+
+
+@pytest.mark.parametrize(
+    ("compiled", "steps"), [(False, 5), pytest.param(True, 400, marks=[pytest.mark.compiled, pytest.mark.slow])]
+)
+@pytest.mark.parametrize("method", [lm.WongZakai(lm.ImplicitMidpoint()), lm.NinomiyaVictoir()], ids=lambda x: x.name)
+def test_blocks_have_the_noise_of_their_steps(method: Any, compiled: bool, steps: int) -> None:
+    """Of several paths, whenever the run begins; against differences of runs with the same noise too."""
+    plan, mu = lm.Plan(BATH, method, 0.1, compiled=compiled), np.array([0.5, -0.3, 0.75])
+    compared(plan, BATH.state(mu=mu, path=3), ["start", "system.damping", "h"], steps=steps, t0=-3.3)
+    two = np.stack([mu, 2.0 * mu])
+    found = plan.gradient(lambda s: lm.dot(s.mu, s.mu), BATH.state(mu=two), steps=steps, t0=9.0)["start"]
+    starts = [BATH.state(mu=(1.0 + k * 2.0**-7) * two) for k in (1, -1, 2, -2)]
+    ends = [(plan.run(x, steps=steps, t0=9.0).mu[-1] ** 2).sum(axis=1) for x in starts]
+    slope = 2.0**7 * ((2.0 / 3.0) * (ends[0] - ends[1]) - (1.0 / 12.0) * (ends[2] - ends[3]))
+    assert off((found[:, :3] * two).sum(axis=1), slope) < 1e-6
 
 
 @pytest.mark.sample(1)
@@ -245,10 +262,6 @@ def test_runs_without_a_gradient_say_so() -> None:
     with pytest.raises(errors.IncompatibleSystem, match="large matrices"):
         large = manakov.state(mu=np.ones(66))
         lm.Plan(manakov, lm.RKMK(order=4), h=0.1).gradient(lambda s: s.mu[0], large, steps=3)
-    bath = lm.thermal_bath(BODY, damping=0.1, temperature=1.0)
-    noisy = lm.Plan(bath, lm.WongZakai(lm.RKMK(order=4)), h=0.1)
-    with pytest.raises(errors.IncompatibleSystem, match="noise"):
-        noisy.gradient(lambda s: s.mu[0], bath.state(mu=[0.1, 0.2, 0.3]), steps=3)
     clock = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.4))
     kepler = lm.Plan(lm.Kepler(), clock, h=0.05)
     with pytest.raises(errors.IncompatibleSystem, match="fictive time"):

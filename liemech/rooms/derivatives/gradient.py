@@ -24,9 +24,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import GradientWarning, IncompatibleSystem, InvalidInput, NotCompilable, warn
+from ...formulas import record
 from ...formulas.classes.frozen import frozen
 from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.records import with_fields
 from ...integrators.ending_at_jumps import ending_at_jumps, overshoot
+from ...integrators.method import Wrapping
 from ...simulation import arguments
 from ...simulation.between.dense import flat
 from ...simulation.compiled.execution import like
@@ -112,6 +115,21 @@ class LossParameter:
     values: bool = False
 
 
+@record
+class NumberedByTime(Wrapping):
+    """Noisy steps whose numbers follow from the time, wherever they begin.
+
+    t0 : when step 0 begins.
+    """
+
+    t0: float
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        """The step of this time."""
+        number = float(round((t - self.t0) / h))
+        return self.method.step(system, t, with_fields(memory, number=0.0 * memory.number + number), h)
+
+
 class ParameterDirections:
     """The parameters by which all bodies are differentiated.
 
@@ -173,6 +191,7 @@ class ParameterDirections:
         self.raw = methods
         self.of_things = [[table.of(thing) for thing in several] for table in self.tables]
         wrapped = methods if way.clock != "t" else [ending_at_jumps(method, one, way.breaks) for method in methods]
+        wrapped = [NumberedByTime(method, t0) if method.noisy else method for method in wrapped]
         slopes = self._slopes(methods, by_method, lambda method: method)
         more = layout_of(wrapped[0]).width - slopes.shape[2]
         self.methods = Varied(wrapped, np.pad(slopes, ((0, 0), (0, 0), (0, more))), (), side)
@@ -391,7 +410,7 @@ class PreparedGradient:
 
 def prepared(plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool) -> PreparedGradient:
     """The `PreparedGradient` of this plan, from before or made now.  lasting : do its steps not depend on a run?"""
-    key = names, bodies, layout_of(one), t0 if "h" in names else None
+    key = names, bodies, layout_of(one), t0 if "h" in names or plan._first_of("method").noisy else None
     known: PreparedGradient | None = plan._backwards.get(key) if lasting else None
     if known is None or known.system is not plan.system:
         known = PreparedGradient(plan, bodies, one, names, t0)
@@ -599,11 +618,6 @@ def backwards(
         raise IncompatibleSystem(
             f"Plan.{what}: {plan._one!r} has large matrices, whose numbers in memory carry no "
             "derivative; differences of runs tell it"
-        )
-    if plan._first_of("method").noisy:
-        raise IncompatibleSystem(
-            f"Plan.{what}: the noise of {plan._first_of('method')!r} goes on by number of steps, and "
-            "blocks of steps begin anew; differences of runs with one seed tell the derivative"
         )
     with plan._beginning(start, t0):
         if not plan.adaptive:

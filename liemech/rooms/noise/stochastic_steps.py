@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ...errors import IncompatibleSystem, InvalidInput, undefined
-from ...formulas import Record, Vec, plain, record, sqrt, vec, where
+from ...formulas import Record, Vec, constant, plain, record, sqrt, vec, where
 from ...formulas.numbers.philox import normals, uniforms
 from ...integrators.method import Method
 from ...integrators.rkmk import RKMK
@@ -105,7 +105,7 @@ class NoisySteps(Method):
 
     def step(self, system: Stochastic, t: float, memory: NoisyMemory, h: float) -> NoisyMemory:
         """A step with the random numbers of its path and its number."""
-        path, number = plain(memory.path), plain(memory.number)
+        path, number = constant(plain(memory.path)), constant(plain(memory.number))
         z, coin = self.random(system, path, number)
         moved = self.moved(system, t, memory.memory, h, z, coin)
         return NoisyMemory(moved, memory.path, memory.number + 1.0)
@@ -121,7 +121,7 @@ class NoisySteps(Method):
 
     def increment(self, system: Stochastic, path: float, number: float) -> tuple[Vec, float]:
         """One increment for each field, of mean 0 and variance 1, and another number."""
-        count, seed = len(system.fields), system.seed
+        count, seed = len(system.fields), constant(system.seed)
         coin, _ = uniforms(seed, path, number, (count + 1) // 2)
         if self.increments == "normal":
             return vec(*normals(seed, path, number, count)), coin
