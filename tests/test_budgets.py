@@ -16,11 +16,11 @@ LIBRARY = Path(__file__).parent.parent / "liemech"
 
 BUDGETS = {
     ".": (740, 3_000),
-    "checks": (5_260, 30_500),
+    "checks": (5_260, 30_550),
     "command_line": (1_760, 9_700),
-    "compiler": (12_500, 73_070),
+    "compiler": (12_530, 73_230),
     "estimation": (1_960, 9_300),
-    "formulas": (10_040, 51_320),
+    "formulas": (10_170, 52_180),
     "groups": (10_260, 54_900),
     "integrators": (5_030, 25_700),
     "joints": (7_470, 48_600),
@@ -29,7 +29,7 @@ BUDGETS = {
     "plots": (2_300, 12_900),
     "rooms/at_work": (1_780, 9_100),
     "rooms/constraints": (3_000, 16_600),
-    "rooms/derivatives": (4_440, 28_000),
+    "rooms/derivatives": (4_450, 28_010),
     "rooms/fictive_time": (1_680, 8_200),
     "rooms/files": (1_330, 9_000),
     "rooms/hamilton_jacobi": (1_280, 6_600),
