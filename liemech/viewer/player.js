@@ -32,8 +32,8 @@ function startPlayer() {
   if (scene.socket) scene.panels.forEach((panel) => { panel.floor = false; }); // nobody knows how deep it will go
   Object.assign(renderer.shadowMap, { enabled: scene.panels.some(({ floor }) => floor !== false), autoUpdate: false, type: THREE.PCFShadowMap });
   for (const name of ["Lights", "Grid", "Axes"]) node(name).object.visible = false;
-  const [lamp, rim, sun] = [0.45, 0.25, 0.15].map((strength) => new THREE.DirectionalLight(0xffffff, strength));
-  viewer.scene.add(new THREE.HemisphereLight(0xffffff, 0xc9bfae, 0.66), lamp, lamp.target, rim, sun);
+  const [lamp, rim, sun] = [0.48, 0.25, 0.1].map((strength) => new THREE.DirectionalLight(0xffffff, strength));
+  viewer.scene.add(new THREE.HemisphereLight(0xffffff, 0xd6cec2, 0.73), lamp, lamp.target, rim, sun);
   sun.castShadow = true; // on floors
   sun.position.set(0.3, -0.4, 3);
   Object.assign(sun.shadow, { radius: 4, mapSize: new THREE.Vector2(512, 512) });
