@@ -112,6 +112,11 @@ class Local:
         """The largest of the sensible steps."""
         return self.sensible[0]
 
+    @property
+    def until(self) -> float:
+        """When a few steps end."""
+        return self.place.t0 + SOME * self.h
+
 
 def seen_errors(errors: Errors, name: str, noise: float) -> list[tuple[float, float]]:
     """Steps and errors between nonsense and rounding, of a part or of all, from where they point to one side: about a

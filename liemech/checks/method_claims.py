@@ -228,6 +228,11 @@ class MethodTrial:
         """The step at which all claims but the order are looked at."""
         return self.journey[0]
 
+    @property
+    def until(self) -> float:
+        """When the step ends."""
+        return self.t0 + self.h
+
 
 def ended(run: Any) -> dict[str, np.ndarray]:
     """The last sample as it is: of a method that leaves a manifold it is no state to begin with."""

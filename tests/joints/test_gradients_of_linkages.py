@@ -65,6 +65,27 @@ def test_by_a_table_of_torques() -> None:
         assert found[k] == pytest.approx(right, rel=1e-7, abs=1e-12), k
 
 
+@pytest.mark.slow
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("links", [3, 4])
+def test_of_long_chains(links: int) -> None:
+    """Along a direction of the start in which momenta and poses change, off the conditions too."""
+    system, rng, group = jt.chain(links), np.random.default_rng(links), lm.SE3()
+    start = system.state(angles={0: [0.1, 0.6, 0.0], links - 1: [0.5, 0.0, 0.2]}, rates={0: [0.3, -0.2, 0.4]})
+    plan = lm.Plan(system, lm.LieRATTLE(), h=H)
+    mu, g = np.array(start.mu), np.array(start.g).reshape(links, 4, 4)
+    by_mu, by_g, w, eta = (rng.normal(size=n * links) for n in (6, 16, 6, 6))
+
+    def value(e: float) -> float:
+        turned = [g[k] @ group.exp(e * eta[6 * k : 6 * k + 6]) for k in range(links)]
+        moved = type(start)(lm.vec(*(mu + e * w)), lm.vec(*np.ravel(turned)))
+        last = plan.run(system.vouched(moved), steps=2)
+        return float(by_mu @ last.mu[-1] + by_g @ last.g[-1])
+
+    found = plan.gradient(lambda s: lm.dot(lm.vec(*by_mu), s.mu) + lm.dot(lm.vec(*by_g), s.g), start, steps=2)
+    assert found["start"] @ np.concatenate([w, eta]) == pytest.approx(slope(value, 1e-3), rel=1e-8)
+
+
 @pytest.mark.parametrize("t0", [5.0, -3.0])
 def test_a_table_of_later_times_is_not_asked_before(t0: float) -> None:
     values = np.array([0.3, -0.2, 0.5, 0.1])

@@ -4,7 +4,7 @@ matrices: R^2n, duals of algebras, T*G, Poisson spaces, and the manifolds of con
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +41,7 @@ class Charts:
     begin: Any
     whole: bool
     reach: float = np.inf  # units are at most so many times the sizes of positions and momenta
+    t: float = 0.0  # of conditions that move
 
     @cached_property
     def units(self) -> np.ndarray:
@@ -123,10 +124,14 @@ class Charts:
             whole = np.block([[0.0 * identity, identity], [-identity, momenta]]) if self.whole else momenta
         return whole / np.outer(self.units, self.units)
 
+    def at_time(self, t: float) -> Charts:
+        """The coordinates at time t, in these units."""
+        return self
+
     def defect(self, trial: Any, apart: float) -> float:
         """|Phi' B Phi'^T - B(Phi)| beside |Phi'|^2 |B| + |B(Phi)|."""
         B, (end, D) = self.structure(self.begin), self.moved(trial, apart)
-        left, right = D @ B @ D.T, self.structure(end)
+        left, right = D @ B @ D.T, self.at_time(trial.until).structure(end)
         scale = np.abs(D).max() ** 2 * np.abs(B).max() + np.abs(right).max()
         return float(np.abs(left - right).max() / scale)
 
@@ -137,7 +142,8 @@ class Charts:
         shifts = [k * apart * e for e in np.eye(n) for k in range(-half, half + 1)]
         ends = trial.ends([self.displaced(x) for x in shifts])
         end = type(self.begin)(**{name: small(np.asarray(x)) for name, x in ends[half].items()})
-        coordinates = [self.coordinates(end, state) for state in ends]
+        there = self.at_time(trial.until)
+        coordinates = [there.coordinates(end, state) for state in ends]
         columns = [sum(w * coordinates[size * j + k] for k, w in enumerate(weights)) / apart for j in range(n)]
         return end, np.stack(columns, axis=1)
 
@@ -208,6 +214,10 @@ class BoundCharts(ConstrainedCharts):
     A displaced state is the consistent one that is nearest to g exp(xi) and a changed mu.
     """
 
+    def at_time(self, t: float) -> Charts:
+        """Those under conditions that move with time as they are at t."""
+        return replace(self, t=t)
+
     @cached_property
     def ambient(self) -> Charts:
         """The coordinates of T*G, without regard to the constraints."""
@@ -225,7 +235,7 @@ class BoundCharts(ConstrainedCharts):
 
         def both(y: Any) -> Any:
             xi, change = vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)])
-            c, speed = system.conditions_at(at.mu + change, group.compose_exp(at.g, xi))
+            c, speed = system.conditions_at(at.mu + change, group.compose_exp(at.g, xi), self.t)
             return vec(*c, *speed)
 
         rows = np.array(jacobian(both, vec(*[0.0 for _ in range(2 * n)])), dtype=float)

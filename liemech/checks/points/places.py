@@ -233,15 +233,16 @@ class CheckPlace:
 
 def places(first: CheckPlace) -> Iterator[CheckPlace]:
     """The start at later times, and other starts, as many as there are; the first is the start
-    itself.
+    itself.  Under conditions that move with time all of them are at its time.
     """
     yield first
     base = first.base
-    if knows_time(base):
+    moves = isinstance(base, BoundBody) and base.constraint.rheonomic
+    if knows_time(base) and not moves:
         yield from filter(_serves, [replace(first, name="the start, late", t0=first.t0 + LATE[1])])
-    starts = [*_others(base, first.start)]
+    starts = [*_others(base.at_time(first.t0) if moves else base, first.start)]
     for i, (name, state) in enumerate(starts):
-        late = first.t0 + LATE[(i + 1) % len(LATE)]
+        late = first.t0 + LATE[0 if moves else (i + 1) % len(LATE)]
         candidates = (replace(first, name=name, start=state, t0=t) for t in (late, first.t0))
         yield from itertools.islice(filter(_serves, candidates), 1)
 
