@@ -1,4 +1,7 @@
-"""Linkages in memory: a place there has a body and the joint of the same number, each value by its name."""
+"""Linkages in memory: a place there has a body and the joint of the same number, each value by its name.
+
+Source: Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3 (rows G of conditions, their impulses -G* l).
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ def work_of(
     full: bool, most: int, freedoms: int, own: tuple[Layout, ...], on: tuple[Layout, ...], pushed: bool,
     bent: bool, moving: bool, hubs: bool, geared: bool,
 ) -> Layout:  # fmt: skip
-    """What each place has beside what the method carries along, by name; of no width is what a linkage does not need.
+    """The layout of what each place has beside what the method carries along; of no width is what a linkage does not need.
 
     full : are inertias matrices?  most, freedoms : conditions of a joint, and coordinates that loads act along.  own,
     on : the kinds of joints, and of what acts on a body.  pushed, bent : are there loads on bodies; one on all of them
@@ -264,10 +267,14 @@ class StepsOfLinks(Record):
     together: ClassVar[bool] = True
     settles: ClassVar[bool] = False
     symmetric: ClassVar[bool] = False
-    room: ClassVar[int] = 0  # rows of numbers before those that all methods work with
 
     def __repr__(self) -> str:
         return self.name
+
+    @property
+    def room(self) -> int:
+        """Rows of numbers before those that all methods work with."""
+        return 0
 
     def start(self, system: Any, state: Any, h: float) -> LinkMemory:
         """A state."""

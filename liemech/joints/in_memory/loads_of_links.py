@@ -1,4 +1,4 @@
-"""What loads do to bodies and joints in memory: Newton's method for the velocities that kicks by them lead to.
+"""Kicks by loads on bodies and joints in memory: Newton's method for the velocities that kicks by them lead to.
 
     xi+ = J^-1 (mu + h F(xi+) - G* l),   G xi+ = 0
 
@@ -186,7 +186,7 @@ def inertia_less(slopes: Any, work: Any) -> Mat:
     """J less a derivative that is given by its columns."""
     J, n = work.inertia.load(), range(6)
     return mat(*[
-        vec(*[(J[i, j] if isinstance(J, Mat) else J[i] if i == j else 0.0) - slopes[j][i] for j in n]) for i in n
+        vec(*[(J[i, j] if isinstance(J, vectors.Mat) else J[i] if i == j else 0.0) - slopes[j][i] for j in n]) for i in n
     ])  # fmt: skip
 
 

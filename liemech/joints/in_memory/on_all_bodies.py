@@ -1,4 +1,7 @@
-"""Potentials and loads on all bodies of a linkage by one formula, which has all poses at once."""
+"""Potentials and loads on all bodies of a linkage by one formula, which has all poses at once.
+
+Source: Marsden and West, Acta Numerica 10 (2001), section 3.2 (forces at both ends of a step).
+"""
 
 from __future__ import annotations
 

@@ -324,7 +324,7 @@ def correction_of_body(system: Any, retraction: Any, h: float, old: Any, work: A
     work.upright.save(same)
     away = vec(g[0, 3], g[1, 3], g[2, 3])
     size = vectors.sum(
-        [(J[i, i] if isinstance(J, Mat) else J[i]) * (1.0 if i < 3 else dot(away, away)) for i in range(6)]
+        [(J[i, i] if isinstance(J, vectors.Mat) else J[i]) * (1.0 if i < 3 else dot(away, away)) for i in range(6)]
     )
     work.size.save(size)
 
@@ -483,7 +483,7 @@ def mismatch_of_joint(system: Any, h: float, work: Any, equations: Any) -> None:
 
 
 def missed(system: Any, h: float, there: Any, g: Mat, k: Mat, work: Any) -> Vec:
-    """What the conditions at the end of the step miss, with the free motions of the bodies.  That of a rotor is that
+    """The mismatch of the conditions at the end of the step, with the free motions of the bodies.  That of a rotor is that
     it turns as the joint does: by h (q' + l/A) along the step.
     """
     c = system.of_kind(work, lambda one: one.value(g, k, system.most))

@@ -43,7 +43,7 @@ MOST = 500.0
 
 
 def work_of(n: int) -> Layout:
-    """What each site has beside what the method carries along, by name, for a group of n dimensions."""
+    """The layout of what each site has beside what the method carries along, for a group of n dimensions."""
     row, block = vector(n), matrix(n, n)
     return named(
         unknown=row,  # the displacement x
