@@ -277,11 +277,11 @@ class StepsOfLinks(Record):
         return 0
 
     def start(self, system: Any, state: Any, h: float) -> LinkMemory:
-        """A state."""
+        """The state, which is all that steps carry along."""
         return LinkMemory(state, ())
 
     def observe(self, memory: LinkMemory) -> Any:
-        """The state."""
+        """The state that steps carry along."""
         return memory.state
 
 
