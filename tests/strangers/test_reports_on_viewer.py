@@ -106,7 +106,7 @@ def test_a_scene_plays_in_real_time_where_one_can_look_so_long(length: float, pl
     """pydy/pydy#26, tsoding/multik#23, ihmcrobotics/ihmc-open-robotics-software#111: ten seconds did not last ten
     seconds.
     """
-    start = BODY.state(mu=[0.3, 1.0, 0.2], g=np.eye(3))
+    start = BODY.state(mu=np.array([0.3, 1.0, 0.2]) / length, g=np.eye(3))  # slow: samples far apart take their time
     run = lm.integrate(BODY, lm.RKMK(order=4), start, h=length / 100, steps=100, compiled=False)
     scene = Scene(run)
     assert scene.duration == pytest.approx(length, rel=1e-14) and scene.seconds == pytest.approx(plays, rel=1e-14)
