@@ -595,7 +595,7 @@ GOOD = EKF.belief(np.eye(3), [0.1] * 3)
     (lambda: EKF.belief(np.eye(3), np.diag([1.0, 1.0, -1.0])), "negative eigenvalue"),
     (lambda: EKF.belief(np.eye(3), np.triu(np.ones((3, 3)))), "symmetric"),
     (lambda: EKF.belief(np.eye(3), np.eye(4)), "covariance has shape"),
-    (lambda: EKF.belief(np.eye(3), np.full((3, 3), np.nan)), "not finite"),
+    (lambda: EKF.belief(np.eye(3), np.full((3, 3), np.nan)), "must be finite"),
     (lambda: EKF.predict(GOOD, [1.0, 2.0], 0.1), "u has shape"),
     (lambda: EKF.predict(GOOD, [1.0, 2.0, np.nan], 0.1), "u"),
     (lambda: EKF.predict(np.eye(3), [1.0, 2.0, 3.0], 0.1), "must be a Belief"),
