@@ -212,6 +212,8 @@ def _equal(a: Any, b: Any) -> Any:
     if a is b:
         return True
     if type(a) is type(b) is tuple:
+        if {tuple, np.ndarray}.isdisjoint([*map(type, a), *map(type, b)]):
+            return a == b
         return len(a) == len(b) and all(map(_equal, a, b))
     if np.ndarray in (type(a), type(b)):
         return type(a) is type(b) and np.array_equal(a, b)
