@@ -20,7 +20,7 @@ BUDGETS = {
     "command_line": (1_760, 9_700),
     "compiler": (12_530, 73_240),
     "estimation": (1_960, 9_300),
-    "formulas": (10_170, 52_180),
+    "formulas": (10_170, 52_210),
     "groups": (10_260, 54_900),
     "integrators": (5_030, 25_700),
     "joints": (7_470, 48_600),

@@ -180,7 +180,7 @@ def test_a_run_goes_on_where_it_stood():
 @pytest.mark.parametrize("count", [3, 6])
 def test_elimination_along_a_chain_and_a_ring_is_that_of_the_whole_matrix(count, ring):
     n, layout, rng = 3, work_of(3), np.random.default_rng(count)
-    method = GalerkinOfChain((), (), None, None, ring, float(count), layout, Table([1.0, 0.0]), 1.0, 1)
+    method = GalerkinOfChain("", (), (), None, None, ring, float(count), layout, Table([1.0, 0.0]), 1.0, 1)
     work = columns(Planes.of_rows(layout.width, count), work=layout).work.fields
     whole, rest = np.zeros((count, n, count, n)), rng.normal(size=(count, n))
     for k in range(count):

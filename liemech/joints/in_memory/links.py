@@ -12,6 +12,7 @@ from ...formulas.classes.layouts import Layout, carried_layout, layout_of, matri
 from ...formulas.classes.records import with_fields
 from ...formulas.sites import named
 from ...groups.lie_group import LieGroup
+from ...rooms.sites.steps_together import StepsTogether
 from ...systems.in_time.inputs import during, inputs
 from ...systems.in_time.knots import jump_ahead
 from ...systems.lie_poisson import BodyState
@@ -259,22 +260,8 @@ class LinkMemory(Record):
 
 
 @record
-class StepsOfLinks(Record):
-    """A method of many bodies and joints.  name : of the method of one system."""
-
-    name: str
-
-    together: ClassVar[bool] = True
-    settles: ClassVar[bool] = False
-    symmetric: ClassVar[bool] = False
-
-    def __repr__(self) -> str:
-        return self.name
-
-    @property
-    def room(self) -> int:
-        """Rows of numbers before those that all methods work with."""
-        return 0
+class StepsOfLinks(StepsTogether):
+    """A method of many bodies and joints."""
 
     def start(self, system: Any, state: Any, h: float) -> LinkMemory:
         """The state, which is all that steps carry along."""
@@ -286,11 +273,6 @@ class StepsOfLinks(Record):
 
 
 # ------------------------------------------------------------------ what formulas ask of a place
-
-
-def copied(old: Any, new: Any) -> None:
-    """A place as it is."""
-    new.save(old.load())
 
 
 def both(column: Any, work: Any) -> tuple[Any, Any]:

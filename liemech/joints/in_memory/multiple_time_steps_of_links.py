@@ -18,10 +18,11 @@ from ...compiler.sites.planes import columns, each
 from ...formulas import plain, record
 from ...formulas.classes.layouts import Layout
 from ...formulas.classes.records import with_fields
+from ...rooms.sites.steps_together import copied
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
 from .elimination import impulses_off
-from .links import READY, LinkMemory, StepsOfLinks, copied
+from .links import READY, LinkMemory, StepsOfLinks
 from .on_all_bodies import pulled_together
 from .rattle_of_links import RattleOfLinks, joints_here, on_the_constraint
 

@@ -23,6 +23,7 @@ from ...integrators.memory import continued
 from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, SHORTEST
 from ...integrators.variational import momentum_slope, with_inertia
 from ...rooms.constraints.lie_rattle import MOST
+from ...rooms.sites.steps_together import copied
 from ...solvers import NOISE
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
@@ -36,20 +37,7 @@ from .elimination import (
     scattered,
     solved,
 )
-from .links import (
-    BROKEN,
-    READY,
-    REST6,
-    LinkMemory,
-    StepsOfLinks,
-    answered,
-    both,
-    copied,
-    poses_of,
-    pull_on,
-    speeds,
-    wrenches,
-)
+from .links import BROKEN, READY, REST6, LinkMemory, StepsOfLinks, answered, both, poses_of, pull_on, speeds, wrenches
 from .loads_of_links import loads
 from .on_all_bodies import UNITS, pulled_together
 

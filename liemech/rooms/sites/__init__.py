@@ -8,6 +8,6 @@ runs them.  In the order in which one reads:
     energy_of_species.py      kinetic energies of sites of several kinds
     separable_sites.py        masses in R^n
     parts_of_spins.py         parts of an energy of spins that move in closed form; spin_splittings.py composes them
-    galerkin_of_chain.py      the midpoint method of chains and rings, all sites of a step at once
+    steps_together.py         methods that step all sites at once; galerkin_of_chain.py: the midpoint method of chains and rings
     runs/                     runs step by step over the sites
 """

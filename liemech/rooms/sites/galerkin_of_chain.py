@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 from ...compiler.sites.planes import columns, each
 from ...errors import NoConvergence
-from ...formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, plain, record, vec, where
+from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, mat, plain, record, vec, where
 from ...formulas.classes.layouts import Layout, matrix, vector
 from ...formulas.elimination import inverted
 from ...formulas.sites import named, own
@@ -36,6 +36,7 @@ from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, S
 from ...integrators.variational import with_inertia
 from ...solvers import NOISE
 from ...systems.lie_poisson import BodyState
+from .steps_together import StepsTogether, copied
 from .terms.terms_at_site import at_this_site
 
 MOST = 500.0
@@ -64,7 +65,7 @@ def work_of(n: int) -> Layout:
 
 
 @record
-class GalerkinOfChain(Record):
+class GalerkinOfChain(StepsTogether):
     """GalerkinVariational(order=2), or a composition of it, of sites that are tied each to the next.
 
     edges : the terms of two sites as the first of them has them, in forms of a site.  alone : those
@@ -83,14 +84,8 @@ class GalerkinOfChain(Record):
     shares: Any
     substeps: float
     stages: int
-    name: str = ""
 
-    together: ClassVar[bool] = True
-    settles: ClassVar[bool] = False
     symmetric: ClassVar[bool] = True
-
-    def __repr__(self) -> str:
-        return self.name
 
     @property
     def room(self) -> int:
@@ -172,11 +167,6 @@ leads.
 
 
 # ------------------------------------------------------------------ formulas of one site
-
-
-def copied(old: Any, new: Any) -> None:
-    """A place as it is."""
-    new.save(old.load())
 
 
 def guessed(system: Any, h: float, old: Any, past: Any, work: Any) -> None:

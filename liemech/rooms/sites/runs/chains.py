@@ -61,6 +61,7 @@ def chained_method(plan: Any) -> GalerkinOfChain | None:
     edges = [RoleAtSite.of_incidence(with_fields(part, merged=False), 0, part.graph.incidence(0)) for part in bonds]
     alone = [role for role in site.potential.roles if role.alone]
     return GalerkinOfChain(
+        repr(method),
         tuple(edges),
         tuple(alone),
         SiteTable.of(np.roll(np.arange(n), 1)[None]),
@@ -71,7 +72,6 @@ def chained_method(plan: Any) -> GalerkinOfChain | None:
         Table(np.ravel(rows)),
         float(len(rows)),
         len(rows),
-        repr(method),
     )
 
 
