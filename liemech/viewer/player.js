@@ -440,9 +440,10 @@ function startPlayer() {
 
   function arrive() { // by a link
     const { t, view } = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-    if (view) look(...view.split(",").map(Number));
-    if (t) window.seekTo(scene.sign * (Number(t) - scene.start));
-    return Boolean(t);
+    const eye = (view ?? "").split(",").map(Number), known = t && Number.isFinite(Number(t));
+    if (eye.length > 1 && eye.every(Number.isFinite) && eye[2] !== 0) look(...eye.slice(0, 3)); // else it is nobody's link
+    if (known) window.seekTo(scene.sign * (Number(t) - scene.start));
+    return Boolean(known);
   }
 
   let film = null; // one that is being made

@@ -151,7 +151,7 @@ def test_a_link_leads_back_to_the_moment_and_the_view(browser: Chromium, tmp_pat
     page = Scene(run(), seconds=10.0).save(tmp_path / "body.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
-        first = tab.seek(17.0)
+        first, home = tab.seek(17.0), tab.evaluate("player.viewer.camera.position.toArray()")
         tab.drag((150.0, 200.0), (210.0, 180.0))
         turned, eye = tab.drawn(), np.array(tab.evaluate("player.viewer.camera.position.toArray()"))
         tab.click("#link")
@@ -171,6 +171,10 @@ def test_a_link_leads_back_to_the_moment_and_the_view(browser: Chromium, tmp_pat
         tab.wait(READY)
         x, y, z = tab.evaluate("player.viewer.camera.position.toArray()")
         assert y > 100 * abs(x) and y > 100 * abs(z)  # from above: the second axis of three.js
+    for nonsense in ("#view=abc", "#view=1,2,0&t=never", "#view="):
+        with Tab.of(browser, address.partition("#")[0] + nonsense) as tab:
+            tab.wait(READY)
+            assert tab.evaluate("player.viewer.camera.position.toArray()") == pytest.approx(home)
 
 
 @pytest.mark.slow
