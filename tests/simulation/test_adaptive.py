@@ -167,6 +167,22 @@ def test_steps_shrink_where_the_motion_is_fast() -> None:
     assert np.abs(fine.g[-1] - run.g[-1]).max() < 1e-7
 
 
+@pytest.mark.parametrize("at_rest", [False, True])
+@pytest.mark.parametrize("unit", [2.0**30, 2.0**-30])
+def test_a_unit_of_time_changes_no_step(unit: float, at_rest: bool) -> None:
+    """The first step is chosen from the motion: in years as in nanoseconds."""
+
+    def seen(unit: float) -> lm.Trajectory:
+        top = lm.models.HeavyTop([1.0, 1.5, 2.0], weight=3.0 / unit**2, centre=[0.1, 0.0, 0.5])
+        start = top.state(0.0 * START.mu if at_rest else np.array(START.mu) / unit, np.array(START.g))
+        return lm.integrate(top, DP5, start, t_end=2.0 * unit, rtol=1e-8, atol=0.0)
+
+    run, in_units = seen(1.0), seen(unit)
+    assert np.array_equal(in_units.t / unit, run.t)
+    assert np.array_equal(in_units.mu * unit, run.mu)
+    assert np.array_equal(in_units.g, run.g)
+
+
 # ---------------------------------------------------------------- events
 
 

@@ -411,7 +411,7 @@ def started(
     method: Any, system: Any, t: float, state: Any, h: float, t_end: float, rtol: float, atol: float
 ) -> tuple[Any, float]:
     """The velocity at the start, and the first step if h is zero: from the size of the velocity and
-    of its change.
+    of its change, in a unit in which the state changes by its own size, so that seconds and years give one motion.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4,
     "Starting step size".
@@ -420,17 +420,18 @@ def started(
     if h == 0.0:
         span = t_end - t
         least = 8.0 * EPSILON * max(abs(t), abs(t_end))
-        h = abs(span)
+        h = unit = abs(span)
         if speed > 0.0:
             h = min(max(0.01 * size / speed, least), abs(span))
+            unit = 100.0 * h
         if span < 0.0:
             h = -h
         later = attempt(method.change_of_velocity, system, t, state, xi, h, rtol, atol)
         if accepted(later, itself):
-            largest = max(speed, later / abs(h))
+            largest = unit * max(speed, later / abs(h) * unit)
             second = abs(span)
             if largest > 0.0:
-                second = (0.01 / largest) ** (1.0 / method.error_order)
+                second = unit * (0.01 / largest) ** (1.0 / method.error_order)
             second = max(min(100.0 * abs(h), second, abs(span)), least)
             h = second if span > 0.0 else -second
         else:
