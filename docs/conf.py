@@ -27,7 +27,7 @@ extensions = [
         "contact_sheet",
     ),
 ]
-exclude_patterns = ["figures/*.py", "derivations", "site", "generated/pages"]
+exclude_patterns = ["figures/*.py", "derivations", "site", "generated/pages", "proof/measured"]
 nitpicky = True
 # Markdown
 myst_enable_extensions = ["dollarmath", "colon_fence"]

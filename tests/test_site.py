@@ -24,7 +24,7 @@ def test_every_page_is_in_the_lists_of_the_first_page() -> None:
     assert all(groups), "a page is linked from a list above the first heading"
     listed = [page for pages in groups.values() for page in pages if not page.startswith("generated/")]
     pages = {str(page.relative_to(DOCS).with_suffix("")) for page in DOCS.rglob("*.md")} - {"index"}
-    assert sorted(listed) == sorted(pages)
+    assert sorted(listed) == sorted(page for page in pages if not page.startswith("proof/measured/"))
 
 
 @pytest.mark.parametrize("name", ["proof/verification", "equations", "proof/reliability"])

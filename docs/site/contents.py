@@ -1,5 +1,5 @@
 """The table of contents at the side of every page, read from the lists of `index.md`: a heading
-there is a group of pages here.
+there is a group of pages here.  Tables in `measured` are no pages; links lead to their files.
 """
 
 from __future__ import annotations
@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
+
+MEASURED = re.compile(r"\]\(((?:[\w./]+/)?measured/\w+\.md)(?:#[\w-]+)?\)")
+"""A link to tables that are not part of the site."""
 
 GENERATED = {"Reference": ("generated/api/index",)}
 """Pages that are written while the site is built, by the heading under which they stand."""
@@ -40,6 +43,12 @@ def add(app: Sphinx, name: str, source: list[str]) -> None:
             )
 
 
+def lead_to_files(app: Sphinx, name: str, source: list[str]) -> None:
+    """Mark links to measured tables as links to files, which are copied into the site."""
+    source[0] = MEASURED.sub(r"](path:\1)", source[0])
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("source-read", add)
+    app.connect("source-read", lead_to_files)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

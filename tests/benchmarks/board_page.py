@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 PROOF = Path(__file__).parents[2] / "docs" / "proof"
-PAGE, TABLES = PROOF / "leader_board.md", PROOF / "work_precision.md"
+PAGE, TABLES = PROOF / "leader_board.md", PROOF / "measured" / "work_precision.md"
 MARKS = "<!-- measured: tests/benchmarks/leader_board.py -->\n", "<!-- end -->"
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 Best = tuple[float, str] | None
@@ -314,7 +314,7 @@ def tables(measured: dict[str, Any]) -> str:
 
 
 def write_pages(measured: dict[str, Any]) -> None:
-    """docs/proof/leader_board.md, and the tables of docs/proof/work_precision.md."""
+    """docs/proof/leader_board.md, and the tables of docs/proof/measured/work_precision.md."""
     PAGE.write_text(page(measured), encoding="utf-8")
     before, _, rest = TABLES.read_text(encoding="utf-8").partition(MARKS[0])
     TABLES.write_text(before + MARKS[0] + tables(measured) + MARKS[1] + rest.partition(MARKS[1])[2], encoding="utf-8")

@@ -1,12 +1,11 @@
-"""One table of all that was wanted: budgets of time and memory, time to error beside others, goals
-of reliability.
+"""Goals of time and memory, and of time to error beside other packages: wanted, measured, met.
 
     python tests/benchmarks/budgets.py [--run rigid_body calls ... | all] [--quick] [--minutes 20]
 
 --run measures these again, each by its own benchmark, and keeps the rows in `budgets.json`; a
 benchmark that does not finish within its share of the minutes is named, and its rows stay.  Then
-docs/proof/budgets.md is written from them, from `leader_board.json`, from the table of
-docs/proof/reliability.md and from `tests/stress/long_runs.json`.
+docs/proof/measured/budgets.md is written from them, from `leader_board.json` and from
+`tests/stress/long_runs.json`.
 """
 
 from __future__ import annotations
@@ -31,17 +30,15 @@ from board_page import best, error, number, quickest
 import liemech as lm
 
 HERE = Path(__file__).parent
-KEPT, PAGE = HERE / "budgets.json", HERE.parents[1] / "docs" / "proof" / "budgets.md"
+KEPT, PAGE = HERE / "budgets.json", HERE.parents[1] / "docs" / "proof" / "measured" / "budgets.md"
 STRESS = HERE.parent / "stress"
 Row = dict[str, Any]
 HEAD = """# Budgets
 
-What was wanted when the library was planned, what is measured, and whether it is met: one line
-each. A range is that of all cases, and the worst of them decides.
-
-`python tests/benchmarks/budgets.py --run all` measures the first table and writes this page; the
-second comes from the [leader board](leader_board.md), the third from [reliability](reliability.md).
-[Performance](performance.md) says where the time goes where a budget is missed.
+What was wanted when the library was planned, what is measured, and whether it is met. A range is that of all cases, and
+the worst of them decides. `python tests/benchmarks/budgets.py --run all` measures the first table and writes both; the
+second is that of the [leader board](../leader_board.md). [Performance](../performance.md) says where the time goes, and
+[reliability](../reliability.md) has the goals under stress.
 
 """
 
@@ -314,21 +311,8 @@ def table(rows: list[Row]) -> str:
     return f"{met} met, {missed} missed, {len(rows) - met - missed} undecided.\n\n{text}"
 
 
-def reliability() -> list[Row]:
-    """The goals of docs/proof/reliability.md."""
-    rows = []
-    for line in (PAGE.parent / "reliability.md").read_text(encoding="utf-8").splitlines():
-        cells = [cell.strip() for cell in line.split(" | ")]
-        if line.startswith("| R") and len(cells) == 5:
-            what, _, goal = cells[1].partition(": ")
-            met = None if cells[3] == "not measured" else "missed" not in cells[3]
-            how = " (long mode)" if "long mode" in cells[3] else ""
-            rows.append(row(f"{cells[0].strip('| ')}, {what}", goal, f"{cells[2]}{how}", met))
-    return rows
-
-
 def write_page() -> None:
-    """docs/proof/budgets.md."""
+    """docs/proof/measured/budgets.md."""
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     text, page = "", HEAD
     if kept.get("machine"):
@@ -338,7 +322,6 @@ def write_page() -> None:
     board = HERE / "leader_board.json"
     if board.exists():
         page += "\n## Time to error\n\n" + table(problems(json.loads(board.read_text(encoding="utf-8"))))
-    page += "\n## Reliability\n\n" + table(reliability())
     PAGE.write_text(page, encoding="utf-8")
     print(f"written: {PAGE}")
 
