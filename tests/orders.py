@@ -1,4 +1,4 @@
-"""How orders are measured, and tables of them in docs/proof/verification.md."""
+"""How orders are measured, and tables of them in docs/proof/measured/orders.md."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from scenes import slope
 
 import liemech as lm
 
-PAGE = Path(__file__).parent.parent / "docs" / "proof" / "verification.md"
+PAGE = Path(__file__).parent.parent / "docs" / "proof" / "measured" / "orders.md"
 FLOOR = 5e-14
 """Errors above this are no rounding."""
 
@@ -175,7 +175,7 @@ class Table:
 
     def is_printed(self, file: str) -> None:
         """Assert that the page has these rows, in their order.  file : which writes them."""
-        printed, command = list(self.printed()), f"PYTHONPATH=tests:. python {Path(file).relative_to(PAGE.parents[2])}"
+        printed, command = list(self.printed()), f"PYTHONPATH=tests:. python {Path(file).relative_to(PAGE.parents[3])}"
         assert printed == list(self.rows), (
             f"{sorted({*printed} ^ {*self.rows})} are rows of the table or of {PAGE} alone, or their order differs: "
             f"run {command} --write --new, which measures the new ones"

@@ -1,7 +1,7 @@
 """Rounding, measured: what single steps lose against the same steps in more digits, and what long
 runs lose.
 
-`python tests/rounding.py --write` puts the table into docs/proof/verification.md; `--print` only shows
+`python tests/rounding.py --write` puts the table into docs/proof/measured/orders.md; `--print` only shows
 it.  Every step of a run in double precision is made once more from where it began, in long doubles
 (19 digits), by closed formulas written down here once more: the defect of energy and Casimir is
 what this one step has rounded.  Its mean is the bias, the drift per step that remains when the

@@ -1,7 +1,7 @@
 """Every order, measured: all methods on all problems, momentum and attitude apart.
 
 `PYTHONPATH=tests:. python tests/integrators/test_orders.py --write` puts the table into
-docs/proof/verification.md, with `--new` it measures new rows alone; `--print` only shows it.
+docs/proof/measured/orders.md, with `--new` it measures new rows alone; `--print` only shows it.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 group given by generators, a top.
 
 `PYTHONPATH=tests:. python tests/integrators/test_symmetric_orders.py --write` puts the table into
-docs/proof/verification.md, with `--new` it measures new rows alone; `--print` only shows it.
+docs/proof/measured/orders.md, with `--new` it measures new rows alone; `--print` only shows it.
 """
 
 from __future__ import annotations
