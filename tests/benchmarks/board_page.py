@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 PROOF = Path(__file__).parents[2] / "docs" / "proof"
-PAGE, TABLES = PROOF / "leader_board.md", PROOF / "measured" / "work_precision.md"
-MARKS = "<!-- measured: tests/benchmarks/leader_board.py -->\n", "<!-- end -->"
+PAGE, TABLES = PROOF / "leader_board.md", PROOF / "measured" / "leader_board.md"
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 Best = tuple[float, str] | None
 CLEAR = 0.9
@@ -16,34 +15,38 @@ CLEAR = 0.9
 
 HEAD = """# Leader board
 
-For each problem and each error the quickest method of this library, and the quickest one of any
-other package that is installed. The ratio is our time over theirs: below one we are ahead.
+For each of ten problems and each error the quickest method of this library beside the quickest one of any other
+package at its best settings, with `fast_math` or without. A cell has our time of a call and its ratio to theirs: below one
+we are ahead; bold where we are behind by more than a tenth. Methods go step by step; motions in closed form are compared
+among themselves.
 
-`pip install ".[peers]"` brings the other packages. `python tests/benchmarks/leader_board.py`
-measures everything and writes this page, in some twenty minutes; `--only top` repeats one problem.
-`tests/benchmarks/leader_board.json` has all methods with all their settings: errors, medians and
-quartiles.
+"""
+HOW = """## How it is measured
 
-* **Outputs**: ten, equally spaced; everybody gives the same ones. The **error** is the largest
-  difference to the reference over all outputs and all components, in the units of the problem.
-* **References** are not ours: heyoka in 113 bits with 1e-30 a step (in 64 bits, 1e-20, for t = 10^5
-  and the planets), `tests/benchmarks/races.py`.
-* **Time** is that of a whole call from Python, prepared beforehand (an integrator of heyoka, a
-  `Plan` of ours, a jitted function of JAX). *Warm* calls follow one another, a *cold* one comes after
-  everybody else had a turn: its data and code have left the cache. Medians of up to nine rounds, in
-  which all take turns. One thread.
-* **Settings**: of every method that is anywhere near the quickest, the loosest setting that reaches
-  an error is looked for, by halving the interval between two settings four times: whole numbers of
-  steps, any tolerance. A time counts for an error only if that very setting was run and reached it.
-* **Like beside like**: methods that go step by step beside such methods, closed forms beside closed
-  forms (`system.exact`, a flow that is exact in one step, REBOUND's WHFast for two bodies, heyoka's
-  `kepE`).
-* **fast_math** lets a compiler rearrange sums, so that the last bits depend on it. We do not use it:
-  a run has the same bits in plain Python, in native code, in lanes. heyoka has a column with it and
-  one without; who is ahead is told with it.
-* **R^n** after a name: our Taylor series of the plain equations that other packages have, too
-  ([how](../taylor.md#in-rn)). Momenta leave their orbit and attitudes the group with the error of the
-  method, as theirs do. Ours on the group stay there to rounding, and have a column of their own.
+* Ten **outputs**, equally spaced. The **error** is the largest difference to the reference over all outputs and
+  components. **References** are not ours: heyoka in 113 bits with 1e-30 a step (in 64 bits, 1e-20, for t = 10^5 and the
+  planets), `tests/benchmarks/races.py`.
+* **Time** is that of a whole call from Python of what is prepared beforehand (an integrator of heyoka, a `Plan` of ours, a
+  jitted function of JAX): the median of up to nine rounds in which all take turns, on one thread.
+* **Settings**: of every method anywhere near the quickest, the loosest setting that reaches an error, found by halving the
+  interval between two settings four times. A time counts only if that very setting was run and reached the error.
+* **R^n** after a name: our Taylor series of the plain equations that other packages integrate. Momenta leave their orbit
+  and attitudes the group with the error of the method, as theirs do; on the group ours stay there to rounding.
+* `fast_math` lets a compiler rearrange sums. We do not use it: plain Python, native code and lanes have the same bits.
+
+`pip install ".[peers]"` brings the other packages, `python tests/benchmarks/leader_board.py` measures everything in some
+twenty minutes and writes this page; `--only top` repeats one problem. [All tables](measured/leader_board.md) have the
+methods and settings, warm and cold calls, every package, closed forms and setting up;
+[work and precision](measured/work_precision.md) has our symplectic methods, and what is left of the energy after a long
+time.
+
+"""
+TABLES_HEAD = """# Tables of the leader board
+
+The [leader board](../leader_board.md) says how they are measured. After the name of a method: its steps between two
+outputs, or its tolerance. *Warm* calls follow one another; a *cold* one comes after everybody else had a turn, when its
+data and code have left the cache. `tests/benchmarks/leader_board.json` has all methods with all their settings, medians
+and quartiles.
 
 """
 REASONS = {
@@ -62,37 +65,24 @@ REASONS = {
     "four": "the call.",
     "driven": "the call.",
 }
-LIMITS = """
-## What the others were given
+GIVEN = """## What the others were given
 
-* **heyoka**: `taylor_adaptive`, never in compact mode, tolerances from 1e-1 to 2.3e-16, `fast_math`
-  off and on; planets as `model.nbody`; outputs by `propagate_grid`; caches on disk and in memory
-  off, so that setting up is measured. Closed form: `kepE` in a `cfunc`.
-* **SciPy**: `solve_ivp` with DOP853, LSODA, Radau and `t_eval`; right-hand sides in Python and, after
-  elimination of common subexpressions, in Numba.
+* **heyoka**: `taylor_adaptive`, never in compact mode, tolerances from 1e-1 to 2.3e-16, `fast_math` off and on; planets as
+  `model.nbody`; outputs by `propagate_grid`; no caches, so that setting up is measured. Closed form: `kepE` in a `cfunc`.
+* **SciPy**: `solve_ivp` with DOP853, LSODA, Radau and `t_eval`; right-hand sides in Python and, after elimination of common
+  subexpressions, in Numba. Not for t = 10^5, which takes minutes.
 * **diffrax**: Tsit5 and Dopri8 with a PID controller, one jitted call in 64 bits, one thread.
-* **JAX**, ensembles: RK4, components first, one jitted call; all bodies at once, and `lax.map` over
-  blocks of 256 to 16,384 bodies. The best counts.
-* **Exudyn**: RK67 and RK44, explicit methods on the Lie group. **Lielab**: Munthe-Kaas methods with
-  RKV98r and steps that follow a tolerance. **MuJoCo**: RK4 by `rollout`.
-* **REBOUND**: a simulation made once and set back to its start, `safe_mode` 0, from one step between
-  two outputs; WHFast plain, with correctors, with the lazy kernel, in democratic heliocentric
-  coordinates; SABA 4, corrected 4, (10, 4), (8, 6, 4), (10, 6, 4); IAS15.
+* **JAX**, ensembles: RK4, components first, one jitted call; all bodies at once, and `lax.map` over blocks of 256 to 16,384
+  bodies. The best counts.
+* **REBOUND**, Kepler and planets: a simulation made once and set back to its start, `safe_mode` 0; WHFast plain, with
+  correctors, with the lazy kernel, in democratic heliocentric coordinates; SABA 4, corrected 4, (10, 4), (8, 6, 4),
+  (10, 6, 4); IAS15.
+* **MuJoCo**, bodies, top, ensembles: RK4 by `rollout`. **Exudyn**, bodies and top: RK67 and RK44 on the Lie group.
+  **Lielab**, bodies, top, driven rotation: Munthe-Kaas methods with RKV98r and a tolerance.
 
-**Can you do better?** Change a rival's entry in `tests/benchmarks/rivals.py` and run
-`python tests/benchmarks/leader_board.py --only kepler` with the key of the race. Whoever finds a
-quicker setting of any package is asked to send it: the board is to be what its authors would sign.
-
-## Who takes part in what
-
-| package | problems | why not the others |
-| --- | --- | --- |
-| heyoka, diffrax | all | |
-| SciPy | all | right-hand sides in Python are not for t = 10^5 (minutes) |
-| Exudyn | bodies, top | forces of other problems would be called back in Python |
-| Lielab | bodies, top, driven rotation | called back in Python in any case; t = 10^5 takes minutes |
-| MuJoCo | body with attitude, top, ensembles | a pendulum without thickness has no inertia that it accepts |
-| REBOUND | Kepler, planets | gravity only |
+**Can you do better?** Change a rival's entry in `tests/benchmarks/rivals.py` and run `python
+tests/benchmarks/leader_board.py --only kepler` with the key of the race. Whoever finds a quicker setting of any package is
+asked to send it: the board is to be what its authors would sign.
 """
 
 
@@ -136,44 +126,64 @@ def error(target: float) -> str:
 def verdict(ours: Best, theirs: Best) -> str:
     """Who is ahead, by more than a tenth or not."""
     if not ours:
-        return "🔴 behind" if theirs else "nobody"
+        return "behind" if theirs else "nobody"
     if not theirs or ours[0] <= CLEAR * theirs[0]:
-        return "🟢 clear"
-    return "🟡 within 10 %" if ours[0] * CLEAR <= theirs[0] else "🔴 behind"
+        return "clear"
+    return "within 10 %" if ours[0] * CLEAR <= theirs[0] else "behind"
 
 
 def ratio(ours: Best, theirs: Best) -> str:
     return number(ours[0] / theirs[0]) if ours and theirs else "-"
 
 
-def races(measured: dict[str, Any]) -> tuple[str, list[str]]:
-    """The table of what goes step by step, and the problems in which we are behind somewhere."""
+def stepped(race: dict[str, Any], target: float, kind: str = "warm") -> tuple[Best, Best, Best, Best]:
+    """The least times to an error of what goes step by step: ours, ours on the group, the others' with the same bits
+    everywhere and the others' at their best.
+    """
+    curves = [c for c in race["curves"] if not c["closed"]]
+    ours = [c for c in curves if c["package"] == "liemech"]
+    others = [c for c in curves if c["package"] != "liemech"]
+    groups = ours, [c for c in ours if ", R^" not in c["method"]], [c for c in others if not c["fast"]], others
+    first, structured, bits, fastest = (best(group, target, kind) for group in groups)
+    return first, structured, bits, fastest
+
+
+def board(measured: dict[str, Any]) -> tuple[str, list[str]]:
+    """How often we are ahead, the table of ratios, and the problems in which we are behind somewhere."""
+    text = f"| | {' | '.join(f'to {error(target)}' for target in TARGETS)} |\n| --- |{' --- |' * len(TARGETS)}\n"
+    behind, said = [], []
+    for key, race in measured["races"].items():
+        cells = []
+        for target in TARGETS:
+            ours, _, _, theirs = stepped(race, target)
+            said.append(verdict(ours, theirs))
+            shown = ratio(ours, theirs)
+            if said[-1] == "behind":
+                shown = f"**{shown}**"
+                behind = behind if key in behind else [*behind, key]
+            cells.append(f"{number(1e3 * ours[0])} ms, {shown}" if ours else "-")
+        text += f"| {race['name']} | {' | '.join(cells)} |\n"
+    counts = [f"{said.count(word)} {word}" for word in ("clear", "within 10 %", "behind")]
+    nobody = f", {said.count('nobody')} reached by nobody" if "nobody" in said else ""
+    return f"Of {len(said)} cells: {', '.join(counts)}{nobody}.\n\n{text}", behind
+
+
+def races(measured: dict[str, Any]) -> str:
+    """The table of what goes step by step, with methods and settings."""
     text = "| problem | error | verdict | ratio | liemech, ms | of these not in R^n, ms "
     text += "| best other package, ms | ratio, warm | cold | the same with fast_math, ms |\n"
     text += "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
-    behind, said = [], []
-    for key, race in measured["races"].items():
-        stepped = [c for c in race["curves"] if not c["closed"]]
-        ours = [c for c in stepped if c["package"] == "liemech"]
-        others = [c for c in stepped if c["package"] != "liemech"]
-        bits = [c for c in others if not c["fast"]]
+    for race in measured["races"].values():
         for target in TARGETS:
-            first, theirs, fastest = (best(c, target) for c in (ours, bits, others))
-            structured = best([c for c in ours if ", R^" not in c["method"]], target)
-            cold = ratio(best(ours, target, "cold"), best(bits, target, "cold"))
-            said.append(verdict(first, fastest))
-            if said[-1].endswith("behind") and key not in behind:
-                behind.append(key)
+            first, structured, theirs, fastest = stepped(race, target)
+            ours_cold, _, theirs_cold, _ = stepped(race, target, "cold")
             cells = [
-                race["name"], error(target), said[-1], ratio(first, fastest), cell(first),
-                cell(structured), cell(theirs), ratio(first, theirs), cold,
+                race["name"], error(target), verdict(first, fastest), ratio(first, fastest), cell(first),
+                cell(structured), cell(theirs), ratio(first, theirs), ratio(ours_cold, theirs_cold),
                 "" if fastest == theirs else cell(fastest),
             ]  # fmt: skip
             text += f"| {' | '.join(cells)} |\n"
-    counts = [f"{sum(word in x for x in said)} {word}" for word in ("clear", "within 10 %", "behind")]
-    nobody = sum("nobody" in x for x in said)
-    head = f"Of {len(said)} cells, beside the others at their best: {', '.join(counts)}"
-    return head + (f", {nobody} reached by nobody" if nobody else "") + ".\n\n" + text, behind
+    return text
 
 
 PICTURE = "Our time over the best other time, logarithmic: most dots are left of one"
@@ -267,55 +277,60 @@ def crowds(measured: dict[str, Any]) -> str:
 
 def page(measured: dict[str, Any]) -> str:
     """The leader board."""
-    table, behind = races(measured)
-    there = ", ".join(f"{name} {v}" for name, v in measured["versions"].items() if v)
-    missing = ", ".join(name for name, v in measured["versions"].items() if not v)
-    machine, day = measured["machine"]["cpu"], measured["machine"]["time"][:10]
-    title, what, how = HEAD.split("\n\n", 2)
-    counts, _, rows = table.partition("\n\n")
-    picture = f"![{PICTURE}](../figures/leader_board.png)"
-    text = f"{title}\n\n{what}\n\n{counts}\n\n{picture}\n\n## Time to error\n\n"
-    text += "The first ratio is that to the best of all others, fast_math or not.\n\n"
-    text += (
-        f"{rows}\n## How it is measured\n\n{how}On {machine}, {day}, with {there}. Missing: {missing or 'none'}.\n\n"
-    )
-    parts = [*measured["races"].values(), {"name": "ensembles", **measured.get("crowds", {})}]
-    elsewhere = [part for part in parts if part.get("machine", machine) != machine]
-    if elsewhere:
-        names, cpus = (dict.fromkeys(part[x] for part in elsewhere) for x in ("name", "machine"))
-        text += f"Measured on {', '.join(cpus)}: {'; '.join(names)}.\n\n"
-    text += f"## Closed forms\n\n{closed_forms(measured)}\n"
-    text += "## What stands in the way\n\n"
-    text += "Where we are behind:\n\n" if behind else "Nothing today.\n"
-    text += "".join(f"* **{measured['races'][key]['name']}**: {REASONS[key]}\n" for key in behind)
+    table, behind = board(measured)
+    text = f"{HEAD}{table}\n![{PICTURE}](../figures/leader_board.png)\n\n{machine(measured)}\n"
+    if behind:
+        text += "\nWhere we are behind:\n\n"
+        text += "".join(f"* **{measured['races'][key]['name']}**: {REASONS[key]}\n" for key in behind)
     if measured.get("crowds"):
         text += f"\n## Ensembles\n\n{crowds(measured['crowds'])}"
-    text += "\n## Setting up\n\nSeconds before the second call: setting up, fitting, machine code, the "
-    text += "first call less a warm one; the least and\nthe most of a package's methods. Ours is kept "
-    text += "on disk: with code that is there already it is the least.\n\n"
-    return text + set_ups(measured) + LIMITS
+    return f"{text}\n{HOW}{GIVEN}"
+
+
+def machine(measured: dict[str, Any]) -> str:
+    """Where, when and beside which versions it was measured."""
+    there = ", ".join(f"{name} {v}" for name, v in measured["versions"].items() if v)
+    missing = ", ".join(name for name, v in measured["versions"].items() if not v)
+    cpu, day = measured["machine"]["cpu"], measured["machine"]["time"][:10]
+    text = f"On {cpu}, {day}, with {there}. Missing: {missing or 'none'}."
+    parts = [*measured["races"].values(), {"name": "ensembles", **measured.get("crowds", {})}]
+    elsewhere = [part for part in parts if part.get("machine", cpu) != cpu]
+    if elsewhere:
+        names, cpus = (dict.fromkeys(part[x] for part in elsewhere) for x in ("name", "machine"))
+        text += f" Measured on {', '.join(cpus)}: {'; '.join(names)}."
+    return text
 
 
 def tables(measured: dict[str, Any]) -> str:
+    """All tables: methods and settings, every package, closed forms and setting up."""
+    text = f"{TABLES_HEAD}{machine(measured)}\n\n## Step by step\n\n{races(measured)}\n"
+    text += f"## Every package\n\nMilliseconds of its quickest method.\n\n{packages(measured)}"
+    text += f"## Closed forms\n\n{closed_forms(measured)}"
+    text += "\n## Setting up\n\nSeconds before the second call: setting up, fitting, machine code, the first call less a warm "
+    text += (
+        "one; the least and the most of a package's methods.\nOurs is kept on disk: with code that is there already it "
+    )
+    return text + f"is the least.\n\n{set_ups(measured)}"
+
+
+def packages(measured: dict[str, Any]) -> str:
     """For each problem the quickest method of each package, in milliseconds."""
     text = ""
     for race in measured["races"].values():
-        packages = list(dict.fromkeys((c["package"], c["closed"]) for c in race["curves"]))
-        text += f"{race['name'][0].upper()}{race['name'][1:]}:\n\n| | {' | '.join(map(error, TARGETS))} |\n"
+        groups = list(dict.fromkeys((c["package"], c["closed"]) for c in race["curves"]))
+        text += f"| {race['name']} | {' | '.join(map(error, TARGETS))} |\n"
         text += f"| --- |{' --- |' * len(TARGETS)}\n"
-        for package, closed in packages:
+        for package, closed in groups:
             curves = [c for c in race["curves"] if (c["package"], c["closed"]) == (package, closed)]
             found = [best(curves, target) for target in TARGETS]
             names = [f and (f[0], f[1].removeprefix(f"{package} ")) for f in found]
             text += f"| {package}{', closed form' if closed else ''} | {' | '.join(cell(f) for f in names)} |\n"
         text += "\n"
-    there = ", ".join(f"{name} {version}" for name, version in measured["versions"].items() if version)
-    return text + f"On {measured['machine']['cpu']}, {measured['machine']['time'][:10]}, with {there}.\n"
+    return text
 
 
 def write_pages(measured: dict[str, Any]) -> None:
-    """docs/proof/leader_board.md, and the tables of docs/proof/measured/work_precision.md."""
+    """docs/proof/leader_board.md and docs/proof/measured/leader_board.md."""
     PAGE.write_text(page(measured), encoding="utf-8")
-    before, _, rest = TABLES.read_text(encoding="utf-8").partition(MARKS[0])
-    TABLES.write_text(before + MARKS[0] + tables(measured) + MARKS[1] + rest.partition(MARKS[1])[2], encoding="utf-8")
+    TABLES.write_text(tables(measured), encoding="utf-8")
     print(f"written: {PAGE}, {TABLES}")

@@ -305,7 +305,7 @@ def table(rows: list[Row]) -> str:
     text = "| | goal | measured | |\n| --- | --- | --- | --- |\n"
     for r in rows:
         undecided = r.get("undecided", "not measured")
-        said = undecided if r["met"] is None else "🟢 met" if r["met"] else "🔴 missed"
+        said = undecided if r["met"] is None else "met" if r["met"] else "**missed**"
         text += f"| {r['what']} | {r['goal']} | {r['measured']} | {said} |\n"
     met, missed = (sum(r["met"] is x for r in rows) for x in (True, False))
     return f"{met} met, {missed} missed, {len(rows) - met - missed} undecided.\n\n{text}"

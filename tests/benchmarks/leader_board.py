@@ -3,8 +3,8 @@ on ten problems and ensembles.
 
     python tests/benchmarks/leader_board.py [--minutes 10] [--only top kepler] [--quick] [--page]
 
-It measures, writes `leader_board.json` beside this file, docs/proof/leader_board.md and the tables of
-docs/proof/measured/work_precision.md; --page writes the pages from the file that is there, --quick is the smoke
+It measures, writes `leader_board.json` beside this file, docs/proof/leader_board.md and
+docs/proof/measured/leader_board.md; --page writes the pages from the file that is there, --quick is the smoke
 run and writes nothing.
 
 An error is the largest difference to the reference over all outputs.  A "warm" call is one of
