@@ -6,7 +6,8 @@ known while translating (classes, integers, texts, tableaus) is built into it, n
 Both ways give the same bits.
 
 The thresholds were tried out on the table of `tests/benchmarks/compile_time.py`: the shortest compilation whose steps are
-not longer.  What half and twice of each would do, `tests/benchmarks/thresholds.py` measures, docs/proof/performance.md has.
+not longer.  What half and twice of each would do, `tests/benchmarks/thresholds.py` measures and
+docs/proof/measured/compile_time.md has.
 """
 
 from __future__ import annotations
