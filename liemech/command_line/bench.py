@@ -1,6 +1,4 @@
-"""`liemech bench module:system`: what a step of a system of one's own costs, and how accurate it
-is.
-"""
+"""`liemech bench module:system`: what a step of a system of one's own costs, and how accurate it is."""
 
 from __future__ import annotations
 
@@ -62,9 +60,7 @@ def bench(arguments: Sequence[str]) -> int:
 
 
 def measured(system: Any, method: Any, start: Any, h: float, steps: int) -> dict[str, Any]:
-    """The cost of steps, and how their error falls: seconds of the first call beyond a step, ns a
-    step, the order.
-    """
+    """The cost of steps, and how their error falls: seconds of the first call beyond a step, ns a step, the order."""
 
     def run(h: float, steps: int) -> Any:
         return lm.integrate(system, method, start, h=h, steps=steps, every=steps, progress=False)

@@ -98,9 +98,7 @@ def modules_of_the_folder() -> None:
 
 
 def imported(module: str, where: str) -> Any:
-    """A module of the user's, from the folder where the command runs or from wherever Python finds
-    it.
-    """
+    """A module of the user's, from the folder where the command runs or from wherever Python finds it."""
     modules_of_the_folder()
     try:
         return import_module(module)

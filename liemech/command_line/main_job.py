@@ -1,6 +1,4 @@
-"""The main job, `python -m liemech`: a rigid body by several methods and in closed form, a table
-and a picture.
-"""
+"""The main job, `python -m liemech`: a rigid body by several methods and in closed form, a table and a picture."""
 
 from __future__ import annotations
 
@@ -123,9 +121,7 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
 
 
 def timed(body: Any, start: Any, runs: Sequence[tuple[str, lm.Trajectory]]) -> tuple[list[float], str]:
-    """Seconds of a step of each method, the least of three short native runs, and a sentence that
-    says so.
-    """
+    """Seconds of a step of each method, the least of three short native runs, and a sentence that says so."""
     costs, native = [], True
     for name, run in runs:
         steps = TIMED if native else len(run)
@@ -228,9 +224,7 @@ def page(
 
 
 def draw(body: lm.RigidBody, start: lm.BodyState, panels: list[Any], file: Path, quiet: bool) -> bool:
-    """The momenta on their sphere, a panel for each run.  False if there should be a picture and is
-    none.
-    """
+    """The momenta on their sphere, a panel for each run.  False if there should be a picture and is none."""
     from .. import plots
 
     period = body.period(start)

@@ -14,9 +14,7 @@ def short(x: float) -> str:
 
 
 def called(thing: Any) -> str:
-    """The name of a system in a line: as it is written, or by its class alone where that is
-    long.
-    """
+    """The name of a system in a line: as it is written, or by its class alone where that is long."""
     text = repr(thing)
     return text if len(text) <= 110 else f"{text.partition('(')[0]}(...)"
 

@@ -1,6 +1,4 @@
-"""A scene: what moves, by which method, how far, and what of it is wanted; and what follows from
-that.
-"""
+"""A scene: what moves, by which method, how far, and what of it is wanted; and what follows from that."""
 
 from __future__ import annotations
 

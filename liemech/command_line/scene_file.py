@@ -101,9 +101,7 @@ def _object(table: Mapping[str, Any], kind: type, where: str, trusted: bool) -> 
 
 
 def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
-    """The state of the system; g may be "identity", or a rotation vector as { exp = [0.6, 0.0, 0.0]
-    }.
-    """
+    """The state of the system; g may be "identity", or a rotation vector as { exp = [0.6, 0.0, 0.0] }."""
     parts = list(inspect.signature(system.state).parameters)
     _strict(table, parts, where, "the start")
     arguments = dict(table)

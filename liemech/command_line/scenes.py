@@ -163,9 +163,7 @@ def hares_and_foxes() -> Setup:
 
 @scene
 def four_bar() -> Setup:
-    """Two parallelograms of rods side by side swing from rest: one degree of freedom in six
-    coordinates.
-    """
+    """Two parallelograms of rods side by side swing from rest: one degree of freedom in six coordinates."""
     system = library.models.FourBarLinkage(loops=2)
     joints = np.ravel([(j + np.sin(1.1), -np.cos(1.1)) for j in range(3)])
     return Setup("a four-bar linkage", system, lm.RATTLE(), system.consistent(joints, np.zeros(6)), h=0.01, steps=1000)
@@ -214,9 +212,7 @@ def sleigh() -> Setup:
 
 @scene
 def rolling_ball() -> Setup:
-    """Chaplygin's ball: uneven, but with its centre of mass in its centre, it rolls on a plane and
-    wobbles.
-    """
+    """Chaplygin's ball: uneven, but with its centre of mass in its centre, it rolls on a plane and wobbles."""
     group = lm.ProductGroup(lm.SO3(), lm.VectorSpace(3))
     body = library.LiePoissonSystem(group, library.KineticEnergy([0.3, 0.5, 0.7, 1.0, 1.0, 1.0]))
     system = library.NonholonomicBody(body, lm.joints.Rolling(1.0))

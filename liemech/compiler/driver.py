@@ -169,9 +169,7 @@ def terms(value: Any, layout: Layout) -> list[Any]:
 
 
 def pairwise_sum(terms: list[Any]) -> Any:
-    """The sum of neighbours, of their sums and so on: no long chain of additions that wait for each
-    other.
-    """
+    """The sum of neighbours, of their sums and so on: no long chain of additions that wait for each other."""
     if not terms:
         return 0.0
     while len(terms) > 1:

@@ -182,9 +182,7 @@ class Kernel:
         begin: int = 0,
         end: int = 1,
     ) -> None:
-        """Run on arguments that are laid out already: the numbers of all values in turn, the
-        integers, the arrays.
-        """
+        """Run on arguments that are laid out already: the numbers of all values in turn, the integers, the arrays."""
         self.on_memory(self.block(numbers, integers, arrays, bodies, begin, end), arrays)
 
     def block(
@@ -292,9 +290,7 @@ def forget() -> None:
 
 
 def stored(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
-    """The kernel for arguments like these, if this process has it or finds it on disk; nothing is
-    compiled.
-    """
+    """The kernel for arguments like these, if this process has it or finds it on disk; nothing is compiled."""
     try:
         return _get(entry, args, lanes, make=False)
     except NotCompilable:

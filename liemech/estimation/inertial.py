@@ -66,9 +66,7 @@ class Imu(Process):
         return 6
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
-        """(R D, v + h gravity + R dv, p + h v + h^2/2 gravity + R dp), (D, dv, dp) the exponential of
-        SGal(3).
-        """
+        """(R D, v + h gravity + R dv, p + h v + h^2/2 gravity + R dp), (D, dv, dp) the exponential of SGal(3)."""
         return _navigated(g, u[:3] + w[:3], u[3:] + w[3:6], w[6:], self.gravity, h)
 
     def deviations(self, h: float) -> Vec:

@@ -1,6 +1,4 @@
-"""How a state moves between measurements: discrete maps on a group, driven by measured inputs, with
-noise.
-"""
+"""How a state moves between measurements: discrete maps on a group, driven by measured inputs, with noise."""
 
 from __future__ import annotations
 

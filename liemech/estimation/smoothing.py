@@ -31,9 +31,7 @@ class ProcessLink(Record):
     side: str
 
     def factor(self, g: Element, next: Element, u: Vec, h: float) -> tuple[Any, Any, Any, Any]:
-        """r = error of next from move(g), its derivatives by the errors of g and of next, and the
-        covariance of r.
-        """
+        """r = error of next from move(g), its derivatives by the errors of g and of next, and the covariance of r."""
         group, side, process = self.group, self.side, self.process
 
         def residual(a: Any, b: Any) -> Any:

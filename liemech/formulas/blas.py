@@ -148,9 +148,7 @@ def over(b: np.ndarray, a: np.ndarray, is_complex: bool) -> np.ndarray:
 
 
 def determinant(a: np.ndarray, is_complex: bool) -> tuple[float, float]:
-    """The real and the imaginary part of det A, the product of the pivots.  a : (n, n), as of
-    `product`.
-    """
+    """The real and the imaginary part of det A, the product of the pivots.  a : (n, n), as of `product`."""
     n, factors, info = len(a), a.copy(), ctypes.c_int(0)
     pivots, size = np.empty(n, dtype=np.int32), ctypes.byref(ctypes.c_int(n))
     with one_thread():

@@ -61,9 +61,7 @@ def _of_one_kind(rows: list[Vec]) -> list[Vec]:
 
 
 def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
-    """(b, a) where the condition holds, else (a, b): a choice number by number, which power series
-    know too.
-    """
+    """(b, a) where the condition holds, else (a, b): a choice number by number, which power series know too."""
     above = vec(*[where(condition, y, x) for x, y in zip(a, b)])
     return above, vec(*[where(condition, x, y) for x, y in zip(a, b)])
 

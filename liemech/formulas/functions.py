@@ -182,9 +182,7 @@ def degrees(x: Any) -> Any:
 
 
 def hypot(*x: Any) -> Any:
-    """sqrt(x_1^2 + x_2^2 + ...), from left to right.  That of `math` differs in the last bit at
-    times.
-    """
+    """sqrt(x_1^2 + x_2^2 + ...), from left to right.  That of `math` differs in the last bit at times."""
     square = x[0] * x[0]
     for a in x[1:]:
         square = square + a * a

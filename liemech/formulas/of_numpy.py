@@ -133,9 +133,7 @@ OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ...]
 OF_NUMBERS = {
     np.where: functions.where, np.clip: clip, np.interp: r.interpolated, np.searchsorted: r.place,
 }  # fmt: skip
-"""Functions of numbers for which native code has the formula alone: NumPy has none of floats with
-its bits.
-"""
+"""Functions of numbers for which native code has the formula alone: NumPy has none of floats with its bits."""
 
 
 Found = tuple[Callable[..., Any], list[Any], dict[str, Any]]

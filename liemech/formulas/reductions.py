@@ -87,9 +87,7 @@ def product(x: Any, axis: Any = None) -> Any:
 
 
 def length(x: Any) -> Any:
-    """The Euclidean length of a vector, the Frobenius norm of a matrix: the root of the sum of all
-    squares.
-    """
+    """The Euclidean length of a vector, the Frobenius norm of a matrix: the root of the sum of all squares."""
     return sqrt(sum([a * a for a in _all(x)]))
 
 

@@ -171,7 +171,5 @@ def atan_over(x: Any) -> Any:
 
 
 def atan_root_over(z: Any) -> Any:
-    """arctan(x)/x as a series in z = x^2, for z up to 1/25: without a root, which has no slope at
-    zero.
-    """
+    """arctan(x)/x as a series in z = x^2, for z up to 1/25: without a root, which has no slope at zero."""
     return _sum(ATAN, 12, z)

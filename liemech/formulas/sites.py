@@ -32,9 +32,7 @@ from .tables import Table
 from .vectors import Vec
 
 TOGETHER = 16
-"""Sites that may run side by side: sums over all sites are so many sums, each of every sixteenth
-site.
-"""
+"""Sites that may run side by side: sums over all sites are so many sums, each of every sixteenth site."""
 
 
 EIGHT = 8
@@ -61,9 +59,7 @@ def room(*shape: int, dtype: Any = np.float64) -> np.ndarray:
 
 
 def rows_of(values: np.ndarray) -> np.ndarray:
-    """Rows of numbers, one number for each site in the last axis, with the places behind the last
-    site filled by it.
-    """
+    """Rows of numbers, one number for each site in the last axis, with the places behind the last site filled by it."""
     count = values.shape[-1]
     rows = room(*values.shape[:-1], padded(count), dtype=values.dtype)
     rows[..., :count], rows[..., count:] = values, values[..., -1:]
@@ -639,9 +635,7 @@ def one_site(count: int, site: int, formula: Callable[..., Any], *args: Any) -> 
 
 
 def _placed(error: Any, site: int) -> None:
-    """Let the error of a formula say for which site, and which other one it had met there, None if
-    none.
-    """
+    """Let the error of a formula say for which site, and which other one it had met there, None if none."""
     if hasattr(error, "site"):
         return
     error.site, error.beside = site, None

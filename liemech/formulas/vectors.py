@@ -59,9 +59,7 @@ def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
 
 
 def _comparison(op: Callable[[Any, Any], Any], whole: bool = False) -> Any:
-    """A comparison, component by component, as of arrays; `whole`: vectors of different lengths are
-    different.
-    """
+    """A comparison, component by component, as of arrays; `whole`: vectors of different lengths are different."""
 
     def method(self: Vec, other: Any) -> Any:
         kind = _WHOLE.get(op, Truths)
@@ -561,9 +559,7 @@ def mat(*rows: Any) -> Mat:
 
 
 def dot(a: Any, b: Any) -> Any:
-    """Scalar product a . b.  a, b : (n,).  Raises InvalidType if the lengths differ, or for a
-    matrix.
-    """
+    """Scalar product a . b.  a, b : (n,).  Raises InvalidType if the lengths differ, or for a matrix."""
     if isinstance(a, InMemory):
         return a.inner_with(b)
     if isinstance(b, InMemory):

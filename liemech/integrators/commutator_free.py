@@ -59,9 +59,7 @@ class CommutatorFree(Method):
         return self.tableau.name
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
-        """One step, from stage to stage.  To stages off its way only what the velocity depends on
-        is moved.
-        """
+        """One step, from stage to stage.  To stages off its way only what the velocity depends on is moved."""
         data, place = self.tableau, state
         places: list[Any] = []
         velocities: list[Vec] = []

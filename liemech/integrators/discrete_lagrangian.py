@@ -1,6 +1,4 @@
-"""Discrete Lagrangians: the action of one step of a body, a function of its mean velocity or of its
-group element.
-"""
+"""Discrete Lagrangians: the action of one step of a body, a function of its mean velocity or of its group element."""
 
 from __future__ import annotations
 
@@ -78,9 +76,7 @@ class GroupLagrangian(DiscreteLagrangian):
         return self.on_group(retraction.tau(system.group, h * xi), h)
 
     def momentum(self, system: Any, retraction: Retraction, xi: Vec, h: float) -> Vec:
-        """(dtau_{h xi})* L_g* dL_d, left-trivialised, with <L_g* dL_d, eta> = d/ds L_d(g
-        exp(s eta)).  xi : (dim,).
-        """
+        """(dtau_{h xi})* L_g* dL_d, left-trivialised, with <L_g* dL_d, eta> = d/ds L_d(g exp(s eta)).  xi : (dim,)."""
         group = system.group
         g = retraction.tau(group, h * xi)
         slope = gradient(lambda eta: self.on_group(group.compose_exp(g, eta), h), vec(*[0.0 for _ in xi]))

@@ -19,9 +19,7 @@ from .method import Method, Wrapping
 AT_ENDS = "its noise is known at the ends of steps only. Let steps end there: t0 + n h"
 
 MARGIN = 4
-"""Units in the last place by which steps keep away from a jump of the velocity that a user has
-named, on both sides.
-"""
+"""Units in the last place by which steps keep away from a jump of the velocity that a user has named, on both sides."""
 
 ULP = 2.0**-52
 
@@ -170,9 +168,7 @@ class EndingAtJumps(Wrapping):
         return jump_ahead(self.breaks, 0, int(self.count), t, to)
 
     def kept_away(self, t: float, to: float, h: float) -> tuple[float, float]:
-        """Where a step from t to `to`, of length h, begins, and its length, away from the times in
-        `breaks`.
-        """
+        """Where a step from t to `to`, of length h, begins, and its length, away from the times in `breaks`."""
         near, sign = slack_of(t, to), where(h > 0.0, 1.0, -1.0)
         first, last = self._break_before(t + near), self._break_before(to + near)
         at_first = self.count > 0.0 and abs(first - t) <= near

@@ -1,6 +1,4 @@
-"""Galerkin variational methods: an action principle for polynomials in a chart, of order 2, 4, 6 or
-8.
-"""
+"""Galerkin variational methods: an action principle for polynomials in a chart, of order 2, 4, 6 or 8."""
 
 from __future__ import annotations
 
@@ -145,9 +143,7 @@ class GalerkinVariational(Implicit):
         return tuple([xi for _ in self.tableau[1]])
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
-        """Solve for the velocities at the nodes from the extrapolated ones, then add what the field
-        does, and move.
-        """
+        """Solve for the velocities at the nodes from the extrapolated ones, then add what the field does, and move."""
         body, b, start = _body(system, t + 0.5 * h), self.tableau[1], plain(memory.state)
         guess = tuple([extrapolated(*node) for node in zip(*memory.past)])
         middle = _middle(body, combination(b, guess), start.mu, h)
@@ -243,9 +239,7 @@ class Middle(Record):
 
 
 def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
-    """Velocity, momentum and inertia in the middle of a step, and J + h
-    ((J ad_xi + ad*_xi J)/4 - ad*_. mu/2).
-    """
+    """Velocity, momentum and inertia in the middle of a step, and J + h ((J ad_xi + ad*_xi J)/4 - ad*_. mu/2)."""
     group, inertia = body.group, body.lagrangian.hessian(xi)
     columns: list[Vec] = []
     for e in identity_matrix(group.dim):

@@ -62,9 +62,7 @@ class Implicit(Remembering):
         return p, x
 
     def _unsolved(self, h: float, size: float, enough: float, detail: str = "") -> NoConvergence:
-        """The error of a step whose equation Newton's method did not solve; `size` and `enough` are
-        squares.
-        """
+        """The error of a step whose equation Newton's method did not solve; `size` and `enough` are squares."""
         return NoConvergence(
             f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch "
             f"{sqrt(size):.1e}, wanted {sqrt(enough):.1e}{detail}. The step h = {h:g} is too large "

@@ -58,16 +58,12 @@ class Method(Record):
                 )
 
     def symmetric_on(self, system: Any) -> bool:
-        """Whether the method is symmetric on a system, or on some system if that is None: by default as it
-        claims.
-        """
+        """Whether the method is symmetric on a system, or on some system if that is None: by default as it claims."""
         return self.symmetric
 
     @property
     def error_order(self) -> int:
-        """The order of the error estimate plus one, by which adaptive steps are chosen; 0 if there
-        is none.
-        """
+        """The order of the error estimate plus one, by which adaptive steps are chosen; 0 if there is none."""
         return 0
 
     @property
@@ -112,9 +108,7 @@ class Method(Record):
         return ()
 
     def resume(self, system: Any, state: Any, past: Any, h: float) -> Any:
-        """A memory, from a state and the past of steps of the same length
-        elsewhere; a new start by default.
-        """
+        """A memory, from a state and the past of steps of the same length elsewhere; a new start by default."""
         return self.start(system, state, h)
 
     def require(self, system: Any) -> None:
@@ -224,9 +218,7 @@ class Wrapping(Method):
 
 
 def alternatives(system: Any, otherwise: str = System.alternatives) -> str:
-    """The methods to use where one does not accept a system.  otherwise : if its class says nothing
-    of its own.
-    """
+    """The methods to use where one does not accept a system.  otherwise : if its class says nothing of its own."""
     words = system.alternatives if isinstance(system, System) else otherwise
     return otherwise if words == System.alternatives else words
 

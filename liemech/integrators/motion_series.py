@@ -78,9 +78,7 @@ def velocity_at(system: Any, time: Any, mu: Vec) -> Vec:
 
 
 def motion(system: Any, h: float, m: Vec, pace: float, time: float = 0.0) -> tuple[Vec, Vec]:
-    """Velocity and momentum a time `pace` t h after the momentum was m at `time`: v = h dH(mu),
-    mu' = pace ad*_v mu.
-    """
+    """Velocity and momentum a time `pace` t h after the momentum was m at `time`: v = h dH(mu), mu' = pace ad*_v mu."""
     mu = begun(m)
     v = series(h * velocity_at(system, Series(time, pace * h), mu))
     for component, rate in zip(each(mu), each(system.group.ad_star(v, mu))):
@@ -89,9 +87,7 @@ def motion(system: Any, h: float, m: Vec, pace: float, time: float = 0.0) -> tup
 
 
 def begun(x: Vec) -> Vec:
-    """The vector of series that begin with the components, and end with them unless they are told how
-    to go on.
-    """
+    """The vector of series that begin with the components, and end with them unless they are told how to go on."""
     return SeriesInMemory(x) if isinstance(x, InMemory) else vec(*[Series(c) for c in x])
 
 
@@ -110,17 +106,13 @@ def each(x: Vec) -> Any:
 
 
 def settle(m: Vec, terms: list[Vec]) -> None:
-    """Set the unknown series m to m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend
-    on m.
-    """
+    """Set the unknown series m to m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend on m."""
     for component, tail in zip(each(m), each(collected(terms))):
         component.by((Series(None, 1.0) * tail).term)
 
 
 def collected(terms: list[Vec]) -> Vec:
-    """The vector of series a + e b + e^2 c + ... of the terms a, b, c, ..., which are vectors of
-    series themselves.
-    """
+    """The vector of series a + e b + e^2 c + ... of the terms a, b, c, ..., which are vectors of series themselves."""
     total = series(terms[0])
     for k in range(1, len(terms)):
         power = Series(*[None for _ in range(k)], 1.0)

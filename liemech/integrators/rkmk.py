@@ -102,9 +102,7 @@ class RKMK(Method):
             )
 
     def symmetric_on(self, system: Any) -> bool:
-        """Where everything commutes, on vector spaces, if the tableau is symmetric; the midpoint rule
-        is everywhere.
-        """
+        """Where everything commutes, on vector spaces, if the tableau is symmetric; the midpoint rule is everywhere."""
         if not self.tableau.symmetric:
             return False
         if system is None or isinstance(system.group, VectorSpace):
@@ -147,9 +145,7 @@ class RKMK(Method):
     def _sweep(
         self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float, slopes: list[Vec]
     ) -> tuple[list[Vec], Vec, Vec]:
-        """Every slope anew, each from the new ones before it; their change and their size, in each
-        unit apart.
-        """
+        """Every slope anew, each from the new ones before it; their change and their size, in each unit apart."""
         blocks = system.unit_blocks
         change = size = vec(*[0.0 for _ in blocks])
         for i, (row, c) in enumerate(zip(tableau.A, tableau.c)):
@@ -217,9 +213,7 @@ class RKMK(Method):
     def _curve(
         self, system: System, t: float, start: Any, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float
     ) -> tuple[Vec, ...]:
-        """Omega(theta) = theta p_1 + theta^2 p_2 + ... along the step: of the tableau, or a cubic
-        through both ends.
-        """
+        """Omega(theta) = theta p_1 + theta^2 p_2 + ... along the step: of the tableau, or a cubic through both ends."""
         tableau = self.tableau
         if tableau.interpolant:
             slopes = self._more(tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h)
@@ -251,9 +245,7 @@ class RKMK(Method):
 
 
 def combination(weights: Row, slopes: Any, h: float = 1.0) -> Any:
-    """h sum_j weights_j slopes_j over the weights that are not zero, of vectors or matrices; None
-    if all are.
-    """
+    """h sum_j weights_j slopes_j over the weights that are not zero, of vectors or matrices; None if all are."""
     total: Any = None
     for w, k in zip(weights, slopes):
         if w != 0.0:

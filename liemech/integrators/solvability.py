@@ -22,9 +22,7 @@ or less; this is the square.
 """
 
 LEAP, MISS = 1.0 / 4.0, 1.0 / 64.0
-"""Squares: along one piece the displacement changes by at most half a radian, by an eighth more
-than foreseen.
-"""
+"""Squares: along one piece the displacement changes by at most half a radian, by an eighth more than foreseen."""
 
 SHORTEST = 2.0**-24
 """The part of a step below which a branch that cannot be followed is said to have ended."""

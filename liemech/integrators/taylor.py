@@ -122,9 +122,7 @@ class Taylor(Method):
         return tuple([omega.coefficient_of(k) for k in range(1, self.order + 1)])
 
     def _slope(self, system: System, omega: Vec, xi: Vec) -> Vec:
-        """dtau^-1_Omega xi; for the exponential its series, of which later terms have no part in
-        the order.
-        """
+        """dtau^-1_Omega xi; for the exponential its series, of which later terms have no part in the order."""
         place = sided(omega, system.side)
         if isinstance(self.retraction, Exponential):
             return system.group.algebra.dexp_inv_series(place, xi, self.order - 2)

@@ -172,9 +172,7 @@ class CovariantVariational(Implicit):
         return x
 
     def _usable(self, system: Any, h: float, mu: Vec) -> float | None:
-        """A step for every momentum of this size, forwards or backwards as h; None if it is not
-        known.
-        """
+        """A step for every momentum of this size, forwards or backwards as h; None if it is not known."""
         largest = self.largest_step(system, BodyState(mu))
         return None if largest is None else math.copysign(largest, h)
 
@@ -303,9 +301,7 @@ def first_size(inertia: Vec | Mat) -> float:
 
 
 def weight(by_p: float | Mat) -> float:
-    """The scale of the square of a mismatch, over that of the momentum: it may be a
-    multiple of r.
-    """
+    """The scale of the square of a mismatch, over that of the momentum: it may be a multiple of r."""
     return 1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p
 
 

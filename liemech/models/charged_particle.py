@@ -1,6 +1,4 @@
-"""Charged particles in magnetic fields that are not uniform, and the centres about which they
-gyrate.
-"""
+"""Charged particles in magnetic fields that are not uniform, and the centres about which they gyrate."""
 
 from __future__ import annotations
 

@@ -50,9 +50,7 @@ def exact_times(t: Any, name: str) -> np.ndarray:
 
 
 def exact_motion(motion: Callable[[np.ndarray], tuple[Any, ...]], times: np.ndarray, name: str) -> tuple[Any, ...]:
-    """The values of a motion at arrays of times; refused where a phase is beyond the largest
-    number.
-    """
+    """The values of a motion at arrays of times; refused where a phase is beyond the largest number."""
     with np.errstate(over="ignore", invalid="ignore"):
         parts = motion(times)
     if not all(np.isfinite(part).all() for part in parts):

@@ -29,9 +29,7 @@ Array = NDArray[np.float64]
 
 
 def configurations(system: Any) -> LieGroup | None:
-    """The group whose elements tell where the body is, of a group itself; None for systems that move
-    on no group.
-    """
+    """The group whose elements tell where the body is, of a group itself; None for systems that move on no group."""
     if isinstance(system, LieGroup):
         return system
     if isinstance(system, (MechanicalSystem, BoundBody)):
@@ -75,9 +73,7 @@ def attitude(system: Any, g: Array) -> Array:
 
 
 def place(system: Any, g: Array) -> Array:
-    """The places of bodies, (n, 3).  g : (n, ...), elements of a group of rotations and
-    translations.
-    """
+    """The places of bodies, (n, 3).  g : (n, ...), elements of a group of rotations and translations."""
     group = configurations(system)
     if isinstance(group, ProductGroup):
         return g[:, 9:12]

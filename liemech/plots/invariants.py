@@ -1,6 +1,4 @@
-"""The constants of a motion, over time: how far it is from what it was, beside what rounding alone
-does.
-"""
+"""The constants of a motion, over time: how far it is from what it was, beside what rounding alone does."""
 
 from __future__ import annotations
 
@@ -95,9 +93,7 @@ def drift(runs: Any, name: str = "energy", *, ax: Axes | None = None, title: str
 
 
 def changes(run: Any, name: str) -> Array:
-    """The relative change of a constant since the start, (n,); of an ensemble the largest among the
-    bodies.
-    """
+    """The relative change of a constant since the start, (n,); of an ensemble the largest among the bodies."""
     values = np.asarray(run._constants[name])
     axes = 1 if run.bodies is None else 2
     values = values.reshape(*values.shape[:axes], -1)

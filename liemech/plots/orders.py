@@ -89,9 +89,7 @@ def work_precision(
 
 
 def _positive(values: ArrayLike, name: str, n: int | None = None) -> Array:
-    """Positive numbers, (n,); nan is what is not there, and so is an error of zero, which has no
-    logarithm.
-    """
+    """Positive numbers, (n,); nan is what is not there, and so is an error of zero, which has no logarithm."""
     array = np.asarray(values, dtype=float)
     if array.ndim != 1 or not len(array) or (n is not None and len(array) != n):
         raise InvalidInput(f"plots.{name} has shape {array.shape}; wanted is ({'n' if n is None else n},)")

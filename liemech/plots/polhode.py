@@ -128,9 +128,7 @@ def herpolhode(
 
 
 def herpolhode_points(run: Any, body: int = 0) -> Array:
-    """The angular velocity in space, without its part along the spatial momentum of the first
-    sample, (n, 2).
-    """
+    """The angular velocity in space, without its part along the spatial momentum of the first sample, (n, 2)."""
     w = _velocity(run, body, "plots.herpolhode")
     g, mu = (part(run, name, "plots.herpolhode") for name in ("g", "mu"))
     if run.bodies is not None:

@@ -59,9 +59,7 @@ def new_figure(width: float, height: float, layout: Any = None) -> Figure:
 
 
 def plane_axes(ax: Axes | None, title: str | None, x: str, y: str, size: tuple[float, float] = (5.2, 3.4)) -> Axes:
-    """Axes with a light grid and names: the given ones, or those of a new figure of this size in
-    inches.
-    """
+    """Axes with a light grid and names: the given ones, or those of a new figure of this size in inches."""
     require_matplotlib()
     if ax is None:
         ax = new_figure(*size, layout="constrained").add_subplot()
@@ -202,9 +200,7 @@ def part(run: Any, name: str, where: str) -> NDArray[np.float64]:
 
 
 def thinned(n: int, most: int = MOST_DOTS) -> Any:
-    """Which of n samples are drawn: all, or `most`, evenly chosen, the first and the last among
-    them.
-    """
+    """Which of n samples are drawn: all, or `most`, evenly chosen, the first and the last among them."""
     return slice(None) if n <= most else np.unique(np.linspace(0, n - 1, most).round().astype(int))
 
 

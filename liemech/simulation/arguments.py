@@ -20,9 +20,7 @@ from ..systems.system import State, System
 from .checkpoint import ENDINGS, Checkpoint, require_ending
 
 MOST = 2**53
-"""Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to
-rounding.
-"""
+"""Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to rounding."""
 
 
 RTOL, ATOL = 1e-6, 1e-9
@@ -264,9 +262,7 @@ def ends(t_end: Any, bodies: int) -> list[Any]:
 
 
 def columns(t_eval: Any, bodies: int) -> list[Any]:
-    """The times of samples of each body of an ensemble: of (n, bodies) a column, of (n,) all of
-    them.
-    """
+    """The times of samples of each body of an ensemble: of (n, bodies) a column, of (n,) all of them."""
     if t_eval is None:
         return [None] * bodies
     samples = np.array(real_array(t_eval, "integrate: t_eval"))
@@ -417,9 +413,7 @@ def checkpoint(path: Any, every: Any) -> Checkpoint:
 
 
 ROUNDING = 1e-9
-"""Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
-makes of it.
-"""
+"""Part of a step by which a last time may miss the end of one: more than rounding of h and t_end makes of it."""
 
 
 def fixed_steps(steps: int | None, t_end: float | None, t0: float, before: int, h: Any) -> int:

@@ -67,9 +67,7 @@ class Recorder:
         return chosen
 
     def needed(self, system: Any, start: Any) -> tuple[str, ...] | None:
-        """The parts of the state that a run must have: for a function of the state all that there
-        are.
-        """
+        """The parts of the state that a run must have: for a function of the state all that there are."""
         if not isinstance(start, State):
             return None
         if not all(isinstance(q, str) for q in self.quantities.values()):

@@ -9,9 +9,7 @@ from ..errors import IntegrationFailure
 
 
 class Stop(NamedTuple):
-    """Where and why a body of an ensemble stopped: after how many steps, and what the next one
-    failed of.
-    """
+    """Where and why a body of an ensemble stopped: after how many steps, and what the next one failed of."""
 
     steps: int
     error: IntegrationFailure

@@ -171,9 +171,7 @@ class Trajectory:
 
     @cached_property
     def multipliers(self) -> np.ndarray:
-        """The multipliers of the constraints at every sample: forces of constraint.  (n, number of
-        constraints)
-        """
+        """The multipliers of the constraints at every sample: forces of constraint.  (n, number of constraints)"""
         return self._quantity("multipliers", "has no constraints")
 
     def joint(self, name: str | int) -> Any:
@@ -391,9 +389,7 @@ class Trajectory:
         return to_xarray(self)
 
     def to_pandas(self) -> Any:
-        """The samples as a pandas.DataFrame: a row for each time t, or each t and body; columns
-        mu[0], g[0,1], ...
-        """
+        """The samples as a pandas.DataFrame: a row for each time t, or each t and body; columns mu[0], g[0,1], ..."""
         from ..rooms.files.labelled import to_pandas
 
         return to_pandas(self)
@@ -447,9 +443,7 @@ class Trajectory:
         return {"dense": self.dense.then(rest.dense)}
 
     def view(self, show: Any = None) -> Scene:
-        """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as
-        in viewer.Scene.
-        """
+        """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as in viewer.Scene."""
         from ..viewer import Scene
 
         if isinstance(self.system, Systems):
@@ -687,9 +681,7 @@ def _range(values: Any) -> str:
 
 
 def _joined(first: Any, second: Any) -> Any:
-    """The times and states of an event in one run and in the next; of an ensemble those of each
-    body.
-    """
+    """The times and states of an event in one run and in the next; of an ensemble those of each body."""
     if not isinstance(first[0], np.ndarray):
         return tuple([_joined(*pair) for pair in zip(first, second, strict=True)])
     parts = zip(first[1].parts.values(), second[1].parts.values(), strict=True)

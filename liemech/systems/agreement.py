@@ -82,9 +82,7 @@ def _probe(seed: int, dim: int) -> Vec:
 
 
 def _require_gradient(name: str, group: LieGroup, hamiltonian: Hamiltonian, mu: Vec, xi: Vec) -> None:
-    """The slope of the energy along a direction that moves all components of one unit; of every
-    unit.
-    """
+    """The slope of the energy along a direction that moves all components of one unit; of every unit."""
     whole = np.abs(np.array(xi) * np.array(_probe(6, len(mu)))).sum()
     for direction in parts_in_units(_probe(6, len(mu)), group.unit_blocks):
         slope = _value(

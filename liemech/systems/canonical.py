@@ -17,18 +17,14 @@ from .system import State, System, as_field, points
 
 @record
 class CanonicalState(State):
-    """Where a canonical system is: positions `q` and momenta `p`, (n,) each or, for an ensemble,
-    (members, n).
-    """
+    """Where a canonical system is: positions `q` and momenta `p`, (n,) each or, for an ensemble, (members, n)."""
 
     q: Any
     p: Any
 
 
 def degrees_of(record: Any) -> int:
-    """The number of degrees of freedom that the class of a record says.  Raises InvalidInput if it
-    says none.
-    """
+    """The number of degrees of freedom that the class of a record says.  Raises InvalidInput if it says none."""
     n = getattr(record, "degrees", None)
     if type(n) is not int or n < 1:
         raise InvalidInput(

@@ -168,15 +168,11 @@ LEAST = 1.0 / MAX
 _FLOAT = frozenset([float])
 
 SYMMETRY = 1e-12
-"""An entry that differs by more than this from its mirror image, relative to its row and column, is
-a mistake.
-"""
+"""An entry that differs by more than this from its mirror image, relative to its row and column, is a mistake."""
 
 
 def require_invertible(inertia: Vec | Mat) -> None:
-    """Raise InvalidInput for an inertia that is empty, not finite, not symmetric or singular.
-    (dim,) or (dim, dim)
-    """
+    """Raise InvalidInput for an inertia that is empty, not finite, not symmetric or singular. (dim,) or (dim, dim)"""
     if isinstance(inertia, vectors.Vec) and _invertible(inertia):
         return
     array = real_array(inertia, "KineticEnergy: inertia")
@@ -212,9 +208,7 @@ def require_invertible(inertia: Vec | Mat) -> None:
 
 
 def times(inertia: Vec | Mat, x: Any) -> Any:
-    """The product of an inertia, where a Vec stands for a diagonal matrix, with a vector or another
-    such matrix.
-    """
+    """The product of an inertia, where a Vec stands for a diagonal matrix, with a vector or another such matrix."""
     by_rows = isinstance(inertia, vectors.Mat) or (isinstance(inertia, Large) and inertia.axes == 2)
     return inertia @ x if by_rows else inertia * x
 

@@ -113,9 +113,7 @@ class LiePoissonMotion(System):
         return as_users_see(self.group, arrays)
 
     def at_site(self, kind: Any) -> Any:
-        """A system of this kind, of one site among many; None if the energy is no sum of terms on a
-        power.
-        """
+        """A system of this kind, of one site among many; None if the energy is no sum of terms on a power."""
         group, energy = self.group, getattr(self, "hamiltonian", None)  # type: Any, Any
         many = isinstance(group, (PowerGroup, SpeciesGroup)) and hasattr(energy, "of_site")
         return kind(group.base, energy.of_site()) if many else None
@@ -354,9 +352,7 @@ def _of_factors(name: str, group: ProductGroup, g: tuple[Any, ...]) -> Any:
 
 
 def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
-    """Momenta on a group and, if given, elements of it, checked; one of either may serve for many
-    of the other.
-    """
+    """Momenta on a group and, if given, elements of it, checked; one of either may serve for many of the other."""
     if isinstance(group, PowerGroup):
         return site_state(name, group, mu, g)
     if isinstance(g, tuple) and isinstance(group, ProductGroup):

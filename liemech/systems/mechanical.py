@@ -119,32 +119,24 @@ class MechanicalSystem(System):
 
     @final
     def velocity(self, mu: Vec, t: float = 0.0) -> Vec:
-        """The body velocity xi = dH/dmu.  mu : (dim,).  t : counts where the energy of the body
-        changes with time.
-        """
+        """The body velocity xi = dH/dmu.  mu : (dim,).  t : counts where the energy of the body changes with time."""
         body: Any = self.body
         return body.velocity(t, mu) if self.driven else body.velocity(mu)
 
     @final
     def force(self, g: Element) -> Vec:
-        """The force of the field on the body, <f, eta> = -d/ds V(g exp(s eta)).  g : an element;
-        returns (dim,).
-        """
+        """The force of the field on the body, <f, eta> = -d/ds V(g exp(s eta)).  g : an element; returns (dim,)."""
         return self.potential.force(self.body.group, g)
 
     @final
     def applied(self, t: float, xi: Vec, g: Element) -> Vec:
-        """Field and load together, f(g) + F(t, xi, g).  xi : (dim,), g : an element;  returns
-        (dim,).
-        """
+        """Field and load together, f(g) + F(t, xi, g).  xi : (dim,), g : an element;  returns (dim,)."""
         force = self.force(g)
         return force if self.load is None else force + self.load.covector(t, xi, g)
 
     @final
     def energy(self, mu: Vec, g: Element, t: float = 0.0) -> float:
-        """H(mu) + V(g).  mu : (dim,), g : an element.  t : counts where the energy of the body
-        changes with time.
-        """
+        """H(mu) + V(g).  mu : (dim,), g : an element.  t : counts where the energy of the body changes with time."""
         body: Any = self.body
         free = body.energy(t, mu) if self.driven else body.energy(mu)
         return free + self.potential.energy(g)
@@ -202,9 +194,7 @@ class MechanicalSystem(System):
 
     @final
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """ad*_omega mu and the kick beside |mu|, and omega beside what counts as large where the
-        body is.
-        """
+        """ad*_omega mu and the kick beside |mu|, and omega beside what counts as large where the body is."""
         group = self.body.group
         xi, kick = self.group.algebra.parts(omega)
         kick = group.Ad_star(state.g, kick) if self.in_space else kick

@@ -283,9 +283,7 @@ def _unmoved(speeds: Any) -> bool:
 
 
 def special_nowhere(n: int) -> list[Any]:
-    """Generic points of R^n: three of size one in the first octant, then others of many sizes
-    and signs.
-    """
+    """Generic points of R^n: three of size one in the first octant, then others of many sizes and signs."""
     rng = np.random.default_rng(7)
     drawn = [*rng.uniform(0.5, 1.0, size=(3, n))]
     for size in (3.0, 0.05, 10.0, 100.0, 1e4):
@@ -302,9 +300,7 @@ def _far(n: int) -> list[Any]:
 
 
 def where_defined(velocity: Any, points: list[Any]) -> tuple[list[Any], str]:
-    """The points at which the velocity has a finite value and derivative, and why another one has
-    none.
-    """
+    """The points at which the velocity has a finite value and derivative, and why another one has none."""
     defined, why = [], "it is not finite elsewhere"
     for y in points:
         try:

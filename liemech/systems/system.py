@@ -168,9 +168,7 @@ class System(Record):
         return self.group.unit_blocks
 
     def essential_part(self, state: State) -> Any:
-        """The part of the state that the velocity depends on; what is None in it may be left
-        unrecorded.
-        """
+        """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
         return state
 
     @property
@@ -245,9 +243,7 @@ class System(Record):
         return not self.bounded or checked[2] is self or exact_key(checked[2]) == exact_key(self)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Quantities that the motion should keep, by name, each (n, ...), from the samples of a
-        run.
-        """
+        """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""
         return {}
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:

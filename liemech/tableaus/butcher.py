@@ -45,9 +45,7 @@ TABLEAUS = {
         *(x for x in vars(diagonally_implicit).values() if isinstance(x, ButcherTableau)),
     )
 }
-"""The explicit and the diagonally implicit methods by name; Gauss, Radau and Lobatto methods are
-made by functions.
-"""
+"""The explicit and the diagonally implicit methods by name; Gauss, Radau and Lobatto methods are made by functions."""
 
 FAMILIES = {
     "Gauss": gauss,
@@ -90,9 +88,7 @@ def named(name: str) -> ButcherTableau:
 
 
 def pair(order: int) -> ButcherTableau:
-    """The explicit method of this order with an error estimate.  Raises InvalidInput with the
-    orders there are.
-    """
+    """The explicit method of this order with an error estimate.  Raises InvalidInput with the orders there are."""
     order = ordinary(order)
     if type(order) is not int or order not in PAIRS:
         raise InvalidInput(f"no pair of order {order!r}; there are pairs of the orders {', '.join(map(str, PAIRS))}")

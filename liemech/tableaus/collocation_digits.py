@@ -43,9 +43,7 @@ def _exact(name: str, s: int) -> tuple[list[list[Decimal]], list[Decimal], list[
 
 
 def _zeros(p: int, q: int, m: int) -> list[Decimal]:
-    """The zeros of the m-th derivative of x^p (x - 1)^q, p and q being m or m + 1: all real,
-    simple, and in [0, 1].
-    """
+    """The zeros of the m-th derivative of x^p (x - 1)^q, p and q being m or m + 1: all real, simple, and in [0, 1]."""
     f: Polynomial = [Decimal(0)] * p + [Decimal((-1) ** (q - k) * math.comb(q, k)) for k in range(q + 1)]
     for _ in range(m):
         f = _derivative(f)

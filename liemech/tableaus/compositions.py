@@ -71,9 +71,7 @@ class CompositionTableau(Coefficients):
 
     @cached_property
     def nodes(self) -> Row:
-        """The times at which the substeps begin, as shares of the step: the sums of the gammas
-        before them.
-        """
+        """The times at which the substeps begin, as shares of the step: the sums of the gammas before them."""
         return tuple(math.fsum(self.gamma[:i]) for i in range(self.stages))
 
     @property
@@ -88,9 +86,7 @@ class CompositionTableau(Coefficients):
     # ---------------------------------------------------------------- the laws
 
     def check(self) -> None:
-        """Raise an error, naming the law, unless the coefficients are symmetric and of the order
-        claimed.
-        """
+        """Raise an error, naming the law, unless the coefficients are symmetric and of the order claimed."""
         name, gamma, base = self.name, self.gamma, self.base_order
         if type(base) is not int or base < 2 or base % 2:
             raise InvalidInput(f"{name}: symmetric methods have even orders; got base_order = {base!r}")
@@ -122,9 +118,7 @@ class CompositionTableau(Coefficients):
         return self._weights(self.gamma), self._weights(tuple(map(abs, self.gamma)))
 
     def _weights(self, gamma: Row) -> dict[Word, float]:
-        """The weights of the words: of a product the sums over the places where a word can be cut
-        in two.
-        """
+        """The weights of the words: of a product the sums over the places where a word can be cut in two."""
         words = [word for degree in range(MOST + 1) for word in _words(degree, self._letters)]
         total = {word: 0.0 if word else 1.0 for word in words}
         for x in gamma:

@@ -70,9 +70,7 @@ class FlowTableau(Coefficients):
 
     @cached_property
     def c(self) -> Row:
-        """The times of the stages in the step, and 1 for its end: what all weights on the way add
-        up to.
-        """
+        """The times of the stages in the step, and 1 for its end: what all weights on the way add up to."""
         return tuple(math.fsum(map(math.fsum, self.way(i))) for i in range(len(self.flows)))
 
     @cached_property
@@ -100,9 +98,7 @@ class FlowTableau(Coefficients):
     # ---------------------------------------------------------------- the laws
 
     def check(self) -> None:
-        """Raise LawViolation, naming the law, unless the shapes fit and the order is the one
-        claimed.
-        """
+        """Raise LawViolation, naming the law, unless the shapes fit and the order is the one claimed."""
         flows, origins = self.flows, self.origins
         if len(flows) < 2 or flows[0] or len(origins) != len(flows):
             raise LawViolation(
@@ -180,9 +176,7 @@ def text(word: Word) -> str:
 
 
 def _crouch_grossman(name: str, order: int, weights: str, source: str) -> FlowTableau:
-    """Every weight is a flow of its own.  weights : a line for each stage from the second on, and for
-    the step.
-    """
+    """Every weight is a flow of its own.  weights : a line for each stage from the second on, and for the step."""
     rows = [(), *map(numbers, weights.strip().splitlines())]
     flows = tuple(tuple((0.0,) * j + (b,) for j, b in enumerate(row) if b) for row in rows)
     return FlowTableau.shipped(name, order, flows, (), source)

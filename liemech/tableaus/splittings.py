@@ -105,9 +105,7 @@ class SplittingTableau(Coefficients):
 
     @property
     def carries_force(self) -> bool:
-        """Whether a step begins as the one before ended, with a kick, so that one force serves for
-        both kicks.
-        """
+        """Whether a step begins as the one before ended, with a kick, so that one force serves for both kicks."""
         return self.kicks[0] != 0.0 and self.kicks[-1] != 0.0
 
     @property
@@ -160,9 +158,7 @@ class SplittingTableau(Coefficients):
     # ---------------------------------------------------------------- the laws
 
     def check(self) -> None:
-        """Raise an error, naming the law, unless the coefficients are symmetric and of the order
-        claimed.
-        """
+        """Raise an error, naming the law, unless the coefficients are symmetric and of the order claimed."""
         name = self.name
         if len(self.kicks) != len(self.drifts) + 1 or not all(map(math.isfinite, (*self.kicks, *self.drifts))):
             raise InvalidInput(
@@ -216,9 +212,7 @@ def _weights(factors: list[tuple[str, float]], longest: int) -> dict[str, float]
 
 
 def _indifferent(length: int) -> np.ndarray:
-    """Orthonormal sums of words that vanish with [B, [B, [B, A]]]: what stands before and behind it
-    does not matter.
-    """
+    """Orthonormal sums of words that vanish with [B, [B, [B, A]]]: what stands before and behind it does not matter."""
     number, rows = {word: i for i, word in enumerate(_words(length))}, []
     for k in range(length - 3):
         for before in _words(k):
@@ -239,9 +233,7 @@ def _around_drift(text: str) -> Row:
 
 
 def _around_pair(text: str) -> Row:
-    """An even number of coefficients: those up to the two in the middle, which make the sum one,
-    and back.
-    """
+    """An even number of coefficients: those up to the two in the middle, which make the sum one, and back."""
     half = numbers(text)
     whole = (*half, 0.5 - math.fsum(half))
     return (*whole, *whole[::-1])

@@ -1,6 +1,4 @@
-"""Butcher tableaus: the coefficients of Runge-Kutta methods, which say what they are and check
-themselves.
-"""
+"""Butcher tableaus: the coefficients of Runge-Kutta methods, which say what they are and check themselves."""
 
 from __future__ import annotations
 
@@ -74,9 +72,7 @@ class ButcherTableau(Coefficients):
 
     @classmethod
     def of(cls, A: Any, b: Any, order: int | None = None, name: str = "own tableau", **more: Any) -> ButcherTableau:
-        """The tableau with the row sums of A as nodes, of the order that the trees find unless one
-        is claimed.
-        """
+        """The tableau with the row sums of A as nodes, of the order that the trees find unless one is claimed."""
         rows = _rows(A, name, "A")
         weights = _row(b, f"{name}: b")
         if order is None:
@@ -148,9 +144,7 @@ class ButcherTableau(Coefficients):
 
     @functools.cached_property
     def stage_order(self) -> int:
-        """The order to which every stage, and the step, solves a pure quadrature: the largest q
-        with B(q) and C(q).
-        """
+        """The order to which every stage, and the step, solves a pure quadrature: the largest q with B(q) and C(q)."""
         p, eta, _ = simplifying_assumptions(self.A, self.b, self.c)
         return min(p, eta)
 
@@ -200,9 +194,7 @@ class ButcherTableau(Coefficients):
     # ---------------------------------------------------------------- the checks
 
     def check(self) -> None:
-        """Check the laws: rows sum to nodes, and every order claimed is reached.  Raises
-        LawViolation.
-        """
+        """Check the laws: rows sum to nodes, and every order claimed is reached.  Raises LawViolation."""
         rows = list(zip([f"row {i + 1} of A" for i in range(self.stages)], self.A, self.c))
         rows += [(f"row {i + 1} of A_extra", row, x) for i, (row, x) in enumerate(zip(self.A_extra, self.c_extra))]
         for what, row, x in rows:
@@ -234,9 +226,7 @@ class ButcherTableau(Coefficients):
             self._check_interpolant()
 
     def _check_interpolant(self) -> None:
-        """sum_i b_i(theta) phi_i(tree) = theta^nodes / gamma(tree), power by power, and
-        b_i(1) = b_i.
-        """
+        """sum_i b_i(theta) phi_i(tree) = theta^nodes / gamma(tree), power by power, and b_i(1) = b_i."""
         phi = ElementaryWeights(self.A + self.A_extra)
         for n in range(1, self.interpolant_order + 1):
             for tree in trees(n):
@@ -326,9 +316,7 @@ class ButcherTableau(Coefficients):
         return f"ButcherTableau({self.name}: order {orders}, {self.stages} {'stage' if self.stages == 1 else 'stages'})"
 
     def __str__(self) -> str:
-        """The tableau as it is printed in books; coefficients that are fractions of small numbers
-        are shown as such.
-        """
+        """The tableau as it is printed in books; coefficients that are fractions of small numbers are shown as such."""
         lines = [(_entry(x), [_entry(a) for a in row]) for x, row in zip(self.c, self.A)]
         lines += [
             (label, [_entry(w) for w in row])

@@ -21,9 +21,7 @@ Row = tuple[float, ...]
 Tree = tuple["Tree", ...]
 
 MOST = 10
-"""Orders up to this one are checked tree by tree, 1842 trees; higher ones by Butcher's simplifying
-assumptions.
-"""
+"""Orders up to this one are checked tree by tree, 1842 trees; higher ones by Butcher's simplifying assumptions."""
 
 # what a product of two rounded numbers, given to sixteen digits, may be wrong by
 _EPS = 4.0 * sys.float_info.epsilon
@@ -52,16 +50,12 @@ def density(tree: Tree) -> int:
 
 
 def text(tree: Tree) -> str:
-    """The tree in brackets: `.` is a node, `[.,[.]]` a node whose branches are a node and a node
-    with one branch.
-    """
+    """The tree in brackets: `.` is a node, `[.,[.]]` a node whose branches are a node and a node with one branch."""
     return f"[{','.join(map(text, reversed(tree)))}]" if tree else "."
 
 
 class ElementaryWeights:
-    """The phi_i of trees for one matrix A, each with a bound of what the rounding of A changes in
-    it.
-    """
+    """The phi_i of trees for one matrix A, each with a bound of what the rounding of A changes in it."""
 
     def __init__(self, A: Sequence[Row]) -> None:
         self.A = A

@@ -1,6 +1,4 @@
-"""From a system to its moving picture: by a run that computes what is shown and nothing else, or
-step by step.
-"""
+"""From a system to its moving picture: by a run that computes what is shown and nothing else, or step by step."""
 
 from __future__ import annotations
 

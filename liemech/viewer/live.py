@@ -87,9 +87,7 @@ class Live:
         return self._seen.wait(timeout)
 
     def close(self) -> None:
-        """End the page's connection and free the port; closing twice is once too often, and does no
-        harm.
-        """
+        """End the page's connection and free the port; closing twice is once too often, and does no harm."""
         if self._closed:
             return
         self._closed = True

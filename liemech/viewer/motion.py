@@ -1,6 +1,4 @@
-"""The motion that a scene shows: times and states, checked once, thinned out to what a screen can
-show.
-"""
+"""The motion that a scene shows: times and states, checked once, thinned out to what a screen can show."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""A scene: what is shown of which runs.  Plain data, from which pages, pictures and streams are
-made.
-"""
+"""A scene: what is shown of which runs.  Plain data, from which pages, pictures and streams are made."""
 
 from __future__ import annotations
 
@@ -206,9 +204,7 @@ class Scene:
         ]
 
     def notes(self) -> list[str]:
-        """Remarks on the runs: what the pictures leave out of them, what is not to
-        scale, why one ended early.
-        """
+        """Remarks on the runs: what the pictures leave out of them, what is not to scale, why one ended early."""
         remarks: list[str] = []
         for run in self._runs():
             texts = [run.note, run.motion.note and f"shown: {run.motion.note}"]
@@ -257,9 +253,7 @@ class Scene:
     snapshot, write_film = snapshot, write_film
 
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> Path:
-        """Write the page to a file, which opens from disk, in a notebook and from every web host.
-        Returns its path.
-        """
+        """Write the page to a file, which opens from disk, in a notebook and from every web host. Returns its path."""
         file = file_that_ends(path, ".html", ".htm")
         file.write_text(self.html(compressed=compressed), encoding="utf-8")
         return file

@@ -68,9 +68,7 @@ def box(size: Array, color: str, opacity: float = 1.0) -> ThreeShape:
 
 
 def ball(radius: float, color: str, opacity: float = 1.0, rows: int = 0) -> ThreeShape:
-    """A sphere; what is behind a transparent one shows through.  rows : of its faces, from pole to
-    pole.
-    """
+    """A sphere; what is behind a transparent one shows through.  rows : of its faces, from pole to pole."""
     rows = rows or (32 if radius > 0.3 else 12)
     sphere = {"type": "SphereGeometry", "radius": float(radius)}
     faces = {"widthSegments": 2 * rows, "heightSegments": rows}
@@ -117,9 +115,7 @@ def stick(cap: float, sides: int) -> ThreeShape:
 
 
 def needle(radius: float, sides: int) -> ThreeShape:
-    """An arrow of length 1 along the third axis, with the origin in its middle.  radius : of its
-    head.
-    """
+    """An arrow of length 1 along the third axis, with the origin in its middle.  radius : of its head."""
     thin, neck = 0.45 * radius, 0.5 - min(2.0 * radius, 0.5)
     profile = [(0.0, -0.5), (thin, -0.5), (thin, neck), (radius, neck), (0.0, 0.5)]
     return turned(profile, "#ffffff", sides)

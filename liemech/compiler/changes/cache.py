@@ -92,9 +92,7 @@ def _is_safe(status: os.stat_result) -> bool:
 
 
 def load(key: str, fits: Callable[[Any], Any]) -> tuple[Any, bytes] | None:
-    """The first manifest under this key that `fits` accepts, as it returns it (not None), and the
-    code beside it.
-    """
+    """The first manifest under this key that `fits` accepts, as it returns it (not None), and the code beside it."""
     for file in _files(key):
         content = _content(file)
         if content is not None:
@@ -141,9 +139,7 @@ def _last_use(file: Path) -> float:
 
 
 def _tidy(place: Path) -> None:
-    """Remove what was not used for the longest time beyond the limit, and what interrupted
-    processes left behind.
-    """
+    """Remove what was not used for the longest time beyond the limit, and what interrupted processes left behind."""
     files = [
         (f.stat().st_mtime, f.stat().st_size, f.path) for f in os.scandir(place) if f.name.endswith((".o", ".tmp"))
     ]

@@ -43,9 +43,7 @@ Part = tuple[str, Any, Any]  # how it is reached, by which name or index, and th
 
 
 Known = dict[Any, list[Any]]
-"""By what they have in common: the classes, functions and objects met so far that only their
-identity tells apart.
-"""
+"""By what they have in common: the classes, functions and objects met so far that only their identity tells apart."""
 
 
 def digest(value: Any, namesakes: Known | None = None) -> str:
@@ -329,9 +327,7 @@ def _one_of(common: Any, value: Any, namesakes: Known) -> str:
 
 @functools.lru_cache(4096)
 def code_token(code: types.CodeType) -> str:
-    """A hash of the code of a function: comments, docstrings and line numbers make no
-    difference.
-    """
+    """A hash of the code of a function: comments, docstrings and line numbers make no difference."""
     return hashlib.sha256(repr(_code(code)).encode()).hexdigest()
 
 

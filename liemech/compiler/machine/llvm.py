@@ -194,9 +194,7 @@ def linked(code: bytes, signature: Any = SIGNATURE) -> tuple[Any, Any]:
 
 
 class Owner:
-    """Owns machine code, which goes when this does: under the lock, so that no fork meets LLVM at
-    it.
-    """
+    """Owns machine code, which goes when this does: under the lock, so that no fork meets LLVM at it."""
 
 
 def _unload(loaded: Any) -> None:
@@ -206,9 +204,7 @@ def _unload(loaded: Any) -> None:
 
 @functools.cache
 def _linker() -> Any:
-    """Loads object code: code and constants into one piece of memory, as the small code model wants
-    it.
-    """
+    """Loads object code: code and constants into one piece of memory, as the small code model wants it."""
     return llvm.create_lljit_compiler(_target_machine(), use_jit_link=NEAR)
 
 

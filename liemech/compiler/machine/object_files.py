@@ -114,9 +114,7 @@ Blocks = dict[str, tuple[list[str], list[str]]]
 
 
 def bound_of(text: str, name: str) -> Bound | None:
-    """The bound of a kernel in LLVM's language, after its passes; None if there are loops in its
-    steps.
-    """
+    """The bound of a kernel in LLVM's language, after its passes; None if there are loops in its steps."""
     functions = {a or b: _blocks(body) for a, b, body in _FUNCTION.findall(text)}
     weights: list[Callable[[str], int]] = [
         lambda line: 1,

@@ -98,9 +98,7 @@ def _given(x: Any) -> list[Any]:
 
 
 def computed(emitter: Emitter, op: Any, x: tuple[Any, ...]) -> Any:
-    """An operator where an array with numbers of the run is among the operands; None if there is
-    none.
-    """
+    """An operator where an array with numbers of the run is among the operands; None if there is none."""
     if not any(isinstance(a, Array) for a in x):
         if not any(isinstance(a, np.ndarray) and a.ndim for a in x) or not any(isinstance(a, Num) for a in x):
             return None

@@ -176,9 +176,7 @@ class Emitter:
         return [self.num([extract(row.value, place)]) for place in places]
 
     def arithmetic(self, op: str, a: Any, b: Any) -> Num:
-        """a + b, a - b, a * b, a / b, as Python has them: integers are exact, and nothing is
-        divided by zero.
-        """
+        """a + b, a - b, a * b, a / b, as Python has them: integers are exact, and nothing is divided by zero."""
         floats = self._floats(a, b)
         if floats:
             if op == "div":
@@ -378,9 +376,7 @@ class Emitter:
         return self.num([self.builder.load(place) for place in slot])
 
     def call(self, name: str, *args: Any) -> Num:
-        """A function of floats: an LLVM intrinsic (`llvm.sqrt`) or one of the C library, lane by
-        lane.
-        """
+        """A function of floats: an LLVM intrinsic (`llvm.sqrt`) or one of the C library, lane by lane."""
         b = self.builder
         _, values = self.alike(*args, kind="f")
         varying = isinstance(values[0][0].type, ir.VectorType)

@@ -89,9 +89,7 @@ def constants(e: Emitter, numbers: Any, type_: ir.Type) -> ir.Value:
 
 
 def entry(e: Emitter, table: Table, i: Any) -> Any:
-    """A number of a table, which lies where the run says; of one that is known now, in the code
-    itself.
-    """
+    """A number of a table, which lies where the run says; of one that is known now, in the code itself."""
     if not isinstance(i, Num) and table.content is not None:
         return tables.entry(table, i)
     place = table.place

@@ -1,6 +1,4 @@
-"""Functions of Python, `math` and NumPy: native code for each, where numbers of the run are among
-its arguments.
-"""
+"""Functions of Python, `math` and NumPy: native code for each, where numbers of the run are among its arguments."""
 
 from __future__ import annotations
 
@@ -153,9 +151,7 @@ class PythonFunctions:
         return self.asked("hasattr", value, question, lambda x: reads.has(x, name))
 
     def asked(self, name: str, value: Any, of_class: Callable[..., Any], of_object: Callable[..., Any]) -> Any:
-        """The answer to a question about an object, for what the compiler computes with about its
-        class.
-        """
+        """The answer to a question about an object, for what the compiler computes with about its class."""
         if isinstance(value, Array):
             return of_class(np.ndarray)
         if isinstance(value, (Num, Closure, ItemStream)):
@@ -415,9 +411,7 @@ class PythonFunctions:
         return self.plain_number(lambda *x: self.raising(self.e.call(name, *x), *x), function)
 
     def taking_all(self, native: Callable[..., Any], function: Any) -> Callable[..., Any]:
-        """A function of `math`, of numbers that carry more the formula; it fails where Python's
-        raises.
-        """
+        """A function of `math`, of numbers that carry more the formula; it fails where Python's raises."""
         formula = OF_MATH[function]
 
         def value(*x: Any) -> Any:
@@ -436,9 +430,7 @@ class PythonFunctions:
         return log(x) / log(*base) if base and holds_number((x, *base)) else math.log(x, *base) if base else log(x)
 
     def or_formula(self, function: Any, of_numbers: Any) -> Callable[..., Any]:
-        """A function of NumPy: the formula of the same meaning, of vectors, matrices and numbers
-        that carry more.
-        """
+        """A function of NumPy: the formula of the same meaning, of vectors, matrices and numbers that carry more."""
 
         def value(*x: Any, **options: Any) -> Any:
             varying = any(isinstance(a, Operand) for a in inside(x))

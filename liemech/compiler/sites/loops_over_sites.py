@@ -383,9 +383,7 @@ class SiteLoops:
     # -------------------------------------------------------------- the words of formulas
 
     def meet(self, value: Any) -> Any:
-        """Publish a value: in rows of its own, unless it lies in rows that stay as they are, or was
-        published last.
-        """
+        """Publish a value: in rows of its own, unless it lies in rows that stay as they are, or was published last."""
         if has_series(value):
             partners = company(self._meeting("meet"))
             return SeriesMeeting(value, self.meet, self._formula_of_series, Meeting, partners)

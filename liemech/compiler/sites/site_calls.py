@@ -91,9 +91,7 @@ PAIRS = 2**18
 """Pairs of sites that are worth a thread, where all of them meet; many barriers divide them."""
 
 WORDS = 9
-"""Integers that threads share at their barriers; the eighth one says how many rows of scratch memory
-there are.
-"""
+"""Integers that threads share at their barriers; the eighth one says how many rows of scratch memory there are."""
 
 
 @functools.cache

@@ -55,15 +55,11 @@ OPERATORS: dict[type, Callable[..., Any]] = {
 
 
 WORK = 1_000_000
-"""Expressions that are translated at most: what is known now makes no instructions, and may never
-end.
-"""
+"""Expressions that are translated at most: what is known now makes no instructions, and may never end."""
 
 
 class Later(ast.expr):
-    """An expression whose value is computed when control comes to it, by a function of the
-    translator.
-    """
+    """An expression whose value is computed when control comes to it, by a function of the translator."""
 
     def __init__(self, value: Callable[[], Any]) -> None:
         super().__init__()
@@ -302,9 +298,7 @@ class Expressions(Loops):
         return turns(node.generators, first)
 
     def some_or_every(self, function: Any, node: ast.GeneratorExp, env: Env) -> Any:
-        """`any` and `all` of a generator expression: no item is computed after the one that
-        decides.
-        """
+        """`any` and `all` of a generator expression: no item is computed after the one that decides."""
         around, is_any = self.frames[-1], function is any
         frame = CallFrame(around.source, node, {}, around, node=around.node)
         first = self.iterate(self.expression(node.generators[0].iter, env))

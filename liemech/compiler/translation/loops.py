@@ -50,9 +50,7 @@ class Loops(Branches):
         return True
 
     def written_out(self, turns: Iterable[Callable[[Env], Any]], body: list[ast.stmt], env: Env) -> bool:
-        """A loop with a static number of turns; each first sets its variables, or ends the loop by
-        returning False.
-        """
+        """A loop with a static number of turns; each first sets its variables, or ends the loop by returning False."""
         loop = Loop(dynamic=False, depth=self.state.depth)
         loops, outer = self.frames[-1].loops, {name: env.pop(name) for name in LEFT if name in env}
         loops.append(loop)

@@ -219,9 +219,7 @@ class NativeFunctions:
             function.return_value = ir.values.ReturnValue(function, result)
 
     def _structure(self, kinds: list[ir.Type]) -> ir.Type:
-        """The type of results of these types; it has a name, because its text would stand at every
-        use.
-        """
+        """The type of results of these types; it has a name, because its text would stand at every use."""
         name = f"results {self.structures.setdefault(tuple(map(str, kinds)), len(self.structures))}"
         type_ = self.emitter.builder.module.context.get_identified_type(name)
         if type_.is_opaque:

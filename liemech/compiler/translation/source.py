@@ -1,6 +1,4 @@
-"""The text of formulas: the syntax tree of a function, checked to be that of the code which Python
-runs.
-"""
+"""The text of formulas: the syntax tree of a function, checked to be that of the code which Python runs."""
 
 from __future__ import annotations
 import __future__

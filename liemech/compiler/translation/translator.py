@@ -109,9 +109,7 @@ class Interpreter(Statements):
     # -------------------------------------------------------------- calls
 
     def call(self, function: Any, *args: Any, **options: Any) -> Any:
-        """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on
-        what is known now.
-        """
+        """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on what is known now."""
         if isinstance(function, Record):
             return self.call(self.attribute(function, "__call__"), *args, **options)
         if isinstance(function, types.MethodType):
@@ -296,9 +294,7 @@ class Interpreter(Statements):
         return default[0] if default and not self.call(hasattr, value, name) else self.attribute(value, name)
 
     def attempt(self, function: Any, *args: Any) -> Any:
-        """The value of a call in which formulas may raise; after it, `accepted` tells whether one
-        did.
-        """
+        """The value of a call in which formulas may raise; after it, `accepted` tells whether one did."""
         b, e = self.builder, self.emitter
         outer, self.state.failed = (self.state.failed, e.slot())  # one attempt may be a part of another
         e.store(False, self.state.failed)

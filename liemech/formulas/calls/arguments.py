@@ -197,9 +197,7 @@ def _check_shapes(signature: Signature, space: Any, where: str, arguments: dict[
 
 
 def blame(signature: Signature, owner: Any, args: tuple[Any, ...], error: Exception) -> None:
-    """Raise what is wrong with small vectors for which a formula failed; return if it is not their
-    shape.
-    """
+    """Raise what is wrong with small vectors for which a formula failed; return if it is not their shape."""
     arguments = signature.bound(args, {})
     if arguments is None:
         return

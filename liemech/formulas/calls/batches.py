@@ -21,9 +21,7 @@ from ..numbers.complex_numbers import Complex
 from ..vectors import Mat, Vec, small
 
 MEMBERSHIP = 1e-6
-"""Arrays whose `defect` is larger are no elements with rounding errors but mistakes, and are
-refused.
-"""
+"""Arrays whose `defect` is larger are no elements with rounding errors but mistakes, and are refused."""
 
 AXES = {"float": 0, "Vec": 1, "Mat": 2}
 """How many axes a number, a vector and a matrix have."""
@@ -131,9 +129,7 @@ class Batch:
             raise InvalidInput(f"{self.where} has no finite value at {self.at(i)}: {error}") from error
 
     def check(self, i: int) -> None:
-        """Refuse a row with numbers that are not finite, or with an array that is no element of the
-        group.
-        """
+        """Refuse a row with numbers that are not finite, or with an array that is no element of the group."""
         for name, array in self.arrays.items():
             if not np.isfinite(array[i]).all():
                 check_finite(array[i], f"{self.where}: {name}", self._leading(array, i))
@@ -178,9 +174,7 @@ def in_python(batch: Batch) -> Any:
 
 
 evaluate_rows: Callable[[Batch], Any] = in_python
-"""How the rows of a batch are evaluated.  The package, which knows the compiler too, puts another
-evaluator here.
-"""
+"""How the rows of a batch are evaluated.  The package, which knows the compiler too, puts another evaluator here."""
 
 
 def row_of(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
@@ -232,9 +226,7 @@ def _first_not_finite(results: Any) -> int | None:
 
 
 def _flattened(array: np.ndarray, leading: tuple[int, ...], core: tuple[int, ...]) -> np.ndarray:
-    """The leading axes as one; an array that is the same for all rows is not copied: its stride is
-    zero.
-    """
+    """The leading axes as one; an array that is the same for all rows is not copied: its stride is zero."""
     if array.shape == leading + core and len(leading) == 1:
         return array
     if math.prod(array.shape) == math.prod(core) and math.prod(leading) != 1:
@@ -257,9 +249,7 @@ def _reshaped(results: Any, space: Any) -> Any:
 
 
 def _real(value: Any) -> Any:
-    """A value of a formula: a power of a negative number, complex in Python, is no number here, as
-    in native code.
-    """
+    """A value of a formula: a power of a negative number, complex in Python, is no number here, as in native code."""
     if type(value) is complex:
         return math.nan
     if isinstance(value, Vec) and any(type(x) is complex for x in value):
@@ -279,9 +269,7 @@ def _no_value(where: str, value: Any) -> str:
 
 
 def _stacked(results: Sequence[Any], where: str) -> Any:
-    """The values of a formula as arrays, the batch axis first; tuples of values as tuples of
-    arrays.
-    """
+    """The values of a formula as arrays, the batch axis first; tuples of values as tuples of arrays."""
     first = results[0]
     if isinstance(first, tuple) and not isinstance(first, Vec):
         return tuple(_stacked(list(part), where) for part in zip(*results, strict=True))

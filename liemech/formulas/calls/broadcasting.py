@@ -42,9 +42,7 @@ class Broadcasting:
         return f"be a {cls.__name__}"
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        """The shape that an array argument of this kind must have; None if any will do.  Subclasses
-        know.
-        """
+        """The shape that an array argument of this kind must have; None if any will do.  Subclasses know."""
         return None
 
     @property
@@ -53,9 +51,7 @@ class Broadcasting:
         return False
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
-        """A method on whole arrays, batch axis first, for owners that are large; None: use the
-        formula.
-        """
+        """A method on whole arrays, batch axis first, for owners that are large; None: use the formula."""
         return None
 
     def _in_rows(self, value: Any, kind: str) -> Any:
@@ -71,21 +67,15 @@ class Broadcasting:
         return False
 
     def _objection(self, argument: str, value: Any) -> str | None:
-        """The objection to the value of an argument, an array or an option; None if there is none.
-        Subclasses know.
-        """
+        """The objection to the value of an argument, an array or an option; None if there is none. Subclasses know."""
         return None
 
     def _explain(self, arguments: dict[str, Any]) -> None:
-        """Raise why the owner cannot serve these arguments, if that is why a formula failed.
-        Subclasses know.
-        """
+        """Raise why the owner cannot serve these arguments, if that is why a formula failed. Subclasses know."""
 
 
 def _broadcasting(signature: Signature) -> Callable[..., Any]:
-    """The formula, its arguments checked: arrays are broadcast, small vectors pass straight
-    through.
-    """
+    """The formula, its arguments checked: arrays are broadcast, small vectors pass straight through."""
     formula, at, promised = signature.formula, signature.space_at, signature.promise
 
     @functools.wraps(formula)
@@ -125,6 +115,4 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
 
 
 _CARRIES_MORE = object()
-"""In place of a result: the formula took a function of Python's `math` of a number that carries
-more.
-"""
+"""In place of a result: the formula took a function of Python's `math` of a number that carries more."""

@@ -69,9 +69,7 @@ _CURES: dict[type, str] = {list: "lm.Vec, lm.Mat or tuple", dict: "dict", set: "
 
 
 def immutable(owner: Any, name: str, value: Any) -> Any:
-    """The value if nothing in it can be changed in place, arrays as copies of which this holds;
-    else InvalidType.
-    """
+    """The value if nothing in it can be changed in place, arrays as copies of which this holds; else InvalidType."""
     kind = type(value)
     if kind in CONSTANT or isinstance(value, Broadcasting):
         return value
@@ -183,9 +181,7 @@ def _or_default(convert: Convert, default: Any) -> Convert:
 
 
 def _conversion(annotation: Any, places: Places) -> Convert | None:
-    """The conversion to the first type of an annotation that fits; None if every value is welcome
-    as it is.
-    """
+    """The conversion to the first type of an annotation that fits; None if every value is welcome as it is."""
     allowed = members(annotation, *places)
     if Any in allowed or object in allowed:
         return None

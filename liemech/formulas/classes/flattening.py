@@ -44,9 +44,7 @@ def _gather(value: Any, layout: Layout, numbers: list[Any]) -> None:
 
 @functools.lru_cache(256)
 def gatherer(layout: Layout) -> Callable[[Any], list[Any]]:
-    """`leaves` of values that are known to have this layout: a list written out, such as [*x.mu,
-    *x.g.rows[0], ...].
-    """
+    """`leaves` of values that are known to have this layout: a list written out, such as [*x.mu, *x.g.rows[0], ...]."""
     return eval(f"lambda x: [{', '.join(_places(layout, 'x'))}]", {})
 
 
@@ -69,9 +67,7 @@ def _places(layout: Layout, value: str) -> Iterator[str]:
 
 
 def build(layout: Layout, numbers: Iterator[Any]) -> Any:
-    """The value of this layout with the given numbers; records are filled in without running their
-    checks.
-    """
+    """The value of this layout with the given numbers; records are filled in without running their checks."""
     if layout.kind in SINGLE:
         return next(numbers)
     if layout.kind == "static":

@@ -140,9 +140,7 @@ COMPARABLE.add(Layout)
 
 
 def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
-    """The layout of a value; tuples that hold no vector, matrix or record are static, like the rows
-    of a tableau.
-    """
+    """The layout of a value; tuples that hold no vector, matrix or record are static, like the rows of a tableau."""
     if isinstance(value, Record):
         if number is not is_number:
             return _of_record(value, number)

@@ -37,9 +37,7 @@ from .signatures import bare, keywords, misspelt
 T = TypeVar("T", bound=type)
 
 _complete: dict[type, tuple[frozenset[str], Callable[[type], Any]]] = {}
-"""Classes known to be frozen dataclasses, with the keywords that they take, and what makes an empty
-object.
-"""
+"""Classes known to be frozen dataclasses, with the keywords that they take, and what makes an empty object."""
 
 _known: weakref.WeakValueDictionary[tuple[str, str], type] = weakref.WeakValueDictionary()
 

@@ -41,9 +41,7 @@ def _is_its_fields(value: Any) -> bool:
 
 
 class Remembered:
-    """Values by the identity of objects, which need no hash.  An object that is gone takes its
-    value along.
-    """
+    """Values by the identity of objects, which need no hash.  An object that is gone takes its value along."""
 
     __slots__ = ("_entries",)
 

@@ -77,9 +77,7 @@ class Signature:
         return next((self.names.index(n) for n in ("group", "action") if n in self.names), None)
 
     def shapes(self, space: Any) -> tuple[Any, ...]:
-        """The length of a vector, the shape of a matrix, for each argument; None: any.  The space
-        remembers it.
-        """
+        """The length of a vector, the shape of a matrix, for each argument; None: any.  The space remembers it."""
         kinds = [(name, self.kinds.get(name, "float")) for name in self.names]
         shapes = [space._shape(name, kind) if kind != "float" else None for name, kind in kinds]
         lengths = tuple([s[0] if s and len(s) == 1 else s or None for s in shapes])
@@ -144,9 +142,7 @@ def arguments(method: types.FunctionType) -> tuple[str, ...]:
 
 
 def _annotated_by_bases(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
-    """The kind and the class of each argument, from the annotations of a method and of those that
-    it overrides.
-    """
+    """The kind and the class of each argument, from the annotations of a method and of those that it overrides."""
     kinds: dict[str, str] = {}
     classes: dict[str, str] = {}
     for base in cls.__mro__:

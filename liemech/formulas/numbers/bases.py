@@ -12,17 +12,13 @@ import numpy as np
 from ...errors import InvalidInput
 
 INTEGER_POWER = 64
-"""Up to here powers with an int as exponent are products, which are fast and exist where the
-logarithm does not.
-"""
+"""Up to here powers with an int as exponent are products, which are fast and exist where the logarithm does not."""
 
 AN_INT = "an int as exponent that is known only at run time (products would be made of one known before)"
 
 
 class StandIn:
-    """Base of what takes the place of a number whose value is not known yet: the compiler's
-    numbers.
-    """
+    """Base of what takes the place of a number whose value is not known yet: the compiler's numbers."""
 
     __slots__ = ()
 
@@ -132,9 +128,7 @@ class InMemory(Operand):
 
 
 def _arrays(x: Any) -> Any:
-    """Arrays instead of vectors and matrices, and of one object instead of a number that carries
-    more.
-    """
+    """Arrays instead of vectors and matrices, and of one object instead of a number that carries more."""
     if isinstance(x, Operand):
         array = np.asarray(x) if x.axes else np.empty((), dtype=object)
         if not x.axes:

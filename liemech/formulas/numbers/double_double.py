@@ -34,9 +34,7 @@ def _reflected(op: Callable[[Any, Any], Any]) -> Any:
 
 
 class DoubleDouble(ByValue):
-    """value + low, a number of 32 digits.  Comparisons look at the value, which is the number
-    rounded to a double.
-    """
+    """value + low, a number of 32 digits.  Comparisons look at the value, which is the number rounded to a double."""
 
     __slots__ = ("low", "value")
     level = 0
@@ -92,9 +90,7 @@ class DoubleDouble(ByValue):
         return DoubleDouble(*fast_two_sum(high, (((self.value - product) - error) + self.low) / other))
 
     def __pow__(self, n: Any) -> Any:
-        """An int as exponent makes products, where they are few; any other exponent is one of
-        exp(n log x).
-        """
+        """An int as exponent makes products, where they are few; any other exponent is one of exp(n log x)."""
         if isinstance(n, int) and abs(n) <= INTEGER_POWER:
             power = whole_power(self, abs(n)) if n else DoubleDouble(self.value**0, 0.0 * self.low)
             return power if n >= 0 else 1.0 / power
@@ -166,9 +162,7 @@ def rounded_number(x: Any) -> Any:
 
 
 def two_sum(a: Any, b: Any) -> tuple[Any, Any]:
-    """fl(a + b), and what rounding took from it, exactly.  Source: Knuth, The Art of Computer
-    Programming 2, 4.2.2.
-    """
+    """fl(a + b), and what rounding took from it, exactly.  Source: Knuth, The Art of Computer Programming 2, 4.2.2."""
     total = a + b
     added = total - a
     return total, (a - (total - added)) + (b - added)

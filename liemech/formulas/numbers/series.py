@@ -215,9 +215,7 @@ class Series(Operand):
 
     @staticmethod
     def unknown(start: Any, products: Products) -> Any:
-        """A value whose numbers are unknown series that begin with those of `start`; `follow`
-        determines them.
-        """
+        """A value whose numbers are unknown series that begin with those of `start`; `follow` determines them."""
         layout = layout_of(start)
         if layout.has_double_doubles:
             raise InvalidType(
@@ -378,9 +376,7 @@ class SeriesInMemory(Series, InMemory):
 
     @staticmethod
     def continued(unknown: Any, rates: Any, h: Any) -> None:
-        """Let the unknowns of a state solve y' = h rate, where the rates, a value like y, may depend on
-        y.
-        """
+        """Let the unknowns of a state solve y' = h rate, where the rates, a value like y, may depend on y."""
         for y, rate in zip(fields_of(unknown).values(), fields_of(rates).values(), strict=True):
             if y is not None:
                 y.grow(rate, h)

@@ -76,9 +76,7 @@ PARTS = 2.0**20
 
 NODES = (0.16471028689654242, 0.5498684992164436, 0.9008058292716294)
 WEIGHTS = (0.06289133716441942, 0.15380118384095637, 0.11664081232795754)
-"""int_0^1 f(s^2) s^2 ds = sum of weight f(node) for polynomials f of degree 5.  Source: DLMF
-3.5(v), Gauss-Jacobi.
-"""
+"""int_0^1 f(s^2) s^2 ds = sum of weight f(node) for polynomials f of degree 5.  Source: DLMF 3.5(v), Gauss-Jacobi."""
 
 
 @record
@@ -122,9 +120,7 @@ class ExactFreeBody(Method):
             )
 
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
-        """Move along the orbit in equal parts short enough for the formula; mostly one part is
-        enough.
-        """
+        """Move along the orbit in equal parts short enough for the formula; mostly one part is enough."""
         if isinstance(system.group, (PowerGroup, SpeciesGroup)):
             return self._site_by_site(system, t, state, h)
         if isinstance(system.hamiltonian, OfSpecies):

@@ -58,9 +58,7 @@ class MoserVeselov(Implicit):
         return h * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
-        """Solve for the displacement from the extrapolated one, then move momentum and attitude by
-        it.
-        """
+        """Solve for the displacement from the extrapolated one, then move momentum and attitude by it."""
         x = self.displacement(system, h, memory.state.mu, extrapolated(*memory.past))
         return self.after(memory, system.displaced(Cayley(), memory.state, x), x)
 
@@ -107,9 +105,7 @@ its direction is rounding.
 """
 
 SHORT, TRIED = 0.5, 16
-"""Above SHORT of the least moment, h|mu| may have no solution later on the orbit: TRIED steps are
-tested.
-"""
+"""Above SHORT of the least moment, h|mu| may have no solution later on the orbit: TRIED steps are tested."""
 
 FITTED = 1e-10
 """How far, relatively, steps may be from the exact ones, and a start from the constants for which a
@@ -263,9 +259,7 @@ def _combined(a: Vec, b: Vec, wanted: Vec) -> tuple[float, float, Vec]:
 
 
 def _fingerprint(system: Any, mu: Vec) -> Vec:
-    """|mu|^2 and the energy, which tell an orbit, and the velocity of some momentum, which tells
-    the body.
-    """
+    """|mu|^2 and the energy, which tell an orbit, and the velocity of some momentum, which tells the body."""
     return vec(dot(mu, mu), system.energy(mu), *system.velocity(vec(1.0, 2.0, 3.0)))
 
 

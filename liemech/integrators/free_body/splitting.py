@@ -66,9 +66,7 @@ class ThreeRotations(Method):
 
 
 def _turned(row: Vec, axis: int, sine: float, versine: float) -> Vec:
-    """A row times the rotation about an axis, given by sin and 1 - cos of its angle: row + what the
-    rotation adds.
-    """
+    """A row times the rotation about an axis, given by sin and 1 - cos of its angle: row + what the rotation adds."""
     j, k = (axis + 1) % 3, (axis + 2) % 3
     b, c = row[j], row[k]
     new_b, new_c = b + (sine * c - versine * b), c - (sine * b + versine * c)

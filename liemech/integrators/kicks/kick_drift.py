@@ -1,6 +1,4 @@
-"""Bodies in fields by splitting: kicks by the field, and drifts without it by a method for the free
-body.
-"""
+"""Bodies in fields by splitting: kicks by the field, and drifts without it by a method for the free body."""
 
 from __future__ import annotations
 
@@ -86,9 +84,7 @@ class FieldSplitting(Remembering):
         return system.driven and not self.free.timed  # type: ignore[attr-defined]
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
-        """Kick, drift, kick, ...; one force for each kick, the last one carried on to the next
-        step.
-        """
+        """Kick, drift, kick, ...; one force for each kick, the last one carried on to the next step."""
         free, tableau, state, force = self.free, self.tableau, memory.state, memory.node  # type: ignore[attr-defined]
         pasts: list[Any] = []
         ends = len(tableau.drifts)

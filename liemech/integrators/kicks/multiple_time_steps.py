@@ -299,9 +299,7 @@ class MultipleTimeSteps(Remembering):
     def _of_terms(
         self, parts: list[Any], k: int, t: float, memory: Memory, forces: Any, h: float
     ) -> tuple[Memory, Any]:
-        """A step of length h with the terms 0 to k: the memory of the fastest steps, and the forces of
-        the others.
-        """
+        """A step of length h with the terms 0 to k: the memory of the fastest steps, and the forces of the others."""
         if k == 0:
             return FAST.step(parts[0], t, memory, h), ()
         memory, faster = _kicked(memory, (0.5 * h) * forces[k - 1]), forces[: k - 1]

@@ -33,9 +33,7 @@ ARCTANGENT = (
     0.0379315408163702,
     -0.01776807748000551,
 )
-"""atan(r)/r as a polynomial in r^2 <= 0.172, to 2e-18.  Computed by
-docs/derivations/arctangent_polynomial.py.
-"""
+"""atan(r)/r as a polynomial in r^2 <= 0.172, to 2e-18.  Computed by docs/derivations/arctangent_polynomial.py."""
 
 
 def elliprf(x: float, y: float, z: float) -> float:

@@ -158,9 +158,7 @@ _MOVED = row_driver.RowDriver(moved)
 
 
 class _PreparedMotion(NamedTuple):
-    """The data that all times of a motion from one start share.  start : g(0) P(e(0))^T in the
-    principal frame.
-    """
+    """The data that all times of a motion from one start share.  start : g(0) P(e(0))^T in the principal frame."""
 
     orbit: _Steady | _Separatrix | Polhode
     unit: _Unit
@@ -183,9 +181,7 @@ def _prepared(inertia: Vec | Mat, mu: Vec, g: Mat | None) -> _PreparedMotion:
 
 
 class _Unit(NamedTuple):
-    """Exponents of two: in these units the largest component of the momentum and the least moment
-    are in [1/2, 1).
-    """
+    """Exponents of two: in these units the largest component of the momentum and the least moment are in [1/2, 1)."""
 
     time: int
     momentum: int
@@ -344,9 +340,7 @@ def _steady(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: Mat, u
 
 
 def _orbit(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Vec], unit: _Unit) -> _Motion:
-    """The constants of the module's first lines, from moments and momentum in the order of the
-    formulas.
-    """
+    """The constants of the module's first lines, from moments and momentum in the order of the formulas."""
     J1, J2, J3 = J
     norm2 = sum([x * x for x in m])
     X = m[0] ** 2 * (J3 - J1) * J2 + m[1] ** 2 * (J3 - J2) * J1  # J1 J2 times that of the formulas

@@ -34,17 +34,13 @@ from .jacobi import Jacobi
 
 DIGITS = 200
 SAME = Decimal(10) ** -60
-"""Roots that are closer to each other, or to 1, are equal: no start of sixteen digits tells them
-apart.
-"""
+"""Roots that are closer to each other, or to 1, are equal: no start of sixteen digits tells them apart."""
 
 Quaternion = tuple[Any, Any, Any, Any]
 
 
 class Phase(NamedTuple):
-    """The phase of alpha or beta: `begin` + rate t + factor (I(v) - I(v_0)), I the integral of
-    1/(1 + nu sn^2).
-    """
+    """The phase of alpha or beta: `begin` + rate t + factor (I(v) - I(v_0)), I the integral of 1/(1 + nu sn^2)."""
 
     begin: float
     rate: float

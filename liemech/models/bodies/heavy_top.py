@@ -1,6 +1,4 @@
-"""The heavy top, a rigid body about a fixed point under gravity: on SO(3) in a field, and on se(3)*
-without one.
-"""
+"""The heavy top, a rigid body about a fixed point under gravity: on SO(3) in a field, and on se(3)* without one."""
 
 from __future__ import annotations
 
@@ -84,9 +82,7 @@ class LagrangeTop(HeavyTop):
 
     @property
     def sleeping_momentum(self) -> float:
-        """The spin |mu_3| = 2 sqrt(A w l) above which the upright top sleeps: it is stable; below
-        it falls.
-        """
+        """The spin |mu_3| = 2 sqrt(A w l) above which the upright top sleeps: it is stable; below it falls."""
         return 2.0 * sqrt(self.transverse * abs(self.weight * self.length))
 
     def exact(self, start: BodyState, t: Any) -> BodyState:

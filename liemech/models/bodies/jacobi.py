@@ -22,9 +22,7 @@ LEAST = 2.0**-250
 
 
 class Jacobi(NamedTuple):
-    """The functions of one modulus: the pairs (a, b) of the arithmetic-geometric mean of 1 and k',
-    the mean, and k'.
-    """
+    """The functions of one modulus: the pairs (a, b) of the arithmetic-geometric mean of 1 and k', the mean, and k'."""
 
     a: Vec
     b: Vec

@@ -97,9 +97,7 @@ class OrthogonalBody(SeparableConstrainedSystem):
         }
 
     def at(self, mu: Any, g: Any) -> CanonicalState:
-        """The state of a body with momentum mu, (3,), in the attitude g, (3, 3): P = g hat(J^-1 mu)
-        D.
-        """
+        """The state of a body with momentum mu, (3,), in the attitude g, (3, 3): P = g hat(J^-1 mu) D."""
         w = np.array(mu, dtype=float) / np.array(self.inertia)
         hat = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
         g = np.array(g, dtype=float)

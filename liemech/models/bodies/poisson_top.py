@@ -1,6 +1,4 @@
-"""A rigid body in a field that depends on the vertical: momentum and vertical, (mu, Gamma), in body
-axes.
-"""
+"""A rigid body in a field that depends on the vertical: momentum and vertical, (mu, Gamma), in body axes."""
 
 from __future__ import annotations
 

@@ -70,9 +70,7 @@ Direction = tuple[Any, Any, Any]
 
 
 def direction(p: Polhode, t: Any) -> tuple[Direction, Any, Any, Any]:
-    """The direction of the momentum, from the axis p on, at the time t; sn, cn, and the half turns
-    made until then.
-    """
+    """The direction of the momentum, from the axis p on, at the time t; sn, cn, and the half turns made until then."""
     u = p.begin + p.rate * t
     turns = nearest(u / p.half)
     argument = u - turns * p.half
@@ -109,9 +107,7 @@ def elliptic(p: Polhode, u: Any) -> tuple[Any, Any, Any]:
 
 
 def third_kind(s: Any, c: Any, k1: float, nu: float, count: float) -> Any:
-    """T = integral of sn^2/(1 + nu sn^2) from 0 to u, |u| <= K. Source: DLMF 19.25.14
-    (T = (F - Pi)/nu there).
-    """
+    """T = integral of sn^2/(1 + nu sn^2) from 0 to u, |u| <= K. Source: DLMF 19.25.14 (T = (F - Pi)/nu there)."""
     s2, c2 = s * s, c * c
     return s * s2 * elliprj(c2, c2 + k1 * k1 * s2, 1.0, 1.0 + nu * s2, count) / 3.0
 

@@ -44,9 +44,7 @@ class SphereEnergy(Hamiltonian):
 
     @cached_property
     def solver(self) -> DiagonalSolver:
-        """The inverse of minus the quantised Laplacian, sum_k [S_k, [S_k, F]]: tridiagonal along every
-        diagonal.
-        """
+        """The inverse of minus the quantised Laplacian, sum_k [S_k, [S_k, F]]: tridiagonal along every diagonal."""
         lower, diagonal, upper = laplacian(self.n)
         return DiagonalSolver(-lower, -diagonal, -upper)
 
@@ -209,9 +207,7 @@ class ZeitlinSphere(LiePoissonSystem):
         return matrix
 
     def _along(self, m: int, largest: int) -> np.ndarray:
-        """Along the diagonal m the eigenvectors of the Laplacian for l = m, ..., largest, positive
-        in the north.
-        """
+        """Along the diagonal m the eigenvectors of the Laplacian for l = m, ..., largest, positive in the north."""
         from scipy.linalg import eigh_tridiagonal
 
         _, diagonal, upper = laplacian(self.n)

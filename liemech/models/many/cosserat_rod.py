@@ -282,9 +282,7 @@ class CosseratRod(MechanicalSystem):
 
     @property
     def loads(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Forces and moments in space, (frames, 3) each, and those that turn with the frames,
-        (frames, 6).
-        """
+        """Forces and moments in space, (frames, 3) each, and those that turn with the frames, (frames, 6)."""
         pull, moment = np.zeros((2, self.frames, 3))
         following = np.zeros((self.frames, 6))
         pull[:, 2] = -self.gravity * self.inertias[:, 5]
@@ -372,9 +370,7 @@ class CosseratRod(MechanicalSystem):
         return frames
 
     def at_rest(self, g: Any = None) -> Any:
-        """The start of a rod that does not move.  g : its frames, (frames, 4, 4); without force if
-        left out.
-        """
+        """The start of a rod that does not move.  g : its frames, (frames, 4, 4); without force if left out."""
         return self.state(mu=np.zeros((self.frames, 6)), g=self.shape() if g is None else g)
 
     # ---------------------------------------------------------------- what one asks of a rod

@@ -117,9 +117,7 @@ class FermiPastaUlam(SeparableSites):
         return vec(*[pulls[i + 1] - pulls[i] for i in range(self.particles)])
 
     def mode(self, k: int, amplitude: float) -> CanonicalState:
-        """The start at rest in the k-th mode, q_i = amplitude (2/(n + 1))^(1/2) sin(i k
-        pi/(n + 1)).
-        """
+        """The start at rest in the k-th mode, q_i = amplitude (2/(n + 1))^(1/2) sin(i k pi/(n + 1))."""
         k = whole_number(f"{type(self).__name__}.mode", k, 1)
         n = self.particles
         return self.state(

@@ -60,9 +60,7 @@ class MutualGravity(Term):
         return -(self.constant / sqrt(square)) * (a.mass * b.mass + shape)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """Torque and force on body k: the torque in its axes, the force in its axes on SE3(), else
-        in space.
-        """
+        """Torque and force on body k: the torque in its axes, the force in its axes on SE3(), else in space."""
         body, other = sites[k], sites[1 - k]
         d = _centre(other.g) - _centre(body.g)
         d_in_body, d_in_other = _turned_back(body.g, d), _turned_back(other.g, d)

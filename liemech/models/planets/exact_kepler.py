@@ -35,9 +35,7 @@ from .universal_variables import solved
 PLACE, NAN = vector_layout(4), float("nan")
 
 PIECE = 1024
-"""So many times are taken first, then twice as many, and so on: native code is asked for before
-each piece.
-"""
+"""So many times are taken first, then twice as many, and so on: native code is asked for before each piece."""
 
 FAR = 2.0
 """From this hyperbolic anomaly on a logarithm is nearer than the root of a cubic."""
@@ -70,9 +68,7 @@ class Conic(Record):
 
 
 def place(c: Conic, t: float) -> Vec:
-    """Position and velocity at the time t after the start, (4,).  Not numbers where the planet
-    meets the sun.
-    """
+    """Position and velocity at the time t after the start, (4,).  Not numbers where the planet meets the sun."""
     n = nearest((t + c.since[0]) * c.per)
     a, lost_0 = _sum(t - n * c.period[0], -(n * c.period[1]))
     a, lost_1 = _sum(a, c.since[0])

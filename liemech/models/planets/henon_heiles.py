@@ -1,6 +1,4 @@
-"""Henon and Heiles' galaxy: two coupled oscillators, regular at low energy and chaotic at high
-energy.
-"""
+"""Henon and Heiles' galaxy: two coupled oscillators, regular at low energy and chaotic at high energy."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Point masses that attract each other: the N-body problem, its figure eight, and the outer Solar
-System.
-"""
+"""Point masses that attract each other: the N-body problem, its figure eight, and the outer Solar System."""
 
 from __future__ import annotations
 
@@ -24,9 +22,7 @@ from ..input_checks import check_positive
 from ..many.water import Gravity
 
 VX, VY = 0.3471168881189269382427769203203, 0.53272494538803022926202798769193
-"""Velocities of the figure eight (Newton's method on the choreography, 30 digits); Li and Liao have
-the first ten.
-"""
+"""Velocities of the figure eight (Newton's method on the choreography, 30 digits); Li and Liao have the first ten."""
 
 EIGHT_PERIOD = 6.325913982926211677589000333967
 
@@ -38,9 +34,7 @@ OUTER = (
     (0.0000517759138449, (11.4707666, -25.7294829, -10.8169456), (0.00288930, 0.00114527, 0.00039677)),
     (1.0 / 1.3e8, (-15.5387357, -25.2225594, -3.1902382), (0.00276725, -0.00170702, -0.00136504)),
 )
-"""Masses in Suns, positions in AU, velocities in AU/day: the Sun with the inner planets, Jupiter,
-..., Pluto.
-"""
+"""Masses in Suns, positions in AU, velocities in AU/day: the Sun with the inner planets, Jupiter, ..., Pluto."""
 
 
 @record

@@ -176,9 +176,7 @@ class MagneticTorquers(Effector):
     limit: float | None = None
 
     def moment_at(self, here: Any, B: Vec) -> Vec:
-        """The moment that is asked for, (3,), in A m^2.  here : the flight.  B : the field in body
-        axes, (3,), in T.
-        """
+        """The moment that is asked for, (3,), in A m^2.  here : the flight.  B : the field in body axes, (3,), in T."""
         return self.moment
 
     def torque(self, here: Any) -> Vec:

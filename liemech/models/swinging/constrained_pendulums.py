@@ -82,9 +82,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
 
     @closed_form_of("kinetic", "constraint")
     def geodesic(self, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
-        """The motion without gravity, along a great circle: positions and momenta after the time
-        t.  q, p : (3,).
-        """
+        """The motion without gravity, along a great circle: positions and momenta after the time t.  q, p : (3,)."""
         shift = t / self.mass
         turning = (shift / (self.length * self.length)) * dot(p, p)
         x = shift * turning  # the square of the angle
@@ -268,9 +266,7 @@ class ChainPendulum(SeparableConstrainedSystem):
             super()._check_rank(where, q, p, one)
 
     def hanging(self, directions: Vec) -> Vec:
-        """The positions of a chain whose rods point where it is said, unit vectors one after the
-        other, (n,).
-        """
+        """The positions of a chain whose rods point where it is said, unit vectors one after the other, (n,)."""
         d, at = self.dimension, [0.0 for _ in range(self.dimension)]
         positions: list[float] = []
         for i, l in enumerate(self.lengths):

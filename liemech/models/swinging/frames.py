@@ -1,6 +1,4 @@
-"""Orthonormal vectors in a uniform field: motion on Stiefel manifolds, from the sphere to the
-rotations.
-"""
+"""Orthonormal vectors in a uniform field: motion on Stiefel manifolds, from the sphere to the rotations."""
 
 from __future__ import annotations
 

@@ -45,9 +45,7 @@ def contours(energy: Callable[[Array], Any], radius: float, count: int) -> Array
 
 
 def sphere() -> tuple[Array, NDArray[np.intp]]:
-    """Points of the unit sphere, (n, 3), and the triangles between them, (t, 3); those at the poles
-    have no area.
-    """
+    """Points of the unit sphere, (n, 3), and the triangles between them, (t, 3); those at the poles have no area."""
     theta, phi = (np.linspace(0.0, np.pi, LATITUDES + 1)[:, None], np.linspace(0.0, 2.0 * np.pi, LONGITUDES + 1))
     points = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0.0 * phi], axis=-1)
     first = (np.arange(LATITUDES)[:, None] * (LONGITUDES + 1) + np.arange(LONGITUDES)).ravel()

@@ -1,6 +1,4 @@
-"""Curves of constant energy of a free rigid body on its momentum sphere, and the separatrix, in
-closed form.
-"""
+"""Curves of constant energy of a free rigid body on its momentum sphere, and the separatrix, in closed form."""
 
 from __future__ import annotations
 

@@ -34,9 +34,7 @@ ARROW, NAME = 1.25, 0.10
 
 
 def globe(ax: Axes | None, view: tuple[float, float], title: str | None, names: Sequence[str]) -> tuple[Axes, Array]:
-    """A lit unit sphere with three named axes, and the rotation to (right, up, towards the eye),
-    (3, 3).
-    """
+    """A lit unit sphere with three named axes, and the rotation to (right, up, towards the eye), (3, 3)."""
     require_matplotlib()
     from matplotlib.patches import Circle
 
@@ -137,9 +135,7 @@ def mark(ax: Axes, point: Array, **style: Any) -> None:
 
 
 def axes(ax: Axes, frame: Array, names: Sequence[str]) -> None:
-    """Named arrows along three axes, from the sphere outwards; of one that points away, only what
-    the sphere leaves.
-    """
+    """Named arrows along three axes, from the sphere outwards; of one that points away, only what the sphere leaves."""
     from matplotlib.patheffects import withStroke
 
     for name, axis in zip(names, frame.T):
@@ -155,9 +151,7 @@ def axes(ax: Axes, frame: Array, names: Sequence[str]) -> None:
 
 
 def limits(frame: Array) -> tuple[float, float, float]:
-    """Half width, bottom and top of the picture in radii: the sphere, the arrows and their names,
-    centred.
-    """
+    """Half width, bottom and top of the picture in radii: the sphere, the arrows and their names, centred."""
     tips = ARROW * frame[:2] + NAME * frame[:2] / np.maximum(np.hypot(*frame[:2]), 1e-9)
     room = 0.09  # for the name itself
     x, y = np.abs(tips[0]).max() + room, tips[1]

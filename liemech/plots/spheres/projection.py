@@ -1,6 +1,4 @@
-"""Curves in space seen from one side: orthographic projection, cut exactly where a curve passes
-behind the sphere.
-"""
+"""Curves in space seen from one side: orthographic projection, cut exactly where a curve passes behind the sphere."""
 
 from __future__ import annotations
 
@@ -8,9 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 VIEW = (40.0, 25.0)
-"""Azimuth and elevation of the eye in degrees: all three body axes and the crossing of the
-separatrix are seen.
-"""
+"""Azimuth and elevation of the eye in degrees: all three body axes and the crossing of the separatrix are seen."""
 
 
 def view_frame(azimuth: float, elevation: float) -> NDArray[np.float64]:

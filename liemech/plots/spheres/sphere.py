@@ -85,9 +85,7 @@ def momentum_sphere(
 
 
 def draw_energies(ax: Axes, frame: Any, system: Any, radius: float, levels: int) -> None:
-    """The curves of constant energy of a free body: exact ones of a rigid body, otherwise those of
-    its Hamiltonian.
-    """
+    """The curves of constant energy of a free body: exact ones of a rigid body, otherwise those of its Hamiltonian."""
     if not levels or not isinstance(system, LiePoissonSystem) or not radius > 0.0:
         return
     if isinstance(system, RigidBody):

@@ -40,9 +40,7 @@ class History:
 
 
 OFTEN = 3
-"""Uses after the first one that are worth native code: it takes 0.1 to 0.2 s to make, and saves 0.2
-to 0.8 ms each.
-"""
+"""Uses after the first one that are worth native code: it takes 0.1 to 0.2 s to make, and saves 0.2 to 0.8 ms each."""
 
 _histories: dict[Any, History] = {}
 _shown: set[str] = set()  # refusals
@@ -194,9 +192,7 @@ class Execution:
 
 
 def numbers_of(*values: Any) -> bytes:
-    """The numbers of values in turn, as native code gets them; those of which every body has its own
-    lie elsewhere.
-    """
+    """The numbers of values in turn, as native code gets them; those of which every body has its own lie elsewhere."""
     shared = [value for value in values if not isinstance(value, kernel.Several)]
     return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in shared])
 

@@ -123,9 +123,7 @@ class Lanes:
         self, body: int, column: np.ndarray, out: np.ndarray, turns: int, failures: list[Any],
         every: int = 1,
     ) -> None:  # fmt: skip
-        """Run `turns` turns of a body in plain Python.  column : numbers, clock, goal.  out : rows,
-        (turns, ...).
-        """
+        """Run `turns` turns of a body in plain Python.  column : numbers, clock, goal.  out : rows, (turns, ...)."""
         numbers, clock, goal = [x.copy() for x in self.parts(column)[:3]]
         rows = out.ravel()
         with self.stepping.plain():

@@ -1,6 +1,4 @@
-"""An ensemble whose members have parameters of their own: as many systems, or methods, of one
-kind.
-"""
+"""An ensemble whose members have parameters of their own: as many systems, or methods, of one kind."""
 
 from __future__ import annotations
 

@@ -83,9 +83,7 @@ class WrittenTable:
     rows: tuple[tuple[Any, ...], ...]
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str | None:
-        """Comma-separated values, numbers with all their digits.  Returns the text, or writes it to
-        a file.
-        """
+        """Comma-separated values, numbers with all their digits.  Returns the text, or writes it to a file."""
         text = io.StringIO()
         import csv  # here, for an import of runs does not wait for it
 

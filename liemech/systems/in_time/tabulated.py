@@ -157,9 +157,7 @@ class PiecewisePolynomial(Record):
 
     @classmethod
     def linear(cls, t: Any, values: Any, outside: str = "refuse") -> PiecewisePolynomial:
-        """The straight lines from value to value.  t : (n,) rising times in s.  values : (n,) or
-        (n, dim).
-        """
+        """The straight lines from value to value.  t : (n,) rising times in s.  values : (n,) or (n, dim)."""
         times, rows = _table(t, values, 0)
         slopes = np.diff(rows, axis=0) / np.diff(times).reshape(-1, *[1] * (rows.ndim - 1))
         return cls(times, np.stack([rows[:-1], slopes], axis=1), outside)
@@ -209,9 +207,7 @@ class PiecewisePolynomial(Record):
     # ---------------------------------------------------------------- its value
 
     def __call__(self, t: Any) -> Any:
-        """f(t): a number, or (dim,).  t : a time in s; of an array, (m,), the values are (m,) or
-        (m, dim).
-        """
+        """f(t): a number, or (dim,).  t : a time in s; of an array, (m,), the values are (m,) or (m, dim)."""
         if isinstance(t, np.ndarray):
             return self._of_array(real_array(t, "PiecewisePolynomial: t"))
         within = self.begin <= t <= self.end

@@ -96,9 +96,7 @@ class NoisySites(SiteState):
 
 
 def site_state(name: str, group: PowerGroup, mu: Any, g: Any) -> SiteState:
-    """Momenta and, if given, elements of many sites, checked; one member of either may serve for
-    many of the other.
-    """
+    """Momenta and, if given, elements of many sites, checked; one member of either may serve for many of the other."""
     momenta = _of_sites(f"{name}: mu", group, mu, "Vec", "momenta")
     elements = None
     if g is not None:

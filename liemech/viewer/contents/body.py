@@ -33,9 +33,7 @@ ORBITS = OrbitingBody, Spacecraft
 TRIAD = 0.75
 """Length of the axes of a top, whose nose is at 1."""
 FLYING = 0.17
-"""Size of a body beside the path on which it flies, which would often make it a point if it were
-drawn to scale.
-"""
+"""Size of a body beside the path on which it flies, which would often make it a point if it were drawn to scale."""
 
 
 @dataclass(frozen=True)
@@ -236,9 +234,7 @@ def _sleigh(drawing: Drawing, color: str) -> None:
 
 
 def _top(drawing: Drawing, axis: Array, color: str) -> None:
-    """A disc on a stick, from the fixed point through the centre of mass, with a mark that shows
-    the spin.
-    """
+    """A disc on a stick, from the fixed point through the centre of mass, with a mark that shows the spin."""
     profile = [
         (0.0, 0.0),
         (0.02, 0.06),

@@ -40,8 +40,7 @@ Array = NDArray[np.float64]
 LONG = 0.85
 """Arrows and bodies fill this much of the distance between neighbours."""
 SEEN = 0.06
-"""Arrows of sites in a row are at least this long, of the length of the row; balls are at most as
-large."""
+"""Arrows of sites in a row are at least this long, of the length of the row; balls are at most as large."""
 FEW = 12
 """So many masses or less have colours and trails of their own."""
 OXYGEN, HYDROGEN = "#D55E00", "#c9ced8"

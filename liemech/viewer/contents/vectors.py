@@ -180,9 +180,7 @@ def _turning(content: Content, system: System) -> tuple[str, ...]:
 
 
 def axis_of(top: Any) -> Array:
-    """The direction from the fixed point to the centre of mass; the third axis if that is the fixed
-    point.
-    """
+    """The direction from the fixed point to the centre of mass; the third axis if that is the fixed point."""
     centre = np.array(top.centre)
     length = np.linalg.norm(centre)
     return centre / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -202,9 +200,7 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool, least: fl
 
 
 def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
-    """A small ball for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the
-    start.
-    """
+    """A small ball for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the start."""
     shown = evenly(v.shape[1], MOST_POINTS)
     if isinstance(motion.system, LiePoissonSystem):
         energy: Any = motion.system.energy(motion["mu"][0, shown])
