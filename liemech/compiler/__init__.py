@@ -11,8 +11,8 @@ binding.  Its files, in the order in which a formula comes through them:
   call_forms, native_functions); where the translation is, and snapshots (state); a cure for what is refused (advice).
 * numbers/: the numbers (ir_numbers), and many of them: arrays, tables (lookups), loops over memory (memory_loops,
   large_arrays), blocks of matrices (square_blocks, rows_of_blocks, rows_in_lanes); functions of Python.
-* sites/: loops over the sites of one system (loops_over_sites), in passes between their meetings (fission), and over all
-  pairs of them (all_pairs), on threads.
+* sites/: loops over the sites of one system (loops_over_sites), in passes (fission) between their meetings (meetings);
+  numbers of sites in rows (memory); sums over all pairs of them (all_pairs), on threads.
 * machine/: LLVM, object files, Ctrl-C, guard words.
 * batch, one_row, row_driver: formulas on many arguments at once, on one, and drivers of an array of numbers.
 """

@@ -64,9 +64,9 @@ class SquareBlocks:
         numbers of one: they are transposed.
         """
         b, e, n = self.b, self.e, len(block)
-        over = self.loops._over("save_block")
-        over.saved, width = True, wide(n)
-        first = b.add(b.mul(over.passes[-1].index, I64(count)), I64(k))
+        loop = self.loops.present_loop("save_block")
+        loop.saved, width = True, wide(n)
+        first = b.add(b.mul(loop.passes[-1].index, I64(count)), I64(k))
         begins = blocks.array.at(blocks.rows.start)
         several = e.lanes > 1
         zero = e.cast(0.0, "f", several)

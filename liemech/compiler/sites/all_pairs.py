@@ -51,16 +51,16 @@ class PairLoops:
         all sums have the bits that they have there.
         """
         t, e, b, state = self.t, self.e, self.b, self.t.state
-        over, start = self.loops._meeting("pairs"), vector(start)
+        loop, start = self.loops.at_meeting("pairs"), vector(start)
         for level in meeting.published.layout.levels[:1]:  # which the terms will have
             start = with_slopes(start, level)
         layout = carried_layout(start)
-        if over.range is not None or {*layout.kinds} - {"number"}:
+        if loop.range is not None or {*layout.kinds} - {"number"}:
             raise NotCompilable("sums over all pairs of what is no float, or of some sites only")
         first = self.loops.paired.setdefault(layout.width, self.loops.lasting)
         self.loops.lasting = max(self.loops.lasting, first + layout.width)
-        self.loops._keep(self.loops._last(first, layout.width), leaves(start, layout))
-        self.loops._pass_on()
+        self.loops.meetings.keep(self.loops.meetings.lasting_rows(first, layout.width), leaves(start, layout))
+        self.loops.pass_on()
         count, block, blocks = self._blocks()
         failed, raises = state.failed, state.raises
         with e.side_by_side(EIGHT, self.loops.width):
@@ -73,18 +73,18 @@ class PairLoops:
             low = b.sub(number, b.sub(blocks, I64(1)))
             low = b.select(b.icmp_signed(">", low, I64(0)), low, I64(0))
             many = b.sub(b.add(b.sdiv(number, I64(2)), I64(1)), low)
-            begin, stop = (b.mul(b.add(low, self.loops._share(many, place)), block) for place in b.function.args[4:6])
+            begin, stop = (b.mul(b.add(low, self.loops.share(many, place)), block) for place in b.function.args[4:6])
             stop = b.select(b.icmp_signed("<", stop, count), stop, count)
-            over.passes.append(Pass(b, begin, stop, paired=True))
-            i = over.passes[-1].index
+            loop.passes.append(Pass(b, begin, stop, paired=True))
+            i = loop.passes[-1].index
             theirs = b.mul(b.sub(number, b.sdiv(i, block)), block)
             from_ = b.select(b.icmp_signed("<", i, theirs), theirs, i)
             to = b.add(theirs, block)
             to = b.select(b.icmp_signed("<", to, count), to, count)
             bounds = [e.num([v]) for v in (i, from_, to, count, I64(EIGHT))]
-            sums = Rounds(meeting, self.loops._last(first, layout.width), layout)
+            sums = Rounds(meeting, self.loops.meetings.lasting_rows(first, layout.width), layout)
             t.inline(rounds.of_eight, (sums, formula, *bounds), {})
-            self.loops._pass_on(EIGHT)
+            self.loops.pass_on(EIGHT)
             following = b.add(number, I64(1))
             number.add_incoming(I64(0), before)
             number.add_incoming(following, b.block)
@@ -95,14 +95,14 @@ class PairLoops:
             state.failed, state.raises = failed, raises + raised
         if raised:
             e.store(e.logic("or_", e.load(failed), failing), failed)
-        self.loops._open()
-        return build(layout, iter(self.loops._kept(self.loops._last(first, layout.width))))
+        self.loops.begin_pass()
+        return build(layout, iter(self.loops.meetings.kept(self.loops.meetings.lasting_rows(first, layout.width))))
 
     def _blocks(self) -> tuple[ir.Value, ir.Value, ir.Value]:
         """The number of sites, the size of a block of sites that meets other blocks, in whole eights, and the number of
         blocks: one for one thread, or so many that threads seldom wait.
         """
-        b, count = self.b, self.t.state.over.sites.count.value
+        b, count = self.b, self.t.state.site_loop.sites.count.value
         threads = b.load(self.loops.crew, typ=I64)
         eights = b.sdiv(b.add(count, I64(EIGHT - 1)), I64(EIGHT))
         few = b.sdiv(eights, b.mul(threads, I64(BLOCKS)))
@@ -114,7 +114,7 @@ class PairLoops:
     def seen(self, pairs: Rounds, j: Any) -> Any:
         """Numbers that eight sites have published, from site j on."""
         place = self.e.cast(j, "i", False)[0]
-        return self.loops._published(
+        return self.loops.meetings.published(
             pairs.meeting, lambda rows: [self.e.num(self._eight(r.after(r.at(k), place))) for r, k in rows]
         )
 
@@ -209,7 +209,7 @@ class PairLoops:
 
     def apart(self, i: Any, j: Any, turn: Any, period: Any) -> Num:
         """A mask: which of eight sites from i on meet another site, of eight from j on turned `turn` times."""
-        e, b, count = self.e, self.b, self.t.state.over.sites.count.value
+        e, b, count = self.e, self.b, self.t.state.site_loop.sites.count.value
         first, second, turns, whole = (e.cast(x, "i", False)[0] for x in (i, j, turn, period))
         other = b.icmp_signed("!=", b.or_(b.xor(first, second), turns), I64(0))
         ring, masks = e.spread(b.sub(whole, I64(1)), e.width), []

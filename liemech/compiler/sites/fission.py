@@ -56,12 +56,12 @@ class Pass:
         b.position_at_end(after)
 
 
-def divided(b: ir.IRBuilder, e: Emitter, over: Any, scratch: Any, first: int) -> int:
+def divided(b: ir.IRBuilder, e: Emitter, loop: Any, scratch: Any, first: int) -> int:
     """Let every pass compute, load or be given what it needs; the number of rows that this takes,
     from row `first` on.
     """
     block = b.block
-    rows = Fission(b, e, over, scratch, first).divide()
+    rows = Fission(b, e, loop, scratch, first).divide()
     b.position_at_end(block)
     return rows
 
@@ -69,11 +69,11 @@ def divided(b: ir.IRBuilder, e: Emitter, over: Any, scratch: Any, first: int) ->
 class Fission:
     """The passes of one loop over sites."""
 
-    def __init__(self, b: ir.IRBuilder, e: Emitter, over: Any, scratch: Any, first: int) -> None:
+    def __init__(self, b: ir.IRBuilder, e: Emitter, loop: Any, scratch: Any, first: int) -> None:
         self.b, self.e, self.scratch, self.first = b, e, scratch, first
-        self.passes: list[Pass] = over.passes
-        self.loops: list[tuple[int, int]] = over.loops
-        self.again: set[ir.Value] = over.again
+        self.passes: list[Pass] = loop.passes
+        self.loops: list[tuple[int, int]] = loop.loops
+        self.again: set[ir.Value] = loop.again
         # by instruction, in which pass it is
         self.at = {i: q for q, p in enumerate(self.passes) for block in p.blocks for i in block.instructions}
         self.indices = {p.index for p in self.passes}

@@ -28,25 +28,18 @@ class Small(Exception):
 
 @dataclasses.dataclass(eq=False)
 class NativeFunction:
-    """A native function made of a formula.
-
-    memory : the type of its results, where they are too many for registers.  recipe : how the
-    result is put together.  kinds : of the returned numbers.  failed : does it return the mask of failed
-    lanes?  escapes : and whether all have failed?  raises, calls : the numbers of places that may raise, and
-    that call the C library.  size, spent : of a function that LLVM copies, its instructions, and the costs of
-    formulas in it.
-    """
+    """A native function made of a formula."""
 
     function: ir.Function
-    memory: ir.Type | None
-    recipe: tuple[str, Any]
-    kinds: list[tuple[str, bool, bool]]
-    failed: bool
-    escapes: bool
-    raises: int
-    calls: int
-    size: int = 1
-    spent: list[tuple[Any, int]] = dataclasses.field(default_factory=list)
+    memory: ir.Type | None  # the type of its results, where they are too many for registers
+    recipe: tuple[str, Any]  # how the result is put together
+    kinds: list[tuple[str, bool, bool]]  # of the returned numbers: kind, varying, mixed
+    failed: bool  # does it return the mask of failed lanes?
+    escapes: bool  # and whether all have failed?
+    raises: int  # places that may raise
+    calls: int  # places that call the C library
+    size: int = 1  # instructions, if LLVM copies it
+    spent: list[tuple[Any, int]] = dataclasses.field(default_factory=list)  # the costs of formulas in a copied one
 
 
 class NativeFunctions:
@@ -55,7 +48,7 @@ class NativeFunctions:
     def __init__(self, translator: Any, forms: CallForms) -> None:
         self.translator, self.emitter, self.forms = translator, translator.emitter, forms
         self.structures: dict[Any, int] = {}  # of results, by their types
-        # of native functions, for the results of those they call
+        # of the results of those that a function calls, by function and type
         self.buffers: dict[ir.Function, dict[str, ir.Value]] = {}
 
     # -------------------------------------------------------------- the function

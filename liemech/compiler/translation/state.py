@@ -20,31 +20,24 @@ HUGE = 3000
 
 @dataclasses.dataclass(eq=False)
 class TranslationState:
-    """The state of the translation of one native function.
+    """The state of the translation of one native function."""
 
-    base : the mask of lanes for which the present code was entered, None for all.  depth : the number of conditions
-    around it, in the present call, that differ between lanes.  escapes : for each attempt around it, the places from
-    where control goes to its end.  failed : the slot of the lanes that have raised in the present attempt.
-    outcome : that of the last attempt that has ended.  raises : the number of places so far in the present attempt
-    where a formula may raise.  marks : of those among them where control goes on.  region : the branches and loops of
-    unknown length around.  spent : the instructions of calls, by form.  patience : the factor of LONG.  huge :
-    instructions from which a formula is not written out.  begun : the counts of instructions at which the formulas
-    begin that are being written out.  over : the loop over sites that is being translated.
-    """
-
-    base: Any = None
-    depth: int = 0
+    base: Any = None  # the mask of lanes for which the present code was entered; None for all
+    depth: int = 0  # conditions around it, in the present call, that differ between lanes
+    region: Region = ()  # the branches and loops of unknown length around
+    # of attempts: for each that is around it, the places from where control goes to its end
     escapes: list[list[Open]] = dataclasses.field(default_factory=list)
-    failed: Any = None
-    outcome: Any = None
-    raises: int = 0
-    marks: int = 0
-    region: Region = ()
+    failed: Any = None  # the slot of the lanes that have raised in the present one
+    raises: int = 0  # places so far in it where a formula may raise
+    marks: int = 0  # those among them where control goes on
+    outcome: Any = None  # of the last one that has ended
+    # of inlining: the instructions that calls have cost, by form
     spent: list[tuple[Any, int]] = dataclasses.field(default_factory=list)
-    patience: int = 1
-    huge: int = dataclasses.field(default_factory=lambda: HUGE)
+    patience: int = 1  # the factor of LONG
+    huge: int = dataclasses.field(default_factory=lambda: HUGE)  # instructions from which a formula is not written out
+    # the counts of instructions at which the formulas begin that are being written out
     begun: list[int] = dataclasses.field(default_factory=list)
-    over: Any = None
+    site_loop: Any = None  # the loop over sites that is being translated
 
     def of_function(self, copied: bool) -> TranslationState:
         """The state in which the translation of another native function begins.  copied : it is one
@@ -61,7 +54,7 @@ class Snapshot:
     def __init__(self, translator: Any, env: Env) -> None:
         b, state, frame = translator.builder, translator.state, translator.frames[-1]
         self.translator, self.block, self.emitted = translator, b.block, b.emitted
-        loops = [state.over] if state.over is not None else []
+        loops = [state.site_loop] if state.site_loop is not None else []
         memory = [translator.emitter.large] if translator.emitter.large is not None else []
         self.attributes = [(x, vars(x).copy()) for x in (state, frame, *loops, *memory)]
         self.env, self.variables = env, dict(env)

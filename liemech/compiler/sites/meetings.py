@@ -1,0 +1,339 @@
+"""Meetings of sites: what sites publish and others ask for, sums over all sites, and what is done once for all of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+
+from ...errors import NotCompilable
+from ...formulas import sites as words
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import Layout, carried_layout, layout_of
+from ...formulas.numbers import series_of_sites
+from ...formulas.numbers.bases import is_any_number
+from ...formulas.numbers.conversions import as_others_see
+from ...formulas.numbers.series_of_sites import SeriesMeeting, company, has_series
+from ...formulas.sites import TOGETHER, Column, Meeting, SiteTable
+from ..buffers import SiteRows, unchanged
+from ..numbers.arrays import vector
+from ..numbers.ir_numbers import F64, I32, I64, Num
+from ..translation.joins import come_from
+from .fission import CHEAP
+
+OF_SERIES = (SeriesMeeting.of, SeriesMeeting.at, SeriesMeeting.sum, SeriesMeeting.some, SeriesMeeting.pairs)
+"""Methods that run as they stand."""
+
+ROWS = 7
+"""The place among the words of a crew where the number of rows of scratch memory is."""
+
+
+@dataclasses.dataclass(eq=False)
+class Published:
+    """The rows where the numbers of a published value lie."""
+
+    layout: Layout
+    rows: list[tuple[SiteRows, Any]]
+    meeting: int | None  # its number; None if the rows stay as they are
+    passes: int = 0  # how many there were then
+    numbers: list[Any] = dataclasses.field(default_factory=list)
+    # what this site has found already, by the table and the entry
+    gathered: dict[Any, Any] = dataclasses.field(default_factory=dict)
+
+
+def alike(numbers: list[Any], others: list[Any]) -> bool:
+    """Whether numbers come from the same instructions."""
+    equal: set[tuple[ir.Value, ir.Value]] = set()
+    return all(
+        x is y
+        or (
+            isinstance(x, Num)
+            and isinstance(y, Num)
+            and len(x.values) == len(y.values)
+            and all(_alike(a, b, equal) for a, b in zip(x.values, y.values))
+        )
+        for x, y in zip(numbers, others, strict=True)
+    )
+
+
+def _alike(x: ir.Value, y: ir.Value, equal: set[tuple[ir.Value, ir.Value]]) -> bool:
+    if x is y or (x, y) in equal:
+        return True
+    if not isinstance(x, ir.Instruction) or type(x) is not type(y):
+        return isinstance(x, ir.Constant) and str(x) == str(y)
+    pure = x.opname in (*CHEAP, "fdiv", "fcmp", "select") or (
+        x.opname == "call" and x.callee is y.callee and x.callee.name.startswith("llvm.")
+    )
+    if not pure or any(getattr(x, n, None) != getattr(y, n, None) for n in ("opname", "op", "flags")):
+        return False
+    if not all(_alike(a, b, equal) for a, b in zip(x.operands, y.operands, strict=True)):
+        return False
+    equal.add((x, y))
+    return True
+
+
+class SiteMeetings:
+    """The words in native code by which sites meet."""
+
+    def __init__(self, loops: Any) -> None:
+        self.loops, self.memory, self.t, self.e, self.b = loops, loops.memory, loops.t, loops.e, loops.b
+        self.intrinsics: dict[Any, Callable[..., Any]] = {
+            words.meet: self.meet,
+            words.total: self.total,
+            words.mean: self.mean,
+            words.met_through: lambda k: None,
+            words.repeated: self.repeated,
+            words.once: self.once,
+            Meeting.of: self.of_neighbour,
+            Meeting.at: self.at,
+            **{f: f for f in OF_SERIES},
+        }
+
+    def meet(self, value: Any) -> Any:
+        """Publish a value: in rows of its own, unless it lies in rows that stay as they are, or was published last."""
+        if has_series(value):
+            partners = company(self.loops.at_meeting("meet"))
+            return SeriesMeeting(value, self.meet, self._formula_of_series, Meeting, partners)
+        loop, value = self.loops.at_meeting("meet"), vector(as_others_see(value))
+        layout = carried_layout(value)
+        numbers = leaves(value, layout)
+        last = loop.met
+        if (
+            last is not None
+            and (last.passes, last.layout) == (len(loop.passes), layout)
+            and alike(last.numbers, numbers)
+        ):
+            return Meeting(last, None)
+        came: list[Any] = [loop.came.get(x.values) if isinstance(x, Num) else None for x in numbers]
+        if numbers and all(came):
+            return Meeting(Published(layout, came, None), None)
+        if loop.range is not None:
+            raise NotCompilable("sites of which some rest meet with numbers that lie in memory")
+        rows = self._publish(loop, [self.loops.scratch.as_bits(x, k) for x, k in zip(numbers, layout.kinds)])
+        self.loops.pass_on()
+        self.loops.begin_pass()
+        loop.met = Published(layout, rows, loop.meetings, len(loop.passes), numbers)
+        return Meeting(loop.met, None)
+
+    def _formula_of_series(self, formula: Any, *args: Any) -> Any:
+        """The value of a call, among whose arguments there may be formulas that are Python's."""
+        closures = {x: x for x in args if isinstance(x, types.FunctionType) and x.__closure__}
+        self.t.intrinsics |= {x: x for x in closures if x.__module__ == series_of_sites.__name__}
+        return self.t.call(formula, *args)
+
+    def _publish(self, loop: Any, numbers: list[Any]) -> list[tuple[SiteRows, Any]]:
+        """Store numbers where others find them; the rows of two meetings in turn are others."""
+        loop.meetings += 1
+        turn, self.loops.scratch.body = loop.meetings % 2, loop.passes[-1].index
+        loop.published = max(loop.published, len(numbers))
+        for k, x in enumerate(numbers):
+            self.loops.scratch.store(self.loops.scratch.first(2 * k + turn), 0, x)
+        return [(self.loops.scratch, 2 * k + turn) for k in range(len(numbers))]
+
+    def of_neighbour(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
+        """The numbers that a neighbour, entry d of a table, has published, gathered lane by lane, once."""
+        gathered, t = meeting.published.gathered, self.t
+        lasts = type(d) is int and t.state.region == self.loops.present_loop("Meeting").region
+        key = t.emitter.cast(table.entries.place, "f", False)[0], d
+        if not (lasts and key in gathered):
+            which, reach = self.memory.entries(table, d, "i"), self.memory.reach(table, d)
+            neighbour = self.published(meeting, lambda rows: self.memory.gathered(rows, which, reach))
+            if not lasts:
+                return neighbour
+            gathered[key] = neighbour
+        return gathered[key]
+
+    def at(self, meeting: Meeting, j: Any) -> Any:
+        """Numbers that one site has published, for all that ask; gathered lane by lane if these ask for several."""
+
+        def numbers(rows: list[tuple[SiteRows, Any]]) -> list[Num]:
+            if isinstance(j, Num) and j.varying:
+                return self.memory.gathered(rows, j)
+            place = self.e.cast(j, "i", False)[0]
+            places = [among.after(among.at(row), place) for among, row in rows]
+            return [self.e.num([self.b.load(x, align=8, typ=F64)]) for x in places]
+
+        return self.published(meeting, numbers)
+
+    def published(self, meeting: Meeting, numbers_of: Callable[..., list[Num]]) -> Any:
+        """A published value, its numbers from their rows."""
+        loop, published = self.t.state.site_loop, meeting.published
+        if loop is None:
+            raise NotCompilable("what sites have published in a native function")
+        if published.meeting not in (None, loop.meetings):
+            raise NotCompilable("what sites have published is asked for before they meet again")
+        numbers = numbers_of(published.rows)
+        values = (self.loops.scratch.of_bits(x, k) for x, k in zip(numbers, published.layout.kinds))
+        return build(published.layout, values)
+
+    def once(self, formula: Any, values: tuple[Any, ...], *args: Any) -> tuple[Any, ...]:
+        """Values of every site lie in rows, in the turn of the next meeting, so that what the last one has published
+        stays; the thread with the first site runs the formula, and the others wait.
+        """
+        t, e, b, state = self.t, self.e, self.b, self.t.state
+        loop, values = self.loops.at_meeting("once"), tuple([vector(x) for x in values])
+        if loop.range is not None:
+            raise NotCompilable("`once` where some sites rest")
+        if any(isinstance(x, Num) and x.varying for x in args):
+            raise NotCompilable("`once` with a number of one site among its arguments: give it among the values")
+        layout = carried_layout(values)
+        rows = self._publish(
+            loop, [self.loops.scratch.as_bits(x, k) for x, k in zip(leaves(values, layout), layout.kinds)]
+        )
+        loop.meetings -= 1
+        self.loops.pass_on()
+        whole = Column(self.loops.scratch, [row for _, row in rows], layout)
+        columns = [whole.nth(k) for k in range(len(layout.parts))]
+        run, done = b.append_basic_block(), b.append_basic_block()
+        b.cbranch(b.icmp_signed("==", b.function.args[4], I64(0)), run, done)
+        b.position_at_end(run)
+        failed, raises = state.failed, state.raises
+        with e.side_by_side(1, 1), t.apart():
+            e.packs, state.failed, state.raises, loop.once = True, e.slot(), 0, True
+            e.store(False, state.failed)
+            t.call(formula, *columns, *args)
+            found, raised = e.load(state.failed), state.raises
+            state.failed, state.raises, loop.once = failed, raises + raised, False
+        if raised:
+            e.store(e.logic("or_", e.load(failed), found), failed)
+        b.branch(done)
+        b.position_at_end(done)
+        self.loops.wait_or_leave()
+        self.loops.begin_pass()
+        self.loops.scratch.body = loop.passes[-1].index
+        numbers = [self.loops.scratch.load(self.loops.scratch.first(row), 0) for _, row in rows]
+        return build(layout, iter([self.loops.scratch.of_bits(x, k) for x, k in zip(numbers, layout.kinds)]))
+
+    def repeated(self, sweep: Any, unknown: Any, judge: Any, state: Any, turns: int) -> Any:
+        """Sweeps over all sites until they are enough: a loop around passes, whose judge sees what is
+        the same for all sites.  The unknown of every site lies in rows of its own.
+        """
+        t, e, b = self.t, self.e, self.b
+        if t.state.site_loop is None:
+            return t.inline(words.repeated, (sweep, unknown, judge, state, turns), {})
+        loop = self.loops.at_meeting("repeated")
+        layout, form = carried_layout(unknown), layout_of(state, is_any_number)
+        if {*layout.kinds} - {"number"}:
+            raise NotCompilable("an unknown that is not made of floats")
+        rows = self.lasting_rows(self.loops.lasting, layout.width)
+        self.loops.lasting += layout.width
+        self.keep(rows, leaves(unknown, layout))
+        self.loops.end_pass()
+        before, head, end = b.block, b.append_basic_block(), b.append_basic_block()
+        b.branch(head)
+        b.position_at_end(head)
+        initial = [e.lift(x) for x in leaves(state, form)]
+        phis = [t.phi(x.kind, False) for x in initial]
+        count = b.phi(I64)
+        self.loops.begin_pass()
+        first = len(loop.passes) - 1
+        old = self.kept(rows)
+        loop.again |= {register for x in old for register in x.values}  # which stay up to the end of a turn
+        new, summands = t.call(sweep, build(layout, iter(old)))
+        unchanged(new, layout)
+        self.keep(rows, leaves(new, layout))
+        sums = self.total(summands, again=False)
+        self.loops.wait(I64(0))  # until all have taken these sums
+        now, enough = t.call(judge, build(form, iter(phis)), sums)
+        updated = leaves(now, form)
+        if any(isinstance(x, Num) and x.varying for x in (*updated, enough)):
+            raise NotCompilable("a judge of sweeps that asks single sites")
+        following = b.add(count, I64(1))
+        continues = b.and_(e.cast(e.negation(e.lift(enough)), "b", False)[0], b.icmp_signed("<", following, I64(turns)))
+        for phi, x, y in zip(phis, initial, updated, strict=True):
+            come_from(phi, e.cast(x, phi.kind, False), before)
+            come_from(phi, e.cast(y, phi.kind, False), b.block)
+        count.add_incoming(I64(0), before)
+        count.add_incoming(following, b.block)
+        b.cbranch(continues, head, end)
+        b.position_at_end(end)
+        loop.loops.append((first, len(loop.passes) - 1))
+        self.loops.begin_pass()
+        return build(layout, iter(self.kept(rows))), now
+
+    def lasting_rows(self, first: int, count: int) -> list[Num]:
+        """Rows of scratch memory that keep what is in them, counted from the last one backwards."""
+        b = self.b
+        place = b.gep(self.loops.crew, [I64(ROWS)], source_etype=I64)
+        last = b.load(place, typ=I64)
+        self.t.state.site_loop.again.add(last)
+        return [self.e.num([b.sub(last, I64(1 + k))]) for k in range(first, first + count)]
+
+    def keep(self, rows: list[Num], numbers: list[Any]) -> None:
+        """Store numbers of the sites at hand."""
+        self.loops.scratch.body = self.t.state.site_loop.passes[-1].index
+        for row, x in zip(rows, numbers, strict=True):
+            self.loops.scratch.store(self.loops.scratch.first(row), 0, x)
+
+    def kept(self, rows: list[Num]) -> list[Num]:
+        """The numbers of the sites at hand that were stored."""
+        self.loops.scratch.body = self.t.state.site_loop.passes[-1].index
+        return [self.loops.scratch.load(self.loops.scratch.first(row), 0) for row in rows]
+
+    # -------------------------------------------------------------- sums
+
+    def total(self, value: Any, again: bool = True) -> Any:
+        """The sum over all sites; of one body the value itself.  again : does another pass begin?"""
+        if self.t.state.site_loop is None:
+            return value
+        loop, value = self.loops.at_meeting("total"), vector(value)
+        layout = carried_layout(value)
+        if {*layout.kinds} - {"number"}:
+            raise NotCompilable("`total` of what is no float, or made of floats")
+        rows = self._publish(loop, leaves(value, layout))
+        self.loops.pass_on()
+        sums = [self._sum(loop, rows, row) for rows, row in rows]
+        if again:
+            self.loops.begin_pass()
+        return build(layout, iter(sums))
+
+    def mean(self, value: Any) -> Any:
+        """The sum over all sites over their number; of one body the value itself."""
+        loop = self.t.state.site_loop
+        if loop is None:
+            return value
+        return self.total(value) / self.e.num(self.e.cast(loop.sites.count, "f", False))
+
+    def _sum(self, loop: Any, rows: SiteRows, row: Any) -> Num:
+        """The sum of a row: sixteen sums side by side, of every sixteenth site, then by halves."""
+        e, b = self.e, self.b
+        width, type_ = e.width, e.type("f", e.lanes > 1)
+        count, start = loop.sites.count.value, rows.at(row)
+        before, head, body, done = b.block, *(b.append_basic_block() for _ in range(3))
+        zero = I64(0)
+        b.branch(head)
+        b.position_at_end(head)
+        at = b.phi(I64)
+        sums = [b.phi(type_) for _ in range(TOGETHER // width)]
+        blank = e.constant(0.0, "f", e.lanes > 1).values[0]
+        at.add_incoming(zero, before)
+        b.cbranch(b.icmp_signed("<", at, count), body, done)
+        b.position_at_end(body)
+        for k, s in enumerate(sums):
+            s.add_incoming(blank, before)
+            first = b.add(at, I64(k * width))
+            place = b.bitcast(rows.after(start, first), type_.as_pointer())
+            x = b.load(place, align=8, typ=type_)
+            inside = self._there(first, count)
+            s.add_incoming(b.fadd(s, b.select(inside, x, blank)), body)
+        at.add_incoming(b.add(at, I64(TOGETHER)), body)
+        b.branch(head)
+        b.position_at_end(done)
+        lanes = [
+            e.num([s if e.lanes == 1 else b.extract_element(s, ir.Constant(I32, k))])
+            for s in sums
+            for k in range(width)
+        ]
+        sum_: Num = words.halves(lanes)
+        return sum_
+
+    def _there(self, first: ir.Value, count: ir.Value) -> ir.Value:
+        """A mask: which of the lanes from site `first` on have a site."""
+        e, b = self.e, self.b
+        if e.lanes == 1:
+            return b.icmp_signed("<", first, count)
+        lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(e.width)])
+        return b.icmp_signed("<", b.add(e.spread(first, e.width), lanes), e.spread(count, e.width))
