@@ -22,7 +22,7 @@ import numpy as np
 
 import liemech as lm
 
-from ..formulas.classes.nested import inside
+from ..formulas.classes.nested import records_in
 from ..groups.matrices.matrix_group import MatrixLieGroup
 from ..names import everything, meant
 from ..rooms.files.encoding import LARGEST, require_sizes
@@ -217,7 +217,7 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
             )
     try:
         instance = cls(*values, **options)
-        for group in inside(instance, MatrixLieGroup):
+        for group in records_in(instance, MatrixLieGroup):
             require_sizes(where, type(group), {f.name: getattr(group, f.name) for f in fields(group)}, LARGEST)
         return instance
     except lm.errors.LiemechError as wrong:

@@ -23,7 +23,7 @@ from baseline import FLAGS
 from harness import table, write
 
 import liemech as lm
-from liemech.formulas.classes.nested import inside
+from liemech.formulas.classes.nested import records_in
 from liemech.formulas.sites import EIGHT, SiteTable
 from liemech.rooms.sites.parts_of_spins import Sublattices
 
@@ -65,7 +65,7 @@ def tabled(loop: Any, system: Any) -> Callable[..., np.ndarray]:
     """
     motions = Sublattices(system.hamiltonian)
     places = motions.places
-    (table,) = inside(motions.of_site(places)[0], SiteTable)
+    (table,) = records_in(motions.of_site(places)[0], SiteTable)
     (_, first), (_, last) = places.ranges
     order, ends = places.sites.astype(np.int64), np.array([first, last])
     numbers = table.numbers.astype(np.int32).reshape(6, -1)

@@ -13,7 +13,7 @@ import numpy as np
 from ...compiler import kernel
 from ...errors import NotDefined
 from ...formulas import derivative, dot, gradient, jacobian, vec
-from ...formulas.classes.nested import inside
+from ...formulas.classes.nested import records_in
 from ...integrators.rkmk import RKMK
 from ...rooms.constraints.constrained import ConstrainedSystem, SeparableConstrainedSystem
 from ...rooms.constraints.constrained_body import BoundBody, ConstrainedBody
@@ -189,7 +189,7 @@ EDGES = 20
 def _terms_of(system: Any) -> list[OfTerms]:
     """The sums of terms in a system whose sites are of one species."""
     kinds = MomentumTerms, PlaceTerms
-    sums = [x for x in inside(system, OfTerms) if isinstance(x, kinds) and x.species is None]
+    sums = [x for x in records_in(system, OfTerms) if isinstance(x, kinds) and x.species is None]
     return [x for x in sums if any(part.graph.arity > 1 for part in x.parts)]
 
 

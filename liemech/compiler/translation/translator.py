@@ -26,7 +26,7 @@ from ...formulas import functions, large, sums, tables, vectors
 from ...formulas.classes.fields import converters
 from ...formulas.classes.flattening import leaves
 from ...formulas.classes.layouts import layout_of
-from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.overriding import kept
 from ...formulas.classes.records import Record, fill, with_fields
 from ...formulas.classes.signatures import bare
@@ -90,8 +90,8 @@ class Interpreter(Statements):
             getattr: self.named,
             dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
-            **{f: f for f in (inside, with_fields)},
-            exchanged: lambda x, kind, new: exchanged(x, kind, new, self.reads.exchanged),
+            **{f: f for f in (records_in, with_fields)},
+            with_records: lambda x, kind, new: with_records(x, kind, new, self.reads.exchanged),
             **{
                 slopes: lambda formula, *x, slopes=slopes: slopes(
                     lambda y: vector(self.call(formula, y)), *map(vector, x)

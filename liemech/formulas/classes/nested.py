@@ -34,22 +34,22 @@ def of_parts(value: Any, parts: list[Any]) -> Any:
     return Table.at(*parts) if cls is Table else cls(parts)
 
 
-def inside(value: Any, kind: type) -> list[Any]:
+def records_in(value: Any, kind: type) -> list[Any]:
     """The records of a kind that a value holds, in order."""
     if isinstance(value, kind):
         return [value]
     if isinstance(value, Record):
-        return [x for part in fields_of(value).values() for x in inside(part, kind)]
+        return [x for part in fields_of(value).values() for x in records_in(part, kind)]
     if type(value) in (tuple, list):
-        return [x for part in value for x in inside(part, kind)]
+        return [x for part in value for x in records_in(part, kind)]
     return []
 
 
-def exchanged(
+def with_records(
     value: Any, kind: type, others: Iterable[Any], on_exchange: Callable[[Any, Any], None] | None = None
 ) -> Any:
-    """The value with the records of a kind, those of `inside`, replaced by others, in order.  Attributes beside the fields
-    of a record are copied unless they hold a record of the kind.
+    """The value with the records of a kind, those of `records_in`, replaced by others, in order.  Attributes beside the
+    fields of a record are copied unless they hold a record of the kind.
 
     on_exchange : called with every new record and the one that it replaces.
     """
@@ -58,12 +58,12 @@ def exchanged(
     def changed(x: Any) -> Any:
         if isinstance(x, kind):
             return next(replacements)
-        if not inside(x, kind):
+        if not records_in(x, kind):
             return x
         if not isinstance(x, Record):
             return type(x)([changed(part) for part in x])
         fields = fields_of(x)
-        beside = {n: y for n, y in vars(x).items() if n not in fields and not inside(y, kind)}
+        beside = {n: y for n, y in vars(x).items() if n not in fields and not records_in(y, kind)}
         record = fill(type(x), beside | {n: changed(part) for n, part in fields.items()})
         if on_exchange is not None:
             on_exchange(record, x)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
-from ...formulas.classes.nested import exchanged
+from ...formulas.classes.nested import with_records
 from ...formulas.numbers.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of
 from ...solvers import newton
 from ...systems.in_time.inputs import inputs
@@ -169,7 +169,7 @@ def _feels_velocity(system: Any, start: BodyState) -> bool:
         for _ in ways.each():
             xi = vec(*[Number(x, ways, MOVING) for x in rng.normal(size=(system.body.group.dim, 2))])
             tables = [AnyFunction(x.size, lambda: Number(rng.normal(size=2), ways, ANY)) for x in inputs(system.load)]
-            load = exchanged(system.load, PiecewisePolynomial, tables)
+            load = with_records(system.load, PiecewisePolynomial, tables)
             components = [
                 np.broadcast_to(values_of(x), 2) for x in load.covector(Number(np.full(2, 0.3), ways, ANY), xi, g)
             ]

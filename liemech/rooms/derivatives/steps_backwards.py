@@ -47,7 +47,7 @@ from ...formulas import (
     sqrt,
     vec,
 )
-from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.records import with_fields
 from ...formulas.derivatives import carried, tangent
 from ...groups.retractions import Cayley, Exponential
@@ -198,7 +198,7 @@ def refused(method: Any, site: Any) -> str:
     if isinstance(method, TermSplitting):
         return ""
     if isinstance(method, LiePoissonHamiltonJacobi):
-        held = [x for x in inside(site, TermsOfSite) if x.moves is not None]
+        held = [x for x in records_in(site, TermsOfSite) if x.moves is not None]
         return f"by {method!r} with sites that are held" if held else ""
     return "" if isinstance(method, SeparableSplitting) else f"by {method!r}"
 
@@ -207,8 +207,8 @@ def released(site: Any, slopes: Any = None) -> Any:
     """A site form with sites that are held free to move: others feel them.  slopes : in place of the
     load, what it needs backwards.
     """
-    terms = inside(site, TermsOfSite)
-    found = exchanged(site, TermsOfSite, [with_fields(x, moves=None) for x in terms])
+    terms = records_in(site, TermsOfSite)
+    found = with_records(site, TermsOfSite, [with_fields(x, moves=None) for x in terms])
     return found if slopes is None else with_fields(found, load=slopes)
 
 

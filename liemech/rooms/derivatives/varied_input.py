@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InvalidInput
 from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import layout_of
-from ...formulas.classes.nested import exchanged
+from ...formulas.classes.nested import with_records
 from ...simulation.compiled.parameters import full_name, parameter
 from ...systems.in_time.inputs import inputs
 from ...systems.in_time.tabulated import PiecewisePolynomial
@@ -52,7 +52,7 @@ class VariedInput:
         """The system with the table as it carries a derivative."""
         tables = inputs(system)
         tables[self.number] = varied(tables[self.number])
-        return exchanged(system, PiecewisePolynomial, tables)
+        return with_records(system, PiecewisePolynomial, tables)
 
     def find(self, system: Any) -> None:
         """Find the places of its numbers in those of a system that has it so."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
 from ...formulas.classes.layouts import layout_of
-from ...formulas.classes.nested import inside
+from ...formulas.classes.nested import records_in
 from ...groups.composed.power import PowerGroup
 from ...groups.composed.species import SpeciesGroup
 from ...integrators.ending_at_jumps import ending_at_jumps
@@ -251,7 +251,7 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: boo
 def meshes_outside(system: Any, path: Path) -> list[str]:
     """The mesh files that show the bodies of systems and do not lie in the folder of a saved run."""
     folder = path.resolve().parent
-    shapes = [shape for law in each_of(system) for shape in inside(law, LinkShape)]
+    shapes = [shape for law in each_of(system) for shape in records_in(law, LinkShape)]
     names = sorted({shape.file for shape in shapes if shape.file is not None})
     return [name for name in names if not Path(name).resolve().is_relative_to(folder)]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...formulas import Mat, Vec, record
-from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.of_each import Each, each
 from ...groups.composed.one_of import chosen, lengthened, widened
 from ...groups.composed.product import entries
@@ -43,7 +43,7 @@ class EnergyOfSpecies(OfSpecies, Lagrangian):
                 others = [(before, group.copies - end), *[(0, 0)] * (values.ndim - 1)]
                 return EachOfSites.of_each(each(np.pad(values, others, "edge")))
 
-            at_sites.append(exchanged(energy, Each, [of_all(parameter) for parameter in inside(energy, Each)]))
+            at_sites.append(with_records(energy, Each, [of_all(parameter) for parameter in records_in(energy, Each)]))
         return cls(tuple(at_sites), species)
 
     @property

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...formulas import Record, Vec, plain, record, vec
 from ...formulas.classes.fields import frozen_array
-from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.records import with_fields
 from ...formulas.numbers.ways import APART
 from ...formulas.sites import SiteArray, SiteTable, padded, rows_of
@@ -80,7 +80,7 @@ class MotionsOfTerms(Record):
     @property
     def timed(self) -> bool:
         """Whether there are terms that change with time."""
-        return bool(inside(self.terms, AtTime))
+        return bool(records_in(self.terms, AtTime))
 
     def in_turn(self, state: BodyState, turns: Any) -> BodyState:
         """The state after the motions of parts, by number, for how long and when, one after the other."""
@@ -201,9 +201,9 @@ def at_places(form: Any, places: PlacesByColour) -> Any:
         rows = rows_of(moved(x.entries.array))
         return with_fields(x, entries=Table(rows.ravel()), places=float(rows.shape[1]))
 
-    tables = [SiteTable.of(places.places[moved(table.numbers)]) for table in inside(form, SiteTable)]
-    arrays = [array(x) for x in inside(form, SiteArray)]
-    return exchanged(exchanged(form, SiteTable, tables), SiteArray, arrays)
+    tables = [SiteTable.of(places.places[moved(table.numbers)]) for table in records_in(form, SiteTable)]
+    arrays = [array(x) for x in records_in(form, SiteArray)]
+    return with_records(with_records(form, SiteTable, tables), SiteArray, arrays)
 
 
 # ------------------------------------------------------------------ bonds

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas.classes.layouts import layout_of
-from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.of_each import Each
 from ...formulas.classes.remembered import Remembered
 from ...integrators.method import Method
@@ -113,14 +113,14 @@ def _of_members(system: Any) -> Any:
     """
     if not isinstance(system, System) or _alike.get(system):
         return system
-    varied = inside(system, Each)
-    if not varied or inside(system, OfManySites):
+    varied = records_in(system, Each)
+    if not varied or records_in(system, OfManySites):
         _alike.set(system, True)
         return system
     counts = sorted({len(x) for x in varied})
     if len(counts) > 1:
         raise InvalidInput(f"integrate: {system!r} has parameters for {counts[0]} members and for {counts[1]}")
-    return [exchanged(system, Each, [x.of(i) for x in varied]) for i in range(counts[0])]
+    return [with_records(system, Each, [x.of(i) for x in varied]) for i in range(counts[0])]
 
 
 _alike = Remembered()

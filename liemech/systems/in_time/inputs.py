@@ -6,13 +6,13 @@ import functools
 from typing import Any
 
 from ...formulas.classes.layouts import Layout, layout_of
-from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.nested import records_in, with_records
 from .tabulated import PiecewisePolynomial
 
 
 def inputs(system: Any) -> list[PiecewisePolynomial]:
     """The tables in the fields of a system."""
-    return inside(system, PiecewisePolynomial)
+    return records_in(system, PiecewisePolynomial)
 
 
 def has_inputs(system: Any) -> bool:
@@ -32,4 +32,4 @@ def during(system: Any, t: Any, h: Any, beyond: Any = None) -> Any:
     beyond : the part of h by which stages of the method lie beyond the ends of the step, or None.
     """
     limited = [table.during(t, h, beyond) for table in inputs(system)]
-    return exchanged(system, PiecewisePolynomial, limited)
+    return with_records(system, PiecewisePolynomial, limited)

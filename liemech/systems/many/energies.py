@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, record
-from ...formulas.classes.nested import exchanged, inside
+from ...formulas.classes.nested import records_in, with_records
 from ...groups.lie_group import LieGroup
 from ..hamiltonian import Hamiltonian
 
@@ -76,7 +76,7 @@ def on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
     kind : Hamiltonian, DrivenHamiltonian, Potential or Force.  name : who asks, for messages.
     Raises InvalidInput for an energy of other sites than the group has.
     """
-    for many in inside(energy, OfManySites):
+    for many in records_in(energy, OfManySites):
         if many.group.copies != getattr(group, "copies", None):
             raise InvalidInput(f"{name}: {many!r} is of {many.group.copies} sites, and the group is {group!r}")
     return energy
@@ -84,5 +84,5 @@ def on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
 
 def released(system: Any) -> Any:
     """The system, or an energy, with sites that are held free to move: then forces are those of its energy."""
-    held = inside(system, OfManySites)
-    return exchanged(system, OfManySites, [many.released for many in held]) if held else system
+    held = records_in(system, OfManySites)
+    return with_records(system, OfManySites, [many.released for many in held]) if held else system

@@ -11,7 +11,7 @@ from ....compiler.sites.planes import at, each, load, save, some
 from ....formulas import Record, derivative, gradient, record, vec
 from ....formulas.classes.fields import OfEach
 from ....formulas.classes.layouts import NUMBER, layout_of
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.numbers.conversions import fitted
 from ....formulas.sites import SiteArray, own
 from ....formulas.vectors import Vec as SmallVec
@@ -245,7 +245,7 @@ def edges_back(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any,
 def one_edge(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, sums: Any) -> None:
     """Those of one edge."""
     here = at_this_site(edges)
-    varied = inside(here, VariedParameter)
+    varied = records_in(here, VariedParameter)
     numbers = vec(*[x for one in varied for x in numbers_of(one)])
     found = load(sums, 0, total)
     for k in range(count):
@@ -267,7 +267,7 @@ def sensed(edges: EdgesAsked, varied: list[VariedParameter], ends: list[Question
         width = len(numbers_of(one))
         values = [*values, in_shape(p[begin : begin + width] if one.shape else p[begin], one.shape)]
         begin = begin + width
-    moved = exchanged(edges, VariedParameter, values)
+    moved = with_records(edges, VariedParameter, values)
     term = at_time(moved.term, ends[0].t)
     return derivative(lambda e: moved.energy(term, ends, e), 0.0)
 

@@ -13,7 +13,7 @@ from ....errors import IncompatibleSystem, InvalidInput
 from ....formulas import vec
 from ....formulas.classes.frozen import frozen
 from ....formulas.classes.layouts import Layout, carried_layout, layout_of
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each, each
 from ....formulas.classes.records import names_of, with_fields
 from ....formulas.sites import SiteArray, SiteTable
@@ -199,8 +199,8 @@ class SlopesOfPart:
         for one in [slot for x in wanted if x.which is not None for slot in x.slots]:
             held.append((one, None, one.at_edges(self.count)))
             term = one.parameter.put(term, held[-1][2], one.path)
-        others = inside(term, Each)
-        term = exchanged(term, Each, [EachOfSites.of_each(x) for x in others])
+        others = records_in(term, Each)
+        term = with_records(term, Each, [EachOfSites.of_each(x) for x in others])
         own: list[list[Any]] = []
         for there in edges.T:
             own.append([EachOfSites.of_each(each(x.values[there])) if isinstance(x, Each) else x for x in energy.own])
@@ -210,7 +210,7 @@ class SlopesOfPart:
         ends = SiteTable.of(places[edges.T])
         site = site_class(energy.names)()
         self.edges = EdgesAsked(term, group.base, site, tuple(map(tuple, own)), ends, isinstance(energy, MomentumTerms))
-        order = [next(k for k, y in enumerate(held) if y[2] is x) for x in inside(self.edges, VariedParameter)]
+        order = [next(k for k, y in enumerate(held) if y[2] is x) for x in records_in(self.edges, VariedParameter)]
         self.held = [held[k][:2] for k in order]  # as formulas find them
         self.sites = group.copies
         self.asked = asked
@@ -250,7 +250,7 @@ class SlopesOfPart:
 
 def terms_of_sites(system: Any, name: str) -> list[OfTerms]:
     """The terms whose sites have a parameter of this name."""
-    return [x for x in inside(system, OfTerms) if name in x.names]
+    return [x for x in records_in(system, OfTerms) if name in x.names]
 
 
 def _numbers(value: Any) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ..terms.among import Among, places_of_sites
 from ..terms.terms_at_site import RoleAtSite
 
@@ -34,10 +34,10 @@ FULL = 0.5
 
 def with_lists(system: Any, site: Any) -> Any:
     """The site form of a system with lists that are still empty, where they are worth it."""
-    roles = inside(site, RoleAtSite)
+    roles = records_in(site, RoleAtSite)
     if not any(_worth(system, role) for role in roles):
         return site
-    return exchanged(site, RoleAtSite, [_listed(role, None) if _worth(system, role) else role for role in roles])
+    return with_records(site, RoleAtSite, [_listed(role, None) if _worth(system, role) else role for role in roles])
 
 
 def _worth(system: Any, role: RoleAtSite) -> bool:
@@ -73,14 +73,14 @@ class Lists:
     def __init__(self, system: Any, site: Any) -> None:
         self.group = getattr(system, "configurations", system.group)
         self.site = site
-        self.roles = inside(site, RoleAtSite)
+        self.roles = records_in(site, RoleAtSite)
         self.places: Any = None
         self.skin = SKIN * min(role.near.cutoff for role in self.roles if _has_lists(role))
 
     @classmethod
     def of(cls, system: Any, site: Any) -> Lists | None:
         """None if there are none."""
-        return cls(system, site) if any(map(_has_lists, inside(site, RoleAtSite))) else None
+        return cls(system, site) if any(map(_has_lists, records_in(site, RoleAtSite))) else None
 
     def at(self, g: np.ndarray) -> Any:
         """The site form with lists for these elements of the sites."""
@@ -88,7 +88,7 @@ class Lists:
         if self.places is None or self.moved(there, self.places) > BEFORE * self.skin:
             self.places = there
             roles = [_listed(x, there) if _has_lists(x) else x for x in self.roles]
-            self.site = exchanged(self.site, RoleAtSite, roles)
+            self.site = with_records(self.site, RoleAtSite, roles)
         return self.site
 
     def held(self, before: np.ndarray, after: np.ndarray) -> bool:

@@ -15,7 +15,7 @@ from ....compiler import kernel
 from ....compiler.sites.planes import Planes
 from ....errors import InvalidInput, NoConvergence, NotFinite, is_mistake
 from ....formulas.classes.layouts import layout_of
-from ....formulas.classes.nested import inside
+from ....formulas.classes.nested import records_in
 from ....formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
 from ....simulation import arguments
 from ....simulation.between.dense import unpacked
@@ -699,6 +699,6 @@ def part_of_way(curve: np.ndarray, part: float, shape: Any) -> np.ndarray:
 
 def require_fitting(site: Any, count: int) -> None:
     """Raise InvalidInput for tables and parameters of other sites."""
-    for x in [*inside(site, SiteTable), *inside(site, SiteArray)]:
+    for x in [*records_in(site, SiteTable), *records_in(site, SiteArray)]:
         if not x.fits(count) or (isinstance(x, SiteTable) and x.largest >= count):
             raise InvalidInput(f"integrate: a table of {site!r} is not one of {count} sites")

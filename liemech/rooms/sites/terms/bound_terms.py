@@ -10,7 +10,7 @@ import numpy as np
 from ....errors import InvalidInput
 from ....formulas import Record, record
 from ....formulas.classes.fields import OfEach
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each, each
 from ....formulas.sites import chains_of_partners
 from ....formulas.vectors import small
@@ -130,7 +130,7 @@ def _in_rounds(i: int, count: int) -> tuple[Any, ...]:
 
 def term_of_edge(term: Term, number: Any) -> Term:
     """The term with the parameters of one edge."""
-    return exchanged(term, OfEach, [parameter.of(number) for parameter in inside(term, OfEach)])
+    return with_records(term, OfEach, [parameter.of(number) for parameter in records_in(term, OfEach)])
 
 
 def bound(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[BoundTerm, ...]:
@@ -243,4 +243,4 @@ def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
 
 
 def _each_of(value: Any) -> list[Any]:
-    return inside(value, Each)
+    return records_in(value, Each)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....formulas import dot, jacobian, vec
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.records import with_fields
 from ....formulas.classes.remembered import Remembered
@@ -111,7 +111,7 @@ def _edges(part: BoundTerm, own: np.ndarray | None) -> Iterator[tuple[np.ndarray
     own : the parameters of all sites, (sites, n).
     """
     graph: Any = part.graph
-    if is_all_pairs(graph) and not inside(part.term, Each):
+    if is_all_pairs(graph) and not records_in(part.term, Each):
         ranges = [range(*map(int, graph.range_of(k))) for k in (0, 1)] if isinstance(graph, Among) else []
         sites = [np.array(r) for r in ranges or [range(graph.sites or 0)] * 2]
         if own is None:
@@ -124,7 +124,7 @@ def _edges(part: BoundTerm, own: np.ndarray | None) -> Iterator[tuple[np.ndarray
         numbers = np.zeros(len(edges), dtype=np.int64)
     else:
         edges, numbers = graph.edges, np.arange(len(graph.edges))
-        if own is None and not inside(part.term, Each):
+        if own is None and not records_in(part.term, Each):
             edges, numbers = edges[:1], numbers[:1]
     for first in [0, *range(FEW, len(edges), TOGETHER)]:
         last = first + TOGETHER if first else FEW
@@ -151,7 +151,7 @@ def _numbers(
         for x in of_edge.own:
             if isinstance(x, Each):
                 columns += [*x.values.reshape(len(x), -1)[ends[:, k]].T[:, None]]
-    for x in inside(of_edge.term, Each):
+    for x in records_in(of_edge.term, Each):
         columns += [*x.values.reshape(len(x), -1)[numbers if numbers is not None else [0]].T[:, None]]
     return columns if numbers is not None else [_residues(rng, 1) for _ in columns]
 
@@ -209,8 +209,8 @@ def _holds(
         for _ in ways.each():
             term, sites = of_edge.sites(vec(*[Number(x, ways, kind) for x, kind in zip(numbers, moves)]))
             term = at_time(term, anything())
-            tables = [AnyFunction(x.size, anything) for x in inside(term, PiecewisePolynomial)]
-            term = exchanged(term, PiecewisePolynomial, tables)
+            tables = [AnyFunction(x.size, anything) for x in records_in(term, PiecewisePolynomial)]
+            term = with_records(term, PiecewisePolynomial, tables)
             for error, size in test(groups, term, sites, anything):
                 misfit, whole = (np.broadcast_to(np.asarray(x, dtype=float), shape) for x in (error, size))
                 finite = np.isfinite(misfit) & np.isfinite(whole) & ((whole > LEAST) | (whole == 0.0))

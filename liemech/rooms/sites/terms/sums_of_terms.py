@@ -9,7 +9,7 @@ import numpy as np
 
 from ....errors import IncompatibleSystem, InvalidInput
 from ....formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.records import fields_of, with_fields
 from ....formulas.sites import SiteArray, interleaved_sum
@@ -189,7 +189,7 @@ class OfTerms(OfManySites):
             group, species = self.group, self.species  # type: Any, Any
             momenta = all(isinstance(x, Hamiltonian) for x in energy)
             return EnergyOfSpecies.at_site(energy, species, group) if momenta else None
-        return energy and exchanged(energy, Each, map(EachOfSites.of_each, inside(energy, Each)))
+        return energy and with_records(energy, Each, map(EachOfSites.of_each, records_in(energy, Each)))
 
     def _by_site(self, arguments: dict[str, Any]) -> np.ndarray:
         """The momenta or the elements of samples, (samples, sites, width)."""
@@ -303,7 +303,7 @@ class KineticTerms(MomentumTerms, Lagrangian):
             if J.ndim - isinstance(energy.inertia, Each) == 2:
                 return np.asarray((J @ xi[..., None])[..., 0])
             return np.asarray(J * xi)
-        each_one = self._each_one() if inside(energy, Each) else [energy]
+        each_one = self._each_one() if records_in(energy, Each) else [energy]
         if len(each_one) == 1:
             return np.asarray(energy.momentum(xi))
         momenta = [np.asarray(x.momentum(xi[..., i, :])) for i, x in enumerate(each_one)]
@@ -463,7 +463,7 @@ def _bound_on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
 def hamiltonian_of(name: str, group: LieGroup, terms: Terms) -> Any:
     """The Hamiltonian that terms are on a group."""
     hamiltonian = _made(MomentumTerms, name, group, terms)
-    changing = inside(hamiltonian, AtTime)
+    changing = records_in(hamiltonian, AtTime)
     if changing:
         raise IncompatibleSystem(
             f"{name}: {changing[0]!r} changes with time: make it a DrivenLiePoissonSystem(group, terms)"
@@ -481,7 +481,7 @@ def driven_of(name: str, group: LieGroup, terms: Terms) -> Any:
 def potential_of(name: str, group: LieGroup, terms: Terms) -> Any:
     """The potential that terms are on a group."""
     potential = _made(PlaceTerms, name, group, terms)
-    changing = inside(potential, AtTime)
+    changing = records_in(potential, AtTime)
     if changing:
         raise IncompatibleSystem(
             f"{name}: {changing[0]!r} changes with time, and potentials do not: write its force as a "

@@ -16,7 +16,7 @@ from ....formulas import Mat, Record, Vec, check_finite, derivative, gradient, j
 from ....formulas.calls.arguments import ordinary
 from ....formulas.classes.derived import derived
 from ....formulas.classes.fields import FrozenDict
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.overriding import asked
 from ....formulas.classes.records import with_fields
@@ -250,9 +250,9 @@ class AtTime(Term):
 
 def at_time(energy: Any, t: Any) -> Any:
     """An energy with its terms that change with time as they are at time t."""
-    changing = inside(energy, AtTime)
+    changing = records_in(energy, AtTime)
     moved = [with_fields(x, time=t) for x in changing]
-    return exchanged(energy, AtTime, moved) if changing else energy
+    return with_records(energy, AtTime, moved) if changing else energy
 
 
 def timed(term: Term) -> Term:

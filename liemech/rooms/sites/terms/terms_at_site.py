@@ -9,7 +9,7 @@ import numpy as np
 
 from ....formulas import Element, Record, Vec, dot, gradient, mat, record, vec, vectors, where
 from ....formulas.classes.fields import OfEach
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.records import with_fields
 from ....formulas.classes.signatures import bare
@@ -89,7 +89,7 @@ def at_this_site(value: Any) -> Any:
     """A record, such as a system, with the parameters of this site in place of those of each, in the
     energies that every site has on its own.
     """
-    return exchanged(value, EachOfSites, [x.here() for x in inside(value, EachOfSites)])
+    return with_records(value, EachOfSites, [x.here() for x in records_in(value, EachOfSites)])
 
 
 @record
@@ -125,7 +125,7 @@ class RoleAtSite(Record):
         if part.in_rounds:
             return cls(part.term, role, True, False, near=graph.open() if is_near(graph) else None)
         several = part.merged or len({*part.of}) > 1
-        if part.of and is_all_pairs(graph) and several and not inside(part.term, Each):
+        if part.of and is_all_pairs(graph) and several and not records_in(part.term, Each):
             near, reach = graph.open() if is_near(graph) else None, graph.range_of(1 - role)
             return cls(part.term, role, part.merged, False, near=near, of=part.of, reach=reach)
         once = in_a_row(part)
@@ -144,7 +144,7 @@ class RoleAtSite(Record):
             values = each.values.reshape(len(each), -1)[edges]
             return EachOfEdges(SiteArray.of(values if each.shape else values[..., 0], edges=True), each.shape)
 
-        term = exchanged(part.term, Each, [of_edges(parameter) for parameter in inside(part.term, Each)])
+        term = with_records(part.term, Each, [of_edges(parameter) for parameter in records_in(part.term, Each)])
         at_site = cls(term, role, part.merged, alone, of=part.of)
         return at_site if alone else at_site.with_tables(incidence, fixed)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....formulas import Record, Vec, record
-from ....formulas.classes.nested import exchanged, inside
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....groups.composed.one_of import filled, width_of
 from ....groups.composed.product import shaped
@@ -85,10 +85,10 @@ class OfEdge(Record):
         if self.species is not None:
             sites = [self.species.seen(k, site) for k, site in zip(self.of, sites)]
         values: list[Any] = []
-        for each in inside(self.term, Each):
+        for each in records_in(self.term, Each):
             values = [*values, _taken(numbers, at, each.shape)]
             at = at + math.prod(each.shape)
-        return exchanged(self.term, Each, values), sites
+        return with_records(self.term, Each, values), sites
 
     def energy(self, numbers: Vec) -> float:
         """The energy of the edge.  numbers : (n,)."""
@@ -143,7 +143,7 @@ def _rows(of_edge: OfEdge, states: np.ndarray, ends: np.ndarray, numbers: Any) -
     for k in range(ends.shape[1]):
         columns.append(states[:, ends[:, k]])
         columns += [_shared(x.values[ends[:, k]], shape) for x in of_edge.own if isinstance(x, Each)]
-    columns += [_shared(x.values[numbers], shape) for x in inside(of_edge.term, Each)]
+    columns += [_shared(x.values[numbers], shape) for x in records_in(of_edge.term, Each)]
     return np.concatenate(columns, axis=2).reshape(shape[0] * shape[1], -1)
 
 
@@ -163,7 +163,7 @@ def _blocks(terms: Any, part: BoundTerm, states: np.ndarray) -> Iterator[tuple[s
             for first in range(0, len(ends), ROWS):
                 yield slice(i, i + 1), ends[first : first + ROWS], None
         return
-    if isinstance(graph, AllPairs) and not inside(part.term, Each):
+    if isinstance(graph, AllPairs) and not records_in(part.term, Each):
         sites, first = states.shape[1], 0
         while first < sites - 1:
             last = min(sites - 1, first + max(1, ROWS // sites))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import InvalidInput
-from ....formulas.classes.nested import inside
+from ....formulas.classes.nested import records_in
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.records import names_of, with_fields
 from ....formulas.numbers.ways import APART
@@ -127,7 +127,7 @@ def _require_finite(name: str, terms: Any, part: BoundTerm, row: np.ndarray, end
     g = [group.site(row, i) for i in order]
     sites = [terms.site_with(i, None, small(np.asarray(x))) for i, x in zip(order, g)]
     try:
-        energy = float(part.term.energy(*sites)) if not inside(part.term, Each) else 0.0
+        energy = float(part.term.energy(*sites)) if not records_in(part.term, Each) else 0.0
     except ArithmeticError:
         energy = float("nan")
     except Exception:
