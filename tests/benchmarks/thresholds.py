@@ -16,7 +16,7 @@ import subprocess
 import sys
 
 THRESHOLDS = {
-    "translation.inlining": ("LONG", "WORTH", "LARGE", "SLACK", "MOST", "ALONE", "WHOLE", "COPIED", "PER_NUMBER"),
+    "translation.inlining": ("LONG", "WORTH", "LARGE", "SLACK", "ALONE", "WHOLE", "COPIED", "PER_NUMBER"),
     "translation.state": ("HUGE",),
     "translation.instructions": ("SIDE_BY_SIDE", "SHORT"),
     "translation.loops": ("UNROLL",),

@@ -24,12 +24,15 @@ from .words import Word, Words, words_of
 Step = tuple[int, str, Any]
 """A read: the number of the read that led to the holder (-1: none), the kind of the read, and its name."""
 
+Path = list[tuple[str, Any]]
+"""The kinds and names of reads, one after the other, from the arguments to a value."""
+
 MISSING = object()
 
-
 LOOKS = 8
-"""How often words of a read may have changed for other reasons before they are given up: where a class counts
-its objects, or a loop sets names of its module, they always do.
+"""How often the words of a read may change for other reasons before they are given up: where a class counts its objects,
+or a loop sets names of its module, they always do.  One change costs 0.5 ms, as much as 300 looks at all words of a top;
+a class that is edited now and then keeps its words.
 """
 
 _settling = threading.Lock()
@@ -43,49 +46,47 @@ class Guard:
     one expression, which is written and compiled for them.
 
     Where that does not hold, the reads are made again one by one, which shows what has changed.
-    compared, pairs, of_arguments, mutable : the numbers of reads by identity, of relations, of parts of the arguments
-    (each with its path), and of values whose content can change.  paths : from the arguments; None for other reads.
     """
 
-    def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str], namesakes: Known) -> None:
-        self.steps, self.values, self.tokens, self.known = steps, values, all_tokens, namesakes
-        # relations: the reads that lead to the two
-        self.pairs: list[tuple[tuple[int, int], int]] = []
+    def __init__(self, steps: list[Step], values: list[Any], tokens: list[str], namesakes: Known) -> None:
+        self.steps, self.values, self.tokens, self.known = steps, values, tokens, namesakes
+        self.parents = collections.Counter(parent for parent, *_ in steps)
+        # the numbers of reads that are compared by identity, and of values whose content can change
         self.compared: list[int] = []
         self.mutable: list[int] = []
-        self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
-        self.parents = collections.Counter(parent for parent, *_ in steps)
-        # from the arguments, of what is a part of them
-        self.paths: list[list[tuple[str, Any]] | None] = []
-        paths = self.paths
-        # by properties: only `_glance` looks at what Python computed from them
-        computed: set[int] = set()
+        # reads of parts of the arguments, each with its path; relations, with the reads that lead to the two
+        self.of_arguments: list[tuple[Path, int]] = []
+        self.pairs: list[tuple[tuple[int, int], int]] = []
+        # of every read that is a part of the arguments without a token the path; None for others
+        self.paths: list[Path | None] = []
+        computed: set[int] = set()  # by properties: only an expression looks at what Python computed from them
         for i, (parent, how, name) in enumerate(steps):
-            above = [] if how == "argument" else paths[parent] if parent >= 0 else None
+            above = [] if how == "argument" else self.paths[parent] if parent >= 0 else None
+            path = None if above is None else [*above, (how, name)]
+            named = isinstance(values[i], (type, types.FunctionType))
             if how in RELATIONS:
                 self.pairs.append(((parent, name), i))
-                paths.append(None)
-                continue
-            named = isinstance(values[i], (type, types.FunctionType))
-            if how == "property" or (parent in computed and not named):
+            elif how == "property" or (parent in computed and not named):
                 computed.add(i)
-                paths.append(None)
-                continue
-            part = above is not None and not all_tokens[i] and not named
-            paths.append([*above, (how, name)] if part and above is not None else None)
-            if all_tokens[i] and above is not None and parent >= 0:
-                self.of_arguments.append(([*above, (how, name)], i))
-            elif all_tokens[i] or (
-                parent >= 0 and above is None and how in ("item", "value") and is_mutable(values[parent])
-            ):
-                self.compared.append(i)
-            if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
-                self.mutable.append(i)
+            else:
+                self._compare(i, path)
+            self.paths.append(None if tokens[i] or named or how in RELATIONS or i in computed else path)
         # words, and expressions for the reads that have no words
         self.glance: tuple[Words, list[Callable[[Sequence[Any], list[Any]], bool]]] | None = None
         self.words: dict[int, list[Word]] = {}
         self.restless: collections.Counter[int] = collections.Counter()
         self.literals: list[Any] = []  # objects in expressions that are values of no read
+
+    def _compare(self, i: int, path: Path | None) -> None:
+        """Put a read into the lists by which it is compared.  path : from the arguments."""
+        parent, how, name = self.steps[i]
+        holder_changes = parent >= 0 and how in ("item", "value") and is_mutable(self.values[parent])
+        if self.tokens[i] and path is not None and parent >= 0:
+            self.of_arguments.append((path, i))
+        elif self.tokens[i] or (path is None and holder_changes):
+            self.compared.append(i)
+        if self.tokens[i] and name != "__dataclass_fields__" and is_mutable(self.values[i]):
+            self.mutable.append(i)
 
     def _words(self) -> dict[int, list[Word]]:
         """The present words of the reads; none for reads whose words often change for other reasons."""
@@ -122,7 +123,7 @@ class Guard:
         for path, i in self.of_arguments:
             comparisons.append(f"{self._along(path)} is _values[{i}]")
         for pair, i in self.pairs:
-            left, right = [f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k]) for k in pair]
+            left, right = [f"_values[{k}]" if (part := self.paths[k]) is None else self._along(part) for k in pair]
             related = self._literal(RELATIONS[self.steps[i][1]])
             comparisons.append(f"{related}({left}, {right}) is {self.values[i]}")
         same = [_expression(comparisons, namespace | {f"o{i}": value for i, value in enumerate(self.literals)})]
@@ -131,7 +132,7 @@ class Guard:
             same.append(expression if expression.__builtins__ is holder.__builtins__ else _never)
         return same
 
-    def _along(self, path: Any) -> str:
+    def _along(self, path: Path) -> str:
         """An expression for the value at the end of a path from the arguments."""
         now = "_args"
         for how, name in path:
@@ -228,13 +229,13 @@ class Guard:
                     return None
                 self.values[i] = value
         for pair, i in self.pairs:
-            left, right = [self.values[k] if self.paths[k] is None else self._now(self.paths[k], args) for k in pair]
+            left, right = [self.values[k] if (part := self.paths[k]) is None else self._now(part, args) for k in pair]
             if RELATIONS[self.steps[i][1]](left, right) is not self.values[i]:
                 return False
         return True
 
     @staticmethod
-    def _now(path: Any, args: Sequence[Any]) -> Any:
+    def _now(path: Path, args: Sequence[Any]) -> Any:
         """The present value at the end of a path from the arguments."""
         value: Any = (None, args)
         for how, name in path:

@@ -35,9 +35,9 @@ WORTH = 600
 LARGE = 120
 """Formulas of fewer instructions are always written out."""
 
-SLACK, MOST = 1.25, 0.8
+SLACK = 1.25
 """Writing out is given up at SLACK times HUGE instructions, some of which might have been taken back later; the
-innermost formula of MOST times HUGE becomes a function.
+innermost formula of HUGE/SLACK becomes a function.
 """
 
 ALONE = 5
@@ -133,7 +133,7 @@ class Outliner:
                 result = self._copy(frame, env)
             large = b.emitted - before >= t.state.huge
         except Growing:
-            large = b.emitted - before >= MOST * t.state.huge
+            large = b.emitted - before >= t.state.huge / SLACK
             if not large:
                 raise
         cost = b.emitted - before
