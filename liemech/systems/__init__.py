@@ -12,6 +12,7 @@ In the order in which one reads:
     in_time/                                  energies that change with time; tables (tabulated, knots), inputs
     many/                                     states of many sites, and the words by which their energies are asked
     agreement.py, trial.py, inertia.py        checks where a system is made: do energy, gradient and Lagrangian agree?
+    input_checks.py                           checks of the starts that users give
 
 Systems with constraints, Poisson structures, noise, time transformations and terms over graphs are in `liemech/rooms`.
 """

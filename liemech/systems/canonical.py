@@ -12,7 +12,8 @@ from ..formulas.classes.derived import derived
 from ..formulas.classes.remembered import common
 from ..groups.retractions import Retraction
 from ..groups.vector_space import VectorSpace
-from .system import State, System, as_field, points
+from .input_checks import as_field, points
+from .system import State, System
 
 
 @record

@@ -26,22 +26,13 @@ from ..groups.matrices.matrix_group import MatrixLieGroup
 from ..groups.retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
+from .input_checks import as_field, element_at_a_glance, large_members, members_of, points
 from .kinetic_energy import by_entries
 from .lagrangian import Lagrangian
 from .many.common_momentum import momenta_of_symmetry
 from .many.energies import OfManySites, on_group, released
 from .many.site_state import SiteState, rows_of_species, site_state, velocities_of_sites
-from .system import (
-    State,
-    System,
-    as_field,
-    as_precise,
-    element_at_a_glance,
-    large_members,
-    lies_in_memory,
-    members_of,
-    points,
-)
+from .system import State, System, as_precise, lies_in_memory
 
 
 @record

@@ -21,8 +21,9 @@ from ..groups.matrices.matrix_group import whole_number
 from ..groups.poisson_structure import require_formula
 from ..groups.retractions import Retraction
 from ..groups.vector_space import VectorSpace
+from .input_checks import as_field, points
 from .parts import LEAST, OfParts, affine, special_nowhere, straight, where_defined
-from .system import State, System, as_field, points
+from .system import State, System
 
 
 @record

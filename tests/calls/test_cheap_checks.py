@@ -13,7 +13,7 @@ import pytest
 import liemech as lm
 from liemech.formulas import check_finite, real_array
 from liemech.formulas.arrays import at_a_glance
-from liemech.systems.system import element_at_a_glance
+from liemech.systems.input_checks import element_at_a_glance
 
 VALUES: list[Any] = [
     [1.0, 2.0, 3.0],

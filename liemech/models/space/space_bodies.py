@@ -12,10 +12,10 @@ from ...formulas import Mat, Vec, record
 from ...groups.composed.product import ProductGroup
 from ...groups.rigid.so3 import SO3
 from ...groups.vector_space import VectorSpace
+from ...systems.input_checks import members_of, points
 from ...systems.kinetic_energy import KineticEnergy
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
-from ...systems.system import members_of, points
 from ..bodies.gravity import CentralGravity, UniformGravity
 from ..bodies.kirchhoff import KirchhoffBody
 from ..bodies.rigid_body import RigidBody

@@ -13,11 +13,11 @@ from ...groups.composed.product import ProductGroup
 from ...groups.lie_group import LieGroup
 from ...groups.rigid.so3 import SO3
 from ...groups.vector_space import VectorSpace
+from ...systems.input_checks import points
 from ...systems.kinetic_energy import KineticEnergy
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import Force, NoPotential, Potential
-from ...systems.system import points
 from ..bodies.rigid_body import RigidBody
 from ..input_checks import check_positive
 from .effectors import ConservativeEffector, Effector, Flight, PoseInSpace

@@ -32,8 +32,8 @@ from ...formulas.vectors import Vec as SmallVec
 from ...formulas.vectors import small
 from ...solvers import correction, newton
 from ...systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
+from ...systems.input_checks import as_field
 from ...systems.separable import SeparableEnergy, SeparableSystem
-from ...systems.system import as_field
 
 CONSISTENT = 2.0**-40
 """A start is on the constraints if they fail by no more than this, relative to their terms."""

@@ -9,7 +9,8 @@ from ...formulas import Element, Vec, record
 from ...formulas.numbers.bases import InMemory
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Retraction
-from ..system import State, System, as_field, as_precise, large_members, lies_in_memory, members_of
+from ..input_checks import as_field, large_members, members_of
+from ..system import State, System, as_precise, lies_in_memory
 
 
 @record

@@ -12,7 +12,8 @@ from ...formulas.numbers.bases import InMemory
 from ...groups.actions import GroupAction
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Retraction
-from ..system import State, System, as_field, as_precise, large_members, lies_in_memory, points
+from ..input_checks import as_field, large_members, points
+from ..system import State, System, as_precise, lies_in_memory
 
 
 @record
