@@ -5,7 +5,7 @@ exact flows for Poisson systems.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import plain, record
@@ -37,15 +37,20 @@ class OfTableau(Method):
 
     symplectic: ClassVar[bool] = True
 
+    if TYPE_CHECKING:  # a field here would be an argument of every splitting
+
+        @property
+        def tableau(self) -> SplittingTableau: ...
+
     @property
     def order(self) -> int:
         """The order of the tableau."""
-        return self.tableau.order  # type: ignore[attr-defined]
+        return self.tableau.order
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
         """Whether the tableau of the splitting is symmetric."""
-        return self.tableau.symmetric  # type: ignore[attr-defined]
+        return self.tableau.symmetric
 
 
 @record
@@ -120,7 +125,7 @@ class SeparableSplitting(OfTableau, Remembering):
         if not isinstance(system, SeparableSystem):
             raise IncompatibleSystem(f"{self!r} needs a SeparableSystem, H = T(p) + V(q); {self._unsuitable(system)}")
         super().require(system)
-        if self.tableau.quadratic and not system.quadratic:  # type: ignore[attr-defined]
+        if self.tableau.quadratic and not system.quadratic:
             raise IncompatibleSystem(
                 f"{self!r} is of its order for a T(p) of second degree only, and the `kinetic` of "
                 f"{system!r} is not seen to be a polynomial of second degree, as dot(p, p) is and "
@@ -144,7 +149,7 @@ class SeparableSplitting(OfTableau, Remembering):
 
     def tableau_for(self, system: Any) -> SplittingTableau:
         """The tableau with which a system is stepped."""
-        return self.tableau  # type: ignore[attr-defined]
+        return self.tableau
 
     def _unsuitable(self, system: Any) -> str:
         """Why a system is not separable, and what it is to be stepped with."""
@@ -158,7 +163,7 @@ class SeparableSplitting(OfTableau, Remembering):
 
     def at_node(self, system: Any, state: Any, h: float) -> Any:
         """The force, if a step begins with the one at which the step before ended."""
-        if isinstance(system, OfParts) or not self.tableau.carries_force:  # type: ignore[attr-defined]
+        if isinstance(system, OfParts) or not self.tableau.carries_force:
             return None
         start = plain(state)
         return system.force(start.q, start.p)
@@ -169,7 +174,7 @@ class SeparableSplitting(OfTableau, Remembering):
             turns = self.tableau_for(system).sequence(len(system.parts))
             moved = system.in_turn(memory.state, [(part, share * h) for part, share in turns])
             return Memory(moved, None, ())
-        tableau, force = self.tableau, memory.node  # type: ignore[attr-defined]
+        tableau, force = self.tableau, memory.node
         q, p = memory.state.q, memory.state.p
         for i, b in enumerate(tableau.kicks):
             if b != 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -35,23 +35,31 @@ class FieldSplitting(Remembering):
     section 3.2.
     """
 
+    if TYPE_CHECKING:  # fields here would be arguments of every splitting
+
+        @property
+        def free(self) -> Any: ...
+
+        @property
+        def tableau(self) -> SplittingTableau: ...
+
     def require(self, system: Any) -> None:
         """A body in a field, that the free motion accepts."""
         if not isinstance(system, MechanicalSystem):
-            advice = alternatives(system, f"Without a field it is {self.free!r}")  # type: ignore[attr-defined]
+            advice = alternatives(system, f"Without a field it is {self.free!r}")
             raise IncompatibleSystem(f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {advice}")
         body: Any = system.body
         frozen = self._frozen(system)
-        self.free.require(body.at(0.0) if frozen else body)  # type: ignore[attr-defined]
-        if frozen and self.tableau.order > 2:  # type: ignore[attr-defined]
+        self.free.require(body.at(0.0) if frozen else body)
+        if frozen and self.tableau.order > 2:
             raise IncompatibleSystem(
-                f"{self!r}: with an energy that changes with time drifts of {self.free!r} are of order "  # type: ignore[attr-defined]
+                f"{self!r}: with an energy that changes with time drifts of {self.free!r} are of order "
                 "2; Composition(KickDrift(), order=4) is of order 4"
             )
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
         """Above order 2, whether a load takes the order away: one that depends on the velocity."""
-        order = self.tableau.order  # type: ignore[attr-defined]
+        order = self.tableau.order
         if order <= 2 or system.load is None or not _feels_velocity(system, start):
             return None
         return (
@@ -61,14 +69,14 @@ class FieldSplitting(Remembering):
 
     def at_node(self, system: Any, state: BodyState, h: float) -> Any:
         """The force of the field; None if a step begins with a drift."""
-        return system.force(state.g) if self.tableau.kicks[0] != 0.0 else None  # type: ignore[attr-defined]
+        return system.force(state.g) if self.tableau.kicks[0] != 0.0 else None
 
     def beginning(self, system: Any, state: BodyState, h: float) -> tuple[Any, ...]:
         """The pasts of the drifts in the free motion: each begins with the state alone."""
-        return tuple([self._begun(system, state, a * h) for a in self.tableau.drifts])  # type: ignore[attr-defined]
+        return tuple([self._begun(system, state, a * h) for a in self.tableau.drifts])
 
     def _begun(self, system: Any, state: BodyState, h: float) -> Any:
-        return self.free.past(self.free.start(self._body(system, 0.0), state, h))  # type: ignore[attr-defined]
+        return self.free.past(self.free.start(self._body(system, 0.0), state, h))
 
     def _body(self, system: Any, t: float) -> Any:
         """The body that drifts: one whose energy changes with time, with that of the time t, in the
@@ -81,11 +89,11 @@ class FieldSplitting(Remembering):
 
     def _frozen(self, system: Any) -> bool:
         """Whether the body's energy is frozen in the middle of each drift."""
-        return system.driven and not self.free.timed  # type: ignore[attr-defined]
+        return system.driven and not self.free.timed
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Kick, drift, kick, ...; one force for each kick, the last one carried on to the next step."""
-        free, tableau, state, force = self.free, self.tableau, memory.state, memory.node  # type: ignore[attr-defined]
+        free, tableau, state, force = self.free, self.tableau, memory.state, memory.node
         pasts: list[Any] = []
         ends = len(tableau.drifts)
         for i in range(ends + 1):

@@ -192,7 +192,7 @@ def refused(method: Any, site: Any) -> str:
     if isinstance(method, Composition):
         return refused(method.base, site)
     if isinstance(method, FieldSplitting):
-        free: Any = method.free  # type: ignore[attr-defined]
+        free: Any = method.free
         known = free.symplectic and free.symmetric and not free.of_momenta
         return "" if known or isinstance(free, RKMK) else f"by drifts of {free!r}"
     if isinstance(method, TermSplitting):
