@@ -76,7 +76,7 @@ class Implicit(Remembering):
             f"continuation of the motion. The step h = {h:g} is too large; try {0.25 * h:g}"
         )
 
-    def _unconnected(self, h: float, end: float, length: str, usable: float | None = None) -> NoConvergence:
+    def _unconnected(self, h: float, end: float, length: str, usable: float | None) -> NoConvergence:
         """The error of a step without a solution of its own: the one that grows out of h = 0 ends
         before.
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
 from ..formulas.classes.derived import derived_from
-from ..formulas.numbers.anything import Anything, degree, looked_at, made_of
+from ..formulas.numbers.anything import Anything, degree, indices_in, traced
 from ..formulas.vectors import Vec as SmallVector
 from ..groups.matrices.matrix_functions import phi1m
 from ..groups.poisson_structure import PoissonStructure
@@ -178,7 +178,7 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
     def velocity(y: Any) -> Any:
         return structure.sharp(y, part.gradient(y))
 
-    formulas, reason = looked_at(lambda y: (part.energy(y), velocity(y)), [1] * structure.dim)
+    formulas, reason = traced(lambda y: (part.energy(y), velocity(y)), [1] * structure.dim)
     if reason:
         return (
             f"the motion of {part!r} is not known: its formula need not be the same at all points "
@@ -195,7 +195,7 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
         polynomial = max(map(degree, speeds)) < inf
         slopes = [np.array(gradient(lambda x: part.energy(x), y), dtype=float) for y in points]
         felt = np.flatnonzero(np.any(slopes, axis=0))
-        if len(felt) == 1 and (len(made_of(energy)) == 1 or polynomial):
+        if len(felt) == 1 and (len(indices_in(energy)) == 1 or polynomial):
             structure.coordinate_flow(points[0], int(felt[0]), 0.5)
             return FunctionOfCoordinate(part, int(felt[0]))
         rates = affine(velocity, speeds, points)
@@ -222,12 +222,12 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
     def velocity(y: Any) -> Any:
         return structure.sharp(y, V.gradient(y))
 
-    formulas, reason = looked_at(lambda y: (T.energy(y), velocity(y)), [1] * structure.dim)
+    formulas, reason = traced(lambda y: (T.energy(y), velocity(y)), [1] * structure.dim)
     if reason:
         return False
     speeds = formulas[1]
     if _unmoved(speeds):  # T along a line of constant velocity
-        along, _ = looked_at(lambda y: T.energy(y), [int(_moves(v)) for v in speeds])
+        along, _ = traced(lambda y: T.energy(y), [int(_moves(v)) for v in speeds])
         return degree(along) <= 2
     if max(map(degree, [formulas[0], *speeds])) == inf:
         return False
@@ -279,7 +279,7 @@ def _moves(speed: Any) -> bool:
 def _unmoved(speeds: Any) -> bool:
     """Whether speeds are made of coordinates alone that do not move."""
     moving = {i for i, v in enumerate(speeds) if _moves(v)}
-    return all(moving.isdisjoint(made_of(v)) for v in speeds)
+    return all(moving.isdisjoint(indices_in(v)) for v in speeds)
 
 
 def special_nowhere(n: int) -> list[Any]:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, final
 from ..errors import InvalidTimeScale, undefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.classes.derived import derived
-from ..formulas.numbers.anything import choice
+from ..formulas.numbers.anything import why_not_one_expression
 from ..formulas.numbers.series import Series
 from .canonical import CanonicalSystem, HamiltonianSystem
 
@@ -62,7 +62,7 @@ class SeparableEnergy(CanonicalSystem):
         A formula that cannot be expanded, whose series does not end (|p|^2 by way of a root), or
         that compares, gives False.
         """
-        if choice(lambda p: self.kinetic(p), self.degrees):
+        if why_not_one_expression(lambda p: self.kinetic(p), self.degrees):
             return False
         p = vec(*[Series(0.5 + 0.125 * i, 1.0 - 0.0625 * i) for i in range(self.degrees)])
         try:

@@ -13,7 +13,7 @@ from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.classes.derived import derived_from
 from ..formulas.classes.remembered import common
-from ..formulas.numbers.anything import looked_at
+from ..formulas.numbers.anything import traced
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
 from ..groups.matrices.matrix_functions import phi1m
@@ -291,7 +291,7 @@ def recognised_field(field: VectorField) -> VectorField | str:
     """The field with its motion, or why none is known."""
     if has_flow(field):
         return field
-    speeds, reason = looked_at(field.velocity, [1] * field.dim)
+    speeds, reason = traced(field.velocity, [1] * field.dim)
     if reason:
         return (
             f"the motion of {field!r} is not known: its formula need not be the same at all points "

@@ -19,7 +19,7 @@ from liemech.formulas.classes.layouts import layout_of
 from liemech.formulas.classes.records import Record
 from liemech.formulas.derivatives import tangent
 from liemech.formulas.functions import fma
-from liemech.formulas.numbers.anything import Anything, choice, degree, made_of
+from liemech.formulas.numbers.anything import Anything, degree, indices_in, why_not_one_expression
 from liemech.formulas.numbers.compensated import Compensated
 from liemech.formulas.numbers.conversions import double_double, fitted, rounded, with_slopes
 from liemech.formulas.numbers.dual import Dual
@@ -110,10 +110,10 @@ def test_what_is_sure_of_numbers_without_a_value() -> None:
     )  # fmt: skip
     for found, wanted in cases:
         assert degree(found) == wanted
-    assert made_of(x * y + 1.0) == {0, 1} and made_of(f.atan2(y, x)) == {0, 1}
-    assert made_of(2.0) == set() and made_of(f.sin(y)) == {1}
-    assert "comparison" in choice(lambda v: v[0] if v[0] > v[1] else v[1], 2)
-    assert choice(lambda v: f.sin(v[0]) * v[1] ** 2, 2) == ""
+    assert indices_in(x * y + 1.0) == {0, 1} and indices_in(f.atan2(y, x)) == {0, 1}
+    assert indices_in(2.0) == set() and indices_in(f.sin(y)) == {1}
+    assert "comparison" in why_not_one_expression(lambda v: v[0] if v[0] > v[1] else v[1], 2)
+    assert why_not_one_expression(lambda v: f.sin(v[0]) * v[1] ** 2, 2) == ""
 
 
 def test_sizes_and_fused_products() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import copysign, cos, exp, sqrt, where
-from liemech.formulas.numbers.anything import degree, looked_at, made_of
+from liemech.formulas.numbers.anything import degree, indices_in, traced
 from liemech.systems.parts import Affine, FunctionOfCoordinate, StraightLineFlow, recognised, second_degree
 
 NARROW = 1e-9
@@ -216,11 +216,11 @@ def test_products_of_momenta_are_of_higher_degree() -> None:
     ],
 )
 def test_a_formula_tells_its_degree_and_of_what_it_is_made(formula: Any, wanted: float, numbers: set[int]) -> None:
-    found, reason = looked_at(lambda z: formula(*z), [1, 1])
-    assert (degree(found), made_of(found), reason) == (wanted, numbers, "")
+    found, reason = traced(lambda z: formula(*z), [1, 1])
+    assert (degree(found), indices_in(found), reason) == (wanted, numbers, "")
 
 
 def test_numbers_that_do_not_count_are_constants() -> None:
     """Of q, which stands still, any function may stand before p^2."""
-    found, _ = looked_at(lambda z: z[1] * z[1] * exp(z[0]) / (2.0 + z[0]), [0, 1])
-    assert (degree(found), made_of(found)) == (2, {0, 1})
+    found, _ = traced(lambda z: z[1] * z[1] * exp(z[0]) / (2.0 + z[0]), [0, 1])
+    assert (degree(found), indices_in(found)) == (2, {0, 1})

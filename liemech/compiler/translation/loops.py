@@ -181,7 +181,7 @@ class NativeLoop:
         """Translate the loop.  Raises Returns, Promote or Retype, which say in what form to translate it anew."""
         self._enter()
         start, go_on, end_of_head = self._ask(test)
-        loop, inside, raises = self._turn(start)
+        loop, inside, raises = self._turn()
         opens = loop.continues + ([Open(self.builder.block, inside)] if inside is not None else [])
         inside = dict(self.at_head) if inside is None else inside
         if self.translator.join(opens, inside):
@@ -241,7 +241,7 @@ class NativeLoop:
         self.builder.position_at_end(start)
         return start, go_on, end_of_head
 
-    def _turn(self, start: ir.Block) -> tuple[Loop, Env | None, tuple[int, int]]:
+    def _turn(self) -> tuple[Loop, Env | None, tuple[int, int]]:
         """The statements: where they leave the loop, the variables at their end, None if control
         does not come there, and how many places before may raise.
         """

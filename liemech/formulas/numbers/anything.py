@@ -27,24 +27,24 @@ class Anything(Operand, StandIn):
     """A number without a value.
 
     degree : as a polynomial of the numbers that count; 0 if it does not depend on them, infinite if it is no polynomial.
-    of : the indices of the numbers of which it is made.
+    indices : of the numbers of which it is made.
     """
 
-    __slots__ = ("degree", "of")
+    __slots__ = ("degree", "indices")
 
-    def __init__(self, degree: float = inf, of: frozenset[int] = frozenset()) -> None:
-        self.degree, self.of = degree, of
+    def __init__(self, degree: float = inf, indices: frozenset[int] = frozenset()) -> None:
+        self.degree, self.indices = degree, indices
 
     def __add__(self, other: Any) -> Any:
         if isinstance(other, Anything):
-            return Anything(max(self.degree, other.degree), self.of | other.of)
+            return Anything(max(self.degree, other.degree), self.indices | other.indices)
         return self if isinstance(other, (int, float)) else NotImplemented
 
     __radd__ = __sub__ = __rsub__ = __add__
 
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, Anything):
-            return Anything(self.degree + other.degree, self.of | other.of)
+            return Anything(self.degree + other.degree, self.indices | other.indices)
         if isinstance(other, (int, float)):
             return self if other else 0.0
         return NotImplemented
@@ -53,7 +53,7 @@ class Anything(Operand, StandIn):
 
     def __truediv__(self, other: Any) -> Any:
         if isinstance(other, Anything):
-            return Anything(inf if other.degree else self.degree, self.of | other.of)
+            return Anything(inf if other.degree else self.degree, self.indices | other.indices)
         return self if isinstance(other, (int, float)) else NotImplemented
 
     def __rtruediv__(self, other: Any) -> Any:
@@ -63,7 +63,7 @@ class Anything(Operand, StandIn):
 
     def __pow__(self, n: Any) -> Any:
         if isinstance(n, int) and n >= 0:
-            return Anything(self.degree * n, self.of) if n else 1.0
+            return Anything(self.degree * n, self.indices) if n else 1.0
         return self._function(n) if isinstance(n, (int, float, Anything)) else NotImplemented
 
     def __rpow__(self, base: Any) -> Any:
@@ -77,7 +77,7 @@ class Anything(Operand, StandIn):
     def _function(self, *others: Any) -> Anything:
         """A function of this number and others: no polynomial, unless all of them are constant."""
         numbers = [self, *(x for x in others if isinstance(x, Anything))]
-        return Anything(inf if any(x.degree for x in numbers) else 0, frozenset().union(*(x.of for x in numbers)))
+        return Anything(inf if any(x.degree for x in numbers) else 0, frozenset().union(*(x.indices for x in numbers)))
 
     def elementary(self, name: str, *x: Any) -> Any:
         """A function of the number, except `copysign`, which looks at a sign."""
@@ -90,7 +90,7 @@ class Anything(Operand, StandIn):
     __hash__ = None  # type: ignore[assignment]
 
 
-def looked_at(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, str]:
+def traced(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, str]:
     """The result of a formula, run with numbers of these degrees; or None, and why it may depend on the point in another
     way than as one expression.
     """
@@ -100,9 +100,9 @@ def looked_at(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, s
         return None, str(refusal)
 
 
-def choice(formula: Callable[[Vec], Any], n: int) -> str:
+def why_not_one_expression(formula: Callable[[Vec], Any], n: int) -> str:
     """Why a formula of n numbers is not one expression everywhere; empty if it is."""
-    return looked_at(formula, [1] * n)[1]
+    return traced(formula, [1] * n)[1]
 
 
 def degree(x: Any) -> float:
@@ -110,6 +110,6 @@ def degree(x: Any) -> float:
     return x.degree if isinstance(x, Anything) else 0
 
 
-def made_of(x: Any) -> frozenset[int]:
+def indices_in(x: Any) -> frozenset[int]:
     """The numbers of which a result is made."""
-    return x.of if isinstance(x, Anything) else frozenset()
+    return x.indices if isinstance(x, Anything) else frozenset()

@@ -102,7 +102,7 @@ class Tilting(NamedTuple):
         """Attitude, and the body velocities about the transverse axes, at the times t."""
         begin = self.jacobi.argument(*self.start)
         s, c, d, turns = self.jacobi.functions(begin + self.rate * t)
-        p, r = (self._phase(phase, t, s, c, d, turns) for phase in self.phases)
+        p, r = (self._phase(phase, t, s, c, turns) for phase in self.phases)
         odd = 1.0 - 2.0 * np.abs(turns - 2.0 * np.round(0.5 * turns))
         s, c = odd * s, odd * c
         alpha, beta, s_over, c_over = self.amplitudes(s, c)
@@ -121,7 +121,7 @@ class Tilting(NamedTuple):
         velocity = tilting * cosine + turning * sine, turning * cosine - tilting * sine
         return (alpha * cp, beta * cr, beta * sr, alpha * sp), *velocity
 
-    def _phase(self, phase: Phase, t: Any, s: Any, c: Any, d: Any, turns: Any) -> Any:
+    def _phase(self, phase: Phase, t: Any, s: Any, c: Any, turns: Any) -> Any:
         if not phase.factor:
             return phase.begin + phase.rate * t
         s0, c0 = self.start

@@ -76,7 +76,7 @@ def lattice_of(system: Any) -> Lattice | None:
     return max(lattices, key=lambda graph: len(graph.shape), default=None)
 
 
-def fixed_places(system: Any, positions: Any = None, name: str = "positions") -> Array:
+def fixed_places(system: Any, positions: Any = None) -> Array:
     """Where all the sites are that do not move, (sites, 3): where they are said to be, or where the
     lattice has them.  positions : (sites, 2) or (sites, 3).
     """
@@ -86,14 +86,14 @@ def fixed_places(system: Any, positions: Any = None, name: str = "positions") ->
         lattice = lattice_of(system)
         if lattice is None:
             raise InvalidInput(
-                f"where are the sites of {system!r}?  Its graphs do not say; give {name}=, as "
+                f"where are the sites of {system!r}?  Its graphs do not say; give positions=, as "
                 f"({count}, 2) or ({count}, 3)"
             )
         return lattice.layout
-    places = real_array(positions, name)
-    check_finite(places, name)
+    places = real_array(positions, "positions")
+    check_finite(places, "positions")
     if places.shape not in ((count, 2), (count, 3)):
-        raise InvalidInput(f"{name} have shape {places.shape}; wanted are ({count}, 2) or ({count}, 3)")
+        raise InvalidInput(f"positions have shape {places.shape}; wanted are ({count}, 2) or ({count}, 3)")
     return np.pad(places, ((0, 0), (0, 3 - places.shape[1])))
 
 

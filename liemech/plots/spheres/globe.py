@@ -158,9 +158,9 @@ def limits(frame: Array) -> tuple[float, float, float]:
     return max(1.05, x), min(-1.05, y.min() - room), max(1.05, y.max() + room)
 
 
-def _shade(pixels: int = 220) -> Array:
-    """The lit unit disc, (pixels, pixels, 3): softened cosine law, light from the upper left."""
-    x, y = np.meshgrid(np.linspace(-1, 1, pixels), np.linspace(1, -1, pixels))
+def _shade() -> Array:
+    """The lit unit disc, (220, 220, 3): softened cosine law, light from the upper left."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 220), np.linspace(1, -1, 220))
     z = np.sqrt(np.clip(1.0 - x**2 - y**2, 0.0, None))
     light = (0.5 + 0.5 * (-0.40 * x + 0.55 * y + 0.73 * z))[..., None] ** 1.6
     dark, bright = np.array([0.745, 0.775, 0.825]), np.array([0.985, 0.988, 0.994])

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import InvalidInput, InvalidType, LiemechError, undefined
 from ...formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, where
 from ...formulas.classes.derived import derived, derived_from
-from ...formulas.numbers.anything import looked_at, made_of
+from ...formulas.numbers.anything import indices_in, traced
 from ...formulas.vectors import Vec as SmallVec
 from ...formulas.vectors import small
 from ...systems.canonical import CanonicalState
@@ -155,7 +155,7 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
             if type(part).flow is not ConstrainedPart.flow:
                 continue
             n = self.degrees
-            energy, reason = looked_at(
+            energy, reason = traced(
                 lambda y, part=part, n=n: part.energy(  # type: ignore[misc]
                     y[:n], y[n : 2 * n]
                 ),
@@ -166,7 +166,7 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
                     f"{part!r} has no `flow`, and its formula need not be the same at all points "
                     f"({reason}), so that nobody sees whether it depends on q alone. Write its `flow`"
                 )
-            if any(i >= n for i in made_of(energy)):
+            if any(i >= n for i in indices_in(energy)):
                 return (
                     f"{part!r} depends on p, and its motion on the constraints is not written. "
                     "Write its `flow`, or use RATTLE(), which needs none"

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
 from ...formulas import Vec, derivative, plain, record, vec
-from ...formulas.numbers.anything import ASKED, degree, looked_at, made_of
+from ...formulas.numbers.anything import ASKED, degree, indices_in, traced
 from ...integrators.memory import Memory, Remembering
 from ...integrators.method import Method
 from .poisson import PoissonState, PoissonSystem
@@ -57,14 +57,14 @@ class PlanarEuler(Method):
             raise IncompatibleSystem(
                 f"{self!r} needs a PoissonSystem in the plane; got {system!r}. RKMK accepts every system"
             )
-        b, reasons = zip(*[looked_at(partial(_b, system), axis) for axis in ([1, 0], [0, 1])])
+        b, reasons = zip(*[traced(partial(_b, system), axis) for axis in ([1, 0], [0, 1])])
         if ASKED in reasons:
             raise IncompatibleSystem(
                 f"{self!r}: b_12 of {system.structure!r} need not be affine everywhere: {ASKED}. {system.alternatives}"
             )
-        slope = looked_at(lambda y: system.gradient(y)[0], [1, 1])[0]
+        slope = traced(lambda y: system.gradient(y)[0], [1, 1])[0]
         bent = [x is None or degree(x) > 1 for x in b]
-        mixed = slope is None or 1 in made_of(slope)
+        mixed = slope is None or 1 in indices_in(slope)
         places = [*PROBES, *(FAR_PROBES if mixed or any(bent) else ())]
         with np.errstate(all="ignore"):
             defined = [self._looked_at(system, vec(*y), bent, mixed) for y in places]
