@@ -61,8 +61,8 @@ def _quotient(
 ) -> Any:
     """near(x) where the size of x is at most `reach`, far(x) elsewhere.
 
-    The terms of a power series are chosen one by one, when they are wanted: both formulas are
-    asked, the one that is not meant at a place of its own.
+    Of a power series both are computed, as its terms are chosen when they are wanted: near at 0 where x is far, far at
+    FAR where x is near.
     """
     if isinstance(x, np.ndarray):
         quotients = [_quotient(a, reach, near, far, size) for a in x.ravel().tolist()]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas.numbers.sizes import EPSILON
 from .style import GREY, legend, look, named_runs, needs_run, plane_axes, time_label
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-EPSILON = 2.0**-52
 WIDE = (6.6, 3.4)
 """Inches, with room for a legend beside the curves."""
 BINS = 400

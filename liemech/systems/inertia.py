@@ -11,7 +11,7 @@ from ..formulas import Mat, Vec, check_finite, real_array
 from ..formulas.arrays import at_a_glance
 
 SYMMETRY = 1e-12
-"""An inertia matrix less symmetric than this, relative to its size, is a mistake and not a rounding error."""
+"""An inertia whose entries and their mirror images differ by more than this part of their size is a mistake, no rounding."""
 
 ROUNDING = 6 * np.finfo(float).eps
 """Below this, relative to the size of a matrix, rounding decides the sign of a principal moment."""

@@ -17,6 +17,7 @@ from ..formulas.classes.records import fields_of, fill
 from ..formulas.large import Large
 from ..formulas.vectors import small
 from .hamiltonian import Hamiltonian
+from .inertia import SYMMETRY
 from .lagrangian import Lagrangian
 
 
@@ -166,9 +167,6 @@ def _invertible(moments: Vec) -> bool:
 MAX = sys.float_info.max
 LEAST = 1.0 / MAX
 _FLOAT = frozenset([float])
-
-SYMMETRY = 1e-12
-"""An entry that differs by more than this from its mirror image, relative to its row and column, is a mistake."""
 
 
 def require_invertible(inertia: Vec | Mat) -> None:

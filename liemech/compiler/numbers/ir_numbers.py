@@ -23,12 +23,11 @@ from ...errors import NotCompilable
 from ...formulas.functions import INSTRUCTIONS
 from ...formulas.numbers import philox
 from ...formulas.numbers.bases import StandIn
+from ..driver import HUGE
 
 F64, I64, I32, I1 = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(1)
 TYPES = {"f": F64, "i": I64, "b": I1}
 Values = tuple[ir.Value, ...]
-HUGE = 2**63
-"""Integers of native code are at least -HUGE and less than HUGE."""
 EXACT = 2**53
 """Integers up to this are floats without rounding."""
 

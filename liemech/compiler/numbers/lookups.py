@@ -13,7 +13,8 @@ from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import Layout, carried_layout
 from ...formulas.tables import Table
 from ...formulas.vectors import Vec
-from .ir_numbers import F64, HUGE, I32, I64, TYPES, Emitter, Num
+from ..driver import HUGE
+from .ir_numbers import F64, I32, I64, TYPES, Emitter, Num
 
 LONG = 16
 """Entries from which constants, of which the run says which one is taken, are a table in memory."""

@@ -26,13 +26,14 @@ from ...formulas.of_numpy import OF_NUMBERS, by_components, inside
 from ...formulas.vectors import small
 from ..changes.content_hashes import is_own
 from ..changes.dependencies import varies
+from ..driver import HUGE
 from ..machine.callbacks import FUNCTIONS
 from ..translation.expressions import holds_number
 from ..translation.iterators import ItemStream
 from ..translation.scopes import Closure
 from . import arrays, memory_loops
 from .arrays import Array, array, refuse, vector
-from .ir_numbers import HUGE, Num, is_mixed, kind_of
+from .ir_numbers import Num, is_mixed, kind_of
 
 if TYPE_CHECKING:
     from ..translation.translator import Interpreter
@@ -349,8 +350,8 @@ class PythonFunctions:
         return value
 
     def of_numpy(self, native: Callable[..., Any], function: Callable[..., Any]) -> Callable[..., Any]:
-        """A function of NumPy's, of floats: of truth values it has half precision, and some of them
-        are others for integers.
+        """A function of NumPy's, of floats alone: of truth values NumPy computes in half precision, of integers often in
+        another way.
         """
         of_integers = any(form.startswith("l") for form in function.types)  # type: ignore[attr-defined]
 

@@ -33,8 +33,8 @@ def _number(x: Any) -> bool:
 
 
 def company(holder: Any) -> list[SeriesMeeting]:
-    """The meetings of series in the formula that runs, kept by what holder there is; when these have met
-    more than once another one begins.
+    """The list of the meetings of series in the formula that runs, which its holder keeps; a new list where meetings in
+    it have met again: those to come do not go on with them.
     """
     if holder.company is None or any(len(x.meetings) > 1 for x in holder.company):
         holder.company = []

@@ -64,8 +64,7 @@ def parameters(system: Any, before: str = "") -> Iterator[str]:
 
 def full_name(system: Any, name: str, caller: str) -> str:
     """The full name of a parameter: given whole, by its end if there is only one such, or as a linkage names those of
-    its joints, "elbow.torque". by its full name, by the end of it if there is only one, or as a linkage names
-    those of its joints, "elbow.torque". Raises InvalidInput.
+    its joints, "elbow.torque".  Raises InvalidInput.
     """
     names = [*dict.fromkeys(parameters(system))]
     if name in names:

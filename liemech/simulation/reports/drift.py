@@ -13,6 +13,9 @@ from ...formulas.classes.frozen import frozen
 from ...systems.system import System
 from .written_tables import WrittenTable, html_table
 
+EXACT = 1e-12
+"""Part of a quantity up to which a change is rounding: what 2 10^7 steps come to that round at random."""
+
 FEW = 20
 """Samples below which nothing is said of a trend: a dozen steps show neither a bound nor a drift."""
 
@@ -61,7 +64,7 @@ class Kept:
         large as the quantity, and no trend explains it: the step is too large), or `changed` (too
         few samples to tell).
         """
-        if self.largest <= 1e-12:
+        if self.largest <= EXACT:
             return "exact"
         left = bool(self.scale) and self.largest >= 1.0 and self.last >= 0.5 * self.largest
         if self.samples < FEW:
