@@ -156,8 +156,7 @@ class IntegrationInterrupted(KeyboardInterrupt):
     trajectory: Any = None  # a Trajectory
 
 
-# ------------------------------------------------------------------ what an exception of a formula
-# means
+# ------------------------------------------------------------------ what an exception of a formula means
 
 PROGRAMMING = (
     TypeError,

@@ -222,8 +222,7 @@ class GalerkinVariational(Implicit):
         return [combination(row, e) for row in back]
 
 
-# ---------------------------------------------------------------------- the middle of a step, for
-# corrections
+# ---------------------------------------------------------------------- the middle of a step, for corrections
 
 
 @record

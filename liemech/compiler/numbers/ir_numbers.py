@@ -41,7 +41,8 @@ class Emitter:
 
     def __init__(self, builder: ir.IRBuilder, lanes: int, width: int) -> None:
         self.builder = builder
-        self.lanes, self.few = lanes, False
+        self.lanes = lanes
+        self.few = False  # of sites: are there so few that one turn takes all?
         self.width = width if lanes % width == 0 else lanes
         self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
         self.packs = True  # do numbers of one body lie side by side in one register?

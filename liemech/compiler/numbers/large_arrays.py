@@ -20,6 +20,7 @@ from ...formulas.classes.layouts import Layout
 from ...formulas.large import TOGETHER, Large, size_of
 from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers.complex_numbers import Complex
+from . import large_maps
 from .ir_numbers import F64, I32, I64, Emitter, Num
 from .lookups import constants
 
@@ -517,146 +518,11 @@ class LargeArrays:
 
     def mapped(self, linear: LinearMap, x: Large) -> Large:
         """The image of a linear map."""
-        image = self.new(linear.target)
-        self.outlined(
-            ("mapped", linear.content),
-            [self.address(x), self.address(image)],
-            lambda source, target: self._map(linear, source, target),
-        )
-        return image
-
-    def _map(self, linear: LinearMap, source: ir.Value, target: ir.Value) -> None:
-        b, size = self.e.builder, size_of(linear.target)
-        if sum(len(rows) for rows, *_ in linear.groups) < size:
-            zero = ir.Constant(F64, 0.0)
-            self.wide(size, lambda i, w: self.store(self.e.spread(zero, w), target, i))
-        for k, (rows, coefficients, _) in enumerate(linear.groups):
-            terms = coefficients.shape[1]
-            places, factors, at = (self._table(linear, k, part) for part in range(3))
-            with self.turns(len(rows)) as i:
-                first = b.mul(i, ir.Constant(I64, terms))
-                if terms <= 2:
-                    total = self._term(places, factors, source, first)
-                    for t in range(1, terms):
-                        total = b.fadd(total, self._term(places, factors, source, b.add(first, ir.Constant(I64, t))))
-                else:
-                    total = self._terms(places, factors, source, first, terms)
-                self.store(total, target, self._integer(at, i))
+        return large_maps.mapped(self, linear, x)
 
     def along_diagonals(self, solver: DiagonalSolver, x: Large) -> Large:
-        """The solution of tridiagonal equations along the diagonals, row by row."""
-        solution = self.new(x.form)
-        self.outlined(
-            ("along diagonals", solver.content),
-            [self.address(x), self.address(solution)],
-            lambda source, target: self._along(solver, source, target),
-        )
-        return solution
-
-    def _along(self, solver: DiagonalSolver, source: ir.Value, target: ir.Value) -> None:
-        b, n = self.e.builder, solver.shape[0]
-        self.move(source, target, 2 * n * n)
-        if solver.singular:
-            self._without_trace(target, n)
-        down, up, inverse = (self._global(solver.symbol(k), F64) for k in range(3))
-        row, inner = ir.Constant(I64, 2 * n), 2 * (n - 1)
-
-        def at(first: ir.Value, i: ir.Value, back: int = 0) -> ir.Value:
-            return b.add(b.add(first, i), ir.Constant(I64, back))
-
-        def eliminate(first: ir.Value, to: int, factor: ir.Value, other: int) -> None:
-            """x_i - factor_i x_i+other for the numbers of a row from `to` on."""
-
-            def body(i: ir.Value, w: int) -> None:
-                index = at(first, i, to)
-                product = b.fmul(
-                    self.load(factor, index, w), self.load(target, at(index, ir.Constant(I64, 0), other), w)
-                )
-                self.store(b.fsub(self.load(target, index, w), product), target, index)
-
-            self.wide(inner, body)
-
-        def scale(first: ir.Value) -> None:
-            def body(i: ir.Value, w: int) -> None:
-                index = at(first, i)
-                value = b.fmul(self.load(target, index, w), self.load(inverse, index, w))
-                self.store(value, target, index)
-
-            self.wide(2 * n, body)
-
-        with self.turns(n - 1) as j:
-            eliminate(b.mul(b.add(j, ir.Constant(I64, 1)), row), 2, down, -2 * n - 2)
-        scale(ir.Constant(I64, 2 * n * (n - 1)))
-        with self.turns(n - 1) as j:
-            first = b.mul(b.sub(ir.Constant(I64, n - 2), j), row)
-            eliminate(first, 0, up, 2 * n + 2)
-            scale(first)
-        if solver.singular:
-            self._without_trace(target, n)
-
-    def _without_trace(self, target: ir.Value, n: int) -> None:
-        """Subtract from the main diagonal of a complex matrix its mean."""
-        b = self.e.builder
-        zero = ir.Constant(ir.VectorType(F64, 2), [0.0, 0.0])
-        step, before, head, done = (
-            ir.Constant(I64, 2 * n + 2), b.block, b.append_basic_block(), b.append_basic_block(),
-        )  # fmt: skip
-        b.branch(head)
-        b.position_at_end(head)
-        i, trace = b.phi(I64), b.phi(zero.type)
-        i.add_incoming(ir.Constant(I64, 0), before)
-        trace.add_incoming(zero, before)
-        partial = b.fadd(trace, self.load(target, b.mul(i, step), 2))
-        following = b.add(i, ir.Constant(I64, 1))
-        i.add_incoming(following, head)
-        trace.add_incoming(partial, head)
-        b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, n)), head, done)
-        b.position_at_end(done)
-        mean = b.fmul(partial, ir.Constant(zero.type, [1.0 / n] * 2))
-        with self.turns(n) as k:
-            at = b.mul(k, step)
-            self.store(b.fsub(self.load(target, at, 2), mean), target, at)
-
-    def _terms(self, places: ir.Value, factors: ir.Value, source: ir.Value, first: ir.Value, terms: int) -> ir.Value:
-        """The sum of many terms, from left to right."""
-        b = self.e.builder
-        first_term = self._term(places, factors, source, first)
-        before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
-        b.branch(head)
-        b.position_at_end(head)
-        t, total = b.phi(I64), b.phi(F64)
-        t.add_incoming(ir.Constant(I64, 1), before)
-        total.add_incoming(first_term, before)
-        partial = b.fadd(total, self._term(places, factors, source, b.add(first, t)))
-        following = b.add(t, ir.Constant(I64, 1))
-        t.add_incoming(following, b.block)
-        total.add_incoming(partial, b.block)
-        b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, terms)), head, done)
-        b.position_at_end(done)
-        return partial
-
-    def _term(self, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value) -> ir.Value:
-        b = self.e.builder
-        return b.fmul(self.load(factors, at, 1), self.load(source, self._integer(places, at), 1))
-
-    def _integer(self, table: ir.Value, at: ir.Value) -> ir.Value:
-        b = self.e.builder
-        return b.load(b.gep(table, [at], source_etype=I64), typ=I64, align=8)
-
-    def _table(self, linear: LinearMap, group: int, part: int) -> ir.Value:
-        """A table of a linear map, which lies in the memory of this process: the places, the
-        coefficients, the rows of a group.
-        """
-        return self._global(linear.symbol(group, part), F64 if part == 1 else I64)
-
-    def _global(self, name: str, type_: ir.Type) -> ir.Value:
-        """A table in the memory of this process."""
-        module = self.e.builder.module
-        table = module.globals.get(name)
-        if table is None:
-            table = ir.GlobalVariable(module, type_, name)
-            table.global_constant, table.linkage = True, "external"
-        return table
+        """The solution of tridiagonal equations along the diagonals."""
+        return large_maps.along_diagonals(self, solver, x)
 
     def entry(self, a: Large, index: Any) -> Any:
         """The number of a vector or matrix at a constant index."""

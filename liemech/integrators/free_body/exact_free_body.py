@@ -1,12 +1,11 @@
 """The exact motion of a free rigid body as a formula for one step: no iteration, no branches.
 
-Let the step be 2, by choice of the unit of time, K = J^-1 and G = |mu|.  Constants of motion are mu
-. K mu and what is made of
+Let the step be 2, by choice of the unit of time, K = J^-1 and G = |mu|.  Constants of motion are mu . K mu and what is
+made of
 
     D = K - mu . K mu/G^2,   C = G^2 cof D,   sigma = tr C,   and wp, Weierstrass' function with the roots e_i = C_i - sigma/3.
 
-The momentum follows by the addition theorem.  With r_i(s)^2 = wp(s) - e_i, along principal axes i,
-j, k,
+The momentum follows by the addition theorem.  With r_i(s)^2 = wp(s) - e_i, along principal axes i, j, k,
 
     mu_i(2) = (r_j r_k mu_i + r_i mu_i')/(wp(2) + sigma/3 + |mu'|^2/G^2),
     r_i(2)  = ((wp(1) - e_i)^2 - (e_i - e_j)(e_i - e_k))/(-wp'(1)).
@@ -318,8 +317,7 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
     return Orbit(K, per_square, turning, along, u * _plus(grown, u), scale, u * u, 4.0 * least * per_u, middle)
 
 
-# ------------------------------------------------------------------ a Vec stands for a diagonal
-# matrix
+# ------------------------------------------------------------------ a Vec stands for a diagonal matrix
 
 
 def _plus(m: Vec | Mat, s: float) -> Vec | Mat:
@@ -341,13 +339,7 @@ def _determinant(m: Vec | Mat, cofactors: Vec | Mat) -> float:
 
 def _turning(a: Vec | Mat) -> Vec | Mat:
     """The part of rotation, of momentum or inertia."""
-    if len(a) == 3:
-        return a
-    return (
-        mat(*[vec(a[i, 0], a[i, 1], a[i, 2]) for i in range(3)])
-        if isinstance(a, vectors.Mat)
-        else vec(a[0], a[1], a[2])
-    )
+    return a if len(a) == 3 else _block(a, 0, 3)
 
 
 def _block(m: Vec | Mat, i: int, j: int) -> Vec | Mat:

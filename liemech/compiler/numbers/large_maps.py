@@ -1,0 +1,167 @@
+"""Linear maps between large vectors and matrices in native code: tables of coefficients, and equations along diagonals.
+
+The tables lie in the memory of this process; `arrays` is the `LargeArrays` of the translation.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+
+from ...formulas.large import Large, size_of
+from ...formulas.large_maps import DiagonalSolver, LinearMap
+from .ir_numbers import F64, I64
+
+
+def mapped(arrays: Any, linear: LinearMap, x: Large) -> Large:
+    """The image of a linear map."""
+    image = arrays.new(linear.target)
+    arrays.outlined(
+        ("mapped", linear.content),
+        [arrays.address(x), arrays.address(image)],
+        lambda source, target: _map(arrays, linear, source, target),
+    )
+    return image
+
+
+def _map(arrays: Any, linear: LinearMap, source: ir.Value, target: ir.Value) -> None:
+    b, size = arrays.e.builder, size_of(linear.target)
+    if sum(len(rows) for rows, *_ in linear.groups) < size:
+        zero = ir.Constant(F64, 0.0)
+        arrays.wide(size, lambda i, w: arrays.store(arrays.e.spread(zero, w), target, i))
+    for k, (rows, coefficients, _) in enumerate(linear.groups):
+        terms = coefficients.shape[1]
+        places, factors, at = (_table(arrays, linear, k, part) for part in range(3))
+        with arrays.turns(len(rows)) as i:
+            first = b.mul(i, ir.Constant(I64, terms))
+            if terms <= 2:
+                total = _term(arrays, places, factors, source, first)
+                for t in range(1, terms):
+                    total = b.fadd(total, _term(arrays, places, factors, source, b.add(first, ir.Constant(I64, t))))
+            else:
+                total = _terms(arrays, places, factors, source, first, terms)
+            arrays.store(total, target, _integer(arrays, at, i))
+
+
+def along_diagonals(arrays: Any, solver: DiagonalSolver, x: Large) -> Large:
+    """The solution of tridiagonal equations along the diagonals, row by row."""
+    solution = arrays.new(x.form)
+    arrays.outlined(
+        ("along diagonals", solver.content),
+        [arrays.address(x), arrays.address(solution)],
+        lambda source, target: _along(arrays, solver, source, target),
+    )
+    return solution
+
+
+def _along(arrays: Any, solver: DiagonalSolver, source: ir.Value, target: ir.Value) -> None:
+    b, n = arrays.e.builder, solver.shape[0]
+    arrays.move(source, target, 2 * n * n)
+    if solver.singular:
+        _without_trace(arrays, target, n)
+    down, up, inverse = (_global(arrays, solver.symbol(k), F64) for k in range(3))
+    row, inner = ir.Constant(I64, 2 * n), 2 * (n - 1)
+
+    def at(first: ir.Value, i: ir.Value, back: int = 0) -> ir.Value:
+        return b.add(b.add(first, i), ir.Constant(I64, back))
+
+    def eliminate(first: ir.Value, to: int, factor: ir.Value, other: int) -> None:
+        """x_i - factor_i x_i+other for the numbers of a row from `to` on."""
+
+        def body(i: ir.Value, w: int) -> None:
+            index = at(first, i, to)
+            product = b.fmul(
+                arrays.load(factor, index, w), arrays.load(target, at(index, ir.Constant(I64, 0), other), w)
+            )
+            arrays.store(b.fsub(arrays.load(target, index, w), product), target, index)
+
+        arrays.wide(inner, body)
+
+    def scale(first: ir.Value) -> None:
+        def body(i: ir.Value, w: int) -> None:
+            index = at(first, i)
+            value = b.fmul(arrays.load(target, index, w), arrays.load(inverse, index, w))
+            arrays.store(value, target, index)
+
+        arrays.wide(2 * n, body)
+
+    with arrays.turns(n - 1) as j:
+        eliminate(b.mul(b.add(j, ir.Constant(I64, 1)), row), 2, down, -2 * n - 2)
+    scale(ir.Constant(I64, 2 * n * (n - 1)))
+    with arrays.turns(n - 1) as j:
+        first = b.mul(b.sub(ir.Constant(I64, n - 2), j), row)
+        eliminate(first, 0, up, 2 * n + 2)
+        scale(first)
+    if solver.singular:
+        _without_trace(arrays, target, n)
+
+
+def _without_trace(arrays: Any, target: ir.Value, n: int) -> None:
+    """Subtract from the main diagonal of a complex matrix its mean."""
+    b = arrays.e.builder
+    zero = ir.Constant(ir.VectorType(F64, 2), [0.0, 0.0])
+    step, before, head, done = (
+        ir.Constant(I64, 2 * n + 2), b.block, b.append_basic_block(), b.append_basic_block(),
+    )  # fmt: skip
+    b.branch(head)
+    b.position_at_end(head)
+    i, trace = b.phi(I64), b.phi(zero.type)
+    i.add_incoming(ir.Constant(I64, 0), before)
+    trace.add_incoming(zero, before)
+    partial = b.fadd(trace, arrays.load(target, b.mul(i, step), 2))
+    following = b.add(i, ir.Constant(I64, 1))
+    i.add_incoming(following, head)
+    trace.add_incoming(partial, head)
+    b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, n)), head, done)
+    b.position_at_end(done)
+    mean = b.fmul(partial, ir.Constant(zero.type, [1.0 / n] * 2))
+    with arrays.turns(n) as k:
+        at = b.mul(k, step)
+        arrays.store(b.fsub(arrays.load(target, at, 2), mean), target, at)
+
+
+def _terms(arrays: Any, places: ir.Value, factors: ir.Value, source: ir.Value, first: ir.Value, terms: int) -> ir.Value:
+    """The sum of many terms, from left to right."""
+    b = arrays.e.builder
+    first_term = _term(arrays, places, factors, source, first)
+    before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
+    b.branch(head)
+    b.position_at_end(head)
+    t, total = b.phi(I64), b.phi(F64)
+    t.add_incoming(ir.Constant(I64, 1), before)
+    total.add_incoming(first_term, before)
+    partial = b.fadd(total, _term(arrays, places, factors, source, b.add(first, t)))
+    following = b.add(t, ir.Constant(I64, 1))
+    t.add_incoming(following, b.block)
+    total.add_incoming(partial, b.block)
+    b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, terms)), head, done)
+    b.position_at_end(done)
+    return partial
+
+
+def _term(arrays: Any, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value) -> ir.Value:
+    b = arrays.e.builder
+    return b.fmul(arrays.load(factors, at, 1), arrays.load(source, _integer(arrays, places, at), 1))
+
+
+def _integer(arrays: Any, table: ir.Value, at: ir.Value) -> ir.Value:
+    b = arrays.e.builder
+    return b.load(b.gep(table, [at], source_etype=I64), typ=I64, align=8)
+
+
+def _table(arrays: Any, linear: LinearMap, group: int, part: int) -> ir.Value:
+    """A table of a linear map, which lies in the memory of this process: the places, the
+    coefficients, the rows of a group.
+    """
+    return _global(arrays, linear.symbol(group, part), F64 if part == 1 else I64)
+
+
+def _global(arrays: Any, name: str, type_: ir.Type) -> ir.Value:
+    """A table in the memory of this process."""
+    module = arrays.e.builder.module
+    table = module.globals.get(name)
+    if table is None:
+        table = ir.GlobalVariable(module, type_, name)
+        table.global_constant, table.linkage = True, "external"
+    return table
