@@ -95,7 +95,7 @@ def give_up(event: threading.Event) -> None:
     """Let the threads that work for this event stop as soon as they can."""
     with _lock:
         event.set()
-        _stopped.update(thread for thread, of in _working.items() if of is event)
+        _stopped.update(thread for thread, awaited in _working.items() if awaited is event)
         _count[0] = len(_stopped)
 
 

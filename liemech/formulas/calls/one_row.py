@@ -70,7 +70,7 @@ ask again.  The package, which knows the compiler, puts it here.
 
 
 def one_row(signature: Signature, owner: Any, args: tuple[Any, ...]) -> Any:
-    """The result, if every argument is one row; None if the long way has to be gone."""
+    """The result, if every argument is one row; None if it has to be checked as any other call."""
     try:
         row = owner._single_rows[signature]
     except (AttributeError, KeyError):

@@ -135,8 +135,8 @@ def require_as_made(record: Any) -> None:
 
 @functools.cache
 def _remaking_arguments(cls: Any) -> tuple[str, ...] | None:
-    """The fields that the `__init__` of a class of records takes, for one whose library base computes or checks fields, and
-    if it takes nothing else; None for others.  A user's `__post_init__` alone does not count: it may turn degrees into
+    """The fields that the `__init__` of a class of records takes; None if it takes other arguments, or if no class of the
+    library computes or checks fields in it.  A user's `__post_init__` alone does not count: it may turn degrees into
     radians, and would do so again.
     """
     ours = [base for base in cls.__mro__ if issubclass(base, Record) and not theirs(base)]

@@ -7,7 +7,7 @@ numbers with the points where it has this outcome, by any other one with all poi
 Floats lose small terms beside large ones.  Residues by a prime are exact, and elementary functions of them are hashes,
 as if of any function: an identity of residues holds for all numbers, in all units.
 
-Source: Schwartz, J. ACM 27 (1980) (identities tested at points by chance).
+Source: Schwartz, J. ACM 27 (1980) (identities tested at random points).
 """
 
 from __future__ import annotations

@@ -179,7 +179,7 @@ def constants_and_terms(
     half-way and at the end.
 
     All are computed at once, for the samples and for some with one coordinate varied.  Of many
-    coordinates all are varied at once, with signs by chance: the root of the sum of the squares of the
+    coordinates all are varied at once, with random signs: the root of the sum of the squares of the
     terms, about, instead of their sum.
     """
     bit, looks = 2.0**-20, _some(n)

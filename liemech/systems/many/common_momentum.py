@@ -5,7 +5,7 @@ The sum P of the momenta of all sites changes as
     dP/dt = sum_i ad*_(xi_i) mu_i,      xi_i = dH/dmu_i,
 
 and <P, zeta> is kept if the energy stays as it is when exp(s zeta) turns every site, which is so if this
-rate has no component along zeta wherever the momenta are.  It is looked for at momenta by chance.
+rate has no component along zeta wherever the momenta are.  It is looked for at random momenta.
 
 Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 11.4 (Noether's theorem).
 """
@@ -19,7 +19,7 @@ import numpy as np
 from ...groups.composed.power import PowerGroup
 
 MORE = 3
-"""Momenta by chance at which it is looked, beyond the dimension of the group of a site."""
+"""Random momenta at which it is looked for, beyond the dimension of the group of a site."""
 
 ROUNDING = 1e-11
 """Rates below this part of their terms are rounding."""
@@ -29,9 +29,9 @@ NAME = "total momentum"
 
 def kept_directions(system: Any, mu: np.ndarray) -> np.ndarray | None:
     """Directions zeta of the algebra of a site along which the sum of all momenta is kept, (k, dim),
-    orthonormal, axes first; None where nothing moves, or momenta by chance have no velocity.
+    orthonormal, axes first; None where nothing moves, or random momenta have no velocity.
 
-    mu : (..., sites, dim), momenta in a motion, whose sizes are those by chance.
+    mu : (..., sites, dim), momenta in a motion, whose sizes the random ones have.
     """
     base = system.group.base
     dim, sites = base.dim, system.group.copies
