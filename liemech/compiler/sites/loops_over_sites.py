@@ -190,6 +190,7 @@ class SiteLoops:
         return loop
 
     def present_loop(self, word: str) -> LoopOverSites:
+        """The loop over sites that is being translated, at a place where a word for one site may stand."""
         loop = self.t.state.site_loop
         if loop is None:
             raise NotCompilable(f"`{word}` outside of a loop over sites")

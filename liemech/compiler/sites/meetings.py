@@ -291,7 +291,7 @@ class SiteMeetings:
         return build(layout, iter(sums))
 
     def mean(self, value: Any) -> Any:
-        """The sum over all sites over their number; of one body the value itself."""
+        """The mean over all sites; of one body the value itself."""
         loop = self.t.state.site_loop
         if loop is None:
             return value
