@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, mat, record, vec
-from .composed.algebra_of_parts import AlgebraOfParts
+from .composed.parts import AlgebraOfParts
 from .lie_algebra import Constants
 from .lie_group import LieGroup
 from .matrices.matrix_group import named_by_size, whole_number
@@ -51,10 +51,6 @@ class AbelianAlgebra(AlgebraOfParts):
     def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """eta: every map is the identity.  xi, eta : (dim,)."""
         return eta
-
-    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
-        """mu.  xi, mu : (dim,)."""
-        return mu
 
     def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = p - mu, dr/dp = 1, dr/dxi = 0.  xi, p, mu : (dim,)."""

@@ -17,7 +17,7 @@ formulas.classes > formulas.classes: pytree=layouts
 formulas > formulas.numbers: anything compensated complex_numbers double_double dual philox products series
 formulas > formulas.numbers: series_of_sites sizes ways
 . > groups: retractions
-groups > groups.composed: algebra_of_parts one_of opposite power product same_elements semidirect species
+groups > groups.composed: algebra_of_parts=parts one_of opposite power product same_elements semidirect species
 groups > groups.matrices: casimir_polynomials classical heisenberg matrix_algebra matrix_arrays matrix_basis
 groups > groups.matrices: matrix_functions matrix_group matrix_invariants nearest skew_matrices
 groups > groups.rigid: rotation_coefficients rotation_logarithm se2 se23 se3 sgal3 so3 stumpff

@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import Any
 
 from ...errors import NotDefined
-from ...formulas import Ambient, Element, Mat, Vec, mat, record, vec
-from ...groups.composed.algebra_of_parts import AlgebraOfParts
+from ...formulas import Element, Mat, Vec, mat, record, vec
+from ...groups.composed.parts import AlgebraOfParts
 from ...groups.composed.same_elements import SameElements
 from ...groups.lie_algebra import LieAlgebra, like_units
 from ...groups.lie_group import LieGroup
@@ -74,45 +74,17 @@ class GroupInUnits(SameElements):
         """The algebra of the group with these generators."""
         return AlgebraInUnits(self.group.algebra, self.units)
 
-    def compose(self, g: Element, h: Element) -> Element:
-        """The product of the group."""
-        return self.group.compose(g, h)
+    def _element(self, name: str, elements: Any, vectors: Any) -> Element:
+        """The element of the group."""
+        return getattr(self.group, name)(*elements, *[self.units * xi for xi in vectors])
 
-    def exp(self, xi: Vec) -> Element:
-        """The exponential of the group."""
-        return self.group.exp(self.units * xi)
-
-    def log(self, g: Element) -> Vec:
-        """The logarithm of the group."""
-        return self.group.log(g) / self.units
-
-    def compose_exp(self, g: Element, xi: Vec) -> Element:
-        """The step of the group."""
-        return self.group.compose_exp(g, self.units * xi)
-
-    def Ad(self, g: Element, xi: Vec) -> Vec:
-        """The adjoint map Ad_g xi in these units."""
-        return self.group.Ad(g, self.units * xi) / self.units
+    def _vector(self, name: str, elements: Any, vectors: Any) -> Vec:
+        """The velocity of the group, in these units."""
+        return self._element(name, elements, vectors) / self.units
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """The coadjoint map Ad*_g mu in these units."""
         return self.group.Ad_star(g, mu / self.units) * self.units
-
-    def body_velocity(self, g: Element, rate: Ambient) -> Vec:
-        """The body velocity of the group."""
-        return self.group.body_velocity(g, rate) / self.units
-
-    def cayley(self, xi: Vec) -> Element:
-        """The Cayley map of the group."""
-        return self.group.cayley(self.units * xi)
-
-    def cayley_inv(self, g: Element) -> Vec:
-        """The inverse Cayley map of the group."""
-        return self.group.cayley_inv(g) / self.units
-
-    def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """The Cayley step of the group."""
-        return self.group.compose_cayley(g, self.units * xi)
 
     def casimirs(self, mu: Vec) -> Vec:
         """The Casimirs of the group."""

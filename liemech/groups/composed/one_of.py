@@ -11,7 +11,7 @@ from typing import Any
 from ...formulas import Ambient, Element, Mat, Vec, mat, record, vec, vectors
 from ...formulas.sites import SiteArray, own
 from ..lie_group import LieGroup
-from .algebra_of_parts import AlgebraOfParts
+from .parts import AlgebraOfParts, GroupOfParts
 from .product import entries, shaped
 
 
@@ -77,10 +77,6 @@ class AlgebraOfOne(AlgebraOfParts):
 
         return chosen(self.which, self.kinds, map_of_kind)
 
-    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
-        """The map `name` of the site's kind, padded with zeros.  xi, mu : (dim,)."""
-        return self._of_velocities(name, xi, mu)
-
     def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
         """The equations of the site's kind, and p = mu for the numbers behind.  xi, p, mu : (dim,)."""
 
@@ -99,7 +95,7 @@ class AlgebraOfOne(AlgebraOfParts):
 
 
 @record
-class OneOf(LieGroup):
+class OneOf(GroupOfParts):
     """One of several groups, by a parameter of the site: elements are their entries in a row, matrices
     row by row and complex entries as two, and end in zeros where others have more; so do velocities
     and momenta.
@@ -138,36 +134,28 @@ class OneOf(LieGroup):
         """Complex entries are two real ones."""
         return False
 
-    def chosen(self, formula: Callable[[int, Any], Any]) -> Any:
-        """formula(k, group) for the kind of this site."""
-        kinds = self.kinds
-        return chosen(self.those.which, kinds, lambda k: formula(k, kinds[k]))
-
     def element(self, k: int, g: Element) -> Any:
         """The element of kind k.  g : an element."""
         return shaped(self.kinds[k], g[: self.widths[k]])
 
-    # ---------------------------------------------------------------- maps to elements
+    def _element(self, name: str, elements: Any, vectors: Any) -> Element:
+        """An element of the site's kind, which ends as the first of those that the map takes, or in zeros."""
+        like = elements[0] if len(elements) > 0 else filled((), self.element_shape[0])
+        return self._of_kind(name, elements, vectors, like)
 
-    def identity(self) -> Element:
-        """The neutral element of the site's kind."""
-        return self.chosen(lambda k, kind: self._filled(kind.identity()))
+    def _vector(self, name: str, elements: Any, vectors: Any) -> Vec:
+        """A vector of the site's kind, which ends as the one that the map takes, or in zeros."""
+        return self._of_kind(name, elements, vectors, vectors[0] if len(vectors) > 0 else filled((), self.dim))
 
-    def compose(self, g: Element, h: Element) -> Element:
-        """The product g h in the site's kind."""
-        return self.chosen(lambda k, kind: self._like(kind.compose(self.element(k, g), self.element(k, h)), g))
+    def _of_kind(self, name: str, elements: Any, vectors: Any, like: Vec) -> Vec:
+        """The numbers that the map of the site's kind gives, with the rest of a longer vector behind them."""
 
-    def inverse(self, g: Element) -> Element:
-        """The inverse g^-1 in the site's kind."""
-        return self.chosen(lambda k, kind: self._like(kind.inverse(self.element(k, g)), g))
+        def map_of_kind(k: int) -> Vec:
+            kind = self.kinds[k]
+            parts = [self.element(k, g) for g in elements], [x[: kind.dim] for x in vectors]
+            return lengthened(entries(getattr(kind, name)(*parts[0], *parts[1])), like)
 
-    def exp(self, xi: Vec) -> Element:
-        """The exponential map exp(xi) of the site's kind."""
-        return self.chosen(lambda k, kind: self._filled(kind.exp(xi[: kind.dim])))
-
-    def compose_exp(self, g: Element, xi: Vec) -> Element:
-        """The product g exp(xi) in the site's kind."""
-        return self.chosen(lambda k, kind: self._like(kind.compose_exp(self.element(k, g), xi[: kind.dim]), g))
+        return chosen(self.those.which, self.kinds, map_of_kind)
 
     def why_no_cayley(self) -> str | None:
         """The reason of the first kind without a Cayley map, or None."""
@@ -176,56 +164,17 @@ class OneOf(LieGroup):
                 return f"{kind!r} has none: {kind.why_no_cayley()}"
         return None
 
-    def cayley(self, xi: Vec) -> Element:
-        """The Cayley map cay(xi) of the site's kind."""
-        return self.chosen(lambda k, kind: self._filled(kind.cayley(xi[: kind.dim])))
-
-    def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """The product g cay(xi) in the site's kind."""
-        return self.chosen(lambda k, kind: self._like(kind.compose_cayley(self.element(k, g), xi[: kind.dim]), g))
-
-    def nearest(self, g: Ambient) -> Element:
-        """The element of the site's kind nearest to g."""
-        return self.chosen(lambda k, kind: self._like(kind.nearest(self.element(k, g)), g))
-
-    def _filled(self, g: Any) -> Vec:
-        return filled(entries(g), self.element_shape[0])
-
-    def _like(self, g: Any, other: Vec) -> Vec:
-        return lengthened(entries(g), other)
-
-    # ---------------------------------------------------------------- maps to vectors
-
-    def Ad(self, g: Element, xi: Vec) -> Vec:
-        """The adjoint action Ad_g xi of the site's kind."""
-        return self.chosen(lambda k, kind: lengthened(kind.Ad(self.element(k, g), xi[: kind.dim]), xi))
-
-    def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """The coadjoint action Ad*_g mu of the site's kind."""
-        return self.chosen(lambda k, kind: lengthened(kind.Ad_star(self.element(k, g), mu[: kind.dim]), mu))
-
-    def body_velocity(self, g: Element, rate: Ambient) -> Vec:
-        """The xi with g' = g xi."""
-        return self.chosen(
-            lambda k, kind: self._velocity(kind.body_velocity(self.element(k, g), self.element(k, rate)))
-        )
-
-    def log(self, g: Element) -> Vec:
-        """The logarithm of g in the site's kind."""
-        return self.chosen(lambda k, kind: self._velocity(kind.log(self.element(k, g))))
+    def defect(self, g: Ambient) -> float:
+        """The defect of the invariants of the site's kind."""
+        kinds = self.kinds
+        return chosen(self.those.which, kinds, lambda k: kinds[k].defect(self.element(k, g)))
 
     def scale(self, g: Element | None) -> Vec:
         """The sizes of shifts, as the site's kind measures them."""
-        if g is None:
-            return self.chosen(lambda k, kind: self._velocity(kind.scale(None)))
-        return self.chosen(lambda k, kind: self._velocity(kind.scale(self.element(k, g))))
-
-    def defect(self, g: Ambient) -> float:
-        """The defect of the invariants of the site's kind."""
-        return self.chosen(lambda k, kind: kind.defect(self.element(k, g)))
-
-    def _velocity(self, xi: Vec) -> Vec:
-        return filled(xi, self.dim)
+        if g is not None:
+            return self._vector("scale", (g,), ())
+        kinds = self.kinds
+        return chosen(self.those.which, kinds, lambda k: filled(kinds[k].scale(None), self.dim))
 
     @property
     def by_adjoint(self) -> LieGroup | None:

@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import InvalidType
 from ...formulas import Ambient, Element, Mat, Vec, plain, record
 from ..lie_group import LieGroup
-from .algebra_of_parts import AlgebraOfParts
+from .parts import AlgebraOfParts
 from .same_elements import SameElements
 
 
@@ -40,10 +40,6 @@ class OppositeAlgebra(AlgebraOfParts):
     def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """The map of the algebra at -xi.  xi, eta : (dim,)."""
         return getattr(self.algebra, name)(-xi, eta, *more)
-
-    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
-        """The map of the algebra at -xi.  xi, mu : (dim,)."""
-        return getattr(self.algebra, name)(-xi, mu)
 
     def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """The equation of the algebra at -xi.  xi, p, mu : (dim,)."""
@@ -89,10 +85,6 @@ class OppositeGroup(SameElements):
         """The opposite product, h g in the group."""
         return self.group.compose(h, g)
 
-    def exp(self, xi: Vec) -> Element:
-        """The exponential map exp(xi) of the group."""
-        return self.group.exp(xi)
-
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """exp(xi) g of the group, as g exp(Ad_g^-1 xi): rounded by what the step adds."""
         return self.group.compose_exp(g, self.Ad(plain(g), xi))
@@ -105,27 +97,15 @@ class OppositeGroup(SameElements):
         """The coadjoint action, Ad* of g^-1 in the group."""
         return self.group.Ad_star(self.group.inverse(g), mu)
 
-    def log(self, g: Element) -> Vec:
-        """The logarithm of g in the group."""
-        return self.group.log(g)
-
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """The spatial velocity xi with g' = xi g."""
         return self.group.Ad(g, self.group.body_velocity(g, rate))
 
     # the Cayley map
 
-    def cayley(self, xi: Vec) -> Element:
-        """The Cayley map cay(xi) of the group."""
-        return self.group.cayley(xi)
-
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """cay(xi) g of the group, as g cay(Ad_g^-1 xi)."""
         return self.group.compose_cayley(g, self.Ad(plain(g), xi))
-
-    def cayley_inv(self, g: Element) -> Vec:
-        """The inverse Cayley map of the group."""
-        return self.group.cayley_inv(g)
 
     @property
     def by_adjoint(self) -> LieGroup | None:

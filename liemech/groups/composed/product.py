@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ from ...errors import InvalidInput, InvalidType
 from ...formulas import Ambient, Complex, Element, Mat, Vec, mat, real_array, record, vec, vectors
 from ...formulas.vectors import small
 from ..lie_group import LieGroup
-from .algebra_of_parts import AlgebraOfParts
+from .parts import AlgebraOfParts, GroupOfParts
 
 
 @record
@@ -37,10 +36,6 @@ class DirectSum(AlgebraOfParts):
         """The map of each factor.  xi, eta : (dim,)."""
         shares = zip(self.factors, self.parts(xi), self.parts(eta))
         return joined([getattr(f, name)(x, y, *more) for f, x, y in shares])
-
-    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
-        """The map of each factor.  xi, mu : (dim,)."""
-        return self._of_velocities(name, xi, mu)
 
     def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
         """The equations of the factors, and block diagonal derivatives.  xi, p, mu : (dim,)."""
@@ -71,7 +66,7 @@ class ProductAlgebra(DirectSum):
 
 
 @record
-class DirectProduct(LieGroup):
+class DirectProduct(GroupOfParts):
     """Groups side by side: everything happens in each factor on its own; abstract.
 
     An element is one vector, the entries of the factors' elements one after another, matrices row
@@ -136,39 +131,21 @@ class DirectProduct(LieGroup):
             ) from None
         return np.concatenate([np.broadcast_to(row, (*lead, row.shape[-1])) for row in rows], axis=-1)
 
-    def _each(self, formula: Callable[..., Any], *arguments: Sequence[Any]) -> Vec:
-        """The vector of a formula's values, for each factor and its share of the arguments."""
-        return joined([entries(formula(*shares)) for shares in zip(self.factors, *arguments)])
+    def _element(self, name: str, elements: Any, vectors: Any) -> Element:
+        """The elements that the map of each factor gives, one behind the other."""
+        parts = [self._elements(g) for g in elements], [self._parts(x) for x in vectors]
+        shares = zip(self.factors, *parts[0], *parts[1])
+        return joined([entries(getattr(share[0], name)(*share[1:])) for share in shares])
 
-    # ---------------------------------------------------------------- group
+    def _vector(self, name: str, elements: Any, vectors: Any) -> Vec:
+        """The vectors that the map of each factor gives, one behind the other."""
+        return self._element(name, elements, vectors)
 
-    def identity(self) -> Element:
-        """The neutral elements of the factors, in a row."""
-        return self._each(lambda f: f.identity())
-
-    def compose(self, g: Element, h: Element) -> Element:
-        """(g_1 h_1, g_2 h_2, ...)."""
-        return self._each(lambda f, a, b: f.compose(a, b), self._elements(g), self._elements(h))
-
-    def inverse(self, g: Element) -> Element:
-        """The inverses of the parts, (g_1^-1, g_2^-1, ...)."""
-        return self._each(lambda f, a: f.inverse(a), self._elements(g))
-
-    def Ad(self, g: Element, xi: Vec) -> Vec:
-        """The adjoint action, Ad of each factor on its part."""
-        return self._each(lambda f, a, x: f.Ad(a, x), self._elements(g), self._parts(xi))
-
-    def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """The coadjoint action, Ad* of each factor on its part."""
-        return self._each(lambda f, a, m: f.Ad_star(a, m), self._elements(g), self._parts(mu))
-
-    def body_velocity(self, g: Element, rate: Ambient) -> Vec:
-        """The body velocities of the factors."""
-        return self._each(lambda f, a, r: f.body_velocity(a, r), self._elements(g), self._elements(rate))
+    # ---------------------------------------------------------------- momenta
 
     def casimirs(self, mu: Vec) -> Vec:
         """The Casimirs of the factors."""
-        return self._each(lambda f, m: f.casimirs(m), self._parts(mu))
+        return self._vector("casimirs", (), (mu,))
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
@@ -184,8 +161,8 @@ class DirectProduct(LieGroup):
     def scale(self, g: Element | None) -> Vec:
         """The scales of the factors."""
         if g is None:
-            return self._each(lambda f: f.scale(None))
-        return self._each(lambda f, a: f.scale(a), self._elements(g))
+            return joined([factor.scale(None) for factor in self.factors])
+        return self._vector("scale", (g,), ())
 
     def _scales(self, g: np.ndarray) -> np.ndarray:
         factor = self.factors[0]
@@ -215,28 +192,10 @@ class DirectProduct(LieGroup):
                 return f"in factor {number}, {factor!r}, {reason}"
         return None
 
-    def nearest(self, g: Ambient) -> Element:
-        """The nearest elements of the factors."""
-        return self._each(lambda f, a: f.nearest(a), self._elements(g))
-
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Independent elements of the factors, each as it does."""
         generator = np.random.default_rng(rng)
         return self._joined_arrays(tuple(factor.random(generator, size) for factor in self.factors))
-
-    # ---------------------------------------------------------------- exponential
-
-    def exp(self, xi: Vec) -> Element:
-        """(exp xi_1, exp xi_2, ...)."""
-        return self._each(lambda f, x: f.exp(x), self._parts(xi))
-
-    def log(self, g: Element) -> Vec:
-        """(log g_1, log g_2, ...)."""
-        return self._each(lambda f, a: f.log(a), self._elements(g))
-
-    def compose_exp(self, g: Element, xi: Vec) -> Element:
-        """(g_1 exp xi_1, g_2 exp xi_2, ...)."""
-        return self._each(lambda f, a, x: f.compose_exp(a, x), self._elements(g), self._parts(xi))
 
     # ---------------------------------------------------------------- Cayley map
 
@@ -246,18 +205,6 @@ class DirectProduct(LieGroup):
             if factor.why_no_cayley() is not None:
                 return f"its factor {factor!r} has none: {factor.why_no_cayley()}"
         return None
-
-    def cayley(self, xi: Vec) -> Element:
-        """(cay xi_1, cay xi_2, ...)."""
-        return self._each(lambda f, x: f.cayley(x), self._parts(xi))
-
-    def cayley_inv(self, g: Element) -> Vec:
-        """(cay^-1 g_1, cay^-1 g_2, ...)."""
-        return self._each(lambda f, a: f.cayley_inv(a), self._elements(g))
-
-    def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """(g_1 cay xi_1, g_2 cay xi_2, ...)."""
-        return self._each(lambda f, a, x: f.compose_cayley(a, x), self._elements(g), self._parts(xi))
 
 
 @record

@@ -6,26 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from ...formulas import Ambient, Element, record
-from ..lie_group import LieGroup
+from ...formulas import Ambient, Element, Vec, record
+from .parts import GroupOfParts
 
 
 @record
-class SameElements(LieGroup):
-    """A group with the elements of another one, its neutral element and its inverses; abstract.
+class SameElements(GroupOfParts):
+    """A group with the elements of another one, its neutral element and its inverses, and its maps unless it has its
+    own; abstract.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.1 and section 3.1.
     """
 
     group: Any
 
-    def identity(self) -> Element:
-        """The neutral element of the group."""
-        return self.group.identity()
+    def _element(self, name: str, elements: Any, vectors: Any) -> Element:
+        """The element of the group."""
+        return getattr(self.group, name)(*elements, *vectors)
 
-    def inverse(self, g: Element) -> Element:
-        """The inverse of the group."""
-        return self.group.inverse(g)
+    def _vector(self, name: str, elements: Any, vectors: Any) -> Vec:
+        """The vector of the group."""
+        return getattr(self.group, name)(*elements, *vectors)
 
     def why_no_cayley(self) -> str | None:
         """The reason why the group has no Cayley map, or None."""
@@ -38,10 +39,6 @@ class SameElements(LieGroup):
     def objection(self, g: np.ndarray) -> str | None:
         """The objection of the group."""
         return self.group.objection(g)
-
-    def nearest(self, g: Ambient) -> Element:
-        """The nearest elements of the group."""
-        return self.group.nearest(g)
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Random elements of the group."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...formulas import Ambient, Element, Mat, Vec, cross, dot, mat, norm, record, vec
 from ...formulas.calls.batches import MEMBERSHIP
-from ..composed.algebra_of_parts import AlgebraOfParts
+from ..composed.parts import AlgebraOfParts
 from ..lie_group import LieGroup
 from .se3 import SE3Algebra, half_inverse, halves, join
 from .so3 import SO3, SO3Algebra, rotation_defect

@@ -1,14 +1,13 @@
-"""Algebras put together from others: every map of the exponential and of the Cayley map is asked of
-the parts, in one place.
-"""
+"""Algebras and groups put together from others: every map is asked of the parts, in one place."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from ...errors import undefined
-from ...formulas import Mat, Vec, record
+from ...formulas import Ambient, Element, Mat, Vec, record
 from ..lie_algebra import LieAlgebra
+from ..lie_group import LieGroup
 
 
 @record
@@ -16,8 +15,8 @@ class AlgebraOfParts(LieAlgebra):
     """An algebra whose maps are those of its parts: direct sums, the opposite algebra, extended
     poses.
 
-    must:     `dim`, and what takes a map of the parts to the whole: `_of_velocities`, `_of_momenta`,
-              `_of_equations`, `is_exp_chart`
+    must:     `dim`, and what takes a map of the parts to the whole: `_of_velocities`, `_of_equations`,
+              `is_exp_chart`, and `_of_momenta` where momenta are taken to it otherwise than velocities
     follows:  all maps, of both charts
 
     Each of these calls the method of a part by its name, `getattr(part, name)(x, y, ...)`.
@@ -32,7 +31,7 @@ class AlgebraOfParts(LieAlgebra):
 
     def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
         """A map of the momentum mu at xi, such as "ad_star".  xi, mu : (dim,)."""
-        raise undefined(self, "_of_momenta")
+        return self._of_velocities(name, xi, mu)
 
     def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """A residual and its derivatives, "exp_residual" or "cayley_residual".  xi, p, mu : (dim,)."""
@@ -101,3 +100,81 @@ class AlgebraOfParts(LieAlgebra):
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """The residual of the Cayley map."""
         return self._of_equations("cayley_residual", xi, p, mu)
+
+
+@record
+class GroupOfParts(LieGroup):
+    """A group whose maps are those of its parts: direct products, one of several groups, a group in other units.
+
+    must:     `algebra`, and what takes a map of the parts to the whole: `_element`, `_vector`
+    follows:  all maps, of both charts
+
+    Each of these calls the method of a part by its name, `getattr(part, name)(g, ..., xi, ...)`.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12 (direct
+    products).
+    """
+
+    def _element(self, name: str, elements: Any, vectors: Any) -> Element:
+        """An element that a map gives, such as "compose_exp".  elements, vectors : what it takes."""
+        raise undefined(self, "_element")
+
+    def _vector(self, name: str, elements: Any, vectors: Any) -> Vec:
+        """A velocity or a momentum that a map gives, such as "Ad".  elements, vectors : what it takes."""
+        raise undefined(self, "_vector")
+
+    def identity(self) -> Element:
+        """The neutral elements of the parts."""
+        return self._element("identity", (), ())
+
+    def compose(self, g: Element, h: Element) -> Element:
+        """The product g h, part by part."""
+        return self._element("compose", (g, h), ())
+
+    def inverse(self, g: Element) -> Element:
+        """The inverse g^-1, part by part."""
+        return self._element("inverse", (g,), ())
+
+    def Ad(self, g: Element, xi: Vec) -> Vec:
+        """The adjoint action Ad_g xi, part by part."""
+        return self._vector("Ad", (g,), (xi,))
+
+    def Ad_star(self, g: Element, mu: Vec) -> Vec:
+        """The coadjoint action Ad*_g mu, part by part."""
+        return self._vector("Ad_star", (g,), (mu,))
+
+    def body_velocity(self, g: Element, rate: Ambient) -> Vec:
+        """The xi with g' = g xi, part by part."""
+        return self._vector("body_velocity", (g, rate), ())
+
+    def nearest(self, g: Ambient) -> Element:
+        """The nearest elements of the parts."""
+        return self._element("nearest", (g,), ())
+
+    # the exponential
+
+    def exp(self, xi: Vec) -> Element:
+        """The exponential map exp(xi), part by part."""
+        return self._element("exp", (), (xi,))
+
+    def log(self, g: Element) -> Vec:
+        """The logarithm of g, part by part."""
+        return self._vector("log", (g,), ())
+
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
+        """The product g exp(xi), part by part."""
+        return self._element("compose_exp", (g,), (xi,))
+
+    # the Cayley map
+
+    def cayley(self, xi: Vec) -> Element:
+        """The Cayley map cay(xi), part by part."""
+        return self._element("cayley", (), (xi,))
+
+    def cayley_inv(self, g: Element) -> Vec:
+        """The inverse Cayley map, part by part."""
+        return self._vector("cayley_inv", (g,), ())
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """The product g cay(xi), part by part."""
+        return self._element("compose_cayley", (g,), (xi,))
