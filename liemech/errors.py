@@ -60,6 +60,16 @@ def undefined(thing: object, method: str) -> NotDefined:
     return NotDefined(f"{type(thing).__name__} must define `{method}`")
 
 
+def require(name: str, value: Any, kind: Any, wanted: str = "") -> None:
+    """Raise InvalidType for an argument of another kind; of a class it says that the brackets are missing.
+
+    name : of the caller and of the argument.  wanted : what it must be, in words.
+    """
+    if not isinstance(value, kind):
+        cure = f"; write {value.__name__}(...), with the brackets" if isinstance(value, type) else ""
+        raise InvalidType(f"{name} must be {wanted or f'a {kind.__name__}'}; got {value!r}{cure}")
+
+
 class MissingExtra(LiemechError, ImportError):
     """An optional package is needed: the message ends with the command that installs it."""
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType, require
 from ..formulas import check_finite
 from ..formulas.arrays import real_array
 from ..formulas.classes.signatures import spelt
@@ -38,7 +38,7 @@ from .points.places import CheckPlace
 from .points.sample_points import At, sample_points
 from .points.sample_states import at_times, members, pace, sample_states
 from .points.special_points import SPECIAL
-from .report import Finding, Observation, Report, finished, require
+from .report import Finding, Observation, Report, finished
 
 SURELY = 1e-9
 """The relative difference up to which short motions count as equal."""

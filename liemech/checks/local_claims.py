@@ -19,11 +19,11 @@ from ..rooms.fictive_time.time_transformed import ExtendedSystem
 from ..simulation.reports.drift import constants_and_terms
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
-from .method_claims import BRACKET, kept_brackets, relative_defect
+from .method_claims import BRACKET, EXACT, exactly, kept_brackets, relative_defect
 from .points.places import SOME, CheckPlace, places
 from .points.sample_points import flat, size
 from .reference import CLEAR
-from .report import ROUNDING, Observation
+from .report import Observation
 
 MOST = 24
 """How many steps are tried until the error of one is rounding."""
@@ -43,9 +43,6 @@ BRACKETS = 1, 2
 
 BACKWARDS = 0, 1
 """The places at which steps are taken backwards too."""
-
-EXACT = 4096.0 * ROUNDING
-"""The relative difference up to which numbers count as equal."""
 
 UNSTABLE = (LiemechError, ArithmeticError, ValueError)
 """Errors of a step that is too long, or leads out of where a system is defined."""
@@ -290,7 +287,7 @@ class Seen:
         place = local.place
         for law, formula, claimed, charts in kept_brackets(place.whole, place.begin, self.method):
             defect = relative_defect(local, charts, claimed)
-            self.enter(law, formula, claimed, defect, place, BRACKET * ROUNDING)
+            self.enter(law, formula, claimed, defect, place, BRACKET)
 
     def observations(self) -> Iterator[Observation]:
         """An observation for each law, the order first."""
@@ -303,11 +300,8 @@ class Seen:
         else:
             observed = f"{self.slope:.2f}, of a few steps"
             yield Observation("order", ORDER, "holds", observed=observed, wanted=f"{p}")
-        for law, (formula, claimed, defect, bound, where) in self.defects.items():
-            good = defect <= bound
-            verdict = ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
-            wanted = f"below {bound:.1e}" if claimed else "no claim"
-            yield Observation(law, formula, verdict, where, observed=f"{defect:.1e}", wanted=wanted)
+        for law, defect in self.defects.items():
+            yield exactly(law, *defect)
 
 
 def look_around(first: CheckPlace, keeps: tuple[str, ...], rho: Reversal | None) -> Iterator[Observation]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,12 +23,12 @@ from ..integrators.rkmk import RKMK
 from ..rooms.constraints.constrained import ConstrainedSystem
 from ..rooms.constraints.constrained_body import BoundBody, ConstrainedBody
 from ..rooms.poisson.poisson import PoissonSystem
-from ..simulation.integrate import integrate
 from ..systems.lie_poisson import LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
+from ..systems.system import small_state
 from .points.phase_space_charts import FREE_OF_CONSTRAINTS, BoundCharts, Charts, ConstrainedCharts
 from .points.sample_points import STEP, Units, size
-from .points.sample_states import CENTRAL, as_accepted
+from .points.sample_states import CENTRAL, ended, run_of
 from .reference import CLEAR, settled
 from .report import ROUNDING, Observation
 
@@ -47,14 +46,14 @@ term may be small, twice.
 VISIBLE = 0.05
 """The relative error up to which a step is one at which the other claims are looked at."""
 
-EXACT = 4096.0
-"""Roundings that are no error, of what a method keeps and of its way back."""
+EXACT = 4096.0 * ROUNDING
+"""A relative difference that is no error, of what a method keeps and of its way back."""
 
 GROWN = 16.0
 """A defect that is not this many times as large as what another rounding makes of a run is rounding."""
 
-BRACKET = 2.0**20
-"""Roundings that are no error of a Poisson bracket whose derivatives are differences."""
+BRACKET = 2.0**20 * ROUNDING
+"""A relative defect that is no error of a Poisson bracket whose derivatives are differences."""
 
 APART = 0.25 * STEP
 """How far apart the starts are whose ends give the derivative of a step, in units of the size of
@@ -94,21 +93,9 @@ class MethodTrial:
         compensated: bool = False,
     ) -> Any:
         """The trajectory of some steps; raises what `integrate` raises."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            method, begin = method or self.method, self.start if start is None else start
-            begin, compiled = as_accepted(method, self.system, begin, self.compiled)
-            return integrate(
-                self.system,
-                method,
-                begin,
-                h=h,
-                steps=steps,
-                t0=self.t0 + elapsed,
-                compiled=compiled,
-                compensated=compensated,
-                progress=False,
-            )
+        method, begin = method or self.method, self.start if start is None else start
+        options = {"h": h, "steps": steps, "t0": self.t0 + elapsed, "compensated": compensated}
+        return run_of(self.system, method, begin, self.compiled, **options)
 
     def ends(self, starts: list[dict[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
         """The states after a step from states that are given by their parts."""
@@ -123,8 +110,7 @@ class MethodTrial:
 
     def at(self, arrays: dict[str, np.ndarray]) -> Any:
         """The state with these parts, taken as it is."""
-        parts = {name: small(arrays[name]) if name in arrays else None for name in self.start.parts}
-        return self.system.vouched(type(self.start)(**parts))
+        return self.system.vouched(small_state(type(self.start), arrays))
 
     @cached_property
     def exact(self) -> tuple[dict[str, np.ndarray], float]:
@@ -234,14 +220,6 @@ class MethodTrial:
         return self.t0 + self.h
 
 
-def ended(run: Any) -> dict[str, np.ndarray]:
-    """The last sample as it is: of a method that leaves a manifold it is no state to begin with."""
-    return {
-        name: run.system._in_rows(np.asarray(array[-1]), "Element" if name == "g" else "Vec")
-        for name, array in run.states.items()
-    }
-
-
 def slope(errors: list[tuple[int, float]]) -> float:
     """The slope of log error over log h, by least squares."""
     n, error = np.transpose(errors)
@@ -296,7 +274,7 @@ def way_back(trial: MethodTrial) -> Observation:
     claimed, (h, outward, back) = trial.method.symmetric, trial.journey
     home = ended(back)
     defect = max(trial.distances(home, trial.start.arrays).values())
-    if claimed and defect > EXACT * ROUNDING:
+    if claimed and defect > EXACT:
         try:
             outward = trial.run(WAY, h, compensated=True)
             back = trial.run(WAY, -h, trial.at(ended(outward)), elapsed=WAY * h, compensated=True)
@@ -304,12 +282,12 @@ def way_back(trial: MethodTrial) -> Observation:
                 defect = 0.0
         except (IntegrationFailure, InvalidInput):
             pass
-    return _exactly("symmetric", "Phi_-h = Phi_h^-1: the way back", claimed, defect, EXACT)
+    return exactly("symmetric", "Phi_-h = Phi_h^-1: the way back", claimed, defect, EXACT)
 
 
 def bracket(trial: MethodTrial, charts: Charts, name: str, formula: str, claimed: bool) -> Observation:
     """Phi' B Phi'^T - B(Phi), relative to |Phi'|^2 |B|, in units of the size of the state."""
-    return _exactly(name, formula, claimed, relative_defect(trial, charts, claimed), BRACKET)
+    return exactly(name, formula, claimed, relative_defect(trial, charts, claimed), BRACKET)
 
 
 def relative_defect(trial: Any, charts: Charts, claimed: bool) -> float:
@@ -318,10 +296,10 @@ def relative_defect(trial: Any, charts: Charts, claimed: bool) -> float:
     A defect that is claimed not to be there is looked at again with closer and closer starts: what
     was the error of the differences goes with a high power of their distance.
     """
-    least, defects = BRACKET * ROUNDING, [charts.defect(trial, APART)]
+    defects = [charts.defect(trial, APART)]
     for apart in (APART / 8.0, APART / 64.0):
         for closer in (charts, replace(charts, reach=4.0)):
-            if claimed and min(defects) > least:
+            if claimed and min(defects) > BRACKET:
                 defects.append(closer.defect(trial, apart))
         if min(defects) > defects[0] / 64.0:  # it is none of theirs
             break
@@ -334,7 +312,7 @@ def kept(trial: MethodTrial, keeps: tuple[str, ...]) -> Iterator[Observation]:
     claims = [*keeps, *("Casimir" for _ in range(trial.method.symplectic))]
     for constant in drift.kept:
         claimed = any(constant.name.startswith(claim) for claim in claims)
-        yield _exactly(constant.name, "constant along the steps", claimed, constant.largest, EXACT)
+        yield exactly(constant.name, "constant along the steps", claimed, constant.largest, EXACT)
     for name in keeps:
         if not any(constant.name.startswith(name) for constant in drift.kept):
             names = ", ".join(constant.name for constant in drift.kept) or "none"
@@ -353,7 +331,7 @@ def equivariance(trial: MethodTrial) -> Observation:
     last = ended(a)
     wanted = {"mu": last["mu"], "g": np.asarray(group.compose(k, small(last["g"])))}
     defect = max(trial.distances(ended(b), wanted).values()) / (1.0 + size(k))
-    return _exactly("equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT)
+    return exactly("equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT)
 
 
 def native_code(trial: MethodTrial) -> Observation:
@@ -369,14 +347,12 @@ def native_code(trial: MethodTrial) -> Observation:
     return Observation("native code", formula, "holds" if same else "broken", observed=observed, wanted="the same")
 
 
-def _exactly(law: str, formula: str, claimed: bool, defect: float, roundings: float) -> Observation:
+def exactly(law: str, formula: str, claimed: bool, defect: float, bound: float, where: str = "") -> Observation:
     """The verdict on something that is exact or not."""
-    bound = roundings * ROUNDING
     good = defect <= bound
     verdict = ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
-    return Observation(
-        law, formula, verdict, observed=f"{defect:.1e}", wanted=f"below {bound:.1e}" if claimed else "no claim"
-    )
+    wanted = f"below {bound:.1e}" if claimed else "no claim"
+    return Observation(law, formula, verdict, where, observed=f"{defect:.1e}", wanted=wanted)
 
 
 def kept_brackets(system: Any, start: Any, method: Any) -> Iterator[tuple[str, str, bool, Charts]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType, LiemechError
+from ..errors import IncompatibleSystem, InvalidInput, LiemechError, require
 from ..formulas import Vec, jacobian, vec
 from ..formulas.vectors import small
 from ..groups.poisson_structure import Canonical, LiePoissonStructure, PoissonStructure
@@ -47,8 +47,7 @@ def poisson_defect(method: Method, system: System, state: State, h: float, chart
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1 and VII.4.3;
     the slides, (2.20).
     """
-    if not isinstance(method, Method):
-        raise InvalidType(f"poisson_defect: method must be a Method, such as Splitting(order=2); got {method!r}")
+    require("poisson_defect: method", method, Method, "a Method, such as Splitting(order=2)")
     structure, y = _point(system, state) if chart is None else _in_chart(system, state, chart)
     method.require(system)
 
@@ -130,8 +129,7 @@ def _in_chart(system: Any, state: Any, chart: Any) -> tuple[PoissonStructure, Ve
         raise IncompatibleSystem(
             f"poisson_defect: with a chart, a ConstrainedSystem or a HamiltonianSystem is needed; got {system!r}"
         )
-    if not isinstance(chart, LocalChart):
-        raise InvalidType(f"poisson_defect: chart must be a LocalChart; got {chart!r}")
+    require("poisson_defect: chart", chart, LocalChart)
     x = _numbers(system, state)
     if _off(chart, x):
         raise InvalidInput(

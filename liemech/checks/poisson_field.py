@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType, require
 from ..formulas import derivative, jacobian
 from ..groups.matrices.skew_matrices import null_vectors
 from ..groups.poisson_structure import PoissonStructure
 from ..systems.vector_field import VectorField
-from .laws.law import Law, Same, axiom, shaped, verdicts
+from .laws.law import Law, Same, Told, axiom, shaped, verdicts
 from .points.poisson_points import AtPoint, given_points, own_formulas, random_points
 from .points.sample_points import flat
-from .report import Report, finished, require
+from .report import Report, finished
 
 PLACES = 6
 """How many points are drawn."""
@@ -44,17 +44,6 @@ class AtField(AtPoint):
         return flat(self.f(self.y))
 
 
-@dataclass(frozen=True)
-class Told(Same):
-    """A comparison with a remark of its own."""
-
-    told: str = ""
-
-    def slips(self, allowed: float) -> str:
-        """The remark on what is wrong."""
-        return self.told
-
-
 @axiom(FIELD, "velocity", "f(y) is a vector of n finite numbers")
 def velocity(f: Field, at: AtField) -> Iterator[Same]:
     yield from shaped(at.velocity, (at.dim,))
@@ -65,9 +54,8 @@ def poisson_maps(f: Field, at: AtField) -> Iterator[Same]:
     v, b = at.velocity, at.matrix
     along = np.array(derivative(lambda y: at.B.matrix(y), at.y, v.tolist()), dtype=float)
     D = np.array(jacobian(lambda y: at.f(y), at.y), dtype=float)
-    slopes = [np.array(derivative(lambda y: at.B.matrix(y), at.y, e), dtype=float) for e in np.eye(at.dim).tolist()]
     terms = np.abs(D) @ np.abs(b)
-    terms = terms + terms.T + sum(abs(x) * np.abs(s) for x, s in zip(v, slopes, strict=True))
+    terms = terms + terms.T + sum(abs(x) * np.abs(s) for x, s in zip(v, at.slopes, strict=True))
     total, scale = along - D @ b - b @ D.T, terms + _largest(terms)
     for i, j in itertools.combinations(range(at.dim), 2):
         remark = f"the field does not keep {{y_{i + 1}, y_{j + 1}}}: it changes at the rate {total[i, j]:.3g} too much"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ..errors import InvalidType, LawViolation
+from ..errors import LawViolation
 from ..simulation.reports.written_tables import html_table
 
 ROUNDING = 2.0**-52
@@ -155,10 +155,3 @@ def finished(subject: str, findings: Iterable[Finding], raises: bool) -> Report:
     if report.broken and raises:
         raise report.violation()
     return report
-
-
-def require(name: str, value: Any, kind: type) -> None:
-    """Raise InvalidType for an argument of another kind; of a class it says what is missing."""
-    if not isinstance(value, kind):
-        cure = f"; write {value.__name__}(), with the brackets" if isinstance(value, type) else ""
-        raise InvalidType(f"{name} must be a {kind.__name__}; got {value!r}{cure}")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, undefined
+from ..errors import InvalidInput, require, undefined
 from ..formulas import Ambient, Element, Mat, Record, Vec, record
 from ..formulas.arrays import real_array
 from .belief import Belief, checked
@@ -75,8 +75,7 @@ class Filter(Record):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_side(type(self).__name__, self.side)
-        if not isinstance(self.process, Process):
-            raise InvalidType(f"{type(self).__name__}: process must be a Process; got {self.process!r}")
+        require(f"{type(self).__name__}: process", self.process, Process)
 
     @cached_property
     def _corrections(self) -> dict[Any, Correction]:
@@ -136,11 +135,7 @@ class Filter(Record):
         return r, S
 
     def _look_at(self, name: str, belief: Any) -> None:
-        if not isinstance(belief, Belief):
-            raise InvalidType(
-                f"{type(self).__name__}.{name}: belief must be a Belief, as `belief(g, covariance)` "
-                f"gives; got {belief!r}"
-            )
+        require(f"{type(self).__name__}.{name}: belief", belief, Belief, "a Belief, as `belief(g, covariance)` gives")
         if belief.group is not self.group and belief.group != self.group:
             raise InvalidInput(
                 f"{type(self).__name__}.{name}: the belief is of {belief.group!r}, the filter of {self.group!r}"
@@ -156,8 +151,7 @@ class Filter(Record):
         corrections, gate = self._corrections, None if gate is None else _probability(gate)
         correction = corrections.get((id(sensor), gate))
         if correction is None or correction.sensor is not sensor:
-            if not isinstance(sensor, Sensor):
-                raise InvalidType(f"{type(self).__name__}.{name}: sensor must be a Sensor; got {sensor!r}")
+            require(f"{type(self).__name__}.{name}: sensor", sensor, Sensor)
             if sensor.group != self.group:
                 raise InvalidInput(
                     f"{type(self).__name__}.{name}: the sensor measures {sensor.group!r}, the filter "

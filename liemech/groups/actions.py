@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, require
 from ..formulas import Ambient, Element, Vec, derivative, dot, identity_matrix, record, vec
 from .group_action import GroupAction as GroupAction
 from .lie_group import LieGroup
@@ -73,8 +73,7 @@ class TranslationAction(GroupAction):
         group: Any = self.group
         if not isinstance(group, LieGroup):
             object.__setattr__(self, "group", VectorSpace(group))
-        elif not isinstance(group, VectorSpace):
-            raise InvalidType(f"TranslationAction: group must be a VectorSpace or its dimension; got {group!r}")
+        require("TranslationAction: group", self.group, VectorSpace, "a VectorSpace or its dimension")
 
     @property
     def point_shape(self) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import InvalidType, NotDefined, undefined
+from ..errors import NotDefined, require, undefined
 from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec, vectors
 from ..formulas.calls.batches import MEMBERSHIP
 from ..formulas.classes.derived import derived
@@ -40,8 +40,7 @@ class GroupAction(Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.group, LieGroup):
-            raise InvalidType(f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}")
+        require(f"{type(self).__name__}: group", self.group, LieGroup)
 
     # ---------------------------------------------------------------- 1. a subclass writes
 

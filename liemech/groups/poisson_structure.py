@@ -10,7 +10,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined, undefined
+from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined, require, undefined
 from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
 from ..formulas.arrays import check_finite, real_array
 from ..formulas.classes.derived import derived, derived_from
@@ -331,8 +331,7 @@ class LiePoissonStructure(PoissonStructure):
     sign: int = -1
 
     def __post_init__(self) -> None:
-        if not isinstance(self.group, LieGroup):
-            raise InvalidType(f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}")
+        require(f"{type(self).__name__}: group", self.group, LieGroup)
         if type(self.sign) is not int or self.sign not in (-1, 1):
             raise InvalidInput(
                 f"{type(self).__name__}: sign is -1 (momenta in the body) or 1 (in space); got {self.sign!r}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..errors import InvalidInput, InvalidType, undefined
+from ..errors import InvalidInput, require, undefined
 from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec, where
 from ..formulas.classes.derived import derived
 from ..formulas.numbers.dual import value_of
@@ -244,8 +244,7 @@ class RotationAction(AdjointAction):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.group, (SO3, UnitQuaternions)):
-            raise InvalidType(f"RotationAction: group must be SO3() or UnitQuaternions(); got {self.group!r}")
+        require("RotationAction: group", self.group, (SO3, UnitQuaternions), "SO3() or UnitQuaternions()")
 
     def exp_act(self, xi: Vec, x: Vec) -> Vec:
         """x turned about xi by the angle |xi|, without forming the rotation.  xi, x : (3,)."""

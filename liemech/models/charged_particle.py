@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InvalidType, NotDefined
+from ..errors import NotDefined, require
 from ..formulas import (
     Mat,
     Record,
@@ -252,10 +252,7 @@ class ChargedParticle(PoissonSystem):
     potential: Hamiltonian | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.field, MagneticField):
-            raise InvalidType(
-                f"{type(self).__name__}: field must be a MagneticField, such as AxialField(); got {self.field!r}"
-            )
+        require(f"{type(self).__name__}: field", self.field, MagneticField, "a MagneticField, such as AxialField()")
         object.__setattr__(self, "structure", MagneticStructure(self.field))
         parts: list[Hamiltonian] = [SquaredVelocity(i, self.field) for i in range(3)]
         if type(self.field).integral is MagneticField.integral:

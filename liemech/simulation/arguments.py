@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, warn
+from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, require, warn
 from ..formulas import Vec, check_finite, real_array
 from ..integrators.ending_at_jumps import apart
 from ..integrators.method import Method
@@ -33,11 +33,8 @@ LOST = 1e-3
 def matching(system: Any, method: Any) -> None:
     if isinstance(system, Method) and isinstance(method, System):
         raise InvalidType("integrate: system and method are swapped; write integrate(system, method, start, ...)")
-    if not isinstance(method, Method):
-        cure = f"; write {method.__name__}(...), with the brackets" if isinstance(method, type) else ""
-        raise InvalidType(f"integrate: method must be a method such as RKMK(order=4); got {method!r}{cure}")
-    if not isinstance(system, System):
-        raise InvalidType(f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
+    require("integrate: method", method, Method, "a method such as RKMK(order=4)")
+    require("integrate: system", system, System, "a system such as RigidBody([1.0, 1.5, 2.0])")
     try:
         method.require(system)
     except IncompatibleSystem as error:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, require
 from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.classes.derived import closed_form_of, written_together
@@ -170,8 +170,7 @@ class LiePoissonSystem(LiePoissonMotion):
         for name, value, kind in zip(
             ("group", "hamiltonian", "lagrangian"), fields, (LieGroup, Hamiltonian, Lagrangian)
         ):
-            if not isinstance(value, kind):
-                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
+            require(f"{type(self).__name__}: {name}", value, kind)
         natural = isinstance(self.hamiltonian, Lagrangian) and written_together(
             type(self.hamiltonian), "energy", "value"
         )

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, require
 from ..formulas import Element, Vec, derivative, dot, record, vec
 from ..formulas.classes.remembered import common
 from ..groups.coadjoint import CoadjointAction
@@ -81,8 +81,7 @@ class MechanicalSystem(System):
             ("load", self.load or _NO_FORCE, Force, "a subclass with a `covector(t, xi, g)`"),
         )
         for name, value, kind, words in fields:
-            if not isinstance(value, kind):
-                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}, {words}; got {value!r}")
+            require(f"{type(self).__name__}: {name}", value, kind, f"a {kind.__name__}, {words}")
         if self.driven and self.body.site_form is not None:
             raise InvalidInput(
                 f"{type(self).__name__}: the energy of many sites in a field cannot change with time; "

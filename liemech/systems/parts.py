@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined, undefined
+from ..errors import InvalidInput, NotDefined, require, undefined
 from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
 from ..formulas.classes.derived import derived_from
 from ..formulas.numbers.anything import Anything, degree, indices_in, traced
@@ -82,10 +82,7 @@ class SplitHamiltonian(Hamiltonian):
     def __post_init__(self) -> None:
         super().__post_init__()
         for part in self.parts:
-            if not isinstance(part, Hamiltonian):
-                raise InvalidType(
-                    f"SplitHamiltonian: parts must be Hamiltonians, such as KineticEnergy(...); got {part!r}"
-                )
+            require("SplitHamiltonian: parts", part, Hamiltonian, "Hamiltonians, such as KineticEnergy(...)")
         if not self.parts:
             raise InvalidInput("SplitHamiltonian: parts is empty")
 

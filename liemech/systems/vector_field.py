@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined, undefined
+from ..errors import InvalidInput, InvalidType, NotDefined, require, undefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.classes.derived import derived_from
 from ..formulas.classes.remembered import common
@@ -192,8 +192,7 @@ class SplitField(OfParts, VectorField):
         if not isinstance(parts, tuple) or not parts:
             raise InvalidType(f"{name}: parts must be a tuple of VectorFields; got {parts!r}")
         for part in parts:
-            if not isinstance(part, VectorField):
-                raise InvalidType(f"{name}: parts must be VectorFields; got {part!r}")
+            require(f"{name}: parts", part, VectorField, "VectorFields")
         if len({part.dim for part in parts}) > 1:
             raise InvalidInput(
                 f"{name}: the parts are of dimensions {[part.dim for part in parts]}; they must be of one"

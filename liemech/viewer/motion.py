@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType, require
 from ..formulas import check_finite, real_array
 from ..models.many.sites import by_site, turn
 from ..simulation.trajectory import Trajectory
@@ -42,10 +42,7 @@ class Motion:
     joined: bool = True
 
     def __post_init__(self) -> None:
-        if not isinstance(self.system, System):
-            raise InvalidType(
-                f"Motion: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {self.system!r}"
-            )
+        require("Motion: system", self.system, System, "a system such as RigidBody([1.0, 1.5, 2.0])")
         t = np.atleast_1d(real_array(self.t, "Motion: t"))
         check_finite(t, "Motion: t")
         if t.ndim != 1 or not len(t):

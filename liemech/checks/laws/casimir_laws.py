@@ -8,21 +8,14 @@ from typing import Any
 import numpy as np
 
 from ..points.sample_points import flat
-from .law import Same
+from .law import Same, Told
 
 INDEPENDENT = 1e-8
 """Gradients of length one that are closer to dependent than this, by singular values, are so."""
 
 
-class Independent(Same):
-    """The number of Casimirs beside the number of directions that their gradients have."""
-
-    def slips(self, allowed: float) -> str:
-        """The number of independent gradients, in words."""
-        return (
-            f"of {flat(self.right)[0]:.0f} Casimirs only {flat(self.left)[0]:.0f} have gradients "
-            "that are independent: one of them is a constant, or a function of others"
-        )
+INDEPENDENCE = "independent Casimirs", "the gradients of the Casimirs are independent almost everywhere"
+"""The law: its name, and its formula."""
 
 
 def independence(values: Callable[[Any], Any], slopes: Callable[[Any], np.ndarray], points: Iterable[Any]) -> Same:
@@ -50,4 +43,8 @@ def independence(values: Callable[[Any], Any], slopes: Callable[[Any], np.ndarra
         rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
         sizes = np.linalg.svd(rows, compute_uv=False) if len(rows) else np.zeros(0)
         best = max(best, int((sizes > INDEPENDENT).sum()))
-    return Independent(np.array([float(best)]), np.array([float(number)]))
+    told = (
+        f"of {number} Casimirs only {best} have gradients that are independent: one of them is a constant, or a function "
+        "of others"
+    )
+    return Told(float(best), float(number), told=told)

@@ -19,7 +19,7 @@ from ...simulation.integrate import integrate
 from ...systems.kinetic_energy import KineticEnergy
 from ...systems.lie_poisson import LiePoissonSystem
 from ..points.sample_points import STEP, At, exponential, flat, of_rows, size, slope
-from .casimir_laws import independence
+from .casimir_laws import INDEPENDENCE, independence
 from .law import Law, Same, axiom, cases, factors, shaped, vanishes
 
 GROUP: list[Law] = []
@@ -164,13 +164,7 @@ def casimirs(G: LieGroup, at: At) -> Iterator[Same]:
     yield vanishes(b @ slopes, float(norm(b, 2)) * change * math.sqrt(at.dim) / STEP)
 
 
-@axiom(
-    PLACE,
-    "independent Casimirs",
-    "the gradients of the Casimirs are independent almost everywhere",
-    "casimirs",
-    once=True,
-)
+@axiom(PLACE, *INDEPENDENCE, "casimirs", once=True)
 def independent_casimirs(G: LieGroup, at: At) -> Iterator[Same]:
     yield independence(G.casimirs, lambda mu: gradients(G, mu).T, (at.mu, at.nu, at.mu + at.nu))
 

@@ -56,6 +56,17 @@ class Same:
         return "; or ".join(fit)
 
 
+@dataclass(frozen=True)
+class Told(Same):
+    """A comparison with a remark of its own on what is wrong."""
+
+    told: str = ""
+
+    def slips(self, allowed: float) -> str:
+        """The remark."""
+        return self.told
+
+
 def vanishes(x: Any, size: float = 1.0) -> Same:
     """The law x = 0, to roundings of a size."""
     return Same(x, 0.0 * x, size)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import require
 from ...formulas import Vec, derivative, dot, gradient, jacobian
 from ...groups.matrices.skew_matrices import like_sizes
 from ...groups.poisson_structure import PoissonStructure
@@ -19,9 +20,9 @@ from ..points.poisson_points import AtPoint, given_points, own_formulas, random_
 from ..points.sample_points import flat
 from ..points.sample_states import SIZES, components, named
 from ..points.seeds import generator
-from ..report import Report, finished, require
-from .casimir_laws import independence
-from .law import Law, Same, axiom, shaped, verdicts
+from ..report import Report, finished
+from .casimir_laws import INDEPENDENCE, independence
+from .law import Law, Same, Told, axiom, shaped, verdicts
 
 CLOSE = 256.0
 """Roundings per dimension of entries and their derivatives."""
@@ -55,17 +56,6 @@ class AtStructure(AtPoint):
         return terms + np.minimum.reduce(floors)
 
     @cached_property
-    def slopes(self) -> np.ndarray:
-        """d_l b_ij, with l first."""
-        n = self.dim
-        return np.array(
-            [
-                np.array(derivative(lambda x: self.B.matrix(x), self.y, [float(i == l) for i in range(n)]), dtype=float)
-                for l in range(n)
-            ]
-        )
-
-    @cached_property
     def terms_of_slopes(self) -> np.ndarray:
         """The sizes to which rounding of d_l b_ij is relative, with l first: where it is not zero,
         b_ij over the reach of y_l.
@@ -84,15 +74,9 @@ class AtStructure(AtPoint):
         return 0.25 / fastest if fastest > 0.0 else 0.25
 
 
-@dataclass(frozen=True)
-class Entry(Same):
+def entry(left: Any, right: Any, size: float, entries: str) -> Told:
     """A comparison about certain entries of the matrix, which a report names."""
-
-    entries: str = ""
-
-    def slips(self, allowed: float) -> str:
-        """The entries of the matrix at fault, in words."""
-        return f"a slip in {self.entries}"
+    return Told(left, right, size, told=f"a slip in {entries}")
 
 
 @axiom(POISSON, "matrix", "B(y) is an n by n matrix of finite numbers")
@@ -104,12 +88,8 @@ def matrix(B: Any, at: AtStructure) -> Iterator[Same]:
 def skew_symmetry(B: Any, at: AtStructure) -> Iterator[Same]:
     b, terms = at.matrix, at.terms
     for i, j in itertools.combinations_with_replacement(range(at.dim), 2):
-        yield Entry(
-            b[i, j],
-            -b[j, i],
-            float(terms[i, j]),
-            entries=f"b_{i + 1},{j + 1} = {b[i, j]:.3g} or b_{j + 1},{i + 1} = {b[j, i]:.3g}",
-        )
+        at_fault = f"b_{i + 1},{j + 1} = {b[i, j]:.3g} or b_{j + 1},{i + 1} = {b[j, i]:.3g}"
+        yield entry(b[i, j], -b[j, i], float(terms[i, j]), at_fault)
 
 
 @axiom(
@@ -123,7 +103,7 @@ def jacobi(B: Any, at: AtStructure) -> Iterator[Same]:
     total, terms = cyclic(at.slopes, at.matrix), cyclic(at.terms_of_slopes, at.terms)
     for i, j, k in itertools.combinations(range(at.dim), 3):
         at_fault = f"b_{i + 1},{j + 1}, b_{j + 1},{k + 1}, b_{k + 1},{i + 1}, or what these are multiplied by"
-        yield Entry(total[i, j, k], 0.0, terms[i, j, k], entries=at_fault)
+        yield entry(total[i, j, k], 0.0, terms[i, j, k], at_fault)
 
 
 @axiom(POISSON, "closed product", "sharp(y, a) = B(y) a", "sharp", slack=CLOSE)
@@ -157,13 +137,7 @@ def casimirs(B: Any, at: AtStructure) -> Iterator[Same]:
         yield from _entries(at.matrix @ row, np.zeros(n), at.terms @ sizes, f"Casimir {i + 1}")
 
 
-@axiom(
-    POISSON,
-    "independent Casimirs",
-    "the gradients of the Casimirs are independent almost everywhere",
-    "casimirs",
-    once=True,
-)
+@axiom(POISSON, *INDEPENDENCE, "casimirs", once=True)
 def independent_casimirs(B: Any, at: AtStructure) -> Iterator[Same]:
     def slopes(y: Any) -> np.ndarray:
         return np.array(jacobian(lambda x: B.casimirs(x), y), dtype=float).reshape(-1, at.dim)
@@ -189,21 +163,21 @@ def coordinate_flow(B: Any, at: AtStructure) -> Iterator[Same]:
             yield from _entries(speed, b[:, i], terms, f"the motion of y_{i + 1}")
 
 
-def _entries(left: np.ndarray, right: np.ndarray, sizes: np.ndarray, entries: str) -> Iterator[Entry]:
+def _entries(left: np.ndarray, right: np.ndarray, sizes: np.ndarray, entries: str) -> Iterator[Told]:
     """Components, each with the size of its own rounding."""
     for a, b, size in zip(left, right, sizes, strict=True):
-        yield Entry(a, b, float(size), entries=entries)
+        yield entry(a, b, float(size), entries)
 
 
 @axiom(POISSON, "rank", "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left")
 def rank(B: Any, at: AtStructure) -> Iterator[Same]:
     rank_here = B.rank_at(at.y)
-    yield Entry(rank_here, at.generic, entries=f"the point: B has rank {rank_here} here, {at.generic} elsewhere")
-    yield Entry(rank_here % 2, 0, entries="the skew symmetry")
+    yield entry(rank_here, at.generic, 1.0, f"the point: B has rank {rank_here} here, {at.generic} elsewhere")
+    yield entry(rank_here % 2, 0, 1.0, "the skew symmetry")
     if B.rank is not None:
-        yield Entry(B.rank, at.generic, entries=f"`rank`, which is {B.rank}")
+        yield entry(B.rank, at.generic, 1.0, f"`rank`, which is {B.rank}")
     number = len(flat(B.casimirs(at.y)))
-    yield Entry(max(number, at.dim - at.generic), at.dim - at.generic, entries=f"`casimirs`, which are {number}")
+    yield entry(max(number, at.dim - at.generic), at.dim - at.generic, 1.0, f"`casimirs`, which are {number}")
 
 
 def _polynomial(n: int, seed: int) -> Any:

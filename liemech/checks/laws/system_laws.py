@@ -40,7 +40,7 @@ from ...systems.separable import SeparableEnergy, SeparableSystem
 from ...systems.vector_field import VectorField
 from ..points.sample_points import STEP, flat, size, slope
 from ..points.sample_states import AtState
-from .casimir_laws import independence
+from .casimir_laws import INDEPENDENCE, independence
 from .closed_forms import CLOSE, Arguments, laws_of_closed_forms, records_within
 from .law import Law, Same, axiom, factors, replaced, shaped, vanishes
 from .part_laws import CONSTRAINED_PARTS, FIELDS, on_manifold
@@ -120,13 +120,7 @@ def casimirs(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
         yield vanishes(moved, rounding * size(row) * size(mu))
 
 
-@axiom(
-    BODY,
-    "independent Casimirs",
-    "the gradients of the Casimirs are independent almost everywhere",
-    optional=True,
-    once=True,
-)
+@axiom(BODY, *INDEPENDENCE, optional=True, once=True)
 def independent_casimirs(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
     casimirs, dim = system.group.casimirs, system.group.dim
     yield independence(casimirs, _rows(casimirs, dim), _somewhere(dim))
@@ -346,13 +340,7 @@ def casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
         yield vanishes(moved, rounding * scale)
 
 
-@axiom(
-    PARTS,
-    "independent Casimirs",
-    "the gradients of the Casimirs are independent almost everywhere",
-    optional=True,
-    once=True,
-)
+@axiom(PARTS, *INDEPENDENCE, optional=True, once=True)
 def independent_casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
     dim = system.structure.dim
     places = [at.state.y, *_somewhere(dim)]

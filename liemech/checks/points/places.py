@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,7 +24,6 @@ from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.fictive_time.clocked import Clocked
 from ...rooms.fictive_time.origin import Origin
 from ...rooms.fictive_time.time_transformed import ExtendedSystem
-from ...simulation.integrate import integrate
 from ...systems.canonical import CanonicalState, PhaseSpace
 from ...systems.equations.group_equation import GroupEquation, Position
 from ...systems.equations.homogeneous_equation import HomogeneousEquation, Point
@@ -36,7 +34,7 @@ from ...systems.vector_field import VectorField
 from ..reference import settled
 from ..report import ROUNDING, shown
 from .sample_points import flat, size
-from .sample_states import as_accepted, knows_time, members, pace
+from .sample_states import ended, knows_time, members, pace, run_of
 
 SOME = 3
 """Steps of a run: what is wrong from the second step on shows too."""
@@ -125,25 +123,9 @@ class CheckPlace:
 
     def led(self, method: Any, state: Any, h: float, steps: int, elapsed: float = 0.0) -> dict[str, np.ndarray]:
         """The parts of the last state, or states, of a run in physical time."""
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            begin, compiled = as_accepted(method, self.base, self.base.vouched(state), self.compiled)
-            run = integrate(
-                self.base,
-                method,
-                begin,
-                h=h,
-                steps=steps,
-                every=steps,
-                t0=self.t0 + elapsed,
-                compiled=compiled,
-                compensated=False,
-                progress=False,
-            )
-        return {
-            name: self.base._in_rows(np.asarray(array[-1]), "Element" if name == "g" else "Vec")
-            for name, array in run.states.items()
-        }
+        begin, options = self.base.vouched(state), {"h": h, "steps": steps, "every": steps, "t0": self.t0 + elapsed}
+        with np.errstate(all="ignore"):
+            return ended(run_of(self.base, method, begin, self.compiled, compensated=False, **options))
 
     def exact(self, time: float) -> Any:
         """The state to which the motion leads in a physical time."""

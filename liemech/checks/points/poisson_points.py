@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Vec, check_finite, real_array
+from ...formulas import Vec, check_finite, derivative, real_array
 from ...groups.poisson_structure import PoissonStructure
 from ..report import shown
 from .sample_points import flat
@@ -36,6 +36,12 @@ class AtPoint:
     def matrix(self) -> np.ndarray:
         """The matrix B(y) as an array, (n, n)."""
         return np.array(self.B.matrix(self.y), dtype=float)
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """d_l b_ij, with l first."""
+        units = np.eye(self.dim).tolist()
+        return np.array([np.array(derivative(self.B.matrix, self.y, unit), dtype=float) for unit in units])
 
     def __str__(self) -> str:
         return f"{self.name}, {shown('y', self.y[:8])}"

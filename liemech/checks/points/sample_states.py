@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,6 +17,7 @@ from ...groups.retractions import Exponential
 from ...rooms.constraints.constrained import ConstrainedSystem
 from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.poisson.poisson import PoissonState, PoissonSystem
+from ...simulation.integrate import integrate
 from ...systems.canonical import CanonicalState, CanonicalSystem, PhaseSpace
 from ...systems.equations.group_equation import GroupEquation, Position
 from ...systems.equations.homogeneous_equation import HomogeneousEquation, Point
@@ -122,17 +124,28 @@ def pace(system: Any, t: float, state: Any) -> float:
     return max(float(turning), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
 
 
-def as_accepted(method: Any, system: Any, start: Any, compiled: bool | None) -> tuple[Any, bool | None]:
-    """The start and whether runs are native: if the method takes no system of all sites as one body,
-    with an axis of sites, and natively where they can be, because plain Python sweeps over all sites.
+def run_of(system: Any, method: Any, start: Any, compiled: bool | None, **options: Any) -> Any:
+    """The trajectory of a run that warns of nothing; raises what `integrate` raises.
+
+    If the method takes no system of all sites as one body, the start has an axis of sites, and the run is native where
+    it can be, because plain Python sweeps over all sites.
     """
     try:
         method.require(system)
     except IncompatibleSystem:
-        arrays = {name: np.asarray(x) for name, x in start.arrays.items()}
-        native = compiled is None and kernel.available() is None
-        return system.state(**arrays), True if native else compiled
-    return start, compiled
+        start = system.state(**{name: np.asarray(x) for name, x in start.arrays.items()})
+        compiled = True if compiled is None and kernel.available() is None else compiled
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return integrate(system, method, start, compiled=compiled, progress=False, **options)
+
+
+def ended(run: Any) -> dict[str, np.ndarray]:
+    """The last sample as it is: of a method that leaves a manifold it is no state to begin with."""
+    return {
+        name: run.system._in_rows(np.asarray(array[-1]), "Element" if name == "g" else "Vec")
+        for name, array in run.states.items()
+    }
 
 
 def knows_time(system: Any) -> bool:
@@ -194,11 +207,9 @@ def at_times(name: str, system: Any, state: Any, times: tuple[float, ...]) -> li
 
 def members(states: State) -> list[Any]:
     """The members of an ensemble, or the one state, with small arrays."""
-    if states.bodies is None:
-        return [type(states)(*(None if x is None else small(np.asarray(x)) for x in states.parts.values()))]
-    rows = range(states.bodies)
+    rows = (...,) if states.bodies is None else range(states.bodies)
     return [
-        type(states)(*(None if x is None else small(np.asarray(x[i])) for x in states.parts.values())) for i in rows
+        type(states)(*(None if x is None else small(np.asarray(x)[i]) for x in states.parts.values())) for i in rows
     ]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidType
+from ...errors import require
 from ...formulas import Ambient, Element, Mat, Vec, plain, record
 from ..lie_group import LieGroup
 from .parts import AlgebraOfParts
@@ -70,8 +70,7 @@ class OppositeGroup(SameElements):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.group, LieGroup):
-            raise InvalidType(f"OppositeGroup: group must be a LieGroup; got {self.group!r}")
+        require("OppositeGroup: group", self.group, LieGroup)
 
     def __repr__(self) -> str:
         return f"OppositeGroup({self.group!r})"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType
+from ...errors import InvalidInput, require
 from ...formulas import Element, Vec, record
 from ..lie_group import LieGroup
 from .product import DirectProduct, DirectSum, shaped
@@ -75,9 +75,7 @@ class PowerGroup(DirectProduct):
     def __post_init__(self) -> None:
         super().__post_init__()
         base: Any = self.base
-        if not isinstance(base, LieGroup):
-            cure = "; write it with brackets" if isinstance(self.base, type) else ""
-            raise InvalidType(f"PowerGroup: base must be a LieGroup; got {self.base!r}{cure}")
+        require("PowerGroup: base", base, LieGroup)
         if hasattr(base, "copies"):
             raise InvalidInput(f"PowerGroup: base is the group of one site, and {base!r} is one of {base.copies}")
         if isinstance(self.copies, bool) or self.copies < 1:

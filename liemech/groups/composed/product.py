@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType
+from ...errors import InvalidInput, require
 from ...formulas import Ambient, Complex, Element, Mat, Vec, mat, real_array, record, vec, vectors
 from ...formulas.vectors import small
 from ..lie_group import LieGroup
@@ -230,9 +230,7 @@ class ProductGroup(DirectProduct):
 
     def __post_init__(self) -> None:
         for number, factor in enumerate(self.factors, 1):
-            if not isinstance(factor, LieGroup):
-                cure = "; write it with brackets" if isinstance(factor, type) else ""
-                raise InvalidType(f"ProductGroup: factor {number} must be a LieGroup; got {factor!r}{cure}")
+            require(f"ProductGroup: factor {number}", factor, LieGroup)
         if not self.factors:
             raise InvalidInput("ProductGroup needs at least one factor")
 

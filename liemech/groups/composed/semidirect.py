@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IncompatibleSystem, InvalidInput, InvalidType
+from ...errors import IncompatibleSystem, InvalidInput, require
 from ...formulas import Ambient, Element, Mat, Vec, identity_matrix, mat, record, vec
 from ..ad_series import mean_slope
 from ..lie_algebra import LieAlgebra
@@ -206,12 +206,10 @@ class SemidirectProduct(LieGroup):
     action: Any = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.acting, LieGroup):
-            raise InvalidType(f"SemidirectProduct: acting must be a LieGroup; got {self.acting!r}")
+        require("SemidirectProduct: acting", self.acting, LieGroup)
         if self.action is None:
             object.__setattr__(self, "action", standard_action(self.acting))
-        if not isinstance(self.action, Representation):
-            raise InvalidType(f"SemidirectProduct: action must be a Representation; got {self.action!r}")
+        require("SemidirectProduct: action", self.action, Representation)
         if self.action.group != self.acting:
             raise InvalidInput(f"SemidirectProduct: {self.action!r} is no action of {self.acting!r}")
 

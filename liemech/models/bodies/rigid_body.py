@@ -6,7 +6,7 @@ import sys
 from dataclasses import field
 from typing import Any, ClassVar
 
-from ...errors import InertiaWarning, InvalidInput, InvalidType, warn
+from ...errors import InertiaWarning, InvalidInput, require, warn
 from ...formulas import Mat, Vec, record
 from ...formulas.classes.fields import frozen_array
 from ...formulas.classes.records import fill
@@ -47,8 +47,7 @@ class RigidBody(LiePoissonSystem):
         return f"{type(self).__name__}(inertia={self.inertia!r}{attitude})"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.group, (SO3, UnitQuaternions)):
-            raise InvalidType(f"RigidBody: group must be SO3() or UnitQuaternions(); got {self.group!r}")
+        require("RigidBody: group", self.group, (SO3, UnitQuaternions), "SO3() or UnitQuaternions()")
         inertia = _inertia(self.inertia)
         object.__setattr__(self, "inertia", inertia)
         kinetic = kinetic_energy(inertia)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType
+from ...errors import InvalidInput, require
 from ...formulas import Vec, record
 from ...formulas.large_maps import LinearMap
 from ...rooms.noise.dissipative import Dissipative
@@ -40,8 +40,7 @@ class ViscousSphere(Dissipative):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.system, ZeitlinSphere):
-            raise InvalidType(f"ViscousSphere: system must be a ZeitlinSphere; got {self.system!r}")
+        require("ViscousSphere: system", self.system, ZeitlinSphere)
         if not 0.0 <= self.viscosity < np.inf:
             raise InvalidInput(f"ViscousSphere: viscosity is {self.viscosity!r}; it must be finite and not negative")
 

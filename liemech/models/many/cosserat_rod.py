@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType
+from ...errors import InvalidInput, require
 from ...formulas import Mat, Vec, check_finite, dot, mat, real_array, record, vec
 from ...formulas.classes.derived import closed_form_of
 from ...formulas.classes.of_each import Each, each
@@ -219,13 +219,10 @@ class CosseratRod(MechanicalSystem):
     def _check(self) -> None:
         """Raise InvalidInput or InvalidType for what is no rod."""
         name = type(self).__name__
-        if not isinstance(self.section, RodSection):
-            raise InvalidType(
-                f"{name}: section must be a RodSection, such as RodSection.round(0.01, 1e6, 1000.0); "
-                f"got {self.section!r}"
-            )
-        if not isinstance(self.retraction, Retraction):
-            raise InvalidType(f"{name}: retraction must be Exponential(); got {self.retraction!r}")
+        require(
+            f"{name}: section", self.section, RodSection, "a RodSection, such as RodSection.round(0.01, 1e6, 1000.0)"
+        )
+        require(f"{name}: retraction", self.retraction, Retraction, "Exponential()")
         least = 3 if self.closed else 1
         if type(self.elements) is not int or self.elements < least:
             raise InvalidInput(f"{name}: elements must be a whole number from {least} on; got {self.elements!r}")

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NoReturn, final
 
 import numpy as np
 
-from ...errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, undefined
+from ...errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, require, undefined
 from ...formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
 from ...formulas.vectors import small
 from ...groups.lie_group import LieGroup
@@ -64,10 +64,9 @@ class BoundBody(System):
         body = self.body
         if isinstance(body, LiePoissonSystem):
             body = MechanicalSystem(body, NoPotential())
-        if not isinstance(body, MechanicalSystem):
-            raise InvalidType(
-                f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem; got {body!r}"
-            )
+        require(
+            f"{name}: body", body, MechanicalSystem, "a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem"
+        )
         kinetic: Any = getattr(body.body, "lagrangian", None)
         if not has_inertia(kinetic):
             raise InvalidInput(

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType, LiemechError, undefined
+from ...errors import InvalidInput, InvalidType, LiemechError, require, undefined
 from ...formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, where
 from ...formulas.classes.derived import derived, derived_from
 from ...formulas.numbers.anything import indices_in, traced
@@ -93,8 +93,7 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
         if not isinstance(parts, tuple) or not parts:
             raise InvalidType(f"{type(self).__name__}: parts must be a tuple of ConstrainedParts; got {parts!r}")
         for part in parts:
-            if not isinstance(part, ConstrainedPart):
-                raise InvalidType(f"{type(self).__name__}: parts must be ConstrainedParts; got {part!r}")
+            require(f"{type(self).__name__}: parts", part, ConstrainedPart, "ConstrainedParts")
         if type(self).quadratic and len(parts) != 2:
             raise InvalidInput(
                 f"{type(self).__name__}: quadratic says that the parts are two, T and V; they are {len(parts)}"

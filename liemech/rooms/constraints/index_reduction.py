@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ...errors import IncompatibleSystem, InvalidInput, InvalidType
+from ...errors import IncompatibleSystem, InvalidInput, InvalidType, require
 from ...formulas import plain, record
 from ...integrators.composition import Composition
 from ...integrators.method import Method, Wrapping
@@ -41,8 +41,7 @@ class IndexReduction(Wrapping):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.method, Method):
-            raise InvalidType(f"IndexReduction: method must be a method such as RKMK(order=4); got {self.method!r}")
+        require("IndexReduction: method", self.method, Method, "a method such as RKMK(order=4)")
         if isinstance(self.method, IndexReduction):
             raise InvalidInput(f"IndexReduction: {self.method!r} reduces the index already")
         if isinstance(self.method.base if isinstance(self.method, Composition) else self.method, OnConstraints):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ...errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType
+from ...errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, require
 from ...formulas import Record, plain, record
 from ...integrators.free_body.moser_veselov import ExactMoserVeselov
 from ...integrators.method import Method
@@ -60,8 +60,7 @@ class ReversibleController(Method):
 
     def __post_init__(self) -> None:
         method: Any = self.method
-        if not isinstance(method, Method):
-            raise InvalidType(f"ReversibleController: method must be a method such as StormerVerlet(); got {method!r}")
+        require("ReversibleController: method", method, Method, "a method such as StormerVerlet()")
         if not method.symmetric_on(None):
             raise InvalidInput(
                 f"ReversibleController: {method!r} is not symmetric, and steps that change "

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...errors import InvalidType, undefined
+from ...errors import require, undefined
 from ...formulas import Vec, record
 from ...groups.lie_group import LieGroup
 from ...systems.hamiltonian import Hamiltonian
@@ -37,8 +37,7 @@ class Dissipative(System):
     system: LiePoissonSystem
 
     def __post_init__(self) -> None:
-        if not isinstance(self.system, LiePoissonSystem):
-            raise InvalidType(f"{type(self).__name__}: system must be a LiePoissonSystem; got {self.system!r}")
+        require(f"{type(self).__name__}: system", self.system, LiePoissonSystem)
         super().__post_init__()
 
     def damped(self, mu: Vec, t: float) -> Vec:

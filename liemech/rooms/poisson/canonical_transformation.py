@@ -6,7 +6,7 @@ from collections.abc import Callable
 from numbers import Real
 from typing import Any, ClassVar, final
 
-from ...errors import InvalidInput, InvalidType, NotDefined, OutsideChart, undefined
+from ...errors import InvalidInput, InvalidType, NotDefined, OutsideChart, require, undefined
 from ...formulas import Record, Vec, derivative, dot, gradient, jacobian, record, solve, sqrt, vec
 from ...formulas.numbers.dual import Dual, value_of
 from ...formulas.numbers.series import Series
@@ -161,10 +161,7 @@ class InNewVariables(DrivenHamiltonianSystem):
 
     def __post_init__(self) -> None:
         transformation: Any = self.transformation
-        if not isinstance(transformation, CanonicalTransformation):
-            raise InvalidType(
-                f"{type(self).__name__}: transformation must be a CanonicalTransformation; got {transformation!r}"
-            )
+        require(f"{type(self).__name__}: transformation", transformation, CanonicalTransformation)
         if (
             not isinstance(self.original, (HamiltonianSystem, DrivenHamiltonianSystem))
             or self.original.fictive

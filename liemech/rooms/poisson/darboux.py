@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType, OutsideChart, undefined
+from ...errors import InvalidInput, OutsideChart, require, undefined
 from ...formulas import Mat, Record, Vec, atan2, cos, exp, jacobian, log, norm, record, sin, sqrt, vec
 from ...groups.matrices.skew_matrices import pairs
 from ...groups.poisson_structure import ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
@@ -172,8 +172,7 @@ class LinearDarboux(DarbouxChart):
     backwards: Mat = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.structure, ConstantStructure):
-            raise InvalidType(f"LinearDarboux: structure must be a ConstantStructure; got {self.structure!r}")
+        require("LinearDarboux: structure", self.structure, ConstantStructure)
         T = canonical_basis(np.array(self.structure.values))
         object.__setattr__(self, "forwards", T)
         object.__setattr__(self, "backwards", np.linalg.inv(T))
@@ -202,8 +201,7 @@ class LogarithmicDarboux(DarbouxChart):
     linear: LinearDarboux = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.structure, LogCanonical):
-            raise InvalidType(f"LogarithmicDarboux: structure must be a LogCanonical; got {self.structure!r}")
+        require("LogarithmicDarboux: structure", self.structure, LogCanonical)
         object.__setattr__(self, "linear", LinearDarboux(ConstantStructure(self.structure.values)))
         super().__post_init__()
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType, NotDefined, undefined
+from ...errors import InvalidInput, InvalidType, NotDefined, require, undefined
 from ...formulas import Mat, Record, Vec, derivative, dot, gradient, mat, record, solve, transpose, vec
 from ...formulas.derivatives import axes
 from ...formulas.vectors import Vec as SmallVec
@@ -110,8 +110,7 @@ def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.3.
     """
-    if not isinstance(chart, LocalChart):
-        raise InvalidType(f"in_coordinates: chart must be a LocalChart; got {chart!r}")
+    require("in_coordinates: chart", chart, LocalChart)
     if not callable(getattr(system, "energy", None)):
         raise InvalidType(f"in_coordinates: system must have an energy(q, p); got {system!r}")
     dim: Any = chart.dim

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType, undefined
+from ...errors import InvalidInput, require, undefined
 from ...formulas import Record, Vec, dot, jacobian, record, sqrt
 from ...formulas.classes.records import with_fields
 from ...groups.lie_algebra import LieAlgebra
@@ -88,17 +88,16 @@ class Metriplectic(System):
 
     def __post_init__(self) -> None:
         name = type(self).__name__
-        if not isinstance(self.system, (LiePoissonSystem, PoissonSystem)):
-            raise InvalidType(f"{name}: system must be a LiePoissonSystem or a PoissonSystem; got {self.system!r}")
-        if not isinstance(self.entropy, Hamiltonian):
-            raise InvalidType(
-                f"{name}: entropy must be a Hamiltonian, a record with `energy`, whose value is S; got {self.entropy!r}"
-            )
+        require(
+            f"{name}: system", self.system, (LiePoissonSystem, PoissonSystem), "a LiePoissonSystem or a PoissonSystem"
+        )
+        require(
+            f"{name}: entropy", self.entropy, Hamiltonian, "a Hamiltonian, a record with `energy`, whose value is S"
+        )
         if isinstance(self.friction, (int, float)) and isinstance(self.system, LiePoissonSystem):
             friction = BracketFriction(self.system.group.algebra, float(self.friction))
             object.__setattr__(self, "friction", friction)
-        if not isinstance(self.friction, Friction):
-            raise InvalidType(f"{name}: friction must be a Friction, a record with `pairing`; got {self.friction!r}")
+        require(f"{name}: friction", self.friction, Friction, "a Friction, a record with `pairing`")
         self._require_laws()
         super().__post_init__()
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType, NotDefined
+from ...errors import InvalidInput, NotDefined, require
 from ...formulas import Vec, gradient, record
 from ...formulas.classes.derived import derived
 from ...groups.poisson_structure import PoissonStructure
@@ -50,13 +50,9 @@ class PoissonSystem(OfParts, VectorField):
         name = type(self).__name__
         structure: Any = self.structure
         hamiltonian: Any = self.hamiltonian
-        if not isinstance(structure, PoissonStructure):
-            raise InvalidType(f"{name}: structure must be a PoissonStructure, such as Canonical(2); got {structure!r}")
+        require(f"{name}: structure", structure, PoissonStructure, "a PoissonStructure, such as Canonical(2)")
         if hamiltonian is not None and type(self).energy is PoissonSystem.energy:
-            if not isinstance(hamiltonian, Hamiltonian):
-                raise InvalidType(
-                    f"{name}: hamiltonian must be a Hamiltonian, a record with `energy`; got {hamiltonian!r}"
-                )
+            require(f"{name}: hamiltonian", hamiltonian, Hamiltonian, "a Hamiltonian, a record with `energy`")
             require_one_body(name, self.group, hamiltonian, None)
             each = hamiltonian.parts if isinstance(hamiltonian, SplitHamiltonian) else (hamiltonian,)
             recognitions = [recognised(self.structure, part) for part in each]

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ...errors import InvalidType, undefined
+from ...errors import require, undefined
 from ...formulas import Vec, gradient, record, vec
 from ...formulas.classes.derived import derived
 from ...formulas.classes.records import fill, with_fields
@@ -98,10 +98,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         if energy is not self.hamiltonian:
             object.__setattr__(self, "hamiltonian", energy)
         for name, kind in ("group", LieGroup), ("hamiltonian", DrivenHamiltonian):
-            if not isinstance(getattr(self, name), kind):
-                raise InvalidType(
-                    f"{type(self).__name__}: {name} must be a {kind.__name__}; got {getattr(self, name)!r}"
-                )
+            require(f"{type(self).__name__}: {name}", getattr(self, name), kind)
         super().__post_init__()
 
     @final
