@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput
 from ..formulas import Vec, record
 from ..groups.retractions import Exponential
 from ..systems.system import System
 from ..tableaus.flows import CF3, CF4, CG3, CG4, LIE_EULER, LIE_MIDPOINT, FlowTableau
 from .method import Method
+from .orders import set_tableau
 from .rkmk import combination
 
 
@@ -40,18 +41,7 @@ class CommutatorFree(Method):
     choices: ClassVar[dict[int, FlowTableau]] = {t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CF3, CF4)}
 
     def __post_init__(self) -> None:
-        name, tableau = type(self).__name__, self.tableau  # type: Any, Any
-        if tableau is None:
-            if type(self.order) is not int or self.order not in self.choices:
-                choices = sorted(self.choices)
-                raise InvalidInput(
-                    f"{name}: order {self.order!r} has no tableau of its own; choose from {choices} or give a tableau"
-                )
-            tableau = self.choices[self.order]
-        if not isinstance(tableau, FlowTableau):
-            raise InvalidType(f"{name}: tableau must be a FlowTableau; got {tableau!r}")
-        object.__setattr__(self, "tableau", tableau)
-        object.__setattr__(self, "order", tableau.order)
+        set_tableau(self, FlowTableau, self.choices)
 
     @property
     def name(self) -> str:

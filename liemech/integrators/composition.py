@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, require
 from ..formulas import record
 from ..systems.system import State
 from ..tableaus.compositions import KAHAN_LI6, KAHAN_LI8, SUZUKI4, CompositionTableau, suzuki
 from .memory import Memory, Remembering
 from .method import Method
+from .orders import set_tableau
 
 
 @record
@@ -38,40 +39,27 @@ class Composition(Remembering):
     symmetric: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        base, tableau = self.base, self.tableau  # type: Any, Any
-        if not isinstance(base, Method):
-            raise InvalidType(
-                f"Composition: base must be a method such as CovariantVariational(Cayley()); got {base!r}"
-            )
+        base: Any = self.base
+        require("Composition: base", base, Method, "a method such as CovariantVariational(Cayley())")
         if not base.symmetric:
             raise InvalidInput(
                 f"Composition: {base!r} is not symmetric, and its substeps cannot cancel errors of "
                 "odd powers of h; CovariantVariational(Cayley()) and "
                 "CovariantVariational(Exponential()) are symmetric"
             )
-        if base.order == float("inf"):  # type: ignore[attr-defined]
+        if base.order == float("inf"):
             raise InvalidInput(
                 f"Composition: {base!r} is exact; there is no error for substeps to cancel. Use it as it is"
             )
-        if tableau is None:
-            tableau = self._chosen(base.order, self.order)  # type: ignore[attr-defined]
-        if not isinstance(tableau, CompositionTableau):
-            raise InvalidType(f"Composition: tableau must be a CompositionTableau; got {tableau!r}")
-        if tableau.base_order > base.order:  # type: ignore[attr-defined]
+        p = base.order
+        choices = self.choices if p == 2 else {p + 2: suzuki(p)}
+        more = f" for a base of order {p}, or give a tableau"
+        tableau = set_tableau(self, CompositionTableau, choices, more)
+        if tableau.base_order > p:
             raise InvalidInput(
-                f"Composition: {tableau.name} is for a base of order {tableau.base_order}; {base!r} is of order {base.order}"  # type: ignore[attr-defined]
+                f"Composition: {tableau.name} is for a base of order {tableau.base_order}; {base!r} is of order {p}"
             )
-        object.__setattr__(self, "tableau", tableau)
-        object.__setattr__(self, "order", max(tableau.order, base.order))  # type: ignore[attr-defined]
-
-    def _chosen(self, base: int, order: Any) -> CompositionTableau:
-        choices = self.choices if base == 2 else {base + 2: suzuki(base)}
-        if type(order) is not int or order not in choices:
-            raise InvalidInput(
-                f"Composition: order {order!r} has no tableau for a base of order {base}; choose "
-                f"from {sorted(choices)} or give a tableau"
-            )
-        return choices[order]
+        object.__setattr__(self, "order", max(tableau.order, p))
 
     @property
     def name(self) -> str:

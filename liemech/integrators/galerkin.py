@@ -20,6 +20,7 @@ from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit
 from .memory import Memory, extrapolated
+from .orders import require_order
 from .rkmk import combination
 from .variational import with_inertia
 
@@ -67,8 +68,7 @@ class GalerkinVariational(Implicit):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if type(self.order) is not int or self.order not in ORDERS:
-            raise InvalidInput(f"{type(self).__name__}: order must be one of {ORDERS}; got {self.order!r}")
+        require_order(self, ORDERS)
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]

@@ -7,11 +7,12 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem, InvalidInput
+from ..errors import IncompatibleSystem
 from ..formulas import Vec, record
 from ..groups.retractions import Exponential
 from ..systems.system import System
 from .method import Method
+from .orders import require_order
 
 # The nodes of Gauss and Legendre on [0, 1] for orders 2, 4, 6.
 NODES = {
@@ -50,8 +51,7 @@ class Magnus(Method):
     symmetric: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        if type(self.order) is not int or self.order not in NODES:
-            raise InvalidInput(f"Magnus: order must be one of {sorted(NODES)}; got {self.order!r}")
+        require_order(self, NODES)
 
     @property
     def name(self) -> str:

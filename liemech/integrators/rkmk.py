@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, InvalidType, OrderWarning, warn
+from ..errors import InvalidInput, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, vec, where
 from ..formulas.numbers.bases import InMemory
 from ..formulas.numbers.sizes import one_norms
@@ -19,6 +19,7 @@ from ..tableaus.butcher import BY_ORDER
 from ..tableaus.tableau import ButcherTableau
 from ..tableaus.trees import Row
 from .method import LEAST, Method, larger, mean_square_of_parts
+from .orders import set_tableau
 
 
 @record
@@ -68,18 +69,9 @@ class RKMK(Method):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        options: Any = self.tableau, self.truncation
-        if options[0] is None:
-            if type(self.order) is not int or self.order not in BY_ORDER:
-                choices = sorted(BY_ORDER)
-                raise InvalidInput(
-                    f"RKMK: order {self.order!r} has no tableau of its own; choose from {choices} or give a tableau"
-                )
-            object.__setattr__(self, "tableau", BY_ORDER[self.order])
-        if not isinstance(self.tableau, ButcherTableau):
-            raise InvalidType(f"RKMK: tableau must be a ButcherTableau; got {self.tableau!r}")
-        object.__setattr__(self, "order", self.tableau.order)
-        if options[1] is None:
+        set_tableau(self, ButcherTableau, BY_ORDER)
+        truncation: Any = self.truncation
+        if truncation is None:
             series = isinstance(self.retraction, Exponential)
             object.__setattr__(self, "truncation", max(self.order - 2, 0) if series else "closed")
         self._check_truncation(self.truncation)

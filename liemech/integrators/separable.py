@@ -26,6 +26,7 @@ from ..tableaus.splittings import (
 )
 from .memory import Memory, Remembering
 from .method import Method, alternatives
+from .orders import set_tableau
 
 
 @record
@@ -74,20 +75,9 @@ class ChosenByOrder(OfTableau):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        tableau: Any = self.tableau
         if type(self.quadratic) is not bool:
             raise InvalidType(f"{type(self).__name__}: quadratic is True or False; got {self.quadratic!r}")
-        if tableau is None:
-            choices = self.choices if self.quadratic else self.general
-            if type(self.order) is not int or self.order not in choices:
-                raise InvalidInput(
-                    f"{type(self).__name__}: order is one of {sorted(choices)}, or give a tableau; got {self.order!r}"
-                )
-            tableau = choices[self.order]
-        if not isinstance(tableau, SplittingTableau):
-            raise InvalidType(f"{type(self).__name__}: tableau must be a SplittingTableau; got {tableau!r}")
-        object.__setattr__(self, "tableau", tableau)
-        object.__setattr__(self, "order", tableau.order)
+        tableau = set_tableau(self, SplittingTableau, self.choices if self.quadratic else self.general)
         object.__setattr__(self, "quadratic", tableau.quadratic)
 
     @property

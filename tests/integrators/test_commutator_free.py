@@ -407,7 +407,7 @@ def test_repr_builds_the_same_method() -> None:
 def test_refusals() -> None:
     for kind in (CommutatorFree, CrouchGrossman):
         for order in (0, 5, 2.0, True, "4"):
-            with pytest.raises(lm.errors.InvalidInput, match=rf"{kind.__name__}: order .* choose from \[1, 2, 3, 4\]"):
+            with pytest.raises(lm.errors.InvalidInput, match=rf"{kind.__name__}: order is one of \[1, 2, 3, 4\]"):
                 kind(order=order)  # type: ignore[arg-type]
         with pytest.raises(lm.errors.InvalidType, match="must be a FlowTableau"):
             kind(tableau=RK4)  # type: ignore[arg-type]

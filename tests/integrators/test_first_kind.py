@@ -358,7 +358,7 @@ def test_retractions_of_which_it_is_no_class_function() -> None:
 
 
 def test_what_cannot_be_meant() -> None:
-    with pytest.raises(lm.errors.InvalidInput, match="order is 1, 2, 3 or 4; got 5"):
+    with pytest.raises(lm.errors.InvalidInput, match=r"order is one of \[1, 2, 3, 4\]; got 5"):
         FirstKindHamiltonJacobi(5)
     with pytest.raises(lm.errors.InvalidType, match="s0 must be"):
         FirstKindHamiltonJacobi(2, s0="trace")  # type: ignore[arg-type]

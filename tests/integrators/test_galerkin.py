@@ -491,7 +491,7 @@ def test_steps_beyond_the_chart_are_refused() -> None:
 
 def test_what_cannot_be_meant() -> None:
     for order in (3, 10, 4.0, "4"):
-        with pytest.raises(lm.errors.InvalidInput, match=r"order must be one of \(2, 4, 6, 8\)"):
+        with pytest.raises(lm.errors.InvalidInput, match=r"order is one of \[2, 4, 6, 8\]"):
             GalerkinVariational(order)  # type: ignore[arg-type]
     with pytest.raises(lm.errors.InvalidType, match="retraction must be"):
         GalerkinVariational(4, "exp")  # type: ignore[arg-type]

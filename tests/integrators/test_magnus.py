@@ -228,7 +228,7 @@ def test_refusals() -> None:
             return vec(g[0, 1], t, 1.0)
 
     for order in (0, 1, 3, 8, 4.0, True, "4", None):
-        with pytest.raises(lm.errors.InvalidInput, match=r"Magnus: order must be one of \[2, 4, 6\]"):
+        with pytest.raises(lm.errors.InvalidInput, match=r"Magnus: order is one of \[2, 4, 6\]"):
             Magnus(order)  # type: ignore[arg-type]
     body, start = asymmetric_body()
     steered = Steered(lm.SO3())

@@ -25,6 +25,7 @@ from ...tableaus.trees import Row
 from ..implicit import Implicit
 from ..memory import Memory, continued, extrapolated
 from ..method import Method
+from ..orders import require_order
 from ..rkmk import combination
 from . import isospectral_matrices
 
@@ -218,8 +219,7 @@ class Isospectral(Implicit):
     order: int = 4
 
     def __post_init__(self) -> None:
-        if type(self.order) is not int or self.order not in ORDERS:
-            raise InvalidInput(f"Isospectral: order must be one of {ORDERS}; got {self.order!r}")
+        require_order(self, ORDERS)
 
     @functools.cached_property
     def tableau(self) -> tuple[tuple[Row, ...], Row]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ...errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
+from ...errors import IncompatibleSystem, InvalidInput, NoConvergence, require
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
 from ...formulas.classes.nested import with_records
 from ...formulas.numbers.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of
@@ -23,6 +23,7 @@ from ..free_body.exact_free_body import ExactFreeBody
 from ..free_body.moser_veselov import ExactMoserVeselov
 from ..memory import Memory, Remembering
 from ..method import Method, alternatives
+from ..orders import set_tableau
 from .explicit_kicks import damping_and_slopes, free_refusal, refusal_by, throws_back, turns_round
 
 
@@ -218,35 +219,23 @@ class KickDrift(FieldSplitting):
     }
 
     def __post_init__(self) -> None:
-        free, tableau = self.free, self.tableau  # type: Any, Any
-        if not isinstance(free, Method):
-            raise InvalidType(
-                f"KickDrift: free must be a method for the free body such as ExactFreeBody(); got {free!r}"
-            )
+        free: Any = self.free
+        require("KickDrift: free", free, Method, "a method for the free body such as ExactFreeBody()")
         if isinstance(free, ExactMoserVeselov):
             raise InvalidInput(
                 "KickDrift: ExactMoserVeselov is fitted to one orbit, and a kick moves the body to "
                 "another; take ExactFreeBody()"
             )
-        if tableau is None:
-            if type(self.order) is not int or self.order not in self.choices:
-                raise InvalidInput(
-                    f"KickDrift: order is one of {sorted(self.choices)}, or give a tableau; got {self.order!r}"
-                )
-            tableau = self.choices[self.order]
-        if not isinstance(tableau, SplittingTableau):
-            raise InvalidType(f"KickDrift: tableau must be a SplittingTableau; got {tableau!r}")
+        tableau = set_tableau(self, SplittingTableau, self.choices)
         if not tableau.symmetric:
             raise InvalidInput(f"KickDrift: the tableau must be symmetric; got {tableau!r}")
-        order = free.order  # type: ignore[attr-defined]
+        order = free.order
         if order < tableau.order:
             raise InvalidInput(
                 f"KickDrift: {tableau.name} needs drifts of order {tableau.order}, such as "
                 f"ExactFreeBody(); {free!r} is of order {order}. Composition(KickDrift({free!r}), "
                 f"order={tableau.order}) is of order {tableau.order} with symmetric ones"
             )
-        object.__setattr__(self, "tableau", tableau)
-        object.__setattr__(self, "order", tableau.order)
 
     @property
     def name(self) -> str:

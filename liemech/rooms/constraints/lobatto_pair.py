@@ -5,10 +5,10 @@ from __future__ import annotations
 import functools
 from typing import Any, ClassVar
 
-from ...errors import InvalidInput
 from ...formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec
 from ...formulas.numbers.sizes import magnitudes, one_norms
 from ...groups.representations import squares
+from ...integrators.orders import require_order
 from ...integrators.rkmk import combination
 from ...solvers import fixed_point
 from ...systems.canonical import CanonicalState
@@ -44,8 +44,7 @@ class LobattoPair(OnConstraints):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if type(self.order) is not int or self.order not in ORDERS:
-            raise InvalidInput(f"LobattoPair: order is one of {ORDERS}; got {self.order!r}")
+        require_order(self, ORDERS)
 
     @functools.cached_property
     def tableau(self) -> tuple[tuple[Row, ...], tuple[Row, ...], Row]:

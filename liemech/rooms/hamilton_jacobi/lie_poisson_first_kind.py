@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ...errors import IncompatibleSystem, InvalidInput, InvalidType
+from ...errors import IncompatibleSystem, InvalidInput, require
 from ...formulas import Mat, Vec, derivative, dot, jacobian, norm, plain, record, vec, where
 from ...formulas.numbers.sizes import one_norms
 from ...formulas.sums import total
@@ -17,6 +17,7 @@ from ...integrators.implicit import Implicit
 from ...integrators.memory import Memory, extrapolated
 from ...integrators.method import alternatives
 from ...integrators.motion_series import first_kind, velocity_at
+from ...integrators.orders import require_order
 from ...solvers import newton
 from ...systems.lie_poisson import BodyState
 from .class_functions import ClassFunction, InvariantForm, inverse_differential
@@ -70,12 +71,8 @@ class FirstKindHamiltonJacobi(Implicit):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if type(self.order) is not int or self.order not in ORDERS:
-            raise InvalidInput(f"{type(self).__name__}: order is 1, 2, 3 or 4; got {self.order!r}")
-        if not isinstance(self.s0, ClassFunction):
-            raise InvalidType(
-                f"{type(self).__name__}: s0 must be InvariantForm(), TraceOfAd() or CayleySquare(); got {self.s0!r}"
-            )
+        require_order(self, ORDERS)
+        require(f"{type(self).__name__}: s0", self.s0, ClassFunction, "InvariantForm(), TraceOfAd() or CayleySquare()")
         scale: Any = self.scale
         if scale is not None:
             if isinstance(scale, bool) or not isinstance(scale, (int, float)) or not 0.0 < scale < float("inf"):

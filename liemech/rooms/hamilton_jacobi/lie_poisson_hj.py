@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ...errors import InvalidInput
 from ...formulas import Mat, Vec, derivative, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
 from ...formulas.sums import total
 from ...groups.retractions import Exponential, Retraction
@@ -14,6 +13,7 @@ from ...groups.rigid.so3 import SO3Algebra
 from ...integrators.implicit import Implicit
 from ...integrators.memory import Memory, extrapolated
 from ...integrators.motion_series import second_kind, velocity_at
+from ...integrators.orders import require_order
 from ...integrators.variational import weight
 from ...solvers import TOLERANCE, newton
 from ...systems.kinetic_energy import has_inertia
@@ -65,8 +65,7 @@ class LiePoissonHamiltonJacobi(Implicit):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if type(self.order) is not int or self.order not in ORDERS:
-            raise InvalidInput(f"{type(self).__name__}: order is 2, 4, 6 or 8; got {self.order!r}")
+        require_order(self, ORDERS)
 
     @property
     def name(self) -> str:

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ...errors import IncompatibleSystem, InvalidInput, InvalidType
+from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas import record
 from ...groups.composed.species import SpeciesGroup
 from ...integrators.memory import Memory, Remembering
 from ...integrators.method import alternatives
+from ...integrators.orders import set_tableau
 from ...systems.in_time.driven import DrivenLiePoissonSystem
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...tableaus.compositions import KAHAN_LI8
@@ -42,15 +43,7 @@ class TermSplitting(Remembering):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        name, tableau = type(self).__name__, self.tableau  # type: str, Any
-        if tableau is None:
-            if type(self.order) is not int or self.order not in self.choices:
-                raise InvalidInput(
-                    f"{name}: order is one of {sorted(self.choices)}, or give a tableau; got {self.order!r}"
-                )
-            tableau = self.choices[self.order]
-        if not isinstance(tableau, SplittingTableau):
-            raise InvalidType(f"{name}: tableau must be a SplittingTableau; got {tableau!r}")
+        name, tableau = type(self).__name__, set_tableau(self, SplittingTableau, self.choices)
         if not tableau.symmetric:
             raise InvalidInput(f"{name}: the tableau must be symmetric; got {tableau!r}")
         if tableau.quadratic:
@@ -59,8 +52,6 @@ class TermSplitting(Remembering):
                 "momentum, and spins have none; take BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, or "
                 "leave the tableau out"
             )
-        object.__setattr__(self, "tableau", tableau)
-        object.__setattr__(self, "order", tableau.order)
 
     @property
     def name(self) -> str:
