@@ -18,6 +18,7 @@ from ..errors import InvalidType
 from . import blas
 from .numbers.bases import InMemory, StandIn
 from .numbers.complex_numbers import Complex
+from .sums import halves
 from .vectors import Mat, Vec
 
 TOGETHER = 16
@@ -327,10 +328,7 @@ def total(numbers: np.ndarray) -> float:
     sum_ = 0.0
     with np.errstate(all="ignore"):
         if whole:
-            sums = numbers[:whole].reshape(-1, TOGETHER).sum(axis=0)
-            while len(sums) > 1:
-                sums = sums[: len(sums) // 2] + sums[len(sums) // 2 :]
-            sum_ = sums.item()
+            sum_ = halves(numbers[:whole].reshape(-1, TOGETHER).sum(axis=0).tolist())
     for x in numbers[whole:].tolist():
         sum_ = sum_ + x
     return sum_

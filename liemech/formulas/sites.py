@@ -28,6 +28,7 @@ from .classes.records import Record, record
 from .functions import where
 from .numbers.conversions import as_others_see, fitted
 from .numbers.series_of_sites import SeriesMeeting, company, has_series
+from .sums import halves
 from .tables import Table
 from .vectors import Vec
 
@@ -716,11 +717,3 @@ def interleaved_sum(terms: list[float]) -> float:
     for i, x in enumerate(terms):
         sums[i % TOGETHER] = sums[i % TOGETHER] + x
     return halves(sums)
-
-
-def halves(sums: list[Any]) -> Any:
-    """The sum of the first half and the second, and so on."""
-    while len(sums) > 1:
-        half = len(sums) // 2
-        sums = [a + b for a, b in zip(sums[:half], sums[half:])]
-    return sums[0]

@@ -25,6 +25,14 @@ def total(items: list[Any]) -> Any:
     return total(items[:half]) + total(items[half:])
 
 
+def halves(sums: list[Any]) -> Any:
+    """The sum of a list of 2^n: of the first half and the second, number by number, and so on."""
+    while len(sums) > 1:
+        half = len(sums) // 2
+        sums = [a + b for a, b in zip(sums[:half], sums[half:])]
+    return sums[0]
+
+
 def scaled(c: float, x: Any) -> Any:
     """c x without the multiplications by 1 and -1."""
     if c == 1.0:

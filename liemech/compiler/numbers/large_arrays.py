@@ -20,7 +20,9 @@ from ...formulas.classes.layouts import Layout
 from ...formulas.large import TOGETHER, Large, size_of
 from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers.complex_numbers import Complex
+from ...formulas.sums import halves
 from . import large_maps
+from .counted import counted
 from .ir_numbers import F64, I32, I64, Emitter, Num
 from .lookups import constants
 
@@ -318,30 +320,15 @@ class LargeArrays:
         b = self.e.builder
         whole, total = count // TOGETHER * TOGETHER, ir.Constant(F64, 0.0)
         if whole:
-            halves = range(0, TOGETHER, WIDE)
-            at = lambda i, k: b.add(i, ir.Constant(I64, k))  # noqa: E731
-            sums = [term(ir.Constant(I64, k), WIDE) for k in halves]
+            places = range(0, TOGETHER, WIDE)
+            sums = [term(ir.Constant(I64, k), WIDE) for k in places]
             if whole > TOGETHER:
-                before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
-                b.branch(head)
-                b.position_at_end(head)
-                i = b.phi(I64)
-                i.add_incoming(ir.Constant(I64, TOGETHER), before)
-                phis = [b.phi(s.type) for s in sums]
-                for phi, s in zip(phis, sums):
-                    phi.add_incoming(s, before)
-                sums = [b.fadd(phi, term(at(i, k), WIDE)) for phi, k in zip(phis, halves)]
-                following = at(i, TOGETHER)
-                i.add_incoming(following, b.block)
-                for phi, s in zip(phis, sums):
-                    phi.add_incoming(s, b.block)
-                b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, whole)), head, done)
-                b.position_at_end(done)
-            numbers = [b.extract_element(s, ir.Constant(I32, k)) for s in sums for k in range(WIDE)]
-            while len(numbers) > 1:
-                half = len(numbers) // 2
-                numbers = [b.fadd(x, y) for x, y in zip(numbers[:half], numbers[half:])]
-            total = numbers[0]
+                with counted(b, I64(TOGETHER), I64(whole), TOGETHER, sums) as turn:
+                    more = [term(b.add(turn.index, I64(k)), WIDE) for k in places]
+                    turn.values = [*map(b.fadd, turn.values, more)]
+                sums = turn.values
+            numbers = [self.e.num([b.extract_element(s, I32(k))]) for s in sums for k in range(WIDE)]
+            total = halves(numbers).values[0]
         for k in range(whole, count):
             total = b.fadd(total, term(ir.Constant(I64, k), 1))
         return total
@@ -483,17 +470,8 @@ class LargeArrays:
     @contextlib.contextmanager
     def _range(self, begin: ir.Value, end: ir.Value, step: int = 1) -> Iterator[ir.Value]:
         """A loop over begin, begin + step, ... below a larger end."""
-        b = self.e.builder
-        before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
-        b.branch(head)
-        b.position_at_end(head)
-        i = b.phi(I64)
-        i.add_incoming(begin, before)
-        yield i
-        following = b.add(i, ir.Constant(I64, step))
-        i.add_incoming(following, b.block)
-        b.cbranch(b.icmp_signed("<", following, end), head, done)
-        b.position_at_end(done)
+        with counted(self.e.builder, begin, end, step) as turn:
+            yield turn.index
 
     @contextlib.contextmanager
     def _until(self, begin: ir.Value, count: int) -> Iterator[ir.Value]:

@@ -11,6 +11,7 @@ from llvmlite import ir
 
 from ...formulas.large import Large, size_of
 from ...formulas.large_maps import DiagonalSolver, LinearMap
+from .counted import counted
 from .ir_numbers import F64, I64
 
 
@@ -100,22 +101,10 @@ def _along(arrays: Any, solver: DiagonalSolver, source: ir.Value, target: ir.Val
 def _without_trace(arrays: Any, target: ir.Value, n: int) -> None:
     """Subtract from the main diagonal of a complex matrix its mean."""
     b = arrays.e.builder
-    zero = ir.Constant(ir.VectorType(F64, 2), [0.0, 0.0])
-    step, before, head, done = (
-        ir.Constant(I64, 2 * n + 2), b.block, b.append_basic_block(), b.append_basic_block(),
-    )  # fmt: skip
-    b.branch(head)
-    b.position_at_end(head)
-    i, trace = b.phi(I64), b.phi(zero.type)
-    i.add_incoming(ir.Constant(I64, 0), before)
-    trace.add_incoming(zero, before)
-    partial = b.fadd(trace, arrays.load(target, b.mul(i, step), 2))
-    following = b.add(i, ir.Constant(I64, 1))
-    i.add_incoming(following, head)
-    trace.add_incoming(partial, head)
-    b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, n)), head, done)
-    b.position_at_end(done)
-    mean = b.fmul(partial, ir.Constant(zero.type, [1.0 / n] * 2))
+    zero, step = ir.Constant(ir.VectorType(F64, 2), [0.0, 0.0]), I64(2 * n + 2)
+    with counted(b, I64(0), I64(n), values=[zero]) as turn:
+        turn.values = [b.fadd(turn.values[0], arrays.load(target, b.mul(turn.index, step), 2))]
+    mean = b.fmul(turn.values[0], ir.Constant(zero.type, [1.0 / n] * 2))
     with arrays.turns(n) as k:
         at = b.mul(k, step)
         arrays.store(b.fsub(arrays.load(target, at, 2), mean), target, at)
@@ -125,19 +114,10 @@ def _terms(arrays: Any, places: ir.Value, factors: ir.Value, source: ir.Value, f
     """The sum of many terms, from left to right."""
     b = arrays.e.builder
     first_term = _term(arrays, places, factors, source, first)
-    before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
-    b.branch(head)
-    b.position_at_end(head)
-    t, total = b.phi(I64), b.phi(F64)
-    t.add_incoming(ir.Constant(I64, 1), before)
-    total.add_incoming(first_term, before)
-    partial = b.fadd(total, _term(arrays, places, factors, source, b.add(first, t)))
-    following = b.add(t, ir.Constant(I64, 1))
-    t.add_incoming(following, b.block)
-    total.add_incoming(partial, b.block)
-    b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, terms)), head, done)
-    b.position_at_end(done)
-    return partial
+    with counted(b, I64(1), I64(terms), values=[first_term]) as turn:
+        term = _term(arrays, places, factors, source, b.add(first, turn.index))
+        turn.values = [b.fadd(turn.values[0], term)]
+    return turn.values[0]
 
 
 def _term(arrays: Any, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value) -> ir.Value:

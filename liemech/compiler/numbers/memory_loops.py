@@ -8,9 +8,8 @@ vector anyway.
 
 from __future__ import annotations
 
-import contextlib
 import operator
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from llvmlite import ir
@@ -18,6 +17,7 @@ from llvmlite import ir
 from ...formulas import sums as formulas
 from ...formulas.numbers.complex_numbers import Complex
 from ...formulas.vectors import Mat, Vec
+from .counted import counted
 from .ir_numbers import F64, I64, Emitter, Num
 from .lookups import constants
 
@@ -61,21 +61,6 @@ class NumbersInMemory:
     def number(self, i: int) -> Num:
         registers = range(self.e.registers(self.varying))
         return self.e.num([self.load(ir.Constant(I64, i), r) for r in registers])
-
-
-@contextlib.contextmanager
-def turns(b: ir.IRBuilder, count: int) -> Iterator[ir.Value]:
-    """A native loop of `count` turns, at least one."""
-    before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
-    b.branch(head)
-    b.position_at_end(head)
-    i = b.phi(I64)
-    i.add_incoming(ir.Constant(I64, 0), before)
-    yield i
-    following = b.add(i, ir.Constant(I64, 1))
-    i.add_incoming(following, b.block)
-    b.cbranch(b.icmp_signed("==", following, ir.Constant(I64, count)), done, head)
-    b.position_at_end(done)
 
 
 def _floats(numbers: Sequence[Any]) -> bool:
@@ -128,9 +113,9 @@ def _product(e: Emitter, a: list[Any], b: list[Any], complex_: bool, varying: bo
     A, B = _planes(e, a, complex_, varying), _planes(e, wide_rows, complex_, varying)
     C = [NumbersInMemory(e, n * width, varying) for _ in A]
     wide = ir.VectorType(F64, side) if side > 1 else e.type("f", varying)
-    with turns(builder, n) as i, turns(builder, width // side) as block:
-        row, j = builder.mul(i, ir.Constant(I64, m)), builder.mul(block, ir.Constant(I64, side))
-        at = builder.add(builder.mul(i, ir.Constant(I64, width)), j)
+    with counted(builder, I64(0), I64(n)) as i, counted(builder, I64(0), I64(width // side)) as block:
+        row, j = builder.mul(i.index, ir.Constant(I64, m)), builder.mul(block.index, ir.Constant(I64, side))
+        at = builder.add(builder.mul(i.index, ir.Constant(I64, width)), j)
         for r in range(e.registers(varying)):
             sums: list[ir.Value] = []
             for k in range(m):
@@ -202,8 +187,8 @@ def _sums(
     def loaded(table: ir.Value, at: ir.Value, type_: ir.Type) -> ir.Value:
         return b.load(b.gep(table, [at], source_etype=type_), typ=type_)
 
-    with turns(b, count) as row:
-        first = b.mul(row, ir.Constant(I64, length))
+    with counted(b, I64(0), I64(count)) as turn:
+        first = b.mul(turn.index, ir.Constant(I64, length))
         products: list[list[ir.Value]] = [[] for _ in range(e.registers(X.varying))]
         for k in range(length):
             term = b.add(first, ir.Constant(I64, k))
@@ -219,5 +204,5 @@ def _sums(
                 registers.append(b.fmul(c, product))
         for r, registers in enumerate(products):
             total = formulas.total([e.num([v]) for v in registers])
-            Z.store(total.value, row, r)
+            Z.store(total.value, turn.index, r)
     return Z

@@ -18,8 +18,10 @@ from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.conversions import as_others_see
 from ...formulas.numbers.series_of_sites import SeriesMeeting, company, has_series
 from ...formulas.sites import TOGETHER, Column, Meeting, SiteTable
+from ...formulas.sums import halves
 from ..buffers import SiteRows, unchanged
 from ..numbers.arrays import vector
+from ..numbers.counted import counted
 from ..numbers.ir_numbers import F64, I32, I64, Num
 from ..translation.joins import come_from
 from .fission import CHEAP
@@ -302,32 +304,19 @@ class SiteMeetings:
         e, b = self.e, self.b
         width, type_ = e.width, e.type("f", e.lanes > 1)
         count, start = loop.sites.count.value, rows.at(row)
-        before, head, body, done = b.block, *(b.append_basic_block() for _ in range(3))
-        zero = I64(0)
-        b.branch(head)
-        b.position_at_end(head)
-        at = b.phi(I64)
-        sums = [b.phi(type_) for _ in range(TOGETHER // width)]
         blank = e.constant(0.0, "f", e.lanes > 1).values[0]
-        at.add_incoming(zero, before)
-        b.cbranch(b.icmp_signed("<", at, count), body, done)
-        b.position_at_end(body)
-        for k, s in enumerate(sums):
-            s.add_incoming(blank, before)
-            first = b.add(at, I64(k * width))
-            place = b.bitcast(rows.after(start, first), type_.as_pointer())
-            x = b.load(place, align=8, typ=type_)
-            inside = self._there(first, count)
-            s.add_incoming(b.fadd(s, b.select(inside, x, blank)), body)
-        at.add_incoming(b.add(at, I64(TOGETHER)), body)
-        b.branch(head)
-        b.position_at_end(done)
+        with counted(b, I64(0), count, TOGETHER, [blank] * (TOGETHER // width)) as turn:
+            for k, s in enumerate(turn.values):
+                first = b.add(turn.index, I64(k * width))
+                place = b.bitcast(rows.after(start, first), type_.as_pointer())
+                x = b.load(place, align=8, typ=type_)
+                turn.values[k] = b.fadd(s, b.select(self._there(first, count), x, blank))
         lanes = [
             e.num([s if e.lanes == 1 else b.extract_element(s, ir.Constant(I32, k))])
-            for s in sums
+            for s in turn.values
             for k in range(width)
         ]
-        sum_: Num = words.halves(lanes)
+        sum_: Num = halves(lanes)
         return sum_
 
     def _there(self, first: ir.Value, count: ir.Value) -> ir.Value:

@@ -13,7 +13,8 @@ from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.records import with_fields
 from ....formulas.classes.signatures import bare
-from ....formulas.sites import SiteArray, SiteTable, halves, meet, own
+from ....formulas.sites import SiteArray, SiteTable, meet, own
+from ....formulas.sums import halves
 from ....groups.composed.one_of import filled
 from ....groups.lie_group import LieGroup
 from ....systems.hamiltonian import Hamiltonian
