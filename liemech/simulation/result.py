@@ -172,7 +172,7 @@ def of_short(promises: Any, way: Any, h: Any, bodies: int | None, steps: int, ot
 def of_sites(run: Any) -> Any:
     """The run of one system of many sites, ended or between two pieces."""
     plan = run.plan
-    t = run.asked[: run.made].copy()
+    t = run.samples.t
     promises = SimpleNamespace(t=lambda: t, states=_states_of_sites(run), carry=lambda: run.standing)
     return Trajectory.promised(
         promises, system=plan.system, method=plan.method, bodies=None, steps=run.most,
@@ -184,13 +184,12 @@ def of_sites(run: Any) -> Any:
 
 def _states_of_sites(run: Any) -> Any:
     """A function without arguments that makes the arrays of the samples so far."""
-    shape, recorder, chosen, n = run.shape, run.plan.recorder, run.chosen, run.made
-    totals, of_chosen, shown = run.totals[:n].copy(), run.own[:n].copy(), run.seen.array[: n * run.wide]
+    shape, recorder, samples = run.shape, run.plan.recorder, run.samples
+    chosen, n, rows, totals = samples.chosen, samples.made, samples.kept, samples.totals[: samples.made].copy()
 
     def states() -> dict[str, np.ndarray]:
         parts = {}
         if shape.shown.kept:
-            rows = of_chosen if chosen is not None else shown.reshape(n, run.wide, shown.shape[-1])[..., : run.count]
             arrays = unpacked(shape.state, rows.swapaxes(1, 2))
             wanted = arrays if recorder is None else recorder.parts
             subset = arrays if set(wanted) - set(arrays) else {name: arrays[name] for name in wanted}

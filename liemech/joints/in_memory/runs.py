@@ -10,7 +10,6 @@ import numpy as np
 from ...compiler.sites.planes import Planes, columns
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
 from ...formulas.classes.layouts import layout_of
-from ...formulas.sites import rows_of
 from ...formulas.tables import Table
 from ...groups.retractions import Exponential
 from ...integrators.composition import Composition
@@ -22,12 +21,13 @@ from ...integrators.taylor import Taylor
 from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.constraints.lie_rattle import LieRATTLE, near_a_dead_point
 from ...rooms.constraints.rattle import RATTLE
-from ...rooms.sites.runs.run import SiteRun, aside
+from ...rooms.sites.runs.run import SiteRun
+from ...rooms.sites.runs.samples import Samples
 from ...rooms.sites.runs.states import as_users_see, one_of, state_of_rows
 from ...simulation.between.dense import flat, unpacked
 from ...simulation.between.events import Events
 from ...simulation.between.turning import looks_by_velocity, turning_of
-from ...simulation.compiled.control import FRESH, GOAL, MARK, TAKEN, TIME
+from ...simulation.compiled.control import TAKEN, TIME
 from ...simulation.compiled.parameters import places_of
 from ...simulation.result import AsItIs
 from ...simulation.runs.carry import SiteCarry
@@ -269,7 +269,7 @@ class LinksRun(SiteRun):
         self.plan, self.site = plan, form.links
         self.work[: len(form.fixed), : self.count] = form.fixed
         if anew:
-            self._begin_here()
+            self._begin_at(self.shape.shown_rows(self._memory))
 
     def take(self, new: list[tuple[Any, list[float]]]) -> bool:
         """Write down new values of parameters of forces at joints; False for others."""
@@ -278,7 +278,7 @@ class LinksRun(SiteRun):
             return False
         for (row, column), (_, numbers) in zip(places, new):
             self.work[row : row + len(numbers), column] = numbers
-        self._begin_here()
+        self._begin_at(self.shape.shown_rows(self._memory))
         return True
 
     def _places(self, one: Any) -> Any:
@@ -287,12 +287,9 @@ class LinksRun(SiteRun):
             self.known_places[one.name] = place_of(self.plan._one, one)
         return self.known_places[one.name]
 
-    def _begin_here(self) -> None:
-        """Let the method begin with the state here."""
+    def _begin_at(self, rows: np.ndarray) -> None:
         self.work[len(self.plan._one.linked.fixed) :] = 0.0
-        self.starts = Planes(rows_of(self.shape.shown_rows(self._memory)), self.count)
-        self.place[:] = 0.0
-        self._begin()
+        super()._begin_at(rows)
 
     def states(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """States as users see them, of the numbers of places, (n, width, places)."""
@@ -307,9 +304,9 @@ class LinksRun(SiteRun):
         at leaves the run where it was.
         """
         if self.events is None or not turns:
-            self._settled(turns)
+            super()._call(turns)
             return
-        width, watch, made = 2 * self.shape.memory.width, self.events.watch, self.made
+        width, watch, made = 2 * self.shape.memory.width, self.events.watch, self.samples.made
         before = self.sites.array[:width].copy(), self.place.copy(), self.clocks.copy()
         march, values = self.march.copy(), watch.values
         try:
@@ -318,22 +315,22 @@ class LinksRun(SiteRun):
             if self.kept_all:
                 raise
             self.sites.array[:width], self.place[:], self.clocks[:] = before
-            self.march[:], self.made, watch.values = march, made, values
+            self.march[:], self.samples.made, watch.values = march, made, values
             for column in (self.of.at_joint, self.of.reached, self.of.ready):
                 column.put(0, 0.0)
             watch.forget(float(self.clocks[TIME, 0]), np.sign(self.h), False)
             raise
 
-    def _settled(self, turns: int) -> None:
+    def _steps(self, turns: int, samples: Samples) -> None:
         """Some more steps; what is shown of the state to which they have led is found after Ctrl-C and
         after a step that has failed, too.
         """
         stopped = None
         try:
-            super()._call(turns)
+            super()._steps(turns, samples)
         except KeyboardInterrupt as caught:
             stopped = caught
-            super()._call(0)
+            super()._steps(0, samples)
         if self.shape.method.settles and self.of.ready.at(0) == BROKEN:
             shape, (t, copy) = self.shape, (float(self.clocks[TIME, 0]), self._copy)
             with shape.stepping.plain():
@@ -344,23 +341,18 @@ class LinksRun(SiteRun):
     def _watched(self, turns: int) -> None:
         """Some steps, and a look at them."""
         self.kept_all = False
-        times, made, steps = self.times, self.made, self.steps
+        samples, made, steps = self.samples, self.samples.made, self.steps
         begun, first = float(self.clocks[TIME, 0]), self.taken
         turns = min(turns, SEEN, self.first + steps - first)
         rows = [self.shape.shown_rows(self._memory)[None]]
         ends = self.t0 + np.arange(first + 1, first + turns + 1) * self.h
-        seen = Planes.of_rows(turns * self.wide, self.count)
-        none = np.zeros((turns, 0))
-        stopped, after = None, {}  # type: Any, dict[str, Any]
+        every, stopped = Samples(self.shape, self.count, ends, ends), None  # type: Any, Any
         try:
-            with aside(self, times=ends, made=0, seen=seen, room=turns, totals=none) as after:
-                self._settled(turns)
+            self._steps(turns, every)
         except KeyboardInterrupt as caught:  # after some of the steps
             stopped = caught
-        found = seen.array[: after["made"] * self.wide, : self.count]
-        rows.append(found.reshape(after["made"], self.wide, self.count))
         error = hit = None
-        piece = Piece(np.append(begun, ends[: after["made"]]), np.concatenate(rows))
+        piece = Piece(np.append(begun, every.t), np.concatenate([*rows, every.rows]))
         try:
             hit = self.events.see(piece)
         except Exception as caught:
@@ -368,15 +360,15 @@ class LinksRun(SiteRun):
             ends, hit = ends[: getattr(caught, "step", 0)], None
         end = float(piece.t[min(len(ends), len(piece))]) if hit is None else hit[1]
         sign = np.sign(self.h)
-        while self.made < len(times) and sign * (times[self.made] - end) <= 0.0:
-            self._keep(piece.inside(self, times.item(self.made)), NOTHING)
+        while sign * (samples.due - end) <= 0.0:
+            samples.keep(piece.inside(self, samples.due), NOTHING)
         if error is not None:
             raise self._with_run(error, None)
         if hit is not None:
             self.ended, self.clocks[TAKEN] = hit[2], first + hit[0] + 1
-            if not self.fixed_times and not (made < self.made and times[self.made - 1] == end):
-                self.asked = np.append(self.asked[: self.made], end)
-                self._keep(piece.inside(self, end), NOTHING)
+            if not self.fixed_times and not (made < samples.made and samples.times[samples.made - 1] == end):
+                samples.end_at(end)
+                samples.keep(piece.inside(self, end), NOTHING)
             self.t_end = end
         self.kept_all = True
         if stopped is not None:
@@ -387,38 +379,11 @@ class LinksRun(SiteRun):
         if self.ended is None:
             super()._attend()
 
-    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, Any, Any]:
-        """The states at a time in the last step, and no totals."""
-        shape, width = self.shape, self.shape.memory.width
-        if at == end:
-            return shape.shown_rows(self._memory), NOTHING, NOTHING
-        before = self.sites.array[width * (1 - self._copy) :][:width, : self.count]
-        return self.inside(shape.shown_rows(before), begun, at), NOTHING, NOTHING
-
     def inside(self, rows: np.ndarray, begun: float, at: float) -> np.ndarray:
         """The states to which a shorter step leads, from such at its beginning."""
         if at == begun:
             return rows
-        goals = np.zeros((GOAL.width, 1))
-        goals[:, 0] = np.copysign(np.inf, self.h), 0.0, 0.0, 0.0, 1.0, begun
-        clocks = np.array([[begun, at - begun, *FRESH]]).T
-        clocks[TAKEN] = 0.0
-        if not hasattr(self, "spare"):
-            of = self.of
-            self.spare = self._room_for(self.shape.memory.width), self.of
-            self.of = of
-        sites, of = self.spare
-        of.inertia.array[len(self.plan._one.linked.fixed) :] = 0.0
-        with aside(
-            self, sites=sites, of=of, starts=Planes(rows_of(rows), self.count), goals=goals,
-            clocks=clocks, place=np.zeros((2, 1)), march=np.array([0.0, np.nan, 0.0]), h=at - begun,
-            times=self.times[:0], made=0, begun=begun, first=0, steps=1,
-        ):  # fmt: skip
-            self._begin()
-            self._settled(1)
-            if clocks[MARK, 0] != 0.0:
-                self._fail()
-            found: np.ndarray = self.shape.shown_rows(self._memory).copy()
+        found: np.ndarray = self.shape.shown_rows(self.stepped_from(rows, begun, at)._memory)
         return found
 
     # ---------------------------------------------------------------- functions of the state
@@ -427,12 +392,12 @@ class LinksRun(SiteRun):
         """Find what is recorded."""
         super().require_ends()
         try:
-            self.recorded(self.made)
+            self.recorded(self.samples.made)
         except (Exception, KeyboardInterrupt) as caught:
             error: Any = caught
-            self.made, found = error.kept
+            self.samples.made, found = error.kept
             self.found = {name: found[name] for name in self.plan.recorder.quantities}
-            self.told_of = self.made
+            self.told_of = self.samples.made
             raise self._with_run(error, None) from error.__cause__
 
     def recorded(self, n: int) -> dict[str, np.ndarray]:
@@ -441,10 +406,9 @@ class LinksRun(SiteRun):
         if recorder is None or not recorder.quantities:
             return {}
         if self.told_of != n:
-            seen = self.seen.array[: n * self.wide, : self.count]
-            states, of = self.states(seen.reshape(n, self.wide, self.count)), self.plan._one
+            states, of = self.states(self.samples.rows[:n]), self.plan._one
             one, asked = SimpleNamespace(bodies=None, system=of), self.plan._steps.compiled
-            found = recorder.values(one, one_of(states), self.asked[:n], states, asked)
+            found = recorder.values(one, one_of(states), self.samples.asked[:n], states, asked)
             self.found = {name: found[name] for name in recorder.quantities}
             self.told_of = n
         return self.found

@@ -16,9 +16,9 @@ from ..tangent import in_steps
 class EndsKept(SiteRun):
     """A run that knows when its steps ended."""
 
-    def aim(self, *given: Any) -> None:
-        super().aim(*given)
+    def aim(self, *given: Any) -> Any:
         self.ends = [self.begun]
+        return super().aim(*given)
 
     def _quicker(self, pace: int, used: float) -> int:
         return 1  # step by step

@@ -49,8 +49,8 @@ class Along:
     def halves(self) -> tuple[np.ndarray, np.ndarray]:
         """The numbers of samples and their slopes, (n, width, sites)."""
         run: Any = self
-        rows = run.seen.array[: run.made * run.wide].reshape(run.made, run.wide, -1)
-        return rows[:, 0::2, : run.count], rows[:, 1::2, : run.count]
+        rows = run.samples.rows
+        return rows[:, 0::2], rows[:, 1::2]
 
 
 class Frames:

@@ -11,19 +11,17 @@ from ....compiler.sites.planes import Planes, columns
 from ....errors import NoConvergence, OutsideChart
 from ....formulas.classes.layouts import vector
 from ....formulas.classes.records import with_fields
-from ....formulas.sites import SiteArray, SiteTable, rows_of
+from ....formulas.sites import SiteArray, SiteTable
 from ....formulas.tables import Table
 from ....groups.retractions import Exponential
 from ....integrators.composition import Composition
 from ....integrators.ending_at_jumps import EndingAtJumps, cuts
 from ....integrators.galerkin import GalerkinVariational
-from ....simulation.compiled.control import FRESH, GOAL, MARK, TAKEN
 from ....systems.mechanical import MechanicalSystem
 from ..galerkin_of_chain import GalerkinOfChain, work_of
 from ..terms.sums_of_terms import PlaceTerms
 from ..terms.terms_at_site import ForceOfSite, PotentialOfSite, RoleAtSite
-from .driver import CROSSED
-from .run import SiteRun, aside
+from .run import SiteRun
 
 MOST = 6
 """Components of the velocity of a site, at most."""
@@ -95,8 +93,6 @@ def bonds_along(potential: PlaceTerms, n: int) -> list[Any] | None:
 class ChainRun(SiteRun):
     """One run of a chain of sites."""
 
-    spare: Any = None  # memory for shorter steps
-
     def _room_for(self, width: int) -> Planes:
         """Two copies of what the method carries along, and what a step works with.  Elimination goes
         from site to site, so that one thread makes a step.
@@ -107,45 +103,6 @@ class ChainRun(SiteRun):
         told = columns(made, copies=vector(2 * width), work=method.work).work.fields.told
         self.squares = made.array[told.rows[0]]
         return made
-
-    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The states of all sites at a time in the last step, by a shorter step of all of them; the totals
-        of what is recorded, and the events.
-        """
-        shape, width = self.shape, self.shape.memory.width
-        if at == end:
-            recorded = self.look[: self.totals.shape[1]]
-            return shape.shown_rows(self._memory), recorded, self.values[1]
-        before = self.sites.array[width * (1 - self._copy) :][:width, : self.count]
-        rows = shape.shown_rows(before)
-        h = at - begun
-        goals = np.zeros((GOAL.width, 1))
-        goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, 1.0, begun
-        clocks = np.array([[begun, h, *FRESH]]).T
-        clocks[TAKEN] = 0.0
-        if self.spare is None:
-            squares = self.squares
-            self.spare = self._room_for(width), self.squares
-            self.squares = squares
-        sites, squares = self.spare
-        one = self.chosen is None
-        with aside(
-            self, sites=sites, squares=squares, starts=Planes(rows_of(rows), self.count), goals=goals,
-            clocks=clocks, place=np.zeros((2, 1)), march=np.array([0.0, np.nan, 0.0]), h=h, made=0,
-            times=np.array([begun + h]), begun=begun, first=0, steps=1, room=1,
-            seen=Planes.of_rows(max(1, self.wide), self.count), look=np.zeros_like(self.look),
-            values=np.full_like(self.values, np.nan), totals=np.zeros((1, self.totals.shape[1])),
-            own=self.own if one else np.empty_like(self.own[:1]),
-        ):  # fmt: skip
-            self._begin()
-            super()._call(1)
-            if clocks[MARK, 0] != 0.0:
-                self._fail()
-            found: np.ndarray = shape.shown_rows(self._memory).copy()
-            # at an event the driver stands still before the sample
-            recorded = (self.look if self.plan.events else self.totals[0])[: self.totals.shape[1]]
-            values = self.values[1 if self.march[2] == CROSSED else 0].copy()
-        return found, recorded, values
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
         """The reason for which a step failed, and at which site."""

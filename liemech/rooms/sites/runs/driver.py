@@ -231,6 +231,7 @@ class Embedded(Record):
     curves: bool
     ending: ClassVar[None] = None
     settles: ClassVar[bool] = False
+    together: ClassVar[bool] = False
 
     @property
     def shortens(self) -> bool:

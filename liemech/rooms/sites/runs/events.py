@@ -52,7 +52,7 @@ class Sightings:
                 else:
                     found.append((at.item(), i))
         found.sort(reverse=end < begun)
-        zeros = ((0, at, i, run.kept_of(run.looked(at, begun, end)[0])) for at, i in found)
+        zeros = ((0, at, i, run.samples.kept_of(run.looked(at, begun, end)[0])) for at, i in found)
         hit = watch.meet(zeros)
         run.values[0] = new
         run.ended = watch.ended
@@ -65,7 +65,7 @@ class Sightings:
         layout, width = run.shape.state, run.shape.state.width
         shown = []
         for one in self.watch.found:
-            some = run.kept_of(np.empty((1, run.count))).shape[1]
+            some = run.samples.kept_of(np.empty((1, run.count))).shape[1]
             rows = np.array([x for _, x in one]).reshape(len(one), width, some)
             arrays = unpacked(layout, np.moveaxis(rows, 1, -1))
             shown.append((np.array([t for t, _ in one]), kind_of(arrays)(**arrays)))

@@ -4,9 +4,8 @@ are wanted.
 
 from __future__ import annotations
 
+import copy
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -62,6 +61,7 @@ from .events import Sightings
 from .execution import LONG, SiteExecution
 from .lists import STEP as SHORT
 from .lists import Lists
+from .samples import Samples
 from .states import as_users_see, by_site, first_of, site_rows, state_of_rows
 
 PATIENCE = 0.1
@@ -85,30 +85,18 @@ class Failing:
         raise self.error
 
 
-@contextmanager
-def aside(run: Any, **fields: Any) -> Iterator[dict[str, Any]]:
-    """A run with other fields for a while; what they have become then."""
-    before, after = {name: getattr(run, name) for name in fields}, {}  # type: Any, dict[str, Any]
-    vars(run).update(fields)
-    try:
-        yield after
-    finally:
-        after |= {name: getattr(run, name) for name in fields}
-        vars(run).update(before)
-
-
 class SiteRun(Course):
     """One run of one system of many sites: what bodies are in other runs is here one system, whose columns
     are its sites.
 
-    asked, times : of samples, as they were asked for, and as the driver meets them.  seen : samples of
-    states.  march : how far the driver has come.  left : jumps of the velocity, last ones first.
+    march : how far the driver has come.  left : jumps of the velocity, last ones first.
     """
 
     by_sites = True
     ended: int | None = None  # by which event
     level: float | None = None  # of the derivative that numbers carry along
     dense = False  # is the way of all adaptive steps kept?
+    bench: Any = None  # a run beside this one that makes single shorter steps
     overflowed: int | None = None  # the first site with numbers that are not finite, of a step that failed
 
     def __init__(
@@ -130,29 +118,25 @@ class SiteRun(Course):
             require_fitting(site, self.count)
             plan._sites.fitting.add(self.count)
         self.fixed_times = t_eval is not None
-        self.aim(steps, t_end, t_eval)
-        inner = (self.asked != self.begun) & (self.asked != self.t_end)
+        asked, times = self.aim(steps, t_end, t_eval)
+        inner = (asked != self.begun) & (asked != self.t_end)
         curves = self.adaptive and bool(plan.events or inner.any() or self.dense)
         first, rows = self.laid_out(state)
         self.starts: Any = Planes(rows_of(rows), self.count)
         self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
-        self.h, samples, self.pace = shape.h, len(self.asked), shape.paces.get(self.count, 1)
-        self.wide = shape.state.width if shape.shown.kept else 0
-        self.chosen = None if plan.recorder is None else plan.recorder.sites
+        self.h, self.pace = shape.h, shape.paces.get(self.count, 1)
+        chosen = None if plan.recorder is None else plan.recorder.sites
         self.of_all: dict[str, list[Any]] = {name: [] for name in plan._sites.of_all}
-        if self.of_all and not plan.recorder.parts and self.chosen is None:
-            self.chosen = []  # states are looked at, and not kept
-        many = padded(self.count) if self.chosen is None else len(self.chosen)
-        affordable(8 * samples * max(1, self.wide) * many, self.steps, self.every)
-        self.room = samples if self.chosen is None else 1  # for samples of all sites
-        self.seen = Planes.of_rows(max(1, self.room * self.wide), self.count)
-        self.own = np.empty((0 if self.chosen is None else samples, self.wide, many))
-        self.totals = np.zeros((samples, shape.shown.totals.width))
+        if self.of_all and not plan.recorder.parts and chosen is None:
+            chosen = []  # states are looked at, and not kept
+        wide = shape.state.width if shape.shown.kept else 0
+        many = padded(self.count) if chosen is None else len(chosen)
+        affordable(8 * len(asked) * max(1, wide) * many, self.steps, self.every)
+        beside = self._look_at_all if self.of_all else None
+        self.samples = Samples(shape, self.count, asked, times, chosen, beside)
         self.sites = self._room_for(shape.memory.width)
-        self.place, self.out, self.told = np.zeros((2, 1)), np.empty(1), np.zeros(2)
-        self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
-        self.values = np.full((2, max(1, len(plan.events))), np.nan)
-        self.made = 0  # samples
+        self.out, self.told = np.empty(1), np.zeros(2)
+        self._blank()
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
         self.executions: dict[SiteExecution, SiteExecution] = {}
@@ -175,10 +159,8 @@ class SiteRun(Course):
 
     # ---------------------------------------------------------------- what is asked for
 
-    def aim(self, steps: Any, t_end: Any, t_eval: Any) -> None:
-        """Clock and goal, and the times of samples."""
-        self.clocks = np.array([[self.begun, 0.0, *FRESH]]).T
-        self.goals = np.zeros((GOAL.width, 1))
+    def aim(self, steps: Any, t_end: Any, t_eval: Any) -> tuple[Any, Any]:
+        """Set clock and goal; the times of samples as they were asked for, and as the driver meets them."""
         self.left: Ways = []
         way, self.every = self.way, self.plan.options.every
         if not self.adaptive:
@@ -186,26 +168,38 @@ class SiteRun(Course):
             last, h = self.first + self.steps, way.h
             inner = np.arange(self.first // self.every + 1, -(-last // self.every)) * self.every
             self.numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
-            self.asked = self.times = self.t0 + self.numbers * h
             self.t_end = self.t0 + last * h
-            if t_eval is not None:
-                self.asked = np.asarray(arguments.times(t_eval, self.begun, self.t_end))
-                self.times = at_steps(self.asked, self.t0, h)
-            self.clocks[STEP], self.clocks[TAKEN] = h, self.first
-            self.goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, last, self.t0
-            return
+            self._set_out(self.t0, h, self.first, last)
+            if t_eval is None:
+                times = self.t0 + self.numbers * h
+                return times, times
+            wanted = np.asarray(arguments.times(t_eval, self.begun, self.t_end))
+            return wanted, at_steps(wanted, self.t0, h)
         self.steps = limit_of(steps, t_end)
         self.t_end = end = arguments.real(t_end, "t_end")
-        asked = arguments.times(t_eval, self.begun, end)
+        asked: Any = arguments.times(t_eval, self.begun, end)
         ends = np.array([self.begun, end] if end != self.begun else [end])
         self.dense = self.plan.options.dense is True
-        self.asked = self.times = (ends[:1] if self.dense else ends) if asked is None else asked
         self.ways: list[tuple[float, np.ndarray]] = []
-        self.goals[:, 0] = end, way.rtol, way.atol, way.longest, self.steps, self.begun
-        self.clocks[STEP] = way.first(self.begun, end)
+        self._set_out(self.begun, way.first(self.begun, end), 0, self.steps)
+        self.goals[:4, 0] = end, way.rtol, way.atol, way.longest
         jumps = way.jumps(self.begun, end) if way.breaks or has_inputs(way.system) else ()
         found = stretches(jumps, self.begun, end)
         self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, found)
+        asked = (ends[:1] if self.dense else ends) if asked is None else asked
+        return asked, asked
+
+    def _set_out(self, t0: float, h: float, taken: int, last: int) -> None:
+        """Set clock and goal for steps of a length, from where the run begins to the last one; step 0 was at t0."""
+        self.clocks, self.goals = np.array([[self.begun, h, *FRESH]]).T, np.zeros((GOAL.width, 1))
+        self.clocks[TAKEN] = taken
+        self.goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, last, t0
+
+    def _blank(self) -> None:
+        """Forget what the driver has come to, and what it has seen there."""
+        self.place, self.march = np.zeros((2, 1)), np.array([0.0, np.nan, 0.0])
+        self.look = np.zeros(max(1, self.samples.totals.shape[1]))
+        self.values = np.full((2, max(1, len(self.plan.events))), np.nan)
 
     def _begin(self) -> None:
         """Let the method begin at every site."""
@@ -292,7 +286,7 @@ class SiteRun(Course):
     def so_far(self) -> str:
         whole = "" if self.adaptive else f" of {self.first + self.steps}"
         at = f"after {self.taken}{whole} steps, t = {self.clocks[TIME, 0]:g}"
-        return f"{at}; {self.made} samples are in `.trajectory`"
+        return f"{at}; {self.samples.made} samples are in `.trajectory`"
 
     def _stopped(self, error: Any) -> Any:
         """As of every run; errors of steps have theirs already."""
@@ -312,7 +306,7 @@ class SiteRun(Course):
         """
         self.steps = self.taken + steps - self.first
         self.goals[LIMIT], self.clocks[MARK] = self.first + self.steps, 0.0
-        self.made, self.times = 0, self.times[:0]
+        self.samples.made, self.samples.times = 0, self.samples.times[:0]
         while self._going:
             self._go(min(self.pace, self.first + self.steps - self.taken))
 
@@ -342,23 +336,26 @@ class SiteRun(Course):
     def _pending(self) -> bool:
         """Is something to be looked at where the run stands?"""
         first = bool(self.plan.events) and np.isnan(self.march[1])
-        due = self.made < len(self.times) and self.times[self.made] == self.clocks[TIME, 0]
-        return self.ended is None and bool(first or due)
+        return self.ended is None and bool(first or self.samples.due == self.clocks[TIME, 0])
 
     def _call(self, turns: int) -> None:
         """Some more steps, up to where something is to be looked at."""
-        shape, stepping, made = self.shape, self.executing(self.shape.stepping), self.made
-        seen = self.seen
-        totals = np.zeros((len(self.times) - made + 1, self.totals.shape[1]))
-        times = np.append(self.times[made : made + self.room], np.nan)
-        if self.chosen is None:
-            seen = Planes(seen.array[made * self.wide :], self.count)
-        elif made + self.room < len(self.times):  # up to where there is no more room
-            times[-1] = np.copysign(np.inf, self.begun - self.t_end)
-        left = LONG if self.adaptive else self.first + self.steps - self.taken
         before = self._elements() if self.lists is not None and turns else None
         if before is not None:
             self.site = self.lists.at(before)
+        self._steps(turns, self.samples)
+        if before is not None and not self.lists.held(before, self._elements()):
+            error = NoConvergence(
+                f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
+                "neighbours reach beyond the cutoff; take a smaller step"
+            )
+            raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
+
+    def _steps(self, turns: int, samples: Samples) -> None:
+        """So many steps by the driver, which writes these samples."""
+        shape, stepping = self.shape, self.executing(self.shape.stepping)
+        seen, totals, times = samples.ahead(np.copysign(np.inf, self.begun - self.t_end))
+        left = LONG if self.adaptive else self.first + self.steps - self.taken
         arguments: Any = shape.method, self.site, *shape.stepper[2:], turns, self.sites, seen
         shared, told = [totals, self.look, self.values], [times, self.told, self.march]
         arrays = [self.goals, self.place, self.clocks, self.out]
@@ -379,33 +376,43 @@ class SiteRun(Course):
                     driver: Any = advance_sites
                     driver(*arguments, *columns, self.failures)
         finally:
-            new = int(self.march[0])
-            if self.chosen is not None and new:
-                self.own[made] = seen.array[: self.wide, self.chosen]
-            self.totals[made : made + new] = totals[:new]
-            self.made += new
-        if self.of_all:
-            rows = seen.array[: new * self.wide, : self.count]
-            self._look_at_all(made, rows.reshape(new, self.wide, self.count))
-        if before is not None and not self.lists.held(before, self._elements()):
-            error = NoConvergence(
-                f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
-                "neighbours reach beyond the cutoff; take a smaller step"
-            )
-            raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
+            samples.take(int(self.march[0]), seen, totals)
 
     @property
     def _memory(self) -> np.ndarray:
         """Numbers that the method carries along for the sites, (width, sites)."""
+        return self._copy_of_memory(self._copy)
+
+    def _copy_of_memory(self, copy: int) -> np.ndarray:
+        """The numbers in one of the two copies."""
         width = self.shape.memory.width
-        found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
+        found: np.ndarray = self.sites.array[width * copy :][:width, : self.count]
         return found
 
-    def kept_of(self, rows: np.ndarray) -> np.ndarray:
-        """Of the states of all sites what samples keep."""
-        if self.chosen is not None:
-            return rows[:, self.chosen]
-        return rows if self.wide else rows[:, :0]
+    def stepped_from(self, rows: np.ndarray, begun: float, end: float) -> Any:
+        """A run beside this one, with memory, clock and goal of its own, after one step from states of all sites,
+        (width, sites), from one time to another.
+        """
+        if self.bench is None:
+            self.bench = copy.copy(self)
+            self.bench.sites = self.bench._room_for(self.shape.memory.width)
+            self.bench.first, self.bench.steps = 0, 1
+        one, h = self.bench, end - begun
+        one.begun, one.h = begun, h
+        times = np.array([begun + h] if self.shape.shown.quantities else [])
+        one.samples = Samples(self.shape, self.count, times, times)
+        one._set_out(begun, h, 0, 1)
+        one._blank()
+        one._begin_at(rows)
+        one._steps(1, one.samples)
+        if one.clocks[MARK, 0] != 0.0:
+            one._fail()
+        return one
+
+    def _begin_at(self, rows: np.ndarray) -> None:
+        """Let the method begin at states of all sites."""
+        self.starts, self.place = Planes(rows_of(rows), self.count), np.zeros((2, 1))
+        self._begin()
 
     def _elements(self) -> np.ndarray:
         """Where the sites are."""
@@ -428,8 +435,9 @@ class SiteRun(Course):
         if why == CROSSED:
             self.march[2] = 0.0
             end = self.events.meet(begun, t)  # type: ignore[union-attr]
-        while self.made < len(self.times) and (self.times[self.made] - end) * (t - begun) < 0.0:
-            self._keep(*self.looked(self.times.item(self.made), begun, t)[:2])
+        samples = self.samples
+        while (samples.due - end) * (t - begun) < 0.0:
+            samples.keep(*self.looked(samples.due, begun, t)[:2])
         if self.ended is not None:
             self._stay(end, begun, t)
         elif clock[MARK] != 0.0:
@@ -438,45 +446,22 @@ class SiteRun(Course):
             raise self._too_small(self.failures[-1])
         elif self.left and t == self.goals[LAST_TIME, 0] and t != self.t_end:
             beyond_jump(clock, self.goals[:, 0], self.left, self.t_end)
-        if self.dense and not self.fixed_times and self.ended is None and t != self.times[-1]:
-            self.asked = self.times = np.append(self.times, t)
-            self._make_room()
-
-    def _make_room(self) -> None:
-        """Room for twice as many samples, if there are more than was known."""
-        room = len(self.totals)
-        if len(self.times) > room:
-            self.totals, self.own = (np.concatenate([x, np.zeros_like(x)]) for x in (self.totals, self.own))
-            if self.chosen is None:
-                self.room = 2 * room
-                old, self.seen = (self.seen, Planes.of_rows(max(1, self.room * self.wide), self.count))
-                self.seen.array[: len(old.array)] = old.array
-
-    def _keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
-        """One more sample."""
-        if self.chosen is not None:
-            self.own[self.made] = rows[:, self.chosen]
-        elif self.wide:
-            first = self.made * self.wide
-            self.seen.array[first : first + self.wide, : self.count] = rows
-        self.totals[self.made] = totals
-        self.made += 1
-        if self.of_all:
-            self._look_at_all(self.made - 1, rows[None])
+        if self.dense and not self.fixed_times and self.ended is None and t != samples.times[-1]:
+            samples.more(t)
 
     def _look_at_all(self, first: int, rows: np.ndarray) -> None:
         """The functions of all sites together that are recorded, at some more samples, (samples, width, sites): in
         plain Python.
         """
         for k, own in enumerate(rows):
-            t = self.asked.item(first + k)
+            t = self.samples.asked.item(first + k)
             system, state = self.plan._one, state_of_rows(self.shape.state, own)
             state = system._written_out(as_users_see(system, state))
             for name, function in self.plan._sites.of_all.items():
                 try:
                     value = np.asarray(function(t, state), dtype=float)
                 except Exception as error:
-                    self.made = first + k
+                    self.samples.made = first + k
                     raise self._ended(error, f"in {name}(t, state) at t = {t:g}") from None
                 del self.of_all[name][first + k :]
                 self.of_all[name].append(value)
@@ -485,10 +470,15 @@ class SiteRun(Course):
         """The states of all sites at a time in the last step, (width, sites), the totals of what is
         recorded, and the events.
         """
-        shape, totals = self.shape, np.zeros_like(self.look)
+        shape, width = self.shape, self.samples.totals.shape[1]
         if at == end:
-            rows = shape.shown_rows(self._memory)
-            return rows, self.look[: self.totals.shape[1]], self.values[1]
+            return shape.shown_rows(self._memory), self.look[:width], self.values[1]
+        if shape.method.together:
+            one = self.stepped_from(shape.shown_rows(self._copy_of_memory(1 - self._copy)), begun, at)
+            # at an event the driver stands still before the sample
+            found = one.look if self.plan.events or not width else one.samples.totals[0]
+            return shape.shown_rows(one._memory), found[:width], one.values[1 if one.march[2] == CROSSED else 0]
+        totals = np.zeros_like(self.look)
         values = np.zeros_like(self.values[0])
         given = self.executing(shape.looking), self.site, begun, at, end, self.sites, self._copy, self.workers
         seen, failures, notes = shape.look(*given, totals, values)
@@ -497,17 +487,16 @@ class SiteRun(Course):
             again = shape.way, self.site, *more, seen, totals
             error = self._why(failures, notes, lambda i: one_site(self.count, i, one_inside, *again))
             raise self._ended(error, f"inside of a step, t = {at:g}")
-        return seen.array[:, : self.count], totals[: self.totals.shape[1]], values
+        return seen.array[:, : self.count], totals[:width], values
 
     def _stay(self, at: float, begun: float, end: float) -> None:
         """End where an event does: adaptive steps go on from the state there."""
         rows, totals, _ = self.looked(at, begun, end)
         if not self.fixed_times:
-            self.asked = np.append(self.asked[: self.made], at)
-            self._keep(rows, totals)
+            self.samples.end_at(at)
+            self.samples.keep(rows, totals)
         if self.adaptive:
-            self.starts, self.place = Planes(rows_of(rows), self.count), np.zeros((2, 1))
-            self._begin()
+            self._begin_at(rows)
             go_on(self.clocks[:, 0], at)
             if self.dense:
                 whole, lasting = self.ways.pop()[1], self.shape.lasting
@@ -634,12 +623,12 @@ class SiteRun(Course):
         if site is not None:
             which = f"site {named(site)}" if beside is None else f"sites {named(site)} and {named(beside)}"
             at = f"{which}, {at}"
-        return self._with_run(told(error, self.plan.method, at, lambda: self.made), site)
+        return self._with_run(told(error, self.plan.method, at, lambda: self.samples.made), site)
 
     def _with_run(self, error: Any, site: int | None) -> Any:
         """An error with the run up to it."""
         error.site = site
-        if self.made:
+        if self.samples.made:
             error.trajectory = of_run(self)
         return error
 

@@ -212,17 +212,16 @@ class TurnsRun(SiteRun):
         """Some more steps: those to the next sample or a part of them, or to some samples."""
         if self._looks:
             return self._look_into(turns)
-        first = self.made
+        first, times = self.samples.made, self.samples.times
         if not turns:
-            self._show(first, self.shape.shown_rows(self._memory)[None])
-            self.made += 1
+            self._show(self.shape.shown_rows(self._memory)[None])
             return
-        if first == len(self.times):  # nobody wants one
+        if first == len(times):  # nobody wants one
             wanted, samples, whole = turns, 1, False
         else:
             wanted = int(self.numbers[first]) - self.taken
             samples = 1
-            if turns >= 2 * wanted and first + 1 < len(self.times):
+            if turns >= 2 * wanted and first + 1 < len(times):
                 other = np.diff(self.numbers[first - 1 :]) != wanted
                 same = int(np.argmax(other)) if other.any() else len(other)
                 samples = max(1, min(same, turns // wanted))
@@ -238,26 +237,13 @@ class TurnsRun(SiteRun):
         if good < len(rows):
             self.clocks[MARK] = STUCK
         if whole:
-            self._show(first, self._seen(rows[:good]))
-            self.made += good
+            self._show(self._seen(rows[:good]))
 
-    def _show(self, first: int, rows: np.ndarray) -> None:
-        """Keep samples, (samples, width, sites), and what is wanted of them."""
-        shown, samples = self.shape.shown, len(rows)
-        if not samples:
-            return
-        if self.chosen is not None:
-            self.own[first : first + samples] = rows[..., self.chosen]
-        elif shown.kept:
-            begin = first * self.wide
-            kept = self.seen.array[begin : begin + samples * self.wide]
-            kept = kept.reshape(samples, self.wide, -1)
-            kept[..., : self.count], kept[..., self.count :] = rows, rows[..., -1:]
-        if shown.quantities:
-            times = self.t0 + self.numbers[first : first + samples] * self.h
-            self.totals[first : first + samples] = self._totals(rows, times)
-        if self.of_all:
-            self._look_at_all(first, rows)
+    def _show(self, rows: np.ndarray) -> None:
+        """Keep the next samples, (samples, width, sites), and what is wanted of them."""
+        if len(rows):
+            first = self.samples.made
+            self.samples.keep(rows, self._totals(rows, self.t0 + self.numbers[first : first + len(rows)] * self.h))
 
     def _totals(self, rows: np.ndarray, times: Any) -> np.ndarray:
         """Recorded totals over all sites, of states (samples, width, sites)."""
@@ -283,8 +269,7 @@ class TurnsRun(SiteRun):
             return
         free = self._uncut(turns)
         if not self.plan.events:  # nothing happens until the next time
-            due = self.times[self.made] if self.made < len(self.times) else np.copysign(np.inf, self.h)
-            far = min(int(min((due - t) / self.h, turns + 1.0)) - 1, free)
+            far = min(int(min(turns + 1.0, (self.samples.due - t) / self.h)) - 1, free)
             if far > 0:
                 self._turned(far, 1, 1)
                 self._go_on(far, self.last)
@@ -329,8 +314,8 @@ class TurnsRun(SiteRun):
             super()._attend()
             if self.march[2] == 0.0:
                 self.values[0] = self.values[1]
-        while self.ended is None and self.made < len(self.times) and self.times[self.made] == t:
-            self._keep(self._seen(self.last), totals)
+        while self.ended is None and self.samples.due == t:
+            self.samples.keep(self._seen(self.last), totals)
 
     def _seen_by_events(self, t: float, totals: np.ndarray) -> Any:
         """The values of events."""
@@ -354,7 +339,7 @@ class TurnsRun(SiteRun):
     def looked(self, at: float, begun: float, end: float) -> tuple[Any, Any, Any]:
         """The states of all sites at a time in the last step, the totals, and the events."""
         if at == end:
-            return self._seen(self.last), self.look[: self.totals.shape[1]], self.values[1]
+            return self._seen(self.last), self.look[: self.samples.totals.shape[1]], self.values[1]
         order, fresh = self.shape.order, np.zeros_like(self.old)
         fresh[order] = self.old[order]
         rows = self._seen(self._moved(fresh, begun, at - begun))

@@ -1,0 +1,109 @@
+"""Samples of runs of many sites, as the driver writes them: one behind the other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ....compiler.sites.planes import Planes
+
+
+class Samples:
+    """States of all sites, or of some, and totals, at given times.
+
+    asked, times : as they were asked for, and as the driver meets them.  made : how many there are.
+    chosen : the sites of which states are kept; None for all.  wide : the numbers of a state that are kept.
+    beside : None, or what looks at every sample, by the number of the first one and rows of numbers.
+    """
+
+    def __init__(self, shape: Any, count: int, asked: Any, times: Any, chosen: Any = None, beside: Any = None) -> None:
+        self.asked, self.times, self.count, self.chosen, self.beside = asked, times, count, chosen, beside
+        self.wide, self.made = shape.state.width if shape.shown.kept else 0, 0
+        self.room = len(times) if chosen is None else 1  # for samples of all sites
+        self.seen = Planes.of_rows(max(1, self.room * self.wide), count)
+        self.own = np.empty((0 if chosen is None else len(times), self.wide, len(chosen or ())))
+        self.totals = np.zeros((len(times), shape.shown.totals.width))
+
+    @property
+    def t(self) -> np.ndarray:
+        """The times of those that are there."""
+        return self.asked[: self.made].copy()
+
+    @property
+    def rows(self) -> np.ndarray:
+        """The numbers of all sites in those that are there, (made, wide, sites)."""
+        return self._first(self.made, self.seen)
+
+    def _first(self, n: int, seen: Planes) -> np.ndarray:
+        """The numbers of the first samples of some, a view."""
+        return seen.array[: n * self.wide].reshape(n, self.wide, seen.array.shape[1])[..., : self.count]
+
+    @property
+    def kept(self) -> np.ndarray:
+        """The numbers of the sites of which states are kept, (made, wide, chosen)."""
+        return self.rows if self.chosen is None else self.own[: self.made].copy()
+
+    @property
+    def due(self) -> float:
+        """When the next one is; nan: never."""
+        return self.times.item(self.made) if self.made < len(self.times) else np.nan
+
+    def ahead(self, back: float) -> tuple[Planes, np.ndarray, np.ndarray]:
+        """Where the driver writes the next ones, states and totals, and their times, with a nan behind them.
+
+        back : a time that every step goes beyond.
+        """
+        made, seen, end = self.made, self.seen, self.made + self.room
+        times = np.append(self.times[made:end], np.nan)
+        if self.chosen is None:
+            seen = Planes(seen.array[made * self.wide :], self.count)
+        elif end < len(self.times):  # up to where there is no more room
+            times[-1] = back
+        return seen, np.zeros((len(self.times) - made + 1, self.totals.shape[1])), times
+
+    def take(self, new: int, seen: Planes, totals: np.ndarray) -> None:
+        """Take up so many that the driver has written."""
+        self._add(self._first(new, seen), totals[:new])
+
+    def keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
+        """Take some more, of which these are the numbers, (n, width, sites), and the totals; or one, (width, sites)."""
+        rows = rows.reshape(-1, *rows.shape[-2:])
+        if self.chosen is None and self.wide:
+            kept = self.seen.array[self.made * self.wide :][: len(rows) * self.wide].reshape(len(rows), self.wide, -1)
+            kept[..., : self.count], kept[..., self.count :] = rows, rows[..., -1:]
+        self._add(rows, totals)
+
+    def _add(self, rows: np.ndarray, totals: np.ndarray) -> None:
+        first, self.made = self.made, self.made + len(rows)
+        self.totals[first : self.made] = totals
+        if self.chosen is not None:
+            self.own[first : self.made] = rows[..., self.chosen]
+        if self.beside is not None:
+            self.beside(first, rows)
+
+    def end_at(self, t: float) -> None:
+        """Let the next one be the last, at this time."""
+        self.asked = np.append(self.asked[: self.made], t)
+        self._have_room(len(self.asked))
+
+    def more(self, t: float) -> None:
+        """One more time behind the others."""
+        self.asked = self.times = np.append(self.times, t)
+        self._have_room(len(self.times))
+
+    def _have_room(self, samples: int) -> None:
+        """Make room for twice as many, where there is none for so many."""
+        room = len(self.totals)
+        if samples > room:
+            self.totals, self.own = (np.concatenate([x, np.zeros_like(x)]) for x in (self.totals, self.own))
+            if self.chosen is None:
+                self.room, old = 2 * room, self.seen
+                self.seen = Planes.of_rows(max(1, self.room * self.wide), self.count)
+                self.seen.array[: len(old.array)] = old.array
+
+    def kept_of(self, rows: np.ndarray) -> np.ndarray:
+        """Of the states of all sites what samples keep."""
+        if self.chosen is not None:
+            return rows[:, self.chosen]
+        return rows if self.wide else rows[:, :0]
