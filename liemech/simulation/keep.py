@@ -22,7 +22,8 @@ class PieceOfBodies:
     """The steps of one piece of a run, listed body after body.
 
     out : (turns + 1, width, bodies) rows, of which the first is where the bodies were.
-    marks, taken : of each body the mark of its last step before the piece, and how many steps it had made.
+    mark : the number of a row that changes with every step.  marks, taken : of each body that of its last step before
+    the piece, and how many steps it had made.
     body, column, turn : of each step its body, the column of this body in `out`, and the row where it ended.
     before : the row where it began.  number : its number in the motion of the body.  a, b : the times where it
     began and ended.  kept : is its row a sample, whatever its number?
@@ -31,8 +32,10 @@ class PieceOfBodies:
     turn (1, 3, 1, 2, 3), before (0, 1, 0, 1, 2).
     """
 
-    def __init__(self, run: Any, bodies: np.ndarray, out: np.ndarray, marks: np.ndarray, taken: np.ndarray) -> None:
-        self.out, self.marked = out, run.lanes.mark
+    def __init__(
+        self, run: Any, bodies: np.ndarray, out: np.ndarray, marks: np.ndarray, taken: np.ndarray, mark: int = 0
+    ) -> None:
+        self.out, self.marked = out, mark
         place, sign = out[:, self.marked, : len(bodies)].copy(), run.sign[bodies]
         place[0] = marks[: len(bodies)]
         reached = sign * np.maximum.accumulate(sign * place, axis=0)

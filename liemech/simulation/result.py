@@ -177,7 +177,7 @@ def of_sites(run: Any) -> Any:
     return Trajectory.promised(
         promises, system=plan.system, method=plan.method, bodies=None, steps=run.most,
         compiled=run.compiled, stopped=NONE, ended=run.ended,
-        events=() if run.events is None else run.events.shown,
+        events=() if run.events is None else run.events.shown(0),
         observed=() if plan.recorder is None else plan.recorder.observed, **run.known(),
     )  # fmt: skip
 
@@ -185,7 +185,8 @@ def of_sites(run: Any) -> Any:
 def _states_of_sites(run: Any) -> Any:
     """A function without arguments that makes the arrays of the samples so far."""
     shape, recorder, samples = run.shape, run.plan.recorder, run.samples
-    chosen, n, rows, totals = samples.chosen, samples.made, samples.kept, samples.totals[: samples.made].copy()
+    chosen, n = samples.chosen, samples.made
+    rows, totals = samples.rows if chosen is None else samples.own[:n].copy(), samples.totals[:n].copy()
 
     def states() -> dict[str, np.ndarray]:
         parts = {}

@@ -23,14 +23,14 @@ from ...rooms.constraints.lie_rattle import LieRATTLE, near_a_dead_point
 from ...rooms.constraints.rattle import RATTLE
 from ...rooms.sites.runs.run import SiteRun
 from ...rooms.sites.runs.samples import Samples
-from ...rooms.sites.runs.states import as_users_see, one_of, state_of_rows
-from ...simulation.between.dense import flat, unpacked
-from ...simulation.between.events import Events
-from ...simulation.between.turning import looks_by_velocity, turning_of
+from ...rooms.sites.runs.states import as_users_see, by_site, one_of, site_rows, state_of_rows
+from ...simulation.between.dense import MotionBetween, flat, unpacked
+from ...simulation.between.events import Events, Moving
 from ...simulation.compiled.control import TAKEN, TIME
 from ...simulation.compiled.parameters import places_of
+from ...simulation.keep import PieceOfBodies
 from ...simulation.result import AsItIs
-from ...simulation.runs.carry import SiteCarry
+from ...systems.many.site_state import StateOfSites
 from ...systems.system import small_state
 from .links import BROKEN, Links
 from .loads_of_links import THROWN
@@ -148,82 +148,31 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
     return own.nth(form.links.kinds.index(layout_of(joint))).rows[found[0]], column
 
 
-class Piece:
-    """Some steps of a linkage, as events look at them: t, (n + 1,), and the numbers of places there.
+class LinksBetween(MotionBetween):
+    """The motion of a linkage inside of its steps: shorter ones, from the states where they begin."""
 
-    Source of its names: a piece of a run of bodies (run.py), here of one.
-    """
+    def __init__(self, run: LinksRun) -> None:
+        self.run, self.method, self.width = run, run.plan.method, run.view.layout.width
 
-    def __init__(self, t: np.ndarray, seen: np.ndarray) -> None:
-        self.t, self.seen, self.a, self.b = t, seen, t[:-1], t[1:]
-        self.body = np.zeros(len(self.a), dtype=int)
-        self.begins = np.arange(len(self.a)) == 0
-        self.rows_of: Any = None
+    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+        return before
 
-    def __len__(self) -> int:
-        return len(self.a)
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
+        run, found = self.run, []
+        for row, t in zip(given, times.tolist()):
+            start = by_site(run.plan._one, run.view.states(row[1:]))
+            found.append(run.shorter(site_rows(start), row.item(0), t))
+        return flat(run.states(np.array(found)), len(found))
 
-    def rows(self, some: Any) -> np.ndarray:
-        """Time and state where steps end."""
-        found: np.ndarray = self.rows_of[some]
-        return found
+    def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
+        return self._by_velocities(self.run.plan._one.group.acting, before, after, body)
 
-    def inside(self, run: LinksRun, t: float) -> np.ndarray:
-        """The numbers of places at a time, (width, places)."""
-        k = int(np.searchsorted(self.t if run.h > 0.0 else -self.t, t if run.h > 0.0 else -t))
-        if self.t[k] == t:
-            found: np.ndarray = self.seen[k]
-            return found
-        return run.inside(self.seen[k - 1], self.t.item(k - 1), t)
+    def _velocities(self, group: Any, points: np.ndarray, body: np.ndarray) -> np.ndarray:
+        xi = self.run.plan._one.velocity(self.run.view.arrays(points[:, :-1])["mu"])
+        return np.array(xi).reshape(len(points), -1)
 
 
-class EventsOfLinks:
-    """The zeros that a linkage has met: one body among those of `Events`."""
-
-    bodies, before, head, sign, cuts = None, SimpleNamespace(cut={}), slice(None), [1.0], ()
-    between, plan = None, property(lambda self: self.run.plan)
-
-    def __init__(self, run: LinksRun, start: Any) -> None:
-        self.run, self.fresh = run, not isinstance(start, SiteCarry)
-        self.start, self.over = (SimpleNamespace(met={0: getattr(start, "met", None)}), np.array([False]))
-        self.asked_for = run.plan._steps.compiled
-        arrays = run.states(run.shape.shown_rows(run._memory)[None])
-        self.view = AsItIs(small_state(one_of(arrays), {name: x[0] for name, x in arrays.items()}))
-        self.here = np.append(run.begun, flat(arrays, 1)[0])[:, None]
-        self.all = Events(self, run.plan.events)
-
-    @property
-    def watch(self) -> Any:
-        """Its zeros so far."""
-        return self.all.each[0]
-
-    @property
-    def shown(self) -> Any:
-        """Of every event the times and the states."""
-        return self.all.shown(0)
-
-    def see(self, piece: Piece) -> Any:
-        """Look at some steps; the zero that ends the run, or None."""
-        states = flat(self.run.states(piece.seen), len(piece.t))
-        piece.rows_of = np.column_stack([piece.t, states])[1:]
-        return self.all.see(piece).get(0)
-
-    def looks(self, piece: Piece, steps: np.ndarray) -> np.ndarray:
-        """How many looks into steps are needed, by the velocities at both ends."""
-        system, ends = self.run.plan._one, np.unique([steps, steps + 1])
-        xi = np.array(system.velocity(self.run.states(piece.seen[ends])["mu"])).reshape(len(ends), -1) * self.run.h
-        turned = np.zeros(len(piece.t))
-        turned[ends] = turning_of(system.group.acting)(xi)
-        return looks_by_velocity(np.maximum(turned[steps], turned[steps + 1]))
-
-    def inside(self, piece: Piece, steps: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """States inside of steps."""
-        run = self.run
-        rows = [run.inside(piece.seen[k], piece.t.item(k), t) for k, t in zip(steps, times.tolist())]
-        return flat(run.states(np.array(rows)), len(rows))
-
-
-class LinksRun(SiteRun):
+class LinksRun(SiteRun, Moving):
     """One run of a linkage of many bodies.  What is asked of the state of all of them, events and
     functions that are recorded, looks at the states that steps lead to.
     """
@@ -233,9 +182,14 @@ class LinksRun(SiteRun):
         self.known_places: dict[str, Any] = {}  # of inputs
         self.found: dict[str, np.ndarray] = {}
         self.told_of = -1  # samples of which it is
-        self.kept_all = True  # are all steps of the last call looked at?
         if plan.events:
-            self.events: Any = EventsOfLinks(self, start)
+            self.asked_for, self.over, self.sign = plan._steps.compiled, np.array([False]), np.sign([self.h])
+            self.met_before: Any = ({}, {}) if isinstance(start, StateOfSites) else ({0: start.met}, {})
+            arrays = self.states(self.shape.shown_rows(self._memory)[None])
+            self.view = AsItIs(small_state(one_of(arrays), {name: x[0] for name, x in arrays.items()}))
+            self.here = np.append(self.begun, flat(arrays, 1)[0])[:, None]
+            self.between, self.cuts = LinksBetween(self), {}  # type: Any, dict[int, int]
+            self.events: Any = Events(self, plan.events)
 
     def _room_for(self, width: int) -> Planes:
         """Two copies of what the method carries along, and what a step works with.  Elimination goes
@@ -306,20 +260,21 @@ class LinksRun(SiteRun):
         if self.events is None or not turns:
             super()._call(turns)
             return
-        width, watch, made = 2 * self.shape.memory.width, self.events.watch, self.samples.made
-        before = self.sites.array[:width].copy(), self.place.copy(), self.clocks.copy()
-        march, values = self.march.copy(), watch.values
+        watch, made = self.events.each[0], self.samples.made
+        arrays = self.sites.array[: 2 * self.shape.memory.width], self.place, self.clocks, self.march
+        before, values = [x.copy() for x in arrays], [*watch.values]
         try:
-            self._watched(turns)
+            stopped = self._watched(turns)
         except KeyboardInterrupt:
-            if self.kept_all:
-                raise
-            self.sites.array[:width], self.place[:], self.clocks[:] = before
-            self.march[:], self.samples.made, watch.values = march, made, values
+            for x, old in zip(arrays, before):
+                x[:] = old
+            self.samples.made, watch.values = made, values
             for column in (self.of.at_joint, self.of.reached, self.of.ready):
                 column.put(0, 0.0)
-            watch.forget(float(self.clocks[TIME, 0]), np.sign(self.h), False)
+            self.events.forget()
             raise
+        if stopped is not None:
+            raise stopped
 
     def _steps(self, turns: int, samples: Samples) -> None:
         """Some more steps; what is shown of the state to which they have led is found after Ctrl-C and
@@ -338,48 +293,53 @@ class LinksRun(SiteRun):
         if stopped is not None:
             raise stopped
 
-    def _watched(self, turns: int) -> None:
-        """Some steps, and a look at them."""
-        self.kept_all = False
-        samples, made, steps = self.samples, self.samples.made, self.steps
-        begun, first = float(self.clocks[TIME, 0]), self.taken
-        turns = min(turns, SEEN, self.first + steps - first)
-        rows = [self.shape.shown_rows(self._memory)[None]]
-        ends = self.t0 + np.arange(first + 1, first + turns + 1) * self.h
+    def _watched(self, turns: int) -> Any:
+        """Some steps, and a look at them; Ctrl-C after some of them."""
+        samples, first, sign = self.samples, self.taken, self.sign.item()
+        turns = min(turns, SEEN, self.first + self.steps - first)
+        start, ends = self.shape.shown_rows(self._memory), self.t0 + np.arange(first + 1, first + turns + 1) * self.h
         every, stopped = Samples(self.shape, self.count, ends, ends), None  # type: Any, Any
         try:
             self._steps(turns, every)
-        except KeyboardInterrupt as caught:  # after some of the steps
+        except KeyboardInterrupt as caught:
             stopped = caught
-        error = hit = None
-        piece = Piece(np.append(begun, every.t), np.concatenate([*rows, every.rows]))
+        rows = np.concatenate([start[None], every.rows])
+        out = np.column_stack([np.append(self.here[0], every.t), flat(self.states(rows), len(rows))])[:, :, None]
+        piece = PieceOfBodies(self, np.array([0]), out, self.here[0], np.array([first]))
+        error, hit, end = None, None, out.item(-1, 0, 0)  # type: Any, Any, float
         try:
-            hit = self.events.see(piece)
+            hit = self.events.see(piece).get(0)
         except Exception as caught:
-            error = caught
-            ends, hit = ends[: getattr(caught, "step", 0)], None
-        end = float(piece.t[min(len(ends), len(piece))]) if hit is None else hit[1]
-        sign = np.sign(self.h)
+            error, end = caught, piece.a.item(getattr(caught, "step", 0))
+        if hit is not None:
+            end, self.cuts[0], self.clocks[TAKEN] = hit[1], hit[2], first + hit[0] + 1
+            self.t_end, self.ended = end, hit[2]
+        ends = sign * piece.b
+
+        def rows_at(t: float) -> np.ndarray:
+            k = int(np.searchsorted(ends, sign * t))
+            return rows[k + 1] if t == piece.b[k] else self.shorter(rows[k], piece.a.item(k), t)
+
         while sign * (samples.due - end) <= 0.0:
-            samples.keep(piece.inside(self, samples.due), NOTHING)
+            samples.keep(rows_at(samples.due), NOTHING)
         if error is not None:
             raise self._with_run(error, None)
-        if hit is not None:
-            self.ended, self.clocks[TAKEN] = hit[2], first + hit[0] + 1
-            if not self.fixed_times and not (made < samples.made and samples.times[samples.made - 1] == end):
-                samples.end_at(end)
-                samples.keep(piece.inside(self, end), NOTHING)
-            self.t_end = end
-        self.kept_all = True
-        if stopped is not None:
-            raise stopped
+        if hit is not None and not self.fixed_times and samples.times[samples.made - 1] != end:
+            samples.end_at(end)
+            samples.keep(rows_at(end), NOTHING)
+        self.here = out[-1]
+        return stopped
 
     def _attend(self) -> None:
         """As without events; a run that one has ended has its samples."""
         if self.ended is None:
             super()._attend()
 
-    def inside(self, rows: np.ndarray, begun: float, at: float) -> np.ndarray:
+    def tell(self, made: Any) -> None:
+        if self.events is not None:
+            self.events.tell()
+
+    def shorter(self, rows: np.ndarray, begun: float, at: float) -> np.ndarray:
         """The states to which a shorter step leads, from such at its beginning."""
         if at == begun:
             return rows

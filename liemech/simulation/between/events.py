@@ -123,10 +123,47 @@ def crossed(event: Event, old: Any, new: Any) -> Any:
     return zero & (direction * (new - old) >= 0.0) if direction else zero
 
 
+class Moving:
+    """A run of bodies, or of one, as events ask for it: the motion inside of its steps; abstract.
+
+    here : (1 + width, bodies) time and state of every body.  view : how its numbers are shown as states.
+    over : bodies that had ended before.  sign : of the steps.  cuts : by body the event that has ended it.
+    met_before : by body the zeros that the run before has met, and the event that has ended it.
+    head : the numbers of a row that are time and state.  between : the motion inside of steps.
+    """
+
+    between: Any
+    head: Any = slice(None)
+
+    def given(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
+        """Rows of numbers from which `moved` finds states at times inside of steps."""
+        return self.between.given(piece.rows(step, before=True), piece.rows(step), times)
+
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> Any:
+        """Numbers of states, (m, width), from the rows of `given`."""
+        return self.between.moved(given, times, body)
+
+    def looks(self, piece: Any, step: np.ndarray) -> Any:
+        """Counts of looks into steps, (m,), such that none is more than a quarter of a turn from the last."""
+        return self.between.looks(piece.rows(step, before=True), piece.rows(step), piece.body[step])
+
+    def inside(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
+        """The numbers of states at times in steps."""
+        states = piece.rows(step)[:, self.head][:, 1:]
+        before = times == piece.a[step]
+        states[before] = piece.rows(step[before], before=True)[:, self.head][:, 1:]
+        between = np.flatnonzero((times != piece.b[step]) & ~before)
+        if len(between):
+            steps = step[between]
+            inputs = self.given(piece, steps, times[between])
+            states[between] = self.moved(inputs, times[between], piece.body[steps])
+        return states
+
+
 class Events:
     """Observer of the zeros of functions of time and state, for all bodies of a run.
 
-    each : of every body its own watch.  blind, jumps : of events that were nan, and that jump over zero, the
+    run : `Moving`.  each : of every body its own watch.  blind, jumps : of events that were nan, and that jump over zero, the
     name, and the body and the time of the first one.  fresh : bodies that are still where their run begins.
     """
 
@@ -136,7 +173,7 @@ class Events:
         self.jumps: dict[int, tuple[str, int, float]] = {}
         self.each: dict[int, Watch] = {}
         self.noisy = run.plan._first_of("method").noisy
-        met, cut = ({}, {}) if run.fresh else (run.start.met, run.before.cut)  # type: Any, Any
+        met, cut = run.met_before
         for i in np.flatnonzero(~run.over).tolist():
             t, state = float(run.here[0, i]), run.view.small(run.here[1:, i])
             before, ended = met.get(i, NO_EVENTS), cut.get(i)
@@ -371,7 +408,7 @@ class Events:
 
         counts : how many there are in each step.  values : finds those of events.
         """
-        run, closer = self.run, getattr(self.run.between, "closer", False)
+        run = self.run
         step, a, b, numbers = steps, piece.a[steps], piece.b[steps], piece.rows(steps)[:, run.head][:, 1:]
         while (counts > 1).any():
             place = np.repeat(np.arange(len(step)), counts)
@@ -379,7 +416,7 @@ class Events:
             step, spans, start, end = step[place], (b - a)[place] / counts[place], a[place], b[place]
             a, b = start + part * spans, np.where(part + 1 == counts[place], end, start + (part + 1) * spans)
             numbers, counts = run.inside(piece, step, b), np.ones(1)
-            if closer:  # the states there may move faster
+            if run.between.closer:  # the states there may move faster
                 before = np.concatenate([numbers[:1], numbers[:-1]])
                 first = a == piece.a[step]
                 before[first] = run.inside(piece, step[first], a[first])

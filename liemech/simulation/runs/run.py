@@ -12,8 +12,7 @@ import numpy as np
 from ...errors import IntegrationFailure, is_mistake, warn
 from ...systems.system import member
 from .. import arguments
-from ..between.dense import MotionBetween
-from ..between.events import Events
+from ..between.events import Events, Moving
 from ..compiled.control import CLOCK, LAST_TIME, LIMIT, MARK, STUCK, TAKEN, TIME
 from ..compiled.execution import LOOK
 from ..compiled.lanes import Lanes
@@ -37,7 +36,7 @@ PATIENCE = 0.25
 """Seconds between two looks at the keyboard."""
 
 
-class Run(Course):
+class Run(Course, Moving):
     """Bodies, each with a column of numbers, a clock and a goal of its own; abstract: there is one
     for every control.
 
@@ -118,23 +117,6 @@ class Run(Course):
             return [AtTimes(self, self.asked)]
         return [Every(self, self.way.every)]
 
-    @property
-    def between(self) -> MotionBetween:
-        """The motion inside of steps, which `given` and `moved` ask."""
-        raise NotImplementedError
-
-    def given(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """Rows of numbers from which `moved` finds states at times inside of steps."""
-        return self.between.given(piece.rows(step, before=True), piece.rows(step), times)
-
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """Numbers of states, (m, width), from the rows of `given`."""
-        return self.between.moved(given, times, body)
-
-    def looks(self, piece: PieceOfBodies, step: np.ndarray) -> np.ndarray:
-        """Counts of looks into steps, (m,), such that none is more than a quarter of a turn from the last."""
-        return self.between.looks(piece.rows(step, before=True), piece.rows(step), piece.body[step])
-
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         """Let the step of a row end inside: at this time, in this state."""
         row[0], row[1 : 1 + len(numbers)] = at, numbers
@@ -190,22 +172,13 @@ class Run(Course):
         """The view that shows rows of numbers as states."""
         return AsItIs(self.lanes.example)
 
-    def inside(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """The numbers of states at times in steps."""
-        states = piece.rows(step)[:, self.head][:, 1:]
-        before = times == piece.a[step]
-        states[before] = piece.rows(step[before], before=True)[:, self.head][:, 1:]
-        between = np.flatnonzero((times != piece.b[step]) & ~before)
-        if len(between):
-            steps = step[between]
-            inputs = self.given(piece, steps, times[between])
-            states[between] = self.moved(inputs, times[between], piece.body[steps])
-        return states
-
     @property
     def head(self) -> slice:
-        """The numbers of a row that samples have."""
         return slice(len(self.here))
+
+    @property
+    def met_before(self) -> Any:
+        return ({}, {}) if self.fresh else (self.start.met, self.before.cut)  # type: ignore[union-attr]
 
     # ---------------------------------------------------------------- stepping
 
@@ -351,7 +324,7 @@ class Run(Course):
             ways = self.jumps.get(body)
             if ways:  # a last step that ends before a jump at t_end is one to t_end
                 out[:, 0, k][out[:, 0, k] == ways[0][0]] = self.t_end[body]
-        piece = PieceOfBodies(self, bodies, out, marks, taken)
+        piece = PieceOfBodies(self, bodies, out, marks, taken, lanes.mark)
         try:
             self._see(piece, bodies, before, columns)
         except BaseException as error:

@@ -18,6 +18,7 @@ class Sightings:
     def __init__(self, run: Any, events: tuple[Event, ...], begun: Any) -> None:
         self.run, before = run, getattr(begun, "met", NO_EVENTS)
         self.watch = Watch(events, [], before)
+        self.each = {0: self.watch}
         # a zero that ended the run before is none of this
         self.known, ended = [name for name, _ in before], getattr(begun, "event", None)
         self.over = ended if ended is not None and self.known == [name_of(e) for e in events] else None
@@ -58,8 +59,7 @@ class Sightings:
         run.ended = watch.ended
         return end if hit is None else hit[1]
 
-    @property
-    def shown(self) -> tuple[Any, ...]:
+    def shown(self, body: int) -> tuple[Any, ...]:
         """Of every event the times and the states."""
         run = self.run
         layout, width = run.shape.state, run.shape.state.width

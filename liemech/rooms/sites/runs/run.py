@@ -381,12 +381,8 @@ class SiteRun(Course):
     @property
     def _memory(self) -> np.ndarray:
         """Numbers that the method carries along for the sites, (width, sites)."""
-        return self._copy_of_memory(self._copy)
-
-    def _copy_of_memory(self, copy: int) -> np.ndarray:
-        """The numbers in one of the two copies."""
         width = self.shape.memory.width
-        found: np.ndarray = self.sites.array[width * copy :][:width, : self.count]
+        found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
         return found
 
     def stepped_from(self, rows: np.ndarray, begun: float, end: float) -> Any:
@@ -474,7 +470,8 @@ class SiteRun(Course):
         if at == end:
             return shape.shown_rows(self._memory), self.look[:width], self.values[1]
         if shape.method.together:
-            one = self.stepped_from(shape.shown_rows(self._copy_of_memory(1 - self._copy)), begun, at)
+            before = self.sites.array[(1 - self._copy) * shape.memory.width :][: shape.memory.width, : self.count]
+            one = self.stepped_from(shape.shown_rows(before), begun, at)
             # at an event the driver stands still before the sample
             found = one.look if self.plan.events or not width else one.samples.totals[0]
             return shape.shown_rows(one._memory), found[:width], one.values[1 if one.march[2] == CROSSED else 0]
@@ -661,7 +658,7 @@ class SiteRun(Course):
     def standing(self) -> SiteCarry:
         """With what the run goes on from here."""
         self.lay_down()
-        met = SiteCarry.met if self.events is None else self.events.watch.met
+        met = SiteCarry.met if self.events is None else self.events.each[0].met
         found: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy(), met)
         return found
 

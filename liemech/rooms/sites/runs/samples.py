@@ -40,11 +40,6 @@ class Samples:
         return seen.array[: n * self.wide].reshape(n, self.wide, seen.array.shape[1])[..., : self.count]
 
     @property
-    def kept(self) -> np.ndarray:
-        """The numbers of the sites of which states are kept, (made, wide, chosen)."""
-        return self.rows if self.chosen is None else self.own[: self.made].copy()
-
-    @property
     def due(self) -> float:
         """When the next one is; nan: never."""
         return self.times.item(self.made) if self.made < len(self.times) else np.nan
