@@ -36,7 +36,7 @@ BUDGETS = {
     "rooms/noise": (820, 3_100),
     "rooms/poisson": (1_500, 6_900),
     "rooms/sites": (8_190, 46_900),
-    "simulation": (9_260, 53_600),
+    "simulation": (9_270, 53_600),
     "systems": (4_200, 18_820),
     "tableaus": (2_470, 9_100),
     "viewer": (3_140, 16_180),

@@ -1,13 +1,12 @@
 """Sites, the parts of one system: formulas of one site, in which it meets the others.
 
 A formula of a site publishes what others need of it (`meet`), asks for what they have published,
-for its own parameters (`own`), for sums over all sites (`total`), for sweeps (`repeated`) and for a formula that
-runs once, for all sites together (`once`).  In plain Python every site runs again and again, up to what it asks next;
-native code divides the formula into loops over the sites there, and of several threads one runs what runs once.  Both
-give the same bits.
+for its own parameters (`own`), for sums over all sites (`total`), and for sweeps (`repeated`).  In plain Python every
+site runs again and again, up to what it asks next; native code divides the formula into loops over the sites there.
+Both give the same bits.
 
 All sites ask alike: not in a branch or a loop of unknown length, and before a site saves anything.  What was published
-may be asked for up to the next `meet`, behind and within `once` too; what a site has computed is kept across all words.
+may be asked for up to the next `meet`; what a site has computed is kept across all words.
 """
 
 from __future__ import annotations
@@ -465,16 +464,6 @@ def columns_of(array: Any, parts: dict[str, Any]) -> Any:
     return Column(array, range(layout.width), layout).fields
 
 
-def once(formula: Callable[..., None], values: tuple[Any, ...], *args: Any) -> Any:
-    """Values of this site, as a formula has left them which runs once, for all sites, when all of them have come here.
-
-    formula : of a `Column` for each of the values, and of `args`, which are the same for all sites.  It may ask `at` a
-    site for what was published at the last meeting, as sites may behind it; it asks for no other words.
-    """
-    visit = _visit("once")
-    return visit.ask("once", (formula, values, args))[visit.site]
-
-
 def _entry(table: SiteTable, d: int, site: int) -> int:
     return int(table.numbers[d * int(table.places) + site])
 
@@ -587,7 +576,7 @@ FEW = 2000
 
 
 class TooManySites(Exception):
-    """One site asks for a total over more than a few, or for sweeps or a formula of all."""
+    """One site asks for a total over more than a few, or for sweeps."""
 
 
 class _Early(Visit):
@@ -601,7 +590,7 @@ class _Early(Visit):
         self.until, self.visit = until, visit
 
     def ask(self, kind: str, value: Any) -> Any:
-        if kind in ("repeated", "once"):
+        if kind == "repeated":
             raise TooManySites
         if self.asked == len(self.answers):
             self.answers.append((kind, _Some(self.asked, self.visit)))
@@ -685,19 +674,6 @@ def _swept(requests: list[Any]) -> list[Any]:
     return [(unknown, state) for unknown in unknowns]
 
 
-def _ran_once(requests: list[Any]) -> list[Any]:
-    """The values of all sites, as the formula that runs once has left them."""
-    formula, _, args = requests[0]
-    columns = []
-    for values in zip(*[values for _, values, _ in requests], strict=True):
-        layout = carried_layout(values[0])
-        columns.append(Column(np.empty((layout.width, len(values))), range(layout.width), layout))
-        for i, value in enumerate(values):
-            columns[-1].put(i, value)
-    formula(*columns, *args)
-    return [tuple([column.at(i) for column in columns]) for i in range(len(requests))]
-
-
 def _added(values: list[Any]) -> Any:
     """The sum of values of one layout, number by number."""
     layout = carried_layout(values[0])
@@ -706,7 +682,7 @@ def _added(values: list[Any]) -> Any:
 
 
 _ANSWERS: dict[str, Callable[[list[Any]], Any]] = {
-    "meet": lambda values: values, "total": _added, "repeated": _swept, "once": _ran_once,
+    "meet": lambda values: values, "total": _added, "repeated": _swept,
 }  # fmt: skip
 """The answer to all sites, from the values that they ask with, by the word that they ask."""
 

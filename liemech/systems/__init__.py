@@ -7,7 +7,7 @@ In the order in which one reads:
     lie_poisson.py                            motion on the dual of a Lie algebra
     potential.py, mechanical.py               fields and loads; a body in them
     canonical.py, separable.py                positions and momenta in R^n; parts.py: energies in parts that are solved
-    multirate.py, one_term.py                 fast and slow parts of a potential
+    multirate.py                              fast and slow parts of a potential
     vector_field.py, equations/               equations without an energy: in R^n, on groups, on spaces, on matrices
     in_time/                                  energies that change with time; tables (tabulated, knots), inputs
     many/                                     states of many sites, and the words by which their energies are asked

@@ -12,7 +12,7 @@ from .ir_numbers import I64
 
 
 @dataclass
-class Turn:
+class CountedTurn:
     """A turn of a loop: its index, and the values that the turn before has left; those that it sets go on."""
 
     index: ir.Value
@@ -22,7 +22,7 @@ class Turn:
 @contextlib.contextmanager
 def counted(
     b: ir.IRBuilder, begin: ir.Value, end: ir.Value, step: int = 1, values: Sequence[ir.Value] = ()
-) -> Iterator[Turn]:
+) -> Iterator[CountedTurn]:
     """A native loop over begin, begin + step, ... below a larger end.  values : what the first turn finds; behind the
     loop those of the turn are what the last one has left.
     """
@@ -32,7 +32,7 @@ def counted(
     index, phis = b.phi(I64), [b.phi(x.type) for x in values]
     for phi, x in zip((index, *phis), (begin, *values), strict=True):
         phi.add_incoming(x, before)
-    yield (turn := Turn(index, [*phis]))
+    yield (turn := CountedTurn(index, [*phis]))
     following = b.add(index, I64(step))
     for phi, x in zip((index, *phis), (following, *turn.values), strict=True):
         phi.add_incoming(x, b.block)

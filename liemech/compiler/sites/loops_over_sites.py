@@ -47,7 +47,6 @@ class LoopOverSites:
     met: Published | None = None  # the value published last
     company: list[SeriesMeeting] | None = None  # the last meetings of power series
     saved: bool = False  # have sites saved numbers?
-    once: bool = False  # is a formula being translated that runs once, for all sites?
 
 
 class SiteLoops:
@@ -143,14 +142,10 @@ class SiteLoops:
         """End a pass where sites meet: the next one begins when all threads have come to it, unless one has given the
         step up.
         """
-        self.end_pass(lanes)
-        self.wait_or_leave()
-
-    def wait_or_leave(self) -> None:
-        """Wait at the barrier; behind it control goes on only if no thread has given the step up."""
         b, pass_ = self.b, self.t.state.site_loop.passes[-1]
-        flags, on = self.wait(I64(0)), b.append_basic_block()
-        pass_.left = pass_.left or b.append_basic_block()
+        self.end_pass(lanes)
+        flags = self.wait(I64(0))
+        pass_.left, on = b.append_basic_block(), b.append_basic_block()
         b.cbranch(b.icmp_signed("!=", flags, I64(0)), pass_.left, on)
         b.position_at_end(on)
 
@@ -196,6 +191,4 @@ class SiteLoops:
             raise NotCompilable(f"`{word}` outside of a loop over sites")
         if loop.passes[-1].paired:
             raise NotCompilable(f"`{word}` in a formula of pairs: it is for one site")
-        if loop.once:
-            raise NotCompilable(f"`{word}` in a formula that runs once, for all sites: it is for one site")
         return loop

@@ -1,4 +1,4 @@
-"""Meetings of sites: what sites publish and others ask for, sums over all sites, and what is done once for all of them."""
+"""Meetings of sites: what sites publish and others ask for, and sums over all sites."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ...formulas.numbers import series_of_sites
 from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.conversions import as_others_see
 from ...formulas.numbers.series_of_sites import SeriesMeeting, company, has_series
-from ...formulas.sites import TOGETHER, Column, Meeting, SiteTable
+from ...formulas.sites import TOGETHER, Meeting, SiteTable
 from ...formulas.sums import halves
 from ..buffers import SiteRows, unchanged
 from ..numbers.arrays import vector
@@ -88,7 +88,6 @@ class SiteMeetings:
             words.mean: self.mean,
             words.met_through: lambda k: None,
             words.repeated: self.repeated,
-            words.once: self.once,
             Meeting.of: self.of_neighbour,
             Meeting.at: self.at,
             **{f: f for f in OF_SERIES},
@@ -170,44 +169,6 @@ class SiteMeetings:
         numbers = numbers_of(published.rows)
         values = (self.loops.scratch.of_bits(x, k) for x, k in zip(numbers, published.layout.kinds))
         return build(published.layout, values)
-
-    def once(self, formula: Any, values: tuple[Any, ...], *args: Any) -> tuple[Any, ...]:
-        """Values of every site lie in rows, in the turn of the next meeting, so that what the last one has published
-        stays; the thread with the first site runs the formula, and the others wait.
-        """
-        t, e, b, state = self.t, self.e, self.b, self.t.state
-        loop, values = self.loops.at_meeting("once"), tuple([vector(x) for x in values])
-        if loop.range is not None:
-            raise NotCompilable("`once` where some sites rest")
-        if any(isinstance(x, Num) and x.varying for x in args):
-            raise NotCompilable("`once` with a number of one site among its arguments: give it among the values")
-        layout = carried_layout(values)
-        rows = self._publish(
-            loop, [self.loops.scratch.as_bits(x, k) for x, k in zip(leaves(values, layout), layout.kinds)]
-        )
-        loop.meetings -= 1
-        self.loops.pass_on()
-        whole = Column(self.loops.scratch, [row for _, row in rows], layout)
-        columns = [whole.nth(k) for k in range(len(layout.parts))]
-        run, done = b.append_basic_block(), b.append_basic_block()
-        b.cbranch(b.icmp_signed("==", b.function.args[4], I64(0)), run, done)
-        b.position_at_end(run)
-        failed, raises = state.failed, state.raises
-        with e.side_by_side(1, 1), t.apart():
-            e.packs, state.failed, state.raises, loop.once = True, e.slot(), 0, True
-            e.store(False, state.failed)
-            t.call(formula, *columns, *args)
-            found, raised = e.load(state.failed), state.raises
-            state.failed, state.raises, loop.once = failed, raises + raised, False
-        if raised:
-            e.store(e.logic("or_", e.load(failed), found), failed)
-        b.branch(done)
-        b.position_at_end(done)
-        self.loops.wait_or_leave()
-        self.loops.begin_pass()
-        self.loops.scratch.body = loop.passes[-1].index
-        numbers = [self.loops.scratch.load(self.loops.scratch.first(row), 0) for _, row in rows]
-        return build(layout, iter([self.loops.scratch.of_bits(x, k) for x, k in zip(numbers, layout.kinds)]))
 
     def repeated(self, sweep: Any, unknown: Any, judge: Any, state: Any, turns: int) -> Any:
         """Sweeps over all sites until they are enough: a loop around passes, whose judge sees what is

@@ -113,7 +113,7 @@ class SiteMemory:
     def put_column(self, column: Column, i: Any, value: Any) -> None:
         """Set the value of site i."""
         loop, sites, b, e = self.t.state.site_loop, column.array, self.b, self.e
-        if loop is not None and not loop.once:
+        if loop is not None:
             raise NotCompilable("`put` inside of a loop over sites")
         start, behind = _behind(column)
         place = b.gep(sites.at(start), [e.cast(i, "i", False)[0]], source_etype=F64)

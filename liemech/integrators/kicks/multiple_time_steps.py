@@ -16,8 +16,7 @@ from ...systems.lie_poisson import BodyState
 from ...systems.many.energies import OfManySites
 from ...systems.many.site_state import StateOfSites
 from ...systems.mechanical import MechanicalSystem
-from ...systems.multirate import MultirateSystem
-from ...systems.one_term import OneTerm
+from ...systems.multirate import MultirateSystem, OneTerm
 from ...systems.vector_field import SplitField, has_flow, recognised_field
 from ..memory import Memory, Remembering
 from ..method import Method, alternatives

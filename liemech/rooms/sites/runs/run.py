@@ -352,7 +352,7 @@ class SiteRun(Course):
             raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
 
     def _steps(self, turns: int, samples: Samples) -> None:
-        """So many steps by the driver, which writes these samples."""
+        """Steps by the driver, as many as `turns`, which writes these samples."""
         shape, stepping = self.shape, self.executing(self.shape.stepping)
         seen, totals, times = samples.ahead(np.copysign(np.inf, self.begun - self.t_end))
         left = LONG if self.adaptive else self.first + self.steps - self.taken
