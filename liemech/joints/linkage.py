@@ -33,6 +33,7 @@ from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, 
 from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
+    MISSED,
     closed,
     hangs,
     hung_from_each_other,
@@ -707,12 +708,13 @@ class Linkage(ConstrainedBody):
         reduced = replace(self, kept=conditions)
         for seed in range(2):  # close by they have to follow too
             near = closed(reduced, self._shaken(reduced, g, seed), {})
-            off = np.abs(np.array(Joints(self.joints).value(small(near.ravel())))).max()
-            if off > 1e-9 * max(1.0, np.abs(near).max()):
+            at = small(near.ravel())
+            off, G = np.abs(np.array(Joints(self.joints).value(at))), self._matrix(self.rows(at))
+            if (off > MISSED * self._reach(G)).any():
                 raise InvalidInput(
                     "Linkage.independent: these poses are a dead point: of "
                     f"{', '.join(reduced.dropped)}, some follow from others here, but not close by "
-                    f"(they miss by {off:.2g}); give other poses"
+                    f"(they miss by {off.max():.2g}); give other poses"
                 )
         return reduced
 
@@ -720,8 +722,22 @@ class Linkage(ConstrainedBody):
         """Poses close by, displaced along what the joints allow."""
         move = np.random.default_rng(seed).normal(size=self.configurations.dim)
         xi = np.array(found.velocity(vec(*found._projected(move, g))))
-        xi = xi * (0.03 / np.abs(xi).max()) if xi.any() else xi
+        xi = xi * (0.03 / np.abs(xi / self.displacements).max()) if xi.any() else xi
         return np.array(self.configurations.compose_exp(g, vec(*xi.tolist()))).reshape(-1, 4, 4)
+
+    @cached_property
+    def displacements(self) -> np.ndarray:
+        """Displacements that change a mechanism as much as a turn by 1 rad, whatever the unit of length, (6 N,): of
+        positions the radius of gyration of the body.
+        """
+        lightness = self._inverse.diagonal().reshape(-1, 2, 3)
+        radii = np.sqrt(lightness[:, 1].max(axis=1) / lightness[:, 0].min(axis=1))
+        return np.repeat(np.column_stack([np.ones(len(radii)), radii]), 3)
+
+    def _reach(self, G: Any) -> np.ndarray:
+        """How much conditions with these derivatives change over such displacements, (m,)."""
+        squares = G.multiply(G) if self._sparse else G * G
+        return np.asarray(np.sqrt(squares @ self.displacements**2))
 
     @property
     def dropped(self) -> tuple[str, ...]:

@@ -24,6 +24,9 @@ PATIENCE = 50
 CLOSED = 1e-12
 """A correction below this part of the sizes is rounding."""
 
+MISSED = 1e-9
+"""The part of its terms by which a condition, an angle or a rate may be missed."""
+
 DEPENDENT = 1e-9
 """Rows of which no more than this part is their own follow from the rows before them."""
 
@@ -121,7 +124,7 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
     """The poses nearest to these, by small corrections, at which loops are closed and joints have
     the coordinates that are wanted, (N, 4, 4).
     """
-    group, g = linkage.configurations, small(poses.ravel())
+    group, g, units = linkage.configurations, small(poses.ravel()), linkage.displacements
     root = np.sqrt(np.abs(linkage._inverse.diagonal()))
     numbers, before = sorted(wanted), np.inf
     for _ in range(PATIENCE):
@@ -133,17 +136,19 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
             apart[turning] = np.remainder(apart[turning] + np.pi, 2 * np.pi) - np.pi
             off += [*apart]
         rows = np.concatenate([np.array(linkage.jacobian(g)), rows_of_motions(linkage, g, numbers)])
-        x = -root * np.linalg.lstsq(rows * root, np.array(off), rcond=DEPENDENT)[0]
-        change = float(np.abs(x).max())
+        reach = np.linalg.norm(rows * units, axis=1)
+        x = -root * _least_squares(rows * root, np.array(off))
+        change = float(np.abs(x / units).max())
         g = group.compose_exp(g, vec(*x.tolist()))
-        if change <= CLOSED * max(1.0, np.abs(np.array(g)).max()) or not change < np.inf:
+        far = max(1.0, float(np.abs(linkage.poses(g)[:, :3, 3] / units[3::6, None]).max()))
+        if change <= CLOSED * far or not change < np.inf:
             break
         if change >= before and before < 1e-6:
             break
         before = change
-    missed = float(np.abs(off).max())
-    complaint = f"they miss by {missed:.2g}"
-    if missed <= 1e-9 * max(1.0, np.abs(np.array(g)).max()):
+    missed = np.abs(off)
+    complaint = f"they miss by {missed.max():.2g}"
+    if (missed <= MISSED * far * reach).all():
         complaint = linkage.turned_over(g)
     if complaint:
         raise NoConvergence(
@@ -151,6 +156,15 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
             f"these coordinates ({complaint}); give poses that are closer, near=poses"
         )
     return np.array(g).reshape(-1, 4, 4)
+
+
+def _least_squares(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """The shortest x with rows x = wanted, whatever the unit of each row: those that follow from others do so
+    beside their lengths.
+    """
+    lengths = np.linalg.norm(rows, axis=1)
+    lengths[lengths == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(rows / lengths[:, None], wanted / lengths, rcond=DEPENDENT)[0])
 
 
 def velocity_with(linkage: Any, g: Any, wanted: dict[int, np.ndarray]) -> np.ndarray:
@@ -170,9 +184,11 @@ def velocity_with(linkage: Any, g: Any, wanted: dict[int, np.ndarray]) -> np.nda
             begin += joint.freedoms
     inverse = np.asarray(linkage._inverse.todense() if linkage._sparse else linkage._inverse)
     root = np.linalg.cholesky(inverse)
-    xi = root @ np.linalg.lstsq(np.concatenate([G, D]) @ root, rates, rcond=DEPENDENT)[0]
-    missed = np.abs(np.concatenate([G, D]) @ xi - rates)
-    if missed.max() > 1e-9 * max(np.abs(rates).max(), np.abs(xi).max()):
+    rows = np.concatenate([G, D])
+    xi = root @ _least_squares(rows @ root, rates)
+    missed = np.abs(rows @ xi - rates)
+    units = linkage.displacements
+    if (missed > MISSED * (np.abs(rates) + np.linalg.norm(rows * units, axis=1) * np.abs(xi / units).max())).any():
         raise InvalidInput(
             "Linkage.state: the joints do not allow these rates together (they miss by "
             f"{missed.max():.2g}); leave out those that follow from others"

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.joints import BallJoint, Link, Linkage, Spring
+from liemech.errors import InvalidInput, NoConvergence
+from liemech.joints import BallJoint, Link, Linkage, RevoluteJoint, Spring, UniversalJoint
 
 
 def moved(count: int, length: float) -> tuple[np.ndarray, np.ndarray]:
@@ -32,3 +33,35 @@ def test_any_unit_of_length(count: int) -> None:
         g, conditions = moved(count, length)
         assert np.abs(g - wanted).max() < 2e-15
         assert conditions.max() < 1e-15
+
+
+def four_bar(length: float) -> tuple[Linkage, np.ndarray]:
+    """A crank, a coupler and a rocker in a plane, and poses near by at which the crank stands upright."""
+    turn, crank, coupler, rocker, ground = [0, 1, 0], 0.3 * length, 0.8 * length, 0.6 * length, 0.9 * length
+    links = [Link.rod(mass, x, 0.1 * x) for mass, x in ((1.0, crank), (2.0, coupler), (1.5, rocker))]
+    joints = [
+        RevoluteJoint(0, None, [0, 0, -crank / 2], [0, 0, 0], turn, turn, name="crank"),
+        BallJoint(1, 0, [0, 0, -coupler / 2], [0, 0, crank / 2]),
+        RevoluteJoint(2, None, [0, 0, -rocker / 2], [ground, 0, 0], turn, turn, name="rocker"),
+        UniversalJoint(1, 2, [0, 0, coupler / 2], [0, 0, rocker / 2], [1, 0, 0], turn),
+    ]
+    poses = np.stack([np.eye(4)] * 3)
+    for pose, angle in zip(poses, (0.0, 1.25, 0.0)):
+        pose[:3, :3] = lm.SO3().exp([0.0, angle, 0.0])
+    poses[:, :3, 3] = length * np.array([[0.0, 0.0, 0.15], [0.4, 0.0, 0.4], [0.9, 0.0, 0.3]])
+    return Linkage(links, joints), poses
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-6, 1e-9, 1e-12, 1e6, 1e9])
+def test_a_loop_takes_the_rates_that_it_is_given(length: float) -> None:
+    linkage, near = four_bar(length)
+    start = linkage.state(angles={"crank": 0.1}, rates={"crank": 1.0}, near=near)
+    poses, xi = linkage.poses(start.g), np.reshape(linkage.velocity(start.mu), (3, 6))
+    crank, coupler, rocker = np.arctan2(poses[:, 0, 2], poses[:, 2, 2])
+    # the ends of the coupler are equally fast along it
+    wanted = 0.3 * np.sin(crank - coupler) / (0.6 * np.sin(rocker - coupler))
+    assert np.abs(xi[[0, 2], 1] - [1.0, wanted]).max() < 1e-13
+    with pytest.raises(InvalidInput, match="do not allow these rates"):
+        linkage.state(angles={"crank": 0.1}, rates={"crank": 1.0, "rocker": wanted + 1e-6}, near=near)
+    with pytest.raises(NoConvergence, match="miss by"):
+        linkage.state(angles={"crank": 0.1, "rocker": rocker + 1e-4}, near=near)

@@ -559,15 +559,18 @@ class ConstrainedBody(BoundBody):
         """Raise InconsistentState for a configuration off the constraint, measured beside the terms
         of c, or such a velocity.
         """
-        G, inverse = self._matrix(self.rows(g)), self._inverse
-        largest = max(
-            np.abs(np.array(J)).max() if np.ndim(J) == 1 else np.linalg.norm(np.array(J), 2) for J in self.inverses
-        )
-        reach = np.sqrt((G @ inverse @ G.T).diagonal() / largest)
+        reach = self._reach(self._matrix(self.rows(g)))
         value = np.array(self.constraint.value(g))
         if (np.abs(value) > CONSISTENT * reach).any():  # their terms take longer to find
             self._require_zero("c(g)", value, self._terms(g) + reach)
         super()._require_consistent(mu, g)
+
+    def _reach(self, G: Any) -> np.ndarray:
+        """How much conditions with these derivatives change over unit displacements, of heavier bodies shorter ones, (m,)."""
+        largest = max(
+            np.abs(np.array(J)).max() if np.ndim(J) == 1 else np.linalg.norm(np.array(J), 2) for J in self.inverses
+        )
+        return np.asarray(np.sqrt((G @ self._inverse @ G.T).diagonal() / largest))
 
     def _terms(self, g: Any) -> np.ndarray:
         """How large the terms are whose sums the conditions are: sum |dc/dg_i g_i| over the entries
