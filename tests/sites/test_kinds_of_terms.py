@@ -19,6 +19,14 @@ N = 200
 
 
 @lm.record
+class Tensor(lm.Term):
+    J: lm.Mat
+
+    def energy(self, a: Any, b: Any) -> float:
+        return lm.dot(a.mu, self.J @ b.mu)
+
+
+@lm.record
 class Ising(lm.Term):
     K: float
 
@@ -169,13 +177,6 @@ def test_all_times_count() -> None:
 
 def test_matrices_of_bonds_that_are_symmetric() -> None:
     """Not for all values of their parameter, but for those of all edges."""
-
-    @lm.record
-    class Tensor(lm.Term):
-        J: lm.Mat
-
-        def energy(self, a: Any, b: Any) -> float:
-            return lm.dot(a.mu, self.J @ b.mu)
 
     J = np.random.default_rng(2).normal(size=(N, 3, 3))
     J = J + J.transpose(0, 2, 1)
@@ -346,3 +347,30 @@ def test_kinds_do_not_depend_on_units(unit: float, time: float) -> None:
             method.require(system)
     free = spins(Exchange(0.7 / (unit * time)).over(near.ring(N)), Easy(0.0, [0.0, 0.0, 1.0 / time]))
     lm.SublatticeSplitting(order=4).require(free)
+
+
+@lm.record
+class Nearly(lm.Term):
+    """An exchange beside which something is small."""
+
+    axial: float
+    twist: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        twisted = a.mu[0] * b.mu[1] - a.mu[1] * b.mu[0]
+        return -lm.dot(a.mu, b.mu) - self.axial * a.mu[2] * b.mu[2] + self.twist * twisted
+
+
+@pytest.mark.parametrize("small", [1e-6, 1e-9, 1e-10, 1e-11])
+def test_what_is_small_beside_an_exchange_counts(small: float) -> None:
+    """In 1e6 steps of 0.1 an axis of 1e-10 turns what bonds would keep by 1e-5."""
+    with pytest.raises(IncompatibleSystem, match="needs terms whose motions are known: Nearly"):
+        lm.BondSplitting().require(spins(Nearly(small, 0.0).over(near.ring(N))))
+    with pytest.raises(InvalidInput, match="its energy is not the same"):
+        spins(Nearly(0.0, small).over(near.ring(N)))
+
+
+def test_matrices_that_are_isotropic_but_for_rounding_are_bonds() -> None:
+    turn = np.array([lm.SO3().exp(x) for x in np.random.default_rng(3).normal(size=(N, 3))])
+    J = np.einsum("eji,ejk->eik", turn, 0.7 * turn)
+    lm.BondSplitting().require(spins(Tensor(lm.each(J)).over(near.ring(N))))

@@ -27,8 +27,10 @@ from .bases import CarriesMore, Operand, StandIn
 MOST = 64
 """The largest number of ways, and of comparisons on one way, for which a formula is tested."""
 
-APART = 1e-9
-"""Numbers that differ by more than this, relative to their terms, are not equal."""
+APART = 2.0**-40
+"""Numbers that differ by more than this, relative to their terms, are not equal: rounding of some thousand operations,
+so that what a motion loses by it is lost among the rounding of its parameters.
+"""
 
 
 PRIME = 2**127 - 1

@@ -66,7 +66,7 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
                 continue
         if force and pairs:
             _require_size(terms.group.base_of(ends[0]), name, pairs[0][0])
-        if force or len(ends) != 2 or not pairs or len({*part.of}) > 1:
+        if force or proof is True or len(ends) != 2 or not pairs or len({*part.of}) > 1:
             continue
         size = max(max(abs(a), abs(b)) for a, b in pairs)
         a, b = max(pairs, key=lambda pair: abs(pair[0] - pair[1]))
