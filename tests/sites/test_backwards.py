@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from terms_of_spins import Chiral, Exchange, Twist, Zeeman
 from test_runs_by_sites import chain, directions, native, spins
 
@@ -603,6 +604,44 @@ def test_units() -> None:
         found.append(back(plan, start, {20: np.arange(18.0)})[0])
     assert np.abs(found[1] - found[0]).max() < 1e-13
     assert np.abs(found[2] - found[0]).max() < 1e-13
+
+
+@pytest.mark.parametrize(
+    "inertia",
+    [
+        np.array([0.6, 1.1, 1.9, 18.0, 18.0, 18.0]),
+        np.array([1e-3, 2e-3, 3e-3, 1.0, 1.0, 1.0]),
+        np.array([[2e-4, 1e-2, 20.0], [1e-4, 1e-2, 10.0], [3e-4, 2e-2, 30.0]]).repeat(2, axis=1),
+    ],
+    ids=["water", "small", "each"],
+)
+def test_inertias_of_any_sizes(inertia: np.ndarray) -> None:
+    """Molecules have moments and masses: the derivative by one was found by steps of the size of the other.  Beside one
+    step of Lie and Euler, written with SciPy's exponential.
+    """
+    shape, unit = inertia.shape[1:], np.broadcast_to(inertia, (3, 6))
+    given = lm.KineticEnergy(lm.each(inertia) if shape else inertia)
+    system, h = lm.LiePoissonSystem(lm.SE3() ** 3, lm.Terms(lm.PerSite(given))), 0.01
+    mu = np.random.default_rng(1).normal(size=(3, 6)) * unit
+
+    def ends(factors: np.ndarray) -> np.ndarray:
+        moved = []
+        for m, J in zip(mu, unit * factors):
+            ad = np.column_stack([lm.SE3().algebra.bracket(m / J, e) for e in np.eye(6)])
+            moved.append(expm(h * ad).T @ m)
+        return np.array(moved)
+
+    def loss(factors: np.ndarray) -> float:
+        return float((ends(factors)[:, :3] / unit[:, :3]).prod(axis=1).sum())
+
+    plan = lm.Plan(system, lm.RKMK(order=1), h=h, compiled=False)
+    by, size = "hamiltonian.parts.0.term.energy_of_one.inertia", mu.shape
+    cotangent = np.zeros(size)
+    rates = ends(np.ones(size))[:, :3] / unit[:, :3]
+    cotangent[:, :3] = np.column_stack([rates[:, [1, 2]].prod(1), rates[:, [0, 2]].prod(1), rates[:, [0, 1]].prod(1)])
+    found = plan.pullback({"mu": cotangent / unit}, system.state(mu=mu), steps=1, by=by)[by] * inertia
+    wanted = differences(lambda x: loss(x * np.ones(size)), np.ones(inertia.shape))
+    assert np.abs(found - wanted).max() < 1e-12 * np.abs(wanted).max()
 
 
 @pytest.mark.slow

@@ -33,8 +33,22 @@ WRAPPERS = {"term", "energy_of_one"}
 EIGHTH = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 """Weights of differences of order 8."""
 
-APART = 2.0**-7
-"""How far values lie from each other there, beside their size."""
+APART = 2.0 ** -np.arange(7.0, 23.0, 3.0)
+"""How far values lie from each other there, beside their sizes: such that the next one changes least, for the moments
+of a slender rod in other axes have an inverse that bends at once.
+"""
+
+
+def sizes_of(values: np.ndarray) -> np.ndarray:
+    """How far each number of some parameters, (n, ...), is moved for a difference, beside which those that follow from
+    it change little: by its own size, of matrices by those on its row's and its column's diagonal.
+    """
+    sizes = np.abs(values)
+    if values.ndim == 3 and values.shape[1] == values.shape[2]:
+        diagonal = np.sqrt(np.diagonal(sizes, axis1=1, axis2=2))
+        sizes = np.maximum(sizes, diagonal[:, :, None] * diagonal[:, None, :])
+    largest = sizes.reshape(len(sizes), -1).max(axis=1).reshape(-1, *[1] * (values.ndim - 1))
+    return np.where(sizes > 0.0, sizes, np.where(largest > 0.0, largest, 1.0))
 
 
 @frozen(eq=False)
@@ -128,10 +142,11 @@ class Parameter:
         given = {name: getattr(owner, name) for name in named(type(owner))}
         start = self.value.values if isinstance(self.value, Each) else np.asarray(self.value, float)
         count = len(start) if isinstance(self.value, Each) else 1
-        size, width = float(np.abs(start).max()) or 1.0, max(1, int(np.prod(self.shape)))
+        width = max(1, int(np.prod(self.shape)))
+        sizes = sizes_of(start.reshape(count, *self.shape))
 
         def moved(direction: np.ndarray, e: float) -> Any:
-            array = start + e * size * direction.reshape(self.shape)
+            array = start + e * sizes.reshape(start.shape) * direction.reshape(self.shape)
             new: Any = each(array) if isinstance(self.value, Each) else array
             new = new if self.shape or isinstance(self.value, Each) else float(new)
             return type(owner)(**{**given, field: new})
@@ -161,10 +176,14 @@ class Parameter:
             value = getattr(owner, name)
             by = np.zeros((count, width, _numbers(value).size // count))
             for k, unit in enumerate(units):
-                for n, weight in EIGHTH:
-                    a, b = (getattr(moved(unit, sign * n * APART), name) for sign in (1.0, -1.0))
-                    change = (_numbers(a) - _numbers(b)).reshape(count, -1)
-                    by[:, k] += weight * change / (APART * size)
+                slopes = np.zeros((len(APART), *by[:, k].shape))
+                for slope, apart in zip(slopes, APART):
+                    for n, weight in EIGHTH:
+                        a, b = (getattr(moved(unit, sign * n * apart), name) for sign in (1.0, -1.0))
+                        change = (_numbers(a) - _numbers(b)).reshape(count, -1)
+                        slope += weight * change / (apart * sizes.reshape(count, width)[:, k, None])
+                best = np.abs(np.diff(slopes, axis=0)).max(axis=2).argmin(axis=0)
+                by[:, k] = slopes[best, np.arange(count)]
             found.append(Slot(self, (*self.path[:-1], name), value, by))
         return found
 
