@@ -162,6 +162,26 @@ def test_steps_in_fictive_time(system: Any, method: Any) -> None:
         assert np.abs(by - found).max() < 1e-11
 
 
+@pytest.mark.parametrize(("length", "time"), [(1.5e11, 5e6), (1e-9, 1e-12), (1e3, 1.0), (1e-3, 1.0)])
+@pytest.mark.parametrize("kind", ["controlled", "transformed"])
+def test_fictive_time_in_any_units(kind: str, length: float, time: float) -> None:
+    """Energy and first 1/sigma were differentiated by steps of 2^-7 m and 2^-7 m/s: in metres planets lost five digits,
+    and orbits of nanometres all.
+    """
+
+    def by_start(length: float, time: float) -> np.ndarray:
+        system: Any = lm.Kepler(length**3 / time**2)
+        start = lm.Kepler().state(q=length * ORBIT[:2], p=length / time * ORBIT[2:])
+        method: Any = CONTROLLED
+        if kind == "transformed":
+            system, method = lm.TimeTransformed(system, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet()
+        plan = lm.Plan(system, method, 0.02 * time / length**1.5, compiled=False)
+        units = np.array([length, length, length / time, length / time, time])
+        return plan.tangent(start, steps=6).tangent["start"][-1] * units[:4] / units[:, None]
+
+    assert np.abs(by_start(length, time) - by_start(1.0, 1.0)).max() < 1e-12
+
+
 @pytest.mark.slow
 def test_a_controlled_body_with_an_attitude() -> None:
     top = lm.models.HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 1.0])

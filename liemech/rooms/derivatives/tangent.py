@@ -120,8 +120,8 @@ class Directions:
             if name == "start":
                 inner = getattr(system, "system", None) if system.fictive else system
                 some = displacements(inner, frames_of(inner, start), start)
-                return [(lambda x, to=to: (way, *given(system, method, to(x))), 2.0**-7)
-                        for to in some]  # fmt: skip
+                return [(lambda x, to=to: (way, *given(system, method, to(x))), step)
+                        for to, step in some]  # fmt: skip
             if name == "h":
                 return [(lambda x, to=to: (to(x), whole, now), step)
                         for to, step in parameter_moves(way, name)]  # fmt: skip
@@ -336,7 +336,9 @@ def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
 
 
 def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
-    """For each direction of a start the function from a distance to the start that far along it."""
+    """For each direction of a start the function from a distance to the start that far along it, and a difference to
+    take: 2^-7 of the part of the start, whatever its units, or of 1 where that is zero.
+    """
     found = []
     for name, directions in frames.items():
         part = start.parts[name]
@@ -351,7 +353,9 @@ def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
                     there = group.compose_exp(part, x * Vec(*np.eye(group.dim)[i].tolist()))
                 return type(start)(*({**start.parts, name: there}.values()))
 
-            found.append(moved)
+            here, there = (np.abs(np.asarray(x)) for x in (part, moved(1.0).parts[name]))
+            size = float(here[here != there].max(initial=0.0) if name == "g" else here.max()) or 1.0
+            found.append((moved, np.ldexp(1.0, int(np.frexp(size)[1]) - 7)))
     return found
 
 
@@ -442,14 +446,14 @@ def parameter_moves(system: Any, name: str) -> list[Any]:
     numbers = leaves(value, layout)
     if not numbers or "table" in repr(layout):
         raise InvalidInput(f"Plan.tangent: {name} of {system!r} is no number, vector or matrix")
-    found = []
+    found, largest = [], max(map(abs, numbers)) or 1.0
     for i, x in enumerate(numbers):
 
         def moved(by: float, i: int = i, x: float = x) -> Any:
             other = iter([*numbers[:i], x + by, *numbers[i + 1 :]])
             return with_parameter(system, name, build(layout, other))
 
-        found.append((moved, np.ldexp(1.0, int(np.frexp(abs(x) or 1.0)[1]) - 7)))
+        found.append((moved, np.ldexp(1.0, int(np.frexp(abs(x) or largest)[1]) - 7)))
     return found
 
 
