@@ -300,8 +300,8 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
     sweep : gives of an unknown a better one, how much they differ and how large the data are; for
     data in several units both of each, which are compared apart and added up relative to their
     size.
-    It ends when a change is below eps, when the next one, judged by the last two, would be below
-    eps/16, or when the changes are rounding and become no smaller; where the data of one unit
+    It ends when a change is below eps, when the next one, judged by the last two, of which none is as large as the
+    data, would be below eps/16, or when the changes are rounding and become no smaller; where the data of one unit
     cancel and leave rounding alone, that is rounding beside all of them.  Raises NoConvergence in
     the name of a method with step size h.
 
@@ -357,7 +357,10 @@ class Settling(Record):
         done = change <= epsilon * size
         if before > 0.0:
             ratio = change / before
-            done = done or 16.0 * ratio * change <= epsilon * size or (ratio >= 1.0 and change <= noise * size)
+            foreseen = (
+                before < self.size and 16.0 * ratio * change <= epsilon * size
+            )  # as large as the data it tells nothing
+            done = done or foreseen or (ratio >= 1.0 and change <= noise * size)
         if _is_in_units(changes):
             since = where(change < least, 0.0, since + 1.0)
             least = where(change < least, change, least)

@@ -159,6 +159,42 @@ def test_derivatives_by_a_number_inside_of_the_hamiltonian(compiled: bool) -> No
 
 
 @lm.record
+class Held(lm.Potential):
+    """A spring, and a moment."""
+
+    k: float
+    c: float
+
+    def energy(self, g):
+        q = g[:3, 3]
+        return 0.5 * self.k * lm.dot(q, q) + self.c * g[0, 3] * g[2, 2]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("length", [1e-12, 1e-6, 1e9])
+def test_two_units_settle_apart_whatever_they_are(length: float) -> None:
+    """Derivatives of another unit than their values made a first change of 1e16 times the data, after which any change
+    seemed to fall fast: 5e-9 of the map and of the motion were left where lengths are 1e-12.
+    """
+
+    def map_and_motions(length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        moments = length**2 * np.array([1.0, 1.2, 0.5])
+        body = lm.models.KirchhoffBody([*moments, 2.0, 2.0, 2.0])
+        system = lm.MechanicalSystem(body, Held(1.1, 0.4 * length))
+        g = np.eye(4)
+        g[:3, :3], g[:3, 3] = SO3.exp([0.4, -0.3, 0.9]), length * np.array([0.3, -0.2, 0.5])
+        start = system.state(mu=[*moments * [0.5, 0.2, 0.8], 0.3 * length, 0.1 * length, -0.4 * length], g=g)
+        plan = lm.Plan(system, lm.GalerkinVariational(order=4), h=0.05, compiled=False)
+        found = plan.tangent(start, steps=2)
+        units = np.repeat([length**2, length, 1.0, length], 3)
+        return found.tangent["start"][-1] * units / units[:, None], found.mu, plan.run(start, steps=2).mu
+
+    found, moved, alone = map_and_motions(length)
+    assert np.abs(found - map_and_motions(1.0)[0]).max() < 1e-13
+    assert np.array_equal(moved, alone)
+
+
+@lm.record
 class Gyrostat(lm.Hamiltonian):
     inertia: lm.Vec
     rotor: float
