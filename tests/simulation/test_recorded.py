@@ -166,3 +166,32 @@ def test_the_run_of_a_body_that_stops_has_what_is_kept(scene, samples, monkeypat
         for name, x in own.states.items():
             assert len(x) == len(own) <= stop.steps + 1
             assert np.array_equal(x, run.states[name][: len(own), i]), name
+
+
+@lm.record
+class Products(lm.Hamiltonian):
+    """An energy that is zero on the axes."""
+
+    k: float
+
+    def energy(self, mu):
+        return self.k * (mu[0] * mu[1] + 0.3 * mu[2] * mu[0] + 0.1 * mu[1] * mu[2])
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-14, 1e14])
+def test_a_recorded_energy_that_begins_at_zero_drifts_in_any_unit(unit):
+    """Of small ones a drift was told to be exact: its changes were measured beside one."""
+    system = lm.LiePoissonSystem(lm.SO3(), Products(1.0 / unit))
+    start = system.state(mu=[0.0, unit, 0.0])
+    run = lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=400, record="energy", compiled=False)
+    assert run.energy[0] == 0.0 and run.drift()["energy"].verdict == "drifting"
+
+
+def test_an_attraction_is_recorded_before_there_are_samples():
+    """Its energy has a pole at zero, which stood for states that are not there yet."""
+    kepler = lm.Kepler()
+    start = kepler.state(q=[0.8, 0.0], p=[0.0, 1.3])
+    ways = dict(record="energy", t_end=0.9, rtol=1e-9, compiled=False)
+    run = lm.integrate(kepler, lm.RKMK(order=5), start, t_eval=[0.8, 0.9], **ways)
+    assert np.abs(run.energy - (0.5 * 1.3**2 - 1.0 / 0.8)).max() < 1e-7
+    assert lm.integrate(kepler, lm.RKMK(order=5), start, t_eval=[], **ways).energy.shape == (0,)

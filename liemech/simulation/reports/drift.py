@@ -64,7 +64,7 @@ class Kept:
         large as the quantity, and no trend explains it: the step is too large), or `changed` (too
         few samples to tell).
         """
-        if self.largest <= EXACT:
+        if self.largest <= (EXACT if self.scale else 0.0):  # beside no size no change is rounding
             return "exact"
         left = bool(self.scale) and self.largest >= 1.0 and self.last >= 0.5 * self.largest
         if self.samples < FEW:
