@@ -196,7 +196,7 @@ def linkage_of(
         args["joints"].append(_joint(joint, ends, poses[name][:3, :3], rotors))
         args["forces"] += _forces(joint, stops, speed)
     numbered = [joint.name for joint in args["joints"]]
-    args["forces"] += [_within(joints, numbered, force) if limits else force for force in forces]
+    args["forces"] += [_within(joints, numbered, force) if limits else force for force in forces or ()]
     centred = {name: poses[name].copy() for name in order}
     for name in order:
         centred[name][:3, 3] -= centres[moved[name]]

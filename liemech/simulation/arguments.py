@@ -295,7 +295,7 @@ def directions(name: str, given: Any, components: int) -> np.ndarray:
 
 def events(events: Any) -> tuple[Any, ...]:
     try:
-        functions = (events,) if callable(events) else tuple(events)
+        functions = (events,) if callable(events) else () if events is None else tuple(events)
     except TypeError:
         raise InvalidType(f"integrate: events are functions of t and state; got {events!r}") from None
     for event in functions:

@@ -121,3 +121,11 @@ def test_words_are_given_in_one_place(given: dict[str, Any], message: str) -> No
 def test_the_times_of_a_run_are_none_of_a_plan() -> None:
     with pytest.raises(InvalidInput, match="t_eval="):
         lm.Plan(BODY, lm.RKMK(order=5), 0.1, save=lm.Save(at=[0.1]))
+
+
+def test_no_events_may_be_none() -> None:
+    """As in SciPy; and no sites are held."""
+    runs = [lm.integrate(BODY, lm.RKMK(order=4), START, h=0.1, steps=3, compiled=False, events=x) for x in (None, ())]
+    assert runs[0] == runs[1] and runs[0].events == ()
+    bodies = lm.PerSite(lm.KineticEnergy([1.0, 1.5, 2.0]))
+    assert lm.Terms(bodies, held=None, pinned=None) == lm.Terms(bodies)

@@ -378,6 +378,8 @@ def _require_one(name: str, term: Term) -> None:
 
 def _held(name: str, held: Any) -> tuple[Any, ...]:
     """Numbers of sites, in rising order; of several species pairs of a species and a number."""
+    if held is None:
+        return ()
     if isinstance(held, dict):
         return tuple(sorted({(int(k), i) for k, sites in held.items() for i in _held(name, sites)}))
     numbers = np.atleast_1d(np.asarray(held))
