@@ -171,9 +171,11 @@ def of_short(promises: Any, way: Any, h: Any, bodies: int | None, steps: int, ot
 
 def of_sites(run: Any) -> Any:
     """The run of one system of many sites, ended or between two pieces."""
-    plan = run.plan
-    t = run.samples.t
-    promises = SimpleNamespace(t=lambda: t, states=_states_of_sites(run), carry=lambda: run.standing)
+    plan, t, states = run.plan, run.samples.t, _states_of_sites(run)
+    if run.quantities:
+        fields = run.quantities.fields(lambda: {"t": t, "states": run.states(run.samples.rows)})
+        t, states = fields["t"], lambda: fields["states"]
+    promises = SimpleNamespace(t=lambda: t, states=states, carry=lambda: run.standing)
     return Trajectory.promised(
         promises, system=plan.system, method=plan.method, bodies=None, steps=run.most,
         compiled=run.compiled, stopped=NONE, ended=run.ended,

@@ -246,6 +246,16 @@ def test_samples_events_and_functions_of_runs_by_loops(how: bool, monkeypatch: A
     assert abs(out.events[0][0][0] - at[0]) < 1e-14
 
 
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("how", [False, pytest.param(True, marks=needs_compiler)])
+def test_events_that_jump_are_told(how: bool) -> None:
+    linkage, start = swinging(3)
+    plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.05, compiled=how, events=(lambda t, s: -1.0 if t < 0.07 else 1.0,))
+    with pytest.warns(RuntimeWarning, match=r"jumps over zero at t = 0.07,"):
+        run = plan.run(start, steps=3)
+    assert not len(run.events[0][0])
+
+
 def test_functions_that_fail_leave_the_samples_before() -> None:
     linkage, start = swinging(3)
     plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.05, compiled=False)

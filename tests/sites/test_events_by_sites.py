@@ -87,6 +87,18 @@ def test_terminal(zero: float, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @native
+def test_the_whole_way_ends_where_an_event_ends_the_run() -> None:
+    stop = lambda t, total: t - 0.7  # noqa: E731
+    stop.terminal = 1  # type: ignore[attr-defined]
+    plan = lm.Plan(spins(), lm.RKMK(order=5), rtol=1e-6, dense=True, record=["mu", SPIN], events=[stop])
+    run = plan.run(START, t_end=2.0)
+    assert run.ended == 0 and run.t[-1] == run.events[0][0][0] and abs(run.t[-1] - 0.7) < 1e-15
+    whole = plan.replace(events=()).run(START, t_end=2.0)
+    assert np.abs(run.at(0.69).mu - whole.at(0.69).mu).max() < 1e-14
+
+
+@pytest.mark.slow
+@native
 def test_bits() -> None:
     """An event soon after the start, in plain Python and natively; with chosen sites."""
     first = spins(17).state(mu=directions(17))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+import functools
 from typing import Any
 
 import numpy as np
 
 from ...compiler.sites.planes import Planes, columns
-from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
+from ...errors import IncompatibleSystem, IntegrationInterrupted, InvalidInput, NoConvergence
 from ...formulas.classes.layouts import layout_of
 from ...formulas.tables import Table
 from ...groups.retractions import Exponential
@@ -26,9 +26,10 @@ from ...rooms.sites.runs.samples import Samples
 from ...rooms.sites.runs.states import as_users_see, by_site, one_of, site_rows, state_of_rows
 from ...simulation.between.dense import MotionBetween, flat, unpacked
 from ...simulation.between.events import Events, Moving
+from ...simulation.between.turning import looks_by_velocity, turning_of
 from ...simulation.compiled.control import TAKEN, TIME
 from ...simulation.compiled.parameters import places_of
-from ...simulation.keep import PieceOfBodies
+from ...simulation.keep import PieceOfBodies, Quantities
 from ...simulation.result import AsItIs
 from ...systems.many.site_state import StateOfSites
 from ...systems.system import small_state
@@ -152,7 +153,7 @@ class LinksBetween(MotionBetween):
     """The motion of a linkage inside of its steps: shorter ones, from the states where they begin."""
 
     def __init__(self, run: LinksRun) -> None:
-        self.run, self.method, self.width = run, run.plan.method, run.view.layout.width
+        self.run = run
 
     def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
         return before
@@ -165,11 +166,11 @@ class LinksBetween(MotionBetween):
         return flat(run.states(np.array(found)), len(found))
 
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
-        return self._by_velocities(self.run.plan._one.group.acting, before, after, body)
-
-    def _velocities(self, group: Any, points: np.ndarray, body: np.ndarray) -> np.ndarray:
-        xi = self.run.plan._one.velocity(self.run.view.arrays(points[:, :-1])["mu"])
-        return np.array(xi).reshape(len(points), -1)
+        """Counts of looks by the velocities at the ends of steps of which each goes on from the last."""
+        run, system = self.run, self.run.plan._one
+        mu = run.view.arrays(np.concatenate([before[:1, 1:], after[:, 1:]]))["mu"]
+        turned = turning_of(system.group.acting)(run.h * np.array(system.velocity(mu)).reshape(len(mu), -1))
+        return looks_by_velocity(np.maximum(turned[:-1], turned[1:]))
 
 
 class LinksRun(SiteRun, Moving):
@@ -177,16 +178,18 @@ class LinksRun(SiteRun, Moving):
     functions that are recorded, looks at the states that steps lead to.
     """
 
+    streams = True  # functions are found at the end
+
     def __init__(self, plan: Any, site: Any, start: Any, *given: Any) -> None:
         super().__init__(plan, site, start, *given)
         self.known_places: dict[str, Any] = {}  # of inputs
-        self.found: dict[str, np.ndarray] = {}
-        self.told_of = -1  # samples of which it is
+        self.asked_for = plan._steps.compiled
+        if plan.recorder is not None and plan.recorder.quantities:
+            self.quantities = Quantities(self, plan.recorder)
         if plan.events:
-            self.asked_for, self.over, self.sign = plan._steps.compiled, np.array([False]), np.sign([self.h])
+            self.over, self.sign = np.array([False]), np.sign([self.h])
             self.met_before: Any = ({}, {}) if isinstance(start, StateOfSites) else ({0: start.met}, {})
             arrays = self.states(self.shape.shown_rows(self._memory)[None])
-            self.view = AsItIs(small_state(one_of(arrays), {name: x[0] for name, x in arrays.items()}))
             self.here = np.append(self.begun, flat(arrays, 1)[0])[:, None]
             self.between, self.cuts = LinksBetween(self), {}  # type: Any, dict[int, int]
             self.events: Any = Events(self, plan.events)
@@ -295,8 +298,7 @@ class LinksRun(SiteRun, Moving):
 
     def _watched(self, turns: int) -> Any:
         """Some steps, and a look at them; Ctrl-C after some of them."""
-        samples, first, sign = self.samples, self.taken, self.sign.item()
-        turns = min(turns, SEEN, self.first + self.steps - first)
+        first, turns = self.taken, min(turns, SEEN, self.first + self.steps - self.taken)
         start, ends = self.shape.shown_rows(self._memory), self.t0 + np.arange(first + 1, first + turns + 1) * self.h
         every, stopped = Samples(self.shape, self.count, ends, ends), None  # type: Any, Any
         try:
@@ -306,29 +308,36 @@ class LinksRun(SiteRun, Moving):
         rows = np.concatenate([start[None], every.rows])
         out = np.column_stack([np.append(self.here[0], every.t), flat(self.states(rows), len(rows))])[:, :, None]
         piece = PieceOfBodies(self, np.array([0]), out, self.here[0], np.array([first]))
-        error, hit, end = None, None, out.item(-1, 0, 0)  # type: Any, Any, float
         try:
             hit = self.events.see(piece).get(0)
-        except Exception as caught:
-            error, end = caught, piece.a.item(getattr(caught, "step", 0))
+        except Exception as error:
+            self._keep_up_to(piece.a.item(getattr(error, "step", 0)), piece, rows)
+            raise self._with_run(error, None) from error.__cause__
+        self._keep_up_to(out.item(-1, 0, 0) if hit is None else hit[1], piece, rows)
         if hit is not None:
-            end, self.cuts[0], self.clocks[TAKEN] = hit[1], hit[2], first + hit[0] + 1
-            self.t_end, self.ended = end, hit[2]
-        ends = sign * piece.b
-
-        def rows_at(t: float) -> np.ndarray:
-            k = int(np.searchsorted(ends, sign * t))
-            return rows[k + 1] if t == piece.b[k] else self.shorter(rows[k], piece.a.item(k), t)
-
-        while sign * (samples.due - end) <= 0.0:
-            samples.keep(rows_at(samples.due), NOTHING)
-        if error is not None:
-            raise self._with_run(error, None)
-        if hit is not None and not self.fixed_times and samples.times[samples.made - 1] != end:
-            samples.end_at(end)
-            samples.keep(rows_at(end), NOTHING)
+            k, end, event, _ = hit
+            if not self.fixed_times and self.samples.times[self.samples.made - 1] != end:
+                self.samples.end_at(end)
+                self.samples.keep(self._seen_at(end, k, piece, rows), NOTHING)
+            self.t_end, self.ended, self.cuts[0], self.clocks[TAKEN] = end, event, event, first + k + 1
         self.here = out[-1]
         return stopped
+
+    def _keep_up_to(self, end: float, piece: PieceOfBodies, rows: np.ndarray) -> None:
+        """Keep the samples up to a time in some steps.  rows : the numbers of places at their ends."""
+        samples, sign = self.samples, self.sign.item()
+        due, done = samples.times[samples.made :], 0
+        due = due[sign * due <= sign * end]
+        steps = np.searchsorted(sign * piece.b, sign * due)
+        for k in np.flatnonzero(piece.b[steps] != due).tolist():
+            samples.keep(rows[steps[done:k] + 1], NOTHING)
+            samples.keep(self._seen_at(due.item(k), steps[k], piece, rows), NOTHING)
+            done = k + 1
+        samples.keep(rows[steps[done:] + 1], NOTHING)
+
+    def _seen_at(self, t: float, k: int, piece: PieceOfBodies, rows: np.ndarray) -> np.ndarray:
+        """The numbers of places at a time in step k of a piece."""
+        return rows[k + 1] if t == piece.b[k] else self.shorter(rows[k], piece.a.item(k), t)
 
     def _attend(self) -> None:
         """As without events; a run that one has ended has its samples."""
@@ -348,30 +357,24 @@ class LinksRun(SiteRun, Moving):
 
     # ---------------------------------------------------------------- functions of the state
 
+    @functools.cached_property
+    def view(self) -> AsItIs:
+        """The view that shows rows of numbers as states."""
+        arrays = self.states(self.shape.shown_rows(self._memory)[None])
+        return AsItIs(small_state(one_of(arrays), {name: x[0] for name, x in arrays.items()}))
+
     def require_ends(self) -> None:
         """Find what is recorded."""
         super().require_ends()
         try:
-            self.recorded(self.samples.made)
-        except (Exception, KeyboardInterrupt) as caught:
-            error: Any = caught
-            self.samples.made, found = error.kept
-            self.found = {name: found[name] for name in self.plan.recorder.quantities}
-            self.told_of = self.samples.made
+            if self.quantities is not None:
+                self.quantities.flush()
+        except (Exception, IntegrationInterrupted) as error:
             raise self._with_run(error, None) from error.__cause__
 
-    def recorded(self, n: int) -> dict[str, np.ndarray]:
-        """The functions that are recorded, at the first n samples."""
-        recorder = self.plan.recorder
-        if recorder is None or not recorder.quantities:
-            return {}
-        if self.told_of != n:
-            states, of = self.states(self.samples.rows[:n]), self.plan._one
-            one, asked = SimpleNamespace(bodies=None, system=of), self.plan._steps.compiled
-            found = recorder.values(one, one_of(states), self.samples.asked[:n], states, asked)
-            self.found = {name: found[name] for name in recorder.quantities}
-            self.told_of = n
-        return self.found
+    def flush(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and numbers of all samples."""
+        return self.samples.t, flat(self.states(self.samples.rows), self.samples.made)
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
         """The reason for which a step failed, and at which joint."""

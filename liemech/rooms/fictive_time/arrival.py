@@ -83,7 +83,6 @@ class FictiveMotion(MotionBetween):
     wanted: bool | None
     begun: np.ndarray | None = None
     closer: ClassVar[bool] = True
-    velocity: ClassVar[Any] = staticmethod(velocity_in_time)
 
     @property
     def points(self) -> np.ndarray:
@@ -111,7 +110,7 @@ class FictiveMotion(MotionBetween):
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
         """By the velocities at both ends, in physical time."""
         (system,) = kernel.examples([self.system])
-        return self._by_velocities(system.system.group, before, after, body)
+        return self._by_velocities(velocity_in_time, system.system.group, before, after, body)
 
     def apart(self, numbers: np.ndarray) -> tuple[Any, dict[str, np.ndarray]]:
         states = unpacked(layout_of(self.example), numbers[:, : self.width])

@@ -113,7 +113,6 @@ class MotionBetween:
     wanted: bool | None
     rows: Any
     closer: ClassVar[bool] = False  # may states inside of a step ask for more looks there?
-    velocity: ClassVar[Any] = staticmethod(_turning)  # the formula by which steps are looked into
 
     @functools.cached_property
     def width(self) -> int:
@@ -147,8 +146,10 @@ class MotionBetween:
         """
         raise NotImplementedError
 
-    def _by_velocities(self, group: Any, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """`looks`, by the velocities at both ends, in the algebra of this group."""
+    def _by_velocities(
+        self, velocity: Any, group: Any, before: np.ndarray, after: np.ndarray, body: np.ndarray
+    ) -> np.ndarray:
+        """`looks`, by a formula for the velocities at both ends, in the algebra of this group."""
         turning, (method,) = turning_of(group), kernel.examples([self.method])  # type: ignore[attr-defined]
         if method.noisy or not turning.parts:
             return np.ones(len(after), dtype=int)
@@ -156,17 +157,13 @@ class MotionBetween:
         new = np.append(True, (before[1:] != after[:-1]).any(axis=1))[: len(after)]
         rows, place = np.concatenate([before[new], after]), int(new.sum())
         points = np.concatenate([rows[:, 1 : 1 + self.width], rows[:, :1]], axis=1)
-        xi = self._velocities(group, points, np.concatenate([body[new], body]))
+        arguments = velocity, self.system, layout_of(self.example), layout_of(Vec(*[0.0] * group.dim))  # type: ignore[attr-defined]
+        xi = evaluated(velocity_of, arguments, points, group.dim, self.wanted, body=np.concatenate([body[new], body]))
         end = xi[place:]
         start = np.concatenate([end[:1], end[:-1]])
         start[new] = xi[:place]
         spans = (after[:, 0] - before[:, 0])[:, None]
         return looks_by_velocity(np.maximum(turning(spans * start), turning(spans * end)))
-
-    def _velocities(self, group: Any, points: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """The velocities, (m, dim), in some states, behind each of which its time stands."""
-        arguments = self.velocity, self.system, layout_of(self.example), layout_of(Vec(*[0.0] * group.dim))  # type: ignore[attr-defined]
-        return evaluated(velocity_of, arguments, points, group.dim, self.wanted, body=body)
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times
@@ -306,7 +303,7 @@ class ShortSteps(MotionBetween):
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
         """Counts of looks by the turning velocities at both ends of each step."""
         (system,) = kernel.examples([self.system])
-        return self._by_velocities(system._turning_group, before, after, body)
+        return self._by_velocities(_turning, system._turning_group, before, after, body)
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         (method,) = kernel.examples([self.method])

@@ -96,6 +96,7 @@ class SiteRun(Course):
     ended: int | None = None  # by which event
     level: float | None = None  # of the derivative that numbers carry along
     dense = False  # is the way of all adaptive steps kept?
+    quantities: Any = None  # functions of samples
     bench: Any = None  # a run beside this one that makes single shorter steps
     overflowed: int | None = None  # the first site with numbers that are not finite, of a step that failed
 

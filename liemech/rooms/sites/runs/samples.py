@@ -65,7 +65,8 @@ class Samples:
         """Take some more, of which these are the numbers, (n, width, sites), and the totals; or one, (width, sites)."""
         rows = rows.reshape(-1, *rows.shape[-2:])
         if self.chosen is None and self.wide:
-            kept = self.seen.array[self.made * self.wide :][: len(rows) * self.wide].reshape(len(rows), self.wide, -1)
+            kept = self.seen.array[self.made * self.wide :][: len(rows) * self.wide]
+            kept = kept.reshape(*rows.shape[:2], kept.shape[1])
             kept[..., : self.count], kept[..., self.count :] = rows, rows[..., -1:]
         self._add(rows, totals)
 
