@@ -69,7 +69,7 @@ systems > rooms.sites.terms: sums_of_terms terms terms_at_site terms_in_arrays t
 simulation > simulation.runs: carry course equal going_on jumps run short starts tolerance
 systems > systems.equations: group_equation homogeneous_equation isospectral_flow
 systems > systems.in_time: driven driven_hamiltonian driven_kinetic_energy tabulated varied_table
-systems > systems.many: common_momentum site_state
+systems > systems.many: common_momentum one_term site_state
 """
 # former package > package of today: modules that went from one to the other, with `=` under another name
 

@@ -10,7 +10,7 @@ In the order in which one reads:
     multirate.py                              fast and slow parts of a potential
     vector_field.py, equations/               equations without an energy: in R^n, on groups, on spaces, on matrices
     in_time/                                  energies that change with time; tables (tabulated, knots), inputs
-    many/                                     states of many sites, and the words by which their energies are asked
+    many/                                     states of many sites, the words by which their energies are asked, one of their terms
     agreement.py, trial.py, inertia.py        checks where a system is made: do energy, gradient and Lagrangian agree?
     input_checks.py                           checks of the starts that users give
 

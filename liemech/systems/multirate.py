@@ -7,10 +7,8 @@ from __future__ import annotations
 from typing import Any, ClassVar, final
 
 from ..errors import InvalidInput
-from ..formulas import Element, Vec, gradient, record
+from ..formulas import Vec, gradient, record
 from ..formulas.classes.derived import derived
-from ..groups.lie_group import LieGroup
-from .potential import Potential
 from .separable import SeparableSystem
 
 
@@ -61,21 +59,3 @@ class MultirateSystem(SeparableSystem):
         for k in range(1, len(self.parts)):
             total = total + self.part_force(k, q)
         return total
-
-
-@record
-class OneTerm(Potential):
-    """The force of one of the terms of a potential, or of its site form.
-
-    terms : the potential.  k : the number of the term.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
-    """
-
-    terms: Any
-    k: int
-
-    def force(self, group: LieGroup, g: Element) -> Vec:
-        """The force of term k alone.  g : an element."""
-        force: Vec = self.terms.force_of(group, g, self.k)
-        return force
