@@ -54,17 +54,17 @@ def uncut(method: Any) -> Any:
     return method.method if isinstance(method, EndingAtJumps) else method
 
 
-def apart(times: Iterable[float]) -> tuple[float, ...]:
+def distinct_times(times: Iterable[float]) -> tuple[float, ...]:
     """Times in order, of those that differ by rounding only the first one."""
     distinct: list[float] = []
     for t in sorted(times):
-        if not distinct or not same(t, distinct[-1]):
+        if not distinct or not is_one_time(t, distinct[-1]):
             distinct.append(t)
     return tuple(distinct)
 
 
-def same(t: float, other: float) -> bool:
-    """Whether two times differ by rounding only."""
+def is_one_time(t: float, other: float) -> bool:
+    """Whether two times differ by rounding alone."""
     return abs(t - other) <= 4 * MARGIN * ULP * max(abs(t), abs(other), SMALLEST)
 
 
@@ -74,7 +74,7 @@ def jumps_between(method: Any, system: Any, breaks: tuple[float, ...], t0: float
         return breaks
     low, high, every = min(t0, t_end), max(t0, t_end), sees_powers(method)
     of_tables = [t for table in inputs(system) for t in table.jump_times(low, high, every)]
-    return apart({*breaks, *of_tables})
+    return distinct_times({*breaks, *of_tables})
 
 
 def cuts(way: EndingAtJumps, system: Any) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, require, warn
 from ..formulas import Vec, check_finite, real_array
-from ..integrators.ending_at_jumps import apart
+from ..integrators.ending_at_jumps import distinct_times
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .checkpoint import ENDINGS, Checkpoint, require_ending
@@ -151,7 +151,7 @@ def jumps(breaks: Any) -> tuple[float, ...]:
     if array.ndim > 1:
         raise InvalidInput(f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)")
     check_finite(array, "integrate: breaks")
-    return apart(array.tolist())
+    return distinct_times(array.tolist())
 
 
 def names(record: Any) -> Any:

@@ -209,7 +209,7 @@ class MultipleTimeSteps(Remembering):
         last = len(self.ratios)
         try:
             by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))
-            hessian = np.array(jacobian(lambda x: sum_of([system.part_force(k, x) for k in range(last)]), q))
+            hessian = np.array(jacobian(lambda x: _sum_of([system.part_force(k, x) for k in range(last)]), q))
             squares = np.real(np.linalg.eigvals(-by_p @ hessian))
         # LinAlgError, for entries that are not finite, is a ValueError
         except (ArithmeticError, ValueError):
@@ -223,7 +223,11 @@ class MultipleTimeSteps(Remembering):
                 f"frequency {frequencies.max():.3g} of the fast part; try ratios whose product is "
                 f"{math.ceil(phases.max())} or more"
             )
-        near = [w for w, phase in zip(frequencies, phases) if phase > (1.0 - NEAR) * math.pi and off(phase) < NEAR]
+        near = [
+            w
+            for w, phase in zip(frequencies, phases)
+            if phase > (1.0 - NEAR) * math.pi and _off_resonance(phase) < NEAR
+        ]
         if near and not self.mollified:
             return (
                 f"{self!r}: h = {h:g} is in resonance with the frequency {near[0]:.3g} of the fast "
@@ -352,7 +356,7 @@ def _kicked(memory: Memory, kick: Vec) -> Memory:
     return Memory(BodyState(state.mu + kick, state.g), memory.node, memory.past)
 
 
-def sum_of(vectors: list[Vec]) -> Vec:
+def _sum_of(vectors: list[Vec]) -> Vec:
     """The sum of one vector or more."""
     total = vectors[0]
     for v in vectors[1:]:
@@ -360,7 +364,7 @@ def sum_of(vectors: list[Vec]) -> Vec:
     return total
 
 
-def off(phase: float) -> float:
+def _off_resonance(phase: float) -> float:
     """How far a phase is from a multiple of pi, as a part of pi."""
     return abs(phase / math.pi - round(phase / math.pi))
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...integrators.ending_at_jumps import MARGIN, same
+from ...integrators.ending_at_jumps import MARGIN, is_one_time
 from ..compiled.control import LAST_TIME, go_on
 
 Ways = list[tuple[float, float]]
@@ -24,12 +24,12 @@ def stretches(breaks: tuple[float, ...], t0: float, t_end: float) -> tuple[float
     start, ways, before = t0, [], t0  # type: float, Ways, float
     inside = [b for b in breaks if min(t0, t_end) <= b <= max(t0, t_end)]
     for b in inside if t_end > t0 else inside[::-1]:
-        if same(b, t0):  # there is nothing between them
+        if is_one_time(b, t0):  # there is nothing between them
             start = b + sign * float(np.spacing(abs(b)))
             continue
         # times of stages are rounded as those of the step are
         ahead = sign * float(np.spacing(max(abs(b), abs(before))))
-        last = same(b, t_end)
+        last = is_one_time(b, t_end)
         ways.append((b - ahead, t_end if last else b + sign * float(np.spacing(abs(b)))))
         before = b
     if not ways or ways[-1][1] != t_end:
