@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -42,12 +43,10 @@ class Correction(Record):
         """The innovation r and its covariance S."""
         raise undefined(self, "innovation")
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return _shape(self.group, argument, kind) or self.sensor._shape(argument, kind)
+    _space = property(attrgetter("sensor"))
 
-    def _objection(self, argument: str, value: Any) -> str | None:
-        objection: str | None = self.group._objection(argument, value)
-        return objection
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return _shape(self.group, argument, kind) or super()._shape(argument, kind)
 
 
 def _shape(group: Any, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -163,12 +162,10 @@ class Filter(Record):
             corrections[id(sensor), gate] = correction
         return correction
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return _shape(self.group, argument, kind) or self.process._shape(argument, kind)
+    _space = property(attrgetter("process"))
 
-    def _objection(self, argument: str, value: Any) -> str | None:
-        objection: str | None = self.group._objection(argument, value)
-        return objection
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return _shape(self.group, argument, kind) or super()._shape(argument, kind)
 
 
 MANY = 64

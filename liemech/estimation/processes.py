@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from ..errors import undefined
@@ -62,12 +63,11 @@ class Process(Record):
         """The number of components of u, by default the dimension of the group."""
         return self.group.dim
 
+    _space = property(attrgetter("group"))
+
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         shapes = {"u": (self.inputs,), "w": (len(self.deviations(1.0)),)}
-        return shapes.get(argument) or self.group._shape(argument, kind)
-
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.group._objection(argument, value)
+        return shapes.get(argument) or super()._shape(argument, kind)
 
 
 @record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -47,11 +48,7 @@ class ProcessLink(Record):
         """The group on which the process moves."""
         return self.process.group
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.process._shape(argument, kind)
-
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.process._objection(argument, value)
+    _space = property(attrgetter("process"))
 
 
 @record
@@ -82,11 +79,7 @@ class Sight(Record):
         """The group whose elements the sensor sees."""
         return self.sensor.group
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.sensor._shape(argument, kind)
-
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.sensor._objection(argument, value)
+    _space = property(attrgetter("sensor"))
 
 
 @record
@@ -133,11 +126,7 @@ class Mover(Record):
         """g exp(e), or exp(e) g."""
         return moved(self.group, self.side, g, e)
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.group._shape(argument, kind)
-
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.group._objection(argument, value)
+    _space = property(attrgetter("group"))
 
 
 @frozen(eq=False)

@@ -4,14 +4,16 @@ leaving them.
 
 from __future__ import annotations
 
-from typing import Any, final
+from operator import attrgetter
+from typing import final
 
 import numpy as np
 
 from ..errors import NotDefined, require, undefined
-from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec, vectors
+from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec
 from ..formulas.calls.batches import MEMBERSHIP
 from ..formulas.classes.derived import derived
+from ..formulas.reductions import flat
 from .lie_group import LieGroup
 
 
@@ -92,7 +94,7 @@ class GroupAction(Record):
         algebra of the isotropy group.  Of points that are matrices the entries are in a row.
         """
         units = identity_matrix(self.group.dim)
-        return mat(*[in_a_row(self.infinitesimal(unit, x)) for unit in units]).T
+        return mat(*[flat(self.infinitesimal(unit, x)) for unit in units]).T
 
     def contains(self, x: Vec) -> bool:
         """Whether an array is a point of the space, up to rounding.  Its `defect` is at most 1e-6.
@@ -100,16 +102,7 @@ class GroupAction(Record):
         """
         return self.defect(x) <= MEMBERSHIP
 
+    _space = property(attrgetter("group"))
+
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.point_shape if argument == "x" else self.group._shape(argument, kind)
-
-    def _complex(self, kind: str) -> bool:
-        return self.group._complex(kind)
-
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.group._objection(argument, value)
-
-
-def in_a_row(x: Any) -> Any:
-    """The entries of a vector, or of a matrix row by row."""
-    return vec(*[entry for row in x for entry in row]) if isinstance(x, vectors.Mat) else x
+        return self.point_shape if argument == "x" else super()._shape(argument, kind)

@@ -15,6 +15,7 @@ from ..formulas import Ambient, Element, Mat, Record, Vec, derivative, dot, iden
 from ..formulas.arrays import check_finite, real_array
 from ..formulas.calls.batches import MEMBERSHIP as MEMBERSHIP
 from ..formulas.classes.derived import derived
+from ..formulas.reductions import flat
 from ..formulas.vectors import small
 from .lie_algebra import LieAlgebra, objection, sided
 
@@ -106,7 +107,7 @@ class LieGroup(Record):
         if self._by_matrices:
             return algebra.vee(g @ algebra.hat(xi) @ back)
         curve = derivative(lambda s: self.compose(self.compose(g, self.exp(s * xi)), back), 0.0)
-        return self._coframe @ _flat(curve)
+        return self._coframe @ flat(curve)
 
     @derived
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
@@ -137,7 +138,7 @@ class LieGroup(Record):
         if self._by_matrices:
             return self.algebra.vee(self.inverse(g) @ rate)
         back = self.inverse(g)
-        return self._coframe @ _flat(derivative(lambda s: self.compose(back, g + s * rate), 0.0))
+        return self._coframe @ flat(derivative(lambda s: self.compose(back, g + s * rate), 0.0))
 
     # the Cayley map (1 - x/2)^-1 (1 + x/2) of the matrices x = hat(xi) of the algebra
 
@@ -356,7 +357,7 @@ class LieGroup(Record):
         """The linear map from rates of an element at the identity to velocities, (d exp at 0)^-1."""
         zero = vec(*[0.0 for _ in range(self.dim)])
         units = identity_matrix(self.dim)
-        frame = [_flat(derivative(self.exp, zero, unit)) for unit in units]
+        frame = [flat(derivative(self.exp, zero, unit)) for unit in units]
         return Mat.of(np.linalg.pinv(np.array(frame, dtype=float).T).tolist())
 
     def _objection(self, argument: str, value: Any) -> str | None:
@@ -365,10 +366,3 @@ class LieGroup(Record):
                 reason = self.objection(value)
             return reason and f"is not in {self!r}: {reason}"
         return objection(argument, value)
-
-
-def _flat(rate: Any) -> Vec:
-    """The entries of a rate, of a matrix row by row."""
-    if isinstance(rate, Mat):  # type: ignore[misc]
-        return vec(*[x for row in rate for x in row])
-    return rate

@@ -1,4 +1,7 @@
-"""The order of a method, which is one of several that it has, or that of its tableau."""
+"""The order of a method, which is one of several that it has, or that of its tableau.
+
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1.
+"""
 
 from __future__ import annotations
 

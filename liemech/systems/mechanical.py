@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -288,17 +289,7 @@ class MechanicalSystem(System):
         """How far an array is from being a configuration.  g : shaped like an element."""
         return self.body.group.defect(g)
 
+    _space = property(attrgetter("configurations"))
+
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.group.dim,) if argument == "omega" else self.body.group._shape(argument, kind)
-
-    def _in_rows(self, value: Any, kind: str) -> Any:
-        return self.body.group._in_rows(value, kind)
-
-    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
-        return self.body.group._out_of_rows(results, kind)
-
-    def _complex(self, kind: str) -> bool:
-        return self.body.group._complex(kind)
-
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.body.group._objection(argument, value)
+        return (self.group.dim,) if argument == "omega" else super()._shape(argument, kind)

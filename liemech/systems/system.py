@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
@@ -243,20 +244,13 @@ class System(Record):
         """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""
         return {}
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.group._shape(argument, kind)
+    _space = property(attrgetter("group"))
 
     def _in_rows(self, value: Any, kind: str) -> Any:
-        return self.group._in_rows(value, kind)
+        return self._space._in_rows(value, kind)
 
     def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
-        return self.group._out_of_rows(results, kind)
-
-    def _complex(self, kind: str) -> bool:
-        return self.group._complex(kind)
-
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.group._objection(argument, value)
+        return self._space._out_of_rows(results, kind)
 
 
 _checked = Remembered()

@@ -379,7 +379,7 @@ def test_native_code_is_compared_on_request() -> None:
 
 def test_what_cannot_be_checked_is_said() -> None:
     body, start = systems()["free body"]
-    with pytest.raises(lm.errors.InvalidType, match=r"method must be a Method; got .*write RKMK\(\)"):
+    with pytest.raises(lm.errors.InvalidType, match=r"method must be a Method; got .*write RKMK\(\.\.\.\)"):
         check_method(lm.RKMK, body, start)  # type: ignore[arg-type]
     with pytest.raises(lm.errors.InvalidInput, match="ensemble of 2"):
         check_method(lm.RKMK(), body, body.state(np.ones((2, 3))))

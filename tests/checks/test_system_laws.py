@@ -257,7 +257,7 @@ def test_random_states_are_where_the_formulas_are_defined() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"), [((lm.RigidBody,), r"must be a System.*write RigidBody\(\)"), ((BODY, 3), "a State")]
+    ("arguments", "words"), [((lm.RigidBody,), r"must be a System.*write RigidBody\(\.\.\.\)"), ((BODY, 3), "a State")]
 )
 def test_what_cannot_be_checked_is_said(arguments: tuple[Any, ...], words: str) -> None:
     with pytest.raises(lm.errors.InvalidType, match=words):

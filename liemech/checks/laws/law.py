@@ -63,7 +63,7 @@ class Told(Same):
     told: str = ""
 
     def slips(self, allowed: float) -> str:
-        """The remark."""
+        """The remark, whatever is allowed."""
         return self.told
 
 

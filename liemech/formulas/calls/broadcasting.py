@@ -41,9 +41,14 @@ class Broadcasting:
         """The end of "must ..." in the message for an argument that is no instance."""
         return f"be a {cls.__name__}"
 
+    @property
+    def _space(self) -> Any:
+        """The group, or another record, that knows of arguments what follows; None if there is none.  Subclasses know."""
+        return None
+
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         """The shape that an array argument of this kind must have; None if any will do.  Subclasses know."""
-        return None
+        return None if self._space is None else self._space._shape(argument, kind)
 
     @property
     def is_large(self) -> bool:
@@ -64,11 +69,11 @@ class Broadcasting:
 
     def _complex(self, kind: str) -> bool:
         """Whether an argument of this kind may have complex entries, as subclasses say."""
-        return False
+        return self._space is not None and self._space._complex(kind)
 
     def _objection(self, argument: str, value: Any) -> str | None:
         """The objection to the value of an argument, an array or an option; None if there is none. Subclasses know."""
-        return None
+        return None if self._space is None else self._space._objection(argument, value)
 
     def _explain(self, arguments: dict[str, Any]) -> None:
         """Raise why the owner cannot serve these arguments, if that is why a formula failed. Subclasses know."""

@@ -23,9 +23,6 @@ WORD = 2**32 - 1
 LARGEST = 2**53
 """Counters and seeds are whole numbers from zero to below this: floats without rounding."""
 
-BLOCKS = 2**11
-"""Blocks of two numbers that one counter has."""
-
 
 def words(counter: tuple[int, ...], key: tuple[int, ...]) -> tuple[int, ...]:
     """Four words of 32 bits, from four of a counter and two of a key."""

@@ -357,11 +357,6 @@ def split(unknown: Vec, dim: int) -> tuple[Vec, Vec]:
     return unknown[:dim], unknown[dim:]
 
 
-def entries(g: Element) -> list[Any]:
-    """The numbers of an element."""
-    return [x for row in g for x in row] if isinstance(g, vectors.Mat) else [*g]
-
-
 def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool]:
     """m^-1 of each column, by elimination in the given order; and whether det m has the sign of
     that of a positive matrix times `sign`.

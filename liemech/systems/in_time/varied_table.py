@@ -43,10 +43,6 @@ class VariedTable(PiecewisePolynomial):
         return [term + switch * (Vec(*row) if self.size else row[0]) for term, row in zip(super()._terms_of(i), rows)]
 
 
-PART = "knots", "coefficients", "intervals", "jumps", "jumping", "last"
-"""The fields that say which part of a table is meant."""
-
-
 def varied(table: PiecewisePolynomial) -> VariedTable:
     """The whole table, perturbed in no interval."""
     width = (table.degree + 1) * max(table.size, 1)
