@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any
 
 from ..formulas import Element, Vec, record, sqrt, vec
@@ -50,20 +49,12 @@ class Imu(Process):
     gyroscope: Vec
     accelerometer: Vec
     gravity: Vec = (0.0, 0.0, -9.80665)
+    group = SE23()  # attitude, velocity and position
+    inputs = 6  # three angular rates, three accelerations
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_noise(self, gyroscope=3, accelerometer=3)
-
-    @cached_property
-    def group(self) -> SE23:
-        """The group SE_2(3) of attitude, velocity and position."""
-        return SE23()
-
-    @property
-    def inputs(self) -> int:
-        """The number of inputs: three angular rates, three accelerations."""
-        return 6
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
         """(R D, v + h gravity + R dv, p + h v + h^2/2 gravity + R dp), (D, dv, dp) the exponential of SGal(3)."""
@@ -87,20 +78,12 @@ class BiasedImu(Process):
     accelerometer: Vec
     wander: Vec
     gravity: Vec = (0.0, 0.0, -9.80665)
+    group = ProductGroup(SE23(), VectorSpace(6))  # SE_2(3) x R^6, of motions and biases
+    inputs = 6  # three angular rates, three accelerations
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_noise(self, gyroscope=3, accelerometer=3, wander=6)
-
-    @cached_property
-    def group(self) -> ProductGroup:
-        """The group SE_2(3) x R^6, of motions and biases."""
-        return ProductGroup(SE23(), VectorSpace(6))
-
-    @property
-    def inputs(self) -> int:
-        """The number of inputs: three angular rates, three accelerations."""
-        return 6
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
         """The motion of an Imu without biases for u - b; the biases change by h w_b."""
@@ -126,20 +109,12 @@ class BiasedGyroscope(Process):
 
     density: Vec
     wander: Vec
+    group = ProductGroup(SO3(), VectorSpace(3))  # SO(3) x R^3, of attitudes and biases
+    inputs = 3  # three angular rates
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_noise(self, density=3, wander=3)
-
-    @cached_property
-    def group(self) -> ProductGroup:
-        """The group SO(3) x R^3, of attitudes and biases."""
-        return ProductGroup(SO3(), VectorSpace(3))
-
-    @property
-    def inputs(self) -> int:
-        """The number of inputs: three angular rates."""
-        return 3
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
         """(R exp(h (u - b + w_1)), b + h w_2)."""

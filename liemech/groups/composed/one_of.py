@@ -107,6 +107,7 @@ class OneOf(GroupOfParts):
 
     kinds: tuple[LieGroup, ...]
     those: AlgebraOfOne
+    is_complex = False  # complex entries are two real ones
 
     @classmethod
     def of_kinds(cls, kinds: tuple[Any, ...], which: SiteArray) -> OneOf:
@@ -128,11 +129,6 @@ class OneOf(GroupOfParts):
     def element_shape(self) -> tuple[int, ...]:
         """The shape of elements as vectors of the widest kind."""
         return (max(self.widths),)
-
-    @cached_property
-    def is_complex(self) -> bool:
-        """Complex entries are two real ones."""
-        return False
 
     def element(self, k: int, g: Element) -> Any:
         """The element of kind k.  g : an element."""

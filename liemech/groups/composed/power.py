@@ -71,6 +71,8 @@ class PowerGroup(DirectProduct):
 
     base: LieGroup
     copies: int
+    is_complex = False  # complex entries are two real ones
+    examples = (0,)  # a site of every species, of which there is one
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -127,16 +129,6 @@ class PowerGroup(DirectProduct):
     def element_shape(self) -> tuple[int, ...]:
         """The shape of elements as one vector, (copies width,)."""
         return (self.copies * self.width,)
-
-    @cached_property
-    def is_complex(self) -> bool:
-        """Complex entries are two real ones."""
-        return False
-
-    @property
-    def examples(self) -> tuple[int, ...]:
-        """A site of every species, of which there is one."""
-        return (0,)
 
     def named(self, i: int) -> str:
         """How a site is called."""

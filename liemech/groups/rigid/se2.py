@@ -6,7 +6,6 @@ coefficients here and there: dexp = 1 - b ad + c ad^2, and so on, with th = |w|.
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from ...errors import InvalidInput, OutsideChart
 from ...formulas import Ambient, Element, Mat, Vec, atan2, mat, norm, outer, record, vec
 from ...formulas.calls.batches import MEMBERSHIP
 from ..bernoulli import BERNOULLI
-from ..lie_algebra import Constants, LieAlgebra
+from ..lie_algebra import LieAlgebra
 from ..lie_group import LieGroup
 from .rotation_coefficients import WHOLE_TURN, bernoulli, dexp_coefficients, exp_coefficients
 from .so3 import AT_HALF_TURN, HALF_TURN, HUGE
@@ -31,19 +30,12 @@ class SE2Algebra(LieAlgebra):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.6.
     """
 
-    @property
-    def dim(self) -> int:
-        """The dimension of se(2), 3."""
-        return 3
-
-    @property
-    def structure_constants(self) -> Constants:
-        """[E1, E2] = E3, [E1, E3] = -E2."""
-        return (
-            (NONE, NONE, NONE),
-            ((0.0, 0.0, -1.0), NONE, (1.0, 0.0, 0.0)),
-            ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), NONE),
-        )
+    dim = 3
+    structure_constants = (  # [E1, E2] = E3, [E1, E3] = -E2
+        (NONE, NONE, NONE),
+        ((0.0, 0.0, -1.0), NONE, (1.0, 0.0, 0.0)),
+        ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), NONE),
+    )
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """(0, w J u - a J v)."""
@@ -153,10 +145,8 @@ class SE2(LieGroup):
     et al., A micro Lie theory for state estimation in robotics (2018), appendix C.
     """
 
-    @cached_property
-    def algebra(self) -> SE2Algebra:
-        """The Lie algebra of planar motions, se(2)."""
-        return SE2Algebra()
+    algebra = SE2Algebra()
+    unit_blocks = (1, 2)  # Pi and P
 
     def identity(self) -> Element:
         """The neutral element, the unit matrix."""
@@ -185,11 +175,6 @@ class SE2(LieGroup):
     def casimirs(self, mu: Vec) -> Vec:
         """The only Casimir, P.P of mu = (Pi, P)."""
         return vec(mu[1] * mu[1] + mu[2] * mu[2])
-
-    @property
-    def unit_blocks(self) -> tuple[int, ...]:
-        """The numbers of components that share a unit: Pi and P."""
-        return (1, 2)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
         """Pi where P = 0: such orbits are points.  All others are cylinders about the axis P = 0."""

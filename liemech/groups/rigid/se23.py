@@ -7,7 +7,6 @@ rigid motions, which share their angular part.  On momenta the angular parts of 
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -29,10 +28,7 @@ class SE23Algebra(AlgebraOfParts):
     Source: Barrau and Bonnabel, IEEE Transactions on Automatic Control 62 (2017), 1797.
     """
 
-    @property
-    def dim(self) -> int:
-        """The dimension of se_2(3), 9."""
-        return 9
+    dim = 9
 
     def hat(self, xi: Vec) -> Mat:
         """The matrix [[hat w, a, u], [0, 0, 0], [0, 0, 0]]."""
@@ -90,10 +86,8 @@ class SE23(LieGroup):
     Barrau, Chauchat and Bonnabel, IEEE Transactions on Robotics 38 (2022), 998.
     """
 
-    @cached_property
-    def algebra(self) -> SE23Algebra:
-        """The Lie algebra of extended poses, se_2(3)."""
-        return SE23Algebra()
+    algebra = SE23Algebra()
+    unit_blocks = (3, 3, 3)  # m, k and p
 
     def identity(self) -> Element:
         """The neutral element, the unit matrix."""
@@ -124,11 +118,6 @@ class SE23(LieGroup):
         """The three Casimirs k.k, p.p and k.p of mu = (m, k, p)."""
         _, k, p = thirds(mu)
         return vec(dot(k, k), dot(p, p), dot(k, p))
-
-    @property
-    def unit_blocks(self) -> tuple[int, ...]:
-        """The numbers of components that share a unit: m, k and p."""
-        return (3, 3, 3)
 
     # ---------------------------------------------------------------- membership
 

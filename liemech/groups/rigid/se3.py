@@ -51,15 +51,8 @@ class SE3Algebra(LieAlgebra):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.7.
     """
 
-    @property
-    def dim(self) -> int:
-        """The dimension of se(3), 6."""
-        return 6
-
-    @property
-    def structure_constants(self) -> Constants:
-        """The Levi-Civita symbol, for two rotations and for a rotation and a translation."""
-        return SCREWS
+    dim = 6
+    structure_constants = SCREWS
 
     @cached_property
     def invariant_form(self) -> np.ndarray:
@@ -225,10 +218,8 @@ class SE3(LieGroup):
     Congress (2007).
     """
 
-    @cached_property
-    def algebra(self) -> SE3Algebra:
-        """The Lie algebra of rigid motions, se(3)."""
-        return SE3Algebra()
+    algebra = SE3Algebra()
+    unit_blocks = (3, 3)  # Pi and P
 
     def identity(self) -> Element:
         """The neutral element, the unit matrix."""
@@ -259,11 +250,6 @@ class SE3(LieGroup):
         """P.P and Pi.P: |P + eps Pi|^2 is P.P + eps 2 Pi.P."""
         Pi, P = halves(mu)
         return vec(dot(P, P), dot(Pi, P))
-
-    @property
-    def unit_blocks(self) -> tuple[int, ...]:
-        """The numbers of components that share a unit: Pi and P."""
-        return (3, 3)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
         """|Pi| where P = 0: such orbits are spheres.  All others are told apart by P.P and Pi.P."""
@@ -420,10 +406,7 @@ class SE3ByAdjoint(SE3):
     Source: Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007).
     """
 
-    @cached_property
-    def algebra(self) -> SE3Algebra:
-        """The Lie algebra se(3) with the Cayley map of Ad_g."""
-        return SE3ByAdjointAlgebra()
+    algebra = SE3ByAdjointAlgebra()
 
     def cayley(self, xi: Vec) -> Element:
         """(cay w, dcay_w v), right-trivialised."""

@@ -10,8 +10,6 @@ and c_4 = (1/2 - b)/x, and their slopes.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from ...formulas import Ambient, Element, Mat, Vec, cross, dot, record, vec
@@ -37,10 +35,7 @@ class SGal3Algebra(LieAlgebra):
     the order is (u, a, w, s).
     """
 
-    @property
-    def dim(self) -> int:
-        """The dimension of sgal(3), 10."""
-        return 10
+    dim = 10
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """(w x w', w x a' - w' x a, w x u' - w' x u + s' a - s a', 0)."""
@@ -131,10 +126,8 @@ class SGal3(LieGroup):
     Source: Kelly, All about the Galilean group SGal(3), arXiv:2312.07555 (2023), sections 4 to 6.
     """
 
-    @cached_property
-    def algebra(self) -> SGal3Algebra:
-        """The Lie algebra of Galilean motions, sgal(3)."""
-        return SGal3Algebra()
+    algebra = SGal3Algebra()
+    unit_blocks = (3, 3, 3, 1)  # m, k, p and e
 
     def identity(self) -> Element:
         """The neutral element, the unit matrix."""
@@ -168,11 +161,6 @@ class SGal3(LieGroup):
         _, k, p = thirds(mu)
         kp = cross(k, p)
         return vec(dot(p, p), dot(kp, kp))
-
-    @property
-    def unit_blocks(self) -> tuple[int, ...]:
-        """m, k, p and e."""
-        return (3, 3, 3, 1)
 
     # ---------------------------------------------------------------- membership
 

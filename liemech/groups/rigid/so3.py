@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from ...formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, reco
 from ...formulas.calls.batches import MEMBERSHIP
 from ...formulas.vectors import small
 from ..bernoulli import BERNOULLI
-from ..lie_algebra import Constants, LieAlgebra
+from ..lie_algebra import LieAlgebra
 from ..lie_group import LieGroup
 from ..matrices.nearest import nearest_unitary
 from .rotation_coefficients import WHOLE_TURN, all_coefficients, bernoulli, dexp_coefficients, exp_coefficients
@@ -43,19 +42,12 @@ class SO3Algebra(LieAlgebra):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 9.2.
     """
 
-    @property
-    def dim(self) -> int:
-        """The dimension of so(3), 3."""
-        return 3
-
-    @property
-    def structure_constants(self) -> Constants:
-        """The structure constants, the Levi-Civita symbol."""
-        return (
-            ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
-            ((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
-            ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        )
+    dim = 3
+    structure_constants = (  # the Levi-Civita symbol
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
+        ((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+        ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    )
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """The bracket of velocities, xi x eta."""
@@ -175,10 +167,7 @@ class SO3(LieGroup):
     Wanner, IV.8.3.
     """
 
-    @cached_property
-    def algebra(self) -> SO3Algebra:
-        """The Lie algebra of rotations, so(3)."""
-        return SO3_ALGEBRA
+    algebra = SO3_ALGEBRA
 
     def identity(self) -> Element:
         """The neutral element, the unit matrix."""

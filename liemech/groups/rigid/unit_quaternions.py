@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from ...formulas.calls.batches import MEMBERSHIP
 from ..lie_group import LieGroup
 from .rotation_coefficients import LIMIT, exp_coefficients, lost_in_square, sin_cos_root
 from .rotation_logarithm import rotation_quaternion
-from .so3 import HALF_TURN, HUGE, SO3, SO3_ALGEBRA, TINY, SO3Algebra
+from .so3 import HALF_TURN, HUGE, SO3, SO3_ALGEBRA, TINY
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -40,10 +39,7 @@ class UnitQuaternions(LieGroup):
     Ratiu, section 9.2.
     """
 
-    @cached_property
-    def algebra(self) -> SO3Algebra:
-        """so(3): a velocity is half a pure quaternion."""
-        return SO3_ALGEBRA
+    algebra = SO3_ALGEBRA
 
     def identity(self) -> Element:
         """The neutral element, (0, 0, 0, 1)."""

@@ -99,11 +99,7 @@ class ExactFreeBody(Method):
     order: ClassVar[float] = math.inf
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        """The name of the method in tables."""
-        return "Exact free body"
+    name = "Exact free body"
 
     def require(self, system: Any) -> None:
         """A free rigid body, with or without its centre of mass."""

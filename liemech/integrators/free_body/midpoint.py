@@ -52,11 +52,7 @@ class ImplicitMidpoint(Implicit):
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
     damped: ClassVar[bool] = True  # does it step damped and noisy motions along orbits, too?
-
-    @property
-    def name(self) -> str:
-        """The name of the method in tables."""
-        return "Implicit midpoint"
+    name = "Implicit midpoint"
 
     def asked(self, m: Vec, mu: Vec) -> Vec:
         """The momentum m of a single rotation at which the velocity is taken."""
@@ -142,11 +138,7 @@ class SphericalMidpoint(ImplicitMidpoint):
     symplectic: ClassVar[bool] = True
     of_momenta: ClassVar[bool] = True
     damped: ClassVar[bool] = False
-
-    @property
-    def name(self) -> str:
-        """The name of the method in tables."""
-        return "Spherical midpoint"
+    name = "Spherical midpoint"
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
         """The mean is the momentum itself, whose length must have a square: raises InvalidInput."""

@@ -42,11 +42,7 @@ class MoserVeselov(Implicit):
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        """The name of the method in tables."""
-        return "Moser-Veselov"
+    name = "Moser-Veselov"
 
     def require(self, system: Any) -> None:
         """Refuse systems that are no free rigid body."""
@@ -136,6 +132,7 @@ class ExactMoserVeselov(MoserVeselov):
     h: float
     constants: Vec
     moments: Vec | Mat
+    name = "Exact Moser-Veselov"
 
     @classmethod
     def of(cls, body: Any, start: BodyState, h: float) -> ExactMoserVeselov:
@@ -178,11 +175,6 @@ class ExactMoserVeselov(MoserVeselov):
             for _ in range(TRIED):
                 memory = method.step(body, 0.0, memory, h)
         return method
-
-    @property
-    def name(self) -> str:
-        """The name of the method in tables."""
-        return "Exact Moser-Veselov"
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
         """The displacement at the velocity of the start; no number at all if the method was not

@@ -32,11 +32,7 @@ class ThreeRotations(Method):
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        """The name of the method in tables."""
-        return "Three rotations"
+    name = "Three rotations"
 
     def require(self, system: Any) -> None:
         """A free rigid body in its principal axes."""

@@ -148,11 +148,7 @@ class RATTLE(Projected):
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
     shares: ClassVar[tuple[float, float]] = (0.5, 0.5)
-
-    @property
-    def name(self) -> str:
-        """The name of the method, without parameters."""
-        return "RATTLE"
+    name = "RATTLE"
 
 
 @record

@@ -520,11 +520,7 @@ class Mean(WholeStep):
     """
 
     method: ImplicitMidpoint
-
-    @property
-    def momenta(self) -> int:
-        """Once."""
-        return 1
+    momenta = 1
 
     def back(self, system: Any, free: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
         """By sweeps over all sites."""
@@ -584,10 +580,7 @@ class Kick(SiteMotion):
     Source: Hairer, Lubich, Wanner, II.5.
     """
 
-    @property
-    def elements(self) -> int:
-        """Once."""
-        return 1
+    elements = 1
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The kick."""
@@ -613,16 +606,8 @@ class LoadedKick(SiteMotion):
 
     method: FieldSplitting
     ends: bool = False
-
-    @property
-    def momenta(self) -> int:
-        """Once, for the velocity that the load feels."""
-        return 1
-
-    @property
-    def elements(self) -> int:
-        """Once."""
-        return 1
+    momenta = 1  # for the velocity that the load feels
+    elements = 1
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The kick."""
@@ -716,10 +701,7 @@ class PointKick(SiteMotion):
     Source: Hairer, Lubich, Wanner, I.1.4.
     """
 
-    @property
-    def elements(self) -> int:
-        """Once."""
-        return 1
+    elements = 1
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The kick."""
@@ -788,11 +770,7 @@ class FieldTurn(SiteMotion):
 
     energy: Any
     released: Any
-
-    @property
-    def momenta(self) -> int:
-        """Once."""
-        return 1
+    momenta = 1
 
     def omega(self, part: StepPart, mu: Vec) -> Vec:
         """The displacement of a site that turns."""

@@ -44,11 +44,7 @@ class AdaptiveVerlet(Remembering):
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        """The name of the method, without parameters."""
-        return "Adaptive Verlet"
+    name = "Adaptive Verlet"
 
     def require(self, system: Any) -> None:
         """A separable system, T of second degree, transformed by a sigma(q)."""

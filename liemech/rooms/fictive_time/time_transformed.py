@@ -177,6 +177,7 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
     alternatives: ClassVar[str] = (
         "StormerVerlet() and Splitting(order=4, quadratic=False) are for it, RKMK accepts every system"
     )
+    quadratic = False  # its kinetic part is a logarithm
 
     @property
     def sigma(self) -> TimeScale:
@@ -217,8 +218,3 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
         if not surplus > 0.0:
             raise InvalidTimeScale(f"LogarithmicHamiltonian: T - H_0 = {surplus:g}; {POSITIVE}. A smaller h may help")
         return surplus
-
-    @property
-    def quadratic(self) -> bool:
-        """Never: its kinetic part is a logarithm."""
-        return False

@@ -38,16 +38,12 @@ class DiscreteGradient(Method):
     symmetric: ClassVar[bool] = True
 
     nodes: int = 4
+    name = "Discrete gradient"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 1 <= self.nodes <= 8:
             raise InvalidInput(f"DiscreteGradient: nodes from 1 to 8; got {self.nodes!r}")
-
-    @property
-    def name(self) -> str:
-        """The name of the method, without parameters."""
-        return "Discrete gradient"
 
     def require(self, system: Any) -> None:
         """Raise IncompatibleSystem unless the system is Metriplectic."""

@@ -399,6 +399,7 @@ class Between(Graph):
     """
 
     given: np.ndarray
+    sites = None  # as many as the species have
 
     def __post_init__(self) -> None:
         """Raises InvalidInput for an edge that is there twice, InvalidType for what is no whole number."""
@@ -406,11 +407,6 @@ class Between(Graph):
         object.__setattr__(self, "given", frozen_array(_numbers_of_sites(name, self.given), name))
         super().__post_init__()
         require_no_duplicates(self, self.given)
-
-    @property
-    def sites(self) -> int | None:
-        """None, for as many sites as the species have."""
-        return None
 
     @property
     def edges(self) -> np.ndarray:
@@ -667,10 +663,7 @@ def displaced(group: LieGroup, g: Element, shift: Vec) -> Any:
 class EachSite(OfCount):
     """Every site for itself: the edges of terms that have one argument."""
 
-    @property
-    def arity(self) -> int:
-        """The number of sites of an edge: one."""
-        return 1
+    arity = 1
 
     @cached_property
     def edges(self) -> np.ndarray:
