@@ -33,7 +33,7 @@ LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "j
 
 COMPILED = {
     *("chaos_in_a_galaxy", "energy_exchange", "banana_orbit", "binary_asteroid", "drop_of_water"),
-    *("magnons", "sublattice_splitting", "real_time", "attitude_control", "rocket", "flight_code"),
+    *("magnons", "real_time", "attitude_control", "rocket", "flight_code"),
     *(
         "README",
         "native",
