@@ -1,4 +1,4 @@
-"""Algorithm 1 is the second-kind Lie-Poisson Hamilton-Jacobi method with s = h H: docs/theory/hamilton_jacobi.md."""
+"""Algorithm 1 is the second-kind Lie-Poisson Hamilton-Jacobi method with s = h H: docs/hamilton_jacobi.md."""
 
 import numpy as np
 

@@ -34,15 +34,7 @@ LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "j
 COMPILED = {
     *("chaos_in_a_galaxy", "energy_exchange", "banana_orbit", "binary_asteroid", "drop_of_water"),
     *("magnons", "real_time", "attitude_control", "rocket", "flight_code"),
-    *(
-        "README",
-        "native",
-        "your_own_group",
-        "long_runs",
-        "bodies_in_fields",
-        "hamilton_jacobi",
-        "classical_hamilton_jacobi",
-    ),
+    *("README", "native", "your_own_group", "choosing_a_step", "bodies_in_fields", "hamilton_jacobi"),
     *(
         "symplectic_methods",
         "time_transformations",
@@ -52,11 +44,11 @@ COMPILED = {
         "ensemble_in_the_browser",
     ),
     *("constrained_systems", "index_reduction", "chain", "tutorial"),
-    *("estimation", "attitude_filter", "arm_gains", "solutions", "your_own_representation"),
+    *("estimation", "attitude_filter", "arm_gains", "exercises"),
 }
 """Pages and examples about native code, or too long without it."""
 
-QUICK = {*("README", "conventions", "notation", "tableaus"), *("changelog", "verification", "tennis_racket")}
+QUICK = {*("README", "conventions", "tableaus"), *("changelog", "verification", "tennis_racket")}
 """Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs a
 third of them.
 """

@@ -130,7 +130,7 @@ def gallery(examples: list[str]) -> str:
             pictures = [
                 p for p in dict.fromkeys(re.findall(r'"(\w+\.png)"', code)) if (HERE / p).exists()
             ]
-            shown = " ".join(f"![{name.replace('_', ' ')}](figures/{p})" for p in pictures)
+            shown = " ".join(f"![](figures/{p})" for p in pictures)
             # an item, so that the site can lay them out in a grid
             entry = f"* {shown} **[{name}](../examples/{name}.py)** {about}"
             # a link stays in one line

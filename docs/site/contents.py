@@ -24,7 +24,7 @@ def groups(index: str) -> dict[str, list[str]]:
     for line in index.splitlines():
         if line.startswith("## "):
             heading = line.removeprefix("## ").strip()
-        elif re.match(r"([*-]|\d+\.|\|| ) ?", line):
+        elif re.match(r"([*-]|\d+\.| ) ?", line):
             for page in re.findall(r"\]\(([\w/]+)\.md\)", line):
                 if page not in seen:
                     found.setdefault(heading, []).append(page)

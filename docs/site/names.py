@@ -28,23 +28,23 @@ APART = ("errors", "formulas", "neighbours", "plots", "tableaus", "viewer")
 PASSED_OVER = ("Proof",)
 """Headings of the first page under which nothing is explained."""
 
-WORDS = ("equations", "gallery", "glossary", "notation")
+WORDS = ("equations", "gallery", "glossary")
 """Pages that mention what others explain."""
 
 EVERYWHERE = {
     "chain": "joints",
     "check_system": "your_own_system",
-    "coadjoint": "coadjoint_orbits",
+    "coadjoint": "groups",
     "CovariantVariational": "algorithm_1",
-    "GalerkinVariational": "galerkin",
-    "HamiltonianSystem": "classical_hamilton_jacobi",
+    "GalerkinVariational": "algorithm_1",
+    "HamiltonianSystem": "hamilton_jacobi",
     "integrate": "options",
     "Kepler": "symplectic_methods",
     "MoserVeselov": "algorithm_1",
     "record": "your_own_system",
     "Retraction": "your_own_group",
     "RigidBody": "tutorial",
-    "RKMK": "equations_on_groups",
+    "RKMK": "tableaus",
 }
 """Names that many pages use, and the page about each."""
 
