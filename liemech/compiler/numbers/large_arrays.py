@@ -20,7 +20,6 @@ from ...formulas.classes.layouts import Layout
 from ...formulas.large import TOGETHER, Large, size_of
 from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers.complex_numbers import Complex
-from ...formulas.sums import halves
 from . import large_maps
 from .counted import counted
 from .ir_numbers import F64, I32, I64, Emitter, Num
@@ -327,8 +326,11 @@ class LargeArrays:
                     more = [term(b.add(turn.index, I64(k)), WIDE) for k in places]
                     turn.values = [*map(b.fadd, turn.values, more)]
                 sums = turn.values
-            numbers = [self.e.num([b.extract_element(s, I32(k))]) for s in sums for k in range(WIDE)]
-            total = halves(numbers).values[0]
+            numbers = [b.extract_element(s, I32(k)) for s in sums for k in range(WIDE)]
+            while len(numbers) > 1:  # by halves
+                half = len(numbers) // 2
+                numbers = [*map(b.fadd, numbers[:half], numbers[half:])]
+            total = numbers[0]
         for k in range(whole, count):
             total = b.fadd(total, term(ir.Constant(I64, k), 1))
         return total

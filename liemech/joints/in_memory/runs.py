@@ -22,7 +22,7 @@ from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.constraints.lie_rattle import LieRATTLE, near_a_dead_point
 from ...rooms.constraints.rattle import RATTLE
 from ...rooms.sites.runs.run import SiteRun
-from ...rooms.sites.runs.samples import Samples
+from ...rooms.sites.runs.samples import SamplesOfSites
 from ...rooms.sites.runs.states import as_users_see, by_site, one_of, site_rows, state_of_rows
 from ...simulation.between.dense import MotionBetween, flat, unpacked
 from ...simulation.between.events import Events, Moving
@@ -279,7 +279,7 @@ class LinksRun(SiteRun, Moving):
         if stopped is not None:
             raise stopped
 
-    def _steps(self, turns: int, samples: Samples) -> None:
+    def _steps(self, turns: int, samples: SamplesOfSites) -> None:
         """Some more steps; what is shown of the state to which they have led is found after Ctrl-C and
         after a step that has failed, too.
         """
@@ -300,7 +300,7 @@ class LinksRun(SiteRun, Moving):
         """Some steps, and a look at them; Ctrl-C after some of them."""
         first, turns = self.taken, min(turns, SEEN, self.first + self.steps - self.taken)
         start, ends = self.shape.shown_rows(self._memory), self.t0 + np.arange(first + 1, first + turns + 1) * self.h
-        every, stopped = Samples(self.shape, self.count, ends, ends), None  # type: Any, Any
+        every, stopped = SamplesOfSites(self.shape, self.count, ends, ends), None  # type: Any, Any
         try:
             self._steps(turns, every)
         except KeyboardInterrupt as caught:

@@ -78,14 +78,14 @@ def begin(
 
 
 @record
-class SamplesWritten(Record):
+class Samples(Record):
     """Count of the states at given times that were written, and whether one failed."""
 
     written: float
     failed: float
 
 
-SAMPLES = layout_of(SamplesWritten(0.0, 0.0))
+SAMPLES = layout_of(Samples(0.0, 0.0))
 
 
 def sampled_steps(
@@ -136,4 +136,4 @@ def sampled_steps(
             if failed == 0.0:
                 write(samples, k, sample, point)
                 k = k + 1
-    write(done, 0, SamplesWritten(float(k), failed), SAMPLES)
+    write(done, 0, Samples(float(k), failed), SAMPLES)

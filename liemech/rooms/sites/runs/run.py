@@ -61,7 +61,7 @@ from .events import Sightings
 from .execution import LONG, SiteExecution
 from .lists import STEP as SHORT
 from .lists import Lists
-from .samples import Samples
+from .samples import SamplesOfSites
 from .states import as_users_see, by_site, first_of, site_rows, state_of_rows
 
 PATIENCE = 0.1
@@ -134,7 +134,7 @@ class SiteRun(Course):
         many = padded(self.count) if chosen is None else len(chosen)
         affordable(8 * len(asked) * max(1, wide) * many, self.steps, self.every)
         beside = self._look_at_all if self.of_all else None
-        self.samples = Samples(shape, self.count, asked, times, chosen, beside)
+        self.samples = SamplesOfSites(shape, self.count, asked, times, chosen, beside)
         self.sites = self._room_for(shape.memory.width)
         self.out, self.told = np.empty(1), np.zeros(2)
         self._blank()
@@ -352,8 +352,8 @@ class SiteRun(Course):
             )
             raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
 
-    def _steps(self, turns: int, samples: Samples) -> None:
-        """Steps by the driver, as many as `turns`, which writes these samples."""
+    def _steps(self, turns: int, samples: SamplesOfSites) -> None:
+        """Some more steps by the driver, which writes these samples."""
         shape, stepping = self.shape, self.executing(self.shape.stepping)
         seen, totals, times = samples.ahead(np.copysign(np.inf, self.begun - self.t_end))
         left = LONG if self.adaptive else self.first + self.steps - self.taken
@@ -397,7 +397,7 @@ class SiteRun(Course):
         one, h = self.bench, end - begun
         one.begun, one.h = begun, h
         times = np.array([begun + h] if self.shape.shown.quantities else [])
-        one.samples = Samples(self.shape, self.count, times, times)
+        one.samples = SamplesOfSites(self.shape, self.count, times, times)
         one._set_out(begun, h, 0, 1)
         one._blank()
         one._begin_at(rows)

@@ -9,7 +9,7 @@ import numpy as np
 from ....compiler.sites.planes import Planes
 
 
-class Samples:
+class SamplesOfSites:
     """States of all sites, or of some, and totals, at given times.
 
     asked, times : as they were asked for, and as the driver meets them.  made : how many there are.
