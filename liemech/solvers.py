@@ -13,7 +13,7 @@ from .formulas import Mat, Record, Vec, cross, dot, jacobian, mat, record, solve
 from .formulas.classes.layouts import layout_of
 from .formulas.numbers.conversions import double_double, moving_as, rounded
 from .formulas.numbers.double_double import is_long
-from .formulas.numbers.dual import constant, value_of
+from .formulas.numbers.dual import Dual, constant, size_of_slope, value_of
 from .formulas.numbers.sizes import EPSILON, one_norm
 from .formulas.sites import repeated, total
 from .formulas.vectors import Vec as SmallVec
@@ -225,7 +225,7 @@ def swept(
 ) -> tuple[Vec, float, float, bool]:
     """The roots of the equations of all sites: again and again each takes the correction that its
     own derivative asks for, with the others where they are, until the residuals do no more than
-    rounding does.
+    rounding does; and then on, until the derivatives that they carry do no more either.
 
     The arguments and results are those of `newton`; residuals are relative to the data of each
     site, both in its unit, and the mean of their squares over all sites is tested.
@@ -244,9 +244,25 @@ def swept(
         now = before.after(sqrt(off / count), 1.0, EPSILON, NOISE)
         return now, now.done or not now.change < math.inf
 
+    def sweep_of_slopes(x: Vec) -> tuple[Vec, tuple[float, float]]:
+        r, jacobian, _ = equation(x)
+        slopes = vec(*[y - value_of(y) for y in _asked(solved, jacobian, r)])
+        change, scale = 0.0, 0.0
+        for k in range(len(x)):
+            change, scale = change + size_of_slope(slopes[k]), scale + size_of_slope(x[k])
+        return x - slopes, (change, scale)
+
+    def judge_slopes(before: Settling, told: tuple[float, float]) -> tuple[Settling, bool]:
+        now = before.after(told[0], told[1], EPSILON, NOISE)
+        return now, now.done or not now.change < math.inf
+
     x, end = repeated(sweep, moving_as(guess, data), judge, Settling(), SWEEPS)
     size = end.change * end.change
-    return x, size, where(end.done, size, 4096.0 * EPSILON * EPSILON), False
+    enough = where(end.done, size, 4096.0 * EPSILON * EPSILON)
+    if isinstance(x[0], Dual):  # derivatives settle later than values, which stay
+        x, of_slopes = repeated(sweep_of_slopes, x, judge_slopes, Settling(), SWEEPS)
+        size = where(of_slopes.done, size, math.inf)
+    return x, size, enough, False
 
 
 def refined(

@@ -108,3 +108,24 @@ def test_members() -> None:
     adaptive = lm.Plan(spins(n), lm.RKMK(order=5), rtol=1e-5)
     with pytest.raises(lm.errors.IncompatibleSystem, match="no derivative by h"):
         adaptive.tangent(start(n), t_end=0.1, by="h")
+
+
+@pytest.mark.parametrize(
+    "method", [lm.ImplicitMidpoint(), pytest.param(lm.SphericalMidpoint(), marks=pytest.mark.slow)], ids=repr
+)
+def test_waves_of_spins_that_stand_still(method: Any) -> None:
+    """Aligned spins do not move, and their equations are solved at once: small waves u = x + i y about them, of
+    u' = i (2.1 u - u_left - u_right) in a field of 0.1, are turned by steps of the midpoint rule, (1 - h A/2)^-1 (1 + h A/2).
+    """
+    n, h, steps = 5, 0.05, 2
+    u = np.random.default_rng(1).normal(size=(n, 2)) @ [1.0, 1.0j]
+    v = np.column_stack([u.real, u.imag, np.zeros(n)])
+    coupled = 2.1 * np.eye(n) - np.roll(np.eye(n), 1, axis=0) - np.roll(np.eye(n), -1, axis=0)
+    A = 1.0j * coupled
+    step = np.linalg.solve(np.eye(n) - 0.5 * h * A, np.eye(n) + 0.5 * h * A)
+    plan = lm.Plan(spins(n), method, h=h, compiled=False)
+    up = spins(n).state(mu=np.tile([0.0, 0.0, 1.0], (n, 1)))
+    run = plan.tangent(up, steps=steps, along=v.ravel())
+    x, y, z = run.tangent["along"][-1].reshape(n, 3).T
+    assert np.abs(x + 1.0j * y - np.linalg.matrix_power(step, steps) @ u).max() < 1e-13
+    assert np.abs(z).max() < 1e-15 and np.array_equal(run.mu, plan.run(up, steps=steps).mu)

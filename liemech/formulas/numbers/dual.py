@@ -315,6 +315,11 @@ def size_of(x: Any) -> Any:
     return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
 
 
+def size_of_slope(x: Any) -> Any:
+    """That of the derivative that a number carries, 0 if none; along several directions the sum."""
+    return size_of_slope(x.value) + size_of(x.slope) if isinstance(x, Dual) else 0.0
+
+
 def at_rest(slope: Any) -> Any:
     """A slope that is zero, along as many directions as another one."""
     kind: Any = type(slope)
