@@ -188,7 +188,7 @@ def only_adaptive(method: Any, h: Any, **options: Any) -> None:
 
 def longest(value: Any) -> float:
     """The longest step, any if None."""
-    value = math.inf if value is None else real(value, "max_step")
+    value = math.inf if value is None or (isinstance(value, float) and value == math.inf) else real(value, "max_step")
     if not value > 0.0:
         raise InvalidInput(f"integrate: max_step must be positive; got {value:g}")
     return value

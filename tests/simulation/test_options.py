@@ -124,8 +124,11 @@ def test_the_times_of_a_run_are_none_of_a_plan() -> None:
 
 
 def test_no_events_may_be_none() -> None:
-    """As in SciPy; and no sites are held."""
+    """As in SciPy, where steps may be infinite; and no sites are held."""
     runs = [lm.integrate(BODY, lm.RKMK(order=4), START, h=0.1, steps=3, compiled=False, events=x) for x in (None, ())]
     assert runs[0] == runs[1] and runs[0].events == ()
+    ways = dict(t_end=1.0, compiled=False)
+    longest = [lm.integrate(BODY, lm.RKMK(order=5), START, max_step=x, **ways) for x in (None, np.inf)]
+    assert longest[0] == longest[1]
     bodies = lm.PerSite(lm.KineticEnergy([1.0, 1.5, 2.0]))
     assert lm.Terms(bodies, held=None, pinned=None) == lm.Terms(bodies)
