@@ -708,9 +708,9 @@ class Linkage(ConstrainedBody):
         reduced = replace(self, kept=conditions)
         for seed in range(2):  # close by they have to follow too
             near = closed(reduced, self._shaken(reduced, g, seed), {})
-            at = small(near.ravel())
-            off, G = np.abs(np.array(Joints(self.joints).value(at))), self._matrix(self.rows(at))
-            if (off > MISSED * self._reach(G)).any():
+            at, whole = small(near.ravel()), Joints(self.joints)
+            off, G = np.abs(np.array(whole.value(at))), np.array(whole.jacobian(self.configurations, at))
+            if (off > MISSED * np.linalg.norm(G * self.displacements, axis=1)).any():
                 raise InvalidInput(
                     "Linkage.independent: these poses are a dead point: of "
                     f"{', '.join(reduced.dropped)}, some follow from others here, but not close by "

@@ -148,7 +148,7 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
         before = change
     missed = np.abs(off)
     complaint = f"they miss by {missed.max():.2g}"
-    if (missed <= MISSED * far * reach).all():
+    if (missed <= (MISSED + CLOSED * far) * reach).all():
         complaint = linkage.turned_over(g)
     if complaint:
         raise NoConvergence(

@@ -65,3 +65,29 @@ def test_a_loop_takes_the_rates_that_it_is_given(length: float) -> None:
         linkage.state(angles={"crank": 0.1}, rates={"crank": 1.0, "rocker": wanted + 1e-6}, near=near)
     with pytest.raises(NoConvergence, match="miss by"):
         linkage.state(angles={"crank": 0.1, "rocker": rocker + 1e-4}, near=near)
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-9, 1e9])
+def test_conditions_that_depend_are_told_from_dead_points(length: float) -> None:
+    """Of four hinges in a plane three conditions follow from others, everywhere; where crank and coupler are in line with
+    the rocker a fourth does, and not close by.
+    """
+    turn, crank, coupler, ground = [0, 1, 0], 0.3 * length, 0.8 * length, 0.9 * length
+    rocker = crank + coupler - ground
+    lying = np.stack([np.eye(4)] * 3)
+    lying[:, :3, :3] = lm.SO3().exp([0.0, 0.5 * np.pi, 0.0])
+    lying[:, 0, 3] = [0.5 * crank, crank + 0.5 * coupler, ground + 0.5 * rocker]
+    links = [Link.rod(1.0, x, 0.1 * x) for x in (crank, coupler, rocker)]
+    joints = [
+        RevoluteJoint(0, None, [0, 0, -crank / 2], [0, 0, 0], turn, turn, armature=0.01 * length**2),
+        RevoluteJoint(1, 0, [0, 0, -coupler / 2], [0, 0, crank / 2], turn, turn),
+        RevoluteJoint(2, None, [0, 0, -rocker / 2], [ground, 0, 0], turn, turn),
+        RevoluteJoint(1, 2, [0, 0, coupler / 2], [0, 0, rocker / 2], turn, turn),
+    ]
+    with pytest.raises(InvalidInput, match="these poses are a dead point"):
+        Linkage(links, joints).independent(lying)
+    whole, near = four_bar(length)
+    hinge = RevoluteJoint(1, 0, [0, 0, -coupler / 2], [0, 0, crank / 2], turn, turn)
+    last = RevoluteJoint(1, 2, [0, 0, coupler / 2], [0, 0, 0.3 * length], turn, turn)
+    loop = Linkage(whole.links, [joints[0], hinge, whole.joints[2], last]).independent(near)
+    assert len(loop.dropped) == 3 and loop.independent(near).dropped == loop.dropped
