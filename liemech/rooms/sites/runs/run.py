@@ -394,10 +394,11 @@ class SiteRun(Course):
             self.bench = copy.copy(self)
             self.bench.sites = self.bench._room_for(self.shape.memory.width)
             self.bench.first, self.bench.steps = 0, 1
+            times = np.zeros(1 if self.shape.shown.quantities else 0)
+            self.bench.samples = SamplesOfSites(self.shape, self.count, times, times)
         one, h = self.bench, end - begun
         one.begun, one.h = begun, h
-        times = np.array([begun + h] if self.shape.shown.quantities else [])
-        one.samples = SamplesOfSites(self.shape, self.count, times, times)
+        one.samples.times[:], one.samples.made = begun + h, 0
         one._set_out(begun, h, 0, 1)
         one._blank()
         one._begin_at(rows)
