@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from liemech.compiler import kernel
+from liemech.compiler.driver import accepted, attempt, itself, write
 from liemech.compiler.sites.planes import Planes, columns, each
 from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.errors import InvalidType
 from liemech.formulas import dot, mat, vec
-from liemech.formulas.classes.layouts import carried_layout, matrix, vector
+from liemech.formulas.classes.layouts import carried_layout, layout_of, matrix, vector
 from liemech.formulas.sites import named
 
 N = 13
 FEWER = 2
-BLOCK, ROW = matrix(3, 3), vector(3)
+NUMBER, BLOCK, ROW = layout_of(0.0), matrix(3, 3), vector(3)
 ENDS = carried_layout((0, 0.0))
 """Of another site, and a weight."""
 SYSTEM = named(x=ROW, y=ROW, product=BLOCK)
@@ -92,3 +93,29 @@ def test_a_value_of_another_layout_is_refused() -> None:
     one = places(filled())
     with pytest.raises(InvalidType, match="a vector of 3 and becomes a vector of 2"):
         one.system.fields.x.put(0, vec(1.0, 2.0))
+
+
+def inverse(one: Any) -> None:
+    """1/x of a site, which raises where x is zero."""
+    one.y.save(1.0 / one.x.load())
+
+
+def inverted(sites: Any, done: Any) -> None:
+    """The inverse at every site, or the news that there is none."""
+    if accepted(attempt(each, sites, inverse, columns(sites, x=NUMBER, y=NUMBER)), itself):
+        write(done, 0, 1.0, NUMBER)
+
+
+@pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
+@pytest.mark.parametrize("lanes", [1, 8, 16])
+@pytest.mark.parametrize("zero", [None, 0, 4, N - 1])
+def test_places_behind_the_last_site_cannot_fail(lanes: int, zero: int | None) -> None:
+    """Rows are padded, and what lies there is nobody's: no zero there ends a step, and one at a site does."""
+    sites, done = Planes.of_rows(2, N), np.zeros(1)
+    sites.array[0, :N] = 2.0
+    if zero is not None:
+        sites.array[0, zero] = 0.0
+    arguments = sites, kernel.Shared(done)
+    SiteCalls(kernel.kernel(inverted, *arguments, lanes=lanes), N, 1)(*arguments)
+    assert done[0] == (zero is None)
+    assert zero is not None or np.array_equal(sites.array[1, :N], np.full(N, 0.5))

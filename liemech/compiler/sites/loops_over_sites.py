@@ -125,14 +125,28 @@ class SiteLoops:
         return b.sdiv(b.add(b.mul(many, place), b.sdiv(count, I64(2))), count)
 
     def end_pass(self, lanes: int | None = None) -> None:
-        """End a pass, and write down the first site that has failed in it."""
-        b, state = self.b, self.t.state
+        """End a pass, and write down the first site that has failed in it: what fails in places behind the last site is
+        nobody's.
+        """
+        b, e, state = self.b, self.e, self.t.state
         loop, pass_ = state.site_loop, state.site_loop.passes[-1]
         if state.raises:
-            before = b.load(loop.where, typ=I64)
-            failed = b.and_(self.e.any(self.e.load(state.failed)).value, b.icmp_signed("<", before, I64(0)))
-            b.store(b.select(failed, pass_.index, before), loop.where)
+            before, failed = b.load(loop.where, typ=I64), e.load(state.failed)
+            if lanes is None:
+                firsts = [b.add(pass_.index, I64(k * e.width)) for k in range(e.registers(e.lanes > 1))]
+                failed = e.logic("and_", failed, e.num([self.there(first) for first in firsts]))
+                e.store(False, state.failed)
+            found = b.and_(e.any(failed).value, b.icmp_signed("<", before, I64(0)))
+            b.store(b.select(found, pass_.index, before), loop.where)
         pass_.close(b, lanes or self.lanes)
+
+    def there(self, first: ir.Value) -> ir.Value:
+        """A mask: which of the lanes of a register, from site `first` on, have a site."""
+        e, b, count = self.e, self.b, self.t.state.site_loop.sites.count.value
+        if e.lanes == 1:
+            return b.icmp_signed("<", first, count)
+        lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(e.width)])
+        return b.icmp_signed("<", b.add(e.spread(first, e.width), lanes), e.spread(count, e.width))
 
     def wait(self, flags: ir.Value) -> ir.Value:
         """Wait at the barrier; returns the bitwise or of the flags of all threads."""
@@ -153,7 +167,7 @@ class SiteLoops:
         """Join the ways out of the loop; returns whether any site of any thread has failed."""
         t, e, b = self.t, self.e, self.b
         exits = []
-        failed = e.any(e.load(t.state.failed)).value
+        failed = b.icmp_signed(">=", b.load(loop.where, typ=I64), I64(0))
         exits.append((self.wait(b.zext(failed, I64)), b.block))
         if escapes:
             t.join(escapes, {}, b.append_basic_block() if len(escapes) == 1 else None)

@@ -271,7 +271,7 @@ class SiteMeetings:
                 first = b.add(turn.index, I64(k * width))
                 place = b.bitcast(rows.after(start, first), type_.as_pointer())
                 x = b.load(place, align=8, typ=type_)
-                turn.values[k] = b.fadd(s, b.select(self._there(first, count), x, blank))
+                turn.values[k] = b.fadd(s, b.select(self.loops.there(first), x, blank))
         lanes = [
             e.num([s if e.lanes == 1 else b.extract_element(s, ir.Constant(I32, k))])
             for s in turn.values
@@ -279,11 +279,3 @@ class SiteMeetings:
         ]
         sum_: Num = halves(lanes)
         return sum_
-
-    def _there(self, first: ir.Value, count: ir.Value) -> ir.Value:
-        """A mask: which of the lanes from site `first` on have a site."""
-        e, b = self.e, self.b
-        if e.lanes == 1:
-            return b.icmp_signed("<", first, count)
-        lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(e.width)])
-        return b.icmp_signed("<", b.add(e.spread(first, e.width), lanes), e.spread(count, e.width))
