@@ -48,7 +48,7 @@ def no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_a_sweep_over_static_values_does_not_leak(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
-    monkeypatch.setattr(kernel, "ALIVE", 4)
+    monkeypatch.setattr("liemech.compiler.kept.ALIVE", 4)
     kernel.forget()
     seen: list[Any] = []
     for i in range(6):

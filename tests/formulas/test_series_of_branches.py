@@ -17,13 +17,14 @@ QUOTIENTS = (f.sinc, f.versine_over, f.segment_over, f.sinh_over, f.coshm1_over,
 
 @lm.record
 class Springs(lm.HamiltonianSystem):
-    """Forces out of every quotient, of numbers on both sides of where sum and closed form meet."""
+    """Forces out of quotients, of all or of the first ones, of numbers on both sides of where sum and closed form meet."""
 
     degrees: int = 2
+    quotients: int = len(QUOTIENTS)
 
     def energy(self, q: Any, p: Any) -> Any:
         held = f.log1p_over(q[0] * q[0] + 0.1 * q[1] * q[1]) + f.stumpff(2, 3.0 * q[0] + q[1])
-        for quotient in QUOTIENTS:
+        for quotient in QUOTIENTS[: self.quotients]:
             held = held + quotient(q[0] + 0.3 * q[1])
         return 0.5 * lm.dot(p, p) + 0.1 * held
 
@@ -64,7 +65,7 @@ def test_series_pass_both_ways_of_a_branch(system: Any) -> None:
         (Springs(), lm.Taylor(order=2)),
         (Arm(), lm.Taylor(order=3)),
         pytest.param(Arm(), lm.HamiltonJacobi(order=3), marks=pytest.mark.slow),
-        pytest.param(Springs(), lm.HamiltonJacobi(order=3), marks=pytest.mark.slow),
+        pytest.param(Springs(quotients=1), lm.HamiltonJacobi(order=3), marks=pytest.mark.slow),
     ],
     ids=lambda x: type(x).__name__,
 )

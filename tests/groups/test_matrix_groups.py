@@ -400,8 +400,8 @@ def test_bound_of_ad_without_structure_constants(group: MatrixLieGroup) -> None:
 
 @pytest.mark.slow
 def test_brackets_of_large_matrices_by_structure_constants() -> None:
-    """SO(13), of plain formulas: the same as products of matrices, to rounding."""
-    group = SO(13)
+    """SO(13) from its generators, of plain formulas: as products of matrices, to rounding."""
+    group = MatrixLieGroup.of(SO(13).generated.generators)
     basis = group.generated
     assert basis.large and basis.tabled
     xi, eta, mu = np.random.default_rng(7).normal(size=(3, group.dim))

@@ -160,8 +160,9 @@ def test_files_of_before_are_read(name: str) -> None:
     }[name.partition(".")[0]]  # fmt: skip
     plan, start = now()
     run = plan.run(start, **more)
+    rounding = 1e-6 if name == "adaptive.npz" else 1e-13  # its first step was chosen otherwise
     for part, values in run.states.items():
-        assert np.allclose(old.states[part], values, rtol=1e-13, atol=1e-14)
+        assert np.allclose(old.states[part], values, rtol=rounding, atol=0.1 * rounding)
     if old.bodies is None:
         further = plan.run(old.last, **more)
         assert np.allclose(further.mu[0], run.mu[-1], rtol=1e-13)

@@ -15,7 +15,7 @@ from terms_of_spins import Chiral, Exchange, Twist, Zeeman
 from test_runs_by_sites import chain, directions, native, spins
 
 import liemech as lm
-from liemech.errors import IncompatibleSystem, InvalidInput
+from liemech.errors import IncompatibleSystem, InvalidInput, NotCompilable
 from liemech.rooms.derivatives.of_sites import adjoint as sites_adjoint
 from liemech.rooms.derivatives.of_sites.adjoint import BackwardRun
 from liemech.rooms.derivatives.reversal import go_back, repetitions
@@ -341,9 +341,13 @@ def test_steps_that_are_cut(method: Any, compiled: bool) -> None:
         require_transposed(plan, system.state(mu=directions(5)), 4)
 
 
+LONG = pytest.mark.xfail(strict=True, raises=NotCompilable, reason="their native code exceeds what is compiled")
+"""Loads between sites, by `KickDrift` and with derivatives."""
+
+
 @native
 @pytest.mark.slow
-@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("load", [x if x == "of each" else pytest.param(x, marks=LONG) for x in LOADS])
 def test_loads_natively(load: str) -> None:
     """With the bits of plain Python."""
     system, start = bodies()

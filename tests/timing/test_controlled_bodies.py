@@ -63,16 +63,19 @@ def test_an_eccentric_satellite(method: lm.Method, gain: float) -> None:
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_an_eccentric_satellite_that_spins_does_not_drift() -> None:
-    """Its motion is regular.  That of a tumbling one is not, and its energy wanders: a reversible
-    map need not keep it there.
+    """Its motion is regular, in steps that are short enough.  That of a tumbling one is not, and its energy wanders: a
+    reversible map need not keep it there.
     """
     method = lm.ReversibleController(lm.KickDrift(order=2), distance)
-    run = lm.integrate(SATELLITE, method, falling_in((0.1, 0.2, 20.0)), h=0.05, steps=300_000, every=10, progress=False)
+    run = lm.integrate(
+        SATELLITE, method, falling_in((0.1, 0.2, 20.0)), h=0.025, steps=600_000, every=10, progress=False
+    )
     error, tenth = np.abs(run.energy - run.energy[0]), len(run) // 10
     assert run.t[-1] > 500 * 2.0 * np.pi
-    assert error[-tenth:].max() < 1.02 * error[:tenth].max() < 2e-3
+    assert error[-tenth:].max() < 1.02 * error[:tenth].max() < 5e-4
     tumbling = lm.integrate(SATELLITE, method, falling_in(), h=0.05, steps=300_000, every=10, progress=False)
-    assert np.abs(tumbling.energy - tumbling.energy[0]).max() > 3.0 * error.max()
+    wandering, tenth = np.abs(tumbling.energy - tumbling.energy[0]), len(tumbling) // 10
+    assert wandering.max() > 1.2 * wandering[:tenth].max()
 
 
 @pytest.mark.slow
