@@ -131,13 +131,15 @@ class SiteLoops:
         b, e, state = self.b, self.e, self.t.state
         loop, pass_ = state.site_loop, state.site_loop.passes[-1]
         if state.raises:
-            before, failed = b.load(loop.where, typ=I64), e.load(state.failed)
-            if lanes is None:
-                firsts = [b.add(pass_.index, I64(k * e.width)) for k in range(e.registers(e.lanes > 1))]
-                failed = e.logic("and_", failed, e.num([self.there(first) for first in firsts]))
-                e.store(False, state.failed)
-            found = b.and_(e.any(failed).value, b.icmp_signed("<", before, I64(0)))
-            b.store(b.select(found, pass_.index, before), loop.where)
+            failed = e.load(state.failed)
+            with b.if_then(e.any(failed).value, likely=False):
+                if lanes is None:
+                    firsts = [b.add(pass_.index, I64(k * e.width)) for k in range(e.registers(e.lanes > 1))]
+                    failed = e.logic("and_", failed, e.num([self.there(first) for first in firsts]))
+                    e.store(False, state.failed)
+                before = b.load(loop.where, typ=I64)
+                found = b.and_(e.any(failed).value, b.icmp_signed("<", before, I64(0)))
+                b.store(b.select(found, pass_.index, before), loop.where)
         pass_.close(b, lanes or self.lanes)
 
     def there(self, first: ir.Value) -> ir.Value:
