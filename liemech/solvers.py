@@ -373,9 +373,8 @@ class Settling(Record):
         done = change <= epsilon * size
         if before > 0.0:
             ratio = change / before
-            foreseen = (
-                before < self.size and 16.0 * ratio * change <= epsilon * size
-            )  # as large as the data it tells nothing
+            # a change as large as the data foretells nothing
+            foreseen = before < self.size and 16.0 * ratio * change <= epsilon * size
             done = done or foreseen or (ratio >= 1.0 and change <= noise * size)
         if _is_in_units(changes):
             since = where(change < least, 0.0, since + 1.0)

@@ -366,7 +366,7 @@ def test_modules_of_formulas_name_their_source() -> None:
         module
         for module, tree in trees().items()
         if part(module) in SOURCED
-        and not module.endswith((".plan", ".runs", ".input_checks", ".orders"))  # which hold no mathematics
+        and not module.endswith((".plan", ".runs", ".input_checks"))  # which hold no mathematics
         and any(isinstance(node, ast.ClassDef | ast.FunctionDef) for node in tree.body)
         and not any("Source:" in (ast.get_docstring(n) or "") for n in ast.walk(tree) if isinstance(n, documented))
     ]

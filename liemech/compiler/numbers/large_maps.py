@@ -5,6 +5,7 @@ The tables lie in the memory of this process; `arrays` is the `LargeArrays` of t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -17,13 +18,25 @@ from .ir_numbers import F64, I64
 
 def mapped(arrays: Any, linear: LinearMap, x: Large) -> Large:
     """The image of a linear map."""
-    image = arrays.new(linear.target)
+    return _by(_map, arrays, linear, x, linear.target)
+
+
+def along_diagonals(arrays: Any, solver: DiagonalSolver, x: Large) -> Large:
+    """The solution of tridiagonal equations along the diagonals, row by row."""
+    return _by(_along, arrays, solver, x, x.form)
+
+
+def _by(formula: Callable[..., None], arrays: Any, table: Any, x: Large, form: Any) -> Large:
+    """A result of this form, from x, by a native function of its own.  formula : writes it, of a table, the address of x
+    and that of the result.
+    """
+    result = arrays.new(form)
     arrays.outlined(
-        ("mapped", linear.content),
-        [arrays.address(x), arrays.address(image)],
-        lambda source, target: _map(arrays, linear, source, target),
+        (formula.__name__, table.content),
+        [arrays.address(x), arrays.address(result)],
+        lambda source, target: formula(arrays, table, source, target),
     )
-    return image
+    return result
 
 
 def _map(arrays: Any, linear: LinearMap, source: ir.Value, target: ir.Value) -> None:
@@ -43,17 +56,6 @@ def _map(arrays: Any, linear: LinearMap, source: ir.Value, target: ir.Value) -> 
             else:
                 total = _terms(arrays, places, factors, source, first, terms)
             arrays.store(total, target, _integer(arrays, at, i))
-
-
-def along_diagonals(arrays: Any, solver: DiagonalSolver, x: Large) -> Large:
-    """The solution of tridiagonal equations along the diagonals, row by row."""
-    solution = arrays.new(x.form)
-    arrays.outlined(
-        ("along diagonals", solver.content),
-        [arrays.address(x), arrays.address(solution)],
-        lambda source, target: _along(arrays, solver, source, target),
-    )
-    return solution
 
 
 def _along(arrays: Any, solver: DiagonalSolver, source: ir.Value, target: ir.Value) -> None:

@@ -13,6 +13,7 @@ from ...formulas.classes.layouts import carried_layout
 from ...formulas.numbers.conversions import with_slopes
 from ...formulas.sites import EIGHT, Meeting
 from ..numbers.arrays import vector
+from ..numbers.counted import counted
 from ..numbers.ir_numbers import I32, I64, Num
 from . import rounds
 from .fission import Pass
@@ -66,31 +67,25 @@ class PairLoops:
         with e.side_by_side(EIGHT, self.loops.width):
             state.failed, state.raises = e.slot(), 0
             e.store(False, state.failed)
-            before, head, end = b.block, b.append_basic_block(), b.append_basic_block()
-            b.branch(head)
-            b.position_at_end(head)
-            number = b.phi(I64)  # block i meets block j in round i + j, if i <= j
-            low = b.sub(number, b.sub(blocks, I64(1)))
-            low = b.select(b.icmp_signed(">", low, I64(0)), low, I64(0))
-            many = b.sub(b.add(b.sdiv(number, I64(2)), I64(1)), low)
-            begin, stop = (b.mul(b.add(low, self.loops.share(many, place)), block) for place in b.function.args[4:6])
-            stop = b.select(b.icmp_signed("<", stop, count), stop, count)
-            loop.passes.append(Pass(b, begin, stop, paired=True))
-            i = loop.passes[-1].index
-            theirs = b.mul(b.sub(number, b.sdiv(i, block)), block)
-            from_ = b.select(b.icmp_signed("<", i, theirs), theirs, i)
-            to = b.add(theirs, block)
-            to = b.select(b.icmp_signed("<", to, count), to, count)
-            bounds = [e.num([v]) for v in (i, from_, to, count, I64(EIGHT))]
-            sums = Rounds(meeting, self.loops.meetings.lasting_rows(first, layout.width), layout)
-            t.inline(rounds.of_eight, (sums, formula, *bounds), {})
-            self.loops.pass_on(EIGHT)
-            following = b.add(number, I64(1))
-            number.add_incoming(I64(0), before)
-            number.add_incoming(following, b.block)
-            last = b.sub(b.mul(blocks, I64(2)), I64(1))
-            b.cbranch(b.icmp_signed("<", following, last), head, end)
-            b.position_at_end(end)
+            rounds_of_blocks = b.sub(b.mul(blocks, I64(2)), I64(1))
+            with counted(b, I64(0), rounds_of_blocks) as turn:  # block i meets block j in round i + j, if i <= j
+                low = b.sub(turn.index, b.sub(blocks, I64(1)))
+                low = b.select(b.icmp_signed(">", low, I64(0)), low, I64(0))
+                many = b.sub(b.add(b.sdiv(turn.index, I64(2)), I64(1)), low)
+                begin, stop = (
+                    b.mul(b.add(low, self.loops.share(many, place)), block) for place in b.function.args[4:6]
+                )
+                stop = b.select(b.icmp_signed("<", stop, count), stop, count)
+                loop.passes.append(Pass(b, begin, stop, paired=True))
+                i = loop.passes[-1].index
+                theirs = b.mul(b.sub(turn.index, b.sdiv(i, block)), block)
+                from_ = b.select(b.icmp_signed("<", i, theirs), theirs, i)
+                to = b.add(theirs, block)
+                to = b.select(b.icmp_signed("<", to, count), to, count)
+                bounds = [e.num([v]) for v in (i, from_, to, count, I64(EIGHT))]
+                sums = Rounds(meeting, self.loops.meetings.lasting_rows(first, layout.width), layout)
+                t.inline(rounds.of_eight, (sums, formula, *bounds), {})
+                self.loops.pass_on(EIGHT)
             failing, raised = e.any(e.load(state.failed)), state.raises
             state.failed, state.raises = failed, raises + raised
         if raised:

@@ -81,15 +81,18 @@ class SiteMemory:
         b, first, loop = self.b, self.e.cast(start, "i", False)[0], self.t.state.site_loop
         if b.function is not self.loops.kernel:
             raise NotCompilable("rows of sites in a native function")
-        rows = [(sites, self.e.num([b.add(first, I64(j))])) for j in behind]
         if loop is not None and isinstance(i, Num) and i.varying:
-            numbers = self.gathered(rows, i)
+            numbers = self.gathered([(sites, self.e.num([b.add(first, I64(j))])) for j in behind], i)
         else:
-            place = b.gep(sites.at(self.e.num([first])), [self.e.cast(i, "i", False)[0]], source_etype=F64)
-            step = [b.mul(sites.step, I64(j)) for j in behind]
-            numbers = [self.e.num([b.load(sites.after(place, x), align=8, typ=F64)]) for x in step]
+            numbers = [self.e.num([b.load(x, align=8, typ=F64)]) for x in self._addresses(sites, i, first, behind)]
         values = (sites.of_bits(x, kind) for x, kind in zip(numbers, layout.kinds, strict=True))
         return build(layout, values)
+
+    def _addresses(self, sites: SiteRows, i: Any, start: ir.Value, behind: Iterable[int]) -> list[ir.Value]:
+        """Where the numbers of site i are in the rows `behind` a first one."""
+        b = self.b
+        place = b.gep(sites.at(self.e.num([start])), [self.e.cast(i, "i", False)[0]], source_etype=F64)
+        return [sites.after(place, b.mul(sites.step, I64(j))) for j in behind]
 
     # -------------------------------------------------------------- columns
 
@@ -116,9 +119,8 @@ class SiteMemory:
         if loop is not None:
             raise NotCompilable("`put` inside of a loop over sites")
         start, behind = _behind(column)
-        place = b.gep(sites.at(start), [e.cast(i, "i", False)[0]], source_etype=F64)
-        for x, kind, j in zip(self._leaves(column, value), column.layout.kinds, behind, strict=True):
-            where = sites.after(place, b.mul(sites.step, I64(j)))
+        addresses = self._addresses(sites, i, I64(start), behind)
+        for x, kind, where in zip(self._leaves(column, value), column.layout.kinds, addresses, strict=True):
             b.store(e.cast(sites.as_bits(x, kind), "f", False)[0], where, align=8)
 
     def _leaves(self, column: Column, value: Any) -> list[Any]:

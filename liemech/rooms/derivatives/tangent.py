@@ -336,9 +336,7 @@ def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
 
 
 def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
-    """For each direction of a start the function from a distance to the start that far along it, and a difference to
-    take: 2^-7 of the part of the start, whatever its units, or of 1 where that is zero.
-    """
+    """For each direction of a start the start at a distance along it, and a difference to take, in its units."""
     found = []
     for name, directions in frames.items():
         part = start.parts[name]
@@ -355,8 +353,13 @@ def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
 
             here, there = (np.abs(np.asarray(x)) for x in (part, moved(1.0).parts[name]))
             size = float(here[here != there].max(initial=0.0) if name == "g" else here.max()) or 1.0
-            found.append((moved, np.ldexp(1.0, int(np.frexp(size)[1]) - 7)))
+            found.append((moved, part_of(size)))
     return found
+
+
+def part_of(size: float) -> float:
+    """A difference to take beside numbers of a size: 2^-7 of it, a power of two."""
+    return float(np.ldexp(1.0, int(np.frexp(size)[1]) - 7))
 
 
 @record
@@ -453,7 +456,7 @@ def parameter_moves(system: Any, name: str) -> list[Any]:
             other = iter([*numbers[:i], x + by, *numbers[i + 1 :]])
             return with_parameter(system, name, build(layout, other))
 
-        found.append((moved, np.ldexp(1.0, int(np.frexp(abs(x) or largest)[1]) - 7)))
+        found.append((moved, part_of(abs(x) or largest)))
     return found
 
 
