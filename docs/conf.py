@@ -21,6 +21,7 @@ extensions = [
         "docstrings",
         "reference",
         "examples",
+        "flip",
         "breaks",
         "sources",
         "typeset",
