@@ -9,12 +9,14 @@ import numpy as np
 
 from ..joints.linkage import Linkage
 from ..models.bodies.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.lattices.zeitlin_sphere import ZeitlinSphere
 from ..models.poses import configurations, flies, is_pose, turns
 from ..systems.canonical import CanonicalSystem, HamiltonianSystem
 from .attitude import quaternion
 from .components import components
+from .field import field
 from .path import has_path, path
-from .phase import phase_portrait
+from .phase import phase_portrait, plane
 from .spheres.cloud import cloud
 from .spheres.sphere import momentum_sphere
 from .spins import has_spins, spins
@@ -29,9 +31,11 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
     """Draw what tells most about a run.
 
     A body that rotates freely: its momentum on the sphere, of an ensemble a cloud. A top: the
-    vertical it sees. Spins on a square or cubic lattice: their directions at the end. A body that
-    flies: its path, of a linkage that of every body. One degree of freedom: the phase plane; two or
-    three: the path. An equation on rotations: the quaternion; on a sphere: the point there.
+    vertical it sees. Spins on a square or cubic lattice: their directions at the end, on a ring or a
+    chain over time. Ideal flow on the sphere: its vorticity at the end. A body that flies: its path,
+    of a linkage that of every body, with its arms at the end. One degree of freedom: the phase
+    plane, of two numbers y as well; two or three: the path. An equation on rotations: the
+    quaternion; on a sphere: the point there.
     Everything else: its components over time.
 
     Returns the axes; `plots.save(ax.figure, "run.png")` writes them.
@@ -47,6 +51,10 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
         if x.ndim == 2 and x.shape[1] == 3 and _constant(np.linalg.norm(x, axis=1)):
             return momentum_sphere(x, ax=ax, title=title, names=("$x_1$", "$x_2$", "$x_3$"))
         return components(run, ax=ax, title=title)
+    if parts.get("y", np.empty(0)).shape[1:] == (2,):
+        return plane(run, ax=ax, title=title)
+    if isinstance(system, ZeitlinSphere) and run.bodies is None and "mu" in parts:
+        return _vorticity(run, ax, title)
     group = configurations(system)
     if has_spins(run):
         return spins(run, ax=ax, title=title)
@@ -80,6 +88,13 @@ def shown_parts(system: Any, known: Iterable[str]) -> set[str]:
     if isinstance(system, ReducedHeavyTop) or not is_pose(group):
         return {"mu"}
     return {"g"} if isinstance(system, HeavyTop) or flies(system) else {"mu"}
+
+
+def _vorticity(run: Any, ax: Axes | None, title: str | None) -> Axes:
+    """The vorticity of ideal flow on the sphere at the end."""
+    latitude, longitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 121), np.linspace(-np.pi, np.pi, 241)
+    values = run.system.vorticity(run.mu[-1], latitude, longitude)
+    return field(values, latitude, longitude, ax=ax, title=title or f"vorticity at $t$ = {run.t[-1]:.4g}")
 
 
 def _constant(sizes: np.ndarray) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..joints.given_motion import MovedJoint
 from ..joints.linkage import Linkage
 from ..models.planets.kepler import Kepler
 from ..models.planets.n_body import NBody
@@ -96,7 +97,7 @@ def has_path(run: Any) -> bool:
 
 def _points(run: Any) -> tuple[Array, list[Array]]:
     """The places of all members, (n, bodies, 2 or 3); of a single pendulum or linkage also the ends
-    of its rods at last.
+    of its rods at last, or the joints with the arms that lead to them.
     """
     if not has_path(run):
         raise InvalidInput(
@@ -113,10 +114,44 @@ def _points(run: Any) -> tuple[Array, list[Array]]:
         return (last[:, None] if run.bodies is None else last), joints
     g = part(run, "g", "plots.path")
     if isinstance(run.system, Linkage):
-        return run.system.poses(g)[..., :3, 3], []
+        poses, ends = with_ground(run.system, g), ends_of_joints(run.system)
+        at = placed(poses[-1:], ends)[0]
+        arms = [np.stack([poses[-1, k, :3, 3], end]) for (k, _), end in zip(ends, at) if k != GROUND]
+        return poses[:, :-1, :3, 3], [*arms, *at.reshape(-1, 2, 3)]  # and the rods between two ends
     many = g.shape[: 1 if run.bodies is None else 2]
     positions = place(run.system, g.reshape(-1, *g.shape[len(many) :]))
     return positions.reshape(len(g), -1, 3), []
+
+
+GROUND = -1
+"""The number of the ground, which is the last body of a linkage."""
+
+
+def with_ground(system: Linkage, g: Array) -> Array:
+    """The poses of the bodies of a linkage and of the ground, (n, bodies + 1, 4, 4)."""
+    poses = system.poses(g)
+    return np.concatenate([poses, np.tile(np.eye(4), (len(poses), 1, 1, 1))], axis=1)
+
+
+def ends_of_joints(system: Linkage) -> list[tuple[int, Array]]:
+    """The ends of the joints, two of each: the number of a body, GROUND for none, and the point in its
+    axes.  What holds a joint in a given motion is where the first body is.
+    """
+    return [
+        (GROUND if body is None else body, np.array(at, dtype=float))
+        for joint in system.joints
+        for body, at in (
+            (joint.first, joint.at_first),
+            (joint.first, joint.at_first) if isinstance(joint, MovedJoint) else (joint.second, joint.at_second),
+        )
+    ]
+
+
+def placed(poses: Array, points: list[tuple[int, Array]]) -> Array:
+    """Points of bodies in space, (n, k, 3)."""
+    g = poses[:, [body for body, _ in points]]
+    at = np.array([point for _, point in points])[..., None]
+    return (g[..., :3, :3] @ at)[..., 0] + g[..., :3, 3]
 
 
 def _order(run: Any) -> Array:

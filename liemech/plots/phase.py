@@ -12,7 +12,7 @@ from ..models.swinging.pendulums import DoublePendulum, Pendulum
 from ..systems.canonical import CanonicalSystem
 from .components import unit_of
 from .spheres.cloud import colors
-from .style import COLORS, needs_run, part, plane_axes, thinned
+from .style import COLORS, INK, needs_run, part, plane_axes, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,6 +51,15 @@ def phase_portrait(
         return ax
     for k, color in enumerate(colors(np.asarray(run.energy[0]))):
         _curve(ax, q[:, k], p[:, k], wrap, color)
+    return ax
+
+
+def plane(run: Any, ax: Axes | None = None, title: str | None = None) -> Axes:
+    """A motion of two numbers y in their plane; a ring is the start, a dot the end."""
+    y = part(run, "y", "plots.plot")
+    ax = plane_axes(ax, title, "$y_1$", "$y_2$", (4.2, 3.6))
+    _curve(ax, y[:, 0], y[:, 1], None, COLORS[0])
+    ax.plot(*y[0], marker="o", markersize=7.0, color="none", markeredgecolor=INK)
     return ax
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import InvalidInput
 from ..joints.linkage import Linkage
 from ..joints.rolling import Blade, Rolling
-from ..models.bodies.gravity import UniformGravity
+from ..models.bodies.gravity import FixedPointGravity, UniformGravity
 from ..models.bodies.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.lattices.zeitlin_sphere import ZeitlinSphere
 from ..models.many.cosserat_rod import CosseratRod
@@ -49,9 +49,7 @@ SUITED: dict[type[System], tuple[type[Content], ...]] = {
 }
 """Contents that suit systems with a picture of their own."""
 
-
-PULLED = (
-    HeavyTop,
+IN_UNIFORM_GRAVITY = (
     ReducedHeavyTop,
     Linkage,
     CosseratRod,
@@ -61,14 +59,15 @@ PULLED = (
     ChainPendulum,
     FourBarLinkage,
 )
-"""Systems that gravity pulls downwards."""
+"""Systems with a direction downwards, although they have no potential that says so."""
 
 
 def has_floor(system: Any) -> bool:
-    """Whether a system moves above a floor: gravity pulls it downwards, or it rolls or glides on a plane."""
-    pulled = isinstance(system, PULLED) and getattr(system, "gravity", 1.0) != 0.0
+    """Whether a system is shown above a floor: it is in a uniform field of gravity, or rolls or glides on a plane."""
+    falls = isinstance(getattr(system, "potential", None), UniformGravity | FixedPointGravity)
+    falls = falls or (isinstance(system, IN_UNIFORM_GRAVITY) and getattr(system, "gravity", 1.0) != 0.0)
     on_plane = isinstance(getattr(system, "constraint", None), (Rolling, Blade))
-    return pulled or on_plane or isinstance(getattr(system, "potential", None), UniformGravity)
+    return falls or on_plane
 
 
 def contents_of(system: Any, parts: frozenset[str], ensemble: bool, show: Any = None) -> tuple[Content, ...]:

@@ -24,6 +24,7 @@ from scenes import (
 import liemech as lm
 from liemech import plots
 from liemech.plots.invariants import EPSILON, changes, noise
+from liemech.plots.spheres.projection import VIEW, view_frame
 from liemech.plots.vertical import verticals
 
 pytest.importorskip("matplotlib")
@@ -112,6 +113,39 @@ def test_every_system_has_a_picture_that_draws_something_finite(name: str) -> No
     assert np.isfinite(points).all(axis=1).any()
     ax.figure.draw_without_rendering()
     assert ax.title.get_text() == ""
+
+
+def test_two_species_are_drawn_in_their_plane() -> None:
+    species = lm.models.LotkaVolterra()
+    run = follow(species, species.state(y=[1.0, 4.0]), lm.Splitting())
+    ax = run.plot()
+    assert (np.asarray(ax.lines[0].get_xydata()) == run.y).all()
+    assert (np.asarray(ax.lines[-1].get_xydata()) == run.y[:1]).all()
+
+
+def test_ideal_flow_is_drawn_by_its_vorticity_at_the_end() -> None:
+    sphere = lm.models.ZeitlinSphere(13)
+    run = follow(sphere, sphere.state(mu=np.random.default_rng(3).normal(size=168)), h=0.01, steps=2)
+    (image,) = run.plot().images
+    shown, (azimuth, elevation) = np.asarray(image.get_array()), np.radians(VIEW)
+    middle = sphere.vorticity(run.mu[-1], [elevation], [azimuth])[0, 0]
+    rows = len(shown) // 2
+    assert shown[rows - 1 : rows + 1, rows - 1 : rows + 1].mean() == pytest.approx(middle, rel=0.01)
+
+
+def test_the_arms_of_a_linkage_lead_to_its_joints() -> None:
+    rods, poses = lm.joints.chain(2), np.tile(np.eye(4), (2, 1, 1))
+    poses[0, :3, :3] = lm.SO3().exp([0.7, 0.2, 0.0])
+    poses[0, :3, 3] = -0.5 * poses[0, :3, 2]
+    poses[1, :3, 3] = 2.0 * poses[0, :3, 3] - 0.5 * poses[1, :3, 2]
+    run = follow(rods, rods.assembled(poses), lm.LieRATTLE(), h=0.01, steps=3)
+    upper, lower = rods.poses(run.g)[-1]
+    hinge, tip = upper[:3, 3] - 0.5 * upper[:3, 2], lower[:3, 3]
+    wanted = [(upper[:3, 3], np.zeros(3)), (upper[:3, 3], hinge), (tip, hinge)]
+    lines = [np.asarray(line.get_xydata()) for line in run.plot().lines]
+    for ends in wanted:
+        shown = np.array(ends) @ view_frame(*VIEW)[:2].T
+        assert any(line.shape == (2, 2) and np.abs(line - shown).max() < 1e-9 for line in lines), ends
 
 
 def test_one_sample_or_a_foreign_thing() -> None:

@@ -56,9 +56,20 @@ def test_large_layers_are_colours_site_by_site() -> None:
         plots.spins(run, layer=2)
 
 
+def test_a_ring_is_drawn_site_by_site_over_time() -> None:
+    run = spins(lm.neighbours.ring(6))
+    ax = run.plot()
+    (mesh,) = ax.collections
+    assert np.abs(np.reshape(mesh.get_array(), (5, 6)) - run.mu[..., 2] / 2.0).max() < 1e-15
+    corners = np.asarray(mesh.get_coordinates())  # each value around its site and time
+    assert np.abs(corners[:-1, 0, 1] + corners[1:, 0, 1] - 2.0 * run.t).max() < 1e-12
+    assert np.abs(corners[0, :-1, 0] + corners[0, 1:, 0] - 2.0 * np.arange(6)).max() < 1e-12
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("site", "time $t$")
+
+
 def test_what_is_no_lattice_of_spins_is_refused() -> None:
     with pytest.raises(InvalidInput, match="square or a cubic lattice"):
-        plots.spins(spins(lm.neighbours.ring(4)))
+        plots.spins(spins(lm.neighbours.all_pairs(4)))
     run = spins(lm.neighbours.square(3, 3))
     for given, words in (
         ({"layer": 0}, "has no layers"),

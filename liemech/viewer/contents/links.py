@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileWarning, InvalidInput, warn
-from ...joints.given_motion import MovedJoint
 from ...joints.joints import RigidRod
 from ...joints.link import LinkShape
 from ...joints.linkage import Linkage
 from ...models.even_boxes import principal_box
 from ...models.poses import quaternions
+from ...plots.path import GROUND, ends_of_joints, placed, with_ground
 from ...systems.system import System
 from ..drawing import Drawing
 from ..motion import Motion
@@ -25,9 +25,6 @@ Array = NDArray[np.float64]
 
 THIN = 0.03
 """The least thickness of a link, in units of the picture: thinner ones are drawn that thick."""
-
-GROUND = -1
-"""The number of the ground, which is the last body."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class Links(Content):
             for solid in system.shapes
             for half in (-0.5, 0.5)
         ]
-        paths = [_placed(poses, _ends(system) + corners), poses[:, :-1, :3, 3]]
+        paths = [placed(poses, ends_of_joints(system) + corners), poses[:, :-1, :3, 3]]
         return np.concatenate(paths, axis=1).reshape(-1, 3)
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
@@ -75,8 +72,8 @@ class Links(Content):
         arms from the centres of mass.
         """
         system, poses = _read(motion)
-        inside, unit, ends = drawing.panel.inside, drawing.panel.unit, _ends(system)
-        color, joints = mixed(STONE, drawing.color, 0.3), _placed(poses, ends)
+        inside, unit, ends = drawing.panel.inside, drawing.panel.unit, ends_of_joints(system)
+        color, joints = mixed(STONE, drawing.color, 0.3), placed(poses, ends)
         names = [*(f"link {k + 1}" for k in range(len(system.links))), "ground"]
         for k, name in enumerate(names):
             turns = quaternions(poses[:, k, :3, :3])
@@ -127,26 +124,4 @@ def _read(motion: Motion) -> tuple[Linkage, Array]:
     if motion.bodies is not None:
         raise InvalidInput("Links shows one linkage; choose one of the ensemble, as in Scene(run, body=0)")
     assert isinstance(system, Linkage)
-    poses = system.poses(motion["g"])
-    return system, np.concatenate([poses, np.tile(np.eye(4), (len(poses), 1, 1, 1))], axis=1)
-
-
-def _ends(system: Linkage) -> list[tuple[int, Array]]:
-    """The ends of the joints, two of each: the number of a body, GROUND for none, and the point in its
-    axes.  What holds a joint in a given motion is where the first body is.
-    """
-    return [
-        (GROUND if body is None else body, np.array(at, dtype=float))
-        for joint in system.joints
-        for body, at in (
-            (joint.first, joint.at_first),
-            (joint.first, joint.at_first) if isinstance(joint, MovedJoint) else (joint.second, joint.at_second),
-        )
-    ]
-
-
-def _placed(poses: Array, points: list[tuple[int, Array]]) -> Array:
-    """Points of bodies in space, (n, k, 3)."""
-    g = poses[:, [body for body, _ in points]]
-    at = np.array([point for _, point in points])[..., None]
-    return (g[..., :3, :3] @ at)[..., 0] + g[..., :3, 3]
+    return system, with_ground(system, motion["g"])
