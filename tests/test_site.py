@@ -134,6 +134,7 @@ def test_words_stand_in_formulas_of_their_own_lines() -> None:
         ("A place, z = R^T (point - p), is measured.", []),
         ("It does not glide, v2 - behind w = 0.", []),
         ("Use side = right, or h = 3 of them.", ["h = 3"]),
+        ("A method in R^2n, or on T*G, and y = (q, p) in R^3.", ["R^2n", "y = (q, p)", "R^3"]),
     ],
 )
 def test_formulas_in_sentences_are_found_whole(sentence: str, formulas: list[str]) -> None:

@@ -127,6 +127,7 @@ def gallery(examples: list[str]) -> str:
             code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
             about = " ".join((ast.get_docstring(ast.parse(code)) or "").split("\n\n")[0].split())
             about = re.sub(r"docs/([\w/]+\.md)", r"[\1](\1)", about)
+            about = re.sub(r"\bR\^(\w+)", r"$R^{\1}$", about)
             pictures = [
                 p for p in dict.fromkeys(re.findall(r'"(\w+\.png)"', code)) if (HERE / p).exists()
             ]

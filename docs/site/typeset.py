@@ -265,6 +265,8 @@ SPAN = re.compile(r"(?<![`\w])`([^`\n]+)`(?!`)")
 FENCE = re.compile(r"^(```|:::).*?^\1[ ]*$", flags=re.MULTILINE | re.DOTALL)
 
 
+SPACE = re.compile(r"(?<![\w^])[RCST]\^(?:\d*[nN]|\d)(?![\w^])")
+"""A space of numbers, a torus or a sphere, R^2n."""
 RELATION = re.compile(r" (=|<=|->) |(?<=\w)' = ")
 ARTICLE = re.compile(r"^[aAI] (?=[a-z]+\b)|(?<=\w) [aAI]$")
 
@@ -277,7 +279,7 @@ TERMS = re.compile(r"[-+*/|<] (?:[\w']+ )?$|<[^>]*$| : \S+ \($")
 
 
 def inside(text: str) -> list[tuple[int, int]]:
-    """Where formulas stand in a sentence: what can be read as one about a sign of equality."""
+    """Where formulas stand in a sentence: spaces, and what can be read as one about a sign of equality."""
     found, last = [], 0
     for sign in RELATION.finditer(text):
         if sign.start() < last:
@@ -288,7 +290,10 @@ def inside(text: str) -> list[tuple[int, int]]:
         if best := next((pair for pair in ranges if _stands(text, *pair)), None):
             found.append(best)
             last = best[1]
-    return found
+    spaces = [m.span() for m in SPACE.finditer(text)]
+    return sorted(
+        found + [one for one in spaces if not any(a < one[1] and one[0] < b for a, b in found)]
+    )
 
 
 def _stands(text: str, a: int, b: int) -> bool:
