@@ -26,7 +26,7 @@ BUDGETS = {
     "joints": (7_470, 48_600),
     "models": (8_220, 48_700),
     "names": (300, 1_100),
-    "plots": (2_280, 12_900),
+    "plots": (2_370, 13_460),
     "rooms/at_work": (1_780, 9_100),
     "rooms/constraints": (3_000, 16_600),
     "rooms/derivatives": (4_450, 28_200),
