@@ -16,8 +16,8 @@ CLEAR = 0.9
 HEAD = """# Leader board
 
 For each of ten problems and each error the quickest method of this library beside the quickest one of any other
-package at its best settings, with `fast_math` or without. A cell has our time of a call and its ratio to theirs: below one
-we are ahead; bold where we are behind by more than a tenth. Methods go step by step; motions in closed form are compared
+package at its best settings, with `fast_math` or without. A cell has the ratio of our time of a call to theirs, below
+one where we are ahead, bold where we are behind by more than a tenth, and our time. Methods go step by step; motions in closed form are compared
 among themselves.
 
 """
@@ -161,7 +161,7 @@ def board(measured: dict[str, Any]) -> tuple[str, list[str]]:
             if said[-1] == "behind":
                 shown = f"**{shown}**"
                 behind = behind if key in behind else [*behind, key]
-            cells.append(f"{number(1e3 * ours[0])} ms, {shown}" if ours else "-")
+            cells.append(f"{shown} ({number(1e3 * ours[0])} ms)" if ours else "-")
         text += f"| {race['name']} | {' | '.join(cells)} |\n"
     counts = [f"{said.count(word)} {word}" for word in ("clear", "within 10 %", "behind")]
     nobody = f", {said.count('nobody')} reached by nobody" if "nobody" in said else ""
@@ -217,7 +217,7 @@ def figure(measured: dict[str, Any], file: Path) -> None:
     ax.set_yticks(range(len(rows)), [race["name"] for race in rows])
     ax.invert_yaxis()
     lm.plots.legend(ax, loc="upper center", bbox_to_anchor=(0.3, -0.12), ncols=5)
-    lm.plots.save(figure, file, dpi=130)
+    lm.plots.save(figure, file)
 
 
 def closed_forms(measured: dict[str, Any]) -> str:
