@@ -36,4 +36,4 @@ figure, ax = lm.plots.subplots()
 for made, style in (motion(first), "C1"), (motion(fit.x), "C0"), (run, "C2o"):
     ax.plot(*made.g[:, [19, 27]].T, style)
 ax.set(xlabel="x (m)", ylabel="z (m)"), ax.legend(["first guess", "fitted", "seen"])
-lm.plots.save(figure, "arm_gains.png", dpi=110)
+lm.plots.save(figure, "arm_gains.png")

@@ -35,4 +35,4 @@ for late in 0, 400, 800:  # looks
     print(f"{late * period:g} s late: {np.linalg.norm(away[-1]):.0e} rad away after {loop.t:.0f} s")
 upper.set(ylabel="angle to the target (rad)"), lm.plots.legend(upper)
 lower.set(xlabel="time $t$ (s)", ylabel="torque (N m)")
-lm.plots.save(figure, "attitude_control.png", dpi=90)
+lm.plots.save(figure, "attitude_control.png")

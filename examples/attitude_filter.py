@@ -35,4 +35,4 @@ for side, axis in zip(("left", "right"), axes):
         axis.semilogy(h * np.arange(steps), np.linalg.norm(values[:, :3], axis=1), label=label)
     axis.set(xlabel="time $t$ (s)", ylabel="angle (rad)", title=f"error on the {side}")
     lm.plots.legend(axis)
-lm.plots.save(figure, "attitude_filter.png", dpi=110)
+lm.plots.save(figure, "attitude_filter.png")

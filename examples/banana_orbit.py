@@ -33,4 +33,4 @@ for axis, (name, method) in zip(axes, methods.items()):
     draw(axis, guide, color=lm.plots.COLORS[1], linewidth=1.2)
     axis.set(title=name, xlabel="$R$ (m)", aspect="equal", xticks=[0.95, 1.0, 1.05])
 axes[0].set_ylabel("$z$ (m)")
-figure.savefig("banana_orbit.png", dpi=90)
+figure.savefig("banana_orbit.png", dpi=200)

@@ -31,4 +31,4 @@ right.set(
     title="Alpha's axis goes round",
     aspect="equal",
 )
-lm.plots.save(figure, "binary_asteroid.png", dpi=110)
+lm.plots.save(figure, "binary_asteroid.png")

@@ -34,4 +34,4 @@ for ax, frame in zip(axs, (0, 40, 60, 80)):
     ax.plot(*shown[[0, -1], [0, 1]].T, "k:")
     ax.set(aspect="equal", title=f"$t$ = {run.t[frame]:.1f} s", xlabel="across (m)")
 axs[0].set_ylabel("up (m)")
-lm.plots.save(figure, "bricard.png", dpi=90)
+lm.plots.save(figure, "bricard.png")

@@ -19,4 +19,4 @@ print(
     f"the uppermost rod carries between {tensions[:, 0].min():.2f} and "
     f"{tensions[:, 0].max():.2f} N; at rest 7.85 N"
 )
-lm.plots.save(lm.plots.invariants(run).figure, "chain.png", dpi=110)
+lm.plots.save(lm.plots.invariants(run).figure, "chain.png")

@@ -22,4 +22,4 @@ for k, start in enumerate(y):
         f"{own.min():+.3f} and {own.max():+.3f}"
     )
 ax = lm.plots.poincare_section(run, coordinate=0, shown=1, title="energy 1/8, section $x = 0$")
-lm.plots.save(ax.figure, "chaos_in_a_galaxy.png", dpi=110)
+lm.plots.save(ax.figure, "chaos_in_a_galaxy.png")

@@ -36,4 +36,4 @@ print(f"{fit.nfev} runs and ways back find 128 couplings to {np.std(fit.x - exac
 axis = lm.plots.subplots(figsize=(4.6, 4.4))[1]
 axis.plot([0.0, 2.0], [0.0, 2.0], "--", exact, fit.x, "o", markersize=3.0)
 axis.set(xlabel="coupling $J$ of two spins", ylabel="$J$ learnt", title="64 spins")
-axis.figure.savefig("couplings.png", dpi=100)
+axis.figure.savefig("couplings.png", dpi=200)

@@ -32,4 +32,4 @@ for k in 0, 100, 300, 600:
     print(f"after {run.t[k]:5.0f} s: {np.linalg.norm(run.rate[k]):6.3f} degrees a second")
 ax = lm.plots.components(run, title="coils against tumbling")
 ax.set_ylabel("rate (degrees/s)")
-lm.plots.save(ax.figure, "detumbling.png", dpi=110)
+lm.plots.save(ax.figure, "detumbling.png")

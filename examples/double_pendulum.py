@@ -19,9 +19,7 @@ for method in (
     run = lm.integrate(pendulum, method, start, h=0.02, steps=100_000, every=100)
     runs[method.name] = run
     print(f"{method.name:18}", run.drift()["energy"])
-lm.plots.save(
-    lm.plots.drift(runs, title="a double pendulum").figure, "double_pendulum.png", dpi=110
-)
+lm.plots.save(lm.plots.drift(runs, title="a double pendulum").figure, "double_pendulum.png")
 
 # thrown higher it is chaotic: twenty pendulums a millionth of a degree apart, and when they are ten degrees apart
 high = np.radians([120.0, -30.0])

@@ -36,4 +36,4 @@ for molecule in atoms[np.argsort(-atoms[:, 0, 1])]:  # from the back to the fron
         *molecule[0, ::2], s=110, c=lm.plots.COLORS[1], edgecolors="#1a1a1a", linewidths=0.4
     )
 left.set(title="after a picosecond", xlabel="$x$ (\u212b)", ylabel="$z$ (\u212b)", aspect="equal")
-lm.plots.save(figure, "drop_of_water.png", dpi=110)
+lm.plots.save(figure, "drop_of_water.png")

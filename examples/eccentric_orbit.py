@@ -35,4 +35,4 @@ for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
     row[2].set(xlabel="time $t$ (periods)", ylabel="step $h$ in time")
     lm.plots.legend(row[1], loc="upper right", ncols=2)
     row[1].margins(y=0.25)
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "eccentric_orbit.png", dpi=80)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "eccentric_orbit.png", dpi=200)

@@ -22,4 +22,4 @@ for name, method in methods.items():
         f"{second:.1e}"
     )
     print(run.drift(), end="\n\n")
-lm.plots.save(lm.plots.drift(runs, title="a free rigid body").figure, "energy_drift.png", dpi=110)
+lm.plots.save(lm.plots.drift(runs, title="a free rigid body").figure, "energy_drift.png")

@@ -35,4 +35,4 @@ below.set(
     ylabel="$H/H_0 - 1$",
     xlim=(0.0, run.t[-1] / period),
 )
-figure.savefig("energy_exchange.png", dpi=100)
+figure.savefig("energy_exchange.png", dpi=200)

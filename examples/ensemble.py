@@ -27,7 +27,5 @@ for t, mu in zip(run.t, run.mu):
     print(f"t = {t:5.1f} s   together in phase: {abs(np.exp(1j * phase).mean()):.3f}")
 print(f"{bodies * steps / spent / 1e6:.0f} million steps of a body per second")
 lm.plots.save(
-    lm.plots.cloud(run, title=f"{bodies} bodies after {run.t[-1]:.0f} s").figure,
-    "ensemble.png",
-    dpi=110,
+    lm.plots.cloud(run, title=f"{bodies} bodies after {run.t[-1]:.0f} s").figure, "ensemble.png"
 )

@@ -28,7 +28,5 @@ for t, mu in zip(run.t[::60], run.mu[::60]):
     print(f"t = {t:5.1f} s   length of the mean momentum {np.linalg.norm(mu.mean(axis=0)):.3f}")
 print(scene.save("ensemble.html", compressed=True))
 lm.plots.save(
-    lm.plots.cloud(run, title="200 bodies, drawn out").figure,
-    "ensemble_in_the_browser.png",
-    dpi=110,
+    lm.plots.cloud(run, title="200 bodies, drawn out").figure, "ensemble_in_the_browser.png"
 )

@@ -36,4 +36,4 @@ figure, ax = lm.plots.subplots()
 for x, style, label in (fit.x.reshape(100, 6), "-", "fitted"), (first, "--", "first guess"):
     ax.semilogy(run.t, (motion(x).g - seen).std((1, 2, 3)), style, label=label)
 ax.set(xlabel="time $t$ (s)", ylabel="misfit of $g$"), lm.plots.legend(ax)
-lm.plots.save(figure, "fit_bodies.png", dpi=110)
+lm.plots.save(figure, "fit_bodies.png")

@@ -36,4 +36,4 @@ for high in 0.0, 1.0, 4.0:
 ax.plot(2.0, 0.2, "o", color="#c9ced8", markersize=40, zorder=0)
 ax.set(xlabel="$x$ (m)", ylabel="$y$ (m)", ylim=(-0.9, 0.6))
 lm.plots.legend(ax)
-lm.plots.save(figure, "flight.png", dpi=110)
+lm.plots.save(figure, "flight.png")

@@ -32,4 +32,4 @@ with tempfile.TemporaryDirectory() as folder:
 figure, ax = lm.plots.subplots()
 ax.plot(axis[:, 0], axis[:, 1])
 ax.set(aspect="equal", xlabel="nose of the top, $x$", ylabel="$y$")
-lm.plots.save(figure, "flight_code.png", dpi=110)
+lm.plots.save(figure, "flight_code.png")

@@ -19,4 +19,4 @@ print(
     f"{page}: two periods of {body.period(start):.2f} s, four flips, "
     f"{page.stat().st_size / 1e6:.2f} MB"
 )
-lm.plots.save(lm.plots.plot(exact).figure, "flip_in_the_browser.png", dpi=110)
+lm.plots.save(lm.plots.plot(exact).figure, "flip_in_the_browser.png")

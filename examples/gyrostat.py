@@ -31,4 +31,4 @@ for r in 0.0, 0.2, 0.4, 0.6, 0.8:
     print(f"rotor {r:.1f} kg m^2/s: the middle axis swings out to {tilt.max():5.1f} degrees")
     if r == 0.2:  # a body of one's own has its curves of constant energy too
         ax = lm.plots.momentum_sphere(run.mu, system=system, title=f"a rotor of {r} kg m$^2$/s")
-lm.plots.save(ax.figure, "gyrostat.png", dpi=110)
+lm.plots.save(ax.figure, "gyrostat.png")

@@ -19,5 +19,5 @@ run = lm.integrate(top, lm.KickDrift(order=6), start, h=0.1, steps=60, every=10)
 for t, height in zip(run.t, run.g[:, 2] @ np.array(top.centre)):
     print(f"t = {t:3.0f} s: centre of mass {height:+.3f} m above the fixed point")
 lm.plots.save(
-    lm.plots.drift(runs, "vertical momentum", title="a heavy top").figure, "heavy_top.png", dpi=110
+    lm.plots.drift(runs, "vertical momentum", title="a heavy top").figure, "heavy_top.png"
 )

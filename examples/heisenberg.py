@@ -32,6 +32,4 @@ for field in 0.5, 1.0, 2.0:
         end="",
     )
     print(f"area remembered {area:.6f}, pi r^2 = {np.pi * radius**2:.6f}, compiled: {run.compiled}")
-lm.plots.save(
-    lm.plots.components(run, "g", title=f"field {field}").figure, "heisenberg.png", dpi=110
-)
+lm.plots.save(lm.plots.components(run, "g", title=f"field {field}").figure, "heisenberg.png")

@@ -28,4 +28,4 @@ for name, method in methods.items():
 left.set(ylabel="distance from the sphere (m)", xlabel="time $t$ (s)")
 right.set(ylabel="largest relative error\nof the energy so far", xlabel="time $t$ (s)")
 lm.plots.legend(left, loc="center right")
-figure.savefig("index_reduction.png", dpi=110)
+figure.savefig("index_reduction.png", dpi=200)

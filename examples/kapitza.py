@@ -15,11 +15,10 @@ for part in (0.8, 1.2, 2.0):
     start = pendulum.state(angles={0: np.pi - 0.2})
     run = lm.integrate(pendulum, lm.LieRATTLE(), start, h=5e-4, steps=5000)
     tilt = np.degrees(run.joint(0).angle - np.pi)
-    left.plot(run.t, tilt, label=f"{1e3 * part * least:.0f} mm")
+    shown = np.where(np.maximum.accumulate(np.abs(tilt)) < 90.0, tilt, np.nan)  # until it falls
+    left.plot(run.t, shown, label=f"{1e3 * part * least:.0f} mm")
     print(f"shaken by {1e3 * part * least:.0f} mm it tilts to {np.abs(tilt).max():.0f} degrees")
-turns = int(
-    2.0 * np.pi / frequency / 5e-4
-)  # steps of a shake, over which the slow motion is averaged
+turns = int(2.0 * np.pi / frequency / 5e-4)  # steps of a shake, over which tilts are averaged
 slow = np.convolve(tilt, np.ones(turns) / turns, "valid")
 up = run.t[: len(slow) - 1][(slow[1:] > 0.0) & (slow[:-1] <= 0.0)]
 averaged = np.sqrt((part**2 - 1.0) * g / reduced)
@@ -30,6 +29,6 @@ left.set(xlabel="time $t$ (s)", ylabel="tilt from upright (degrees)", ylim=(-90.
 tip = run.g.reshape(-1, 4, 4) @ [0.0, 0.0, -0.5 * length, 1.0]
 right.plot(tip[:900, 0], tip[:900, 2], linewidth=0.7)
 right.set(xlabel="$x$ (m)", ylabel="$z$ (m)", title="path of the upper end")
-lm.plots.save(figure, "kapitza.png", dpi=90)
+lm.plots.save(figure, "kapitza.png")
 some = lm.integrate(pendulum, lm.LieRATTLE(), start, h=5e-4, steps=1200, every=4)
 lm.viewer.Scene(some, show="links", title="Kapitza's pendulum").save("kapitza.html")

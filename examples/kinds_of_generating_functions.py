@@ -29,8 +29,8 @@ for title, method in methods.items():
     off, energy = np.abs(run.mu - exact).max(), np.abs(run.energy - run.energy[0]).max()
     print(f"{title:<30} momentum off by {off:.1e}, energy by {energy:.1e}")
     panels.append(
-        (title, run.mu, f"energy within {energy:.0e}\nmomentum within {off:.0e}", exact[-1])
+        (title, run.mu, f"energy within {energy:.1g}\nmomentum within {off:.1g}", exact[-1])
     )
 lm.plots.save(
-    lm.plots.figure_one(panels, around, body.inertia), "kinds_of_generating_functions.png", dpi=110
+    lm.plots.figure_one(panels, around, body.inertia), "kinds_of_generating_functions.png"
 )

@@ -23,17 +23,16 @@ for pose, d in zip(poses, np.diff(ends, axis=0)):
     d /= np.linalg.norm(d)
     pose[:3, :3] = np.transpose([np.cross(turn, d), turn, d])
 start = linkage.assembled(poses, [[0.0, -60.0, 0.0, 0.0, 0.0, 0.0], np.zeros(6), np.zeros(6)])
-
-# plain Python: native code for so many joints takes longer to make than this run
 run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=150)
 misses = [linkage.conditions_at(mu, g) for mu, g in zip(run.mu[::10], run.g[::10])]
 print(run.drift())
 print(f"largest miss of the joints: {np.abs(misses).max():.0e} (m, m/s)")
 moved = linkage.poses(run.g)
 figure, ax = lm.plots.subplots()
-for length, rod in zip(lengths, moved[::10].swapaxes(0, 1)):
+for length, rod, color in zip(lengths, moved[::10].swapaxes(0, 1), lm.plots.COLORS[:3]):
     both = rod[:, :3, 3, None] + rod[:, :3, 2, None] * [-length / 2, length / 2]
-    ax.plot(both[:, 0].T, both[:, 2].T, color="#0072B2", linestyle="-", alpha=0.4, linewidth=1)
-ax.plot(*(moved[:, 1, (0, 2), 3] + 0.25 * moved[:, 1, (0, 2), 0]).T, color="#D55E00", linestyle="-")
+    ax.plot(both[:, 0].T, both[:, 2].T, "-", color=color, alpha=0.25, linewidth=1)
+    ax.plot(both[-1, 0], both[-1, 2], "o-", color=color, linewidth=3)  # at the end
+ax.plot(*(moved[:, 1, (0, 2), 3] + 0.25 * moved[:, 1, (0, 2), 0]).T, "-", color="#1a1a1a")
 ax.set(aspect="equal", xlabel="$x$ (m)", ylabel="$z$ (m)")
-lm.plots.save(figure, "linkage.png", dpi=110)
+lm.plots.save(figure, "linkage.png")

@@ -34,4 +34,4 @@ for axis, (name, method) in zip(axes, methods.items()):
     axis.plot(*start.y, "o", color="black", markersize=4)
     axis.set(title=name, xlabel="prey $u$", xlim=(0.0, 3.6), ylim=(0.2, 5.4))
 axes[0].set_ylabel("predators $v$")
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "lotka_volterra.png", dpi=80)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "lotka_volterra.png", dpi=200)

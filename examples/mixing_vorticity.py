@@ -23,4 +23,4 @@ for ax, k in zip(frames, (0, 20, 40, 60)):
     picture = sphere.vorticity(run.mu[k], latitude, longitude)
     title = f"$t$ = {run.t[k]:.1f} s"
     lm.plots.field(picture, latitude, longitude, ax=ax, most=2.0, title=title)
-lm.plots.save(figure, "mixing_vorticity.png", dpi=90)
+lm.plots.save(figure, "mixing_vorticity.png")

@@ -29,9 +29,10 @@ for axis, t, g in zip(axes, run.t, run.g):
     for pose in net.poses(g):
         tips = [pose[:3, 3] + s * pose[:3, 2] for s in (0.5, -0.5)]
         axis.plot(*np.transpose(tips), color=lm.plots.COLORS[0], linewidth=1)
+    axis.plot([0, 4], [0, 4], [0, 0], "o", color=lm.plots.COLORS[1], markersize=4)  # held
     axis.set(title=f"t = {t:.1f} s", xlim=(0, 4), ylim=(0, 4), zlim=(-3, 1))
     axis.set_box_aspect((1, 1, 1), zoom=1.15), axis.set_axis_off()
 c = net.conditions_at(run.mu[-1], run.g[-1])[0]
 print(f"{len(rods)} rods, {len(joints)} joints; conditions to {np.abs(c).max():.0e} m")
 print(f"energy to {np.ptp(run.energy) / 20:.0e} J of 20 J that fell")
-lm.plots.save(figure, "net.png", dpi=90)
+lm.plots.save(figure, "net.png")

@@ -28,4 +28,4 @@ for name, method in methods.items():
 ax = lm.plots.orders(
     end / counts, errors, title="a free rigid body, t = 8", ylabel="error of the momentum"
 )
-lm.plots.save(ax.figure, "order_of_methods.png", dpi=110)
+lm.plots.save(ax.figure, "order_of_methods.png")

@@ -27,4 +27,4 @@ for ax, order in zip(panels, (1, 2, 3, 4)):
     print(f"order {order}: the energy stays within {worst:.1e}")
     ax.set(title=f"order {order}, $h = {h}$", xlabel="$q$", xlim=(-np.pi, np.pi), ylim=(-2.6, 2.6))
 panels[0].set_ylabel("$p$")
-lm.plots.save(figure, "pendulum_curves.png", dpi=110)
+lm.plots.save(figure, "pendulum_curves.png")

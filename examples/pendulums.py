@@ -17,6 +17,4 @@ print(
     end=" ",
 )
 print(f"{np.degrees(highest[highest < np.pi].max()):.0f} degrees")
-lm.plots.save(
-    lm.plots.phase_portrait(run, title="twelve pendulums").figure, "pendulums.png", dpi=110
-)
+lm.plots.save(lm.plots.phase_portrait(run, title="twelve pendulums").figure, "pendulums.png")

@@ -20,5 +20,5 @@ print(
 across = np.linalg.norm(lm.plots.herpolhode_points(run), axis=1)
 print(f"between {across.min():.3f} and {across.max():.3f} rad/s")
 
-lm.plots.save(lm.plots.polhode(run, title="polhode").figure, "polhode.png", dpi=110)
-lm.plots.save(lm.plots.herpolhode(run, title="herpolhode").figure, "herpolhode.png", dpi=110)
+lm.plots.save(lm.plots.polhode(run, title="polhode").figure, "polhode.png")
+lm.plots.save(lm.plots.herpolhode(run, title="herpolhode").figure, "herpolhode.png")

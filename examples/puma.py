@@ -23,16 +23,17 @@ gains = [(4000, 120), (6000, 200), (3000, 60), (20, 0.2), (10, 0.05), (0.2, 0.00
 plans = [(0, 0.5, 0), (0.7, 0, -0.3), (-0.9, 0, 0.4), (0, 1.2, 0), (0.6, 0, 0.2), (0, 0.6, 0)]
 forces = [PD(k, *gains[k], plans[k]) for k in range(6)] + [lm.joints.Spring(1, 25.0, 2.2)]
 arm = lm.joints.Linkage.from_urdf(Path(__file__).with_name("puma560.urdf"), forces=forces)
-start = arm.state(angles={k: plans[k][0] for k in range(6)})
+rates = {k: 1.5 * plans[k][1] for k in range(6)}
+start = arm.state(angles={k: plans[k][0] for k in range(6)}, rates=rates)
 run = lm.integrate(arm, lm.LieRATTLE(), start, h=0.001, steps=5000, every=10)
-work = [run.joint(k).only(PD).work[-1] for k in range(6)]
-print("work of the motors in J:", np.round(work, 2))
+print("work of the motors in J:", [f"{run.joint(k).only(PD).work[-1]:.2f}" for k in range(6)])
 lm.viewer.Scene(run, title="PUMA 560", view=(-60, 15)).save("puma.html")
 spots = np.array([arm.frame(one.name, run.g)[::42, :3, 3] for one in arm.frames])
 figure, (left, right) = lm.plots.subplots(1, 2, figsize=(8.4, 3.6))
-left.plot(spots[..., 0], spots[..., 2], "-", color="#8a93a3", linewidth=1)
-left.set(aspect="equal", xlabel="$x$ (m)", ylabel="$z$ (m)", xlim=(-0.4, 0.9))
+for spot, grey in zip(spots.swapaxes(0, 1), np.linspace(0.85, 0.0, spots.shape[1])):
+    left.plot(*spot[:, ::2].T, "-", color=str(grey), linewidth=1.4)
+left.set(aspect="equal", xlabel="$x$ (m)", ylabel="$z$ (m), later is darker", xlim=(-0.4, 0.9))
 torques = np.transpose([run.joint(k).only(PD).torque for k in range(6)])
 right.plot(run.t, torques, "-", label=[joint.name for joint in arm.joints])
 right.set(xlabel="time $t$ (s)", ylabel="torque (N m)"), lm.plots.legend(right, ncols=2)
-lm.plots.save(figure, "puma.png", dpi=90)
+lm.plots.save(figure, "puma.png")

@@ -28,10 +28,12 @@ for method, colour in zip((lm.DiscreteGradient(), lm.RKMK(order=2)), lm.plots.CO
     laws.plot(run.t, run.energy, "--", color=colour, label=f"H, {method.name}")
     if colour == lm.plots.COLORS[0]:
         path.plot(*run.mu.T, lw=0.8, color=colour)
-path.set(
-    xlabel=r"$\mu_1$", ylabel=r"$\mu_2$", zlabel=r"$\mu_3$", aspect="equal", title="on one energy"
-)
+u, v = np.mgrid[0.0 : 2.0 * np.pi : 60j, 0.0 : np.pi : 30j]
+a = np.sqrt(2.0 * run.energy[0] * np.array(body.inertia))  # half axes of the ellipsoid
+surface = a[0] * np.cos(u) * np.sin(v), a[1] * np.sin(u) * np.sin(v), a[2] * np.cos(v)
+path.plot_surface(*surface, color="#8a93a3", alpha=0.18, linewidth=0)
+path.set(xlabel=r"$\mu_1$", ylabel=r"$\mu_2$", zlabel=r"$\mu_3$", aspect="equal")
 path.locator_params(nbins=4)
 laws.set(xlabel="time $t$ (s)", ylabel="energy $H$ (J), entropy $S$")
 lm.plots.legend(laws)
-lm.plots.save(figure, "relaxing_body.png", dpi=110)
+lm.plots.save(figure, "relaxing_body.png")

@@ -36,4 +36,4 @@ for spin in 0.0, 0.5, 2.0:  # rad/s
     print(f"spin {spin:g}: {speed:.1f} m/s of Tsiolkovsky's {SPEED * np.log(3.0):.1f}")
 ax.set(aspect="equal", adjustable="datalim", xlabel="$x$ (km)", ylabel="$z$ (km)")
 lm.plots.legend(ax)
-lm.plots.save(figure, "rocket.png", dpi=110)
+lm.plots.save(figure, "rocket.png")

@@ -30,4 +30,4 @@ lengths = [np.linalg.norm(three, axis=0) for three in left_and_right]
 halves = ", ".join(f"{x[0]:.6f} +- {np.ptp(x):.0e}" for x in lengths)
 print("so(4) is so(3) twice; the lengths of its halves:", halves)
 axes = lm.plots.invariants(run, title="a body in four dimensions")
-lm.plots.save(axes.figure, "rotations_in_four_dimensions.png", dpi=110)
+lm.plots.save(axes.figure, "rotations_in_four_dimensions.png")

@@ -36,4 +36,4 @@ for nodes, style in (10, "o"), (40, "-"):
     names = [f"$u_{k}$, {nodes} nodes" for k in (1, 2, 3)]
     ax.plot((np.arange(nodes) + 0.5) * 2.0 / nodes, u.reshape(-1, 3), style, label=names)
 ax.set(xlabel="time $t$ (s)", ylabel="torque $u$ (N m)"), lm.plots.legend(ax)
-lm.plots.save(figure, "slew.png", dpi=110)
+lm.plots.save(figure, "slew.png")

@@ -19,6 +19,4 @@ for offset in 1e-2, 1e-4, 1e-6, 1e-8:
 exact = lm.viewer.Motion(
     body, t[:20_000], body.exact(body.state(mu=[1e-4, 1.0, 0.0], g=np.eye(3)), t[:20_000])
 )
-lm.plots.save(
-    lm.plots.components(exact, "mu", title="offset 1e-4").figure, "tennis_racket.png", dpi=110
-)
+lm.plots.save(lm.plots.components(exact, "mu", title="offset 1e-4").figure, "tennis_racket.png")

@@ -35,5 +35,5 @@ for n in steps:
     run = lm.integrate(body, ThreeRotations(), start, h=20.0 / n, steps=int(n))
     errors.append(np.abs(run.mu[-1] - body.exact(start, 20.0).mu).max())
 print("observed orders", np.round(np.log2(np.divide(errors[:-1], errors[1:])), 2))
-axes = lm.plots.orders(20.0 / steps, {"five rotations": errors})
-lm.plots.save(axes.figure, "three_rotations.png", dpi=110)
+axes = lm.plots.orders(20.0 / steps, {"mu after 20 s, five rotations": errors})
+lm.plots.save(axes.figure, "three_rotations.png")

@@ -29,4 +29,4 @@ for name, precession in (
 
 print(scene.save("top.html"))
 ax = lm.plots.vertical(run, title="the vertical, seen from the top")
-lm.plots.save(ax.figure, "top_in_the_browser.png", dpi=110)
+lm.plots.save(ax.figure, "top_in_the_browser.png")

@@ -32,8 +32,8 @@ for k, at in enumerate((0, 40, 60)):
     left.scatter(x + 0.24 * k, y, c=z, s=14, cmap="copper")
     left.text(0.24 * k, -0.16, f"{run.t[at]:.2f} s", ha="center")
 left.set(xlabel="x (m), from above, light is up", yticks=[], aspect="equal", ylim=(-0.2, 0.2))
-sums = np.array([of_axis, twist, of_axis + twist]).T
-right.plot(run.t, sums, label=["writhe", "twist", "their sum"])
-right.set(xlabel="time t (s)", ylabel="turns")
-lm.plots.legend(right, loc="upper left")
-lm.plots.save(figure, "trefoil.png", dpi=90)
+right.plot(run.t, np.array([of_axis, twist]).T, label=["writhe", "twist"])
+right.plot(run.t, of_axis + twist, "--", color="#1a1a1a", label="their sum")
+right.annotate("through itself", (0.082, 0.0), (0.02, 1.2), arrowprops={"arrowstyle": "->"})
+right.set(xlabel="time t (s)", ylabel="turns"), lm.plots.legend(right)
+lm.plots.save(figure, "trefoil.png")

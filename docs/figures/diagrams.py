@@ -90,7 +90,7 @@ def canonical_transformation() -> None:
         r"$h:\ p = \frac{\partial G}{\partial q}$",
         r"$f:\ Q = \frac{\partial G}{\partial P}$",
     )
-    lm.plots.save(figure, "canonical_transformation.png", dpi=130)
+    lm.plots.save(figure, "canonical_transformation.png")
     print("canonical_transformation.png: every curve of X_H is a straight line of X_K")
 
 
@@ -143,7 +143,7 @@ def dual_transformation() -> None:
         r"$h:\ \pi_0 = R_g^*\,\frac{\partial\bar S_t}{\partial g}$",
         r"$f:\ \pi_1 = L_g^*\,\frac{\partial\bar S_t}{\partial g}$",
     )
-    lm.plots.save(figure, "dual_transformation.png", dpi=130)
+    lm.plots.save(figure, "dual_transformation.png")
     print(f"dual_transformation.png: Ad*_g pi_0 is pi_1 to {off:.0e}")
 
 
@@ -198,7 +198,7 @@ def coadjoint_orbits() -> None:
         figure.text(0.125 + 0.245 * k, 0.93, title, ha="center", fontsize=10)
     _half_planes(figure.add_subplot(1, 4, 4))
     figure.subplots_adjust(left=0.0, right=0.98, bottom=0.08, top=0.9, wspace=0.08)
-    lm.plots.save(figure, "coadjoint_orbits.png", dpi=130)
+    lm.plots.save(figure, "coadjoint_orbits.png")
     print(f"coadjoint_orbits.png: Casimirs of 2,400 moved momenta, apart by {max(printed):.0e}")
 
 
@@ -276,7 +276,7 @@ def left_and_right() -> None:
         ax.view_init(elev=20.0, azim=8.0)
         figure.text((k + 0.5) / 3.0, 0.93, title, ha="center", fontsize=11)
     figure.subplots_adjust(left=0.0, right=1.0, bottom=0.0, top=0.92, wspace=0.0)
-    lm.plots.save(figure, "left_and_right.png", dpi=130)
+    lm.plots.save(figure, "left_and_right.png")
     print(f"left_and_right.png: exp(xi) g is g exp(Ad_g^-1 xi) to {same:.0e}")
 
 
@@ -368,7 +368,7 @@ def folds() -> None:
     ax.set_title(
         "solutions of the discrete equation along six directions of the momentum", fontsize=10
     )
-    lm.plots.save(figure, "folds.png", dpi=130)
+    lm.plots.save(figure, "folds.png")
     print(
         f"folds.png: {len(met)} of {len(directions)} solutions end in a fold, the first at h|mu| = {min(met):.3f}"
     )
@@ -418,7 +418,7 @@ def action_principle() -> None:
     right.set_xlabel(r"$\epsilon$ in $g_k \exp(\epsilon\,\eta_k)$")
     right.set_ylabel(r"$S_d = \sum_k h\,\ell(\xi_k)$")
     right.set_title("the action is stationary", fontsize=10)
-    lm.plots.save(figure, "action_principle.png", dpi=130)
+    lm.plots.save(figure, "action_principle.png")
     print(f"action_principle.png: slopes of the action at the path, {worst:.0e} of it")
 
 

@@ -25,4 +25,4 @@ for row, system, method, name in (
         picture = sphere.vorticity(run.mu[k], latitude, longitude)
         lm.plots.field(picture, latitude, longitude, ax=ax, most=2.0, title=title)
         ax.title.set_fontsize(8.5)
-lm.plots.save(figure, Path(__file__).with_suffix(".png"), dpi=90)
+lm.plots.save(figure, Path(__file__).with_suffix(".png"))

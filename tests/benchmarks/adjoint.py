@@ -111,7 +111,7 @@ def drawn(kept: list[Any], picture: str) -> None:
     axes[1, 0].set_ylabel("memory (MB)")
     named = axes[0, 0].get_legend_handles_labels()
     figure.legend(*named, loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
-    lm.plots.save(figure, picture, dpi=110)
+    lm.plots.save(figure, picture)
 
 
 if __name__ == "__main__":

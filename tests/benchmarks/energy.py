@@ -135,7 +135,7 @@ def figure(results: list[dict[str, Any]], path: Path) -> None:
         ax.set_xlabel("time")
     handles = [Line2D([], [], color=c, label=p) for p, c in COLOURS.items() if any(r["package"] == p for r in results)]
     axes[0][-1].legend(handles=handles, frameon=False, fontsize=8, loc="lower left")
-    lm.plots.save(picture, path, dpi=110)
+    lm.plots.save(picture, path)
     print(f"written: {path}")
 
 

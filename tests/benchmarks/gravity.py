@@ -239,7 +239,7 @@ def figure(curves: dict[str, list[list[float]]], path: Path) -> None:
             line.set(linestyle="--", alpha=0.8)
     ax.axvline(1e-11, color="0.6", lw=0.8)
     ax.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    lm.plots.save(picture, path, dpi=110)
+    lm.plots.save(picture, path)
     print(f"written: {path}")
 
 

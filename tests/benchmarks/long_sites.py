@@ -133,7 +133,7 @@ def picture(path: Path, rows: list[dict[str, Any]]) -> None:
     """Energies and modified energies in the course of runs, from their starts, over kinetic energies."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(2, len(rows), figsize=(4.2 * len(rows), 5.0), sharex="col", squeeze=False, dpi=110)
+    figure, axes = plt.subplots(2, len(rows), figsize=(4.2 * len(rows), 5.0), sharex="col", squeeze=False, dpi=200)
     for (above, below), row in zip(axes.T, rows, strict=True):
         t, energy, modified, kinetic = map(np.array, row["series"])
         unit = 10.0 ** np.floor(np.log10(np.ptp(energy)))

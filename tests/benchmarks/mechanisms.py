@@ -386,7 +386,7 @@ def drawn(kept: dict[str, Any], figure: str) -> None:
         ax.loglog(*np.transpose(pairs), style, label=shown, color=colour, markersize=4)
     ax.set(xlabel="processor time (s)", ylabel="error of the end after 1 s (m)")
     lm.plots.legend(ax, loc="upper left", bbox_to_anchor=(1.02, 1.0))
-    lm.plots.save(picture, figure, dpi=100)
+    lm.plots.save(picture, figure)
 
 
 def main() -> None:

@@ -168,7 +168,7 @@ def cliff(path: Path, quick: bool) -> None:
     ax.text(10.0, 2.0 * max(formula[:3]), "written out", fontsize=8)
     ax.text(sizes[-1], 0.5 * formula[-1], "plain Python", fontsize=8, ha="center")
     ax.legend(fontsize=8, loc="center right", frameon=False)
-    lm.plots.save(picture, path, dpi=110)
+    lm.plots.save(picture, path)
     print(f"written: {path}")
 
 

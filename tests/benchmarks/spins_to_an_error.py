@@ -112,7 +112,7 @@ def figure(results: dict[str, Any], path: Path) -> None:
     ax.axhline(ERROR, color="0.6", lw=0.8)
     ax.set(xlabel="processor time (ms)", ylabel="largest error of a direction at T = 2")
     ax.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    lm.plots.save(picture, path, dpi=110)
+    lm.plots.save(picture, path)
     print(f"written: {path}")
 
 

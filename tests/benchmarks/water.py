@@ -259,7 +259,7 @@ def picture(path: Path, files: list[Path]) -> None:
     """Fluctuation over processor time, of what `--out` has kept."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, len(files), figsize=(4.6 * len(files), 3.6), squeeze=False, dpi=110)
+    figure, axes = plt.subplots(1, len(files), figsize=(4.6 * len(files), 3.6), squeeze=False, dpi=200)
     for axis, file in zip(axes[0], files, strict=True):
         kept = json.loads(file.read_text())
         for name in dict.fromkeys(row[0] for row in kept["rows"]):

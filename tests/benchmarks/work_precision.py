@@ -133,7 +133,7 @@ def figure(results: dict[str, list[dict[str, Any]]], path: Path) -> None:
         ax.set(title=name, xlabel="error of momentum and attitude at the end", xlim=(1e0, 1e-14))
     axes[0][0].set_ylabel("time of a call (ms)")
     lm.plots.legend(axes[0][-1], loc="upper right", ncols=2)
-    lm.plots.save(panels, path, dpi=110)
+    lm.plots.save(panels, path)
     print(f"written: {path}")
 
 
