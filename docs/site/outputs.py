@@ -1,5 +1,5 @@
 """What the Python of a page prints: a ```text block right after a ```python block is the output of that
-block.  The tests compare it with what is printed; this writes it anew:
+block.  The tests compare it with what is printed; this writes it anew, and where there is none yet:
 
     python docs/site/outputs.py docs/tutorial.md ...
 
@@ -27,24 +27,38 @@ TELL = (
 """Lines before and after a block: its output alone, without progress and warnings."""
 CLOCK = re.compile(r" (compiled|plain);")
 """How a run was made: the clock decides."""
-PAIR = re.compile(
-    r"^```python\n(?P<code>(?:(?!^```).)*)^```\n\n^```text\n(?P<text>.*?)^```$",
+BLOCK = re.compile(
+    r"^```python\n(?P<code>(?:(?!^```).)*)^```$(?:\n\n^```text\n(?P<text>.*?)^```$)?",
     re.MULTILINE | re.DOTALL,
 )
+"""A block of code, and its output if the page has it."""
 
 
 def promised(page: str) -> dict[int, str]:
     """The outputs in a page, by the number of the line in which their program begins."""
-    return {page.count("\n", 0, m.start("code")): m["text"] for m in PAIR.finditer(page)}
+    return {
+        page.count("\n", 0, block.start("code")): block["text"]
+        for block in BLOCK.finditer(page)
+        if block["text"] is not None
+    }
+
+
+def silent(page: str) -> list[int]:
+    """The lines in which programs begin that print something the page does not show."""
+    return [
+        page.count("\n", 0, block.start("code"))
+        for block in BLOCK.finditer(page)
+        if block["text"] is None and re.search(r"\bprint\(", block["code"])
+    ]
 
 
 def program(page: str) -> list[str]:
     """The lines of the program of a page, at their places, which says where the output of a block begins
-    and ends if the page has it.
+    and ends if it prints something.
     """
     lines = [""] * (page.count("\n") + 1)
-    told = promised(page)
-    for block in re.finditer(r"^```python\n(?P<code>.*?)^```$", page, re.MULTILINE | re.DOTALL):
+    told = {*promised(page), *silent(page)}
+    for block in BLOCK.finditer(page):
         start = page.count("\n", 0, block.start("code"))
         code = block["code"].splitlines()
         lines[start : start + len(code)] = code
@@ -105,11 +119,12 @@ def written(page: str, found: dict[int, str]) -> str:
     """The page with these outputs; those with `...` stay."""
 
     def anew(match: re.Match[str]) -> str:
-        start = page.count("\n", 0, match.start("code"))
-        text = match["text"] if "...\n" in match["text"] else found[start]
+        text = found.get(page.count("\n", 0, match.start("code")))
+        if text is None or "...\n" in (match["text"] or ""):
+            return match[0]
         return f"```python\n{match['code']}```\n\n```text\n{text}```"
 
-    return PAIR.sub(anew, page)
+    return BLOCK.sub(anew, page)
 
 
 def main() -> None:
