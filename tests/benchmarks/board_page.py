@@ -17,8 +17,8 @@ HEAD = """# Leader board
 
 For each of ten problems and each error the quickest method of this library beside the quickest one of any other
 package at its best settings, with `fast_math` or without. A cell has the ratio of our time of a call to theirs, below
-one where we are ahead, bold where we are behind by more than a tenth, and our time. Methods go step by step; motions in closed form are compared
-among themselves.
+one where we are ahead, bold where we are behind by more than a tenth, and our time. Methods go step by step; motions in
+closed form are compared among themselves.
 
 """
 HOW = """## How it is measured
