@@ -10,20 +10,18 @@ from ..formulas import Mat, Record, Vec, record, vec
 from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import SE3
 from ..systems.potential import Force, Potential
-from .joints import REST6, pose
+from .points_and_axes import REST6, pose
 
 
 @record
 class PotentialsOfBodies(Potential):
     """The energies of single bodies of a linkage, V = sum V_b(g_b).
 
-    bodies : their numbers.  each : of each a Potential on SE(3).
-
     Source: Goldstein, Classical Mechanics, 3rd ed., section 1.3.
     """
 
-    bodies: tuple[int, ...]
-    each: tuple[Any, ...]
+    bodies: tuple[int, ...]  # their numbers
+    each: tuple[Any, ...]  # by body, a Potential on SE(3)
 
     def energy(self, g: Vec) -> float:
         """The sum of the energies of single bodies."""
@@ -44,13 +42,11 @@ class PotentialsOfBodies(Potential):
 class ForcesOfBodies(Force):
     """Loads on single bodies of a linkage.
 
-    bodies : their numbers.  each : of each a Force on SE(3).
-
     Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 2.7.
     """
 
-    bodies: tuple[int, ...]
-    each: tuple[Any, ...]
+    bodies: tuple[int, ...]  # their numbers
+    each: tuple[Any, ...]  # by body, a Force on SE(3)
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The loads on all bodies, on each its own."""
@@ -102,16 +98,15 @@ class AtBody(Record):
 
 @record
 class OnAll(Record):
-    """A field and a load on all bodies by one formula, as loops over memory need them: a Potential and a Force
-    on the product of their groups, or None.  count : of bodies.  derived : does the force of the
-    potential follow from its energy?
+    """A field and a load on all bodies by one formula, as loops over memory need them: a Potential and a Force on the
+    product of their groups, or None.
     """
 
     group: Any
-    count: int
+    count: int  # the number of bodies
     potential: Any
     load: Any
-    derived: bool
+    derived: bool  # does the force of the potential follow from its energy?
 
 
 def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:

@@ -14,7 +14,8 @@ from ..formulas import Mat, Record, Vec, cross, derivative, mat, record, sin, ve
 from ..formulas.classes.records import with_fields
 from ..groups.rigid.se3 import join
 from ..systems.in_time.tabulated import PiecewisePolynomial
-from .joints import GROUND, FixedJoint, Joint, turned
+from .joints import FixedJoint, Joint
+from .points_and_axes import GROUND, turned
 
 
 @record
@@ -91,18 +92,15 @@ class MovedJoint(Joint):
 
         c(g, k m(t)) = 0,   hence   G xi + dc/dt = 0
 
-    joint : that moves so.  held : whose conditions count, of a joint that follows a path all six.
-    support, path : the motions; empty if there is none.  time : t, at which formulas see it.
-
     Source: Nikravesh (1988), section 4.2.7; Hairer and Wanner, Solving Ordinary Differential Equations
     II, section VII.1 (constraints that depend on time).
     """
 
     joint: Any
-    held: Any
-    support: tuple[Any, ...]
-    path: tuple[Any, ...]
-    time: float = 0.0
+    held: Any  # the joint whose conditions count: all six directions of a joint that follows a path
+    support: tuple[Any, ...]  # the motion of its support; () if there is none
+    path: tuple[Any, ...]  # the motion along its path; () if there is none
+    time: float = 0.0  # t, in s
 
     @property
     def conditions(self) -> int:  # type: ignore[override]

@@ -16,7 +16,8 @@ from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import join
 from ..systems.in_time.tabulated import PiecewisePolynomial
 from ..systems.potential import Force, Potential
-from .joints import REST, REST6, Joint, both, turned
+from .joints import Joint, both
+from .points_and_axes import REST, REST6, turned
 
 
 @record

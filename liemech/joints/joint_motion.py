@@ -33,7 +33,9 @@ class JointAngle(Record):
 
     @property
     def jumps_by(self) -> float | None:
-        """How far it jumps where it is no zero: a turn, of an angle, and of a rotation vector about its axis."""
+        """The length of its jumps that are no zeros: a whole turn, for an angle and for a rotation vector about its
+        axis.
+        """
         joint = self.at.joint
         return 2.0 * pi if self.freedom in (*joint.angles, *joint.rotation_vector) else None
 

@@ -16,11 +16,29 @@ from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import join
 from ..groups.rigid.so3 import SO3
 from ..rooms.constraints.constraint import Constraint, Rows
+from .points_and_axes import (
+    GROUND,
+    REST,
+    REST6,
+    across,
+    along,
+    beside,
+    between,
+    carrying,
+    crossed,
+    hung,
+    place,
+    pose,
+    rotation,
+    seen,
+    shift,
+    turned,
+    turned_by,
+    turning,
+)
 
-GROUND = mat(vec(1.0, 0.0, 0.0, 0.0), vec(0.0, 1.0, 0.0, 0.0), vec(0.0, 0.0, 1.0, 0.0), vec(0.0, 0.0, 0.0, 1.0))
 AXES = vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0)
 ORIGIN = Vec(0.0, 0.0, 0.0)
-REST = vec(0.0, 0.0, 0.0)
 
 
 @record
@@ -663,9 +681,6 @@ class Joints(Constraint):
         return mat(*matrix_rows)
 
 
-REST6 = vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 @record
 class WithRotors(Constraint):
     """The conditions of joints and, behind them, the coordinates along which rotors turn with joints: by their
@@ -750,108 +765,3 @@ def _rows(joint: Joint, g: Vec) -> list[Any]:
 def both(joint: Joint, g: Vec) -> tuple[Mat, Mat]:
     """The poses of a joint's bodies."""
     return pose(g, joint.first), GROUND if joint.second is None else pose(g, joint.second)
-
-
-def pose(g: Vec, body: int) -> Mat:
-    """The pose of a body, from the entries of all, row by row."""
-    return mat(*[vec(*[g[16 * body + 4 * i + j] for j in range(4)]) for i in range(4)])
-
-
-# ------------------------------------------------------------------ poses of one body, seen from another
-
-
-def rotation(g: Mat) -> Mat:
-    """The rotation R of a pose, (3, 3)."""
-    return mat(*[vec(g[i, 0], g[i, 1], g[i, 2]) for i in range(3)])
-
-
-def hung(turn: Mat, at_first: Vec, at_second: Vec) -> Mat:
-    """The pose of a body that is turned so, with its point `at_first` at a point of the other one."""
-    p = at_second - turn @ at_first
-    return mat(*[vec(*turn[i], p[i]) for i in range(3)], vec(0.0, 0.0, 0.0, 1.0))
-
-
-def carrying(axes: tuple[Vec, ...], others: tuple[Vec, ...]) -> Mat:
-    """The rotation that carries three axes to three others."""
-    return transpose(mat(*others)) @ mat(*axes)
-
-
-# ------------------------------------------------------------------ points and axes
-
-
-def turned(g: Mat, e: Vec) -> Vec:
-    """R e: a direction of the body, seen from space."""
-    return vec(*[g[i, 0] * e[0] + g[i, 1] * e[1] + g[i, 2] * e[2] for i in range(3)])
-
-
-def place(g: Mat, a: Vec) -> Vec:
-    """p + R a: a point of the body, in space."""
-    return vec(g[0, 3], g[1, 3], g[2, 3]) + turned(g, a)
-
-
-def seen(g: Mat, n: Vec) -> Vec:
-    """R^T n: a direction of space, seen from the body."""
-    return vec(*[g[0, i] * n[0] + g[1, i] * n[1] + g[2, i] * n[2] for i in range(3)])
-
-
-def along(g: Mat, a: Vec, n: Vec) -> Vec:
-    """The derivative of n . (p + R a), (a x R^T n, R^T n).  n : fixed in space."""
-    f = seen(g, n)
-    return join(cross(a, f), f)
-
-
-def turning(g: Mat, e: Vec, n: Vec) -> Vec:
-    """The derivative of n . R e, (e x R^T n, 0)."""
-    return join(cross(e, seen(g, n)), REST)
-
-
-def crossed(g: Mat, u: Vec, k: Mat, e: Vec) -> tuple[Vec, Vec]:
-    """The derivatives of R u . S e by both poses."""
-    return turning(g, u, turned(k, e)), turning(k, e, turned(g, u))
-
-
-def between(a: Vec, b: Vec) -> float:
-    """The angle between two unit vectors, from 0 to pi."""
-    n = cross(a, b)
-    return atan2(sqrt(dot(n, n)), dot(a, b))
-
-
-def turned_by(g: Mat, k: Mat, attitude: Mat) -> float:
-    """The angle of the rotation from the first body to where the second one holds it, from 0 to pi."""
-    turn = transpose(rotation(g)) @ rotation(k) @ transpose(attitude)
-    n = vec(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
-    return atan2(sqrt(dot(n, n)), turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
-
-
-def shift(g: Mat, a: Vec, k: Mat, b: Vec, e: Vec) -> tuple[Vec, Vec]:
-    """The derivatives of S e . (x_1 - x_2) by both poses, e an axis of the second body."""
-    n, d = turned(k, e), place(g, a) - place(k, b)
-    return along(g, a, n), turning(k, e, d) - along(k, b, n)
-
-
-def across(axis: Vec) -> tuple[Vec, Vec]:
-    """Two unit vectors at right angles to a unit vector and to each other.
-
-    Source: Duff et al., Building an orthonormal basis, revisited, J. Comput. Graph. Tech. 6 (2017).
-    """
-    x, y, z = axis
-    sign = 1.0 if z >= 0.0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return vec(1.0 + sign * x * x * a, sign * b, -sign * x), vec(b, sign + y * y * a, -y)
-
-
-PARALLEL = 2.0**-40
-"""Directions whose difference is shorter than this, squared, have no direction across them."""
-
-
-def beside(axis: Vec, other: Vec) -> Vec:
-    """The unit vector across an axis that is nearest to another direction; any of two that are
-    parallel.
-    """
-    d = other - dot(axis, other) * axis
-    square = dot(d, d)
-    far = square > PARALLEL
-    length = 1.0 / sqrt(square if far else 1.0)
-    u = across(axis)[0]
-    return vec(*[(length * x if far else y) for x, y in zip(d, u)])

@@ -377,8 +377,8 @@ class Linkage(ConstrainedBody):
                     f"Linkage: {self.label(j)} follows {self.label(leader)}, which follows another joint or "
                     "itself, or it follows two of them, or does not move; let all follow one that leads"
                 )
-            mine = [k for k, other, *_ in self._meshed if other == leader]
-            if not heavy & {leader, *mine}:
+            of_leader = [k for k, other, *_ in self._meshed if other == leader]
+            if not heavy & {leader, *of_leader}:
                 raise InvalidInput(
                     f"Linkage: {self.label(j)} follows {self.label(leader)} by gears, and their motor has no "
                     f"rotor: give {self.label(leader)} an armature, in kg m^2 or kg; of a URDF file, "
@@ -446,15 +446,15 @@ class Linkage(ConstrainedBody):
         load = self.body.load
         if not isinstance(load, LinkageForce):
             return super().strongest_damper(t, xi, g, mode)
-        most, which = 0.0, "the load on the bodies"
+        largest, damper = 0.0, "the load on the bodies"
         if load.other is not None:
-            most = dot(mode, load.other.resistance(t, xi, g, mode))
+            largest = dot(mode, load.other.resistance(t, xi, g, mode))
         for at_joint in load.at_joints:
             alone = dot(mode, LinkageForce((at_joint,)).resistance(t, xi, g, mode))
-            if alone > most:
+            if alone > largest:
                 number = next(j for j, (joint, _) in enumerate(self.constraint.counted) if joint is at_joint.joint)
-                most, which = alone, self.label(number)
-        return which
+                largest, damper = alone, self.label(number)
+        return damper
 
     # ---------------------------------------------------------------- many bodies
 
@@ -471,8 +471,8 @@ class Linkage(ConstrainedBody):
     @property
     def site_form(self) -> Links | None:
         """The site form of many bodies, or of those in a given motion; None for few."""
-        many = 6 * len(self.links) > self.small or self.rheonomic or self.geared
-        return self.linked.links if many else None
+        is_large = 6 * len(self.links) > self.small or self.rheonomic or self.geared
+        return self.linked.links if is_large else None
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Parts of states with an axis of places, of which some have no body."""
@@ -581,8 +581,8 @@ class Linkage(ConstrainedBody):
             x.toarray() if hasattr(x, "toarray") else x for x in (self._matrix(self.rows(g)), self._inverse)
         )
         rows = np.concatenate([rows, self._gears(g)]) @ (root := np.linalg.cholesky(inverse))
-        off = np.concatenate([np.zeros(len(rows) - len(self.mimics)), self._gears(g) @ inverse @ momentum])
-        return momentum - np.linalg.solve(root.T, np.linalg.lstsq(rows, off, rcond=None)[0])
+        rates_off = np.concatenate([np.zeros(len(rows) - len(self.mimics)), self._gears(g) @ inverse @ momentum])
+        return momentum - np.linalg.solve(root.T, np.linalg.lstsq(rows, rates_off, rcond=None)[0])
 
     def state(
         self,
@@ -806,10 +806,10 @@ class Linkage(ConstrainedBody):
         """Angular momentum about the origin and linear momentum of all bodies together, seen from
         space, (..., 6).
         """
-        whole = np.asarray(mu)
+        momentum = np.asarray(mu)
         for joint in self._rotors:
-            whole = whole + np.asarray(AtJoint(joint, ()).rotor(g, self.velocity(mu)))
-        m = np.asarray(self.spatial_momentum(whole, g))
+            momentum = momentum + np.asarray(AtJoint(joint, ()).rotor(g, self.velocity(mu)))
+        m = np.asarray(self.spatial_momentum(momentum, g))
         return m.reshape(*m.shape[:-1], len(self.links), 6).sum(axis=-2)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -848,10 +848,10 @@ class Linkage(ConstrainedBody):
                 misses[f"{name}: rate"] = np.concatenate([slips, speed], axis=-1)
         if len(misses) <= 2 * SHOWN:
             return misses
-        every = [*misses.values()]
+        defects = [*misses.values()]
         return {
-            "joints: positions": np.concatenate(every[::2], axis=-1),
-            "joints: rates": np.concatenate(every[1::2], axis=-1),
+            "joints: positions": np.concatenate(defects[::2], axis=-1),
+            "joints: rates": np.concatenate(defects[1::2], axis=-1),
         }
 
     def _conserved(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -917,12 +917,12 @@ def _inertia(links: tuple[Link, ...]) -> np.ndarray:
     """The inertia of all bodies, diagonal if it can be."""
     if all(np.ndim(np.array(link.inertia)) == 1 for link in links):
         return np.concatenate([[*link.inertia, *[link.mass] * 3] for link in links])
-    whole = np.zeros((6 * len(links),) * 2)
+    matrix = np.zeros((6 * len(links),) * 2)
     for b, link in enumerate(links):
         J = np.array(link.inertia)
-        whole[6 * b : 6 * b + 3, 6 * b : 6 * b + 3] = J if J.ndim == 2 else np.diag(J)
-        whole[6 * b + 3 : 6 * b + 6, 6 * b + 3 : 6 * b + 6] = link.mass * np.eye(3)
-    return whole
+        matrix[6 * b : 6 * b + 3, 6 * b : 6 * b + 3] = J if J.ndim == 2 else np.diag(J)
+        matrix[6 * b + 3 : 6 * b + 6, 6 * b + 3 : 6 * b + 6] = link.mass * np.eye(3)
+    return matrix
 
 
 def chain(

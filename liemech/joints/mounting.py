@@ -15,8 +15,9 @@ import numpy as np
 from ..errors import InvalidInput, NoConvergence
 from ..formulas import mat, vec
 from ..formulas.vectors import small
-from .joints import GROUND, both
-from .linked_joints import has_loops
+from .elimination_order import has_loops
+from .joints import both
+from .points_and_axes import GROUND
 
 PATIENCE = 50
 """Corrections after which the poses of a loop are not looked for any more."""
@@ -32,18 +33,14 @@ DEPENDENT = 1e-9
 
 
 def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray], begin: Any = None) -> np.ndarray:
-    """Poses along the tree of joints, each body from one that has its pose, (N, 4, 4); joints that
-    are left over close loops.
+    """Poses along a spanning tree of joints, each body placed by a joint from one that has its pose, (N, 4, 4); the
+    other joints close loops.
 
-    Bodies without a way to the ground begin with one in the origin, or at its pose in `begin`, (N, 4, 4).
+    Of bodies that are not joined to the ground the first is in the origin, or at its pose in `begin`, (N, 4, 4).
     coordinates : by the numbers of joints; others are zero.
     """
     poses: dict[int | None, Any] = {None: GROUND}
-    group = linkage.configurations.factors[0]
-    at: dict[int | None, list[int]] = {}
-    for number, joint in enumerate(linkage.joints):
-        for body in (joint.first, joint.second):
-            at.setdefault(body, []).append(number)
+    group, at = linkage.configurations.factors[0], joints_by_body(linkage)
     roots: list[int | None] = [None, *range(len(linkage.links))]
     for root in roots:
         if root is not None and root in poses:
@@ -67,8 +64,17 @@ def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray], begin
     return np.array([poses[b] for b in range(len(linkage.links))])
 
 
+def joints_by_body(linkage: Any) -> dict[int | None, list[int]]:
+    """The numbers of the joints at each body, and at the ground, None."""
+    at: dict[int | None, list[int]] = {}
+    for number, joint in enumerate(linkage.joints):
+        for body in (joint.first, joint.second):
+            at.setdefault(body, []).append(number)
+    return at
+
+
 def hangs(linkage: Any) -> bool:
-    """Whether every body is on one way to the ground, by joints that say all about it."""
+    """Whether the bodies form a tree from the ground, with joints whose coordinates determine their poses."""
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint in linkage.joints]
     return len(ends) == len(linkage.links) and not has_loops(ends) and all(
         joint.conditions + joint.freedoms >= 6 for joint in linkage.joints
@@ -80,10 +86,7 @@ def hung_velocities(linkage: Any, g: Any, rates: dict[int, np.ndarray]) -> np.nd
     G xi = -dc/dt, and the motions of the joint at these rates.
     """
     velocities: dict[int | None, np.ndarray] = {None: np.zeros(6)}
-    at: dict[int | None, list[int]] = {}
-    for number, joint in enumerate(linkage.joints):
-        for body in (joint.first, joint.second):
-            at.setdefault(body, []).append(number)
+    at = joints_by_body(linkage)
     todo: list[int | None] = [None]
     while todo:
         body = todo.pop()
@@ -93,15 +96,15 @@ def hung_velocities(linkage: Any, g: Any, rates: dict[int, np.ndarray]) -> np.nd
             if other in velocities:
                 continue
             poses = both(joint, g)
-            pairs, wanted = ([*joint.rows(*poses)], [*(joint.paces(*poses) or [0.0] * joint.conditions)])
-            goal = [-x for x in wanted]
+            pairs = [*joint.rows(*poses)]
+            goal = [-x for x in joint.paces(*poses) or [0.0] * joint.conditions]
             if number in rates:
                 pairs += joint.motions(*poses)
                 paces = joint.paces_of_motions(*poses) or [0.0] * joint.freedoms
                 goal += [x - y for x, y in zip(rates[number], paces)]
             by_first, by_second = (np.array([pair[side] for pair in pairs]) for side in range(2))
-            mine, theirs = (by_first, by_second) if other == joint.first else (by_second, by_first)
-            velocities[other] = np.linalg.solve(mine, np.array(goal) - theirs @ velocities[body])
+            by_other, by_body = (by_first, by_second) if other == joint.first else (by_second, by_first)
+            velocities[other] = np.linalg.solve(by_other, np.array(goal) - by_body @ velocities[body])
             todo.append(other)
     return np.concatenate([velocities[b] for b in range(len(linkage.links))])
 

@@ -10,8 +10,8 @@ from test_links_in_memory import BLOCK, LUMP, ROD, TOP, TURN, by_loops, ladder, 
 
 import liemech as lm
 from liemech.formulas.sites import padded
-from liemech.joints import BallJoint, Damper, Link, Linkage, PrismaticJoint, RevoluteJoint, chain, linked_joints
-from liemech.joints.linked_joints import hubs_in, tables_of
+from liemech.joints import BallJoint, Damper, Link, Linkage, PrismaticJoint, RevoluteJoint, chain, elimination_order
+from liemech.joints.elimination_order import hubs_in, tables_of
 
 
 def wheel(m: int, light: float = 1.0, damped: bool = False) -> tuple[Linkage, Any]:
@@ -67,7 +67,7 @@ def test_hubs_change_nothing_but_the_way_of_elimination(case: str, monkeypatch: 
     """Every body of more than one joint as a hub, and none: Woodbury's identity."""
     ends = []
     for least in (2, 1000):
-        monkeypatch.setattr(linked_joints, "HUB", least)
+        monkeypatch.setattr(elimination_order, "HUB", least)
         linkage, start = CASES[case]()
         assert (linkage.linked.links.parts > 0) is (least == 2)
         for h in (0.005, -0.005):
@@ -85,7 +85,7 @@ def test_accelerations_with_hubs_are_those_of_the_dense_matrix(monkeypatch: Any)
     linkage, start = wheel(7)
     assert linkage.linked.links.parts > 0
     run = by_loops(linkage, lm.RKMK(4), start, False, h=0.002, steps=1)
-    monkeypatch.setattr(linked_joints, "HUB", 1000)
+    monkeypatch.setattr(elimination_order, "HUB", 1000)
     linkage, start = wheel(7)
     other = by_loops(linkage, lm.RKMK(4), start, False, h=0.002, steps=1)
     assert np.abs(run.g[-1] - other.g[-1]).max() < 1e-13

@@ -26,7 +26,7 @@ from liemech.joints import (
     UniversalJoint,
     chain,
 )
-from liemech.joints.linked_joints import eliminated_in, has_loops
+from liemech.joints.elimination_order import eliminated_in, has_loops
 from liemech.simulation.runs.carry import SiteCarry
 
 TURN = [0.0, 1.0, 0.0]
