@@ -27,7 +27,7 @@ FEWEST = 3
 
 
 class PairLoops:
-    """The words of sums over all pairs in native code."""
+    """The words of sums over all pairs of sites in native code."""
 
     def __init__(self, loops: Any) -> None:
         self.loops, self.t, self.e, self.b = loops, loops.t, loops.e, loops.b
@@ -71,16 +71,16 @@ class PairLoops:
             with counted(b, I64(0), rounds_of_blocks) as turn:  # block i meets block j in round i + j, if i <= j
                 low = b.sub(turn.index, b.sub(blocks, I64(1)))
                 low = b.select(b.icmp_signed(">", low, I64(0)), low, I64(0))
-                many = b.sub(b.add(b.sdiv(turn.index, I64(2)), I64(1)), low)
+                blocks_of_round = b.sub(b.add(b.sdiv(turn.index, I64(2)), I64(1)), low)
                 begin, stop = (
-                    b.mul(b.add(low, self.loops.share(many, place)), block) for place in b.function.args[4:6]
+                    b.mul(b.add(low, self.loops.share(blocks_of_round, place)), block) for place in b.function.args[4:6]
                 )
                 stop = b.select(b.icmp_signed("<", stop, count), stop, count)
                 loop.passes.append(Pass(b, begin, stop, paired=True))
                 i = loop.passes[-1].index
-                theirs = b.mul(b.sub(turn.index, b.sdiv(i, block)), block)
-                from_ = b.select(b.icmp_signed("<", i, theirs), theirs, i)
-                to = b.add(theirs, block)
+                other_block = b.mul(b.sub(turn.index, b.sdiv(i, block)), block)
+                from_ = b.select(b.icmp_signed("<", i, other_block), other_block, i)
+                to = b.add(other_block, block)
                 to = b.select(b.icmp_signed("<", to, count), to, count)
                 bounds = [e.num([v]) for v in (i, from_, to, count, I64(EIGHT))]
                 sums = Rounds(meeting, self.loops.meetings.lasting_rows(first, layout.width), layout)
@@ -100,26 +100,26 @@ class PairLoops:
         b, count = self.b, self.t.state.site_loop.sites.count.value
         threads = b.load(self.loops.crew, typ=I64)
         eights = b.sdiv(b.add(count, I64(EIGHT - 1)), I64(EIGHT))
-        few = b.sdiv(eights, b.mul(threads, I64(BLOCKS)))
-        few = b.select(b.icmp_signed(">", few, I64(FEWEST)), few, I64(FEWEST))
+        eights_of_block = b.sdiv(eights, b.mul(threads, I64(BLOCKS)))
+        eights_of_block = b.select(b.icmp_signed(">", eights_of_block, I64(FEWEST)), eights_of_block, I64(FEWEST))
         alone = b.icmp_signed("<=", threads, I64(1))
-        block = b.mul(b.select(alone, eights, few), I64(EIGHT))
+        block = b.mul(b.select(alone, eights, eights_of_block), I64(EIGHT))
         return count, block, b.sdiv(b.add(count, b.sub(block, I64(1))), block)
 
     def seen(self, pairs: Rounds, j: Any) -> Any:
-        """Numbers that eight sites have published, from site j on."""
+        """The values published by the eight sites from site j on."""
         place = self.e.cast(j, "i", False)[0]
         return self.loops.meetings.published(
             pairs.meeting, lambda rows: [self.e.num(self._eight(r.after(r.at(k), place))) for r, k in rows]
         )
 
     def sums(self, pairs: Rounds, j: Any) -> Any:
-        """The sums so far of eight sites, from site j on."""
+        """The partial sums of the eight sites from site j on."""
         numbers = [self.e.num(self._eight(place)) for place in self._sums(pairs, j)]
         return build(pairs.layout, iter(numbers))
 
     def keep(self, pairs: Rounds, j: Any, value: Any) -> None:
-        """Set the sums of eight sites, from site j on."""
+        """Store the partial sums of the eight sites from site j on."""
         for place, x in zip(self._sums(pairs, j), leaves(value, pairs.layout), strict=True):
             self._eight(place, self.e.cast(x, "f", True))
 
@@ -129,7 +129,7 @@ class PairLoops:
         return [self.loops.scratch.after(self.loops.scratch.at(row), at) for row in pairs.rows]
 
     def _eight(self, place: ir.Value, values: Any = None) -> list[ir.Value]:
-        """Eight numbers from this place on, which are loaded or set."""
+        """The registers of the eight numbers from an address on; with `values` they are stored there."""
         e, b = self.e, self.b
         type_, registers = e.type("f", True), []
         for r in range(e.registers(True)):
@@ -141,17 +141,17 @@ class PairLoops:
         return registers
 
     def turned(self, value: Any) -> Any:
-        """Numbers of eight sites, each in the place before its own, the first one in the last."""
+        """The numbers of eight sites, rotated by one place."""
         return self._of_eight(value, lambda x: self._moved(x, 1))
 
     def _of_eight(self, value: Any, formula: Callable[[Num], Num]) -> Any:
-        """A value whose numbers of eight sites were exchanged."""
+        """A value with a formula applied to each of its numbers that differ by site."""
         layout = carried_layout(value)
         numbers = [formula(x) if isinstance(x, Num) and x.varying else x for x in leaves(value, layout)]
         return build(layout, iter(numbers))
 
     def _moved(self, x: Num, by: int, period: int = EIGHT) -> Num:
-        """Numbers whose place k holds what was in place k + by, modulo `period`, of eight places."""
+        """The eight numbers rotated by `by` places, modulo `period`: place k holds the number of place k + by."""
         v, registers = x.values, []
         for r in range(len(v)):
             places = [(r * self.e.width + k + by) % period for k in range(self.e.width)]
@@ -168,8 +168,8 @@ class PairLoops:
         *others, last = by_period.items()
         chosen = [*last[1].values]
         for length, x in others:
-            same = b.icmp_signed("==", value, I64(length))
-            chosen = [b.select(same, p, q) for p, q in zip(x.values, chosen)]
+            is_length = b.icmp_signed("==", value, I64(length))
+            chosen = [b.select(is_length, p, q) for p, q in zip(x.values, chosen)]
         return e.num(chosen)
 
     def again_and_again(self, value: Any, period: Any) -> Any:

@@ -1,9 +1,8 @@
-"""Loops over the sites of one system: a formula of one site is translated with the number of the
-site left open, in lanes across sites.
+"""Loops over the sites of one system: the formula of one site is translated in lanes across sites.
 
-Where the formula asks what other sites have (`meet`, `total`: `meetings`), the loop ends, and the next one
-begins; `fission` then finds which numbers of the one the other needs.  The values that a site
-publishes, and those numbers, lie in rows of scratch memory, one place for each site (`memory`).
+Where the formula asks for values of other sites (`meet`, `total`: `meetings`), the loop ends and the next one
+begins; `fission` then finds which numbers the second loop needs of the first.  These numbers, and the values that
+sites publish, lie in rows of scratch memory, one place for each site (`memory`).
 """
 
 from __future__ import annotations
@@ -35,16 +34,16 @@ class LoopOverSites:
 
     sites: SiteRows  # the rows of the driver
     region: Any  # the branches and loops around it
-    attempts: int  # around it
+    attempts: int  # the number of attempts around it
     range: tuple[ir.Value, ir.Value] | None = None  # of the sites that move while others rest; None: all move
-    where: Any = None  # a place for the first site that has failed
-    passes: list[Pass] = dataclasses.field(default_factory=list)  # the loops that it has become so far
+    failed_site: Any = None  # the address for the number of the first site that has failed
+    passes: list[Pass] = dataclasses.field(default_factory=list)
     loops: list[tuple[int, int]] = dataclasses.field(default_factory=list)  # first and last pass of loops around passes
-    again: set[ir.Value] = dataclasses.field(default_factory=set)  # loads of what does not change, for any pass
-    came: dict[Any, Any] = dataclasses.field(default_factory=dict)  # by the registers of a number, its row
-    published: int = 0  # numbers of the largest value published
-    meetings: int = 0  # so far
-    met: Published | None = None  # the value published last
+    reloadable: set[ir.Value] = dataclasses.field(default_factory=set)  # loads of what does not change
+    row_of: dict[Any, Any] = dataclasses.field(default_factory=dict)  # by the registers of a number, its row
+    published: int = 0  # the width of the largest value published
+    meetings: int = 0  # the number of meetings so far
+    last_published: Published | None = None
     company: list[SeriesMeeting] | None = None  # the last meetings of power series
     saved: bool = False  # have sites saved numbers?
 
@@ -52,13 +51,12 @@ class LoopOverSites:
 class SiteLoops:
     """The loops over sites of a driver in native code, and all words of formulas of sites.
 
-    lanes : sites that run side by side.  scratch : its rows; `rows` of them are needed, and `lasting` more for the
-    length of a loop.  notes : where the number of a site that has failed is left.  crew : what threads share.
+    lanes : sites that run side by side.
     """
 
-    scratch: SiteRows
-    notes: ir.Value
-    crew: ir.Value
+    scratch: SiteRows  # rows of scratch memory: `rows` of them, and `lasting` more for the length of a loop
+    notes: ir.Value  # the address for the number of a site that has failed
+    crew: ir.Value  # the address of what threads share
 
     def __init__(self, translator: Any, lanes: int, width: int) -> None:
         self.t, self.e, self.b = translator, translator.emitter, translator.builder
@@ -72,7 +70,7 @@ class SiteLoops:
             self.intrinsics |= words.intrinsics
 
     def each(self, sites: SiteRows, formula: Any, *args: Any) -> None:
-        """Translate a formula for every site.  The attempt around it fails if a site's does."""
+        """Translate a formula for every site; the attempt around the loop fails if a site fails."""
         self._loop(sites, None, formula, *args)
 
     def some(self, sites: SiteRows, begin: Any, end: Any, formula: Any, *args: Any) -> None:
@@ -94,8 +92,8 @@ class SiteLoops:
             e.store(False, state.failed)
             state.escapes.append([])
             with b.goto_entry_block():
-                loop.where = b.alloca(I64)
-            b.store(I64(-1), loop.where)
+                loop.failed_site = b.alloca(I64)
+            b.store(I64(-1), loop.failed_site)
             self.begin_pass()
             t.call(formula, *args)
             self.end_pass()
@@ -107,7 +105,7 @@ class SiteLoops:
         t.fail_if(failed)
 
     def begin_pass(self) -> None:
-        """Begin a pass over the sites of this thread: of a range the same share as of all."""
+        """Begin a pass over the sites of this thread, or over its share of a range."""
         b, loop = self.b, self.t.state.site_loop
         begin, end = b.function.args[4:6]
         if loop.range is not None:
@@ -118,15 +116,15 @@ class SiteLoops:
             begin, end = I64(0), I64(self.lanes)
         loop.passes.append(Pass(b, begin, end))
 
-    def share(self, many: ir.Value, place: ir.Value) -> ir.Value:
-        """Scale a thread's first or last site, `place`, to a count of `many`."""
+    def share(self, total: ir.Value, place: ir.Value) -> ir.Value:
+        """A thread's first or last site, `place`, scaled from the number of sites to `total`."""
         b, count = self.b, self.t.state.site_loop.sites.count.value
         place = b.select(b.icmp_signed("<", place, count), place, count)  # the last end is rounded up
-        return b.sdiv(b.add(b.mul(many, place), b.sdiv(count, I64(2))), count)
+        return b.sdiv(b.add(b.mul(total, place), b.sdiv(count, I64(2))), count)
 
     def end_pass(self, lanes: int | None = None) -> None:
-        """End a pass, and write down the first site that has failed in it: what fails in places behind the last site is
-        nobody's.
+        """End a pass, and store the number of the first site that has failed in it; places behind the last site do not
+        count.
         """
         b, e, state = self.b, self.e, self.t.state
         loop, pass_ = state.site_loop, state.site_loop.passes[-1]
@@ -135,15 +133,15 @@ class SiteLoops:
             with b.if_then(e.any(failed).value, likely=False):
                 if lanes is None:
                     firsts = [b.add(pass_.index, I64(k * e.width)) for k in range(e.registers(e.lanes > 1))]
-                    failed = e.logic("and_", failed, e.num([self.there(first) for first in firsts]))
+                    failed = e.logic("and_", failed, e.num([self.existing(first) for first in firsts]))
                     e.store(False, state.failed)
-                before = b.load(loop.where, typ=I64)
-                found = b.and_(e.any(failed).value, b.icmp_signed("<", before, I64(0)))
-                b.store(b.select(found, pass_.index, before), loop.where)
+                before = b.load(loop.failed_site, typ=I64)
+                is_first = b.and_(e.any(failed).value, b.icmp_signed("<", before, I64(0)))
+                b.store(b.select(is_first, pass_.index, before), loop.failed_site)
         pass_.close(b, lanes or self.lanes)
 
-    def there(self, first: ir.Value) -> ir.Value:
-        """A mask: which of the lanes of a register, from site `first` on, have a site."""
+    def existing(self, first: ir.Value) -> ir.Value:
+        """The mask of the lanes of a register, from site `first` on, that have a site."""
         e, b, count = self.e, self.b, self.t.state.site_loop.sites.count.value
         if e.lanes == 1:
             return b.icmp_signed("<", first, count)
@@ -155,9 +153,7 @@ class SiteLoops:
         return self.b.call(barrier(self.b.module), [self.crew, flags])
 
     def pass_on(self, lanes: int | None = None) -> None:
-        """End a pass where sites meet: the next one begins when all threads have come to it, unless one has given the
-        step up.
-        """
+        """End a pass where sites meet, at a barrier of all threads, which leave the loop if one has given the step up."""
         b, pass_ = self.b, self.t.state.site_loop.passes[-1]
         self.end_pass(lanes)
         flags = self.wait(I64(0))
@@ -166,10 +162,10 @@ class SiteLoops:
         b.position_at_end(on)
 
     def _together(self, loop: LoopOverSites, escapes: list[Open]) -> Num:
-        """Join the ways out of the loop; returns whether any site of any thread has failed."""
+        """Join the exits of the loop.  Returns whether a site of any thread has failed."""
         t, e, b = self.t, self.e, self.b
         exits = []
-        failed = b.icmp_signed(">=", b.load(loop.where, typ=I64), I64(0))
+        failed = b.icmp_signed(">=", b.load(loop.failed_site, typ=I64), I64(0))
         exits.append((self.wait(b.zext(failed, I64)), b.block))
         if escapes:
             t.join(escapes, {}, b.append_basic_block() if len(escapes) == 1 else None)
@@ -184,12 +180,12 @@ class SiteLoops:
         for value, block in exits:
             flags.add_incoming(value, block)
         stopped = b.icmp_signed("!=", flags, I64(0))
-        site = b.select(stopped, b.load(loop.where, typ=I64), b.load(self.notes, typ=I64))
+        site = b.select(stopped, b.load(loop.failed_site, typ=I64), b.load(self.notes, typ=I64))
         b.store(site, self.notes)
         return e.num([stopped])
 
     def at_meeting(self, word: str) -> LoopOverSites:
-        """The loop over sites, at a place where all sites come together."""
+        """The loop over sites.  Raises NotCompilable where not all sites come to the word, or not at once."""
         loop, t = self.present_loop(word), self.t
         if t.state.region != loop.region or t.active(t.frames[-1].env) is not None or t.state.depth:
             raise NotCompilable(f"`{word}` inside a branch or a loop of unknown length: all sites come together there")
@@ -201,7 +197,7 @@ class SiteLoops:
         return loop
 
     def present_loop(self, word: str) -> LoopOverSites:
-        """The loop over sites that is being translated, at a place where a word for one site may stand."""
+        """The loop over sites that is being translated.  Raises NotCompilable where a word for one site may not stand."""
         loop = self.t.state.site_loop
         if loop is None:
             raise NotCompilable(f"`{word}` outside of a loop over sites")

@@ -1,4 +1,4 @@
-"""Meetings of sites: what sites publish and others ask for, and sums over all sites."""
+"""Meetings of sites in native code: exchanges of published values, and sums over all sites."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class Published:
 
     layout: Layout
     rows: list[tuple[SiteRows, Any]]
-    meeting: int | None  # its number; None if the rows stay as they are
-    passes: int = 0  # how many there were then
+    meeting: int | None  # the number of the meeting; None if the rows do not change
+    passes: int = 0  # the number of passes before it
     numbers: list[Any] = dataclasses.field(default_factory=list)
-    # what this site has found already, by the table and the entry
+    # by table and entry, values of neighbours that were loaded already
     gathered: dict[Any, Any] = dataclasses.field(default_factory=dict)
 
 
@@ -78,7 +78,7 @@ def _alike(x: ir.Value, y: ir.Value, equal: set[tuple[ir.Value, ir.Value]]) -> b
 
 
 class SiteMeetings:
-    """The words in native code by which sites meet."""
+    """The words of meetings in native code."""
 
     def __init__(self, loops: Any) -> None:
         self.loops, self.memory, self.t, self.e, self.b = loops, loops.memory, loops.t, loops.e, loops.b
@@ -94,39 +94,39 @@ class SiteMeetings:
         }
 
     def meet(self, value: Any) -> Any:
-        """Publish a value: in rows of its own, unless it lies in rows that stay as they are, or was published last."""
+        """Publish a value, in scratch rows unless it lies in rows that do not change, or was published last."""
         if has_series(value):
             partners = company(self.loops.at_meeting("meet"))
             return SeriesMeeting(value, self.meet, self._formula_of_series, Meeting, partners)
         loop, value = self.loops.at_meeting("meet"), vector(as_others_see(value))
         layout = carried_layout(value)
         numbers = leaves(value, layout)
-        last = loop.met
+        last = loop.last_published
         if (
             last is not None
             and (last.passes, last.layout) == (len(loop.passes), layout)
             and alike(last.numbers, numbers)
         ):
             return Meeting(last, None)
-        came: list[Any] = [loop.came.get(x.values) if isinstance(x, Num) else None for x in numbers]
-        if numbers and all(came):
-            return Meeting(Published(layout, came, None), None)
+        origins: list[Any] = [loop.row_of.get(x.values) if isinstance(x, Num) else None for x in numbers]
+        if numbers and all(origins):
+            return Meeting(Published(layout, origins, None), None)
         if loop.range is not None:
             raise NotCompilable("sites of which some rest meet with numbers that lie in memory")
         rows = self._publish(loop, [self.loops.scratch.as_bits(x, k) for x, k in zip(numbers, layout.kinds)])
         self.loops.pass_on()
         self.loops.begin_pass()
-        loop.met = Published(layout, rows, loop.meetings, len(loop.passes), numbers)
-        return Meeting(loop.met, None)
+        loop.last_published = Published(layout, rows, loop.meetings, len(loop.passes), numbers)
+        return Meeting(loop.last_published, None)
 
     def _formula_of_series(self, formula: Any, *args: Any) -> Any:
-        """The value of a call, among whose arguments there may be formulas that are Python's."""
+        """The value of a call whose arguments may be Python's closures of power series."""
         closures = {x: x for x in args if isinstance(x, types.FunctionType) and x.__closure__}
         self.t.intrinsics |= {x: x for x in closures if x.__module__ == series_of_sites.__name__}
         return self.t.call(formula, *args)
 
     def _publish(self, loop: Any, numbers: list[Any]) -> list[tuple[SiteRows, Any]]:
-        """Store numbers where others find them; the rows of two meetings in turn are others."""
+        """The rows where numbers are stored for other sites; two successive meetings have different rows."""
         loop.meetings += 1
         turn, self.loops.scratch.body = loop.meetings % 2, loop.passes[-1].index
         loop.published = max(loop.published, len(numbers))
@@ -135,20 +135,20 @@ class SiteMeetings:
         return [(self.loops.scratch, 2 * k + turn) for k in range(len(numbers))]
 
     def of_neighbour(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
-        """The numbers that a neighbour, entry d of a table, has published, gathered lane by lane, once."""
+        """The value published by a neighbour, entry d of a table; loaded once."""
         gathered, t = meeting.published.gathered, self.t
         lasts = type(d) is int and t.state.region == self.loops.present_loop("Meeting").region
         key = t.emitter.cast(table.entries.place, "f", False)[0], d
         if not (lasts and key in gathered):
-            which, reach = self.memory.entries(table, d, "i"), self.memory.reach(table, d)
-            neighbour = self.published(meeting, lambda rows: self.memory.gathered(rows, which, reach))
+            neighbours, reach = self.memory.entries(table, d, "i"), self.memory.reach(table, d)
+            neighbour = self.published(meeting, lambda rows: self.memory.gathered(rows, neighbours, reach))
             if not lasts:
                 return neighbour
             gathered[key] = neighbour
         return gathered[key]
 
     def at(self, meeting: Meeting, j: Any) -> Any:
-        """Numbers that one site has published, for all that ask; gathered lane by lane if these ask for several."""
+        """The value published by site j, which may differ by lane."""
 
         def numbers(rows: list[tuple[SiteRows, Any]]) -> list[Num]:
             if isinstance(j, Num) and j.varying:
@@ -160,7 +160,7 @@ class SiteMeetings:
         return self.published(meeting, numbers)
 
     def published(self, meeting: Meeting, numbers_of: Callable[..., list[Num]]) -> Any:
-        """A published value, its numbers from their rows."""
+        """A published value, whose numbers `numbers_of` loads from their rows."""
         loop, published = self.t.state.site_loop, meeting.published
         if loop is None:
             raise NotCompilable("what sites have published in a native function")
@@ -171,8 +171,8 @@ class SiteMeetings:
         return build(published.layout, values)
 
     def repeated(self, sweep: Any, unknown: Any, judge: Any, state: Any, turns: int) -> Any:
-        """Sweeps over all sites until they are enough: a loop around passes, whose judge sees what is
-        the same for all sites.  The unknown of every site lies in rows of its own.
+        """`formulas.sites.repeated`: a loop around passes; the unknown of every site lies in rows of its own, and the
+        judge sees sums over all sites only.
         """
         t, e, b = self.t, self.e, self.b
         if t.state.site_loop is None:
@@ -194,14 +194,14 @@ class SiteMeetings:
         self.loops.begin_pass()
         first = len(loop.passes) - 1
         old = self.kept(rows)
-        loop.again |= {register for x in old for register in x.values}  # which stay up to the end of a turn
+        loop.reloadable |= {register for x in old for register in x.values}  # which stay up to the end of a turn
         new, summands = t.call(sweep, build(layout, iter(old)))
         unchanged(new, layout)
         self.keep(rows, leaves(new, layout))
         sums = self.total(summands, again=False)
         self.loops.wait(I64(0))  # until all have taken these sums
-        now, enough = t.call(judge, build(form, iter(phis)), sums)
-        updated = leaves(now, form)
+        new_state, enough = t.call(judge, build(form, iter(phis)), sums)
+        updated = leaves(new_state, form)
         if any(isinstance(x, Num) and x.varying for x in (*updated, enough)):
             raise NotCompilable("a judge of sweeps that asks single sites")
         following = b.add(count, I64(1))
@@ -215,24 +215,24 @@ class SiteMeetings:
         b.position_at_end(end)
         loop.loops.append((first, len(loop.passes) - 1))
         self.loops.begin_pass()
-        return build(layout, iter(self.kept(rows))), now
+        return build(layout, iter(self.kept(rows))), new_state
 
     def lasting_rows(self, first: int, count: int) -> list[Num]:
-        """Rows of scratch memory that keep what is in them, counted from the last one backwards."""
+        """Rows of scratch memory that meetings do not use, counted backwards from the last one."""
         b = self.b
         place = b.gep(self.loops.crew, [I64(ROWS)], source_etype=I64)
         last = b.load(place, typ=I64)
-        self.t.state.site_loop.again.add(last)
+        self.t.state.site_loop.reloadable.add(last)
         return [self.e.num([b.sub(last, I64(1 + k))]) for k in range(first, first + count)]
 
     def keep(self, rows: list[Num], numbers: list[Any]) -> None:
-        """Store numbers of the sites at hand."""
+        """Store numbers of the sites of a turn in rows."""
         self.loops.scratch.body = self.t.state.site_loop.passes[-1].index
         for row, x in zip(rows, numbers, strict=True):
             self.loops.scratch.store(self.loops.scratch.first(row), 0, x)
 
     def kept(self, rows: list[Num]) -> list[Num]:
-        """The numbers of the sites at hand that were stored."""
+        """The numbers of the sites of a turn, loaded from rows."""
         self.loops.scratch.body = self.t.state.site_loop.passes[-1].index
         return [self.loops.scratch.load(self.loops.scratch.first(row), 0) for row in rows]
 
@@ -271,7 +271,7 @@ class SiteMeetings:
                 first = b.add(turn.index, I64(k * width))
                 place = b.bitcast(rows.after(start, first), type_.as_pointer())
                 x = b.load(place, align=8, typ=type_)
-                turn.values[k] = b.fadd(s, b.select(self.loops.there(first), x, blank))
+                turn.values[k] = b.fadd(s, b.select(self.loops.existing(first), x, blank))
         lanes = [
             e.num([s if e.lanes == 1 else b.extract_element(s, ir.Constant(I32, k))])
             for s in turn.values

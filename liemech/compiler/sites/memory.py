@@ -1,5 +1,5 @@
-"""Numbers of sites in rows of memory: what drivers load and save, columns of values, parameters and tables, and what
-other sites have.
+"""Numbers of sites in rows of memory, in native code: values that drivers load and save, columns, parameters and
+tables, and gathers of numbers of other sites.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from . import planes
 
 
 def _behind(column: Column) -> tuple[int, list[int]]:
-    """The first row of a column, and how far behind it all of its rows are."""
+    """The first row of a column, and the offsets of all of its rows from it."""
     first = column.rows[0] if column.rows else 0
     return first, [row - first for row in column.rows]
 
@@ -61,8 +61,8 @@ class SiteMemory:
         first, row, numbers = sites.first(start), self.e.cast(start, "i", False)[0], []
         for i, kind in zip(behind, layout.kinds, strict=True):
             x = sites.load(first, i)
-            loop.again |= {*x.values}
-            loop.came[x.values] = sites, self.e.num([self.b.add(row, I64(i))])
+            loop.reloadable |= {*x.values}
+            loop.row_of[x.values] = sites, self.e.num([self.b.add(row, I64(i))])
             numbers.append(sites.of_bits(x, kind))
         return build(layout, iter(numbers))
 
@@ -73,7 +73,7 @@ class SiteMemory:
         sites.write(k, value, layout)
 
     def value_at(self, sites: SiteRows, i: Any, k: Any, layout: Layout) -> Any:
-        """Value number k of site i, gathered lane by lane if the lanes ask for several."""
+        """Value number k of site i, which may differ by lane."""
         return self._of_site(sites, i, sites.start(k, layout), range(layout.width), layout)
 
     def _of_site(self, sites: SiteRows, i: Any, start: Any, behind: Iterable[int], layout: Layout) -> Any:
@@ -89,7 +89,7 @@ class SiteMemory:
         return build(layout, values)
 
     def _addresses(self, sites: SiteRows, i: Any, start: ir.Value, behind: Iterable[int]) -> list[ir.Value]:
-        """Where the numbers of site i are in the rows `behind` a first one."""
+        """The addresses of the numbers of site i in the rows `behind` a first one."""
         b = self.b
         place = b.gep(sites.at(self.e.num([start])), [self.e.cast(i, "i", False)[0]], source_etype=F64)
         return [sites.after(place, b.mul(sites.step, I64(j))) for j in behind]
@@ -130,7 +130,7 @@ class SiteMemory:
         return leaves(value, column.layout)
 
     def nth(self, column: Column, k: Any) -> Column:
-        """The column of a part, of parts alike if it is known in the run only."""
+        """The column of part k, which may be known at run time only if all parts are alike."""
         if isinstance(k, int):
             return column.nth(k)
         first, sites = column.nth(0), copy.copy(column.array)
@@ -143,12 +143,14 @@ class SiteMemory:
         return self._integer(table.rows) if table.degree is None else table.degree
 
     def _integer(self, x: Any) -> Num:
-        """A whole number that came as a float."""
+        """An integer from a float."""
         e = self.e
         return e.each(lambda v: self.b.fptosi(v, I64), e.cast(x, "f", False))
 
     def reach(self, table: SiteTable, d: Any) -> list[ir.Value] | None:
-        """The `reach_of` the entries of eight sites each, loaded from memory; None where lanes are no eights."""
+        """The `reach_of` the entries of each eight sites, loaded from memory; None if registers do not hold eight
+        sites.
+        """
         e, b, loop = self.e, self.b, self.t.state.site_loop
         if e.lanes == 1 or e.width != EIGHT:
             return None
@@ -162,14 +164,15 @@ class SiteMemory:
         for r in range(e.registers(True)):
             at = b.gep(first, [b.add(eight, I64(r))], source_etype=I32)
             reaches.append(b.load(at, align=4, typ=I32))
-            loop.again.add(reaches[-1])
+            loop.reloadable.add(reaches[-1])
         return [b.sext(x, I64) for x in reaches]
 
     def gathered(self, rows: list[tuple[SiteRows, Any]], which: Num, reach: list[ir.Value] | None = None) -> list[Num]:
-        """The numbers of rows at the places of the lanes: side by side, as neighbours on a lattice
-        mostly are; out of sixteen that are; or lane by lane.
+        """The numbers of rows at the places `which` of the lanes: a gather.  The code chooses among loads of registers,
+        where places are consecutive, as of neighbours on a lattice; permutations of two registers; and loads lane by
+        lane.
 
-        reach : of a table's entries, which of these it is; None if it is to be found.
+        reach : the `reach_of` the places, which decides; None to compare the places.
         """
         e, b = self.e, self.b
         firsts = [row.at(k) for row, k in rows]
@@ -207,12 +210,14 @@ class SiteMemory:
             begins = [b.extract_element(places, lanes[0]) for places in which.values]
             steps = ir.Constant(ir.VectorType(I64, e.width), [*range(e.width)])
             bits = ir.IntType(e.width)
-            same = [
+            matches = [
                 b.icmp_signed("==", places, b.add(e.spread(first, e.width), steps))
                 for places, first in zip(which.values, begins)
             ]
-            together = all_of(b.icmp_signed("==", b.bitcast(x, bits), ir.Constant(bits, -1)) for x in same)
-            if_so(together, lambda k, r: consecutive(k, begins[r]))
+            consecutive_everywhere = all_of(
+                b.icmp_signed("==", b.bitcast(x, bits), ir.Constant(bits, -1)) for x in matches
+            )
+            if_so(consecutive_everywhere, lambda k, r: consecutive(k, begins[r]))
         else:
             begins = reach
             if_so(all_of(b.icmp_signed(">=", x, I64(0)) for x in reach), lambda k, r: consecutive(k, begins[r]))
@@ -245,7 +250,7 @@ class SiteMemory:
         return numbers
 
     def _of_sixteen(self) -> ir.Function:
-        """The instruction that takes eight numbers, at eight places, of two registers of eight."""
+        """LLVM's function for a permutation of the sixteen numbers of two registers, of which eight are taken."""
         module, name = self.b.module, "llvm.x86.avx512.vpermi2var.pd.512"
         if name not in module.globals:
             numbers, places = (ir.VectorType(t, EIGHT) for t in (F64, I64))
@@ -253,9 +258,7 @@ class SiteMemory:
         return module.globals[name]
 
     def own(self, array: Any, d: Any = None) -> Any:
-        """The parameters of the sites at hand: a number or vector of an array, or a neighbour's index in row d of a
-        table.
-        """
+        """A parameter of this site: a number or vector of an array, or a neighbour's index in row d of a table."""
         self.loops.present_loop("own")
         if isinstance(array, SiteTable):
             return self.entries(array, 0 if d is None else d, "i")
@@ -266,7 +269,7 @@ class SiteMemory:
         return numbers[0] if array.dim is None else Vec(*numbers)
 
     def entries(self, array: SiteArray | SiteTable, row: Any, kind: str) -> Num:
-        """The numbers of the sites at hand in a row of parameters, which never change."""
+        """The numbers of this site in a row of parameters, which never change."""
         e, b, loop = self.e, self.b, self.loops.present_loop("own")
         place = e.cast(array.entries.place, "f", False)[0]
         first = b.inttoptr(b.mul(b.fptosi(place, I64), I64(8)), F64.as_pointer())
@@ -278,12 +281,12 @@ class SiteMemory:
             values = []
             for r in range(e.registers(e.lanes > 1)):
                 at = b.gep(first, [b.add(begin, I64(r * e.width))], source_etype=I32)
-                few = b.load(b.bitcast(at, narrow.as_pointer()), align=4, typ=narrow)
-                loop.again.add(few)
-                values.append(b.sext(few, type_))
+                four_bytes = b.load(b.bitcast(at, narrow.as_pointer()), align=4, typ=narrow)
+                loop.reloadable.add(four_bytes)
+                values.append(b.sext(four_bytes, type_))
             return e.num(values)
         places = rows.addresses(rows.first(row), 0)
         values = [b.load(b.bitcast(p, type_.as_pointer()), align=8, typ=type_) for p in places]
-        loop.again |= {*values}
-        loop.came[tuple(values)] = rows, row
+        loop.reloadable |= {*values}
+        loop.row_of[tuple(values)] = rows, row
         return e.num(values)

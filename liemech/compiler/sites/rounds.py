@@ -15,74 +15,72 @@ from ...formulas.sites import EIGHT, Meeting, period_of
 
 @dataclasses.dataclass(eq=False)
 class Rounds:
-    """A sum over all pairs.
+    """A sum over all pairs."""
 
-    meeting : what sites have published.  rows : of memory, with what every site has got so far.
-    layout : of that.
-    """
-
-    meeting: Meeting
-    rows: list[Any]
-    layout: Layout
+    meeting: Meeting  # with what sites have published
+    rows: list[Any]  # of memory, with the partial sums of the sites
+    layout: Layout  # of a sum
 
 
 def of_eight(pairs: Rounds, formula: Any, i: int, first: int, last: int, count: int, turns: int) -> None:
-    """The pairs of eight sites from i on with those from first to last, of so many sites."""
-    a, mine = seen(pairs, i), sums(pairs, i)
+    """Add the terms of all pairs of the eight sites from i on and the sites from `first` to `last`.  count : of all
+    sites.
+    """
+    a, sums_of_a = seen(pairs, i), sums(pairs, i)
     for j in range(first, last, EIGHT):
-        b, theirs, period = seen(pairs, j), sums(pairs, j), turns
+        b, sums_of_b, period = seen(pairs, j), sums(pairs, j), turns
         if 2 * (count - j) <= EIGHT:
             period = period_of(count - j)
-            b, theirs = repeated(b, period), only(theirs, period)
+            b, sums_of_b = repeated(b, period), only(sums_of_b, period)
         for turn in range(period):
             if apart(i, j, turn, period):
                 of_a, of_b = formula(a, b)
-                mine, theirs = mine + of_a, theirs + of_b
-            b, theirs = turned(b), turned(theirs)
+                sums_of_a, sums_of_b = sums_of_a + of_a, sums_of_b + of_b
+            b, sums_of_b = turned(b), turned(sums_of_b)
         if period < EIGHT:
-            theirs = folded(theirs, period)
+            sums_of_b = folded(sums_of_b, period)
         if i < j:
-            keep(pairs, j, theirs)
-    keep(pairs, i, mine)
+            keep(pairs, j, sums_of_b)
+    keep(pairs, i, sums_of_a)
 
 
 def seen(pairs: Rounds, j: int) -> Any:
-    """Numbers that eight sites have published, from site j on."""
+    """The values published by the eight sites from site j on."""
     _native()
 
 
 def sums(pairs: Rounds, j: int) -> Any:
-    """The sums so far of eight sites, from site j on."""
+    """The partial sums of the eight sites from site j on."""
     _native()
 
 
 def keep(pairs: Rounds, j: int, value: Any) -> None:
-    """Set the sums of eight sites, from site j on."""
+    """Store the partial sums of the eight sites from site j on."""
     _native()
 
 
 def turned(value: Any) -> Any:
-    """Numbers of eight sites, each in the place before its own, the first one in the last."""
+    """The numbers of eight sites, rotated by one place: each goes to the place before its own, the first to the last."""
     _native()
 
 
 def apart(i: int, j: int, turn: int, period: int) -> bool:
-    """Whether sites i and j, the latter turned `turn` times, are two different sites, both of which exist."""
+    """Whether the sites from i on, and those from j on rotated by `turn` places, are different and exist; by place."""
     _native()
 
 
 def repeated(value: Any, period: int) -> Any:
-    """Numbers of the first sites of eight, again and again."""
+    """The first `period` of eight numbers, repeated over eight places."""
     _native()
 
 
 def only(value: Any, period: int) -> Any:
-    """Numbers of the first sites of eight, and zeros."""
+    """The first `period` of eight numbers, and zeros."""
     _native()
 
 
 def folded(value: Any, period: int) -> Any:
-    """The sums of the numbers of eight places that are whole periods apart, by halves."""
+    """The sums, by halves, of the numbers of eight places that are whole periods apart."""
     _native()
 
 

@@ -20,12 +20,10 @@ from ..machine import guard_words, interrupts
 
 
 class SiteCalls:
-    """Runs a kernel for the sites of one system, one call at a time: its scratch memory is used again by every
-    call, none of which reads there what another has written.
+    """A kernel for the sites of one system, on the threads that share them; one call at a time, since calls share the
+    scratch memory, in which none reads what another has written.
 
-    count : of sites.  workers : threads that share the sites, of whole groups of sixteen.
-    notes : of the last call, the first of those side by side among which one has failed; -1 if none
-    has, or where it did is not known.
+    count : the number of sites.  workers : the number of threads, of whole groups of sixteen sites.
     """
 
     def __init__(self, kernel: Kernel, count: int, workers: int = 1) -> None:
@@ -41,12 +39,14 @@ class SiteCalls:
 
     @property
     def notes(self) -> int:
-        """The first site that has failed; -1 if none has."""
+        """The number of the first site of the lanes in which one failed in the last call; -1 if none did, or it is
+        unknown.
+        """
         failed = self._notes[self._notes >= 0]
         return int(failed.min()) if len(failed) else -1
 
     def overflowed(self) -> int | None:
-        """The first site of which a number that the last call worked with is not finite; it is forgotten."""
+        """The first site that has a number in scratch memory that is not finite, or None.  Clears the memory."""
         bad = ~np.isfinite(self.scratch[:, : self.count]).all(axis=0)
         self.scratch[:] = 0.0
         return int(np.argmax(bad)) if bad.any() else None
@@ -58,7 +58,7 @@ class SiteCalls:
         self.run(numbers, integers, arrays)
 
     def run(self, numbers: bytes, integers: Sequence[int], arrays: Sequence[Any]) -> None:
-        """Call the kernel once, on arguments that are laid out already, on all threads."""
+        """Call the kernel once, on arguments in its layout, on all threads."""
         self._notes[:] = -1
         crew = np.zeros(WORDS, dtype=np.int64)
         crew[0], crew[7] = len(self.shares), len(self.scratch)
@@ -75,8 +75,8 @@ class SiteCalls:
 
 
 def shares(count: int, end: int, threads: int) -> list[tuple[int, int]]:
-    """The first site of every thread and the one behind its last: whole groups of sixteen, of which none has more than
-    one group more than another.  end : of the last group of lanes.
+    """The ranges of sites of threads: whole groups of sixteen, as many for each thread but for one.  end : of the last
+    lanes.
     """
     groups = -(-count // TOGETHER)
     threads = min(threads, groups)
@@ -96,8 +96,8 @@ WORDS = 9
 
 @functools.cache
 def _pool(threads: int, process: int) -> tuple[Any, threading.Lock]:
-    """Threads that stay, for one crew at a time: each of several might have some of them and wait for
-    more.  A forked process has none of its parent's.
+    """A pool of threads and its lock: of two crews at once each might wait for threads of the other.  A forked process
+    has none of its parent's threads.
     """
     from concurrent.futures import ThreadPoolExecutor
 
@@ -105,8 +105,8 @@ def _pool(threads: int, process: int) -> tuple[Any, threading.Lock]:
 
 
 def needs(kernel: Kernel) -> tuple[int, bool]:
-    """The rows of scratch memory that a kernel needs, and whether all pairs of sites meet: it tells when
-    it is called for no body.
+    """The number of rows of scratch memory that a kernel needs, and whether all pairs of sites meet; a call for no body
+    returns both.
     """
     block = ctypes.create_string_buffer(struct.pack("q", 0), 2**16)
     kernel.call(ctypes.cast(block, ctypes.c_char_p))
