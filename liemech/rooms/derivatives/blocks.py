@@ -33,8 +33,8 @@ WORTH = 2**13
 class Blocks:
     """The code that takes states with derivatives through blocks of steps.
 
-    way : of the steps.  directions : with systems and methods in numbers that carry derivatives, along `side`
-    directions each.  start : a state of one body.
+    way : the Steps of the plan.  directions : with systems and methods whose numbers carry derivatives along `side`
+    directions.  start : a state of one body.
     """
 
     def __init__(self, way: Steps, directions: Any, start: Any) -> None:
@@ -50,8 +50,8 @@ class Blocks:
             raise refused
         # all that the method carries along may come to depend on the start, zeros of guesses too
         carry, example = with_slopes(trial[0], LEVEL, still), trial[1]
-        given, layout, shown = layout_of(dual), carried_layout(carry), layout_of(example)
-        self.width, self.shown = given.width, shown.width
+        state, layout, shown = layout_of(dual), carried_layout(carry), layout_of(example)
+        self.width, self.shown = state.width, shown.width
         native = way.compiled is not False and kernel.available() is None
         # a register for each number: there are twice as many numbers as in a step
         side = kernel.width() if native else 1
@@ -59,9 +59,9 @@ class Blocks:
         self.lanes = Lanes(*things, STRAIGHT, layout, example, (), way.compiled, way.progress, side)
         self.side = self.lanes.stepping.lanes
         self.order: np.ndarray | None = None
-        self.beginner = given, given, layout, shown
-        if given == shown and not remembers(methods.example):
-            numbered = build(given, iter([1.0 + i for i in range(given.width)]))
+        self.beginner = state, state, layout, shown
+        if state == shown and not remembers(methods.example):
+            numbered = build(state, iter([1.0 + i for i in range(state.width)]))
             order = leaves(with_slopes(fitted(numbered, layout), LEVEL, still), layout)
             self.order = np.array(order, dtype=int) - 1
         else:
@@ -69,45 +69,46 @@ class Blocks:
             self.beginning = Execution(way.compiled, way.progress, *call, lanes=self.side, silent=True)
 
     def of_a_run(self, t0: float, work: int, else_shorter: bool) -> Blocks:
-        """A copy for one run, whose step 0 is at t0; formulas count as they are now.  work : steps of all
-        blocks and directions.  else_shorter : is there a shorter code?  Raises NotCompilable where that is
-        to be taken.
+        """A copy for one run, whose step 0 is at t0, with native code of the formulas as they are now.
+
+        work : the number of steps of all blocks and directions.  else_shorter : is there a shorter code?  Raises
+        NotCompilable where that is to be taken.
         """
-        own: Blocks = like(self, t0=t0, lanes=self.lanes.of_a_run())
-        stepping = own.lanes.stepping
+        of_run: Blocks = like(self, t0=t0, lanes=self.lanes.of_a_run())
+        stepping = of_run.lanes.stepping
         stepping.silent = else_shorter
         if work > PLAIN:
             stepping.compile()
         if else_shorter and stepping.wanted is False and stepping.asked is not False:
             raise NotCompilable("Plan.gradient: too long with several directions in a number")
         if self.order is None:
-            own.beginning = like(self.beginning, native=self.beginning.used(self.way.compiled))
-        return own
+            of_run.beginning = like(self.beginning, native=self.beginning.used(self.way.compiled))
+        return of_run
 
     def run(
         self, starts: np.ndarray, body: np.ndarray, first: np.ndarray, last: np.ndarray,
         systems: np.ndarray, methods: np.ndarray, done: float,
     ) -> np.ndarray:  # fmt: skip
-        """The numbers, with their slopes, to which states lead, (numbers, blocks).
+        """The states at the ends of blocks, numbers with their slopes, (numbers, blocks).
 
-        starts : of the states, (numbers, blocks).  body : whose steps they are.  first, last : the numbers of
-        the steps from which and to which blocks go.  systems, methods : columns of their numbers.
+        starts : the states at their beginnings, (numbers, blocks).  body : the number of the body of each.
+        first, last : the numbers of steps at which blocks begin and end.  systems, methods : columns of their numbers.
         done : the part of all blocks that was done before.
         """
         lanes, count = self.lanes, starts.shape[1]
         whole = -(-count // self.side) * self.side
-        some = np.minimum(np.arange(whole), count - 1)  # lanes that are left over repeat the last
-        starts = np.ascontiguousarray(starts[:, some])
-        body, first, last = body[some], first[some], last[some]
+        block = np.minimum(np.arange(whole), count - 1)  # lanes that are left over repeat the last
+        starts = np.ascontiguousarray(starts[:, block])
+        body, first, last = body[block], first[block], last[block]
         table = np.zeros((lanes.height, whole))
-        numbers, clocks, goals, *own = lanes.parts(table)
+        numbers, clocks, goals, *parameters = lanes.parts(table)
         varying = [
             columns
             for thing, columns in zip(lanes.arguments[:2], (methods, systems))
             if isinstance(thing, kernel.Several)
         ]
-        for mine, columns in zip(own, varying, strict=True):
-            mine[:] = columns[:, some]
+        for rows, columns in zip(parameters, varying, strict=True):
+            rows[:] = columns[:, block]
         h = np.array([self.way.h_of(i) for i in range(body.max() + 1)])[body]
         clocks[TIME], clocks[STEP], clocks[TAKEN] = self.t0 + first * h, h, first
         goals[LAST_TIME], goals[LIMIT], goals[ORIGIN] = np.inf, last, self.t0
@@ -122,12 +123,12 @@ class Blocks:
             if self.order is not None:
                 numbers[:, column:] = np.where(self.order[:, None] < 0, 0.0, starts[self.order, column:])
             else:
-                buffers = *own, starts, clocks, numbers, out[0]
+                buffers = *parameters, starts, clocks, numbers, out[0]
                 self.beginning.run(lanes.constants, (), buffers, whole, column, whole)
             failed = np.flatnonzero(clocks[MARK, column:] != 0.0) + column
             lanes.natively(table, out, 1, self.way.workers, steps, column, whole, worth=WORTH)
-            asked = np.flatnonzero(clocks[MARK] == ASKED)
-            for i in np.unique(np.concatenate([failed, asked])).tolist():
+            not_native = np.flatnonzero(clocks[MARK] == ASKED)
+            for i in np.unique(np.concatenate([failed, not_native])).tolist():
                 if i >= count:
                     break
                 clocks[:, i] = self.t0 + first[i] * h[i], h[i], 0.0, first[i], 0.0, 0.0, 0.0
@@ -135,7 +136,7 @@ class Blocks:
         return out[0, :, :count]
 
     def _ready(self, done: float, part: float) -> bool:
-        """Is there native code for the rest?"""
+        """Whether there is native code for the other blocks."""
         stepping = self.lanes.stepping
         if not stepping.ready(max(done, part)):
             return False
@@ -147,9 +148,9 @@ class Blocks:
 
     def _plainly(self, start: np.ndarray, column: np.ndarray, out: np.ndarray, steps: int) -> None:
         """Take one state through its block in plain Python."""
-        numbers, clock, goal, *own = [x.copy() for x in self.lanes.parts(column)]
+        numbers, clock, goal, *parameters = [x.copy() for x in self.lanes.parts(column)]
         things = [
-            varied.thing(own.pop(0)) if isinstance(thing, kernel.Several) else thing
+            varied.thing(parameters.pop(0)) if isinstance(thing, kernel.Several) else thing
             for thing, varied in zip(self.lanes.arguments[:2], (self.methods, self.systems))
         ]
         raised: list[Any] = []
@@ -170,7 +171,7 @@ class Blocks:
 
 
 def remembers(method: Any) -> bool:
-    """Does a method carry more along than the state?"""
+    """Whether a method carries more along than the state."""
     while isinstance(method, (EndingAtJumps, WithStep, StepsOfARun)):
         method = method.method
     return any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))

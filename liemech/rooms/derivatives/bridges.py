@@ -53,16 +53,16 @@ def to_jax(
     def forwards(parts: dict[str, Any], parameters: dict[str, Any]) -> dict[str, Any]:
         shapes = _shapes(parts), _shapes(parameters)
         wanted = {n: like((*move.lead, *x.shape), x.dtype) for n, x in parts.items()}
-        return called(lambda *given: move.value(*given, *shapes), wanted, parts, parameters)
+        return called(lambda *arrays: move.value(*arrays, *shapes), wanted, parts, parameters)
 
-    def kept(parts: dict[str, Any], parameters: dict[str, Any]) -> Any:
+    def with_arguments(parts: dict[str, Any], parameters: dict[str, Any]) -> Any:
         return once(parts, parameters), (parts, parameters)
 
     @jax.custom_jvp
-    def backwards(given: Any, cotangent: dict[str, Any]) -> Any:
-        shapes = tuple(map(_shapes, given))
-        wanted = tuple({n: like(x.shape, x.dtype) for n, x in one.items()} for one in given)
-        return called(lambda *values: move.back(*values, *shapes), wanted, *given, cotangent)
+    def backwards(arguments: Any, cotangent: dict[str, Any]) -> Any:
+        shapes = tuple(map(_shapes, arguments))
+        wanted = tuple({n: like(x.shape, x.dtype) for n, x in arrays.items()} for arrays in arguments)
+        return called(lambda *values: move.back(*values, *shapes), wanted, *arguments, cotangent)
 
     def twice(*_: Any) -> Any:
         raise IncompatibleSystem(SECOND.format("lm.to_jax"))
@@ -71,14 +71,14 @@ def to_jax(
     once.defjvp(twice)
     backwards.defjvp(twice)
     differentiable = jax.custom_vjp(forwards)
-    differentiable.defvjp(kept, backwards)
+    differentiable.defvjp(with_arguments, backwards)
 
     def run(start: Mapping[str, Any], **parameters: Any) -> dict[str, Any]:
         both = _mapping(start, "lm.to_jax"), parameters
-        if any(jax.numpy.iscomplexobj(x) for one in both for x in one.values()):
+        if any(jax.numpy.iscomplexobj(x) for named in both for x in named.values()):
             raise InvalidInput("lm.to_jax: derivatives are by real numbers; got complex ones")
-        arrays = [{n: jax.numpy.asarray(x, dtype=float) for n, x in one.items()} for one in both]
-        if any(x.dtype != np.float64 for one in arrays for x in one.values()):
+        arrays = [{n: jax.numpy.asarray(x, dtype=float) for n, x in named.items()} for named in both]
+        if any(x.dtype != np.float64 for named in arrays for x in named.values()):
             raise InvalidInput(
                 "lm.to_jax: runs have double precision, and JAX has single unless told otherwise: "
                 'jax.config.update("jax_enable_x64", True)'
@@ -111,23 +111,21 @@ def to_torch(
             ctx.names = names
             ctx.save_for_backward(*tensors)
             parts, parameters = _split(names, tensors)
-            found = move.value(parts, parameters, _shapes(parts), _shapes(parameters))
-            return tuple(torch.from_numpy(found[name].copy()) for name in names[0])
+            values = move.value(parts, parameters, _shapes(parts), _shapes(parameters))
+            return tuple(torch.from_numpy(values[name].copy()) for name in names[0])
 
         @staticmethod
         def backward(ctx: Any, *cotangents: Any) -> Any:
             if torch.is_grad_enabled():  # with create_graph, which would take it for a constant
                 raise IncompatibleSystem(SECOND.format("lm.to_torch"))
             parts, parameters = _split(ctx.names, ctx.saved_tensors)
-            given = dict(zip(ctx.names[0], (c.detach().numpy() for c in cotangents), strict=True))
-            shapes = _shapes(parts), _shapes(parameters)
-            by_parts, by_parameters = move.back(parts, parameters, given, *shapes)
-            found = *by_parts.values(), *by_parameters.values()
-            return (None, *(torch.from_numpy(np.ascontiguousarray(x)) for x in found))
+            by_name = dict(zip(ctx.names[0], (c.detach().numpy() for c in cotangents), strict=True))
+            gradients = move.back(parts, parameters, by_name, _shapes(parts), _shapes(parameters))
+            return (None, *(torch.from_numpy(np.ascontiguousarray(x)) for part in gradients for x in part.values()))
 
     def run(start: Mapping[str, Any], **parameters: Any) -> dict[str, Any]:
         both = _mapping(start, "lm.to_torch"), parameters
-        tensors = [torch.as_tensor(x) for one in both for x in one.values()]
+        tensors = [torch.as_tensor(x) for named in both for x in named.values()]
         for x in tensors:
             if x.dtype != torch.float64 or x.device.type != "cpu":
                 raise InvalidInput(
@@ -141,9 +139,9 @@ def to_torch(
 
 
 def _split(names: Any, tensors: Any) -> tuple[Arrays, Arrays]:
-    """The arrays of the parts and of the parameters."""
-    arrays, many = [x.detach().numpy() for x in tensors], len(names[0])
-    return dict(zip(names[0], arrays[:many])), dict(zip(names[1], arrays[many:]))
+    """The arrays of the parts of a start, and of the parameters, by name."""
+    arrays, count = [x.detach().numpy() for x in tensors], len(names[0])
+    return dict(zip(names[0], arrays[:count])), dict(zip(names[1], arrays[count:]))
 
 
 def _needed(package: str, caller: str) -> Any:
@@ -166,11 +164,11 @@ def _shapes(arrays: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
 
 
 class _Move:
-    """A run of a plan as a function of arrays, with its pullback; both for one start, or for several,
-    with leading axes of theirs.
+    """A run of a plan as a function of arrays, with its pullback, for one start or for a batch of starts and
+    parameters.
 
-    shapes, of the methods : of one, by name; what arrays have before them are axes of several, of length
-    one where all are alike.
+    Arrays of a batch have leading axes before the `shapes` (by name) of one start and one set of parameters; an axis of
+    length one is broadcast.
     """
 
     def __init__(self, plan: Any, steps: Any, t_end: Any, t0: float, every: Any) -> None:
@@ -189,14 +187,14 @@ class _Move:
 
     def value(self, parts: Arrays, parameters: Arrays, *shapes: Any) -> Arrays:
         """The last state, or the samples."""
-        many, parts, systems = self._given(parts, parameters, shapes)
+        batch, parts, systems = self._batch(parts, parameters, shapes)
         start = self.plan._one.state(**parts)
         run = self._of(self.forwards, systems).run(start, t0=self.t0, **self.times)
         states = run.states if self.every is not None else run.last.parts
         axis = 1 if self.every is not None else 0
         return {
-            name: np.moveaxis(states[name], axis, 0).reshape(*many, *self.lead, *shapes[0][name])
-            if many
+            name: np.moveaxis(states[name], axis, 0).reshape(*batch, *self.lead, *shapes[0][name])
+            if batch
             else np.asarray(states[name])
             for name in parts
         }
@@ -204,50 +202,50 @@ class _Move:
     def back(self, parts: Arrays, parameters: Arrays, cotangent: Arrays, *shapes: Any) -> tuple[Arrays, Arrays]:
         """The products of a cotangent with the derivatives of `value`."""
         axes = [np.shape(c)[: np.ndim(c) - len(self.lead) - len(shapes[0][name])] for name, c in cotangent.items()]
-        many, parts, systems = self._given(parts, parameters, shapes, axes)
+        batch, parts, systems = self._batch(parts, parameters, shapes, axes)
         start = self.plan._one.state(**parts)
         by = ["start", *parameters]
-        given = {}
+        cotangents = {}
         for name, c in cotangent.items():
-            whole = np.broadcast_to(c, (*many, *self.lead, *shapes[0][name]))
-            flat = whole.reshape(-1, *whole.shape[len(many) :]) if many else whole
-            given[name] = np.moveaxis(flat, 0, 1) if many and self.every is not None else flat
-        found = self._of(self.plan, systems).pullback(
-            given, start, t0=self.t0, by=by, every=self.every, **self.times
+            whole = np.broadcast_to(c, (*batch, *self.lead, *shapes[0][name]))
+            flat = whole.reshape(-1, *whole.shape[len(batch) :]) if batch else whole
+            cotangents[name] = np.moveaxis(flat, 0, 1) if batch and self.every is not None else flat
+        gradient = self._of(self.plan, systems).pullback(
+            cotangents, start, t0=self.t0, by=by, every=self.every, **self.times
         ).gradient  # fmt: skip
-        rows, at = np.atleast_2d(found.pop("start")), 0
+        rows, at = np.atleast_2d(gradient.pop("start")), 0
         by_parts = {}
         for name, directions in frames_of(self.plan._one, member(start, 0)).items():
             points = np.asarray(start.parts[name])
             points = points.reshape(len(rows), *points.shape[start.bodies is not None :])
             basis = real_numbers(directions(points)).reshape(len(rows), -1, points[0].size)
-            own = rows[:, at : at + basis.shape[1]]
+            components = rows[:, at : at + basis.shape[1]]
             at += basis.shape[1]
-            by_parts[name] = (np.linalg.pinv(basis) @ own[..., None]).reshape(*many, *shapes[0][name])
-        return by_parts, {n: np.reshape(x, (*many, *shapes[1][n])) for n, x in found.items()}
+            by_parts[name] = (np.linalg.pinv(basis) @ components[..., None]).reshape(*batch, *shapes[0][name])
+        return by_parts, {n: np.reshape(x, (*batch, *shapes[1][n])) for n, x in gradient.items()}
 
-    def _given(self, parts: Arrays, parameters: Arrays, shapes: Any, axes: Any = ()) -> Any:
-        """The axes of several starts, the parts with one in their stead, and the systems.
-        axes : of others, that are to be counted too.
+    def _batch(self, parts: Arrays, parameters: Arrays, shapes: Any, axes: Any = ()) -> Any:
+        """The axes of a batch, the parts with one axis in their stead, and the systems: one, or one for each start.
+        axes : of further arrays of the batch.
         """
-        own, of_parameters = shapes
-        arrays = [(np.asarray(x), own[n]) for n, x in parts.items()]
+        of_parts, of_parameters = shapes
+        arrays = [(np.asarray(x), of_parts[n]) for n, x in parts.items()]
         arrays += [(np.asarray(x), of_parameters[n]) for n, x in parameters.items()]
-        many = np.broadcast_shapes(*(x.shape[: x.ndim - len(shape)] for x, shape in arrays), *axes)
-        if many and self.plan._one.site_form is not None:
+        batch = np.broadcast_shapes(*(x.shape[: x.ndim - len(shape)] for x, shape in arrays), *axes)
+        if batch and self.plan._one.site_form is not None:
             raise InvalidInput("lm.to_jax: of a system of many sites one start is run at a time")
 
         def laid(x: np.ndarray, shape: Any) -> np.ndarray:
-            return np.broadcast_to(x, (*many, *shape)).reshape(-1, *shape) if many else np.asarray(x)
+            return np.broadcast_to(x, (*batch, *shape)).reshape(-1, *shape) if batch else np.asarray(x)
 
-        parts = {name: laid(x, own[name]) for name, x in parts.items()}
+        parts = {name: laid(x, of_parts[name]) for name, x in parts.items()}
         values = {name: laid(x, of_parameters[name]) for name, x in parameters.items()}
-        if not many:
-            return many, parts, self._with(values)
-        count = math.prod(many)
+        if not batch:
+            return batch, parts, self._with(values)
+        count = math.prod(batch)
         if not values:
-            return many, parts, [self.plan._one] * count
-        return many, parts, [self._with({n: x[k] for n, x in values.items()}) for k in range(count)]
+            return batch, parts, [self.plan._one] * count
+        return batch, parts, [self._with({n: x[k] for n, x in values.items()}) for k in range(count)]
 
     def _with(self, values: Mapping[str, np.ndarray]) -> Any:
         """The system with these values of parameters."""

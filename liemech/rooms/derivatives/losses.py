@@ -49,7 +49,7 @@ class Loss:
         return self.functions[body if self.each else 0]
 
     def _timed(self, function: Any) -> bool:
-        """Is it a function of time and state?"""
+        """Whether a function is of time and state, not of the state alone."""
         try:
             wanted = [
                 p for p in inspect.signature(function).parameters.values()
@@ -78,7 +78,7 @@ class Loss:
         rows[..., -1] = t[:, None, None]
         point = layout_of(dual_of(example))
         self._checked(example, t.item(0))
-        found = np.empty((n, bodies, count, 2))
+        duals = np.empty((n, bodies, count, 2))
         alike = self.each and all(
             isinstance(f, Record) and layout_of(f) == layout_of(self.functions[0]) for f in self.functions
         )
@@ -91,15 +91,14 @@ class Loss:
                 driver, (several, point), rows.reshape(-1, rows.shape[-1]), 2,
                 compiled, what, body,
             )  # fmt: skip
-            found[:] = flat.reshape(found.shape)
+            duals[:] = flat.reshape(duals.shape)
         else:
             for i in range(len(self.functions)):
-                some = slice(i, i + 1) if self.each else slice(None)
-                given = rows[:, some].reshape(-1, rows.shape[-1])
-                function = self.functions[i], point
-                flat = evaluated(driver, function, given, 2, compiled, what)
-                found[:, some] = flat.reshape(found[:, some].shape)
-        return found[:, :, 0, 0], found[..., 1]
+                of_body = slice(i, i + 1) if self.each else slice(None)
+                numbers_of_body = rows[:, of_body].reshape(-1, rows.shape[-1])
+                flat = evaluated(driver, (self.functions[i], point), numbers_of_body, 2, compiled, what)
+                duals[:, of_body] = flat.reshape(duals[:, of_body].shape)
+        return duals[:, :, 0, 0], duals[..., 1]
 
     def _checked(self, example: Any, t: float) -> None:
         """Refuse a function that gives no number.  Raises InvalidType."""
@@ -123,5 +122,5 @@ def sloping_in_time(function: Any, point: Any, given: Any, out: Any, failures: A
 
 
 def carried(function: Callable[..., Any], *given: Any) -> Any:
-    """The value, with its derivative, which may be none."""
+    """The value of a function as a number that carries its derivative, which may be zero."""
     return fitted(1.0 * function(*given), VALUE)

@@ -1,6 +1,4 @@
-"""Tangent maps: the exact derivative of a discrete motion, by numbers that carry it through the
-same steps.
-"""
+"""Tangent maps: the exact derivative of a discrete motion, by steps whose numbers carry it along."""
 
 from __future__ import annotations
 
@@ -68,23 +66,16 @@ def of_one(plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tu
 
 @frozen(eq=False)
 class Directions:
-    """The directions in which a motion is differentiated.
+    """The directions in which a motion is differentiated."""
 
-    frames : of each part of the state the directions in which it moves.  moves : of the numbers of
-    the start.  method : whose parameters vary.  systems, methods : in numbers that carry the
-    derivative by a parameter; None for the system, or the method, as it is.  columns : which of
-    them belong to a name.  system : as it is.  tables : by name those whose coefficients are moved,
-    and whether values are asked for.
-    """
-
-    frames: dict[str, Any]
-    moves: np.ndarray
+    frames: dict[str, Any]  # by part of the state, the directions in which it can move
+    moves: np.ndarray  # (directions, width), the changes of the numbers of the start
     method: Any
-    systems: list[Any]
-    methods: list[Any]
-    columns: dict[str, slice]
+    systems: list[Any]  # by direction, the system whose numbers carry the derivative; None if it does not vary
+    methods: list[Any]  # by direction, the method likewise
+    columns: dict[str, slice]  # by name, its directions
     system: Any
-    tables: dict[str, Any]
+    tables: dict[str, Any]  # by name, the table whose coefficients vary, and whether the derivative is by values
 
     @classmethod
     def of(
@@ -93,16 +84,15 @@ class Directions:
     ) -> Directions:  # fmt: skip
         """The directions of the start, and of parameters of system and method.
 
-        dressed : makes of the method that by which steps are made; left out, it is the method itself.
-        begins : of a run in fictive time, makes of system, method and start the system with its clock
-        and its start, which depend on all three.
+        dressed : from a method to the method of the steps; by default itself.  begins : in fictive time, from system,
+        method and start to the system with its clock and its start; by default system and start themselves.
         """
         dressed = dressed or (lambda method: method)
-        given = begins or (lambda system, method, start: (system, start))
+        begins_at = begins or (lambda system, method, start: (system, start))
         tables: dict[str, Any] = {}
         for name in names:
-            found = table_of(system, name, "Plan.tangent", [x for x, _ in tables.values()])
-            tables |= {} if found is None else {name: found}
+            table_of_name = table_of(system, name, "Plan.tangent", [x for x, _ in tables.values()])
+            tables |= {} if table_of_name is None else {name: table_of_name}
         if tables and begins is not None:
             raise IncompatibleSystem(
                 "Plan.tangent: in fictive time there is no derivative by the values of a table; in time there is"
@@ -111,50 +101,49 @@ class Directions:
             system = table.in_system(system)
         for table, _ in tables.values():
             table.find(system)
-        way, (whole, now) = dressed(method), given(system, method, start)
-        layout, frames = layout_of((way, whole, now)), frames_of(whole, now)
+        of_steps, (whole, first_state) = dressed(method), begins_at(system, method, start)
+        layout, frames = layout_of((of_steps, whole, first_state)), frames_of(whole, first_state)
         first, last = layout.parts[0].width, layout.width - layout.parts[2].width
 
-        def ways(name: str) -> list[Any]:
-            """For each direction the method, system and start along it, and a step for differences."""
+        def curves(name: str) -> list[Any]:
+            """For each direction the curve x to (method, system, start) along it, and a step x for differences."""
             if name == "start":
                 inner = getattr(system, "system", None) if system.fictive else system
-                some = displacements(inner, frames_of(inner, start), start)
-                return [(lambda x, to=to: (way, *given(system, method, to(x))), step)
-                        for to, step in some]  # fmt: skip
+                moves = displacements(inner, frames_of(inner, start), start)
+                return [(lambda x, to=to: (of_steps, *begins_at(system, method, to(x))), step) for to, step in moves]
             if name == "h":
-                return [(lambda x, to=to: (to(x), whole, now), step)
-                        for to, step in parameter_moves(way, name)]  # fmt: skip
+                moves = parameter_moves(of_steps, name)
+                return [(lambda x, to=to: (to(x), whole, first_state), step) for to, step in moves]
             if name.startswith("method."):
-                some = parameter_moves(method, name.removeprefix("method."))
-                return [(lambda x, to=to: with_method(to(x)), step) for to, step in some]
-            return [(lambda x, to=to: (way, *given(to(x), method, start)), step)
-                    for to, step in parameter_moves(system, name)]  # fmt: skip
+                moves = parameter_moves(method, name.removeprefix("method."))
+                return [(lambda x, to=to: with_method(to(x)), step) for to, step in moves]
+            moves = parameter_moves(system, name)
+            return [(lambda x, to=to: (of_steps, *begins_at(to(x), method, start)), step) for to, step in moves]
 
         def with_method(other: Any) -> Any:
-            return dressed(other), *given(system, other, start)
+            return dressed(other), *begins_at(system, other, start)
 
         slopes: list[np.ndarray] = []
         columns: dict[str, slice] = {}
-        moved: dict[int, Any] = {}  # systems with tables that another interval moves
+        varied: dict[int, Any] = {}  # by direction along a coefficient of a table, the system whose table has it varied
         for name in names:
-            begun = len(slopes)
+            begin = len(slopes)
             if name in tables:
-                some = tables[name][0].moves(whole)
-                moved |= {begun + k: thing for k, (thing, _) in enumerate(some)}
-                for _, place in some:
+                by_coefficient = tables[name][0].moves(whole)
+                varied |= {begin + k: thing for k, (thing, _) in enumerate(by_coefficient)}
+                for _, place in by_coefficient:
                     slopes.append(np.eye(1, layout.width, first + place)[0])
             elif name == "start" and begins is None:
                 slopes += [np.append(np.zeros(last), move) for move in start_moves(frames, start)]
             else:
-                slopes += [slope(to, step, layout, name) for to, step in ways(name)]
-            columns[name] = slice(begun, len(slopes))
+                slopes += [slope(to, step, layout, name) for to, step in curves(name)]
+            columns[name] = slice(begin, len(slopes))
         systems, methods = (
-            [dual_of(others.get(k, thing), x[some]) if x[some].any() else None for k, x in enumerate(slopes)]
-            for thing, some, others in ((whole, slice(first, last), moved), (way, slice(0, first), {}))
+            [dual_of(others.get(k, thing), x[part]) if x[part].any() else None for k, x in enumerate(slopes)]
+            for thing, part, others in ((whole, slice(first, last), varied), (of_steps, slice(0, first), {}))
         )
         moves = np.array([x[last:] for x in slopes])
-        return cls(frames, moves, way, systems, methods, columns, whole, tables)
+        return cls(frames, moves, of_steps, systems, methods, columns, whole, tables)
 
     def components(self, example: Any, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Changes of the numbers of states, (n, directions, width), as components in the frames at
@@ -171,12 +160,12 @@ class Directions:
         return np.concatenate(rows, axis=1)
 
     def named(self, tangent: np.ndarray) -> dict[str, np.ndarray]:
-        """The derivatives by name."""
-        found = {name: tangent[..., part] for name, part in self.columns.items()}
+        """The derivatives by the name of the parameter."""
+        by_name = {name: tangent[..., part] for name, part in self.columns.items()}
         for name, (table, values) in self.tables.items():
-            rows = found[name].reshape(-1, int(table.table.intervals), table.width)
-            found[name] = table.by(rows, values).reshape(*tangent.shape[:-1], -1)
-        return found
+            rows = by_name[name].reshape(-1, int(table.table.intervals), table.width)
+            by_name[name] = table.by(rows, values).reshape(*tangent.shape[:-1], -1)
+        return by_name
 
 
 @record
@@ -214,9 +203,9 @@ def with_step(method: Any, h: float, t0: float) -> Any:
 def expands(method: Any) -> bool:
     """Is a method, or one that it is made of, a power series in its step?"""
     kinds = FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi
-    own = isinstance(method, Taylor) or (isinstance(method, kinds) and method.order > 2)
+    is_series = isinstance(method, Taylor) or (isinstance(method, kinds) and method.order > 2)
     inner = [x for x in fields_of(method).values() if isinstance(x, Method)]
-    return own or any(map(expands, inner))
+    return is_series or any(map(expands, inner))
 
 
 def frames_of(system: Any, start: Any) -> dict[str, Any]:
@@ -242,40 +231,40 @@ def start_moves(frames: dict[str, Any], start: Any) -> list[np.ndarray]:
 
 def tangent_run(plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...]) -> TangentTrajectory:
     """`steps` fixed steps from a start, with their derivative by the named parameters."""
-    way: Steps = plan._steps
-    method = way.method
+    prepared: Steps = plan._steps
+    method = prepared.method
     dressed = None
     if "h" in names:
-        if way.way is not way.method and cuts(way.way, way.one):
+        if prepared.way is not prepared.method and cuts(prepared.way, prepared.one):
             raise IncompatibleSystem(
                 f"Plan.tangent: steps of {method!r} end where an input jumps, whatever h is, and "
                 "have no derivative by it; by the start and by parameters of the system they have one"
             )
-        dressed = with_step(method, way.h, t0)
-    found = Directions.of(way.one, method, start, names, dressed)
-    made, t, values, tangent = carried_along(plan, start, steps, t0, found)
+        dressed = with_step(method, prepared.h, t0)
+    directions = Directions.of(prepared.one, method, start, names, dressed)
+    run, t, values, tangent = carried_along(plan, start, steps, t0, directions)
     return of_tangent(
-        made, steps, found.named(tangent), system=way.one, method=way.method, h=way.h, t=t,
+        run, steps, directions.named(tangent), system=prepared.one, method=method, h=prepared.h, t=t,
         states=unpacked(layout_of(start), values),
     )  # fmt: skip
 
 
 def carried_along(
-    plan: Any, start: Any, steps: int, t0: float, found: Directions
+    plan: Any, start: Any, steps: int, t0: float, directions: Directions
 ) -> tuple[Trajectory, np.ndarray, np.ndarray, np.ndarray]:
-    """The run whose numbers carry the derivatives, as far as all directions came: its times, the
+    """The run whose numbers carry the derivatives, and up to the first direction that stopped: its times, the
     numbers of the states, (n, width), and their components, (n, components, directions).
     """
     with derived(plan, "tangent"):
-        run = _Run(plan, start, found, steps, t0)
-        made = run.trajectory()
+        run = _Run(plan, start, directions, steps, t0)
+        trajectory = run.trajectory()
     n, values, slopes = run.halves()
-    return made, made.t[:n], values, found.components(start, values, slopes)
+    return trajectory, trajectory.t[:n], values, directions.components(start, values, slopes)
 
 
 @contextlib.contextmanager
 def derived(plan: Any, what: str) -> Iterator[None]:
-    """Name the method of a plan where its numbers cannot carry a derivative."""
+    """A context that raises IncompatibleSystem for a method whose numbers cannot carry a derivative."""
     try:
         yield
     except (TypeError, AttributeError) as error:
@@ -292,26 +281,27 @@ def fictive_tangent_run(
 ) -> TangentTrajectory:
     """`steps` fixed steps in fictive time, with their derivative at the same fictive times.
 
-    What the start decides once for the whole run, the energy or the first 1/sigma, is
-    differentiated too: as for parameters by differences of order 8.
+    The energy and the first 1/sigma, which the start decides for the whole run, are differentiated too, by
+    differences of order 8 as for parameters.
     """
     plan: Steps = given_plan._steps
     origin = Origin(plan.one, plan.method, start)
-    whole, now = origin.whole, origin.begun(t0)
+    whole, first_state = origin.whole, origin.begun(t0)
 
     def begins(system: Any, method: Any, at: Any) -> tuple[Any, Any]:
-        made = Origin(system, method, at).whole
-        return made, made.extended(at, t0)
+        with_clock = Origin(system, method, at).whole
+        return with_clock, with_clock.extended(at, t0)
 
     dressed = with_step(plan.method, plan.h, 0.0) if "h" in names else None
-    found = Directions.of(plan.one, plan.method, start, names, dressed, begins)
-    made, tau, values, tangent = carried_along(given_plan.in_fictive_time(origin), now, steps, 0.0, found)
-    t, states, _ = whole.apart(unpacked(layout_of(now), values))
+    directions = Directions.of(plan.one, plan.method, start, names, dressed, begins)
+    clocked_plan = given_plan.in_fictive_time(origin)
+    run, tau, values, tangent = carried_along(clocked_plan, first_state, steps, 0.0, directions)
+    t, states, _ = whole.apart(unpacked(layout_of(first_state), values))
     size = tangent.shape[1]
     # z is not shown
     rows = whole.of_tangent(size) if plan.one.fictive else [*range(size - 1)]
     return of_tangent(
-        made, steps, found.named(tangent[:, rows]), system=whole.system, method=plan.method, h=plan.h,
+        run, steps, directions.named(tangent[:, rows]), system=whole.system, method=plan.method, h=plan.h,
         t=t, states=states, tau=tau,
     )  # fmt: skip
 
@@ -336,8 +326,10 @@ def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
 
 
 def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
-    """For each direction of a start the start at a distance along it, and a difference to take, in its units."""
-    found = []
+    """For each direction of a start the function from x to the start moved by x along it, and a step x for differences,
+    in its units.
+    """
+    moves = []
     for name, directions in frames.items():
         part = start.parts[name]
         group = group_of(system) if name == "g" else None
@@ -346,70 +338,70 @@ def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
             def moved(x: float, name: str = name, part: Any = part, group: Any = group,
                       i: int = i, unit: Any = unit) -> Any:  # fmt: skip
                 if group is None:
-                    there = small(np.asarray(part) + x * unit)
+                    moved_part = small(np.asarray(part) + x * unit)
                 else:
-                    there = group.compose_exp(part, x * Vec(*np.eye(group.dim)[i].tolist()))
-                return type(start)(*({**start.parts, name: there}.values()))
+                    moved_part = group.compose_exp(part, x * Vec(*np.eye(group.dim)[i].tolist()))
+                return type(start)(*({**start.parts, name: moved_part}.values()))
 
-            here, there = (np.abs(np.asarray(x)) for x in (part, moved(1.0).parts[name]))
-            size = float(here[here != there].max(initial=0.0) if name == "g" else here.max()) or 1.0
-            found.append((moved, part_of(size)))
-    return found
+            sizes, sizes_moved = (np.abs(np.asarray(x)) for x in (part, moved(1.0).parts[name]))
+            size = float(sizes[sizes != sizes_moved].max(initial=0.0) if name == "g" else sizes.max()) or 1.0
+            moves.append((moved, part_of(size)))
+    return moves
 
 
 def part_of(size: float) -> float:
-    """A difference to take beside numbers of a size: 2^-7 of it, a power of two."""
+    """The step of a difference for numbers of a size: the power of two next to 2^-7 of it."""
     return float(np.ldexp(1.0, int(np.frexp(size)[1]) - 7))
 
 
 @record
 class StepsOfARun(Wrapping):
-    """The steps that a run has made by its error estimate, lengths and all: number n at the time n.
+    """The steps of an adaptive run, their lengths held fixed: step number n at the time n."""
 
-    begun, lengths : tables of the times at which they begin, and of their lengths.
-    """
-
-    begun: Any
-    lengths: Any
+    begun: Any  # a table of the times at which steps begin
+    lengths: Any  # a table of the lengths of steps
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
-        """Step number t."""
+        """Step number t of the run."""
         n = int(t)
         return self.method.step(system, entry(self.begun, n), memory, entry(self.lengths, n))
 
 
 def in_steps(plan: Any, t: np.ndarray) -> Any:
-    """The plan of fixed steps that makes those of a run by an error estimate, their lengths held fixed.
+    """The plan of fixed steps that repeats the steps of an adaptive run, which end at the times t."""
+    begins = plan._steps.begun(t)
+    return like(plan, _steps=_repeated(plan, _dressed_in(begins, t)(plan._steps.method)), begun=begins)
 
-    t : the ends of the steps.
-    """
-    way, begun = plan._steps, plan._steps.begun(t)
-    tables = Table([*begun, 0.0]), Table([*(t[1:] - begun), 0.0])
-    steps = Steps(
-        way.system, StepsOfARun(way.method, *tables), 1.0, 1, False, "double", way.compiled,
-        way.progress, 1, clock="step",
+
+def _dressed_in(begins: np.ndarray, t: np.ndarray) -> Any:
+    """The function from a method to its steps that begin and end at these times."""
+    tables = Table([*begins, 0.0]), Table([*(t[1:] - begins), 0.0])
+    return lambda method: StepsOfARun(method, *tables)
+
+
+def _repeated(plan: Any, method: StepsOfARun) -> Steps:
+    """The steps of an adaptive plan as fixed ones, whose time is their number."""
+    adaptive = plan._steps
+    return Steps(
+        adaptive.system, method, 1.0, 1, False, "double", adaptive.compiled, adaptive.progress, 1, clock="step"
     )  # fmt: skip
-    return like(plan, _steps=steps, begun=begun)
 
 
 def adaptive_tangent_run(plan: Any, run: Trajectory, start: State, names: tuple[str, ...]) -> TangentTrajectory:
-    """A run with adaptive steps that has kept them all, with the derivative of its steps as they
-    are, their lengths held fixed.
-    """
-    way, begun = plan._steps, plan._steps.begun(run.t)
-    tables = Table([*begun, 0.0]), Table([*(run.t[1:] - begun), 0.0])
-    found = Directions.of(way.system, way.method, start, names, lambda method: StepsOfARun(method, *tables))
-    steps = Steps(way.system, found.method, 1.0, 1, False, "double", way.compiled, way.progress, 1, clock="step")
-    made, n, _, tangent = carried_along(like(plan, _steps=steps), start, len(begun), 0.0, found)
-    states = {name: x[: len(n)] for name, x in run.states.items()}
+    """An adaptive run, every step of which is kept, with the derivative of its steps, their lengths held fixed."""
+    adaptive, begins = plan._steps, plan._steps.begun(run.t)
+    directions = Directions.of(adaptive.system, adaptive.method, start, names, _dressed_in(begins, run.t))
+    repeating = like(plan, _steps=_repeated(plan, directions.method))
+    repeated, times, _, tangent = carried_along(repeating, start, len(begins), 0.0, directions)
+    states = {name: x[: len(times)] for name, x in run.states.items()}
     return of_tangent(
-        made, run.steps, found.named(tangent), system=way.system, method=way.method, h=run.h,
-        t=run.t[: len(n)], states=states, rejected=run.rejected,
+        repeated, run.steps, directions.named(tangent), system=adaptive.system, method=adaptive.method, h=run.h,
+        t=run.t[: len(times)], states=states, rejected=run.rejected,
     )  # fmt: skip
 
 
 def dual_of(thing: Any, slopes: Any = None, still: Any = 0.0) -> Any:
-    """A system or a method in numbers that carry a derivative, which is zero if none is given.
+    """A system or a method in numbers that carry these derivatives; by default zero.
 
     still : that zero; along several directions a vector.
     """
@@ -423,12 +415,12 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
     """The runs of all bodies as one."""
     alone = all(run.system is runs[0].system for run in runs)
     system: Any = runs[0].system if alone else Systems(tuple([run.system for run in runs]))
-    made: TangentTrajectory = of_some(runs, system=system, method=method)
-    return made
+    together: TangentTrajectory = of_some(runs, system=system, method=method)
+    return together
 
 
 def multiplied(run: TangentTrajectory, name: str, given: Any) -> TangentTrajectory:
-    """The run with products of its map by the start, `along` or `against` directions, instead of it."""
+    """The run with the products J v ("along") or J^T w ("against") of its tangent map with directions, in its place."""
     map_ = run.tangent["start"]
     map_ = map_ if name == "along" else np.swapaxes(map_, -1, -2)
     return replace(run, tangent={name: map_ @ arguments.directions(name, given, map_.shape[-1])})
@@ -441,62 +433,56 @@ def real_numbers(array: np.ndarray) -> np.ndarray:
 
 
 def parameter_moves(system: Any, name: str) -> list[Any]:
-    """For every component of a parameter the systems, or methods, in which it differs by so much, and
-    a difference to take.
+    """For each component of a parameter the function from x to the system, or method, in which it is larger by x, and a
+    step x for differences.
     """
     value = parameter(system, name)
     layout = layout_of(value)
     numbers = leaves(value, layout)
     if not numbers or "table" in repr(layout):
         raise InvalidInput(f"Plan.tangent: {name} of {system!r} is no number, vector or matrix")
-    found, largest = [], max(map(abs, numbers)) or 1.0
+    moves, largest = [], max(map(abs, numbers)) or 1.0
     for i, x in enumerate(numbers):
 
         def moved(by: float, i: int = i, x: float = x) -> Any:
             other = iter([*numbers[:i], x + by, *numbers[i + 1 :]])
             return with_parameter(system, name, build(layout, other))
 
-        found.append((moved, part_of(abs(x) or largest)))
-    return found
+        moves.append((moved, part_of(abs(x) or largest)))
+    return moves
 
 
 class Directionless(AsItIs):
-    """Nothing is shown of numbers that carry a derivative: a direction is no motion."""
+    """The view of bodies that are directions of a derivative: no states, and no notes in errors."""
 
     def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
         return {}
 
     def mark(self, error: Any, t: float, numbers: np.ndarray) -> None:
-        """Nothing."""
+        """Leave the error as it is: a direction is no body."""
 
 
 class _Run(StraightRun):
-    """A run of an ensemble whose members are the directions of the derivative, all with the same
-    values.
-    """
+    """A run of an ensemble whose members are the directions of the derivative, all with one value."""
 
-    def __init__(self, plan: Any, start: State, found: Directions, steps: int, t0: float) -> None:
-        layout, way = layout_of(start), plan._steps
-        numbers = leaves(start, layout)
-        self.duals = [
-            build(layout, iter([Dual(x, float(d), LEVEL) for x, d in zip(numbers, move, strict=True)]))
-            for move in found.moves
-        ]
-        if any(found.systems):
-            rest = dual_of(found.system)
-            way = replace(way, system=Systems(tuple(s or rest for s in found.systems)), shapes={})
-        if any(found.methods):
-            rest = dual_of(found.method)
-            way = replace(way, method=Methods(tuple(m or rest for m in found.methods)), shapes={})
-        count = SimpleNamespace(bodies=len(found.moves))
-        super().__init__(like(plan, _steps=way), count, t0, steps, None, None)
+    def __init__(self, plan: Any, start: State, directions: Directions, steps: int, t0: float) -> None:
+        self.duals = [dual_of(start, move) for move in directions.moves]
+        prepared = plan._steps
+        if any(directions.systems):
+            constant = dual_of(directions.system)
+            prepared = replace(prepared, system=Systems(tuple(s or constant for s in directions.systems)), shapes={})
+        if any(directions.methods):
+            constant = dual_of(directions.method)
+            prepared = replace(prepared, method=Methods(tuple(m or constant for m in directions.methods)), shapes={})
+        count = SimpleNamespace(bodies=len(directions.moves))
+        super().__init__(like(plan, _steps=prepared), count, t0, steps, None, None)
 
     def _member(self, i: int) -> Any:
         return self.duals[i]
 
     def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
-        """All numbers that the method carries along may come to depend on the start, zeros of its
-        first guesses too.
+        """The first carry and sample, every number of the carry with a slope: zeros of first guesses may come to depend
+        on the start.
         """
         carry, example = super()._first(one, started)
         return with_slopes(carry, LEVEL), example
@@ -514,11 +500,11 @@ class _Run(StraightRun):
         return {"system": self.plan.system, "h": self.way.h} | none
 
     def tell(self, made: Trajectory) -> None:
-        """Directions that stop are no bodies of which to warn."""
+        """Without a warning of directions that stopped, which are no bodies."""
 
     def halves(self) -> tuple[int, np.ndarray, np.ndarray]:
-        """The number of samples to which all directions came; the numbers of the states then, (n,
-        width), and their derivatives in every direction, (n, directions, width).
+        """The number n of samples that all directions reached; of these the numbers of the states, (n, width), and
+        their derivatives in every direction, (n, directions, width).
         """
         samples = self.observers[0]
         n = max(1, int(samples.samples_after(self.clocks[TAKEN].min())))

@@ -19,13 +19,11 @@ from .frames import LEVEL
 
 
 class Varied:
-    """The systems, or the methods, of all bodies, in directions.
+    """The systems, or the methods, of all bodies, with derivatives of their numbers along directions.
 
-    things : one for all bodies, or one for each.
-    slopes : (things, directions, numbers) how their numbers change; direction -1 is that of none.
-    moved : the places of numbers that have a slope beside these.
-    side : along how many directions a number carries derivatives.
-    example : one of them, in numbers that carry a derivative where one changes.
+    things : one for all bodies, or one for each.  slopes : (things, directions, numbers), the derivatives; direction -1
+    has none.  moved : the places of further numbers that have a slope.  side : the number of directions along which a
+    number carries derivatives.  example : one of the things, whose numbers carry derivatives where they have some.
     """
 
     def __init__(self, things: Sequence[Any], slopes: np.ndarray, moved: Any = (), side: int = 1) -> None:
@@ -51,12 +49,12 @@ class Varied:
         for j in self.moves.tolist():
             numbers[j] = Dual(numbers[j], Vec(*slopes[j].tolist()), LEVEL)
         parts = [self._part(numbers[j]) for j in self.tables]  # are alive as long as they are built in
-        made = build(self.layout, iter(numbers))
+        thing = build(self.layout, iter(numbers))
         del parts
-        return made
+        return thing
 
     def _part(self, place: float) -> Table:
-        """The table, or the part of one, that lies here."""
+        """The table, or the part of one, at this place in memory."""
         whole = max((t for t in self.known if t.place <= place), key=lambda t: t.place)
         return whole.part(int(place - whole.place)) if whole.place < place else whole
 
@@ -70,11 +68,11 @@ class Varied:
     def columns(self, body: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """The numbers of bodies, each in `side` directions, (n, side): (height, n)."""
         body = np.minimum(body, len(self.things) - 1)
-        found = np.empty((self.height, len(body)))
-        found[self.place] = self.values[body].T
-        for s, of_one in enumerate(direction.T):
-            found[self.place[self.moves] + 1 + s] = self.slopes[body, of_one][:, self.moves].T
-        return found
+        columns = np.empty((self.height, len(body)))
+        columns[self.place] = self.values[body].T
+        for s, along in enumerate(direction.T):
+            columns[self.place[self.moves] + 1 + s] = self.slopes[body, along][:, self.moves].T
+        return columns
 
     def thing(self, column: np.ndarray) -> Any:
         """The thing with the numbers of a column."""

@@ -31,52 +31,53 @@ class VariedInput:
         """The table in a system."""
         return inputs(system)[self.number]
 
-    def by(self, found: np.ndarray, values: bool) -> np.ndarray:
-        """The derivative by the values, or by the coefficients, from that by the coefficients, (bodies,
-        intervals, coefficients).
+    def by(self, slopes: np.ndarray, values: bool) -> np.ndarray:
+        """The derivative by the coefficients in their shape, or by the values.
+
+        slopes : (bodies, intervals, coefficients), the derivative by the coefficients.
         """
         table = self.table
         shape = table.degree + 1, *([table.size] if table.size else [])
-        found = found.reshape(*found.shape[:2], *shape)
+        slopes = slopes.reshape(*slopes.shape[:2], *shape)
         if not values:
-            return found
+            return slopes
         if table.degree == 0:
-            return found[:, :, 0]
+            return slopes[:, :, 0]
         width = np.diff(np.asarray(table.knots)).reshape(-1, *[1] * (len(shape) - 1))
-        ends = np.zeros((found.shape[0], found.shape[1] + 1, *shape[1:]))
-        ends[:, :-1] += found[:, :, 0] - found[:, :, 1] / width
-        ends[:, 1:] += found[:, :, 1] / width
+        ends = np.zeros((slopes.shape[0], slopes.shape[1] + 1, *shape[1:]))
+        ends[:, :-1] += slopes[:, :, 0] - slopes[:, :, 1] / width
+        ends[:, 1:] += slopes[:, :, 1] / width
         return ends
 
     def in_system(self, system: Any) -> Any:
-        """The system with the table as it carries a derivative."""
+        """The system with this table as a VariedTable."""
         tables = inputs(system)
         tables[self.number] = varied(tables[self.number])
         return with_records(system, PiecewisePolynomial, tables)
 
     def find(self, system: Any) -> None:
-        """Find the places of its numbers in those of a system that has it so."""
-        mine = inputs(system)[self.number]
-        layout, at = layout_of(mine), self._begin(layout_of(system), [self.number])
+        """Set `places`, of the numbers of the VariedTable among those of the system."""
+        table = inputs(system)[self.number]
+        layout, at = layout_of(table), self._begin(layout_of(system), [self.number])
         for name, part in zip(layout.detail[1], layout.parts, strict=True):
             self.places[name] = np.arange(at, at + part.width)
             at += part.width
 
     def moves(self, system: Any) -> list[tuple[Any, int]]:
-        """For every coefficient of every interval the system in which that interval is moved, and the place
-        of the number by which.
+        """For every coefficient of every interval the system in which this interval is varied, and the place of the
+        perturbation of this coefficient.
         """
-        layout, found = layout_of(system), []
+        layout, systems_and_places = layout_of(system), []
         for interval in range(int(self.table.intervals)):
             numbers = leaves(system, layout)
             numbers[self.places["where_moved"][0]] = float(interval)
             moved = build(layout, iter(numbers))
-            found += [(moved, int(place)) for place in self.places["moved"]]
-        return found
+            systems_and_places += [(moved, int(place)) for place in self.places["moved"]]
+        return systems_and_places
 
     def _begin(self, layout: Any, left: list[int]) -> int:
-        """Where the numbers of the table begin, as far as this part of the layout has it.  left : how many
-        tables come before.
+        """The offset of the numbers of the table in this part of a layout.  left : a list of the number of tables
+        before it, -1 once it was met.
         """
         at = 0
         for part in layout.parts:
@@ -96,12 +97,14 @@ class VariedInput:
         self, systems: Any, columns: np.ndarray, component: np.ndarray, interval: np.ndarray,
         part: np.ndarray, body: np.ndarray, tables: list[Any],
     ) -> None:  # fmt: skip
-        """Write into columns which components are moved, (n, side), -1 for none, in which interval, and the
-        part of the table that counts: its first and last interval, (2, n).  tables : of all systems.
+        """Write the varied coefficients into columns of systems.
+
+        component : (n, side), the numbers of the coefficients; -1 for none.  interval : (n,), theirs.  part : (2, n),
+        the first and the last interval over the steps.  tables : of all systems.
         """
         rows = {name: systems.place[places] for name, places in self.places.items()}
-        some, slot = np.nonzero(component >= 0)
-        columns[rows["moved"][component[some, slot]] + 1 + slot, some] = 1.0
+        column, slot = np.nonzero(component >= 0)
+        columns[rows["moved"][component[column, slot]] + 1 + slot, column] = 1.0
         columns[rows["where_moved"]] = interval
         if self.table.outside == "repeat":
             return
@@ -124,9 +127,11 @@ class VariedInput:
 
 
 def table_of(system: Any, name: str, caller: str, known: Any = ()) -> tuple[VariedInput, bool] | None:
-    """The table that a name means, "torque.values" or "torque.coefficients", and whether values are asked
-    for; None for other parameters.  known : tables that were found before.  caller : who asks.
-    Raises InvalidInput where a table has coefficients alone.
+    """The table with this name, "torque.values" or "torque.coefficients", and whether the name is of values; None for
+    other parameters.
+
+    known : VariedInputs that may be the table's.  caller : for messages.  Raises InvalidInput for values of a table
+    that has coefficients alone.
     """
     before, _, last = name.rpartition(".")
     if last not in ("values", "coefficients") or not before:
@@ -135,11 +140,11 @@ def table_of(system: Any, name: str, caller: str, known: Any = ()) -> tuple[Vari
     if not isinstance(table, PiecewisePolynomial):
         return None
     number = next(k for k, x in enumerate(inputs(system)) if x is table)
-    found = next((x for x in known if x.number == number), None) or VariedInput(number, table)
+    varied_input = next((x for x in known if x.number == number), None) or VariedInput(number, table)
     if last == "values" and not table.has_values:
         raise InvalidInput(
             f"{caller}: {name}: values are those of steps (PiecewisePolynomial.constant) and of "
             f"straight lines (.linear); of {table!r} ask for {before}.coefficients, from which those "
             "of values follow by the chain rule"
         )
-    return found, last == "values"
+    return varied_input, last == "values"

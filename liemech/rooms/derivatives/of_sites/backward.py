@@ -86,7 +86,7 @@ def moved(way: WayBack, part: StepPart, states: Any, n: int) -> None:
 
 
 def one_moved(way: WayBack, motion: SiteMotion, part: StepPart, states: Any, n: int) -> None:
-    """That of one site."""
+    """One part of a step of one site."""
     system, motion = seen(way, part, at_this_site(way.system)), seen(way, part, motion)
     new = motion.moved(system, part, load(states, n, way.state))
     require_finite(new)
@@ -179,7 +179,7 @@ def one_other_back(
 
 
 def one_at_rest(alongs: Any, layout: Any) -> None:
-    """No direction."""
+    """Set the direction of a site to zero."""
     save(alongs, 0, vec(*[0.0 for _ in range(layout.width)]), layout)
 
 
@@ -243,7 +243,7 @@ def edges_back(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any,
 
 
 def one_edge(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, sums: Any) -> None:
-    """Those of one edge."""
+    """Add the derivatives at one edge to its sum."""
     here = at_this_site(edges)
     varied = records_in(here, VariedParameter)
     numbers = vec(*[x for one in varied for x in numbers_of(one)])

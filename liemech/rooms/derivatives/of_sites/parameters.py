@@ -67,7 +67,7 @@ class Slot:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """That of one value."""
+        """The shape of the value at one edge."""
         return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
 
     def at_edges(self, count: int, ends: Any = None) -> VariedParameter:
@@ -188,16 +188,16 @@ class Parameter:
         return found
 
     def _symmetric(self, values: np.ndarray) -> bool:
-        """Are all matrices symmetric?"""
+        """Whether all values are symmetric matrices."""
         return self.shape[0] == self.shape[1] and np.array_equal(values, np.swapaxes(values, -1, -2))
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """That of one value."""
+        """The shape of the value at one edge."""
         return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
 
     def put(self, term: Any, varied: VariedParameter, path: tuple[str, ...]) -> Any:
-        """The term with it."""
+        """The term with the varied parameter at the end of a path of fields."""
         first, *rest = path
         inner = self.put(getattr(term, first), varied, tuple(rest)) if rest else varied
         return with_fields(term, **{first: inner})
@@ -243,7 +243,7 @@ class SlopesOfPart:
         )  # fmt: skip
 
     def add(self, count: int, used: Planes) -> None:
-        """Those of what was asked so often."""
+        """Add the derivatives of `count` values that the terms were asked for on the way back."""
         given = self.edges, self.asked, self.total, count, used, self.sums
         with self.execution.on_sites(self.count * count, self.count) as calls:
             driver: Any = edges_back if calls is None else calls
@@ -285,5 +285,5 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def zeros(width: int) -> Any:
-    """A vector of zeros."""
+    """The zero vector of this width."""
     return vec(*[0.0] * width)

@@ -42,7 +42,7 @@ class Along:
         """A direction is no motion, from which to go on."""
 
     def elements(self, rows: np.ndarray) -> Any:
-        """Where the sites are."""
+        """The elements of the sites, without their slopes."""
         one: Any = super()
         return one.elements(rows[0::2])
 
@@ -111,7 +111,7 @@ def tangent_by_sites(sites: Any, start: Any, steps: Any, t_end: Any, t0: float, 
 
 
 def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) -> Any:
-    """That of fixed steps."""
+    """The run of `tangent_by_sites` with fixed steps."""
     plan, frames = sites.plan, Frames(sites.site, start)
     n, every = frames.components, plan.options.every
     name, wanted = given or ("start", None)
