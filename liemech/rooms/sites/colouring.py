@@ -55,13 +55,11 @@ class PlacesByColour(NamedTuple):
     """Sites in the order of their colours, those of one colour side by side: where loops find them.
 
     Every colour fills whole groups of sixteen places; the last site of it stands in those beyond.
-    sites : (places,), the site at each.  places : (sites,), the place of each.
-    ranges : where each colour begins and ends.
     """
 
-    sites: np.ndarray
-    places: np.ndarray
-    ranges: tuple[tuple[int, int], ...]
+    sites: np.ndarray  # (places,), the site at each
+    places: np.ndarray  # (sites,), the place of each
+    ranges: tuple[tuple[int, int], ...]  # where each colour begins and ends
 
     @classmethod
     def of_colouring(cls, colouring: Colouring) -> PlacesByColour:
@@ -80,13 +78,10 @@ class PlacesByColour(NamedTuple):
 
 @record
 class Coloured(Record):
-    """Sites that are tied by the edges of graphs, and these edges, in groups by their colours.
-
-    graphs : the graphs.  sites : how many there are.
-    """
+    """Sites that are tied by the edges of graphs, and these edges, in groups by their colours."""
 
     graphs: tuple[Graph, ...]
-    sites: int
+    sites: int  # the number of sites
 
     @cached_property
     def colouring(self) -> Colouring:
@@ -156,8 +151,8 @@ def colours_of_edges(edges: np.ndarray) -> np.ndarray:
     numbers, sites = order // arity, ends[order]
     ties = []
     for step in range(1, int(np.bincount(ends, minlength=1).max(initial=0))):
-        same = sites[step:] == sites[:-step]
-        ties.append(np.stack([numbers[:-step][same], numbers[step:][same]], axis=1))
+        meets = sites[step:] == sites[:-step]
+        ties.append(np.stack([numbers[:-step][meets], numbers[step:][meets]], axis=1))
     shared = np.concatenate(ties) if ties else np.empty((0, 2), dtype=np.int64)
     ties_of_edges = fill(Edges, {"given": shared, "count": count, "order": None})  # one may be there twice
     return colours_of([ties_of_edges], count).colours
@@ -237,8 +232,8 @@ def _one_by_one(edges: np.ndarray, sites: int, least: int) -> Colouring:
     Source: Culberson, Iterated greedy graph coloring (1992); Jones and Plassmann, SIAM J. Sci.
     Comput. 14 (1993).
     """
-    both = np.concatenate([edges, edges[:, ::-1]])
-    site, other = np.divmod(np.unique(both[:, 0] * sites + both[:, 1]), sites)
+    directed = np.concatenate([edges, edges[:, ::-1]])
+    site, other = np.divmod(np.unique(directed[:, 0] * sites + directed[:, 1]), sites)
     begin = np.searchsorted(site, np.arange(sites + 1))
     rank = np.random.default_rng(5).permutation(sites) + sites * np.diff(begin)
     colours = np.full(sites, -1, dtype=np.int64)
@@ -276,13 +271,13 @@ def _entries(some: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _first_free(some: np.ndarray, colours: np.ndarray, other: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """For each of some sites the first colour that no neighbour has."""
     at, whose = _entries(some, begin)
-    theirs = colours[other[at]]
-    coloured = theirs >= 0
-    most = int(theirs.max(initial=0)) + 1
-    whose, theirs = np.divmod(np.unique(whose[coloured] * most + theirs[coloured]), most)
+    taken = colours[other[at]]
+    coloured = taken >= 0
+    most = int(taken.max(initial=0)) + 1
+    whose, taken = np.divmod(np.unique(whose[coloured] * most + taken[coloured]), most)
     first = np.searchsorted(whose, np.arange(len(some) + 1))
     place = np.arange(len(whose)) - first[whose]
     free = np.diff(first)  # all of them in a row: the next one
-    gap = theirs != place
+    gap = taken != place
     np.minimum.at(free, whose[gap], place[gap])
     return free

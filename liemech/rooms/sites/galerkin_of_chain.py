@@ -66,24 +66,18 @@ def work_of(n: int) -> Layout:
 
 @record
 class GalerkinOfChain(StepsTogether):
-    """GalerkinVariational(order=2), or a composition of it, of sites that are tied each to the next.
+    """GalerkinVariational(order=2), or a composition of it, of sites that are tied each to the next."""
 
-    edges : the terms of two sites as the first of them has them, in forms of a site.  alone : those
-    of one site.  before : of each site the one before it.  tied : 1 if there is one.  ring : is the
-    first site tied to the last?  sites : how many there are.  shares : of the substeps, each with
-    its node.  substeps, stages : how many there are.  work : what lies in memory.
-    """
-
-    edges: Any
-    alone: Any
-    before: Any
-    tied: Any
-    ring: bool
-    sites: float
-    work: Layout
-    shares: Any
-    substeps: float
-    stages: int
+    edges: Any  # the terms of two sites, as roles of the first of them
+    alone: Any  # the terms of one site
+    before: Any  # of each site the one before it
+    tied: Any  # of each site 1 if there is one before it, else 0
+    ring: bool  # is the first site tied to the last?
+    sites: float  # the number of sites
+    work: Layout  # of the numbers that a site has in memory
+    shares: Any  # of the substeps, each with its node
+    substeps: float  # the number of substeps
+    stages: int  # that number, for the claims
 
     symmetric: ClassVar[bool] = True
 
@@ -190,7 +184,7 @@ def middle_of(system: Any, old: Any, work: Any) -> tuple[Any, Vec, Any]:
 def forces_here(method: Any, system: Any, old: Any, work: Any) -> None:
     """The forces of the bond to the next site on both of its ends, and of what this site has on its own."""
     group, (_, _, g) = system.configurations, middle_of(system, old, work)
-    me, meeting, view = system.potential.met(None, g, None, method.edges)
+    me, meeting, view = system.potential.site_and_others(None, g, None, method.edges)
     force = push = vec(*[0.0 for _ in range(group.dim)])
     for role in method.edges:
         ends = [me, *[view(meeting.of(b, 0)) for b in role.others]]
@@ -206,7 +200,7 @@ def slopes_here(method: Any, system: Any, old: Any, work: Any) -> None:
     """The derivatives of the forces of `forces_here` by the elements of both ends."""
     group, (_, _, g) = system.configurations, middle_of(system, old, work)
     n = group.dim
-    me, meeting, view = system.potential.met(None, g, None, method.edges)
+    me, meeting, view = system.potential.site_and_others(None, g, None, method.edges)
     blocks = [mat(*[vec(*[0.0 for _ in range(n)]) for _ in range(n)]) for _ in range(4)]
     for role in method.edges:
         ends = [me, *[view(meeting.of(b, 0)) for b in role.others]]

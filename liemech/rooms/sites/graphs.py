@@ -21,16 +21,12 @@ MOST = 2**53
 
 
 class Incidence(NamedTuple):
-    """For each site the edges that end there in one role, as tables with a column for each site.
+    """For each site the edges that end there in one role, as tables with a column for each site."""
 
-    others : (k - 1, degree, sites), the other ends, in the order of the arguments of the term.
-    edges : (degree, sites), the numbers of the edges, rising in a column.
-    counts : (sites,), how many entries of a column count; those below repeat the last one that does,
-    those of a site without edges are any site and edge.
-    """
-
-    others: np.ndarray
-    edges: np.ndarray
+    others: np.ndarray  # (k - 1, degree, sites), the other ends, in the order of the arguments of the term
+    edges: np.ndarray  # (degree, sites), the numbers of the edges, rising in a column
+    # (sites,), how many entries of a column count; those below repeat the last one that does, those of a site without
+    # edges are any site and edge
     counts: np.ndarray
 
 
@@ -123,7 +119,7 @@ def require_sites(name: str, edges: np.ndarray, counts: Any) -> None:
 
 
 def incidence_of(edges: np.ndarray, sites: int, role: int | None) -> Incidence:
-    """The edges at each of so many sites, of which it is the end number `role`; None: either end.
+    """The edges at each site of which it is end number `role`; None: either end.
     Raises InvalidInput for a site that is not there: native code does not look.
     """
     arity = edges.shape[1]
@@ -220,8 +216,8 @@ class Lattice(Graph):
                 along = self.sites * (len(edges) // (2 if role is None else 1))
                 ends = [(before, along + before), (after, along + place)]
                 if role is None:  # in the order of the edges
-                    same = before < place
-                    pairs = [[np.where(same, x, y), np.where(same, y, x)] for x, y in zip(*ends)]
+                    is_first = before < place
+                    pairs = [[np.where(is_first, x, y), np.where(is_first, y, x)] for x, y in zip(*ends)]
                     others, edges = others + pairs[0], edges + pairs[1]
                 else:
                     others, edges = others + [ends[1 - role][0]], edges + [ends[1 - role][1]]
@@ -247,8 +243,8 @@ class Lattice(Graph):
         lengths = ", ".join(map(str, self.shape))
         if self.called in ("ring", "chain"):
             return f"neighbours.{self.called}({lengths})"
-        same = len({*self.periodic}) == 1
-        how = "" if all(self.periodic) else f", periodic={self.periodic[0] if same else self.periodic}"
+        uniform = len({*self.periodic}) == 1
+        how = "" if all(self.periodic) else f", periodic={self.periodic[0] if uniform else self.periodic}"
         return f"neighbours.{self.called}({lengths}{how})"
 
 
@@ -352,8 +348,8 @@ class Edges(Graph):
         return int(self.given.shape[1])
 
     def __repr__(self) -> str:
-        what = {2: "pairs", 3: "triples"}.get(self.arity, f"edges of {self.arity}")
-        return f"neighbours.edges({len(self.edges)} {what}, sites={self.count})"
+        noun = {2: "pairs", 3: "triples"}.get(self.arity, f"edges of {self.arity}")
+        return f"neighbours.edges({len(self.edges)} {noun}, sites={self.count})"
 
 
 def edges(pairs: Any, sites: int | None = None, ordered: bool | None = None) -> Edges:
@@ -393,7 +389,7 @@ def _numbers_of_sites(name: str, pairs: Any) -> np.ndarray:
 
 @record
 class Between(Graph):
-    """Edges between sites of several species, given one by one; `Term.over` is told of which.
+    """Edges between sites of several species, given one by one; `Term.over` takes the species.
 
     given : (edges, arity), each number one of a site of its species.
     """
@@ -430,9 +426,9 @@ class Between(Graph):
         require_sites(f"{name} between species {of}", self.given, counts)
         for i in range(len(of)):
             for j in range(i):
-                same = self.given[:, i] == self.given[:, j]
-                if of[i] == of[j] and same.any():
-                    at = int(same.argmax())
+                degenerate = self.given[:, i] == self.given[:, j]
+                if of[i] == of[j] and degenerate.any():
+                    at = int(degenerate.argmax())
                     raise InvalidInput(f"{name}: edge {at}, {_shown(self.given[at])}, ties a site to itself")
 
     def __repr__(self) -> str:
@@ -490,7 +486,7 @@ class OfCount(Graph):
         return self.count
 
     def on(self, sites: int) -> Graph:
-        """The graph on so many sites, if it has no other number of them."""
+        """The graph on this number of sites, unless it has another one."""
         return with_fields(self, count=sites) if self.count is None else super().on(sites)
 
 
@@ -602,21 +598,21 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
     Raises InvalidInput for a cutoff beyond half the box.
     """
     name = "neighbours.within"
-    numbers = [real_array(x, f"{name}: {what}") for what, x in (("cutoff", cutoff), ("inner", inner or 0.0))]
-    for what, x in zip(("cutoff", "inner"), numbers):
+    numbers = [real_array(x, f"{name}: {argument}") for argument, x in (("cutoff", cutoff), ("inner", inner or 0.0))]
+    for argument, x in zip(("cutoff", "inner"), numbers):
         if x.ndim:
-            raise InvalidInput(f"{name}: {what} is one distance; got shape {x.shape}")
-        check_finite(x, f"{name}: {what}")
-    far = float(numbers[0])
-    near = 0.9 * far if inner is None else float(numbers[1])
+            raise InvalidInput(f"{name}: {argument} is one distance; got shape {x.shape}")
+        check_finite(x, f"{name}: {argument}")
+    cutoff_length = float(numbers[0])
+    inner_length = 0.9 * cutoff_length if inner is None else float(numbers[1])
     if box is None:
-        return Within(None, far, near)
+        return Within(None, cutoff_length, inner_length)
     lengths = np.atleast_1d(real_array(box, f"{name}: box"))
     lengths = np.repeat(lengths, 3) if lengths.shape == (1,) else lengths
     check_finite(lengths, f"{name}: box")
     if lengths.ndim != 1:
         raise InvalidInput(f"{name}: box is the lengths of a box, (n,); got shape {lengths.shape}")
-    return Within(None, far, near, Vec.of(lengths.tolist()))
+    return Within(None, cutoff_length, inner_length, Vec.of(lengths.tolist()))
 
 
 def place(group: LieGroup, g: Element) -> Vec:

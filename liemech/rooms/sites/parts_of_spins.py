@@ -48,8 +48,8 @@ def turned_by(energy: Any, group: LieGroup, colour: int, t: float, time: float, 
     """
     energy, mu = at_time(energy, t), plain(state.mu)
     if isinstance(energy, BondsOfSite):
-        theirs, mine = energy.turns(colour, mu, time)
-        return turned(group, state, -theirs, mine + theirs)
+        turn_of_others, own_turn = energy.turns(colour, mu, time)
+        return turned(group, state, -turn_of_others, own_turn + turn_of_others)
     return turned(group, state, time * at_this_site(energy).gradient(mu))
 
 

@@ -59,8 +59,8 @@ class TermSplitting(Remembering):
         return f"{self.tableau.name} splitting ({self._motions.__name__.lower()})"
 
     def __repr__(self) -> str:
-        ours = self.tableau == self.choices.get(self.tableau.order)
-        argument = f"order={self.order}" if ours else f"tableau={self.tableau!r}"
+        is_default = self.tableau == self.choices.get(self.tableau.order)
+        argument = f"order={self.order}" if is_default else f"tableau={self.tableau!r}"
         return f"{type(self).__name__}({argument})"
 
     def require(self, system: Any) -> None:
@@ -117,7 +117,7 @@ class TermSplitting(Remembering):
 
 
 def terms_of(system: Any) -> Any:
-    """The energy of a system, of one that changes with time as it is at time 0."""
+    """The energy of a system; of one that changes with time, its energy at time 0."""
     energy = system.hamiltonian
     return energy.at_zero if isinstance(energy, DrivenTerms) else energy
 

@@ -30,5 +30,5 @@ class StepsTogether(Record):
 
 
 def copied(old: Any, new: Any) -> None:
-    """A place as it is."""
+    """The place, unchanged: its numbers lie in memory."""
     new.save(old.load())

@@ -2,6 +2,7 @@
 
 terms.py                         what a user writes: a term, its graph, `Terms`
 sums_of_terms.py                 what a system makes of it: a Hamiltonian, a potential, a load on a power of a group
+terms_on_groups.py               how it is made, and what terms a system refuses
 bound_terms.py, among.py         a term with the numbers of its edges; graphs between species
 terms_at_site.py                 the energy as one site has it, in memory or written out
 bonds_at_site.py                 the bonds of a site, one of each colour
@@ -10,4 +11,4 @@ kinds_of_terms.py                which terms are symmetric, or move in closed fo
 point_terms.py, near_pairs.py    terms through points that bodies carry; cutoffs and periodic boxes
 """
 
-from . import sums_of_terms  # noqa: F401 (systems learn what terms are on a group)
+from . import terms_on_groups  # noqa: F401 (systems learn what terms are on a group)

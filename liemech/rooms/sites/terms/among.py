@@ -24,18 +24,14 @@ from .terms import site_class
 
 @record
 class Among(Graph):
-    """A graph whose edges are between sites of some species, which are numbered among all.
+    """A graph whose edges are between sites of some species, which are numbered among all."""
 
-    graph : as it was given.  of : the species of each end of an edge.  firsts, counts : of these
-    species the number of the first site, and how many there are.  every : how many sites there are
-    in all.  (Whole numbers; a vector of floats where formulas are not to know them, see `open`.)
-    """
-
-    graph: Graph
-    of: tuple[int, ...]
-    firsts: Any
-    counts: Any
-    every: Any
+    graph: Graph  # as it was given
+    of: tuple[int, ...]  # the species of each end of an edge
+    # whole numbers; vectors of floats where formulas are not to know them, see `open`
+    firsts: Any  # of these species the number of the first site
+    counts: Any  # of these species the number of sites
+    every: Any  # the number of all sites
 
     @classmethod
     def on_species(cls, name: str, graph: Graph, of: tuple[int, ...], group: SpeciesGroup) -> Among:
@@ -116,8 +112,8 @@ class Among(Graph):
         pairs = numbers[near.pairs(places[numbers], reach)]
         if self.is_of_one:
             return pairs
-        apart = np.isin(pairs[:, 0], species[0]) & np.isin(pairs[:, 1], species[1])
-        pairs = pairs[apart] if species[0] is ranges[0] else pairs[apart][:, ::-1]
+        in_order = np.isin(pairs[:, 0], species[0]) & np.isin(pairs[:, 1], species[1])
+        pairs = pairs[in_order] if species[0] is ranges[0] else pairs[in_order][:, ::-1]
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def near(self, places: Any, reach: float, role: int) -> Incidence:
@@ -144,25 +140,21 @@ def is_all_pairs(graph: Graph) -> bool:
 
 @record
 class Species(Record):
-    """The species of a system, as terms see their sites.
+    """The species of a system, as terms see their sites."""
 
-    groups : of each the group of a site.  names : of each those of its parameters.  which : of every
-    site its species.  numbers : of every site its number among all.  alike : have all the same group?
-    """
-
-    groups: tuple[LieGroup, ...]
-    names: tuple[tuple[str, ...], ...]
-    which: SiteArray
-    numbers: SiteArray
-    alike: bool
+    groups: tuple[LieGroup, ...]  # by species, the group of a site
+    names: tuple[tuple[str, ...], ...]  # by species, the names of the parameters of a site
+    which: SiteArray  # by site, the number of its species
+    numbers: SiteArray  # by site, its number among all
+    alike: bool  # have all species one group?
 
     @classmethod
     def of_group(cls, group: SpeciesGroup, names: tuple[tuple[str, ...], ...]) -> Species:
         """The species of a group, with parameters of these names."""
-        which = SiteArray.of(np.repeat(np.arange(len(group.powers), dtype=float), group.counts))
+        species_of_sites = SiteArray.of(np.repeat(np.arange(len(group.powers), dtype=float), group.counts))
         bases = tuple([power.base for power in group.powers])
         numbers = SiteArray.of(np.arange(group.copies, dtype=float))
-        return cls(bases, names, which, numbers, len({*bases}) == 1)
+        return cls(bases, names, species_of_sites, numbers, len({*bases}) == 1)
 
     @cached_property
     def blank(self) -> tuple[Any, ...]:

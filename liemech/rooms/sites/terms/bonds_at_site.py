@@ -48,11 +48,11 @@ class BondsOfSite(TermsOfSite):
         """The velocities that the bond of a colour gives the other end and this site, times a time;
         zero where there is none.  mu : (dim,), the momentum of this site.
         """
-        me, meeting, view = self.met(mu)
-        theirs = mine = 0.0 * mu
+        me, meeting, view = self.site_and_others(mu)
+        turn_of_others = own_turn = 0.0 * mu
         for role, existing in zip(self.roles, self.there):
             mate, term = view(meeting.of(role.others[0], colour)), role.at_edge(colour)
             ends, exists = role.ends(me, [mate]), own(existing, colour) > 0.5
-            mine = mine + masked(exists, time * term.slope(role.role, *ends))
-            theirs = theirs + masked(exists, time * term.slope(1 - role.role, *ends))
-        return theirs, mine
+            own_turn = own_turn + masked(exists, time * term.slope(role.role, *ends))
+            turn_of_others = turn_of_others + masked(exists, time * term.slope(1 - role.role, *ends))
+        return turn_of_others, own_turn

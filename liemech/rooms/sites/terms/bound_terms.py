@@ -24,16 +24,11 @@ from .terms import AtTime, Over, Term, Terms, timed
 
 @record
 class Kind(Record):
-    """The kinds of a term that are proved for all its edges.
+    """The kinds of a term that are proved for all its edges."""
 
-    affine : is it affine in the momentum of each site?  steady : does the velocity that it gives a
-    single site stay as it is while the site moves along?  isotropic : is it a function of the
-    product of two momenta, with derivatives c b and c a?
-    """
-
-    affine: bool = False
-    steady: bool = False
-    isotropic: bool = False
+    affine: bool = False  # is it affine in the momentum of each site?
+    steady: bool = False  # does the velocity that it gives a single site stay as it is while the site moves along?
+    isotropic: bool = False  # is it a function of the product of two momenta, with derivatives c b and c a?
 
 
 # ------------------------------------------------------------------ on the sites of a system
@@ -41,18 +36,13 @@ class Kind(Record):
 
 @record
 class BoundTerm(Record):
-    """A term on the edges of a graph whose number of sites is known.
-
-    merged : are the two ends of an edge alike, so that nobody need know which is the first?
-    first : does it count for the first of the ends only, as a force?  kind : what is proved of a
-    term in momenta.
-    """
+    """A term on the edges of a graph whose number of sites is known."""
 
     term: Term
     graph: Graph
-    merged: bool = False
-    first: bool = False
-    kind: Kind = Kind()
+    merged: bool = False  # are the two ends of an edge alike, so that nobody need know which is the first?
+    first: bool = False  # does it count for the first of the ends only, as a force?
+    kind: Kind = Kind()  # what is proved of a term in momenta
 
     def __post_init__(self) -> None:
         """Raises InvalidInput for parameters that are not as many as edges."""
@@ -60,10 +50,10 @@ class BoundTerm(Record):
         count = len(self.graph.edges) if _each_of(self.term) else 0
         for parameter in _each_of(self.term):
             if len(parameter) != count:
-                what = "sites" if self.graph.arity == 1 else "edges"
+                places = "sites" if self.graph.arity == 1 else "edges"
                 term = self.term.term if isinstance(self.term, AtTime) else self.term
                 raise InvalidInput(
-                    f"{type(term).__name__}: a parameter has {len(parameter)} values, and {self.graph!r} has {count} {what}"
+                    f"{type(term).__name__}: a parameter has {len(parameter)} values, and {self.graph!r} has {count} {places}"
                 )
 
     def require_on(self, group: PowerGroup | SpeciesGroup) -> None:
@@ -226,9 +216,9 @@ def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
         places = [place(base, small(np.asarray(base.identity()))) for base in bases]
         for base, at in zip(bases, places):
             if len(at) != len(places[0]) or (graph.box is not None and len(graph.box) != len(at)):
-                wanted = len(places[0]) if graph.box is None else len(graph.box)
+                dimension = len(places[0]) if graph.box is None else len(graph.box)
                 raise InvalidInput(
-                    f"{graph!r}: {'the box has' if graph.box is not None else 'there are'} {wanted} "
+                    f"{graph!r}: {'the box has' if graph.box is not None else 'there are'} {dimension} "
                     f"lengths, and {base!r} moves in a space of {len(at)} dimensions"
                 )
         if _each_of(over.term):

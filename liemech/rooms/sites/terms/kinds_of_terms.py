@@ -251,8 +251,8 @@ def _isotropic(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tupl
     of_a, of_b = (term.slope(k, a, b) for k in (0, 1))
     c, d = dot(of_a, b.mu) / dot(b.mu, b.mu), dot(of_b, a.mu) / dot(a.mu, a.mu)
     whole = np.maximum(_size(of_a), _size(of_b))
-    apart = of_a - c * b.mu, of_b - c * a.mu, (c - d) * a.mu
-    return [(_size(x), whole) for x in apart]
+    differences = of_a - c * b.mu, of_b - c * a.mu, (c - d) * a.mu
+    return [(_size(x), whole) for x in differences]
 
 
 def _unmoved(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:

@@ -73,10 +73,10 @@ class NearPairs(Term):
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
         """The forces on both sites."""
-        ours, theirs = sites[0], self.image(*sites)
-        s, push = self._pushed(ours, theirs)
-        first, second = self.term.forces(group, ours, theirs)
-        return self._whole(group, ours, s, first, push), self._whole(group, theirs, s, second, -push)
+        site, image = sites[0], self.image(*sites)
+        s, push = self._pushed(site, image)
+        first, second = self.term.forces(group, site, image)
+        return self._whole(group, site, s, first, push), self._whole(group, image, s, second, -push)
 
     def _pushed(self, a: Any, b: Any) -> tuple[float, Vec]:
         return self.pushed(place(self.first, a.g) - place(self.second, b.g), self.term.energy(a, b))

@@ -112,8 +112,8 @@ class NearPointPairs(PointTerm, NearPairs):
         first, second = term.pushes(a[:last], b[:last])
         s, push = self.pushed(a[last] - b[last], term.between(a[:last], b[:last]))
         within = s > 0.0
-        ours, theirs = vec(*(s * first), *push), vec(*(s * second), *(-push))
-        return vec(*[where(within, c, 0.0) for c in ours]), vec(*[where(within, c, 0.0) for c in theirs])
+        on_first, on_second = vec(*(s * first), *push), vec(*(s * second), *(-push))
+        return vec(*[where(within, c, 0.0) for c in on_first]), vec(*[where(within, c, 0.0) for c in on_second])
 
     def felt(self, group: Any, g: Any, push: Any) -> Vec:
         """The force on a site by the pushes on its points and on its place."""

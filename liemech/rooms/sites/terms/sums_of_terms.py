@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ....errors import IncompatibleSystem, InvalidInput
+from ....errors import InvalidInput
 from ....formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
 from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
@@ -17,19 +17,18 @@ from ....groups.composed.power import PowerGroup
 from ....groups.composed.product import spans
 from ....groups.composed.species import SpeciesGroup
 from ....groups.lie_group import LieGroup
-from ....groups.rigid.se3 import SE3
 from ....systems.hamiltonian import Hamiltonian
 from ....systems.in_time.driven_hamiltonian import DrivenHamiltonian
 from ....systems.kinetic_energy import has_inertia
 from ....systems.lagrangian import Lagrangian
-from ....systems.many.energies import OfManySites, WithHeldSites, moving, on_group
+from ....systems.many.energies import OfManySites, WithHeldSites, moving
 from ....systems.potential import Force, NoPotential, Potential
 from ..colouring import Coloured
 from ..energy_of_species import EnergyOfSpecies
 from .among import Species
-from .bound_terms import BoundTerm, bound, numbers_of, parameters, term_of_edge
-from .kinds_of_terms import feels_velocity, kind_of
-from .terms import AtTime, Over, PerSite, Term, Terms, as_terms, at_time, is_a_force, site_class
+from .bound_terms import BoundTerm, term_of_edge
+from .kinds_of_terms import feels_velocity
+from .terms import PerSite, at_time, site_class
 from .terms_at_site import (
     EachOfSites,
     ForceOfSite,
@@ -41,27 +40,22 @@ from .terms_at_site import (
     TermsOfSite,
 )
 from .terms_in_arrays import energies, slopes_of
-from .trials_of_terms import plain_term, require_apart, tried
+from .trials_of_terms import require_apart
 
 
 @record
 class OfTerms(OfManySites):
-    """Energies of many sites, with what they have in common; abstract.
-
-    group : the power whose copies are the sites, or a product of powers.  parts : the terms.  names,
-    own : parameters of the sites.  held : the sites that do not move.  species : those of the sites,
-    if there are several.  pinned : the sites on SE(3) that turn where they are.
-    """
+    """The base of energies and loads that are sums of terms over graphs; abstract."""
 
     form: ClassVar[type[TermsOfSite]]
 
-    group: PowerGroup | SpeciesGroup
-    parts: tuple[BoundTerm, ...]
-    names: tuple[str, ...] = ()
-    own: tuple[Any, ...] = ()
-    held: tuple[int, ...] = ()
-    species: Species | None = None
-    pinned: tuple[int, ...] = ()
+    group: PowerGroup | SpeciesGroup  # the power whose copies are the sites, or a product of powers
+    parts: tuple[BoundTerm, ...]  # the terms
+    names: tuple[str, ...] = ()  # of the parameters of the sites
+    own: tuple[Any, ...] = ()  # the values of these parameters
+    held: tuple[int, ...] = ()  # the sites that do not move
+    species: Species | None = None  # of the sites, if there are several
+    pinned: tuple[int, ...] = ()  # the sites on SE(3) that turn where they are
 
     def __post_init__(self) -> None:
         """Raises InvalidInput for sites that are not there, and for terms and parameters of other sites."""
@@ -104,8 +98,8 @@ class OfTerms(OfManySites):
         if self.species is None or not isinstance(self.group, SpeciesGroup):
             return type(self.site)(mu, g, xi, *parameters)
         k = self.group.species_of(i)
-        mine = [x for name, x in zip(self.names, parameters) if name in self.species.names[k]]
-        return type(self.species.blank[k])(mu, g, xi, *mine)
+        of_species = [x for name, x in zip(self.names, parameters) if name in self.species.names[k]]
+        return type(self.species.blank[k])(mu, g, xi, *of_species)
 
     def at_site(self, i: int, sites: list[Any], parts: Any = None) -> Any:
         """The site form at site i of sites that are all known.  parts : the terms that count; None: all."""
@@ -177,11 +171,11 @@ class OfTerms(OfManySites):
         """
         if self.held or self.pinned or not all(isinstance(part.term, PerSite) for part in self.parts):
             return None
-        ones = {part.of: part.term.energy_of_one for part in self.parts}
+        single_energies = {part.of: part.term.energy_of_one for part in self.parts}
         if self.species is None:
-            return ones[()] if len(self.parts) == 1 else None
-        every = tuple([ones.get((k,)) for k in range(len(self.species.groups))])
-        return every if len(self.parts) == len(every) and None not in every else None
+            return single_energies[()] if len(self.parts) == 1 else None
+        by_species = tuple([single_energies.get((k,)) for k in range(len(self.species.groups))])
+        return by_species if len(self.parts) == len(by_species) and None not in by_species else None
 
     def _of_one_at_a_site(self) -> Any:
         energy: Any = self.of_one
@@ -311,7 +305,7 @@ class KineticTerms(MomentumTerms, Lagrangian):
 
 
 def _row(block: Any, k: int) -> list[Any]:
-    """Row k of a matrix, or of one that is told by its diagonal."""
+    """Row k of a matrix, which may be given by its diagonal."""
     if isinstance(block, vectors.Vec):
         return [block[k] if j == k else 0.0 for j in range(len(block))]
     return [*block[k]]
@@ -384,10 +378,13 @@ class ForceTerms(OfTerms, Force):
         """The damping along velocities of all sites, (sites dim,); of terms that say what damps, that of each site by
         its own velocity.
         """
-        said = tuple([part for part in self.parts if part.term.says_resistance])
+        damping_parts = tuple([part for part in self.parts if part.term.says_resistance])
         others = tuple([part for part in self.parts if not part.term.says_resistance])
-        sites, mine = self._moving_sites(xi, g), self.divided(along)
-        dampings = [self.at_site(i, sites, said).resistance(t, sites[i].xi, sites[i].g, x) for i, x in enumerate(mine)]
+        sites, along_sites = self._moving_sites(xi, g), self.divided(along)
+        dampings = [
+            self.at_site(i, sites, damping_parts).resistance(t, sites[i].xi, sites[i].g, x)
+            for i, x in enumerate(along_sites)
+        ]
         of_said = vec(*[x for damping in dampings for x in damping])
         return self.moving(of_said) - derivative(lambda x: self._of_parts(others, t, x, g), xi, along)
 
@@ -449,59 +446,7 @@ class DrivenTerms(DrivenHamiltonian, WithHeldSites):
         return self.at_zero._out_of_rows(results, kind)
 
 
-# ------------------------------------------------------------------ what is wrong with terms
-
-
-@on_group.register(Term)
-@on_group.register(Over)
-@on_group.register(Terms)
-def _bound_on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
-    """The energy that terms are on a group."""
-    return BOUND[kind](name, group, as_terms(energy))
-
-
-def hamiltonian_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The Hamiltonian that terms are on a group."""
-    hamiltonian = _made(MomentumTerms, name, group, terms)
-    changing = records_in(hamiltonian, AtTime)
-    if changing:
-        raise IncompatibleSystem(
-            f"{name}: {changing[0]!r} changes with time: make it a DrivenLiePoissonSystem(group, terms)"
-        )
-    ones = hamiltonian.of_one if isinstance(hamiltonian.of_one, tuple) else (hamiltonian.of_one,)
-    kinetic = all(isinstance(energy, Lagrangian) for energy in ones)
-    return KineticTerms(**fields_of(hamiltonian)) if kinetic else hamiltonian
-
-
-def driven_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The driven Hamiltonian that terms are on a group."""
-    return DrivenTerms(_made(MomentumTerms, name, group, terms))
-
-
-def potential_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The potential that terms are on a group."""
-    potential = _made(PlaceTerms, name, group, terms)
-    changing = records_in(potential, AtTime)
-    if changing:
-        raise IncompatibleSystem(
-            f"{name}: {changing[0]!r} changes with time, and potentials do not: write its force as a "
-            "term with `covector(t, a)`, load=Terms(...)"
-        )
-    return potential
-
-
-def load_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The load that terms are on a group."""
-    return _made(ForceTerms, name, group, terms)
-
-
-BOUND: dict[type, Any] = {
-    Hamiltonian: hamiltonian_of,
-    DrivenHamiltonian: driven_of,
-    Potential: potential_of,
-    Force: load_of,
-}
-"""What terms are, by the kind of energy that is asked for."""
+# ------------------------------------------------------------------ sites that rest
 
 
 def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any, Any, Any]:
@@ -553,55 +498,10 @@ def _resting(body: Any) -> Any:
     if not plain or getattr(body, "lagrangian", None) is not None or "hamiltonian" not in fields_of(body):
         return body
     free = with_fields(energy, held=(), pinned=())
-    ones = free.of_one if isinstance(free.of_one, tuple) else (free.of_one,)
-    if not all(isinstance(energy_of_one, Lagrangian) for energy_of_one in ones):
+    single_energies = free.of_one if isinstance(free.of_one, tuple) else (free.of_one,)
+    if not all(isinstance(energy_of_one, Lagrangian) for energy_of_one in single_energies):
         return body
     return type(body)(**{**fields_of(body), "hamiltonian": KineticTerms(**fields_of(free))})
-
-
-def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
-    if not isinstance(group, (PowerGroup, SpeciesGroup)):
-        raise IncompatibleSystem(
-            f"{name}: terms are energies of many sites, and {group!r} is the group of one; write "
-            f"{group!r} ** sites, such as {group!r} ** 100"
-        )
-    parts = bound(terms, group)
-    pinned = numbers_of(terms, "pinned", group)
-    sum_of_terms = kind(group, parts, *parameters(terms, group), pinned)
-    if pinned and not (isinstance(group, PowerGroup) and isinstance(group.base, SE3)):
-        raise InvalidInput(f"{name}: pinned sites turn where they are, on SE3() ** n; the group is {group!r}")
-    for part in parts:
-        _require_kind(name, kind, part)
-        _require_fitting(name, group, part)
-    parts = tuple([tried(sum_of_terms, part) for part in parts])
-    if kind is MomentumTerms:
-        parts = tuple([with_fields(part, kind=kind_of(sum_of_terms, part)) for part in parts])
-    return with_fields(sum_of_terms, parts=parts)
-
-
-def _require_fitting(name: str, group: Any, part: BoundTerm) -> None:
-    """Raise InvalidInput for the energy of a body of another dimension than its sites."""
-    energy = getattr(part.term, "energy_of_one", None)
-    base = group.powers[part.of[0]].base if part.of else group.base
-    shape = None if energy is None else energy._shape("mu", "Vec")
-    if shape not in (None, (base.dim,)):
-        raise InvalidInput(
-            f"{name}: {energy!r} takes vectors of {shape[0]} components; those of {base!r} have {base.dim}"
-        )
-
-
-def _require_kind(name: str, kind: Any, part: BoundTerm) -> None:
-    term: Any = plain_term(part.term)
-    energy = term.energy_of_one if isinstance(term, PerSite) else None
-    wanted = next(base for base in (Hamiltonian, Potential, Force) if issubclass(kind, base))
-    force = isinstance(energy, Force) if energy is not None else is_a_force(type(term))
-    if force != (wanted is Force) or (energy is not None and not isinstance(energy, wanted)):
-        what = {
-            Hamiltonian: "the Hamiltonian takes energies of momenta",
-            Potential: "the potential takes energies of elements",
-            Force: "the load takes forces, terms with `covector(t, a)`",
-        }[wanted]
-        raise InvalidInput(f"{name}: {what}; got {term!r}")
 
 
 def _require_rest(name: str, group: Any, held: tuple[int, ...], mu: np.ndarray, what: str, first: int = 0) -> None:

@@ -211,8 +211,8 @@ class Over(Record, StandsForAnEnergy):
         return None if names is None else len(names)
 
     def __repr__(self) -> str:
-        which = self.of[0] if len({*self.of}) == 1 else self.of
-        words = [*[repr(self.graph)] * (not isinstance(self.graph, EachSite)), *[f"of={which}"] * bool(self.of)]
+        species = self.of[0] if len({*self.of}) == 1 else self.of
+        words = [*[repr(self.graph)] * (not isinstance(self.graph, EachSite)), *[f"of={species}"] * bool(self.of)]
         return f"{self.term!r}.over({', '.join(words)})" if words else repr(self.term)
 
 
@@ -235,7 +235,7 @@ def _arguments(cls: Any) -> tuple[str, ...] | None:
 
 @record
 class AtTime(Term):
-    """A term that changes with time, as it is at one."""
+    """A term that changes with time, frozen at one time."""
 
     term: Term
     time: float = 0.0
@@ -249,7 +249,7 @@ class AtTime(Term):
 
 
 def at_time(energy: Any, t: Any) -> Any:
-    """An energy with its terms that change with time as they are at time t."""
+    """An energy whose terms that change with time are frozen at time t."""
     changing = records_in(energy, AtTime)
     moved = [with_fields(x, time=t) for x in changing]
     return with_records(energy, AtTime, moved) if changing else energy
@@ -352,7 +352,7 @@ class Terms(Record, StandsForAnEnergy):
 
 
 def as_terms(energy: Any) -> Any:
-    """A term alone as a sum of terms; anything else as it is."""
+    """A single term as a sum of terms; other values unchanged."""
     return Terms(energy) if isinstance(energy, (Term, Over)) else energy
 
 

@@ -1,4 +1,4 @@
-"""Terms as one site has them: the site form of the energies of many."""
+"""The site form of sums of terms: the energies, velocities and forces of one site among others."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ class ValuesOfSites(Record, OfEach):
 
 @record
 class EachOfSites(ValuesOfSites):
-    """Values of a parameter in the energy of one body: `at_this_site` puts that of the site there."""
+    """Values of a parameter in the energy of one body; `at_this_site` exchanges it for the value of the site."""
 
 
 @record
 class OwnOfSites(ValuesOfSites):
-    """Values of a parameter that sites have for themselves, and show to others."""
+    """Values of a parameter of the sites, which a site publishes."""
 
 
 @record
@@ -79,7 +79,7 @@ class EachOfEdges(Record, OfEach):
 
 
 def in_shape(numbers: Any, shape: tuple[int, ...]) -> Any:
-    """Numbers as they are, or of a matrix row by row as that matrix."""
+    """The matrix of this shape whose entries, row by row, are these numbers; numbers of other shapes unchanged."""
     if len(shape) < 2:
         return numbers
     n = shape[1]
@@ -87,36 +87,27 @@ def in_shape(numbers: Any, shape: tuple[int, ...]) -> Any:
 
 
 def at_this_site(value: Any) -> Any:
-    """A record, such as a system, with the parameters of this site in place of those of each, in the
-    energies that every site has on its own.
-    """
+    """A record, such as a system, in which the energies of single sites have the parameters of this site."""
     return with_records(value, EachOfSites, [x.here() for x in records_in(value, EachOfSites)])
 
 
 @record
 class RoleAtSite(Record):
-    """A term at a site that stands in one place of its energy: a part of the site form.
+    """A term at a site that is argument number `role` of its energy: a part of the site form."""
 
-    term : with `EachOfEdges` for parameters of edges.  others : for every other place of the energy
-    the sites that stand there; none of them: it is tied to all others.  counts : how many edges each
-    site has; None: as many as the tables have rows.  near : the graph of pairs within a cutoff, of
-    which a run may make lists.  of : the species of the ends; (): there is one only.  reach : the
-    first of the sites of the other end and the one behind the last, where it is tied to all of these.
-    once : along a chain, does the first site of an edge find the forces on both of them?
-    chains : the edges of this site where it is known, `BoundTerm.chains`.
-    """
-
-    term: Term
+    term: Term  # with `EachOfEdges` for parameters of edges
     role: int
     merged: bool
     alone: bool
+    # by other argument of the energy, the sites that are this argument; empty if a site is tied to all others
     others: tuple[SiteTable, ...] = ()
-    counts: SiteArray | None = None
-    near: Within | Among | None = None
-    of: tuple[int, ...] = ()
+    counts: SiteArray | None = None  # the number of edges of each site; None: as many as the tables have rows
+    near: Within | Among | None = None  # the graph of pairs within a cutoff, of which a run may make lists
+    of: tuple[int, ...] = ()  # the species of the ends; (): there is one only
+    # if a site is tied to all sites of a species: the number of the first of these, and the number after the last
     reach: Vec | None = None
-    once: bool = False
-    chains: Any = None
+    once: bool = False  # along a chain, does the first site of an edge compute the forces on both of them?
+    chains: Any = None  # of a site that is known, its edges, `BoundTerm.chains`
 
     @classmethod
     def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
@@ -153,16 +144,16 @@ class RoleAtSite(Record):
         """This energy with other neighbours.  fixed : is their number known to formulas?"""
         counts = incidence.counts
         tables = tuple([SiteTable.of(table, fixed=fixed) for table in incidence.others])
-        same = fixed and bool((counts == len(incidence.edges)).all())
-        degrees = None if same else SiteArray.of(counts.astype(float))
+        all_alike = fixed and bool((counts == len(incidence.edges)).all())
+        degrees = None if all_alike else SiteArray.of(counts.astype(float))
         return with_fields(self, others=tables, counts=degrees)
 
-    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any, mine: Any) -> Any:
-        """A number or a vector, and the values of a formula(role, term, sites) for all edges at this site.
+    def plus_edges(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any, mine: Any) -> Any:
+        """`total`, a number or a vector, plus the values of formula(role, term, sites) for all edges at this site.
 
-        of_both : gives of a pair the values for both of its sites; None: the formula does.  meeting : the others; where
-        edges are written out, all sites.  seen : makes of what a site publishes what terms see of it.  mine : the
-        number of this site, if it is in the reach.
+        of_both : (term, sites) to the values for both sites of a pair; None: the formula at both ends.  meeting : the
+        other sites; all sites where edges are written out.  seen : from what a site publishes to the Site that terms
+        see.  mine : the number of this site, if it is in the reach.
         """
         if self.chains is not None:
             return self._along_chains(total, meeting, formula)
@@ -173,8 +164,8 @@ class RoleAtSite(Record):
                 return meeting.some(
                     lambda b, j: formula(self, self.term, self.ends(me, [seen(b)])), total, self.reach, mine
                 )
-            both = self.at_both_ends(formula) if of_both is None else of_both
-            return meeting.pairs(lambda a, b: both(self.term, [seen(a), seen(b)]), total)
+            of_pair = self.at_both_ends(formula) if of_both is None else of_both
+            return meeting.pairs(lambda a, b: of_pair(self.term, [seen(a), seen(b)]), total)
 
         def of_edge(b: Any, d: Any) -> Any:
             mates = [seen(b), *[seen(meeting.of(table, d)) for table in self.others[1:]]]
@@ -183,7 +174,7 @@ class RoleAtSite(Record):
         return self.over_edges(total, meeting, of_edge)
 
     def over_edges(self, total: Any, meeting: Any, of_edge: Any) -> Any:
-        """total + of_edge(b, d) + ... for all edges at this site; b is what the first other end of edge d publishes."""
+        """total + sum_d of_edge(b_d, d) over the edges d of this site; b_d is what their first other end publishes."""
 
         def value_there(b: Any, d: Any) -> Any:
             value = of_edge(b, d)
@@ -202,7 +193,7 @@ class RoleAtSite(Record):
         return lambda term, sites: (formula(self, term, sites), formula(second, term, sites))
 
     def _along_chains(self, total: Any, sites: Any, formula: Any) -> Any:
-        """The sum of `added` over edges that are written out."""
+        """`plus_edges` for edges that are written out."""
         for chains in self.chains:
             sums = [total, *[total - total for _ in chains[1:]]]
             for k, chain in enumerate(chains):
@@ -220,13 +211,13 @@ class RoleAtSite(Record):
     def through(self, group: Any, g: Any) -> Vec:
         """The force on this site, with what sites publish of their points."""
         term: Any = self.term
-        mine = term.points(g)
-        meeting = meet(mine)
-        zero = vec(*[0.0 for point in mine for _ in point])
+        points = term.points(g)
+        meeting = meet(points)
+        zero = vec(*[0.0 for point in points for _ in point])
 
         def of_edge(b: Any, d: Any) -> Any:
             at_edge: Any = self.at_edge(d)
-            return at_edge.pushes(mine, b)[0] if self.role == 0 else at_edge.pushes(b, mine)[1]
+            return at_edge.pushes(points, b)[0] if self.role == 0 else at_edge.pushes(b, points)[1]
 
         if len(self.others) == 0:
             return term.felt(group, g, meeting.pairs(term.pushes, zero))
@@ -246,17 +237,17 @@ class RoleAtSite(Record):
 
 
 def in_a_row(part: BoundTerm) -> bool:
-    """Whether a site is the first of one edge at most, and the second of one, as along a chain, and the forces on both
-    are written together.
+    """Whether every site is the first end of at most one edge and the second of at most one, as along a chain, and the
+    term has a formula for the forces on both ends.
     """
     if part.merged or part.of or part.graph.arity != 2 or part.first or is_near(part.graph):
         return False
-    together = bare(type(part.term).forces) is not bare(Term.forces)
-    return together and all(len(part.incidence(role).edges) == 1 for role in (0, 1))
+    writes_both = bare(type(part.term).forces) is not bare(Term.forces)
+    return writes_both and all(len(part.incidence(role).edges) == 1 for role in (0, 1))
 
 
 def masked(here: Any, value: Any) -> Any:
-    """A number or a vector; zero where the edge is not there."""
+    """A number or a vector; zero where the truth value `here` is false."""
     if isinstance(value, vectors.Vec):
         return vec(*[where(here, x, 0.0) for x in value])
     return where(here, value, 0.0)
@@ -264,26 +255,22 @@ def masked(here: Any, value: Any) -> Any:
 
 @record
 class TermsOfSite(WithHeldSites):
-    """Terms as one site has them, which asks the others for what it needs; abstract.
-
-    roles : the terms, and the places in their energies.  names, own : parameters of the site.
-    moves : 1 for sites that move, 0 for those that are held, or so for each component; None: all move.
-    species : those of the sites, if there are several.  present : this site and all, where all are known.
-    """
+    """The terms at one site; the other sites publish what they need; abstract."""
 
     roles: tuple[RoleAtSite, ...]
-    names: tuple[str, ...] = ()
-    own: tuple[Any, ...] = ()
+    names: tuple[str, ...] = ()  # of the parameters of the site
+    own: tuple[Any, ...] = ()  # the values of these parameters
+    # 1 for a site that moves, 0 for one that is held, or these for each component; None: all move
     moves: SiteArray | None = None
-    species: Species | None = None
-    present: Any = None
+    species: Species | None = None  # of the sites, if there are several
+    present: Any = None  # where all sites are known: this site, and all
 
     def __repr__(self) -> str:
         return f"Terms({', '.join([repr(role.term) for role in self.roles if role.role == 0])})"
 
     @cached_property
     def site(self) -> Any:
-        """A site of which nothing is known."""
+        """A site without momentum, element and velocity."""
         return site_class(self.names)()
 
     @property
@@ -291,37 +278,40 @@ class TermsOfSite(WithHeldSites):
         """Whether there is a term of several sites."""
         return not all([role.alone for role in self.roles])  # noqa: C419
 
-    def met(self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None) -> tuple[Any, Any, Any]:
-        """This site, the meeting with the others (None if it is alone; all sites where they are known), and what makes
-        of what a site publishes there what terms see of it.  roles : those that count; None: all.
+    def site_and_others(self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None) -> tuple[Any, Any, Any]:
+        """This site, the meeting with the others (None if it is alone; all sites where they are known), and the
+        function from what a site publishes there to the Site that terms see.  roles : of the terms that count; None for
+        all.
         """
         if self.present is not None:
             return *self.present, None
-        mine = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
-        me = type(self.site)(mu, g, xi, *mine)
+        own_values = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
+        me = type(self.site)(mu, g, xi, *own_values)
         alone = all(role.alone for role in (self.roles if roles is None else roles))
-        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(mine, self.own)]
+        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own_values, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
 
         def view(published: Any) -> Any:
-            theirs = [
+            values = [
                 getattr(published, name) if isinstance(x, OwnOfSites) else x for name, x in zip(self.names, self.own)
             ]
-            return type(self.site)(published.mu, published.g, published.xi, *theirs)
+            return type(self.site)(published.mu, published.g, published.xi, *values)
 
         return me, meeting, view
 
-    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any = None, roles: Any = None) -> Any:
-        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role.  of_both(term, sites) : of both sites of a pair, where they have more in common.  roles : those
-        that count; None: all.
+    def plus_terms(
+        self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any = None, roles: Any = None
+    ) -> Any:
+        """`total`, a number or a vector, plus the values of formula(role, term, sites) for the edges at this site, role
+        by role.  of_both : (term, sites) to the values for both sites of a pair, if they share work.  roles : of the
+        terms that count; None for all.
         """
-        me, meeting, view = self.met(mu, g, xi, roles)
+        me, meeting, view = self.site_and_others(mu, g, xi, roles)
         species = self.species
         for role in self.roles if roles is None else roles:
             if species is None or own(species.which) == role.of[role.role]:
-                mine = own(species.numbers) if role.merged and species is not None else None
-                total = role.added(total, me, meeting, view, self._formula(role, total, formula), of_both, mine)
+                number = own(species.numbers) if role.merged and species is not None else None
+                total = role.plus_edges(total, me, meeting, view, self._formula(role, total, formula), of_both, number)
         return total
 
     def _formula(self, role: RoleAtSite, total: Any, formula: Any) -> Any:
@@ -341,8 +331,8 @@ class TermsOfSite(WithHeldSites):
         return group if self.species is None else self.species.groups[role.of[role.role]]
 
     def share(self, mu: Any, g: Any) -> float:
-        """The part of this site in the energy, whose sum over all sites is the whole: of every edge
-        to the first of its ends, of one whose ends are alike half to each.
+        """The share of this site in the energy; the sum over all sites is the energy.  An edge counts for the first of
+        its ends; an edge whose ends are alike counts half for each.
         """
 
         def part(role: RoleAtSite, term: Any, sites: list[Any]) -> float:
@@ -354,7 +344,7 @@ class TermsOfSite(WithHeldSites):
             return energy, energy
 
         first = [role for role in self.roles if role.role == 0]
-        return self.added(0.0, mu, g, None, part, halves, first)
+        return self.plus_terms(0.0, mu, g, None, part, halves, first)
 
     def moving(self, x: Vec) -> Vec:
         """A velocity or a force; zero at sites that are held."""
@@ -388,7 +378,7 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
         def of_both(term: Any, sites: list[Any]) -> tuple[Vec, Vec]:
             return term.slopes(*sites)
 
-        return self.moving(self.added(vec(*[0.0 for _ in mu]), mu, None, None, of_edge, of_both))
+        return self.moving(self.plus_terms(vec(*[0.0 for _ in mu]), mu, None, None, of_edge, of_both))
 
 
 @record
@@ -430,19 +420,19 @@ class PotentialOfSite(TermsOfSite, Potential):
         through = [role for role in chosen if role.through_points]
         for role in through:
             force = force + role.through(group, g)
-        apart = [role for role in chosen if not role.once and not role.through_points]
-        if len(apart) > 0:
-            force = self.added(force, None, g, None, of_edge, of_both, apart)
-        along = [role for role in chosen if role.once]
-        if len(along) > 0:
-            force = force + self._along(group, g, along)
+        edge_by_edge = [role for role in chosen if not role.once and not role.through_points]
+        if len(edge_by_edge) > 0:
+            force = self.plus_terms(force, None, g, None, of_edge, of_both, edge_by_edge)
+        along_chains = [role for role in chosen if role.once]
+        if len(along_chains) > 0:
+            force = force + self._along(group, g, along_chains)
         return self.moving(force)
 
     def _along(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         """The forces of terms along chains: each site finds those on itself and on the next, and hands
         the latter on.
         """
-        me, meeting, view = self.met(None, g, None, roles)
+        me, meeting, view = self.site_and_others(None, g, None, roles)
         force = vec(*[0.0 for _ in range(group.dim)])
         pushes: list[Any] = []
         for role in roles:
@@ -469,7 +459,7 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
         """The force on this site.  xi : (dim,), its velocity, g : its element."""
         zero = vec(*[0.0 for _ in xi])
         return self.moving(
-            self.added(zero, None, g, xi, lambda one, term, sites: term.covector(t, *_from(one.role, sites)))
+            self.plus_terms(zero, None, g, xi, lambda one, term, sites: term.covector(t, *_from(one.role, sites)))
         )
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
@@ -481,7 +471,7 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
             first = sites[role.role]
             return term.resistance(t, vec(*along[: len(first.xi)]), *_from(role.role, sites))
 
-        return self.moving(self.added(vec(*[0.0 for _ in xi]), None, g, xi, of_edge))
+        return self.moving(self.plus_terms(vec(*[0.0 for _ in xi]), None, g, xi, of_edge))
 
 
 def _from(k: int, sites: list[Any]) -> list[Any]:
@@ -500,7 +490,7 @@ class SlopesOfLoad(TermsOfSite):
     def slopes(self, group: LieGroup, t: float, xi: Vec, g: Any, along: Vec) -> tuple[Vec, Vec]:
         """d/dxi and d/deta with dg = g hat(eta), (dim,) each.  along : lambda of this site."""
         n, zero = group.dim, vec(*[0.0 for _ in range(2 * group.dim)])
-        slope = self.added(zero, along, g, xi, lambda one, term, sites: _slope(group, t, one, term, sites))
+        slope = self.plus_terms(zero, along, g, xi, lambda one, term, sites: _slope(group, t, one, term, sites))
         return vec(*slope[:n]), vec(*slope[n:])
 
 

@@ -33,21 +33,17 @@ ROWS = 2**17
 class OfEdge(Record):
     """A term as a function of the numbers of one edge: of every end the momentum or the element and
     its own parameters, then the parameters of the edge.
-
-    base : the group of a site.  role : the place in the energy by which derivatives are taken.
-    in_momenta : is it a function of momenta?  species : those of sites, if there are several, and of :
-    the species of the ends.
     """
 
     term: Term
-    base: LieGroup
+    base: LieGroup  # the group of a site
     arity: int
-    role: int
-    in_momenta: bool
+    role: int  # the place in the energy by which derivatives are taken
+    in_momenta: bool  # is it a function of momenta?
     names: tuple[str, ...]
     own: tuple[Any, ...]
-    species: Species | None = None
-    of: tuple[int, ...] = ()
+    species: Species | None = None  # the species of the sites, if there are several
+    of: tuple[int, ...] = ()  # the species of the ends
 
     @classmethod
     def of_part(cls, terms: Any, part: BoundTerm, role: int = 0) -> OfEdge:
@@ -173,9 +169,9 @@ def _blocks(terms: Any, part: BoundTerm, states: np.ndarray) -> Iterator[tuple[s
                 yield slice(at, at + 1), ends, None
             first = last
         return
-    edges, together = graph.edges, max(1, ROWS // max(1, len(graph.edges)))
-    for first in range(0, samples, together):
-        block = slice(first, min(samples, first + together))
+    edges, samples_at_once = graph.edges, max(1, ROWS // max(1, len(graph.edges)))
+    for first in range(0, samples, samples_at_once):
+        block = slice(first, min(samples, first + samples_at_once))
         for begin in range(0, len(edges), ROWS):
             numbers = slice(begin, begin + ROWS)
             yield block, edges[numbers], numbers

@@ -117,8 +117,8 @@ def in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
     """The numbers of some pairs of equal rows, found by the order of a number made of each."""
     weights = np.random.default_rng(3).uniform(0.5, 1.0, rows.shape[1])
     order = np.argsort(np.abs(rows @ weights), kind="stable")
-    same = np.flatnonzero((rows[order[1:]] == rows[order[:-1]]).all(axis=1))[:SAMPLES]
-    return [tuple(sorted((int(order[k]), int(order[k + 1])))) for k in same]  # type: ignore[misc]
+    equal = np.flatnonzero((rows[order[1:]] == rows[order[:-1]]).all(axis=1))[:SAMPLES]
+    return [tuple(sorted((int(order[k]), int(order[k + 1])))) for k in equal]  # type: ignore[misc]
 
 
 def _require_finite(name: str, terms: Any, part: BoundTerm, row: np.ndarray, ends: tuple[int, int]) -> None:
@@ -145,8 +145,8 @@ def _values(part: BoundTerm, number: int, sites: list[Any], force: bool) -> tupl
     if force:
         covector = term.covector(0.3, *sites)
         return covector, covector
-    alike = len(sites) == 2 and len({*part.of}) < 2
-    return float(term.energy(*sites)), float(term.energy(*sites[::-1])) if alike else 0.0
+    exchangeable = len(sites) == 2 and len({*part.of}) < 2
+    return float(term.energy(*sites)), float(term.energy(*sites[::-1])) if exchangeable else 0.0
 
 
 def _some_site(terms: Any, i: int, rng: np.random.Generator, reach: float) -> Any:
