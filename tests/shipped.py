@@ -1,4 +1,4 @@
-"""The groups, retractions, joints and methods that the library has, from which tables of tests draw.
+"""The groups, retractions, joints, models and methods that the library has, from which tables of tests draw.
 
 A class that is in no list fails `test_shipped.py`, which says where to add it.
 """
@@ -54,6 +54,48 @@ JOINTS: dict[str, tuple[Any, int]] = {
     "floating": (lm.joints.FloatingJoint(0, 1), 6),
 }
 """Joints with slanted axes, each with the freedoms that it leaves."""
+
+TOP = {"inertia": [1.0, 1.5, 2.2], "weight": 1.3, "centre": [0.6, 0.0, 0.8]}
+MODELS: tuple[Any, ...] = (
+    lm.RigidBody([1.0, 1.5, 2.2]),
+    lm.models.HeavyTop(**TOP),
+    lm.models.LagrangeTop(transverse=1.2, axial=0.5, weight=2.0, length=0.7),
+    lm.models.ReducedHeavyTop(**TOP),
+    lm.models.PoissonTop([1.0, 1.5, 2.2], 1.3, [0.6, 0.0, 0.8]),
+    lm.models.KirchhoffBody(np.diag([1.0, 1.6, 2.3, 1.0, 2.0, 3.0])),
+    lm.models.ManakovBody([1.0, 1.3, 1.7, 2.2]),
+    lm.models.OrthogonalBody([1.0, 1.5, 2.2]),
+    lm.models.FallingBody([1.0, 1.5, 2.2], mass=1.7),
+    lm.models.OrbitingBody([0.05, 0.08, 0.11], mass=1.7, attraction=1.0),
+    lm.models.Spacecraft([900.0, 800.0, 600.0], 500.0, [lm.models.PointGravity(7.5)]),
+    lm.joints.chain(2),
+    lm.models.CosseratRod(lm.models.RodSection.round(0.01, 1e6, 1e3), 1.0, 4),
+    lm.Kepler(),
+    lm.models.HenonHeiles(),
+    lm.models.NBody([1.0, 0.7, 0.4]),
+    lm.models.PlanetarySystem([1.0, 0.001]),
+    lm.models.GravitatingBodies([2.0, 0.7, 0.4], np.full((3, 3), 0.1)),
+    lm.models.Pendulum(),
+    lm.models.DoublePendulum(),
+    lm.SphericalPendulum(),
+    lm.models.ChainPendulum(),
+    lm.models.FourBarLinkage(),
+    lm.models.AndrewsMechanism(),
+    lm.models.OrthonormalFrame([[0.0], [0.0], [9.8]]),
+    lm.models.ParticleOnEllipsoid(),
+    lm.models.FermiPastaUlam(4),
+    lm.models.ChargedParticle(lm.models.TokamakField()),
+    lm.models.GuidingCentre(lm.models.TokamakField(), 0.1),
+    lm.models.LotkaVolterra(),
+    lm.models.MaxwellBloch(),
+    lm.models.TodaLattice(3),
+    lm.models.TodaFlow(3),
+    lm.models.BlochIserles([[0.0, 1.0, 0.2], [-1.0, 0.0, 0.5], [-0.2, -0.5, 0.0]]),
+    lm.models.VonNeumann([1.0, 2.0]),
+    lm.models.ZeitlinSphere(13),
+    lm.models.ViscousSphere(lm.models.ZeitlinSphere(13), 1e-3),
+)
+"""Ready systems, one of each class."""
 
 BODY, MU, R, END = lm.RigidBody([1.0, 1.5, 2.2]), np.array([0.8, -0.5, 0.6]), lm.SO3().exp([0.3, 0.4, -0.2]), 0.24
 """A free body, from where and how long it moves, for methods that are fitted to a motion."""

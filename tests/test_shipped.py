@@ -1,4 +1,4 @@
-"""The lists of groups, retractions, joints and methods from which tables of tests draw have all that the library has."""
+"""The lists of groups, retractions, joints, models and methods from which tables of tests draw have all that the library has."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import shipped
 
 import liemech as lm
 from liemech.names import everything
+from liemech.systems.system import System
 
 LISTS: dict[str, tuple[type, tuple[Any, ...]]] = {
     "GROUPS": (lm.LieGroup, (*shipped.GROUPS, *shipped.OF_SITES)),
@@ -25,7 +26,17 @@ LISTS: dict[str, tuple[type, tuple[Any, ...]]] = {
 def test_every_public_class_is_in_its_list(name: str) -> None:
     base, members = LISTS[name]
     public = {x for x in everything().values() if inspect.isclass(x) and issubclass(x, base) and x is not base}
-    missing = {x for x in public if not any(isinstance(member, x) for member in members)}
+    require_all(public, members, name)
+
+
+def test_every_ready_system_is_in_the_list_of_models() -> None:
+    classes = [x for x in everything().values() if inspect.isclass(x) and issubclass(x, System)]
+    ready = {x for x in classes if x.__module__.startswith(("liemech.models", "liemech.joints"))}
+    require_all(ready, shipped.MODELS, "MODELS")
+
+
+def require_all(classes: set[type], members: tuple[Any, ...], name: str) -> None:
+    missing = {x for x in classes if not any(isinstance(member, x) for member in members)}
     assert not missing, f"{sorted(x.__name__ for x in missing)} in no list: add them to {name} in {shipped.__file__}"
 
 
