@@ -207,9 +207,9 @@ def slope_beside(
     """
     steeper = abs(kick - before) * abs(rate) > abs(kick - idle) * abs(step)
     begin, run = where(steeper, before, idle), where(steeper, step, rate)
-    bend, off = kick - begin, abs(foreseen - kick)
+    bend, deviation = kick - begin, abs(foreseen - kick)
     noise = NOISE * (abs(kick) + abs(begin))
-    off_by_little = off <= FORESEEN * max(abs(kick - idle), abs(bend)) + noise
+    off_by_little = deviation <= FORESEEN * max(abs(kick - idle), abs(bend)) + noise
     right = off_by_little | (abs(bend) <= noise) | (constant(run) == 0.0)
     secant = bend / where(right, 1.0, run)
     rho = max(-1.0, min(1.0, (foreseen - begin) / where(right, 1.0, bend)))
@@ -237,12 +237,12 @@ def swept(
         r, jacobian, weight = equation(x)
         scale = weight * data
         beside = unit * r
-        off = where(scale > 0.0, dot(beside, beside) / where(scale > 0.0, scale, 1.0), 0.0)
-        return x - _asked(solved, jacobian, r), value_of(off)
+        change2 = where(scale > 0.0, dot(beside, beside) / where(scale > 0.0, scale, 1.0), 0.0)
+        return x - _asked(solved, jacobian, r), value_of(change2)
 
-    def judge(before: Settling, off: float) -> tuple[Settling, bool]:
-        now = before.after(sqrt(off / count), 1.0, EPSILON, NOISE)
-        return now, now.done or not now.change < math.inf
+    def judge(before: Settling, change2: float) -> tuple[Settling, bool]:
+        settling = before.after(sqrt(change2 / count), 1.0, EPSILON, NOISE)
+        return settling, settling.done or not settling.change < math.inf
 
     def sweep_of_slopes(x: Vec) -> tuple[Vec, tuple[float, float]]:
         r, jacobian, _ = equation(x)
@@ -253,8 +253,8 @@ def swept(
         return x - slopes, (change, scale)
 
     def judge_slopes(before: Settling, told: tuple[float, float]) -> tuple[Settling, bool]:
-        now = before.after(told[0], told[1], EPSILON, NOISE)
-        return now, now.done or not now.change < math.inf
+        settling = before.after(told[0], told[1], EPSILON, NOISE)
+        return settling, settling.done or not settling.change < math.inf
 
     x, end = repeated(sweep, moving_as(guess, data), judge, Settling(), SWEEPS)
     size = end.change * end.change
@@ -332,9 +332,9 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
         return new, (changes, sizes)
 
     def judge(before: Settling, told: Any) -> Any:
-        now = before.after(told[0], told[1], epsilon, noise)
+        settling = before.after(told[0], told[1], epsilon, noise)
         # iterates that grow without bound: no change is small beside infinity
-        return now, now.done or not now.size < math.inf
+        return settling, settling.done or not settling.size < math.inf
 
     unknown, end = repeated(told, guess, judge, Settling(), words * LIMIT)
     change, size, done = end.change, end.size, end.done
@@ -351,8 +351,8 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
 
 @record
 class Settling(Record):
-    """How sweeps settle: the last change and what it is relative to, the same of all units together,
-    the least change so far and for how many sweeps it was the least.
+    """The convergence of sweeps: the last change and the size that it is relative to, in each unit and of all units
+    together; the least change so far, and the number of sweeps since.
 
     done : do they change no more than rounding does?
     """

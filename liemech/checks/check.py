@@ -33,7 +33,7 @@ from .laws.system_laws import RUNS, laws_of
 from .local_claims import is_reversible, look_around
 from .method_claims import MethodTrial, claims
 from .noisy_claims import noisy_claims
-from .points.like_units import in_like_units
+from .points.like_units import equilibrated
 from .points.places import CheckPlace
 from .points.sample_points import At, sample_points
 from .points.sample_states import at_times, members, pace, sample_states
@@ -66,8 +66,7 @@ def check_group(group: LieGroup, *, native: bool = False, raises: bool = True, s
 
 @spelt
 def check_retraction(retraction: Retraction, group: LieGroup, *, raises: bool = True, seed: int = 0) -> Report:
-    """Is a map from the algebra to a group a retraction, and are its differential, inverses and
-    duals what they claim to be?
+    """The verdicts on a map from the algebra to a group: is it a retraction, with this differential, inverse and dual?
 
     As `check_group`, which the group should have passed before.
     """
@@ -259,27 +258,27 @@ def _require_reversal(place: CheckPlace, rho: Any) -> None:
     """Refuse a rho that does not turn the motion back."""
     if not isinstance(rho(place.start), type(place.start)):
         raise InvalidType(f"check_method: rho must return a {type(place.start).__name__}; got {rho(place.start)!r}")
-    off = is_reversible(place, rho)
-    if not off <= SURELY:
+    reversal_error = is_reversible(place, rho)
+    if not reversal_error <= SURELY:
         raise InvalidInput(
             f"check_method: rho does not turn the motion of {place.base!r} back: rho f(y) differs "
-            f"from -f(rho y), along a short motion by {off:.1e}"
+            f"from -f(rho y), along a short motion by {reversal_error:.1e}"
         )
 
 
 def _of_group(group: LieGroup, native: bool, seed: int) -> Iterator[Finding]:
     try:
-        alike = in_like_units(group)
-        where = sample_points(alike, seed)
+        in_units = equilibrated(group)
+        where = sample_points(in_units, seed)
     except NotImplementedError as missing:
         yield Finding("obligations", "a group has an algebra", "broken", remark=str(missing))
         return
-    written, exp = partial(replaced, group, LieGroup), Map(Exponential(), alike, group)
-    yield from verdicts(ALGEBRA, alike.algebra, where, partial(replaced, group.algebra, LieAlgebra))
-    yield from verdicts(GROUP, alike, where, written)
+    written, exp = partial(replaced, group, LieGroup), Map(Exponential(), in_units, group)
+    yield from verdicts(ALGEBRA, in_units.algebra, where, partial(replaced, group.algebra, LieAlgebra))
+    yield from verdicts(GROUP, in_units, where, written)
     yield from verdicts(exp.laws() + EXPONENTIAL, exp, where, exp.own)
-    yield from _of_cayley(Map(Cayley(), alike, group), where)
-    yield from verdicts(PLACE, alike, where, written)
+    yield from _of_cayley(Map(Cayley(), in_units, group), where)
+    yield from verdicts(PLACE, in_units, where, written)
     if native:
         yield from verdicts(NATIVE, group, sample_points(group, seed), written)
 

@@ -67,12 +67,12 @@ class Local:
 
     @cached_property
     def errors(self) -> Errors:
-        """Those of steps forwards."""
+        """The errors of steps forwards."""
         return self._errors(1.0)
 
     @cached_property
     def backwards(self) -> Errors:
-        """Those of steps with negative h."""
+        """The errors of steps with negative h."""
         return self._errors(-1.0)
 
     def _errors(self, sign: float) -> Errors:
@@ -111,7 +111,7 @@ class Local:
 
     @property
     def until(self) -> float:
-        """When a few steps end."""
+        """The time after a few steps."""
         return self.place.t0 + SOME * self.h
 
 
@@ -152,8 +152,8 @@ def local_order(local: Local, errors: Errors) -> Observation | None:
         q = max(power(before, visible[-1]) for before in visible[-3:-1])
         growing = power(visible[-3], visible[-1]) > power(visible[-4], visible[-2]) + 0.25
         allowed = MISSING * max(1.0, p - 3.0)
-        wanted = p + 1.0 - (allowed if name == "all" else 1.0 + allowed)
-        lacking = wanted - q
+        least_order = p + 1.0 - (allowed if name == "all" else 1.0 + allowed)
+        lacking = least_order - q
         if lacking > 0.0 and not growing and (worst is None or lacking > worst[2]):
             worst = q - 1.0, f"{name} with h = {visible[-1][0]:.2g}", lacking
     if worst is None:
@@ -255,8 +255,8 @@ def off_constraint(bound: Any, states: list[Any], times: list[float]) -> Iterato
         if isinstance(system, ConstrainedBody):
             rows = np.abs(G).max(axis=1)
             terms = system._terms(state.g) + np.where(rows > 0.0, rows, 1.0)
-            off = np.abs(flat(system.constraint.value(state.g))) / terms
-            largest["constraint"] = max(largest["constraint"], float(off.max()))
+            defect = np.abs(flat(system.constraint.value(state.g))) / terms
+            largest["constraint"] = max(largest["constraint"], float(defect.max()))
     if not isinstance(bound, ConstrainedBody):
         del largest["constraint"]
     yield from largest.items()
@@ -295,8 +295,8 @@ class Seen:
         if self.order is not None:
             yield self.order
         elif self.slope is None:
-            few = "too few errors of a few steps between 0.02 and rounding"
-            yield Observation("order", ORDER, "not seen", wanted=f"{p}", remark=few)
+            too_few = "too few errors of a few steps between 0.02 and rounding"
+            yield Observation("order", ORDER, "not seen", wanted=f"{p}", remark=too_few)
         else:
             observed = f"{self.slope:.2f}, of a few steps"
             yield Observation("order", ORDER, "holds", observed=observed, wanted=f"{p}")
@@ -305,7 +305,7 @@ class Seen:
 
 
 def look_around(first: CheckPlace, keeps: tuple[str, ...], rho: Reversal | None) -> Iterator[Observation]:
-    """Claims at the place of the start and at others: for each law what is worst."""
+    """Claims at the start and at other places: for each law the worst finding."""
     summary = Seen(first.method)
     for i, place in enumerate(places(first)):
         local = Local(place)

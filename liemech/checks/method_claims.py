@@ -100,8 +100,8 @@ class MethodTrial:
     def ends(self, starts: list[dict[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
         """The states after a step from states that are given by their parts."""
         names = [*starts[0]]
-        many = self.system.state(**{name: np.stack([start[name] for start in starts]) for name in names})
-        last = ended(self.run(1, self.h, many))
+        ensemble = self.system.state(**{name: np.stack([start[name] for start in starts]) for name in names})
+        last = ended(self.run(1, self.h, ensemble))
         return [{name: last[name][i] for name in names} for i in range(len(starts))]
 
     def end(self, steps: int, method: Any = None) -> dict[str, np.ndarray]:
@@ -109,7 +109,7 @@ class MethodTrial:
         return ended(self.run(steps, self.time / steps, method=method))
 
     def at(self, arrays: dict[str, np.ndarray]) -> Any:
-        """The state with these parts, taken as it is."""
+        """The state with these parts, unchecked."""
         return self.system.vouched(small_state(type(self.start), arrays))
 
     @cached_property
@@ -216,7 +216,7 @@ class MethodTrial:
 
     @property
     def until(self) -> float:
-        """When the step ends."""
+        """The time at the end of the step."""
         return self.t0 + self.h
 
 
@@ -251,8 +251,8 @@ def order_over(trial: MethodTrial) -> Observation:
     whole = trial.slope("all")
     text = ", ".join(f"{name} {_in_words(q)}" for name, q in slopes.items())
     if whole is None:
-        few = "too few errors between 0.1 and rounding; give another h"
-        return Observation("order", formula, "not seen", observed=text, wanted=f"{p}", remark=few)
+        too_few = "too few errors between 0.1 and rounding; give another h"
+        return Observation("order", formula, "not seen", observed=text, wanted=f"{p}", remark=too_few)
     parts = [q for q in map(trial.fastest, slopes) if q is not None]
     good = whole >= p - MISSING and not any(q < p - 2.0 * MISSING for q in parts)
     return Observation("order", formula, "holds" if good else "broken", observed=text, wanted=f"{p}")
@@ -297,10 +297,10 @@ def relative_defect(trial: Any, charts: Charts, claimed: bool) -> float:
     was the error of the differences goes with a high power of their distance.
     """
     defects = [charts.defect(trial, APART)]
-    for apart in (APART / 8.0, APART / 64.0):
+    for step in (APART / 8.0, APART / 64.0):
         for closer in (charts, replace(charts, reach=4.0)):
             if claimed and min(defects) > BRACKET:
-                defects.append(closer.defect(trial, apart))
+                defects.append(closer.defect(trial, step))
         if min(defects) > defects[0] / 64.0:  # it is none of theirs
             break
     return min(defects)
@@ -329,8 +329,8 @@ def equivariance(trial: MethodTrial) -> Observation:
     turned = trial.system.state(np.asarray(trial.start.mu), np.asarray(group.compose(k, small(np.asarray(g)))))
     a, b = trial.journey[1], trial.run(WAY, trial.h, turned)
     last = ended(a)
-    wanted = {"mu": last["mu"], "g": np.asarray(group.compose(k, small(last["g"])))}
-    defect = max(trial.distances(ended(b), wanted).values()) / (1.0 + size(k))
+    expected = {"mu": last["mu"], "g": np.asarray(group.compose(k, small(last["g"])))}
+    defect = max(trial.distances(ended(b), expected).values()) / (1.0 + size(k))
     return exactly("equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT)
 
 
@@ -342,17 +342,17 @@ def native_code(trial: MethodTrial) -> Observation:
         return Observation("native code", formula, "not there", remark=reason)
     runs = [replace(trial, compiled=compiled).run(3, trial.h) for compiled in (True, False)]
     a, b = (ended(run) for run in runs)
-    same = all(np.array_equal(a[name], b[name]) for name in a)
-    observed = "the same" if same else f"different by {max(trial.distances(a, b).values()):.1e}"
-    return Observation("native code", formula, "holds" if same else "broken", observed=observed, wanted="the same")
+    equal = all(np.array_equal(a[name], b[name]) for name in a)
+    observed = "the same" if equal else f"different by {max(trial.distances(a, b).values()):.1e}"
+    return Observation("native code", formula, "holds" if equal else "broken", observed=observed, wanted="the same")
 
 
 def exactly(law: str, formula: str, claimed: bool, defect: float, bound: float, where: str = "") -> Observation:
     """The verdict on something that is exact or not."""
     good = defect <= bound
     verdict = ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
-    wanted = f"below {bound:.1e}" if claimed else "no claim"
-    return Observation(law, formula, verdict, where, observed=f"{defect:.1e}", wanted=wanted)
+    claim = f"below {bound:.1e}" if claimed else "no claim"
+    return Observation(law, formula, verdict, where, observed=f"{defect:.1e}", wanted=claim)
 
 
 def kept_brackets(system: Any, start: Any, method: Any) -> Iterator[tuple[str, str, bool, Charts]]:

@@ -37,13 +37,11 @@ KEPT = "C(mu_n) = C(mu_0) on every path"
 class Outcomes(NoisySteps):
     """The steps of a method with all outcomes of bounded increments and of a coin, by the number of the path
     in a base.
-
-    inner : the method.  points, coins : how many values each has.
     """
 
-    inner: Any = None
-    points: int = 3
-    coins: int = 2
+    inner: Any = None  # the method
+    points: int = 3  # the number of values of an increment
+    coins: int = 2  # the number of values of a coin
 
     def random(self, system: Any, path: float, number: float) -> tuple[Vec, float]:
         """The increments and the coin that the digits of the path say."""
@@ -83,9 +81,9 @@ def noisy_claims(
     casimirs = np.asarray(system.casimirs(ends[1]))
     first = np.asarray(system.casimirs(start.mu))
     for i in range(casimirs.shape[-1]):
-        off = np.abs(casimirs[:, i] - first[i]).max() / (abs(first[i]) or 1.0)
-        verdict = "seen" if off < 1e-12 else "not seen"
-        yield Observation(f"Casimir {i + 1}", KEPT, verdict, observed=f"{off:.1e}", wanted="no claim")
+        change = np.abs(casimirs[:, i] - first[i]).max() / (abs(first[i]) or 1.0)
+        verdict = "seen" if change < 1e-12 else "not seen"
+        yield Observation(f"Casimir {i + 1}", KEPT, verdict, observed=f"{change:.1e}", wanted="no claim")
 
 
 def _of_order(law: str, formula: str, coarse: float, fine: float, ratio: float, claim: float) -> Observation:
@@ -106,13 +104,13 @@ def _weak(method: NoisySteps, system: Stochastic, start: Any, time: float, compi
             "weak order", WEAK, "not seen", wanted=f"{method.weak_order}",
             remark=f"{base}^4 outcomes are too many to follow; it is observed with fewer fields",
         )  # fmt: skip
-    every = Outcomes(method.method, inner=method, points=points, coins=coins)
+    outcomes = Outcomes(method.method, inner=method, points=points, coins=coins)
     means = []
     for steps in (1, 2, 4):
         paths = np.arange(base**steps)
         starts = system.state([list(start.mu)] * len(paths), path=paths)
         mu = integrate(
-            system, every, starts, h=0.5 * time / steps, steps=steps, every=steps, compiled=compiled,
+            system, outcomes, starts, h=0.5 * time / steps, steps=steps, every=steps, compiled=compiled,
             progress=False,
         ).mu[-1]  # fmt: skip
         weights = np.full(len(paths), 1.0 / coins**steps)

@@ -95,10 +95,10 @@ def _by_differences(step: Any, y: Vec) -> np.ndarray | None:
     whole = size(numbers) or 1.0
     columns = []
     for j, x in enumerate(numbers):
-        apart = 0.25 * STEP * (abs(x) if abs(x) > 0.1 * whole else whole)
-        starts = [numbers + k * apart * np.eye(len(numbers))[j] for k in range(-4, 5)]
+        distance = 0.25 * STEP * (abs(x) if abs(x) > 0.1 * whole else whole)
+        starts = [numbers + k * distance * np.eye(len(numbers))[j] for k in range(-4, 5)]
         ends = [np.array(step(Vec.of(s.tolist())), dtype=float) for s in starts]
-        columns.append(sum(w * end for w, end in zip(CENTRAL, ends, strict=True)) / apart)
+        columns.append(sum(w * end for w, end in zip(CENTRAL, ends, strict=True)) / distance)
     D = np.stack(columns, axis=1)
     return D if np.isfinite(D).all() else None
 

@@ -74,7 +74,7 @@ def measured(system: Any, method: Any, start: Any, h: float, steps: int) -> dict
         times = []
         for _ in range(3):
             started = time.perf_counter()
-            done = run(h, steps)
+            result = run(h, steps)
             times.append(time.perf_counter() - started)
         counts = [2**k for k in range(3, 3 + HALVINGS)]
         t = 8.0 * h
@@ -85,7 +85,7 @@ def measured(system: Any, method: Any, start: Any, h: float, steps: int) -> dict
         "method": repr(method),
         "ns per step": 1e9 * min(times) / steps,
         "seconds before": max(0.0, whole - min(times)),
-        "compiled": bool(done.compiled),
+        "compiled": bool(result.compiled),
         "order": order_of([t / n for n in counts], errors),
         "parts": list(first.states),
     }

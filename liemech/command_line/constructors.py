@@ -183,11 +183,11 @@ def _item(value: Any, where: str) -> Any:
 
 def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
     """The class or object of a name, in modules of the user's or in the library."""
-    mine = [vars(module)[name] for module in modules if name in vars(module)]
-    candidate = mine[0] if mine else everything().get(name)
+    candidates = [vars(module)[name] for module in modules if name in vars(module)]
+    candidate = candidates[0] if candidates else everything().get(name)
     if isinstance(candidate, type) and issubclass(candidate, (kind, lm.Vec, lm.Mat)):
         return candidate
-    if mine and isinstance(candidate, kind):  # an object that the module has made
+    if candidates and isinstance(candidate, kind):  # an object that the module has made
         return candidate
     place = f" in {modules[0].__name__}" if modules else ""
     raise lm.errors.InvalidInput(f"{where}: {name!r} is no {_in_words(kind)}{place}{_instead(name, kind)}")

@@ -70,8 +70,8 @@ def method_rows() -> list[dict[str, Any]]:
     rows = []
     for name in names(lm.Method):
         cls = everything()[name]
-        needed = [p for p in inspect.signature(cls).parameters.values() if p.default is p.empty]
-        if needed and name not in EXAMPLES:
+        required = [p for p in inspect.signature(cls).parameters.values() if p.default is p.empty]
+        if required and name not in EXAMPLES:
             continue  # made from a body and a step, such as ExactMoserVeselov
         method = read(EXAMPLES.get(name, name), lm.Method, name)
         order = None if math.isinf(method.order) else method.order

@@ -63,8 +63,8 @@ def writable(path: Path) -> Path:
     except OSError as refused:
         raise argparse.ArgumentTypeError(f"cannot write there: {refused}") from None
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        what = "it is a folder" if path.is_dir() else "permission denied"
-        raise argparse.ArgumentTypeError(f"cannot write to {str(path)!r}: {what}")
+        reason = "it is a folder" if path.is_dir() else "permission denied"
+        raise argparse.ArgumentTypeError(f"cannot write to {str(path)!r}: {reason}")
     return path
 
 

@@ -56,32 +56,32 @@ def run(arguments: Sequence[str]) -> int:
         if options.explain:
             print(explained(scene, record, every))
             return 0
-        started, compiled, status, said = time.perf_counter(), WANTED.compiled, 0, ""
+        started, compiled, status, outcome = time.perf_counter(), WANTED.compiled, 0, ""
         with warnings.catch_warnings(record=True) as notes:
             warnings.simplefilter("always")
             try:
-                done = scene.run(record, every, False if options.quiet or options.json else None)
+                trajectory = scene.run(record, every, False if options.quiet or options.json else None)
             except (lm.errors.IntegrationFailure, lm.errors.IntegrationInterrupted) as stopped:
-                done = stopped.trajectory
-                status, said = (
+                trajectory = stopped.trajectory
+                status, outcome = (
                     (1, str(stopped)) if isinstance(stopped, lm.errors.IntegrationFailure) else (130, "interrupted")
                 )
         compiled = WANTED.compiled - compiled
         spent = time.perf_counter() - started - compiled
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
-    for text in [*(str(note.message) for note in notes), *([said] if said else [])]:
+    for text in [*(str(note.message) for note in notes), *([outcome] if outcome else [])]:
         print(f"liemech: {text}", file=sys.stderr)
-    if not len(done):
+    if not len(trajectory):
         return status
-    files, missed = _files(scene, done, options, said)
+    files, missed = _files(scene, trajectory, options, outcome)
     refused += missed
     for text in refused:
         print(f"liemech: {text}", file=sys.stderr)
     if options.json:
-        print(json.dumps(_data(options.scene, scene, done, (spent, compiled), files), allow_nan=False))
+        print(json.dumps(_data(options.scene, scene, trajectory, (spent, compiled), files), allow_nan=False))
     elif not options.quiet:
-        print(_report(scene, done, spent, compiled), *(f"Written: {file}" for file in files), sep="\n")
+        print(_report(scene, trajectory, spent, compiled), *(f"Written: {file}" for file in files), sep="\n")
     return status or int(bool(refused))
 
 
@@ -111,9 +111,9 @@ def explained(scene: Setup, record: tuple[str, ...], every: int) -> str:
     whole: Any = scene.system
     system = whole.system if whole.fictive else whole  # whose constants a run in fictive time tells
     all_constants = list(system.constants(arrays))
-    few = list(system.constants({name: rows for name, rows in arrays.items() if name in record}))
-    lines.append(f"  constants     {', '.join(few) or 'none'}")
-    missing = [name for name in all_constants if name not in few]
+    constants = list(system.constants({name: rows for name, rows in arrays.items() if name in record}))
+    lines.append(f"  constants     {', '.join(constants) or 'none'}")
+    missing = [name for name in all_constants if name not in constants]
     if missing:
         lines.append(f"  not told      {', '.join(missing)}: needs what is not computed")
     return "\n".join(lines)
@@ -165,9 +165,9 @@ def _files(scene: Setup, done: lm.Trajectory, options: Any, said: str) -> tuple[
 def _report(scene: Setup, done: lm.Trajectory, spent: float, compiled: float) -> str:
     """Lines that say what was run, and how well the constants were kept."""
     how = "native code" if done.compiled else "plain Python"
-    apart = f" and {duration(compiled)} to compile" if compiled > 0.0 else ""
+    compile_time = f" and {duration(compiled)} to compile" if compiled > 0.0 else ""
     steps = f"{done.method!r}, {done.steps} steps to t = {done.t[-1]:g}, {how}, {duration(spent)}"
-    lines = [f"{scene.title}: {called(scene.system)}", steps + apart]
+    lines = [f"{scene.title}: {called(scene.system)}", steps + compile_time]
     return "\n".join([*lines, str(done.drift()) if len(done) > 1 else "the start alone; no constants to compare"])
 
 

@@ -43,7 +43,7 @@ class Setup:
     view: tuple[str, ...] | None = None
 
     def changed(self, **changes: Any) -> Setup:
-        """This scene with other options; None leaves an option as it is."""
+        """This scene with other options; those that are None do not change."""
         options = {name: value for name, value in changes.items() if value is not None}
         if self.t_end is not None and {"h", "steps"} & options.keys() and "t_end" not in options:
             options = {"t_end": None, "rtol": None, "atol": None} | options
@@ -54,8 +54,8 @@ class Setup:
         recorded, saved or shown.
         """
         available = [name for name, x in self.start.parts.items() if x is not None]
-        wanted = {name for name, x in self.system.essential_part(self.start).parts.items() if x is not None}
-        wanted |= set(self.record or (available if saved else ()))
+        recorded = {name for name, x in self.system.essential_part(self.start).parts.items() if x is not None}
+        recorded |= set(self.record or (available if saved else ()))
         ensemble = self.start.bodies is not None
         if viewed:
             from ..viewer.choice import KNOWN, suited
@@ -63,15 +63,15 @@ class Setup:
 
             have = frozenset(available)
             contents = suited(self.system, have, ensemble) if self.view is None else chosen(self.view, KNOWN)
-            wanted |= {name for content in contents for name in content.needs(self.system)}
+            recorded |= {name for content in contents for name in content.needs(self.system)}
         if plotted:
-            wanted |= shown_parts(self.system, available)
-        strange = sorted(wanted - set(available))
+            recorded |= shown_parts(self.system, available)
+        strange = sorted(recorded - set(available))
         if strange:
             raise lm.errors.InvalidInput(
                 f"record and view ask for {', '.join(strange)}; the start has {', '.join(available)}"
             )
-        return tuple(name for name in available if name in wanted)
+        return tuple(name for name in available if name in recorded)
 
     def sampling(self, saved: bool) -> int:
         """Every how many steps a state is kept."""

@@ -52,7 +52,7 @@ def flip() -> Setup:
 
 @scene
 def heavy_top() -> Setup:
-    """An asymmetric top: chaotic."""
+    """An asymmetric heavy top, whose motion is chaotic."""
     top = library.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
     start = top.state(mu=[0.3, 0.6, 1.1], g=lm.SO3().exp([0.4, -0.3, 0.5]))
     return Setup("a heavy top", top, lm.KickDrift(order=4), start, h=0.05, steps=800)

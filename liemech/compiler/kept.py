@@ -30,8 +30,8 @@ class LastUsed(collections.OrderedDict[Any, Any]):
 
 
 class Variants:
-    """The kernels of one driver and layout, made while what they read was different: the last used first, and the lock
-    of the thread that makes one.
+    """The kernels of one driver and layout, which differ in their reads, the last used first; with the lock of the
+    thread that makes one.
     """
 
     def __init__(self) -> None:

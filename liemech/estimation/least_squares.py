@@ -44,10 +44,10 @@ def minimise(
         d, promised = step(problem, damping)
         small = promised <= tolerance * (1.0 + cost)
         tried = move(x, d)
-        comparable, new_cost, then = linear(tried, problem)
+        comparable, new_cost, new_problem = linear(tried, problem)
         falls = comparable <= cost
         if falls:
-            x, cost, problem = tried, new_cost, then
+            x, cost, problem = tried, new_cost, new_problem
             damping = damping / FACTOR if damping > DAMPING else 0.0
         if small:
             return x, problem, cost, done + 1

@@ -53,9 +53,9 @@ class Process(Record):
         deviation.  side : of the error.
         """
         size = self.deviations(h)
-        still = vec(*[0.0] * len(size))
-        g_next = self.move(g, u, still, h)
-        rates = [derivative(lambda w: self.move(g, u, w, h), still, d) for d in axes(still)]
+        zero = vec(*[0.0] * len(size))
+        g_next = self.move(g, u, zero, h)
+        rates = [derivative(lambda w: self.move(g, u, w, h), zero, d) for d in axes(zero)]
         return transpose(mat(*[s * velocity(self.group, side, g_next, rate) for s, rate in zip(size, rates)]))
 
     @property

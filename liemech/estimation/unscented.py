@@ -138,8 +138,8 @@ LITTLE = 2.0**-30
 
 def in_chart(group: Any, columns: Any, length: Any) -> Any:
     """A length, halved until the logarithm gives back twice the errors that are so many columns long."""
-    together = [sum([abs(column[i]) for column in columns]) for i in range(group.dim)]
-    if returns(group, (2.0 * length) * vec(*together)):  # an error that is larger than each
+    sizes = [sum([abs(column[i]) for column in columns]) for i in range(group.dim)]
+    if returns(group, (2.0 * length) * vec(*sizes)):  # an error that is larger than each
         return length
     for _ in range(HALVINGS):
         outside = False

@@ -125,7 +125,7 @@ def _re_im(x: Any) -> tuple[Any, Any]:
 
 
 def _float(x: Any) -> Any:
-    """Numbers of Python and NumPy as floats, others as they are."""
+    """Numbers of Python and NumPy as floats, others unchanged."""
     return float(x) if isinstance(x, (int, np.number)) else x
 
 

@@ -176,25 +176,25 @@ def determinant(m: Mat) -> Any:
 
 
 def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
-    """m^-1, by cofactors of three rows at a time; the sign of its determinant beside that of a
-    positive matrix times `sign`; and whether no pivot is below DEPENDENT times what it was before.
+    """m^-1, by cofactors of three rows at a time; 1 if its determinant has the sign of that of `sign` times a positive
+    matrix, else -1; and whether all pivots are above DEPENDENT times their former values.
     """
     n = len(m)
     if n > 3:
         A, B, C, D = quarters(m)
-        first, same, far = inverted(A, before[:3], sign)
+        first, sign_kept, independent = inverted(A, before[:3], sign)
         left, right = C @ first, first @ B
-        last, turned, apart = inverted(D - C @ right, before[3:], sign)
+        last, turned, rest_independent = inverted(D - C @ right, before[3:], sign)
         corner = right @ last
         whole = of_quarters(first + corner @ left, -corner, -(last @ left), last)
-        return whole, same * turned, far and apart
+        return whole, sign_kept * turned, independent and rest_independent
     minors, cofactors = of_three(m)
-    far = abs(m[0][0]) > DEPENDENT * before[0]
+    independent = abs(m[0][0]) > DEPENDENT * before[0]
     for k in range(1, n):
-        far = far and abs(minors[k]) > DEPENDENT * before[k] * abs(minors[k - 1])
+        independent = independent and abs(minors[k]) > DEPENDENT * before[k] * abs(minors[k - 1])
     det = minors[n - 1]
-    same = where((sign * det if n % 2 == 1 else det) > 0.0, 1.0, -1.0)
-    return mat(*[(1.0 / det) * row for row in cofactors]), same, far
+    sign_kept = where((sign * det if n % 2 == 1 else det) > 0.0, 1.0, -1.0)
+    return mat(*[(1.0 / det) * row for row in cofactors]), sign_kept, independent
 
 
 def of_three(m: Mat) -> tuple[list[float], list[Vec]]:

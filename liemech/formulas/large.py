@@ -268,8 +268,8 @@ class Large(InMemory):
         """det A, by Gaussian elimination with pivots."""
         if self.numbers is None:
             return self._engine.determinant(self)
-        both = blas.determinant(self.numbers, self.is_complex)
-        return Complex(*both) if self.is_complex else both[0]
+        re_and_im = blas.determinant(self.numbers, self.is_complex)
+        return Complex(*re_and_im) if self.is_complex else re_and_im[0]
 
     def over(self, a: Large) -> Large:
         """B A^-1, by Gaussian elimination with pivots; nan if A is singular."""
@@ -318,8 +318,8 @@ def distance2(a: Large, b: Large) -> Any:
         if x.numbers is None:
             return x._engine.distance2(a, b)
     with np.errstate(all="ignore"):
-        off = (a.numbers - b.numbers).ravel()
-        return total(off * off)
+        difference = (a.numbers - b.numbers).ravel()
+        return total(difference * difference)
 
 
 def total(numbers: np.ndarray) -> float:

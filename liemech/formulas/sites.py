@@ -40,8 +40,8 @@ EIGHT = 8
 
 
 def padded(count: int) -> int:
-    """The places in a row of numbers of so many sites: whole groups of sixteen, and an odd number
-    of these, so that the rows do not compete for the same places of a cache.
+    """The length of a row of numbers of `count` sites: whole groups of sixteen, and an odd number of these, so that the
+    rows do not compete for the same places of a cache.
     """
     return TOGETHER * (-(-count // TOGETHER) | 1)
 
@@ -71,18 +71,15 @@ def rows_of(values: np.ndarray) -> np.ndarray:
 
 @record
 class SiteTable(Record):
-    """Whole numbers of every site: which sites are its neighbours, or which edges lead there.
-
-    entries : (degree, sites) of them, whole numbers of four bytes, in rows of so many `places`.
-    rows : how many each site has, the degree.  degree : the same where it is known to formulas, which write
-    loops over it out; None where every run may have another.  reach : for each eight sites in turn how
-    their entries lie, `reach_of`.  Make it by `SiteTable.of`.
+    """Whole numbers of every site: the numbers of its neighbours, or of the edges that lead there.  Made by
+    `SiteTable.of`.
     """
 
-    entries: Any
-    rows: float
+    entries: Any  # (degree, sites) integers of four bytes, in rows of length `places`
+    rows: float  # the degree, the number of entries of a site
     places: float
-    reach: Any
+    reach: Any  # of eight sites at a time, how their entries lie in memory: `reach_of`
+    # the degree, if formulas may know it, whose loops over it are then written out; None where runs may differ in it
     degree: int | None = None
 
     def __post_init__(self) -> None:
@@ -154,19 +151,16 @@ def _in_rows(table: Any, places: float) -> bool:
 
 @record
 class SiteArray(Record):
-    """Numbers of every site, or of every edge of every site; `own` gives a formula those of its
-    site.
-
-    entries : in rows of so many `places`.  dim : how many components each has; None for single
-    numbers.  Make it by `SiteArray.of`.
+    """Numbers of every site, or of every edge of every site; `own` gives a formula those of its site.  Made by
+    `SiteArray.of`.
     """
 
-    entries: Any
+    entries: Any  # (dim, places) numbers
     places: float
-    dim: int | None = None
+    dim: int | None = None  # the number of components; None for single numbers
 
     def __post_init__(self) -> None:
-        """Raises InvalidInput for a table that is no rows of so many places."""
+        """Raises InvalidInput for a table whose size is no multiple of `places`."""
         super().__post_init__()
         if not (_in_rows(self.entries, self.places) and len(self.entries) % (self.places * (self.dim or 1)) == 0):
             raise InvalidInput("SiteArray: its table does not fit its places and dim; make it by SiteArray.of")
@@ -284,10 +278,10 @@ def chains_of_partners(i: int, count: int) -> Iterator[list[list[tuple[int, bool
     """
     group, place = divmod(i, EIGHT)
     last, left = divmod(count, EIGHT)
-    few = period_of(left) if 0 < 2 * left <= EIGHT else EIGHT
+    period_of_last = period_of(left) if 0 < 2 * left <= EIGHT else EIGHT
     for other in range(-(-count // EIGHT)):
         first = other >= group
-        period = few if last in (group, other) else EIGHT
+        period = period_of_last if last in (group, other) else EIGHT
         begins = [place] if first else range(place, place + EIGHT, period)
         yield [
             [
@@ -301,7 +295,7 @@ def chains_of_partners(i: int, count: int) -> Iterator[list[list[tuple[int, bool
 
 
 def period_of(sites: int) -> int:
-    """The least power of two that is not less than so many sites, up to four."""
+    """The least power of two, up to four, that is not less than a number of sites."""
     return 1 if sites == 1 else 2 if sites == 2 else 4
 
 
@@ -311,7 +305,7 @@ def rows_in(table: SiteTable) -> int:
 
 
 def own(array: Any, d: int | None = None) -> Any:
-    """This site's value of an array of parameters; with d that of its edge d."""
+    """The value of this site in an array of parameters; with d the value of its edge d."""
     site = _visit("own").site
     if isinstance(array, SiteTable):
         return _entry(array, d or 0, site)
@@ -476,7 +470,7 @@ class _Asked(BaseException):
 
 
 class Visit:
-    """One run of a formula for one of so many sites, with the answers that are known so far.
+    """One evaluation of a formula for one of `count` sites, with the answers of other sites that are known so far.
 
     answers : to the first questions, by the kind of each.  company : the last meetings of power series.
     """
@@ -520,9 +514,7 @@ def present_site() -> int:
 
 
 def each_site(count: int, formula: Callable[..., Any], *args: Any) -> None:
-    """Run a formula for every site, all of them up to what they ask next, again and again.  What it
-    raises says for which site.
-    """
+    """Run a formula for every site, from meeting to meeting.  Its errors have the number of the site, `site`."""
     answers: list[tuple[str, Any]] = []
     while True:
         requests = [_visited(i, count, answers, formula, args) for i in range(count)]
@@ -540,9 +532,7 @@ def each_site(count: int, formula: Callable[..., Any], *args: Any) -> None:
 
 
 def some_sites(count: int, begin: int, end: int, formula: Callable[..., Any], *args: Any) -> None:
-    """Run a formula for the sites from begin to end, where all of them meet once: the others rest,
-    and publish what they have.
-    """
+    """Run a formula for the sites from `begin` to `end`, which meet once; the others rest, and publish only."""
     requests = [_visited(i, count, [], formula, args) for i in range(begin, end)]
     if all(kind == "nothing" for kind, _ in requests):
         return
@@ -605,7 +595,7 @@ class _Early(Visit):
 
 
 def one_site(count: int, site: int, formula: Callable[..., Any], *args: Any) -> Any:
-    """The value of a formula for one of the sites: of the others what it asks of them, no more."""
+    """The value of a formula for one of the sites; other sites are evaluated as far as it asks them."""
     answers: list[tuple[str, Any]] = []
     outside = copy_context()  # of the derivatives that one site is taking another knows nothing
 

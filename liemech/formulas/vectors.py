@@ -534,11 +534,11 @@ def of_floats(array: np.ndarray) -> Any:
     all, is not finite.
     """
     values = array.tolist()
-    many = array.ndim == 2
-    total = builtins.sum(map(builtins.sum, values) if many else values)
+    is_matrix = array.ndim == 2
+    total = builtins.sum(map(builtins.sum, values) if is_matrix else values)
     if total - total != 0.0:
         return None
-    if not many:
+    if not is_matrix:
         return _make(Vec, values)
     matrix = object.__new__(Mat)
     _set_rows(matrix, tuple([_make(Vec, row) for row in values]))

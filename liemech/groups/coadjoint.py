@@ -145,14 +145,14 @@ class CoadjointAction(Representation):
 
         tolerance : by how much Casimirs may differ, relative to the sizes of their terms.
         """
-        same = orbits.same(self, np.array(mu, dtype=float), np.array(nu, dtype=float), float(tolerance))
-        if same is None:
+        on_one_orbit = orbits.same(self, np.array(mu, dtype=float), np.array(nu, dtype=float), float(tolerance))
+        if on_one_orbit is None:
             raise NotDefined(
                 f"on_same_orbit: whether these momenta of {self.group!r} lie on one orbit is not "
                 "known: their Casimirs agree, but do not tell all orbits apart, and no g with K_g "
                 "mu = nu was found. Define `further_invariants`"
             )
-        return same
+        return on_one_orbit
 
     def _momentum(self, mu: Any, method: str) -> np.ndarray:
         where = f"CoadjointAction.{method}: mu"

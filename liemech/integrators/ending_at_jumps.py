@@ -114,19 +114,15 @@ class EndingAtJumps(Wrapping):
     The cuts depend on the times only, and are the same backwards: what is symmetric or symplectic
     remains so.
 
-    breaks : a Table of rising times.  count : how many there are, in case there are none.
-    anew : does the method remember what is of fixed steps, in one field?
-    every : does it see an input as a power series, so that its steps must end at every knot?
-    beyond : the part of a step by which its stages lie beyond the ends of the step, or None.
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6,
-    "Discontinuous equations".
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6, "Discontinuous
+    equations".
     """
 
-    breaks: Any
-    count: float
-    anew: bool
-    every: bool
-    beyond: Any
+    breaks: Any  # a Table of rising times
+    count: float  # how many there are, in case there are none
+    anew: bool  # does the method remember what is of fixed steps, in one field?
+    every: bool  # does it see an input as a power series, so that its steps must end at every knot?
+    beyond: Any  # the part of a step by which its stages lie beyond the ends of the step, or None
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
         """The steps from jump to jump; of another length than h a method that remembers begins

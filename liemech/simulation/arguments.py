@@ -48,7 +48,7 @@ def matching(system: Any, method: Any) -> None:
 
 
 def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
-    """The start of a run as formulas take it, with what is recorded and what that needs."""
+    """The start of a run as formulas take it, with the parts that are recorded and those that they need."""
     return with_parts(system, system._written_out(known(system, start)), record)
 
 
@@ -68,24 +68,24 @@ def known(system: Any, start: Any) -> State:
 
 
 def with_parts(system: Any, start: State, record: Iterable[str] | None) -> State:
-    """The start with what is recorded, and with what that needs."""
+    """The start with the parts that are recorded, and those that they need."""
     if record is None:
         return start
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     choices = " or ".join(dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts])))
     try:
-        wanted = (record,) if isinstance(record, str) else tuple(record)
+        recorded = (record,) if isinstance(record, str) else tuple(record)
     except TypeError:
         raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
-    if not set(least) <= set(wanted) <= set(start.parts):
+    if not set(least) <= set(recorded) <= set(start.parts):
         raise InvalidInput(
             f'integrate: record is {choices}, all else follows from them; or methods of the system such as "energy", and '
             f"functions of time and state; got {record!r}"
         )
-    for name in wanted:
+    for name in recorded:
         if start.parts[name] is None:
             raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")
-    return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
+    return type(start)(*(x if name in recorded else None for name, x in start.parts.items()))
 
 
 def allowed(systems: Any, start: State) -> None:
@@ -282,7 +282,7 @@ def first(values: Any, name: str) -> Any:
 
 
 def directions(name: str, given: Any, components: int) -> np.ndarray:
-    """Directions of a state of so many components, (N,) or (N, k)."""
+    """Directions of a state with N components as an array, (N,) or (N, k), checked."""
     array = real_array(given, f"Plan.tangent: {name}")
     if array.ndim not in (1, 2) or len(array) != components or not array.size:
         raise InvalidInput(
@@ -303,8 +303,8 @@ def events(events: Any) -> tuple[Any, ...]:
             raise InvalidType(f"integrate: events are functions of t and state; got {event!r}")
         terminal, direction = getattr(event, "terminal", None), getattr(event, "direction", 0.0)
         if terminal is not None and (not isinstance(terminal, (bool, np.bool_, int, np.integer)) or terminal < 0):
-            wanted = "True, False, or the number of its zeros at which the run ends"
-            raise InvalidInput(f"integrate: the `terminal` of an event is {wanted}; got {terminal!r}")
+            expected = "True, False, or the number of its zeros at which the run ends"
+            raise InvalidInput(f"integrate: the `terminal` of an event is {expected}; got {terminal!r}")
         if isinstance(direction, bool) or not isinstance(direction, (int, float, np.number)) or direction != direction:
             raise InvalidInput(f"integrate: the `direction` of an event is +1, -1 or 0; got {direction!r}")
     return functions

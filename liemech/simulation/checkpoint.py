@@ -28,8 +28,8 @@ def require_ending(path: str | os.PathLike[str], known: tuple[str, ...] = (*ENDI
 
 
 class Checkpoint:
-    """Where and how often a run is written: every so many seconds, and less often if writing takes
-    long, or every so many steps.
+    """The file to which a run is saved, and how often: every `seconds`, less often if writing takes long, or every
+    `steps`.
 
     A disk that is full, or may not be written to, does not end the run: a warning tells of it, the
     next checkpoint is tried in its turn, and at the end a warning tells if the last one failed.
@@ -60,9 +60,7 @@ class Checkpoint:
             )
 
     def end(self, run: Any) -> Any:
-        """The run that has come to its end, or to where it was ended; one that was too short for a
-        checkpoint on its way leaves it here.
-        """
+        """The run, which has ended; it is saved now if it was too short for a checkpoint before."""
         if run is not None and not self.written and not self.failures:
             self.save(run)
         return run
@@ -79,7 +77,7 @@ class Checkpoint:
         return self.taken >= self.steps
 
     def save(self, run: Any) -> None:
-        """Write the run so far; a write that fails is told once and tried again."""
+        """Save the run so far; the first write that fails is warned of, and the next checkpoint tries again."""
         start, self.taken = time.perf_counter(), 0
         try:
             run.save(self.path)

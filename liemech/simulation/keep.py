@@ -89,9 +89,9 @@ class SampleTable:
         if not len(body):
             return
         first = np.flatnonzero(np.append(True, body[1:] != body[:-1]))
-        many = np.diff(np.append(first, len(body)))
-        place = self.counts[body] + np.arange(len(body)) - np.repeat(first, many)
-        self.counts[body[first]] += many
+        counts = np.diff(np.append(first, len(body)))
+        place = self.counts[body] + np.arange(len(body)) - np.repeat(first, counts)
+        self.counts[body[first]] += counts
         if self.counts.max() > len(self.rows):
             longer = np.empty((int(1.5 * self.counts.max()), *self.rows.shape[1:]))
             longer[: len(self.rows)] = self.rows
@@ -109,8 +109,8 @@ class Every:
     def see(self, piece: PieceOfBodies) -> None:
         """Keep the row of every n-th step, of a last step, and of a step marked as kept."""
         number, last = piece.number, self.run.limit[piece.body]
-        wanted = (number % self.every == 0) | (number == last) | piece.kept
-        self.samples.add(piece.body[wanted], piece.rows(wanted)[:, self.run.head])
+        keeps = (number % self.every == 0) | (number == last) | piece.kept
+        self.samples.add(piece.body[keeps], piece.rows(keeps)[:, self.run.head])
 
     def forget(self) -> None:
         """Forget samples beyond the place where each body stands."""
@@ -145,8 +145,8 @@ class Straight:
         return np.searchsorted(self.numbers, step, "right")
 
     def ahead(self, step: int, sweep: int) -> tuple[int, int]:
-        """The next samples that are so many steps away, and how many steps lead to each; or a part of
-        the way to the next one.
+        """The number of next samples that are equally far apart, and the steps to each; or a part of the way to the
+        next one.
         """
         k = int(self.samples_after(step))
         if k - self.first == len(self.array):  # those that are full were handed on
@@ -154,9 +154,9 @@ class Straight:
         pending = int(self.numbers[k]) - step
         if pending > sweep:
             return 1, sweep
-        left = self.numbers[k : k + min(sweep // pending, len(self.array) - (k - self.first))]
-        same = left == step + pending * np.arange(1, len(left) + 1)
-        return len(left) if same.all() else int(np.argmin(same)), pending
+        numbers = self.numbers[k : k + min(sweep // pending, len(self.array) - (k - self.first))]
+        in_step = numbers == step + pending * np.arange(1, len(numbers) + 1)
+        return len(numbers) if in_step.all() else int(np.argmin(in_step)), pending
 
     def target(self, step: int, turns: int, every: int) -> np.ndarray:
         """The rows of `array` where the next samples are written; a scratch row if no sample is due."""
@@ -210,12 +210,12 @@ class AtTimes:
         before = np.concatenate([[0], reached[:-1]])
         begins = piece.begins
         before[begins] = self.counts[piece.body[begins]]
-        many = np.maximum(reached - before, 0)
-        total = int(many.sum())
+        counts = np.maximum(reached - before, 0)
+        total = int(counts.sum())
         if not total:
             return
-        step = np.repeat(np.arange(len(piece)), many)
-        place = np.arange(total) - np.repeat(many.cumsum() - many, many)
+        step = np.repeat(np.arange(len(piece)), counts)
+        place = np.arange(total) - np.repeat(counts.cumsum() - counts, counts)
         sample, body = before[step] + place, piece.body[step]
         times, rows = self.asked[sample, body], piece.rows(step)[:, self.run.head]
         inside = np.flatnonzero(times != piece.b[step])
@@ -293,12 +293,12 @@ class Dense:
 
     def add(self, rows: np.ndarray) -> None:
         """Append rows, growing the array by half where it is full."""
-        wanted = self.filled + len(rows)
-        if wanted > len(self.array):
-            size = max(len(self.array) + len(self.array) // 2, wanted)
+        filled = self.filled + len(rows)
+        if filled > len(self.array):
+            size = max(len(self.array) + len(self.array) // 2, filled)
             self.array.resize((size, self.array.shape[1]), refcheck=False)
-        self.array[self.filled : wanted] = rows
-        self.filled = wanted
+        self.array[self.filled : filled] = rows
+        self.filled = filled
 
     def see(self, piece: PieceOfBodies) -> None:
         """Keep the rows of all steps of the piece."""
@@ -336,8 +336,8 @@ class DenseOfBodies(Every):
 
 
 class Quantities:
-    """Functions of the samples that the first observer of a run has, kept instead of these: as the run
-    goes, of what it hands on, or at its end.
+    """Functions of the samples of the first observer, kept in their place: computed as samples are handed on, or at the
+    end.
 
     kept : times, and the values by name, of some samples after others.
     until : the number of the first sample at which a function failed, at the end of a run.

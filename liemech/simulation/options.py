@@ -142,7 +142,7 @@ class Options(NamedTuple):
         return self.h is None or any(x is not None for x in self.adaptive.values())
 
     def require(self, control: str, method: Any) -> None:
-        """Refuse what is not for a control."""
+        """Raise InvalidInput for an option that this control does not have."""
         if control == FICTIVE and self.h is None:
             raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
         if control == TOLERANCE:
@@ -157,7 +157,7 @@ class Options(NamedTuple):
 
 
 def words_of(control: Any, save: Any) -> dict[str, Any]:
-    """The options that `control=` and `save=` stand for: all those of control, all those of what is kept."""
+    """The options that `control=` and `save=` stand for, by name."""
     options: dict[str, Any] = {}
     for value, name, kinds, words in (
         (control, "control", (FixedSteps, ErrorControl), CONTROL),

@@ -316,11 +316,11 @@ class Plan:
             return True
         if isinstance(inner, Carry) and inner.bodies and not inner.together:
             return True
-        many = start.bodies is not None
+        is_ensemble = start.bodies is not None
         if self.fictive:
             differ = any(name in self.of_each for name in ("system", "method", "h"))
-            return t_end is not None or (many and differ)
-        if not many:
+            return t_end is not None or (is_ensemble and differ)
+        if not is_ensemble:
             return False
         of_each = "h" in self.of_each and (t_end is not None or t_eval is not None)
         axes = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
@@ -330,12 +330,12 @@ class Plan:
         """The class of the run from such a start."""
         if self.adaptive:
             return ToleranceRun
-        apart = self._apart(start, t_end, t_eval)
+        separate = self._apart(start, t_end, t_eval)
         if not self.fictive:
-            return EqualRun if apart else StraightRun
+            return EqualRun if separate else StraightRun
         from ..rooms.fictive_time.runs import FictiveRun, StraightFictiveRun
 
-        return FictiveRun if apart else StraightFictiveRun
+        return FictiveRun if separate else StraightFictiveRun
 
     def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, checkpoint: Checkpoint | None
@@ -452,12 +452,11 @@ class Plan:
         sites go site by site, once for each v; for J^T w they are gone through backwards, once for each w
         and each sample, where the method has a way back, else once for each of the N directions.
 
-        Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
-        at each sample, group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m
-        bodies, one after another, (n, m, N, N).  Of many sites the N components are the momenta of all
-        sites, then the eta of all.
-        Raises what `integrate` does, for a body of an ensemble too; InvalidInput for what is no
-        parameter, IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
+        Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state at each sample,
+        group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m bodies, one after another, (n, m, N, N).
+        Of many sites the N components are the momenta of all sites, then the eta of all. Raises what `integrate` does,
+        for a body of an ensemble too; InvalidInput for what is no parameter, IncompatibleSystem for classical Hamilton-
+        Jacobi methods, whose power series cannot carry a derivative.
         """
         from ..rooms.derivatives.tangent_runs import tangent_of
 

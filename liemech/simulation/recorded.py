@@ -72,7 +72,7 @@ class Recorder:
             return None
         if not all(isinstance(q, str) for q in self.quantities.values()):
             return tuple(dict.fromkeys([*start.arrays, *self.parts, *self.chosen]))
-        wanted = [name for name, x in system.essential_part(start).parts.items() if x is not None]
+        names = [name for name, x in system.essential_part(start).parts.items() if x is not None]
         for quantity in self.quantities.values():
             formula = getattr(system, str(quantity))
             parts = [name for name in inspect.signature(formula).parameters if name != "t"]
@@ -82,8 +82,8 @@ class Recorder:
                     f"the state, which is {', '.join(start.parts)}; "
                     "record a function of time and state"
                 )
-            wanted += [part for part in parts if part != "t"]
-        return tuple(dict.fromkeys([*wanted, *self.parts, *self.chosen]))
+            names += [part for part in parts if part != "t"]
+        return tuple(dict.fromkeys([*names, *self.parts, *self.chosen]))
 
     # ---------------------------------------------------------------- what is kept
 
@@ -177,26 +177,26 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
     quantities: dict[str, Any] = {}
     chosen: dict[str, tuple[int, ...]] = {}
     for item in items:
-        name, wanted = item if isinstance(item, tuple) and len(item) == 2 else (item, item)
-        if isinstance(wanted, str):
-            is_method = inspect.ismethod(getattr(system, wanted, None)) and wanted not in ("state", "constants")
+        name, quantity = item if isinstance(item, tuple) and len(item) == 2 else (item, item)
+        if isinstance(quantity, str):
+            is_method = inspect.ismethod(getattr(system, quantity, None)) and quantity not in ("state", "constants")
             if is_method:
-                quantities[name] = wanted
+                quantities[name] = quantity
             else:
-                parts.append(wanted)
+                parts.append(quantity)
             continue
-        if isinstance(wanted, (list, range, np.ndarray)) and isinstance(name, str):
-            chosen[name] = numbers_of_sites(name, wanted, system)
+        if isinstance(quantity, (list, range, np.ndarray)) and isinstance(name, str):
+            chosen[name] = numbers_of_sites(name, quantity, system)
             continue
-        if not callable(wanted):
+        if not callable(quantity):
             return None  # to be refused with the parts there are
         if not isinstance(name, str):
-            name = type(wanted).__name__ if isinstance(wanted, Record) else getattr(wanted, "__name__", "")
+            name = type(quantity).__name__ if isinstance(quantity, Record) else getattr(quantity, "__name__", "")
         if not name.isidentifier():
             raise InvalidInput(
-                f'integrate: record has a function without a name, {wanted!r}; give it one: record=[("name", function), ...]'
+                f'integrate: record has a function without a name, {quantity!r}; give it one: record=[("name", function), ...]'
             )
-        quantities[name] = wanted
+        quantities[name] = quantity
     for name in quantities:
         reserved = name in Trajectory.__dataclass_fields__ or (hasattr(Trajectory, name) and name not in COMPUTED)
         if reserved or [*parts, *quantities].count(name) > 1:

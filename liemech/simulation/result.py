@@ -18,7 +18,7 @@ from .trajectory import TangentTrajectory, Trajectory
 
 
 class AsItIs:
-    """How numbers of a run are shown: as states of its system.
+    """The view of the numbers of a run as states of its system.
 
     example : a state, whose layout they have.
     """
@@ -194,10 +194,10 @@ def _states_of_sites(run: Any) -> Any:
         parts = {}
         if shape.shown.kept:
             arrays = unpacked(shape.state, rows.swapaxes(1, 2))
-            wanted = arrays if recorder is None else recorder.parts
-            subset = arrays if set(wanted) - set(arrays) else {name: arrays[name] for name in wanted}
+            names = arrays if recorder is None else recorder.parts
+            subset = arrays if set(names) - set(arrays) else {name: arrays[name] for name in names}
             parts = run.plan._one.as_users_see(subset)
-            parts = {name: x for name, x in parts.items() if subset is not arrays or name in wanted or recorder is None}
+            parts = {name: x for name, x in parts.items() if subset is not arrays or name in names or recorder is None}
             for name, sites in ({} if recorder is None else recorder.chosen).items():
                 at = sites if chosen is None else [chosen.index(i) for i in sites]
                 parts[name] = arrays[name][:, at]
@@ -252,7 +252,7 @@ def of_tangent(varied: Any, steps: int, tangent: dict[str, np.ndarray], **own: A
 
 
 def of_some(runs: list[Any], carry: Any = lambda: None, **own: Any) -> Any:
-    """The run of all bodies, from runs of one or of some each.  carry : makes what it goes on with."""
+    """The run of all bodies, from runs of one body or of several each.  carry : a function that makes its carry."""
     first = runs[0]
     fields = {name: x for name, x in vars(first).items() if name not in ("_rest", "carry")}
     return type(first).promised(SimpleNamespace(carry=carry), **fields | beside(runs) | own)

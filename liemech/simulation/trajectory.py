@@ -101,8 +101,8 @@ class Trajectory:
         """Whether both runs are of equal systems and methods, with the same samples and events to the bit."""
         if type(self) is not type(other):
             return NotImplemented
-        mine, others = self._compared, other._compared
-        return mine.keys() == others.keys() and all(_same(x, others[n]) for n, x in mine.items())
+        fields, other_fields = self._compared, other._compared
+        return fields.keys() == other_fields.keys() and all(_same(x, other_fields[n]) for n, x in fields.items())
 
     def __hash__(self) -> int:
         return hash((type(self), self.steps, self.bodies))
@@ -178,20 +178,20 @@ class Trajectory:
         """A joint of a linkage, by its name or number, along the run: its `angle`, `rate`, `torque`,
         `reaction`, `moment`, `power` and `work`.
         """
-        motion = getattr(self._laws, "motion_at", None)
-        if motion is None:
-            raise InvalidInput(f"Trajectory.joint: {self.system!r} has no joints")
-        self._recorded("joint", ["mu", "g"])
-        return motion(self, name)
+        return self._of_linkage("joint", "motion_at", name)
 
     def link(self, name: str | int) -> Any:
         """A body of a linkage, by its name or number, along the run: its `pose` and `velocity`, the
         `load` on it, with `power` and `work`.
         """
-        motion = getattr(self._laws, "link_at", None)
+        return self._of_linkage("link", "link_at", name)
+
+    def _of_linkage(self, noun: str, method: str, name: str | int) -> Any:
+        """A joint or a link of a linkage along the run, by a method of the system."""
+        motion = getattr(self._laws, method, None)
         if motion is None:
-            raise InvalidInput(f"Trajectory.link: {self.system!r} has no links")
-        self._recorded("link", ["mu", "g"])
+            raise InvalidInput(f"Trajectory.{noun}: {self.system!r} has no {noun}s")
+        self._recorded(noun, ["mu", "g"])
         return motion(self, name)
 
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:
@@ -203,15 +203,15 @@ class Trajectory:
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
-        needed = [*inspect.signature(formula).parameters]
-        self._recorded(name, [part for part in needed if part != "t"])
+        arguments = [*inspect.signature(formula).parameters]
+        self._recorded(name, [part for part in arguments if part != "t"])
         inputs = {
             "t": self.t
             if self.bodies is None
             else np.broadcast_to(self.t if self.t.ndim == 2 else self.t[:, None], (len(self.t), self.bodies)),
             **self.states,
         }
-        return formula(*(inputs[part] for part in needed))
+        return formula(*(inputs[part] for part in arguments))
 
     def _recorded(self, what: str, needed: Iterable[str]) -> None:
         """Refuse what needs parts of the state that were not recorded."""
@@ -473,8 +473,8 @@ class Trajectory:
         """The states, of a system with given motions with the times beside them."""
         if not getattr(self.system, "rheonomic", False):
             return self.states
-        many = self.bodies is not None and self.t.ndim == 1
-        t = np.repeat(self.t[:, None], self.bodies or 1, axis=1) if many else self.t
+        is_ensemble = self.bodies is not None and self.t.ndim == 1
+        t = np.repeat(self.t[:, None], self.bodies or 1, axis=1) if is_ensemble else self.t
         return self.states | {"t": t}
 
     @property
@@ -504,11 +504,11 @@ class Trajectory:
         return self.g
 
     def __repr__(self) -> str:
-        many = "" if self.bodies is None else f"{self.bodies} bodies, "
+        ensemble = "" if self.bodies is None else f"{self.bodies} bodies, "
         end = f"to t = {_range(self.t[-1])}" if len(self) else "none"
         steps = f"h = {_range(self.h)}" if self.rejected is None else f"{self.steps} steps, {self.rejected} rejected"
         return (
-            f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
+            f"Trajectory({self.method!r}: {ensemble}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
 
@@ -622,12 +622,12 @@ class TransformedTrajectory(Trajectory):
         }
 
     def __repr__(self) -> str:
-        many = "" if self.bodies is None else f"{self.bodies} bodies, "
+        ensemble = "" if self.bodies is None else f"{self.bodies} bodies, "
         sigma = self.sigma[0] if isinstance(self.origin, tuple) else self.sigma
         end = f"to t = {np.ravel(self.t[-1])[0]:g}, " if len(self) and self.bodies is None else ""
         last = f"tau = {_range(self.tau[-1])}, " if len(self) else ""
         return (
-            f"Trajectory({self.method!r}, {sigma!r}: {many}{len(self)} samples {end}{last}h = "
+            f"Trajectory({self.method!r}, {sigma!r}: {ensemble}{len(self)} samples {end}{last}h = "
             f"{_range(self.h)} in tau, {'compiled' if self.compiled else 'plain'}; "
             f"{', '.join(self.states)})"
         )
@@ -663,8 +663,8 @@ def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarr
 def _same(x: Any, y: Any) -> bool:
     """Whether two parts of runs are equal, arrays to the bit."""
     if isinstance(x, np.ndarray) or isinstance(y, np.ndarray):
-        alike = np.shape(x) == np.shape(y) and np.asarray(x).dtype == np.asarray(y).dtype
-        return alike and np.asarray(x).tobytes() == np.asarray(y).tobytes()
+        of_one_kind = np.shape(x) == np.shape(y) and np.asarray(x).dtype == np.asarray(y).dtype
+        return of_one_kind and np.asarray(x).tobytes() == np.asarray(y).tobytes()
     if isinstance(x, dict) and isinstance(y, dict):
         return x.keys() == y.keys() and all(_same(v, y[name]) for name, v in x.items())
     if isinstance(x, (list, tuple, OfBodies)) and type(x) is type(y):

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InvalidInput, undefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.classes.derived import derived
-from ..formulas.classes.remembered import common
+from ..formulas.classes.remembered import shared_property
 from ..groups.retractions import Retraction
 from ..groups.vector_space import VectorSpace
 from .input_checks import as_field, points
@@ -60,7 +60,7 @@ class PhaseSpace(System):
         """The group of displacements, R^2n under addition."""
         return self._phase_space
 
-    @common
+    @shared_property
     def _phase_space(self) -> VectorSpace:
         return VectorSpace(2 * self.degrees)
 
@@ -80,14 +80,14 @@ class PhaseSpace(System):
     def _points(self, q: Any, p: Any) -> tuple[list[np.ndarray], int | None]:
         """Positions and momenta as arrays, checked, and how many members an ensemble of them has."""
         where, shape = f"{type(self).__name__}.state", (self.degrees,)
-        both = [
-            points(_vector(value, self.degrees), f"{where}: {name}", shape, f"a {what} of {self!r}")
-            for name, what, value in (("q", "position", q), ("p", "momentum", p))
+        arrays = [
+            points(_vector(value, self.degrees), f"{where}: {name}", shape, f"a {noun} of {self!r}")
+            for name, noun, value in (("q", "position", q), ("p", "momentum", p))
         ]
-        counts = [len(a) for a in both if a.shape != shape]
+        counts = [len(a) for a in arrays if a.shape != shape]
         if len(set(counts)) > 1:
             raise InvalidInput(f"{where}: {counts[0]} positions and {counts[1]} momenta")
-        return both, counts[0] if counts else None
+        return arrays, counts[0] if counts else None
 
     @final
     def _canonical_state(self, both: list[np.ndarray], members: int | None) -> CanonicalState:
@@ -160,9 +160,9 @@ class HamiltonianSystem(CanonicalSystem):
         Raises InvalidInput for wrong shapes and entries that are not finite, and for positions where
         there is no force.
         """
-        both, members = self._points(q, p)
-        self._require_places(f"{type(self).__name__}.state", both[0])
-        return self._canonical_state(both, members)
+        arrays, members = self._points(q, p)
+        self._require_places(f"{type(self).__name__}.state", arrays[0])
+        return self._canonical_state(arrays, members)
 
     def _require_places(self, name: str, q: np.ndarray) -> None:
         """Raise InvalidInput for positions where there is no force, which a system may know.  q : (n,),

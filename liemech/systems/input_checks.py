@@ -33,9 +33,9 @@ def points(
     """
     array = real_array(value, name, or_complex)
     if array.shape != shape and array.shape[1:] != shape:
-        many = ("bodies", *shape)
+        ensemble_shape = ("bodies", *shape)
         raise InvalidInput(
-            f"{name} has shape {array.shape}; {space} has shape {shape}, many of them {many}".replace("'", "")
+            f"{name} has shape {array.shape}; {space} has shape {shape}, many of them {ensemble_shape}".replace("'", "")
             + advice(array.shape, shape)
         )
     if not array.size and shape != (0,):
@@ -56,13 +56,13 @@ def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
     """An array of one or many elements of a group."""
     shape = group.element_shape
     array = points(value, name, shape, f"an element of {group!r}", group.is_complex, _other_rotation)
-    many = array.shape != shape
-    if not many and not group.is_large and group.contains(small(array)):
+    is_ensemble = array.shape != shape
+    if not is_ensemble and not group.is_large and group.contains(small(array)):
         return array
-    off = np.flatnonzero(~np.atleast_1d(group.contains(array)))
-    if len(off):
-        which = f"{name}[{off[0]}]" if many else name
-        raise InvalidInput(f"{which} {group._objection('g', array[off[0]] if many else array)}")
+    outside = np.flatnonzero(~np.atleast_1d(group.contains(array)))
+    if len(outside):
+        label = f"{name}[{outside[0]}]" if is_ensemble else name
+        raise InvalidInput(f"{label} {group._objection('g', array[outside[0]] if is_ensemble else array)}")
     return array
 
 

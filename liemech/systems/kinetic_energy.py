@@ -189,9 +189,9 @@ def require_invertible(inertia: Vec | Mat) -> None:
         )
     unit = np.sqrt(np.abs(np.diag(array)))
     sizes = np.maximum(np.maximum(np.abs(array), np.abs(array.T)), unit[:, None] * unit)
-    off = np.abs(array - array.T)
-    if (off > SYMMETRY * sizes).any():
-        i, j = (int(k) for k in np.unravel_index(int((off - SYMMETRY * sizes).argmax()), off.shape))
+    asymmetry = np.abs(array - array.T)
+    if (asymmetry > SYMMETRY * sizes).any():
+        i, j = (int(k) for k in np.unravel_index(int((asymmetry - SYMMETRY * sizes).argmax()), asymmetry.shape))
         raise InvalidInput(
             f"KineticEnergy: inertia is not symmetric: [{i}, {j}] is {array[i, j]:g}, [{j}, {i}] "
             f"is {array[j, i]:g}. The energy knows only the symmetric part, (J + J^T)/2"

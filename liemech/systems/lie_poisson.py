@@ -106,8 +106,8 @@ class LiePoissonMotion(System):
     def at_site(self, kind: Any) -> Any:
         """A system of this kind, of one site among many; None if the energy is no sum of terms on a power."""
         group, energy = self.group, getattr(self, "hamiltonian", None)  # type: Any, Any
-        many = isinstance(group, (PowerGroup, SpeciesGroup)) and hasattr(energy, "of_site")
-        return kind(group.base, energy.of_site()) if many else None
+        has_sites = isinstance(group, (PowerGroup, SpeciesGroup)) and hasattr(energy, "of_site")
+        return kind(group.base, energy.of_site()) if has_sites else None
 
     def variation(self, state: BodyState, omega: Vec) -> tuple[Any, Any]:
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is; of large
@@ -154,8 +154,8 @@ class LiePoissonSystem(LiePoissonMotion):
     lagrangian: Lagrangian | None = None
 
     def __repr__(self) -> str:
-        same: Any = self.lagrangian
-        alone = same is None or same == self.hamiltonian
+        lagrangian: Any = self.lagrangian
+        alone = lagrangian is None or lagrangian == self.hamiltonian
         suffix = "" if alone else f", lagrangian={self.lagrangian!r}"
         return f"{type(self).__name__}(group={self.group!r}, hamiltonian={self.hamiltonian!r}{suffix})"
 
@@ -274,8 +274,8 @@ class LiePoissonSystem(LiePoissonMotion):
         if isinstance(self.group, SpeciesGroup) and self.lagrangian is not None:
             return self.lagrangian.momentum(rows_of_species(f"{name}: xi", self.group, xi, "Vec"))
         if isinstance(self.group, PowerGroup) and isinstance(self.lagrangian, OfManySites):
-            many: Any = self.lagrangian
-            return many.momenta(velocities_of_sites(f"{name}: xi", self.group, xi))
+            lagrangian: Any = self.lagrangian
+            return lagrangian.momenta(velocities_of_sites(f"{name}: xi", self.group, xi))
         dim = self.group._sizes[0]
         return self.lagrangian.momentum(points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}"))
 

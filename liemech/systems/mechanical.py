@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, require
 from ..formulas import Element, Vec, derivative, dot, record, vec
-from ..formulas.classes.remembered import common
+from ..formulas.classes.remembered import shared_property
 from ..groups.coadjoint import CoadjointAction
 from ..groups.composed.product import ProductGroup
 from ..groups.composed.semidirect import SemidirectProduct
@@ -102,11 +102,11 @@ class MechanicalSystem(System):
         """The group that moves momentum and configuration together: T*G, or G x g* in space."""
         return self._in_space if self.in_space else self._cotangent
 
-    @common
+    @shared_property
     def _in_space(self) -> ProductGroup:
         return ProductGroup(self.body.group, VectorSpace(self.body.group.dim))
 
-    @common
+    @shared_property
     def _cotangent(self) -> SemidirectProduct:
         return SemidirectProduct(self.body.group, CoadjointAction(self.body.group))
 

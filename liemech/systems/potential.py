@@ -103,7 +103,7 @@ class Force(Record):
         return False
 
     def efforts(self, t: float, rates: Vec, g: Any) -> Vec:
-        """Those efforts, (n,).  rates : (n,), g : an element."""
+        """The efforts, (n,).  rates : (n,), g : an element."""
         raise undefined(self, "efforts")
 
     def spread(self, t: float, efforts: Vec, g: Any) -> Vec:

@@ -127,7 +127,7 @@ class System(Record):
     small: ClassVar[int] = 12  # up to so many numbers many sites are written out, as one body
     bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
     jointed: ClassVar[bool] = False  # are its sites bodies held together by joints?
-    run_by: ClassVar[str] = "rooms.sites.runs.plan:SitesOfPlan"  # of a site form: where `runs_by_sites` is
+    runs_in: ClassVar[str] = "rooms.sites.runs.plan:SitesOfPlan"  # of a site form: module and name of `runs_by_sites`
     noisy: ClassVar[bool] = False  # are there random numbers in its velocity?
     dissipative: ClassVar[bool] = False  # is there more in its motion than its velocity, a damping?
     time_unit: ClassVar[str] = "s"  # in pictures; "" for systems without units
@@ -166,13 +166,13 @@ class System(Record):
         return self.group.unit_blocks
 
     def essential_part(self, state: State) -> Any:
-        """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
+        """The part of the state that the velocity depends on; parts that are None in it need not be recorded."""
         return state
 
     @property
     def runs_by_sites(self) -> Any:
         """The class that makes the runs of a site form."""
-        module, _, name = self.run_by.partition(":")
+        module, _, name = self.runs_in.partition(":")
         return getattr(import_module(f"{LIBRARY}.{module}"), name)
 
     @property
@@ -201,7 +201,7 @@ class System(Record):
         return arrays
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`: the arrays as they are, without sites."""
+        """The inverse of `by_site`; by default the arrays themselves."""
         return arrays
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -213,8 +213,8 @@ class System(Record):
         return state
 
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
-        """The changes of the state by a small displacement omega, and the sizes of what it changes:
-        for adaptive steps.
+        """The changes of the state by a small displacement omega, and the sizes of the numbers that change: for
+        adaptive steps.
         """
         return omega, self.group.scale(None)
 

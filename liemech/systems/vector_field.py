@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, NotDefined, require, undefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.classes.derived import derived_from
-from ..formulas.classes.remembered import common
+from ..formulas.classes.remembered import shared_property
 from ..formulas.numbers.anything import traced
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
@@ -103,7 +103,7 @@ class VectorField(System):
         """The group of displacements, R^n under addition."""
         return self._space
 
-    @common
+    @shared_property
     def _space(self) -> VectorSpace:
         return VectorSpace(self.dim)
 

@@ -66,25 +66,25 @@ def named(name: str) -> ButcherTableau:
     if not isinstance(name, str):
         raise InvalidType(f'a tableau is called by its name, such as "classical"; got {name!r}')
     by_name = {_plain(part): t for n, t in TABLEAUS.items() for part in (n, n.partition("(")[0])}
-    wanted = _plain(name)
+    plain_name = _plain(name)
     for family, family_of in FAMILIES.items():
-        order = wanted.removeprefix(_plain(family))
-        if wanted.startswith(_plain(family)) and order.isdecimal():
+        order = plain_name.removeprefix(_plain(family))
+        if plain_name.startswith(_plain(family)) and order.isdecimal():
             stages = {"Gauss": int(order), "Radau IIA": int(order) + 1}.get(family, int(order) + 2)
             if stages % 2 == 0:
                 return family_of(stages // 2)
             raise InvalidInput(
                 f"{family} methods are of {'odd' if family == 'Radau IIA' else 'even'} order; got {name!r}"
             )
-    if wanted not in by_name:
+    if plain_name not in by_name:
         import difflib  # when needed, for an import does not wait for it
 
-        near = dict.fromkeys(by_name[n].name for n in difflib.get_close_matches(wanted, by_name, 3, 0.5))
+        near = dict.fromkeys(by_name[n].name for n in difflib.get_close_matches(plain_name, by_name, 3, 0.5))
         all_names = [*TABLEAUS, *(f"{family} <order>" for family in FAMILIES)]
         raise InvalidInput(
             f"no tableau is called {name!r}; {'near are' if near else 'there are'} {', '.join(near or all_names)}"
         )
-    return by_name[wanted]
+    return by_name[plain_name]
 
 
 def pair(order: int) -> ButcherTableau:

@@ -1,4 +1,4 @@
-"""Coefficients as data: records that check themselves, and the numbers of tables as they are printed."""
+"""Coefficients as data: records that check themselves, and the printing of their numbers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Coefficients(Record):
         """Make the fields tuples of numbers.  Raises InvalidType, InvalidInput."""
 
     def check(self) -> None:
-        """Raise LawViolation, naming the law, unless the numbers are what they claim to be."""
+        """Raise LawViolation, naming the law, unless the numbers satisfy their claims."""
         raise NotDefined(f"{type(self).__name__} must define `check`")
 
     def _rows(self, *fields: str) -> None:

@@ -103,9 +103,9 @@ class CompositionTableau(Coefficients):
         """The first condition of this degree that does not hold, in words; empty if all do."""
         weights, sizes = self._found
         for word in _words(degree, self._letters):
-            wanted = exact_weight(word)
-            if not abs(weights[word] - wanted) <= _CLOSE * (sizes[word] + abs(wanted)):
-                return f"the word {' '.join(f'Y_{k}' for k in word)} has the weight {weights[word]:.17g} and needs {wanted:.17g}"
+            exact = exact_weight(word)
+            if not abs(weights[word] - exact) <= _CLOSE * (sizes[word] + abs(exact)):
+                return f"the word {' '.join(f'Y_{k}' for k in word)} has the weight {weights[word]:.17g} and needs {exact:.17g}"
         return ""
 
     @cached_property

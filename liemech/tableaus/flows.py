@@ -115,9 +115,9 @@ class FlowTableau(Coefficients):
                 )
         weight, size = self._weights(float), self._weights(abs)
         for word in (word for n in range(1, self.order + 1) for word in words(n)):
-            actual, wanted = weight(word), exact_weight(word)
-            if not abs(actual - wanted) <= _CLOSE * (size(word) + wanted):
-                fails = f"the word {text(word)} has the weight {actual:.16g}, not {wanted:.16g}"
+            actual, exact = weight(word), exact_weight(word)
+            if not abs(actual - exact) <= _CLOSE * (size(word) + exact):
+                fails = f"the word {text(word)} has the weight {actual:.16g}, not {exact:.16g}"
                 raise LawViolation(f"{self.name} is not of order {self.order}: {fails}")
 
     def _weights(self, of: Callable[[float], float]) -> Callable[[Word], float]:

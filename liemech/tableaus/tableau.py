@@ -1,4 +1,4 @@
-"""Butcher tableaus: the coefficients of Runge-Kutta methods, which say what they are and check themselves."""
+"""Butcher tableaus: the coefficients of Runge-Kutta methods, with their claims, which they check."""
 
 from __future__ import annotations
 
@@ -162,12 +162,12 @@ class ButcherTableau(Coefficients):
     @functools.cached_property
     def bare(self) -> ButcherTableau:
         """This tableau without the stages that only its error estimate or interpolant uses."""
-        needed: set[int] = set()
+        used_stages: set[int] = set()
         ahead = {i for i, w in enumerate(self.b) if w}
         while ahead:
-            needed |= ahead
-            ahead = {j for i in ahead for j, a in enumerate(self.A[i]) if a} - needed
-        keep = sorted(needed)
+            used_stages |= ahead
+            ahead = {j for i in ahead for j, a in enumerate(self.A[i]) if a} - used_stages
+        keep = sorted(used_stages)
         if len(keep) == self.stages and not self.b_hat and not self.interpolant:
             return self
         A = tuple(tuple(self.A[i][j] for j in keep if j < len(self.A[i])) for i in keep)
@@ -232,20 +232,20 @@ class ButcherTableau(Coefficients):
             for tree in trees(n):
                 for power, weights in enumerate(zip(*self.interpolant), start=1):
                     weight, bound = phi.sum(weights, tree)
-                    wanted = 1.0 / density(tree) if power == nodes(tree) else 0.0
-                    if not abs(weight - wanted) <= bound + _CLOSE * wanted:
-                        right = f"1/{density(tree)}" if wanted else "0"
+                    exact = 1.0 / density(tree) if power == nodes(tree) else 0.0
+                    if not abs(weight - exact) <= bound + _CLOSE * exact:
+                        right = f"1/{density(tree)}" if exact else "0"
                         raise LawViolation(
                             f"{self.name}: the interpolant is not of order "
                             f"{self.interpolant_order}: in the condition of the tree {text(tree)} "
                             f"theta^{power} has the factor {weight:.15g} instead of {right}"
                         )
         for i, row in enumerate(self.interpolant):
-            at_end, wanted = math.fsum(row), self.b[i] if i < self.stages else 0.0
-            if not abs(at_end - wanted) <= _CLOSE * math.fsum(map(abs, row)):
+            at_end, exact = math.fsum(row), self.b[i] if i < self.stages else 0.0
+            if not abs(at_end - exact) <= _CLOSE * math.fsum(map(abs, row)):
                 raise LawViolation(
                     f"{self.name}: the interpolant misses the end of the step: b_{i + 1}(1) is "
-                    f"{at_end:.15g}, not {wanted:.15g}"
+                    f"{at_end:.15g}, not {exact:.15g}"
                 )
 
     def _tidy(self) -> None:

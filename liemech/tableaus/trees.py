@@ -91,8 +91,8 @@ class ElementaryWeights:
         for n in range(start, order + 1):
             for tree in trees(n):
                 weight, bound = self.sum(weights, tree)
-                wanted = 1.0 / density(tree)
-                if not abs(weight - wanted) <= bound + _EPS * wanted:
+                exact = 1.0 / density(tree)
+                if not abs(weight - exact) <= bound + _EPS * exact:
                     return tree, weight
         return None
 

@@ -126,7 +126,7 @@ def _rounding(f: Callable[..., Any], values: tuple[Any, ...], here: np.ndarray) 
 
 
 def _nudged(value: Any, rng: np.random.Generator) -> Any:
-    """A vector with all components changed a little; all else as it is."""
+    """A vector with all components changed a little; other values unchanged."""
     if isinstance(value, float):
         return value * (1.0 + NUDGE * rng.choice([-1.0, 1.0]))
     if isinstance(value, Vec):

@@ -227,9 +227,7 @@ def _require_held(system: Any) -> None:
     BOUND, "constraints stay", "d/dt c(g) = G xi = 0 and d/dt (G xi) = 0 along the motion", optional=True, slack=CLOSE
 )
 def constraints_stay(system: BoundBody, at: AtState) -> Iterator[Same]:
-    _require_held(system)
-    for near, far in zip(_leaving(system, at.closer), _leaving(system, at), strict=True):
-        yield min(near, far, key=lambda same: same.defect)
+    return _better(_leaving, system, at)
 
 
 def _leaving(system: BoundBody, at: AtState) -> Iterator[Same]:
@@ -370,8 +368,13 @@ KEPT: list[Law] = []
 
 @axiom(KEPT, "constants", "d/dt C = 0 along the motion, for all that `constants` names", optional=True, slack=CLOSE)
 def constants(system: Any, at: AtState) -> Iterator[Same]:
+    return _better(_changes, system, at)
+
+
+def _better(law: Any, system: Any, at: AtState) -> Iterator[Same]:
+    """The equations of a law at two distances along the motion, of each the one with the smaller defect."""
     _require_held(system)
-    for near, far in zip(_changes(system, at.closer), _changes(system, at), strict=True):
+    for near, far in zip(law(system, at.closer), law(system, at), strict=True):
         yield min(near, far, key=lambda same: same.defect)
 
 

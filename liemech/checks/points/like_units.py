@@ -95,8 +95,8 @@ class GroupInUnits(SameElements):
         return self.group.scale(g) / self.units
 
 
-def in_like_units(group: LieGroup) -> LieGroup:
-    """The group in units in which its structure constants are of like sizes; itself if they are."""
+def equilibrated(group: LieGroup) -> LieGroup:
+    """The group with generators in units that make its structure constants of like sizes; itself if they are."""
     try:
         units = like_units(group.algebra._ad_matrices)
     except NotDefined:  # which a law will tell

@@ -201,8 +201,8 @@ class CheckPlace:
     def moved(self, starts: list[dict[str, np.ndarray]], h: float, steps: int) -> list[Any]:
         """The states after some steps from states that are given by their parts."""
         if not self.fictive:
-            many = self.base.state(**{name: np.stack([parts[name] for parts in starts]) for name in starts[0]})
-            last = self.led(self.method, many, h, steps)
+            ensemble = self.base.state(**{name: np.stack([parts[name] for parts in starts]) for name in starts[0]})
+            last = self.led(self.method, ensemble, h, steps)
             kind = type(self.start)
             return [small_state(kind, {name: x[i] for name, x in last.items()}) for i in range(len(starts))]
         kind = type(self.begin)

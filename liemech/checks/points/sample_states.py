@@ -141,7 +141,7 @@ def run_of(system: Any, method: Any, start: Any, compiled: bool | None, **option
 
 
 def ended(run: Any) -> dict[str, np.ndarray]:
-    """The last sample as it is: of a method that leaves a manifold it is no state to begin with."""
+    """The last sample, unprojected: after a method that leaves the manifold it is no valid start."""
     return {
         name: run.system._in_rows(np.asarray(array[-1]), "Element" if name == "g" else "Vec")
         for name, array in run.states.items()
@@ -275,8 +275,8 @@ def _on_constraint(system: Any, rng: np.random.Generator, large: float) -> BodyS
 
 
 def why_undefined(at: AtState) -> str:
-    """Why velocity or energy have no value here; empty if they have, and if what is wrong is for
-    the laws to tell.
+    """The reason why velocity or energy have no value at a state; empty if they have one, or if a law will say what is
+    wrong.
     """
     try:
         with np.errstate(all="ignore"):

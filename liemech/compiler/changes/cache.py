@@ -85,10 +85,10 @@ def folder() -> Path | None:
 
 def _is_safe(status: os.stat_result) -> bool:
     """A folder of the user's own, which nobody else can write: its files are code that will be run."""
-    mine = not hasattr(os, "getuid") or (
+    is_own = not hasattr(os, "getuid") or (
         status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )
-    return stat.S_ISDIR(status.st_mode) and mine
+    return stat.S_ISDIR(status.st_mode) and is_own
 
 
 def load(key: str, fits: Callable[[Any], Any]) -> tuple[Any, bytes] | None:
@@ -144,9 +144,9 @@ def _tidy(place: Path) -> None:
         (f.stat().st_mtime, f.stat().st_size, f.path) for f in os.scandir(place) if f.name.endswith((".o", ".tmp"))
     ]
     room = LIMIT
-    for used, size, path in sorted(files, reverse=True):
+    for last_use, size, path in sorted(files, reverse=True):
         room -= size
-        if room < 0 if path.endswith(".o") else used < time.time() - HOUR:
+        if room < 0 if path.endswith(".o") else last_use < time.time() - HOUR:
             with contextlib.suppress(OSError):
                 os.unlink(path)
 

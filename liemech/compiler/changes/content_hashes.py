@@ -228,9 +228,9 @@ def _token(value: Any, namesakes: Known) -> Any:
         return "object", _one_of(("object", _named(type(value), namesakes)), value, namesakes)
     if type(value) in ATOMS:
         return head
-    together = _together(value) if type(value) in (tuple, list) else None
-    if together is not None:
-        return *head, together
+    token = _together(value) if type(value) in (tuple, list) else None
+    if token is not None:
+        return *head, token
     return *head, *[_token(x, namesakes) for *_, x in parts(value)]
 
 
@@ -318,10 +318,10 @@ def _named(value: Any, namesakes: Known) -> str:
 
 def _one_of(common: Any, value: Any, namesakes: Known) -> str:
     """The number of a value among its namesakes so far: '' for the first, '#1' for the second."""
-    met = namesakes.setdefault(common, [])
-    number = next((i for i, x in enumerate(met) if x is value), len(met))
-    if number == len(met):
-        met.append(value)
+    known = namesakes.setdefault(common, [])
+    number = next((i for i, x in enumerate(known) if x is value), len(known))
+    if number == len(known):
+        known.append(value)
     return f"#{number}" if number else ""
 
 

@@ -103,8 +103,8 @@ class Reads:
             home = next(c for c in cls.__mro__ if name in vars(c))
             member = self._read(cls, "attribute", name)
             code = getattr(member, "__code__", None)
-            theirs = of_python(home) and not home.__module__.startswith(_LIBRARY)
-            if theirs and code is not None and code.co_filename != "<string>":  # of `dataclass`
+            by_user = of_python(home) and not home.__module__.startswith(_LIBRARY)
+            if by_user and code is not None and code.co_filename != "<string>":  # of `dataclass`
                 return name
         return ""
 
@@ -188,9 +188,9 @@ class Reads:
                 id(value) in self._origins or of_python(type(value)) or isinstance(value, (type, types.FunctionType))
             )
             if foreign and not content_hashes.known(value, inside):
-                what = getattr(value, "__qualname__", None) or f"an object of {type(value).__qualname__}"
+                name = getattr(value, "__qualname__", None) or f"an object of {type(value).__qualname__}"
                 raise NotCompilable(
-                    f"Python would have to compute with {what} before the "
+                    f"Python would have to compute with {name} before the "
                     "run: formulas use attributes and calls; make it a tuple, a dict or a float"
                 )
             self._unwritten(value, inside)
@@ -439,7 +439,7 @@ class Reads:
 
     @property
     def guard(self) -> Guard:
-        """The guard of this translation, which compares what was read with what is there now."""
+        """The guard of this translation, which compares its reads with the objects of today."""
         if self._guard is None:
             self._guard = Guard(self.steps, self.values, self.tokens, self.known)
         return self._guard

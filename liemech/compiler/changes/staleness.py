@@ -1,4 +1,4 @@
-"""Staleness: is what a translation has read what is there now?
+"""Guards: comparisons of what translations have read with the objects of today.
 
 In this process the values are compared with the present ones by identity, which takes microseconds;
 where they are other objects, their tokens tell.
@@ -126,18 +126,18 @@ class Guard:
             left, right = [f"_values[{k}]" if (part := self.paths[k]) is None else self._along(part) for k in pair]
             related = self._literal(RELATIONS[self.steps[i][1]])
             comparisons.append(f"{related}({left}, {right}) is {self.values[i]}")
-        same = [_expression(comparisons, namespace | {f"o{i}": value for i, value in enumerate(self.literals)})]
+        expressions = [_expression(comparisons, namespace | {f"o{i}": value for i, value in enumerate(self.literals)})]
         for holder, names in modules.values():
             expression = _expression(names, holder.__globals__)
-            same.append(expression if expression.__builtins__ is holder.__builtins__ else _never)
-        return same
+            expressions.append(expression if expression.__builtins__ is holder.__builtins__ else _never)
+        return expressions
 
     def _along(self, path: Path) -> str:
         """An expression for the value at the end of a path from the arguments."""
-        now = "_args"
+        expression = "_args"
         for how, name in path:
-            now = f"{now}[{name}]" if how == "argument" else self._read_expression(now, how, name)
-        return now
+            expression = f"{expression}[{name}]" if how == "argument" else self._read_expression(expression, how, name)
+        return expression
 
     def _comparison(self, i: int, holder: Any, how: str, name: Any) -> str:
         """An expression that is true while read number i gives what it gave."""

@@ -66,8 +66,8 @@ def words_of(holder: Any, how: str, name: Any, value: Any) -> list[Word]:
 
 def _version(holder: Any, at: int, size: struct.Struct) -> Word:
     """The word with the version of a class, or of a dict."""
-    (now,) = size.unpack(ctypes.string_at(id(holder) + at, size.size))
-    return holder, id(holder) + at, WHOLE >> (64 - 8 * size.size), now
+    (version,) = size.unpack(ctypes.string_at(id(holder) + at, size.size))
+    return holder, id(holder) + at, WHOLE >> (64 - 8 * size.size), version
 
 
 @functools.cache
@@ -150,9 +150,9 @@ def _comparison() -> Callable[[bytes], int]:
     b.cbranch(b.icmp_unsigned("<", at, last), turn, end)
     b.position_at_end(turn)
     address, mask, content = [number(b.add(at, word(k))) for k in (1, 2, 3)]
-    now = b.and_(b.load(b.inttoptr(address, word.as_pointer()), typ=word), mask)
+    word_now = b.and_(b.load(b.inttoptr(address, word.as_pointer()), typ=word), mask)
     at.add_incoming(b.add(at, word(3)), turn)
-    b.cbranch(b.icmp_unsigned("==", now, content), loop, end)
+    b.cbranch(b.icmp_unsigned("==", word_now, content), loop, end)
     b.position_at_end(end)
     left = b.phi(word)
     left.add_incoming(word(0), loop)

@@ -52,8 +52,8 @@ def machine() -> tuple[str, ...]:
 
 @functools.cache
 def processor() -> tuple[str, str, int]:
-    """The processor that code is made for: this one, or $LIEMECH_CPU; what LLVM is told of its
-    instructions, and how many doubles a vector register of it holds.
+    """The processor that code is made for, this one or $LIEMECH_CPU; its instructions in the form that LLVM takes; and
+    the number of doubles in a vector register.
 
     Raises InvalidInput for a name that LLVM does not know, and for a processor with instructions for
     numbers that this one lacks.  Others that this one lacks, of the operating system, are not used.

@@ -65,13 +65,13 @@ def _alone(text: str, name: str) -> str:
     text = text.replace(LOOK, _NEVER)
     text = text.replace('define void @"loop"', 'define internal void @"loop"')
     text = text.replace('@"kernel"', f'@"{name}"')
-    needed: set[str] = set()
+    used_names: set[str] = set()
 
     def defined(match: re.Match[str]) -> str:
         inner, count = match[1], match[2].count("double")
         if inner not in _C:
             raise NotCompilable(f"Plan.export: native code needs {inner}, which C does not have")
-        needed.add(f"declare double @{_C[inner]}({', '.join(['double'] * count)})\n")
+        used_names.add(f"declare double @{_C[inner]}({', '.join(['double'] * count)})\n")
         parameters = ", ".join(f"double %x{i}" for i in range(count))
         return (
             f'define internal double @"{inner}"({parameters}) noinline nounwind {{\n'
@@ -79,7 +79,7 @@ def _alone(text: str, name: str) -> str:
         )
 
     text = _DECLARED.sub(defined, text)
-    return text + "".join(sorted(needed))
+    return text + "".join(sorted(used_names))
 
 
 # ------------------------------------------------------------------ how much a step does
@@ -87,18 +87,13 @@ def _alone(text: str, name: str) -> str:
 
 @frozen
 class Bound:
-    """The most operations of a step of a kernel, whatever its numbers are, and of a call beside its steps.
+    """The most operations of a step of a kernel, whatever its numbers are, and of a call beside its steps."""
 
-    instructions : of LLVM, each of which is one of the processor or a few.  arithmetic : sums,
-    products and comparisons of doubles among them.  divisions : with square roots.  calls : of the C
-    library.  overhead : instructions of a call beside those of its steps.
-    """
-
-    instructions: int
-    arithmetic: int
-    divisions: int
-    calls: int
-    overhead: int
+    instructions: int  # of LLVM, each of which is one of the processor or a few
+    arithmetic: int  # sums, products and comparisons of doubles among them
+    divisions: int  # of doubles, with square roots
+    calls: int  # of the C library
+    overhead: int  # instructions of a call beside those of its steps
 
 
 _ARITHMETIC = re.compile(r"= (?:tail |fast )*(?:fadd|fsub|fmul|fneg|fcmp)\b|@llvm\.(?:fabs|copysign)")

@@ -84,9 +84,9 @@ class StopCheck:
         e, b = loops.emitter, loops.builder
         turns = self.next = b.add(self.turns, ir.Constant(I32, 1))
         check, stopped, on = (b.append_basic_block() for _ in range(3))
-        every = EVERY // e.lanes
-        now = b.icmp_unsigned("==", b.and_(turns, ir.Constant(I32, every - 1)), ir.Constant(I32, 0))
-        b.cbranch(now, check, on).set_weights([1, every])
+        period = EVERY // e.lanes
+        due = b.icmp_unsigned("==", b.and_(turns, ir.Constant(I32, period - 1)), ir.Constant(I32, 0))
+        b.cbranch(due, check, on).set_weights([1, period])
         b.position_at_end(check)
         b.cbranch(b.call(look(b.module), [], cconv=KEEPING), stopped, on)
         e.calls += 1

@@ -47,7 +47,7 @@ MADE.add(Array)
 
 
 def array(x: Any) -> Any:
-    """The array of a vector or matrix; a number as it is."""
+    """The array of a vector or matrix; a number unchanged."""
     return fill(Array, {"entries": x}) if isinstance(x, (Vec, Mat)) else x
 
 
@@ -92,7 +92,7 @@ def _squared(x: Any, exponent: Any) -> bool:
 
 
 def _given(x: Any) -> list[Any]:
-    """The numbers in nested lists, as they are."""
+    """The numbers of nested lists, in order."""
     nested = isinstance(x, (list, tuple, Mat, Array, np.ndarray))
     return [n for part in x for n in _given(part)] if nested else [x]
 

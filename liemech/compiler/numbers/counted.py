@@ -26,7 +26,7 @@ def counted(
     """A native loop over begin, begin + step, ... below a larger end.  values : what the first turn finds; behind the
     loop those of the turn are what the last one has left.
     """
-    before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
+    before, head, after = b.block, b.append_basic_block(), b.append_basic_block()
     b.branch(head)
     b.position_at_end(head)
     index, phis = b.phi(I64), [b.phi(x.type) for x in values]
@@ -36,5 +36,5 @@ def counted(
     following = b.add(index, I64(step))
     for phi, x in zip((index, *phis), (following, *turn.values), strict=True):
         phi.add_incoming(x, b.block)
-    b.cbranch(b.icmp_signed("<", following, end), head, done)
-    b.position_at_end(done)
+    b.cbranch(b.icmp_signed("<", following, end), head, after)
+    b.position_at_end(after)

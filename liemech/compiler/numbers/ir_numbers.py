@@ -33,26 +33,27 @@ EXACT = 2**53
 
 
 class Emitter:
-    """Where instructions go, and how many lanes a varying number has (1: a single trajectory).
+    """A writer of LLVM instructions for numbers: one instruction each for a number that all lanes share, as many as
+    there are registers for one that varies by lane.
 
-    The lanes are spread over vector registers of `width` doubles; several registers work while one
-    waits for a result.
+    The `lanes` (1: a single trajectory) lie in vector registers of `width` doubles; several registers work while
+    one waits for a result.
     """
 
     def __init__(self, builder: ir.IRBuilder, lanes: int, width: int) -> None:
         self.builder = builder
         self.lanes = lanes
-        self.few = False  # of sites: are there so few that one turn takes all?
+        self.few = False  # are there so few sites that one turn of a loop takes all?
         self.width = width if lanes % width == 0 else lanes
         self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
         self.packs = True  # do numbers of one body lie side by side in one register?
         self.calls = 0  # of the C library and for signals so far: a branch that has some is the rare one
-        self.of_numpy = False  # have NumPy's numbers come in?
-        self.python_only: list[str] = []  # why they must not
-        self.rows: dict[int, Emitter] = {}  # of numbers side by side, by how many they are
-        self.large: Any = None  # vectors and matrices in memory
-        self.single = self  # of one number of a row
-        # what to do where Python raises
+        self.of_numpy = False  # may a number be one of NumPy's?
+        self.python_only: list[str] = []  # the operations so far that NumPy's numbers do differently
+        self.rows: dict[int, Emitter] = {}  # by length of a row of numbers of one body, the emitter for rows
+        self.large: Any = None  # the emitter for vectors and matrices in memory
+        self.single = self  # the emitter for one number of a row
+        # writes the branch that is taken where Python raises
         self.fail_if: Callable[[Any], None] = lambda condition: None
 
     @contextlib.contextmanager

@@ -140,8 +140,8 @@ class LargeArrays:
         """Copy `count` floats from source to target, by memmove."""
         move = self._function("memmove", BYTE.as_pointer(), [BYTE.as_pointer()] * 2 + [I64])
         b = self.e.builder
-        both = [b.bitcast(x, BYTE.as_pointer()) for x in (target, source)]
-        b.call(move, [*both, ir.Constant(I64, 8 * count)])
+        pointers = [b.bitcast(x, BYTE.as_pointer()) for x in (target, source)]
+        b.call(move, [*pointers, ir.Constant(I64, 8 * count)])
 
     def _function(self, name: str, result: ir.Type, arguments: list[ir.Type]) -> ir.Function:
         module = self.e.builder.module
@@ -296,8 +296,8 @@ class LargeArrays:
         build = self.e.builder
 
         def square(i: ir.Value, w: int, first: ir.Value, second: ir.Value) -> ir.Value:
-            off = build.fsub(self.load(first, i, w), self.load(second, i, w))
-            return build.fmul(off, off)
+            difference = build.fsub(self.load(first, i, w), self.load(second, i, w))
+            return build.fmul(difference, difference)
 
         return self._sum("distance", square, a, b)
 
@@ -379,11 +379,11 @@ class LargeArrays:
 
     def determinant(self, a: Large) -> Any:
         """det A, the product of LAPACK's pivots."""
-        both = self.allocate(2)
+        result = self.allocate(2)
         factors, pivots = self.new(a.form), self.allocate(len(a))
-        places = [self.address(a), self.address(factors), self.pointer(pivots), self.pointer(both)]
+        places = [self.address(a), self.address(factors), self.pointer(pivots), self.pointer(result)]
         self.outlined(("determinant", a.form), places, lambda *given: self._pivots(a, *given))
-        parts = [self.e.num([self.load(self.pointer(both), ir.Constant(I64, k), 1)]) for k in range(2)]
+        parts = [self.e.num([self.load(self.pointer(result), ir.Constant(I64, k), 1)]) for k in range(2)]
         return Complex(*parts) if a.is_complex else parts[0]
 
     def _pivots(self, a: Large, source: ir.Value, factors: ir.Value, pivots: ir.Value, both: ir.Value) -> None:
@@ -515,8 +515,8 @@ class LargeArrays:
         first = self.address(a)
         if not a.is_complex:
             return self.e.num([self.load(first, ir.Constant(I64, at), 1)])
-        both = (self.load(first, ir.Constant(I64, 2 * at + k), 1) for k in (0, 1))
-        return Complex(*[self.e.num([x]) for x in both])
+        re_and_im = (self.load(first, ir.Constant(I64, 2 * at + k), 1) for k in (0, 1))
+        return Complex(*[self.e.num([x]) for x in re_and_im])
 
     # ---------------------------------------------------------------- calls
 

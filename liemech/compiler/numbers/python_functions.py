@@ -58,7 +58,7 @@ COMPUTING = {min, max, sum, any, all, sorted}
 
 
 class PythonFunctions:
-    """A table of functions and of what to do for each; `translator` evaluates what they are given."""
+    """The native forms of Python functions; `translator` evaluates their arguments."""
 
     def __init__(self, translator: Interpreter) -> None:
         self.t, self.e = translator, translator.emitter
@@ -329,7 +329,7 @@ class PythonFunctions:
     # -------------------------------------------------------------- functions of floats
 
     def plain_number(self, native: Callable[..., Any], function: Callable[..., Any]) -> Callable[..., Any]:
-        """A function of plain numbers only: Python's own of what is known now."""
+        """A function of plain numbers: Python's own for numbers that are known at translation."""
 
         def value(*x: Any) -> Any:
             x = tuple(map(value_of, x))
@@ -487,7 +487,7 @@ class PythonFunctions:
         return result
 
     def refused(self, function: Any, instead: str) -> Callable[..., Any]:
-        """The function of what is known before the run only: numbers of the run are refused."""
+        """A function of values known at translation; numbers of the run are refused."""
 
         def value(*x: Any, **options: Any) -> Any:
             if holds_number((x, options)) or any(isinstance(a, Operand) for a in inside(x)):

@@ -85,8 +85,8 @@ class SquareBlocks:
                     mask = ir.Constant(ir.VectorType(I32, 2 * size), turn)
                     vectors = [b.shuffle_vector(x, y, mask) for x, y in zip(vectors[:half], vectors[half:])]
                 for lane in range(lanes):
-                    mine = [lane * width + j for j in range(width)]
-                    mask = ir.Constant(ir.VectorType(I32, width), mine)
+                    of_lane = [lane * width + j for j in range(width)]
+                    mask = ir.Constant(ir.VectorType(I32, width), of_lane)
                     site = b.add(first, I64((r * lanes + lane) * count))
                     begin = b.gep(begins, [b.mul(site, I64(n * width))], source_etype=F64)
                     lane_row = b.shuffle_vector(vectors[0], vectors[0], mask)

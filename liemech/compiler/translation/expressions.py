@@ -584,9 +584,9 @@ def in_words(error: TypeError) -> str:
     """Python's message about operands of which one is a number of the run, and a cure."""
     if isinstance(error, InvalidType):
         return str(error)
-    said = str(error).replace("'Num'", "a number known only at run time")
+    text = str(error).replace("'Num'", "a number known only at run time")
     return (
-        f"{said}; native code has floats, integers, liemech.Vec, Mat and formulas.Complex: write "
+        f"{text}; native code has floats, integers, liemech.Vec, Mat and formulas.Complex: write "
         "float(x) of other numbers, liemech.vec(*x) of arrays"
     )
 

@@ -144,7 +144,7 @@ def _alive(functions: list[ir.Function]) -> set[ir.Function]:
 
 
 def _reachable(functions: list[ir.Function]) -> int:
-    """The instructions of functions and of what they call, copies counted as often as they are made."""
+    """The number of instructions of functions and all functions that they call, each copy counted."""
     whole = (f for f in _alive(functions) if f in functions or not hasattr(f, "size"))
     instructions = (i for f in whole for block in f.blocks for i in block.instructions)
     return sum(getattr(getattr(i, "callee", None), "size", 1) for i in instructions)

@@ -148,7 +148,7 @@ class Joins:
         )
 
     def _numberwise(self, items: list[Any], combine: Callable[..., Any]) -> Any:
-        """Combine values of one structure number by number; numbers that agree stay as they are."""
+        """A value of one structure, combined number by number; equal numbers are taken once."""
         if len(items) > 1 and all(v is items[0] for v in items):
             return items[0]
         for v in items:
@@ -285,8 +285,8 @@ def leveled(items: list[Any]) -> list[Any]:
         parts = [v.parts if isinstance(v, PAIRS) and v.form == form else (v, 0) for v in items]
         # a slope on one way at least; what is remembered on one way only stays 0 on the other
         if form[0] is not Compensated and not all(type(second) is int for _, second in parts):
-            still = at_rest(next(second for _, second in parts if type(second) is not int))
-            parts = [(first, still if type(second) is int else second) for first, second in parts]
+            zero_slope = at_rest(next(second for _, second in parts if type(second) is not int))
+            parts = [(first, zero_slope if type(second) is int else second) for first, second in parts]
         return [paired(form, p) for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)]
     return items
 

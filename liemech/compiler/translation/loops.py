@@ -232,11 +232,11 @@ class NativeLoop:
         """The test at the head: where a turn starts, whether there is one, and where it is known."""
         self.state.base = self.active if self.masked else self.here
         self.frame.env = self.at_head
-        wanted = test(self.at_head)
-        if isinstance(wanted, Num) and wanted.varying and not self.masked:
+        condition = test(self.at_head)
+        if isinstance(condition, Num) and condition.varying and not self.masked:
             raise Retype(None)
-        self.lanes = self.emitter.logic("and_", self.active, wanted) if self.masked else self.here
-        go_on = self.emitter.any(self.lanes) if self.masked else wanted
+        self.lanes = self.emitter.logic("and_", self.active, condition) if self.masked else self.here
+        go_on = self.emitter.any(self.lanes) if self.masked else condition
         end_of_head, start = self.builder.block, self.builder.append_basic_block()
         self.builder.position_at_end(start)
         return start, go_on, end_of_head

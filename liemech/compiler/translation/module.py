@@ -65,7 +65,7 @@ def _translation(
         # else every register kept on the stack straddles two cache lines
         function.attributes.alignstack = 8 * width
     builder = Builder(function.append_basic_block("entry"), limit)
-    head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
+    head, body, after = (function.append_basic_block(n) for n in ("head", "body", "done"))
     of_sites = "planes" in kinds  # one system, whose sites have the lanes
     emitter = Emitter(builder, 1 if of_sites else lanes, width)
     emitter.few = of_sites and 1 < lanes < width
@@ -81,7 +81,7 @@ def _translation(
     builder.position_at_end(head)
     index = builder.phi(I64)
     index.add_incoming(begin, start)
-    builder.cbranch(builder.icmp_signed("<", index, end), body, done)
+    builder.cbranch(builder.icmp_signed("<", index, end), body, after)
     builder.position_at_end(body)
     reads = Reads(entry)
     for i, (a, kind) in enumerate(zip(args, kinds, strict=True)):
@@ -114,7 +114,7 @@ def _translation(
         raise located from (None if isinstance(error, NotCompilable) else error)
     index.add_incoming(builder.add(index, I64(emitter.lanes)), builder.block)
     builder.branch(head)
-    builder.position_at_end(done)
+    builder.position_at_end(after)
     if in_memory:
         emitter.large.finish()
     builder.ret_void()

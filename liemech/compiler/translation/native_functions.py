@@ -192,11 +192,11 @@ class NativeFunctions:
     def _gather(self, opens: list[Open]) -> None:
         """Lead control from all open places to one block."""
         b = self.emitter.builder
-        gone = b.append_basic_block()
+        failed = b.append_basic_block()
         for o in opens:
             b.position_at_end(o.block)
-            b.branch(gone)
-        b.position_at_end(gone)
+            b.branch(failed)
+        b.position_at_end(failed)
 
     @staticmethod
     def _retyped(function: ir.Function, type_: ir.Type | None, buffer: ir.Value | None) -> None:

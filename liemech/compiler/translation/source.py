@@ -50,12 +50,12 @@ def _syntax_tree(code: types.CodeType) -> ast.FunctionDef | ast.Lambda:
     text = "".join(lines)
     if not text:
         raise NotCompilable(f"the source of {name} cannot be read: define it in a file or a notebook")
-    alike = [
+    candidates = [
         (n, c) for n, c in _functions(file, text) if c.co_name == code.co_name and code_token(c) == code_token(code)
     ]
-    if not alike:
+    if not candidates:
         raise NotCompilable(f"the source of {name} cannot be told: {file} has changed since it was imported")
-    return min(alike, key=lambda pair: abs(pair[1].co_firstlineno - code.co_firstlineno))[0]
+    return min(candidates, key=lambda pair: abs(pair[1].co_firstlineno - code.co_firstlineno))[0]
 
 
 def _from_its_lines(code: types.CodeType, lines: list[str]) -> ast.FunctionDef | None:

@@ -311,7 +311,7 @@ class Statements(Expressions):
         return inside or self.after(env)
 
     def with_else(self, node: ast.For | ast.While, env: Env) -> bool:
-        """A loop with `else`: what is there runs unless the loop was left by `break`."""
+        """Translate a loop with `else`, a block that runs unless `break` left the loop."""
         broken = f"<left the loop of line {node.lineno}>"
         body = [_Breaks(broken).visit(copy.deepcopy(statement)) for statement in node.body]
         loop = ast.copy_location(type(node)(**{**dict(ast.iter_fields(node)), "body": body, "orelse": []}), node)

@@ -109,7 +109,7 @@ class Interpreter(Statements):
     # -------------------------------------------------------------- calls
 
     def call(self, function: Any, *args: Any, **options: Any) -> Any:
-        """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on what is known now."""
+        """The value of a call: an intrinsic, a record, a formula to inline, or a call that Python makes at translation."""
         if isinstance(function, Record):
             return self.call(self.attribute(function, "__call__"), *args, **options)
         if isinstance(function, types.MethodType):
@@ -153,7 +153,7 @@ class Interpreter(Statements):
         return self.known(function, args, options)
 
     def known(self, function: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
-        """A call that Python makes now, of what is known now."""
+        """The value of a call that Python makes at translation, of arguments known then."""
         name = getattr(function, "__qualname__", repr(function))
         method = isinstance(function, types.BuiltinMethodType) and not isinstance(function.__self__, types.ModuleType)
         if not (

@@ -81,7 +81,7 @@ def _option(signature: Signature, owner: Any, where: str, name: str, value: Any)
 
 
 def _of(*types: type) -> Callable[[Any], Any]:
-    """A conversion that takes values of these types as they are."""
+    """A conversion that leaves values of these types unchanged."""
 
     def convert(value: Any) -> Any:
         if not isinstance(value, types):
@@ -92,7 +92,7 @@ def _of(*types: type) -> Callable[[Any], Any]:
 
 
 def ordinary(value: Any) -> Any:
-    """A whole number of NumPy as an int; any other value as it is."""
+    """An integer of NumPy as an int; other values unchanged."""
     return int(value) if isinstance(value, np.integer) else value
 
 
@@ -136,13 +136,13 @@ _OPTIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
 def _whole_array(signature: Signature, space: Any, where: str, name: str, value: Any) -> np.ndarray:
     """An argument of a method that takes arrays itself."""
     array = real_array(value, f"{where}: {name}", space._complex("Element"))
-    shape, many = space._shape(name, "Element"), signature.classes[name] == "ArrayLike"
-    leading = array.shape[: max(array.ndim - len(shape), 0)] if many else ()
+    shape, is_array = space._shape(name, "Element"), signature.classes[name] == "ArrayLike"
+    leading = array.shape[: max(array.ndim - len(shape), 0)] if is_array else ()
     if array.shape != leading + shape:
         raise InvalidInput(
-            f"{where}: {name} has shape {array.shape}; it{'s last axes' if many else ''} must be {shape}"
+            f"{where}: {name} has shape {array.shape}; it{'s last axes' if is_array else ''} must be {shape}"
         )
-    if many:
+    if is_array:
         check_elements(space, where, name, array, leading)
     return array
 
@@ -158,7 +158,7 @@ def _is_small(value: Any, kind: str) -> bool:
 
 
 def _number(where: str, name: str, value: Any) -> Any:
-    """A real number as a float; what stands for one as it is."""
+    """A real number as a float; stand-ins for numbers unchanged."""
     if not isinstance(value, (int, float, np.integer, np.floating)):
         return value
     try:
@@ -197,7 +197,7 @@ def _check_shapes(signature: Signature, space: Any, where: str, arguments: dict[
 
 
 def blame(signature: Signature, owner: Any, args: tuple[Any, ...], error: Exception) -> None:
-    """Raise what is wrong with small vectors for which a formula failed; return if it is not their shape."""
+    """Raise InvalidInput if the shapes of small vectors are why a formula failed; otherwise return."""
     arguments = signature.bound(args, {})
     if arguments is None:
         return

@@ -150,8 +150,8 @@ def _remembered(signature: Signature, owner: Any) -> OneRow | None:
     except AttributeError:
         rows = {}
         # groups and algebras without fields, made anew in every other line of a program
-        cls, ours = type(owner), __name__.partition(".")[0]
-        if cls.__module__.partition(".")[0] == ours and not dataclasses.fields(cls):
+        cls, library = type(owner), __name__.partition(".")[0]
+        if cls.__module__.partition(".")[0] == library and not dataclasses.fields(cls):
             rows = vars(cls).get("_single_rows_of_all")
             if rows is None:
                 cls._single_rows_of_all = rows = {}

@@ -31,7 +31,7 @@ def first_not_finite(results: Any) -> int | None:
 
 
 def unflattened(results: Any, leading: tuple[int, ...]) -> Any:
-    """The results with these leading axes in place of one; a single number as it is."""
+    """The results with these leading axes in place of one; a single number unchanged."""
     if isinstance(results, tuple):
         return tuple([unflattened(part, leading) for part in results])
     array = results.reshape(leading + results.shape[1:])

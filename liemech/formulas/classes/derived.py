@@ -31,7 +31,7 @@ def derived(formula: Formula) -> Formula:
 
 
 def derived_from(*sources: str) -> Callable[[Formula], Formula]:
-    """Mark a method that says what is true for all versions of these methods: None, nothing, or an error.  A class that
+    """Mark a method whose answer, such as None, or an error, holds for all versions of these methods.  A class that
     overrides it knows more of its own versions, as with a closed form.
     """
 
@@ -149,8 +149,8 @@ def _fields(cls: type) -> frozenset[str]:
 
 def written_together(cls: type, *names: str) -> bool:
     """Whether the methods of these names are of one class, or together from one of the library."""
-    together = len({_definer(cls, name) for name in names}) == 1
-    return together or _is_of_the_library(cls, names)
+    in_one_class = len({_definer(cls, name) for name in names}) == 1
+    return in_one_class or _is_of_the_library(cls, names)
 
 
 def _is_of_the_library(cls: type, names: Iterable[str]) -> bool:

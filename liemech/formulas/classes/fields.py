@@ -297,8 +297,8 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
     if isinstance(value, Large):
         return value
     if isinstance(value, OfEach):
-        what = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)
-        return _of_each(owner, name, value, {AXES[k.__name__] for k in allowed}, what)
+        kinds = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)
+        return _of_each(owner, name, value, {AXES[k.__name__] for k in allowed}, kinds)
     if isinstance(value, allowed):
         rows: Any = value.rows if isinstance(value, Mat) else (value,)
         if all(_FLOAT.issuperset(map(type, row)) for row in rows):

@@ -27,17 +27,14 @@ from .records import Record, fill, names_of
 
 @frozen
 class Layout:
-    """The structure of a value.
+    """The structure of a value."""
 
-    kind : number, integer, truth, pair, vec, mat, tuple, list, record, table, large (numbers in memory), place (of such
-    numbers, which is all that native code has) or static (a constant).  Integers and truth values are static, too, but
-    for those that a method carries along.
-    parts : the layouts of entries, items or fields.
-    detail : the form of a pair or of what is large, the class and field names of a record, a constant itself.
-    """
-
+    # number, integer, truth, pair, vec, mat, tuple, list, record, table, large (numbers in memory), place (of such
+    # numbers, which is all that native code has) or static (a constant). Integers and truth values are static, too, but
+    # for those that a method carries along.
     kind: str
-    parts: tuple[Layout, ...] = ()
+    parts: tuple[Layout, ...] = ()  # the layouts of entries, items or fields
+    # the form of a pair or of what is large, the class and field names of a record, a constant itself
     detail: Any = None
 
     @functools.cached_property

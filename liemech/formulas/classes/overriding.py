@@ -46,18 +46,18 @@ def require_signatures(cls: type, formula_of: Any) -> None:
                 raise InvalidType(
                     f"{home.__name__}.{name} yields, and is called once for a result: end it with `return ...`"
                 )
-            taken, wanted = _positional(formula), _positional(other)
-            if None in (taken, wanted):
+            taken, required = _positional(formula), _positional(other)
+            if None in (taken, required):
                 continue
             least, most, names = taken
             by_name = _by_name_only(formula)
-            if not least <= len(wanted[2]) or not most >= wanted[0] or by_name:
+            if not least <= len(required[2]) or not most >= required[0] or by_name:
                 names = (*names, *(("*", *by_name) if by_name else ()))
-                promised = ", ".join(("self", *wanted[2]))
+                promised = ", ".join(("self", *required[2]))
                 clock = (
                     "; an energy or force that depends on time belongs to a driven system, such as "
                     "DrivenHamiltonianSystem or DrivenHamiltonian"
-                    if names[:1] == ("t",) and wanted[2][:1] != ("t",)
+                    if names[:1] == ("t",) and required[2][:1] != ("t",)
                     else ""
                 )
                 raise InvalidType(

@@ -68,9 +68,9 @@ class Record(Broadcasting):
     def __new__(cls, *args: Any, **options: Any) -> Any:
         parameters, new = _complete.get(cls) or _completed(cls)
         if options and not parameters.issuperset(options):
-            wanted = keywords(inspect.unwrap(cls.__init__))
-            if wanted is not None:
-                raise misspelt(cls.__qualname__, wanted, options)
+            names = keywords(inspect.unwrap(cls.__init__))
+            if names is not None:
+                raise misspelt(cls.__qualname__, names, options)
         return new(cls)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -139,8 +139,8 @@ def _remaking_arguments(cls: Any) -> tuple[str, ...] | None:
     library computes or checks fields in it.  A user's `__post_init__` alone does not count: it may turn degrees into
     radians, and would do so again.
     """
-    ours = [base for base in cls.__mro__ if issubclass(base, Record) and not theirs(base)]
-    if theirs(cls) and all(base.__post_init__ is Record.__post_init__ for base in ours):
+    bases = [base for base in cls.__mro__ if issubclass(base, Record) and not theirs(base)]
+    if theirs(cls) and all(base.__post_init__ is Record.__post_init__ for base in bases):
         return None
     taken = tuple([f.name for f in dataclasses.fields(cls) if f.init])
     if cls.__post_init__ is Record.__post_init__ and len(taken) == len(names_of(cls)):
@@ -191,8 +191,8 @@ def _alike(value: Any, other: Any) -> bool:
     if isinstance(value, FrozenDict):
         return value.keys() == other.keys() and all(_alike(x, other[key]) for key, x in value.items())
     if isinstance(value, (Vec, Mat, tuple)):
-        alike = len(value) == len(other)
-        return alike and ({*map(type, value), *map(type, other)} == _FLOAT or all(map(_alike, value, other)))
+        equal = len(value) == len(other)
+        return equal and ({*map(type, value), *map(type, other)} == _FLOAT or all(map(_alike, value, other)))
     return not isinstance(value, (int, np.integer, str, bytes, frozenset, type)) or bool(value == other)
 
 

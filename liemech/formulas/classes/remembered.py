@@ -10,12 +10,11 @@ from .exact_keys import exact_key
 from .records import Record, fields_of
 
 
-class common(functools.cached_property[Any]):
-    """A cached property, a record, that objects have in common for which it is the same.
+class shared_property(functools.cached_property[Any]):
+    """A cached property, a record, of which there is one object for all owners that compute equal ones.
 
-    What systems make of their parts, such as T*G, is then one object for all of a kind, and native
-    code that was prepared for one system finds in the next the object that it has read.  A record
-    with attributes beside its fields is that of its owner alone.
+    Of T*G, say, all systems on G then have one object, and native code that was prepared for one system
+    finds in the next the object that it has read.  A record with attributes beside its fields is not shared.
     """
 
     def __get__(self, owner: Any, cls: type | None = None) -> Any:  # type: ignore[override]

@@ -128,7 +128,7 @@ _SMALL: dict[str, set[type]] = {"Vec": {Vec}, "Mat": {Mat}}
 
 
 def bare(method: Any) -> Any:
-    """The formula behind a method that broadcasts; anything else is what it is."""
+    """The formula behind a method that broadcasts; anything else unchanged."""
     formula = getattr(method, "__formula__", method)  # which a decorator may have copied
     return formula if formula is getattr(method, "__wrapped__", method) else method
 

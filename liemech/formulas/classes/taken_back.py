@@ -20,7 +20,7 @@ def noted(undo: Callable[[], object]) -> None:
 
 @contextlib.contextmanager
 def journal() -> Iterator[None]:
-    """Around a translation: what is kept in it is noted."""
+    """A context that notes what a translation keeps, so that it can be taken back."""
     before, _here.journal = getattr(_here, "journal", None), []
     try:
         yield

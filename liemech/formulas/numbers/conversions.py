@@ -84,8 +84,8 @@ def fitted(value: Any, layout: Layout) -> Any:
     if layout.kind == "pair" and layout.detail == _DOUBLE_DOUBLE:
         return DoubleDouble(value, 0.0) if is_number(value) else value
     if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):
-        still = build(layout.parts[1], itertools.repeat(0.0))
-        return Dual(fitted(value, layout.parts[0]), still, layout.detail[1])
+        zero = build(layout.parts[1], itertools.repeat(0.0))
+        return Dual(fitted(value, layout.parts[0]), zero, layout.detail[1])
     if isinstance(value, _STRUCTURES) and len(parts := parts_of(value)) == len(layout.parts):
         return of_parts(value, [fitted(x, part) for x, part in zip(parts, layout.parts)])
     return value

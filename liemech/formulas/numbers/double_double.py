@@ -185,14 +185,14 @@ def two_product(a: Any, b: Any) -> tuple[Any, Any]:
 
 def divided(x: DoubleDouble, y: Any) -> tuple[DoubleDouble, DoubleDouble]:
     """x // y and x % y, with 32 digits of x; the remainder has the sign of y."""
-    many = _whole((x / y).value)
-    remainder = x - DoubleDouble(many) * y
-    few = _whole((remainder / y).value)  # 0, unless there were more than 2^51
-    remainder = remainder - few * y
+    quotient = _whole((x / y).value)
+    remainder = x - DoubleDouble(quotient) * y
+    correction = _whole((remainder / y).value)  # 0, unless there were more than 2^51
+    remainder = remainder - correction * y
     sign = f.copysign(1.0, rounded_number(1.0 * y))
     below = 1.0 * (sign * remainder.value < 0.0)
     remainder = remainder + below * y
-    return DoubleDouble(*two_sum(many, few)) - below, remainder
+    return DoubleDouble(*two_sum(quotient, correction)) - below, remainder
 
 
 def floor(x: DoubleDouble, of_double: Any) -> Any:
@@ -285,12 +285,12 @@ def _reduced(x: Any, words: tuple[float, ...]) -> tuple[Any, Any]:
 
 def sin_cos(x: Any) -> tuple[Any, Any]:
     """Sine and cosine, by the distance from the nearest quarter turn; nan beyond LARGEST_ANGLE."""
-    many, near = _reduced(x, HALF_PI)
-    few, r = _reduced(near, HALF_PI)  # 0 quarters, unless there were more than 2^51
+    quarters, near = _reduced(x, HALF_PI)
+    more_quarters, r = _reduced(near, HALF_PI)  # 0 quarters, unless there were more than 2^51
     r = r + f.sqrt(-1.0 * (abs(x.value) > LARGEST_ANGLE))  # the root of -1 is nan
     square = r * r
     s, c = r * series(square, SINE, 8), series(square, COSINE, 8)
-    quarter = _modulo_4(_modulo_4(many) + few)
+    quarter = _modulo_4(_modulo_4(quarters) + more_quarters)
     odd = 1.0 * (abs(quarter) == 1.0)
     back = 1.0 - 2.0 * (abs(quarter) == 2.0)  # half a turn changes both signs
     return (back * (1.0 - odd)) * s + (quarter * odd) * c, (back * (1.0 - odd)) * c - (quarter * odd) * s

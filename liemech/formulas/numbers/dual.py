@@ -316,7 +316,7 @@ def size_of(x: Any) -> Any:
 
 
 def size_of_slope(x: Any) -> Any:
-    """That of the derivative that a number carries, 0 if none; along several directions the sum."""
+    """|dx| of the derivative dx that a number carries, 0 if it carries none; along several directions their sum."""
     return size_of_slope(x.value) + size_of(x.slope) if isinstance(x, Dual) else 0.0
 
 

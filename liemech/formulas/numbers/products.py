@@ -92,11 +92,11 @@ class Products:
     def _put_in_rows(self) -> None:
         self._in_rows = True
         noted(self._alone_again)
-        alike: dict[Any, list[_Product]] = {}
+        by_form: dict[Any, list[_Product]] = {}
         for product in self._known:
             if product.wanted:
-                alike.setdefault(product.form, []).append(product)
-        for products in alike.values():
+                by_form.setdefault(product.form, []).append(product)
+        for products in by_form.values():
             for begin in range(0, len(products), MOST):
                 group = products[begin : begin + MOST]
                 if len(group) >= LEAST:

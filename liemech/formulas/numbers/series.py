@@ -250,8 +250,8 @@ class Series(Operand):
         if not isinstance(unknown, Pair):
             unknown.grow(rate, h)
             return
-        same = isinstance(rate, Pair) and rate.form == unknown.form
-        parts = rate.parts if same else (rate, 0.0)
+        of_one_form = isinstance(rate, Pair) and rate.form == unknown.form
+        parts = rate.parts if of_one_form else (rate, 0.0)
         for series, part in zip(unknown.parts, parts, strict=True):
             Series.grown(series, part, h)
 
@@ -278,7 +278,7 @@ class Series(Operand):
         self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
 
     def among(self, products: Products) -> Series:
-        """The series itself; its products, and those of what is made of it, are among these from now on."""
+        """The series itself, whose products, and those of series made of it, are then computed with these `products`."""
         self._products = products
         return self
 

@@ -1,4 +1,4 @@
-"""Algebras and groups put together from others: every map is asked of the parts, in one place."""
+"""Algebras and groups made of others: every map follows from those of the parts by one rule."""
 
 from __future__ import annotations
 

@@ -158,10 +158,7 @@ class MatrixBasis:
 
     def hat(self, xi: np.ndarray) -> np.ndarray:
         """sum_i xi_i E_i.  xi : (..., dim)."""
-        flat = (self.columns @ xi.reshape(-1, self.dim).T).T
-        if self.complex:
-            flat = flat[:, : self.n**2] + 1j * flat[:, self.n**2 :]
-        return flat.reshape(*xi.shape[:-1], self.n, self.n)
+        return self._matrices(self.columns, xi)
 
     def vee(self, matrix: np.ndarray) -> np.ndarray:
         """Coordinates, by least squares.  matrix : (..., n, n)."""
@@ -170,10 +167,14 @@ class MatrixBasis:
 
     def covector(self, mu: np.ndarray) -> np.ndarray:
         """The matrix sum_i mu_i V_i, so that <mu, xi> = Re tr(M^H hat(xi)).  mu : (..., dim)."""
-        flat = (self.rows.T @ mu.reshape(-1, self.dim).T).T
+        return self._matrices(self.rows.T, mu)
+
+    def _matrices(self, columns: Any, x: np.ndarray) -> np.ndarray:
+        """The matrices sum_i x_i C_i, C_i a column, their real before their imaginary parts.  x : (..., dim)."""
+        flat = (columns @ x.reshape(-1, self.dim).T).T
         if self.complex:
             flat = flat[:, : self.n**2] + 1j * flat[:, self.n**2 :]
-        return flat.reshape(*mu.shape[:-1], self.n, self.n)
+        return flat.reshape(*x.shape[:-1], self.n, self.n)
 
     def pairing(self, matrix: np.ndarray) -> np.ndarray:
         """Re tr(M^H E_i) for all i: the momentum that a matrix stands for.  matrix : (..., n, n)."""
@@ -218,17 +219,17 @@ class MatrixBasis:
             xi, eta = np.random.default_rng(1).normal(size=(2, 1, self.dim)) / sizes
             a, b = self.hat(xi), self.hat(eta)
             size = np.linalg.norm(a, axis=(1, 2)) * np.linalg.norm(b, axis=(1, 2))
-        off = self.sticks_out(a @ b - b @ a) / size
-        if off.max(initial=0.0) > CLOSED:
-            worst = int(off.argmax())
-            which = (
+        defects = self.sticks_out(a @ b - b @ a) / size
+        if defects.max(initial=0.0) > CLOSED:
+            worst = int(defects.argmax())
+            generators = (
                 "two generic elements"
                 if self.large
                 else "the generators {} and {}".format(*(k + 1 for k in pairs[worst]))
             )
             raise LawViolation(
-                f"{self.name}.generators is not closed under the bracket: the bracket of {which} "
-                f"sticks out of their span by {off[worst]:.1e} of the size "
+                f"{self.name}.generators is not closed under the bracket: the bracket of {generators} "
+                f"sticks out of their span by {defects[worst]:.1e} of the size "
                 "of the product. Add it to the generators"
             )
 

@@ -228,9 +228,9 @@ class MatrixLieGroup(LieGroup):
         """
         basis = self.generated
         x = basis.hat(np.random.default_rng(2).normal(size=(basis.dim,)))
-        off = float(basis.sticks_out(np.conj(x.T)) / np.linalg.norm(x))
-        if off > 1e-10:
-            return f"its algebra is not closed under the adjoint: that of an element sticks out by {off:.1e}"
+        defect = float(basis.sticks_out(np.conj(x.T)) / np.linalg.norm(x))
+        if defect > 1e-10:
+            return f"its algebra is not closed under the adjoint: that of an element sticks out by {defect:.1e}"
         if basis.dim >= basis.n**2 - 1 and (self.keeps_lengths or not basis.complex):
             return None  # the trace is kept by every conjugation
         return self.why_no_cayley()
@@ -323,8 +323,8 @@ class MatrixLieGroup(LieGroup):
         scale = 1.0
         for row in g:
             scale = scale * sqrt(total([abs2(x) for x in row]))
-        off = sqrt(abs2(det - 1.0)) if kind == "1" else abs(sqrt(abs2(det)) - 1.0)
-        return off / max(1.0, scale)
+        defect = sqrt(abs2(det - 1.0)) if kind == "1" else abs(sqrt(abs2(det)) - 1.0)
+        return defect / max(1.0, scale)
 
     def _further_defect(self, g: Mat) -> float:
         """The largest defect of cubic forms and of directions that are stretched."""
@@ -332,8 +332,8 @@ class MatrixLieGroup(LieGroup):
         *_, rays, cubic = self._laws
         for v in rays:
             image = g @ v
-            off = image - max(dot(v, image), 0.0) * v
-            worst = max(worst, dot(off, off) / spread)
+            difference = image - max(dot(v, image), 0.0) * v
+            worst = max(worst, dot(difference, difference) / spread)
         for form in cubic:
             # T(g x, ., .) first, then the others
             once = [total([scaled(a, t) for a, t in zip(x, form)]) for x in columns]
@@ -348,8 +348,8 @@ class MatrixLieGroup(LieGroup):
         worst, back = 0.0, self.inverse(g)
         for unit in identity_matrix(self.dim):
             moved = g @ self.algebra.hat(unit) @ back
-            off = frobenius2(moved - self.algebra.hat(self.algebra.vee(moved))) / frobenius2(moved)
-            worst = max(worst, off if off >= 0.0 else 1.0)
+            defect = frobenius2(moved - self.algebra.hat(self.algebra.vee(moved))) / frobenius2(moved)
+            worst = max(worst, defect if defect >= 0.0 else 1.0)
         return sqrt(worst)
 
     @cached_property

@@ -94,8 +94,8 @@ def _rays(e: np.ndarray) -> tuple[np.ndarray, ...]:
     values, vectors = np.linalg.eig(np.einsum("k,kij->ij", np.cos(np.arange(1.0, len(e) + 1.0)), e))
     rays = []
     for k, (value, v) in enumerate(zip(values, vectors.T, strict=True)):
-        apart = np.abs(np.delete(values, k) - value).min(initial=np.inf)
-        if abs(value.imag) == 0.0 and apart > 1e-6 * np.abs(values).max():
+        gap = np.abs(np.delete(values, k) - value).min(initial=np.inf)
+        if abs(value.imag) == 0.0 and gap > 1e-6 * np.abs(values).max():
             v = v.real / np.linalg.norm(v.real)
             moved = e @ v
             if np.abs(moved - np.outer(moved @ v, v)).max() <= 1e-10 * np.abs(e).max():
@@ -128,10 +128,10 @@ def null_space(equations: np.ndarray) -> np.ndarray:
     """The solutions of linear equations, as rows in reduced form, their largest entry 1.
     equations : (m, k), rows : (r, k).
     """
-    many, unknowns = equations.shape
-    if many > 8 * unknowns:  # of many generators: twice as many mixtures of them say the same
-        mixed = np.random.default_rng(1).normal(size=(2 * unknowns, many))
-        equations = mixed @ equations / np.sqrt(many)
+    equation_count, unknowns = equations.shape
+    if equation_count > 8 * unknowns:  # of many generators: twice as many mixtures of them say the same
+        mixed = np.random.default_rng(1).normal(size=(2 * unknowns, equation_count))
+        equations = mixed @ equations / np.sqrt(equation_count)
     _, sizes, v = np.linalg.svd(equations, full_matrices=True)
     rank = int((sizes > 1e-10 * max(sizes.max(initial=0.0), 1e-300)).sum())
     rows = np.conj(v[rank:]).copy()

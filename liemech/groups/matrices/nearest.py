@@ -111,9 +111,9 @@ def _from_somewhere(basis: MatrixBasis, form: np.ndarray | None, g: np.ndarray) 
     best, least = None, np.inf
     for start in _starts(basis, near):
         h = _least_difference(basis, g, start)
-        off = np.inf if h is None else float(np.linalg.norm(h - g) / np.linalg.norm(g))
-        if off < least:
-            best, least = h, off
+        distance = np.inf if h is None else float(np.linalg.norm(h - g) / np.linalg.norm(g))
+        if distance < least:
+            best, least = h, distance
         if least <= CLOSE:
             return best
     for _ in range(STARTS if best is None else 0):
@@ -176,9 +176,9 @@ def _along(basis: MatrixBasis, h: np.ndarray, g: np.ndarray) -> np.ndarray:
         candidate = h
         for _ in range(TURN):
             candidate = candidate @ part
-            off = float(np.linalg.norm(candidate - g))
-            if off < least:
-                best, least = candidate, off
+            distance = float(np.linalg.norm(candidate - g))
+            if distance < least:
+                best, least = candidate, distance
     return best
 
 

@@ -245,22 +245,18 @@ class Orbit(Record):
     """The constants of all steps of an orbit; u^2 is a common factor, u = -wp'(1)/2, that saves
     divisions.
 
-    K : J^-1 times half the step.  per_square : 1/G^2.  turning : 2 G tan(psi/2).
-    along : 4 u^2 (r_j r_k - wp(2) - sigma/3).  across : 2 u^2 r_i(2).  scale : 4 u^2
-    (wp(2) + sigma/3).  unit : u^2.  reach : 4 c/u,  middle : c r_j^2 r_k^2/(u^2 G^2) at s = 1, with
-    c = wp(1) + sigma/3.
     Source: this module's first lines.
     """
 
-    K: Any
-    per_square: float
-    turning: float
-    along: Any
-    across: Any
-    scale: float
-    unit: float
-    reach: float
-    middle: Any
+    K: Any  # J^-1 times half the step
+    per_square: float  # 1/G^2
+    turning: float  # 2 G tan(psi/2)
+    along: Any  # 4 u^2 (r_j r_k - wp(2) - sigma/3)
+    across: Any  # 2 u^2 r_i(2)
+    scale: float  # 4 u^2 (wp(2) + sigma/3)
+    unit: float  # u^2
+    reach: float  # 4 c/u, c = wp(1) + sigma/3
+    middle: Any  # c r_j^2 r_k^2/(u^2 G^2) at s = 1
 
     def displacement(self, start: Vec, unit: float) -> Vec:
         """The x = b K m + a m of a step from mu, m the mean of its ends.

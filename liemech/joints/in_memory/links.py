@@ -140,7 +140,7 @@ class Links(System):
     """
 
     jointed: ClassVar[bool] = True
-    run_by: ClassVar[str] = "joints.in_memory.plan:LinksOfPlan"
+    runs_in: ClassVar[str] = "joints.in_memory.plan:LinksOfPlan"
 
     group: LieGroup
     kinds: tuple[Any, ...]

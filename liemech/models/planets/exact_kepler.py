@@ -28,6 +28,7 @@ from ...compiler.driver import accepted, attempt, itself, read, write
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, asinh, cbrt, record, sqrt, vec, where
 from ...formulas.classes.layouts import NUMBER, vector_layout
+from ...formulas.numbers.double_double import two_sum
 from ..bodies.polhode import nearest
 from .decimals import DIGITS, PI, cos_sin
 from .universal_variables import solved
@@ -70,8 +71,8 @@ class Conic(Record):
 def place(c: Conic, t: float) -> Vec:
     """Position and velocity at the time t after the start, (4,).  Not numbers where the planet meets the sun."""
     n = nearest((t + c.since[0]) * c.per)
-    a, lost_0 = _sum(t - n * c.period[0], -(n * c.period[1]))
-    a, lost_1 = _sum(a, c.since[0])
+    a, lost_0 = two_sum(t - n * c.period[0], -(n * c.period[1]))
+    a, lost_1 = two_sum(a, c.since[0])
     tau = c.pace * (a + ((lost_0 + lost_1) + (c.since[1] - n * c.period[2])))
     tau = where(abs(tau) <= c.half, tau, 0.0)  # else the phase has no digit left
     G1, G2, _, ended = solved(c.pericentre, 0.0, 1.0, c.b, tau, first_guess(c, tau))
@@ -95,13 +96,6 @@ def first_guess(c: Conic, tau: float) -> float:
         far = asinh((mean + asinh(mean / c.e)) / c.e)
         s = where(root * abs(s) > FAR, far / root, s)
     return s
-
-
-def _sum(a: float, b: float) -> tuple[float, float]:
-    """a + b, and what rounding takes from it."""
-    total = a + b
-    share = total - a
-    return total, (a - (total - share)) + (b - share)
 
 
 def _placed(c: Conic, times: Any, rows: Any) -> None:

@@ -138,8 +138,8 @@ class RateLimit:
 
 def ramp(t: float, value: np.ndarray, slope: np.ndarray) -> Ramp:
     """A ramp from the time t on, whose numbers are checked already."""
-    both = (small(value), small(slope)) if value.ndim else (float(value), float(slope))
-    command: Ramp = fill(Ramp, {"value": both[0], "slope": both[1], "t0": float(t)})
+    value_and_slope = (small(value), small(slope)) if value.ndim else (float(value), float(slope))
+    command: Ramp = fill(Ramp, {"value": value_and_slope[0], "slope": value_and_slope[1], "t0": float(t)})
     return command
 
 

@@ -138,7 +138,7 @@ def measure_order(
         raise InvalidInput(f"measure_order: t_end must be positive and finite; got {t_end!r}")
     if start.bodies is not None:
         raise InvalidInput("measure_order takes one body, not an ensemble")
-    wanted = _reference(system, start, float(t_end), counts[-1], compiled) if exact is None else exact
+    reference = _reference(system, start, float(t_end), counts[-1], compiled) if exact is None else exact
     measured = []
     for name, method in named.items():
         errors, seconds = [], []
@@ -149,7 +149,7 @@ def measure_order(
                 since = time.process_time()
                 last = plan.run(start, steps=n).last
                 took.append(time.process_time() - since)
-            errors.append(_distance(last, wanted))
+            errors.append(_distance(last, reference))
             seconds.append(min(took[1:]))
         h = float(t_end) / np.array(counts)
         measured.append(Measured(name, h, np.array(errors), np.array(seconds)))

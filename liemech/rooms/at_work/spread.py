@@ -110,8 +110,8 @@ class Work:
         for i in range(len(self.jobs)):
             self.hand_out(i)
         while self.running:
-            done, _ = futures.wait(self.running, timeout=LOOK, return_when=futures.FIRST_COMPLETED)
-            for future in done:
+            finished, _ = futures.wait(self.running, timeout=LOOK, return_when=futures.FIRST_COMPLETED)
+            for future in finished:
                 i = self.running.pop(future)
                 try:
                     self.found[i] = future.result()
@@ -149,12 +149,12 @@ class Work:
 
     def interrupted(self) -> IntegrationInterrupted:
         """The interruption, with the chunks that were done."""
-        done = {i: run for i, run in self.found.items() if isinstance(run, Trajectory)}
+        finished = {i: run for i, run in self.found.items() if isinstance(run, Trajectory)}
         stopped = IntegrationInterrupted(
-            f"integrate: interrupted; {len(done)} of {len(self.jobs)} chunks of bodies were done; they "
+            f"integrate: interrupted; {len(finished)} of {len(self.jobs)} chunks of bodies were done; they "
             "are in `.trajectory`, where the other bodies stand at their starts"
         )
-        parts = [done[i] if i in done else _waiting(*job) for i, job in enumerate(self.jobs)]
+        parts = [finished[i] if i in finished else _waiting(*job) for i, job in enumerate(self.jobs)]
         stopped.trajectory = _joined(self.plan, self.chunks, parts)
         return stopped
 
@@ -214,8 +214,8 @@ def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:
 
 def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int]]:
     """Pairs (first, end) of the bodies of each chunk, in whole lanes."""
-    wanted = 4 * workers if workers else CHUNKS
-    size = max(-(-bodies // wanted), CHUNK // max(1, steps))
+    chunks = 4 * workers if workers else CHUNKS
+    size = max(-(-bodies // chunks), CHUNK // max(1, steps))
     size = -(-min(size, bodies) // LANES) * LANES
     return [(first, min(first + size, bodies)) for first in range(0, bodies, size)]
 

@@ -70,15 +70,15 @@ class Stepper:
                 self._set(inputs)
             body = self._here
             while body is not None and steps:
-                wanted = steps if steps < body.most else body.most
+                count = steps if steps < body.most else body.most
                 try:
-                    taken = body.advance(wanted)
+                    taken = body.advance(count)
                 except KeyboardInterrupt:
                     raise IntegrationInterrupted(
                         f"Stepper.step: interrupted after {body.taken} steps, where it stands now"
                     ) from None
                 steps -= taken
-                if taken < wanted:
+                if taken < count:
                     break
             if steps:
                 self._slowly(steps)
@@ -358,15 +358,11 @@ def _again(plan_given: Any, start: Any, plan: Any, carry: Any, names: list[str])
 
 
 class Held(NamedTuple):
-    """The value of an input.
-
-    numbers : (width,) or, of an ensemble, (width, 1) or (width, bodies).  value : as it was given,
-    whose tables stay in memory as long as this does.
-    """
+    """The value of an input that steps hold."""
 
     input: Input
-    numbers: Any
-    value: Any
+    numbers: Any  # (width,) or, of an ensemble, (width, 1) or (width, bodies)
+    value: Any  # the value given by the user; its tables stay in memory as long as this record
 
 
 class SitesInPlace:
@@ -525,8 +521,8 @@ class InPlace:
     def carry(self) -> Carry:
         """The carry of the body, a copy."""
         start: Any = self.begun
-        now, place = self.memory.copy(), self.place
-        standing = start.shape, start.t0, start.h, self.taken, now[: place.carried], now[place.kept :]
+        memory, place = self.memory.copy(), self.place
+        standing = start.shape, start.t0, start.h, self.taken, memory[: place.carried], memory[place.kept :]
         return Carry.quickly(*standing, start.met)
 
 
@@ -561,8 +557,8 @@ class BodiesInPlace:
         self.clocks[:] = np.array([carry.t, carry.h, *FRESH])[:, None]
         self.clocks[TAKEN] = carry.step
         goals[:] = np.array([math.inf, 0.0, 0.0, 0.0, ENDLESS, carry.t0])[:, None]
-        for mine, parameters in zip(self.own, lanes.own, strict=True):
-            mine[:, : self.count] = parameters[:, : self.count]
+        for rows, parameters in zip(self.own, lanes.own, strict=True):
+            rows[:, : self.count] = parameters[:, : self.count]
         self._fill(self.table)
         self.before = self.table.copy()
 

@@ -152,8 +152,8 @@ class ConstrainedSystem(CanonicalSystem):
         rounding.
         """
         sizes, speeds = self._terms(q, p)
-        both = (*self.constraint(q), *self.hidden_constraint(q, p))
-        pairs = zip(both, (*sizes, *speeds))
+        conditions = (*self.constraint(q), *self.hidden_constraint(q, p))
+        pairs = zip(conditions, (*sizes, *speeds))
         return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
 
     @derived
@@ -250,10 +250,10 @@ class ConstrainedSystem(CanonicalSystem):
         dependent there, and a start that is not consistent: it says by how much g(q) and G H_p
         fail.  `consistent` gives the nearest start that is.
         """
-        both, members = self._points(q, p)
-        self._check_formulas(both[0])
+        arrays, members = self._points(q, p)
+        self._check_formulas(arrays[0])
         where, single = f"{type(self).__name__}.state", members is None
-        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in both)
+        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in arrays)
         self._check_rank(where, q, p, single)
         failing = np.asarray(self.defects(q, p)).reshape(len(q), 2, -1)
         bad = np.flatnonzero(~(failing <= CONSISTENT).all(axis=(1, 2)))
@@ -272,13 +272,13 @@ class ConstrainedSystem(CanonicalSystem):
                 f"{CONSISTENT:.0e}). Use `consistent(q, p)`, which gives the nearest state that is"
             )
         self._check_motion(where, q, p, single)
-        return self._canonical_state(both, members)
+        return self._canonical_state(arrays, members)
 
     @final
     def _reached(self, **parts: Any) -> CanonicalState:
         """The state with these parts, on M or not."""
-        both, members = self._points(**parts)
-        return CanonicalState(*[as_field(a, (self.degrees,), members) for a in both])
+        arrays, members = self._points(**parts)
+        return CanonicalState(*[as_field(a, (self.degrees,), members) for a in arrays])
 
     def _check_motion(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
         """Raise InvalidInput for consistent states, (members, n), whose motion a subclass does not
@@ -293,10 +293,10 @@ class ConstrainedSystem(CanonicalSystem):
         Far from M, where there may be several, it is one that is reached across the constraints.
         Raises InvalidInput as `state` does, and if no such state is found near by.
         """
-        both, members = self._points(q, p)
-        self._check_formulas(both[0])
+        arrays, members = self._points(q, p)
+        self._check_formulas(arrays[0])
         where, single = f"{type(self).__name__}.consistent", members is None
-        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in both)
+        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in arrays)
         self._check_rank(where, q, p, single)
         try:
             nearest = [self._nearest(small(a), small(b)) for a, b in zip(q, p, strict=True)]
@@ -402,9 +402,9 @@ class ConstrainedSystem(CanonicalSystem):
                 text = f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
                 position, unit = small(np.array(q, dtype=float)), np.linalg.norm(G[: k + 1], axis=1)
                 values = np.array(self.constraint(position))[: k + 1] / unit
-                off = float(abs(values[k] - weights @ values[:k])) * unit[k]
-                if off > np.sqrt(CONSISTENT) * (np.abs(G[k]) @ np.abs(np.array(position))):
-                    return f"{text}At this place they contradict each other: constraint[{k}] is {off:.3g} where the others are zero"
+                gap = float(abs(values[k] - weights @ values[:k])) * unit[k]
+                if gap > np.sqrt(CONSISTENT) * (np.abs(G[k]) @ np.abs(np.array(position))):
+                    return f"{text}At this place they contradict each other: constraint[{k}] is {gap:.3g} where the others are zero"
                 return f"{text}Leave out those that are redundant; at a dead point the motion is not determined"
         return f"the matrix G H_pp G^T is singular ({at}): the constraints do not determine their forces"
 
@@ -633,8 +633,8 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     if n == 2:  # by Cramer's rule: one division before the solution
         volume = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
         scale = _over(1.0, volume)
-        both = vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
-        return both, vec(m[0, 0], _over(volume, m[0, 0]))
+        solution = vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
+        return solution, vec(m[0, 0], _over(volume, m[0, 0]))
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):

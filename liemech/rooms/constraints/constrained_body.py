@@ -196,10 +196,10 @@ class BoundBody(System):
         rows, xi = self.rows_at(t, g), self.velocity(mu)
         pull = self.configurations.ad_star(xi, mu) + force
         curved = derivative(lambda s: vec(*self._slips(t + s, self.configurations.compose_exp(g, s * xi), xi)), 0.0)
-        needed = [a + b for a, b in zip(curved, speeds(self, rows, self.velocity(pull)))]
+        accelerations = [a + b for a, b in zip(curved, speeds(self, rows, self.velocity(pull)))]
         through = led(self, rows)
         pushed = [[times(inverse, row) for row in block] for inverse, block in zip(self.inverses, through)]
-        return solved_sparse(self, yielding(self, joint(self, through, pushed)), needed)[0]
+        return solved_sparse(self, yielding(self, joint(self, through, pushed)), accelerations)[0]
 
     def rows_at(self, t: float, g: Any) -> Any:
         """G by conditions and blocks, at time t."""
@@ -320,8 +320,8 @@ class BoundBody(System):
         """
         G, inverse = self._matrix(self.rows(g)), self._inverse
         for _ in range(2):  # the second time for rounding
-            off = G @ (inverse @ momentum) + self._paces(g)
-            momentum = momentum - G.T @ _solved(G @ inverse @ G.T, off)
+            rates_off = G @ (inverse @ momentum) + self._paces(g)
+            momentum = momentum - G.T @ _solved(G @ inverse @ G.T, rates_off)
         return momentum
 
     def _body_state(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
@@ -400,10 +400,10 @@ class BoundBody(System):
         directions, sizes, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True))
         rank = int((sizes**2 > INDEPENDENT * sizes[0] ** 2).sum())
         if rank < self.conditions:
-            together = np.abs(directions[:, rank:]).max(axis=1)
+            weights = np.abs(directions[:, rank:]).max(axis=1)
             raise InvalidInput(
                 f"{name}: the {self.conditions} conditions have rank {rank} here; "
-                f"{self._named(np.flatnonzero(together > 1e-3))} depend on each other. "
+                f"{self._named(np.flatnonzero(weights > 1e-3))} depend on each other. "
                 f"Leave out {self.conditions - rank} of them{self._cure}, or "
                 "start elsewhere if it is a dead point"
             )
@@ -480,8 +480,8 @@ class ConstrainedBody(BoundBody):
     def _count(self, g: Any) -> int:
         constraint: Any = self.constraint
         if not isinstance(constraint, Constraint) or isinstance(constraint, VelocityConstraint):
-            wanted = "a Constraint, a subclass with a `value(g)` (conditions on velocities: NonholonomicBody)"
-            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
+            expected = "a Constraint, a subclass with a `value(g)` (conditions on velocities: NonholonomicBody)"
+            raise InvalidType(f"{type(self).__name__}: constraint must be {expected}; got {self.constraint!r}")
         value = self.constraint.value(g)
         if not isinstance(value, vectors.Vec) or not len(value):
             name = f"{type(self).__name__}: {type(self.constraint).__name__}"
@@ -614,8 +614,8 @@ class NonholonomicBody(BoundBody):
 
     def _count(self, g: Any) -> int:
         if not isinstance(self.constraint, VelocityConstraint):
-            wanted = "a VelocityConstraint, a subclass with a `matrix(g)`"
-            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
+            expected = "a VelocityConstraint, a subclass with a `matrix(g)`"
+            raise InvalidType(f"{type(self).__name__}: constraint must be {expected}; got {self.constraint!r}")
         A, dim = self.constraint.matrix(g), self.configurations.dim
         if not isinstance(A, vectors.Mat) or len(A[0]) != dim:
             name = f"{type(self).__name__}: {type(self.constraint).__name__}"

@@ -101,10 +101,10 @@ class LieRATTLE(Remembering):
         moved = abs(h) * (speed + kicked / EPSILON)
         lost = np.flatnonzero((abs(h) * speed < least) & (moved > 0.0) & (moved < least))
         if len(lost):
-            which = "" if start.bodies is None else f" (body {lost[0]})"
+            of_body = "" if start.bodies is None else f" (body {lost[0]})"
             raise InvalidInput(
                 f"{self!r}: in a step of h = {h:g} the configuration moves by less than its "
-                f"rounding{which}; give a larger h"
+                f"rounding{of_body}; give a larger h"
             )
         return None
 
@@ -365,10 +365,10 @@ def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool
     need no exchange of rows.
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.
     """
-    n, same = len(m), 1.0
+    n, sign_kept = len(m), 1.0
     rows = [vec(*m[i], *[column[i] for column in columns]) for i in range(n)]
     for k in range(n):
-        same = where(sign * rows[k][k] > 0.0, same, -same)
+        sign_kept = where(sign * rows[k][k] > 0.0, sign_kept, -sign_kept)
         pivot = 1.0 / rows[k][k]
         rows = [row if i <= k else row - (pivot * row[k]) * rows[k] for i, row in enumerate(rows)]
     solution: list[Any] = []  # from the last row upwards, each of all columns
@@ -377,15 +377,15 @@ def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool
         for i, x in enumerate(solution):
             remainder = remainder - rows[k][n - 1 - i] * x
         solution = [*solution, remainder / rows[k][k]]
-    return [vec(*[solution[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], same > 0.0
+    return [vec(*[solution[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], sign_kept > 0.0
 
 
 def regular(system: Any, m: list[list[Any]], pivots: list[Any], sign: float) -> bool:
     """Whether det m has the sign of that of a positive matrix times `sign`, with no pivot below DEPENDENT times what it
     was before.
     """
-    same, far = 1.0, True
+    sign_kept, independent = 1.0, True
     for row, pivot, ends in zip(m, pivots, system.elimination):
-        same = where(sign * pivot > 0.0, same, -same)
-        far = far and abs(pivot) > DEPENDENT * abs(row[ends[0]])
-    return far and same > 0.0
+        sign_kept = where(sign * pivot > 0.0, sign_kept, -sign_kept)
+        independent = independent and abs(pivot) > DEPENDENT * abs(row[ends[0]])
+    return independent and sign_kept > 0.0

@@ -66,11 +66,11 @@ class OnConstraints(Method):
         moved = abs(h) * (speed + size(kicked - v) / EPSILON)
         lost = np.flatnonzero((moved > 0.0) & (moved < least))
         if len(lost):
-            i, many = int(lost[0]), start.bodies is not None
+            i, is_ensemble = int(lost[0]), start.bodies is not None
             raise InvalidInput(
                 f"{self!r}: in a step of h = {h:g} the positions move by "
                 f"{abs(h) * np.ravel(speed)[i]:.1e}, which is below the rounding of q, "
-                f"{np.ravel(least)[i]:.1e}{f' (body {i})' if many else ''}; give a larger h"
+                f"{np.ravel(least)[i]:.1e}{f' (body {i})' if is_ensemble else ''}; give a larger h"
             )
         return None
 
@@ -87,10 +87,10 @@ class OnConstraints(Method):
         products = cross_products(G_there, normals)
         _, turned = eliminated(products, pivots)
         folding = False
-        for now, then in zip(pivots, turned):
-            if not now * then > 0.0:
+        for before, after in zip(pivots, turned):
+            if not before * after > 0.0:
                 raise self._unsolved(system, h, q, p, "the positions found are on another branch of the constraints")
-            folding = folding or abs(then) < FOLD * abs(now) or abs(now) < FOLD * abs(then)
+            folding = folding or abs(after) < FOLD * abs(before) or abs(before) < FOLD * abs(after)
         if folding:
             for row, row_at_q, normal in zip(G_there, G, normals):
                 if not dot(abs(row), abs(normal)) > LOST * dot(abs(row_at_q), abs(normal)):

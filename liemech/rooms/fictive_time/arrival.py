@@ -30,16 +30,16 @@ def arrive(method: Any, system: Any, reached: Any, h: float, given: Any, out: An
 def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> tuple[Any, float]:
     """The sample at the time `target`, and the fictive time to it, from a sample before it."""
     memory = method.start(system, sample, h)
-    now = sample
-    passed, gone = (system.clock(now) - target) * h >= 0.0, 0.0
+    current = sample
+    passed, passed_tau = (system.clock(current) - target) * h >= 0.0, 0.0
     while not passed:
-        after = method.step(system, gone, memory, h)
+        after = method.step(system, passed_tau, memory, h)
         sample_after = rounded(method.observe(after))
         passed = (system.clock(sample_after) - target) * h >= 0.0
         if not passed:
-            memory, now, gone = after, sample_after, gone + h
+            memory, current, passed_tau = after, sample_after, passed_tau + h
     arrival, s = landed(method, system, memory, h, target)
-    return arrival, gone + s
+    return arrival, passed_tau + s
 
 
 def arrivals(

@@ -1,4 +1,4 @@
-"""Where runs in fictive time began, and where they stand."""
+"""Origins and carries of runs in fictive time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...formulas.classes.layouts import layout_of
 from ...integrators.composition import Composition
 from ...simulation.between.dense import unpacked
 from ...simulation.compiled.prepared import Steps
-from ...simulation.runs.carry import Carry, common
+from ...simulation.runs.carry import Carry, one_or_all
 from ...systems.system import State, member, small_state, state_of
 from .clocked import Clocked
 from .sundman import InFictiveTime
@@ -78,20 +78,16 @@ class Origin:
 class FictiveCarry:
     """Where a run in fictive time stands: at the end of its last whole step, from which it goes on
     as if it had never stopped.
-
-    origin : where the motion began; of an ensemble whose bodies go each their own way a tuple.
-    inner : what the method carries along there, of the system with its clock, whose time is the
-    fictive one.
-    here : where the last samples are, if not there but inside of the next step, as at a t_end:
-    (n,) or (n, bodies) the physical time, numbers of the state with its clock, and the fictive time.
-    met : of each body how many zeros of every event it has met.
     """
 
     fictive: ClassVar[bool] = True
 
-    origin: Any
-    inner: Carry
+    origin: Any  # an Origin; a tuple of them for an ensemble whose bodies have different ones
+    inner: Carry  # the carry of the system with its clock, whose time is the fictive one
+    # the last samples, if they lie inside of the next step, as at a t_end: (n,) or (n, bodies) physical time, numbers of
+    # the state with its clock, and fictive time
     here: np.ndarray | None = None
+    # by body, the number of zeros of every event
     met: dict[int, Any] = field(default_factory=dict, repr=False)
 
     def moved(self, inner: Carry) -> FictiveCarry:
@@ -120,7 +116,7 @@ class FictiveCarry:
     @property
     def tau(self) -> Any:
         """The fictive time of the last sample."""
-        return self.inner.t if self.here is None else common(self.here[-1])
+        return self.inner.t if self.here is None else one_or_all(self.here[-1])
 
     @property
     def t(self) -> Any:
@@ -128,7 +124,7 @@ class FictiveCarry:
         (bodies,).
         """
         t = self._apart[0] if self.here is None else self.here[0]
-        return common(t)
+        return one_or_all(t)
 
     @cached_property
     def state(self) -> Any:
@@ -141,8 +137,8 @@ class FictiveCarry:
         if self.bodies is None:
             return self
         last = None if self.here is None else self.here[:, i]
-        met = {0: self.met[i]} if i in self.met else {}
-        return FictiveCarry(origin_of(self.origin, i), self.inner.member(i), last, met)
+        zeros = {0: self.met[i]} if i in self.met else {}
+        return FictiveCarry(origin_of(self.origin, i), self.inner.member(i), last, zeros)
 
     @property
     def members(self) -> tuple[Any, ...]:

@@ -185,11 +185,11 @@ class FictiveRun(OfClocked):
     def stepped(self) -> Any:
         if self.before is not None:
             return self.before.state
-        now = [self._now(i) for i in range(self.count)]
+        states = [self._now(i) for i in range(self.count)]
         if not self.bodies:
-            return now[0]
-        arrays = {name: np.stack([s.arrays[name] for s in now]) for name in now[0].arrays}
-        return state_of(type(now[0]), arrays)
+            return states[0]
+        arrays = {name: np.stack([s.arrays[name] for s in states]) for name in states[0].arrays}
+        return state_of(type(states[0]), arrays)
 
     def _now(self, i: int) -> Any:
         """The start of a body, with its clock."""
@@ -294,7 +294,7 @@ class FictiveRun(OfClocked):
 
 
 class StraightFictiveRun(OfClocked, StraightRun):
-    """A run of so many steps in fictive time, which all bodies make side by side."""
+    """A run of fixed steps in fictive time that all bodies make side by side."""
 
     def aim(self, ends: list[Any], steps: Any) -> None:
         plan, t0 = self.plan, self.t0.item(0)

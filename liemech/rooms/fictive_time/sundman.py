@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, OrderWarning, undefined, warn
 from ...formulas import Vec, record, vec
-from ...formulas.classes.remembered import common
+from ...formulas.classes.remembered import shared_property
 from ...groups.composed.product import ProductGroup
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Retraction
@@ -118,7 +118,7 @@ class SundmanTransformed(InFictiveTime):
         """The group of the system, and R for the time."""
         return self._with_time
 
-    @common
+    @shared_property
     def _with_time(self) -> LieGroup:
         group = self.system.group
         if isinstance(group, VectorSpace):

@@ -106,9 +106,9 @@ class TimeScale(Record):
         """Raise InvalidTimeScale unless sigma is positive where and when a motion starts,
         InvalidType if its value is no number.
         """
-        many = start.bodies is not None
+        is_ensemble = start.bodies is not None
         for i in range(start.bodies or 1):
-            where = f"at the start{f' of body {i}' if many else ''}"
+            where = f"at the start{f' of body {i}' if is_ensemble else ''}"
             try:
                 value: Any = self.value_at(system, t0, member(start, i))
             except LiemechError:

@@ -1,4 +1,4 @@
-"""Save and load runs: arrays as they are, everything else as JSON.  Nothing is pickled."""
+"""Saving and loading of runs: arrays in binary, everything else as JSON.  Nothing is pickled."""
 
 from __future__ import annotations
 
@@ -91,12 +91,12 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             about["dense.sites"] = each[0].sites
     about["events"] = []
     for i, event in enumerate(run.events):
-        met = event if run.bodies is not None else (event,)
-        arrays[f"event.{i}"] = np.concatenate([times for times, _ in met])
-        for name in met[0][1].arrays:
-            arrays[f"event.{i}.{name}"] = np.concatenate([states.arrays[name] for _, states in met])
-        about["events"].append([list(met[0][1].arrays), [len(times) for times, _ in met]])
-        about["states"] = encoded(type(met[0][1]))
+        zeros = event if run.bodies is not None else (event,)
+        arrays[f"event.{i}"] = np.concatenate([times for times, _ in zeros])
+        for name in zeros[0][1].arrays:
+            arrays[f"event.{i}.{name}"] = np.concatenate([states.arrays[name] for _, states in zeros])
+        about["events"].append([list(zeros[0][1].arrays), [len(times) for times, _ in zeros]])
+        about["states"] = encoded(type(zeros[0][1]))
     if run.carry is not None:
         about["carry"] = _carried(run.carry, arrays, pool)
     write(Path(path), arrays | pool.arrays, about)
@@ -121,13 +121,13 @@ def told_apart(written: Any, now: dict[str, str]) -> str:
     """The differences of library, Python and machine between a file and here, in words; empty without any."""
     if not isinstance(written, dict):
         return ""
-    theirs = {name: str(written.get(name, "?")) for name in ("liemech", "python", "platform")}
-    minor = {name: x.rpartition(".")[0] if name == "python" else x for name, x in theirs.items()}
-    ours = {name: x.rpartition(".")[0] if name == "python" else x for name, x in now.items()}
+    versions_of_file = {name: str(written.get(name, "?")) for name in ("liemech", "python", "platform")}
+    minor = {name: x.rpartition(".")[0] if name == "python" else x for name, x in versions_of_file.items()}
+    versions_here = {name: x.rpartition(".")[0] if name == "python" else x for name, x in now.items()}
     return ", ".join(
-        f"{'Python' if name == 'python' else name} {theirs[name]} (here {now[name]})"
-        for name in theirs
-        if minor[name] != ours[name]
+        f"{'Python' if name == 'python' else name} {versions_of_file[name]} (here {now[name]})"
+        for name in versions_of_file
+        if minor[name] != versions_here[name]
     )
 
 
@@ -166,12 +166,12 @@ def _carry_of(fields: Any, arrays: dict[str, Any], bodies: int | None, origin: A
         kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
         by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
         state_of_sites = kind_of(parts)(**parts) if by_site else small_state(kinds[fields["sites"][0]], parts)
-        met = Met([(event, n) for event, n in fields.get("met", ())])
-        arrays_of_sites = arrays["carry.numbers"], state_of_sites, met, arrays.get("carry.clock")
+        zeros = Met([(event, n) for event, n in fields.get("met", ())])
+        arrays_of_sites = arrays["carry.numbers"], state_of_sites, zeros, arrays.get("carry.clock")
         return SiteCarry(fields["t0"], fields["h"], fields["step"], *arrays_of_sites, fields.get("ended"))
     state: Any = decode(fields["state"])
-    wanted: Any = State if origin is None else tuple
-    if not isinstance(state, wanted):
+    kind: Any = State if origin is None else tuple
+    if not isinstance(state, kind):
         raise InvalidInput(f"{decode.where}: {state!r} is no state")
     numbers, clock, last = (arrays[f"carry.{name}"] for name in ("numbers", "clock", "last"))
     lead = () if bodies is None else (bodies,)
@@ -414,26 +414,26 @@ def _event_of(i: int, arrays: dict[str, Any], about: dict[str, Any], bodies: int
     cls = decode(about["states"])
     if not (isinstance(cls, type) and issubclass(cls, State)):
         raise InvalidInput(f"{decode.where}: {cls!r} is no class of states")
-    met, ends = [], np.cumsum(counts)
+    zeros, ends = [], np.cumsum(counts)
     for name in (f"event.{i}", *[f"event.{i}.{part}" for part in names]):
         if min(counts) < 0 or len(arrays[name]) != ends[-1] or (name == f"event.{i}" and arrays[name].ndim != 1):
             raise InvalidInput(f"{decode.where}: {name!r} has shape {arrays[name].shape} for {ends[-1]} zeros")
     for first, end in zip(ends - counts, ends, strict=True):
         parts = {name: arrays[f"event.{i}.{name}"][first:end] for name in names}
         times = arrays[f"event.{i}"][first:end]
-        met.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
-    return met[0] if bodies is None else tuple(met)
+        zeros.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
+    return zeros[0] if bodies is None else tuple(zeros)
 
 
 def _require_samples(
     where: str, states: dict[str, np.ndarray], events: Any, like: State, observed: Any, bodies: int | None
 ) -> None:
     """Refuse samples, and states at events, that are of another shape than the state at which the run stands."""
-    lead, met = 0 if bodies is None else 1, [x for event in events for x in ((event,) if bodies is None else event)]
+    lead, zeros = 0 if bodies is None else 1, [x for event in events for x in ((event,) if bodies is None else event)]
     for name, part in like.arrays.items():
         samples = [states[name]] if name in states and name not in observed else []
         arrays = [(len(x), x, part.shape) for x in samples]
-        arrays += [(t.size, at.arrays[name], part.shape[lead:]) for t, at in met if name in at.arrays]
+        arrays += [(t.size, at.arrays[name], part.shape[lead:]) for t, at in zeros if name in at.arrays]
         for count, x, shape in arrays:
             if x.size and (x.shape != (count, *shape) or x.dtype != part.dtype):
                 raise InvalidInput(
@@ -442,7 +442,7 @@ def _require_samples(
 
 
 def _listed(content: Any) -> Any:
-    """The parts of a list or tuple in a list of its own; anything else as it is."""
+    """The parts of a list or tuple as a new list; other values unchanged."""
     return [*content] if isinstance(content, (list, tuple)) else content
 
 

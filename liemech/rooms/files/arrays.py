@@ -48,7 +48,7 @@ def write(path: Path, arrays: dict[str, Any], about: dict[str, Any]) -> None:
 
 
 def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays of a file, and what is told about them.  Raises InvalidInput if it is damaged, or
+    """The arrays of a file, and their description.  Raises InvalidInput if it is damaged, or
     was not written here; OSError if it cannot be read.
     """
     with opened(path) as file:
@@ -218,7 +218,7 @@ def _of_hdf5(path: Path, opened: BinaryIO) -> tuple[dict[str, np.ndarray], str]:
 
 
 def _dataset(path: Path, file: Any, name: str, h5py: Any) -> Any:
-    """A dataset whose numbers, all of them, lie in the file as they are."""
+    """A dataset whose numbers lie in the file uncompressed, and all of them."""
     if not isinstance(file.get(name, getlink=True), h5py.HardLink):
         raise InvalidInput(f"{path}: is damaged or was forged: {name!r} is a link")
     dataset = file[name]

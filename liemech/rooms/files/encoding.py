@@ -152,18 +152,13 @@ def encoded(value: Any, pool: Pool | None = None) -> Any:
 
 @frozen
 class Decoder:
-    """Decodes what `encoded` made of a value.
+    """Decodes what `encoded` made of a value."""
 
-    where : the file, for messages.  modules : which the user has named, and which are imported.
-    trusted : are modules that the file names imported?  pool : the arrays that numbers are in.
-    largest : the largest size of a system that it may ask for.
-    """
-
-    where: str
-    modules: frozenset[str] = frozenset()
-    trusted: bool = False
-    pool: Mapping[str, np.ndarray] = field(default_factory=dict)
-    largest: int = LARGEST
+    where: str  # the file, for messages
+    modules: frozenset[str] = frozenset()  # modules named by the user, which may be imported
+    trusted: bool = False  # may all modules that the file names be imported?
+    pool: Mapping[str, np.ndarray] = field(default_factory=dict)  # the arrays that hold long rows of numbers
+    largest: int = LARGEST  # the largest size of a system that the file may ask for
     taken: dict[Any, Any] = field(default_factory=dict)
     totals: dict[str, int] = field(default_factory=dict)
 
@@ -219,11 +214,11 @@ class Decoder:
             self._refuse(path)
         former, _, name = OTHER_MODULES.get(path, path).partition(":")
         module = place_of(former)
-        ours = module.partition(".")[0] == LIBRARY
-        if ours and module not in sys.modules and _has_records(module):
+        of_library = module.partition(".")[0] == LIBRARY
+        if of_library and module not in sys.modules and _has_records(module):
             importlib.import_module(module)
         kind = known(module, name) if "<locals>" not in name else None
-        if kind is None and self.trusted and not ours and module != "__main__":
+        if kind is None and self.trusted and not of_library and module != "__main__":
             try:
                 importlib.import_module(module)
             except Exception as error:  # whatever the module does when it is loaded
@@ -234,7 +229,7 @@ class Decoder:
         if kind is None and (self.trusted or module in self.modules):
             kind = _plain_dataclass(module, name)
         if kind is None:
-            raise InvalidInput(f"{self.where}: {self._unknown(module, name, ours)}")
+            raise InvalidInput(f"{self.where}: {self._unknown(module, name, of_library)}")
         return kind
 
     def _unknown(self, module: str, name: str, ours: bool) -> str:
@@ -386,5 +381,5 @@ def _has_records(module: str) -> bool:
 def _plain_dataclass(module: str, name: str) -> Any:
     """A dataclass of a module of the user's that is no record."""
     member = vars(sys.modules[module]).get(name) if module in sys.modules else None
-    mine = isinstance(member, type) and (member.__module__, member.__qualname__) == (module, name)
-    return member if mine and dataclasses.is_dataclass(member) else None
+    is_this = isinstance(member, type) and (member.__module__, member.__qualname__) == (module, name)
+    return member if is_this and dataclasses.is_dataclass(member) else None

@@ -40,9 +40,9 @@ def fingerprint(cls: type) -> str | None:
 
 def changed(cls: type, former: Any) -> bool:
     """Whether the formulas of a class differ from those of this fingerprint; False where Python versions do."""
-    now = fingerprint(cls)
+    current = fingerprint(cls)
     comparable = isinstance(former, str) and former.startswith(f"{PYTHON}:")
-    return comparable and now is not None and now != former
+    return comparable and current is not None and current != former
 
 
 def _words(name: str, member: Any) -> Iterator[str]:

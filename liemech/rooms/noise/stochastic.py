@@ -168,14 +168,14 @@ class Stochastic(LiePoissonMotion):
         require_whole(f"{name}: seed", np.asarray(self.seed))
         fields = tuple([_field(name, x, one_of(drift).dim) for x in self.fields])
         object.__setattr__(self, "fields", fields)
-        still = 1.0, Vec.of([0.0] * len(fields))
+        zero_noise = 1.0, Vec.of([0.0] * len(fields))
         if drift.site_form is not None:
             motion: Any = drift  # of which the steps are those of its sites
         elif isinstance(drift, LiePoissonSystem):
-            energy = NoisyEnergy(drift.hamiltonian, fields, *still)
+            energy = NoisyEnergy(drift.hamiltonian, fields, *zero_noise)
             motion = LiePoissonSystem(drift.group, energy)
         else:
-            motion = NoisyMotion(drift, fields, *still)
+            motion = NoisyMotion(drift, fields, *zero_noise)
         object.__setattr__(self, "motion", motion)
         super().__post_init__()
 

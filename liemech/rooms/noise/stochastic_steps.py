@@ -24,14 +24,11 @@ Source: Kloeden and Platen, Numerical Solution of Stochastic Differential Equati
 
 @record
 class NoisyMemory(Record):
-    """The memory of a noisy step.
+    """The memory of a noisy step."""
 
-    memory : that of the method inside.  path : of the noise.  number : of steps so far.
-    """
-
-    memory: Any
-    path: float
-    number: float
+    memory: Any  # the memory of the method inside
+    path: float  # the number of the path of the noise
+    number: float  # the number of steps so far
 
 
 @record
@@ -40,18 +37,17 @@ class NoisySteps(Method):
 
     1. A subclass writes `moved`, a step with given random numbers.
     2. It says its claims.
-
-    method : for the drift.  increments : "normal", or bounded ones, "three-point" and "two-point", for methods
-    that solve an equation: its solution may not exist for rare large increments.
-    fine : so many increments make that of a step, so that steps of h with fine=8 and steps of h/8 follow the same path.
     """
 
     noisy: ClassVar[bool] = True
     strong_order: ClassVar[float] = 0.5
     weak_order: ClassVar[int]
 
-    method: Method = RKMK(order=4)
+    method: Method = RKMK(order=4)  # for the drift
+    # "normal", or bounded ones, "three-point" and "two-point", for methods that solve an equation: its solution may not
+    # exist for rare large increments
     increments: str = "normal"
+    # so many increments make that of a step, so that steps of h with fine=8 and steps of h/8 follow the same path
     fine: int = 1
 
     def __post_init__(self) -> None:

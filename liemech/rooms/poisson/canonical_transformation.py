@@ -72,8 +72,8 @@ class CanonicalTransformation(Record):
 
         def off(P: Vec, known: Vec) -> Vec:
             at = known[1 : n + 1]
-            wanted = known[n + 1 :]
-            return self.of_positions(known[0], at, P) - wanted
+            momenta = known[n + 1 :]
+            return self.of_positions(known[0], at, P) - momenta
 
         P = self._root(off, vec(t, *q, *p), p, "momentum P with dG/dq(q, P) = p")
         return self.of_momenta(t, q, P), P
@@ -121,13 +121,13 @@ class CanonicalTransformation(Record):
                     "Newton's method; write `new` and `old` in closed form"
                 )
             carried = carried or isinstance(number, Dual)
-        still = vec(*[value_of(number) for number in known])
+        values = vec(*[value_of(number) for number in known])
         x = vec(*[value_of(number) for number in guess])
-        first = off(x, still)
+        first = off(x, values)
         data = dot(first, first) + dot(x, x)
 
         def equation(z: Vec) -> tuple[Vec, Any, float]:
-            return off(z, still), jacobian(lambda y: off(y, still), z), 1.0
+            return off(z, values), jacobian(lambda y: off(y, values), z), 1.0
 
         x, size, enough, _ = newton(equation, x, data)
         if not size <= enough:
@@ -205,6 +205,6 @@ class InNewVariables(DrivenHamiltonianSystem):
         v = self.original.velocity(t, x, y) if driven else self.original.velocity(x, y)
         f = self.original.force(t, x, y) if driven else self.original.force(x, y)
         mixed = jacobian(lambda z: change.of_positions(t, x, z), p)
-        apart = derivative(lambda s: change.of_positions(t + s, x + s * v, p), 0.0)
-        kick = solve(mixed, f - apart)
+        explicit_rate = derivative(lambda s: change.of_positions(t + s, x + s * v, p), 0.0)
+        kick = solve(mixed, f - explicit_rate)
         return derivative(lambda s: change.of_momenta(t + s, x + s * v, p + s * kick), 0.0), kick

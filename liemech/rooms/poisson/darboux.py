@@ -136,8 +136,8 @@ class Andoyer(DarbouxChart):
 
     def __post_init__(self) -> None:
         if self.structure != LiePoissonStructure(SO3()):
-            wanted = "that of so(3)*, coadjoint(SO3()).poisson_structure"
-            raise InvalidInput(f"Andoyer: the structure is {wanted}; got {self.structure!r}")
+            expected = "that of so(3)*, coadjoint(SO3()).poisson_structure"
+            raise InvalidInput(f"Andoyer: the structure is {expected}; got {self.structure!r}")
 
     def coordinates(self, y: Vec) -> Vec:
         """(l, L, G).  y : (3,).  Raises OutsideChart on the third axis, where l has no value."""

@@ -130,11 +130,11 @@ def _require_lengths(system: Any, chart: LocalChart) -> None:
     degrees = getattr(system, "degrees", None)
     count = len(x)
     if count % 2 or (degrees is not None and count != 2 * degrees):
-        wanted = (
+        expected = (
             "an even number"
             if degrees is None
             else f"{2 * degrees}, {degrees} positions and {degrees} momenta of {system!r}"
         )
         raise InvalidInput(
-            f"in_coordinates: {type(chart).__name__}.embedding gives {count} components; needed are {wanted}"
+            f"in_coordinates: {type(chart).__name__}.embedding gives {count} components; needed are {expected}"
         )

@@ -100,7 +100,7 @@ class PoissonSystem(OfParts, VectorField):
         return constants | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
 
     def _check_formulas(self, y: np.ndarray) -> None:
-        """Nothing to try: the velocity is B dH, no formula of the user."""
+        """Without a check: the velocity B dH is no formula of the user."""
 
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:

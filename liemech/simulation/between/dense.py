@@ -105,12 +105,12 @@ class MotionBetween:
     """The motion inside of steps, and of a run that has kept their ends between these; abstract.
 
     A subclass writes `given` and `moved`.
-    example : a state.  wanted : False for plain Python only.  rows : (n + 1, ...) of every end of a
-    step the time, the state, and what else `given` needs; of a run whose observers ask there are none.
     """
 
-    example: Any
-    wanted: bool | None
+    example: Any  # a state
+    wanted: bool | None  # False for plain Python only
+    # (n + 1, ...) of every end of a step the time, the state, and what else `given` needs; of a run whose observers ask
+    # there are none
     rows: Any
     closer: ClassVar[bool] = False  # may states inside of a step ask for more looks there?
 
@@ -328,28 +328,28 @@ def evaluated(
     what : what has failed if a row does, and where, by the number of the row.  body : of each row, of
     which body it is, where arguments are `Several`.
     """
-    many = len(given)
+    count = len(given)
     execution, constants = execution_of(driver, arguments, wanted)
-    results, done = np.empty((many, width + 1)), 0
+    results, done = np.empty((count, width + 1)), 0
 
     def plainly(k: int) -> None:
         values = [x.values[body[k]] if isinstance(x, kernel.Several) and body is not None else x for x in arguments]
         _one(driver, values, given[k], results[k], what, k)
 
-    while done < many and not execution.ready(done / many):
-        end = min(done + 8, many)
+    while done < count and not execution.ready(done / count):
+        end = min(done + 8, count)
         with execution.plain():
             for k in range(done, end):
                 plainly(k)
         done = end
-    if done < many:
+    if done < count:
         several = [x.columns for x in arguments if isinstance(x, kernel.Several)]
         parameters = [x.take(body[done:], axis=1) for x in several] if body is not None else []
-        results[done:many] = natively(execution, constants, given[done:], width, parameters)
-        if not results[:many, -1].all():
-            for k in np.flatnonzero(results[:many, -1] == 0.0).tolist():  # say why
+        results[done:count] = natively(execution, constants, given[done:], width, parameters)
+        if not results[:count, -1].all():
+            for k in np.flatnonzero(results[:count, -1] == 0.0).tolist():  # say why
                 plainly(k)
-    return results[:many, :-1].copy()
+    return results[:count, :-1].copy()
 
 
 def natively(execution: Execution, constants: bytes, given: np.ndarray, width: int, parameters: Any = ()) -> np.ndarray:
@@ -358,14 +358,14 @@ def natively(execution: Execution, constants: bytes, given: np.ndarray, width: i
 
     parameters : (width, m) numbers of which every row has its own.
     """
-    many, lanes = len(given), execution.lanes
-    columns = -(-many // lanes) * lanes
+    count, lanes = len(given), execution.lanes
+    columns = -(-count // lanes) * lanes
     rows, out = np.empty((given.shape[1], columns)), np.empty((width + 1, columns))
-    rows[:, :many], rows[:, many:] = given.T, given[-1][:, None]
-    last = np.minimum(np.arange(columns), many - 1)
+    rows[:, :count], rows[:, count:] = given.T, given[-1][:, None]
+    last = np.minimum(np.arange(columns), count - 1)
     padded = [x.take(last, axis=1) for x in parameters]
     execution.run(constants, (), (*padded, rows, out), columns, 0, columns)
-    return out.T[:many]
+    return out.T[:count]
 
 
 def observe(function: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:

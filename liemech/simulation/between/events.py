@@ -76,18 +76,17 @@ Zero = tuple[int, float, int, np.ndarray]
 
 
 class Watch:
-    """Zeros that one body has met, and the values of events where it stands.
-
-    values : of all events where the body stands.  found : of every event the times and the numbers
-    of the states, in the order in which the motion meets them.
-    before : how many zeros a run before this one has met.  ended : by which event.
-    """
+    """The zeros of events along the motion of one body."""
 
     def __init__(self, events: tuple[Event, ...], values: list[Any], before: Met) -> None:
-        self.events, self.values = events, values
-        self.before, self.ended = before.counts(events), None  # type: list[int], int | None
+        self.events = events
+        self.values = values  # by event, its value at the last state
+        self.before = before.counts(events)  # by event, the number of zeros in the run before this one
+        # by event, the times of its zeros and the numbers of the states, in the order of the motion
         self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
+        # by event, the number of zeros after which it ends the run; 0: it does not
         self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
+        self.ended: int | None = None  # the number of the event that has ended the run
 
     def meet(self, zeros: Iterable[Zero]) -> Zero | None:
         """Keep zeros in the order in which the motion meets them, up to a terminal one."""

@@ -25,18 +25,17 @@ WAIT = 0.3
 """Seconds of plain Python after which native code is made, if as many more are to be expected."""
 
 MANY = 1000
-"""Kinds of runs that are remembered."""
+"""Histories that are kept."""
 
 
 class History:
-    """Experience of this process with one driver and the layouts of its arguments.
-
-    seconds : spent on it in plain Python.  uses : of drivers before or after the steps.
-    looked : on disk.  refused : it cannot be compiled.
-    """
+    """Experience of this process with one driver and the layouts of its arguments."""
 
     def __init__(self) -> None:
-        self.seconds, self.uses, self.looked, self.refused = 0.0, 0, False, False
+        self.seconds = 0.0  # spent on it in plain Python
+        self.uses = 0  # of a driver before or after the steps
+        self.looked = False  # was native code looked for on disk?
+        self.refused = False  # can it not be compiled?
 
 
 OFTEN = 3
@@ -51,23 +50,22 @@ COLUMNS, SHARED = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
 
 
 class Execution:
-    """How one run executes one driver.  What runs of a plan have in common, in whatever thread, is a pattern,
-    which only says what native code there is: a run takes a copy, `of_a_run`, that nobody else changes.
-
-    wanted : True for native code, at once or NotCompilable; False for plain Python; None to choose
-    by the time plain Python takes.
-    call : the driver and arguments like those to come; arrays and integers may be any.
-    native : the kernel; None for plain Python.  silent : is a refusal not told, because little
-    depends on it?  guard : the reads of a kernel, and what compares them with the objects of this call,
-    where it has parts of its own.
+    """The choice between plain Python and a kernel for one driver of one run.  A plan keeps a pattern, which all its
+    threads share; every run takes a copy, `of_a_run`.
     """
 
     def __init__(
         self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1, silent: bool = False
     ) -> None:
-        self.asked, self.progress, self.call, self.lanes, self.silent = (wanted, progress, call, lanes, silent)
-        self.given: Sequence[Any] = kernel.examples(call[1:])
-        self.native: kernel.Kernel | None = None
+        # True for native code, at once or NotCompilable; False for plain Python; None to choose by the time that plain
+        # Python takes; `wanted` is the same but after a refusal
+        self.asked, self.progress = wanted, progress
+        self.call = call  # the driver, and arguments with the layouts of those to come
+        self.given: Sequence[Any] = kernel.examples(call[1:])  # these arguments, as a kernel takes them
+        self.lanes = lanes  # bodies side by side
+        self.silent = silent  # without a warning of a refusal, on which little depends
+        self.native: kernel.Kernel | None = None  # None: plain Python
+        # the reads of a kernel, and their guard for the objects of this call; None: the guard of all calls
         self.guard: Any = None, None
         self.refresh()
 
@@ -80,12 +78,12 @@ class Execution:
         return other
 
     def of_a_run(self) -> Any:
-        """A copy for one run, with native code that says what the formulas say now, for as long as it lasts."""
+        """A copy for one run, whose native code is that of the formulas as they are now."""
         return like(self, native=self.refresh())
 
     def refresh(self) -> kernel.Kernel | None:
-        """Prepare for another run: returns native code that says what the formulas say now, None if there is none."""
-        self.seconds = 0.0
+        """Prepare for another run.  Returns native code of the formulas as they are now, None if there is none."""
+        self.seconds = 0.0  # of this run in plain Python
         native = self.native
         if native is None or not self._unchanged(native.reads):
             self.wanted = self.asked
@@ -100,8 +98,8 @@ class Execution:
         return native
 
     def used(self, demanded: bool | None) -> kernel.Kernel | None:
-        """Native code for a driver that runs before or after the steps, or None; those who demand it have it here
-        from the third use after the first one on.
+        """Native code for a driver that runs before or after the steps, or None.  demanded : compile it, but not for
+        the first `OFTEN` uses.
         """
         native = self.refresh()
         if native is None:
@@ -111,33 +109,33 @@ class Execution:
         return native
 
     def _unchanged(self, reads: Any) -> bool:
-        """Whether everything that the kernel has read is unchanged. Calls that differ in their objects share native
-        code, and each has a guard.
+        """Whether everything that the kernel has read is unchanged.  Calls with other objects share native code, and
+        have guards of their own.
         """
-        of, mine = self.guard
-        guard = mine if of is reads and mine is not None else reads.guard
+        guarded_reads, own_guard = self.guard
+        guard = own_guard if guarded_reads is reads and own_guard is not None else reads.guard
         verdict = guard.verdict(self.given)
         if verdict is None:
-            mine = reads.guard_of(self.given)
-            self.guard = reads, mine
-            verdict = mine is not None
+            own_guard = reads.guard_of(self.given)
+            self.guard = reads, own_guard
+            verdict = own_guard is not None
         return bool(verdict)
 
     @contextmanager
     def plain(self) -> Iterator[None]:
-        """Around what runs in plain Python: its time counts, as long as there is no native code."""
+        """A context whose time counts as plain Python's, unless there is native code."""
         start = time.perf_counter()
         try:
             yield
         finally:
             if self.native is None:
-                used = time.perf_counter() - start
-                self.seconds += used
-                self.history.seconds += used
+                elapsed = time.perf_counter() - start
+                self.seconds += elapsed
+                self.history.seconds += elapsed
 
     def ready(self, done: float) -> kernel.Kernel | None:
-        """The native code to go on with, if there is some.  When plain Python, `done` with this part of the
-        run, has taken long enough, it is looked for on disk, and later made.
+        """Native code for the rest of the run, or None.  When plain Python has taken long enough, it is looked for on
+        disk, and later compiled.  done : the part of the run that is over.
         """
         native = self.native
         if native is None and self.wanted is None:
@@ -151,8 +149,8 @@ class Execution:
         return native
 
     def compile(self) -> None:
-        """Make native code, if it is not there.  Raises NotCompilable if it was demanded; else
-        warns that plain Python goes on.
+        """Compile the driver, unless it is compiled.  Raises NotCompilable if native code was demanded; else warns that
+        plain Python goes on.
         """
         if self.native is None and self.wanted is not False:
             self.native = self._compiled()
@@ -184,21 +182,21 @@ class Execution:
         begin: int = 0,
         end: int = 1,
     ) -> None:
-        """Run native code for the columns from begin to end, whole lanes, of all that arrays have.
+        """Run native code for the columns of the arrays from `begin` to `end`, in whole lanes.
 
-        numbers : of all values in turn.
+        numbers : the bytes of the numbers of all values in turn.
         """
         self.native.run(numbers, integers, arrays, columns, begin, end)  # type: ignore[union-attr]
 
 
 def numbers_of(*values: Any) -> bytes:
-    """The numbers of values in turn, as native code gets them; those of which every body has its own lie elsewhere."""
+    """The bytes of the numbers of values in turn, as native code takes them, without `Several`, which lie in columns."""
     shared = [value for value in values if not isinstance(value, kernel.Several)]
     return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in shared])
 
 
 def like(thing: Any, **changed: Any) -> Any:
-    """A copy with other attributes: `copy.copy` takes ten times as long."""
+    """A shallow copy with some attributes changed, in a tenth of the time of `copy.copy`."""
     copy = object.__new__(type(thing))
     copy.__dict__.update(thing.__dict__ | changed)
     return copy

@@ -40,18 +40,18 @@ class Lanes:
         timed = not isinstance(control, Equal) or control.timed
         self.row = layout_of((0.0, example, extra)) if timed else self.state
         self.own: list[np.ndarray] = []
-        things = []
-        for thing in (method, system):
-            if isinstance(thing, OfBodies):
-                thing = Several.of(thing.members, len(thing))
-            if isinstance(thing, Several):
-                self.own.append(thing.columns)
-            things.append(thing)
-        self.constants = numbers_of(*things, control)
+        arguments = []
+        for argument in (method, system):
+            if isinstance(argument, OfBodies):
+                argument = Several.of(argument.members, len(argument))
+            if isinstance(argument, Several):
+                self.own.append(argument.columns)
+            arguments.append(argument)
+        self.constants = numbers_of(*arguments, control)
         if layout.in_memory:
             side = 1
         self.mark = self.row.width - 1 if isinstance(control, Fictive) else 0
-        self.arguments: Any = (*things, control, layout, self.row)
+        self.arguments: Any = (*arguments, control, layout, self.row)
         call = advance, *self.arguments, 1, 1, *[COLUMNS] * 4, None
         self.stepping = Execution(asked, progress, *call, lanes=side, silent=side > 1 and timed)
 
@@ -163,11 +163,11 @@ def share_out(call: Any, first: int, end: int, side: int, size: int, work: tuple
 
     work : what there is to do for a column, and what is worth a thread.
     """
-    many = end - first
-    threads = max(1, min(workers, many * work[0] // work[1], many // side))
-    share = -(-many // (threads * side)) * side
+    count = end - first
+    threads = max(1, min(workers, count * work[0] // work[1], count // side))
+    share = -(-count // (threads * side)) * side
     size = min(share, max(side, size // side * side))
-    if size >= many:
+    if size >= count:
         call(first, end)
         return 1
     blocks = range(first, end, size)

@@ -204,8 +204,8 @@ def places_of(system: Any, name: str, layout: Layout) -> tuple[int, ...] | None:
         covered = before.copy()
         for i in offsets:
             covered[i : i + len(numbers)] = numbers
-        same = (covered == after) | (np.isnan(covered) & np.isnan(after))
-        if not offsets or not same.all():
+        agree = (covered == after) | (np.isnan(covered) & np.isnan(after))
+        if not offsets or not agree.all():
             return None
     return tuple(offsets or ())
 

@@ -31,28 +31,22 @@ the cache at once: columns of a line of the cache are added.
 
 @frozen(eq=False)
 class Steps:
-    """Fixed steps: what a plan was told of them.
+    """Fixed steps, as the arguments of a plan say them, and what is prepared for their runs."""
 
-    system, method : one for all bodies, or `Systems`, `Methods`.  h : one for all bodies, or one
-    for each.
-    compensated, precision, compiled, progress, workers : as for `integrate`.
-    clock : the name of the time in which they are equal.  breaks : times at which steps end.
-    of_origins, of_layouts : of steps in fictive time, those of the system with its clock, by where
-    a run began, and some for each layout of such a system.
-    """
-
-    system: Any
-    method: Any
-    h: Any
+    system: Any  # one for all bodies, or `Systems`
+    method: Any  # one for all bodies, or `Methods`
+    h: Any  # one for all bodies, or one for each
     every: int
+    # from here to `workers` as for `integrate`
     compensated: bool | None
     precision: str
     compiled: bool | None
     progress: bool | None
     workers: int
     shapes: dict[Any, RunShape] = dataclasses.field(default_factory=dict, repr=False)
-    clock: str = "t"
-    breaks: tuple[float, ...] = ()
+    clock: str = "t"  # the name of the time in which they are of one length
+    breaks: tuple[float, ...] = ()  # times at which steps end
+    # of steps in fictive time: the steps of the system with its clock, by the origin of a run and by layout
     of_origins: MutableMapping[Any, Steps] = dataclasses.field(
         default_factory=WeakKeyDictionary, init=False, repr=False
     )
@@ -159,7 +153,7 @@ class RunShape:
             self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
 
     def whole(self, bodies: int) -> int:
-        """The columns that so many bodies take: whole lanes."""
+        """The number of columns for a number of bodies: whole lanes."""
         return -(-bodies // self.side) * self.side
 
     def columns(self, bodies: int) -> int:
@@ -192,9 +186,9 @@ class RunShape:
     def beginning(self, steps: Steps, lanes: Lanes) -> Execution:
         """The Execution of the driver `begin`, which all runs have in common."""
         if self._beginning is None:
-            wanted = steps.compiled if self.side > 1 or steps.compiled is False else None
+            compiled = steps.compiled if self.side > 1 or steps.compiled is False else None
             call = begin, *self.beginner(lanes.arguments), *[COLUMNS] * 4, None
-            self._beginning = Execution(wanted, steps.progress, *call, lanes=self.side, silent=self.side == 1)
+            self._beginning = Execution(compiled, steps.progress, *call, lanes=self.side, silent=self.side == 1)
         return self._beginning
 
     def beginner(self, arguments: Any) -> tuple[Any, ...]:

@@ -50,7 +50,7 @@ class OfBodies:
 
     @classmethod
     def from_list(cls, given: Any, kind: type, example: str) -> Any:
-        """The systems or methods of a list, one for each body; None for what is no list."""
+        """The systems or methods of a list, one for each body; None for other values."""
         if isinstance(given, OfBodies):
             return given
         if not isinstance(given, (list, tuple)):

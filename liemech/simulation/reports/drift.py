@@ -184,8 +184,8 @@ def constants_and_terms(
     """
     bit, looks = 2.0**-20, _some(n)
     varied: list[tuple[str, Any]] = [(part, i) for part in system.coordinates for i in range(states[part].shape[-1])]
-    together = len(varied) > SEPARATE
-    if together:
+    at_once = len(varied) > SEPARATE
+    if at_once:
         rng, parts = np.random.default_rng(1), system.coordinates
         signs = {part: rng.choice([-1.0, 1.0], (CHANCES, states[part].shape[-1])) for part in parts}
         varied = [(part, sign) for part in parts for sign in signs[part]]
@@ -196,7 +196,7 @@ def constants_and_terms(
         whole[:n], variations = values, whole[n:].reshape(len(varied), len(looks), *shape)
         variations[:] = values[looks]
         for row, (part, i) in zip(variations, varied, strict=True):
-            if part == name and together:
+            if part == name and at_once:
                 row *= 1.0 + bit * i
             elif part == name:
                 row[..., i] *= 1.0 + bit
@@ -204,7 +204,7 @@ def constants_and_terms(
     for name, values in system.constants(longer).items():
         unvaried = values[:n][looks]
         changes = np.abs(values[n:].reshape(len(varied), *unvaried.shape) - unvaried)
-        sums = changes.max(axis=0) if together else changes.sum(axis=0)
+        sums = changes.max(axis=0) if at_once else changes.sum(axis=0)
         series[name], terms[name] = values[:n], np.maximum(np.abs(unvaried), sums / bit)
     return series, terms
 

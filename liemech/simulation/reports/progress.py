@@ -18,15 +18,13 @@ LOOK = 0.1
 
 
 class Wanted(threading.local):
-    """Whether anybody waits for the runs of this thread.
+    """Whether anybody waits for the runs of this thread."""
 
-    unless : a file; when it is there, nobody does, as after Ctrl-C where they were asked for.
-    name : of the run, which its bar shows.  compiled : the seconds that compiling took so far.
-    """
-
-    unless: str | None = None
-    name: str | None = None
-    compiled: float = 0.0
+    unless: str | None = (
+        None  # a file that says, when it is there, that nobody does, as after Ctrl-C in another process
+    )
+    name: str | None = None  # the name of the run in its bar
+    compiled: float = 0.0  # seconds of compiling so far
 
 
 WANTED = Wanted()

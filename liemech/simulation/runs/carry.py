@@ -1,4 +1,4 @@
-"""Where a run stands: what it hands on to the run that continues it."""
+"""Carries: the numbers from which a run goes on as if it had never stopped."""
 
 from __future__ import annotations
 
@@ -21,30 +21,23 @@ from ..stopped import Stopped
 
 @frozen(eq=False)
 class Carry:
-    """Where a run stands: for every body a column of numbers, with its clock.  From here the run goes on
-    as if it had never stopped.
-
-    shape : layouts and native code, if the plan that goes on has them still.
-    t0 : of fixed steps the time of step 0, one for all bodies or (bodies,); None for adaptive steps.
-    numbers : (width,) or (width, bodies), of what the method carries along.
-    clock : (7,) or (7, bodies), as of `Clock`: the time, h, the number of steps, ...
-    last : (n,) or (n, bodies), the numbers of the state.
-    bodies : of an ensemble; None for one body.
-    ended : the bodies that go no further, and what ended them: an error, or None for an event.
-    met : of each body how many zeros of every event it has met.
-    cut : of bodies with adaptive steps the event that ended the run.
-    """
+    """A column of numbers for every body, with its clock, from which the run goes on as if it had never stopped."""
 
     fictive: ClassVar[bool] = False  # is its time a fictive one?
 
+    # layouts and native code, where the plan that goes on has prepared them already
     shape: RunShape | None = dataclasses.field(repr=False)
-    t0: Any
-    numbers: np.ndarray = dataclasses.field(repr=False)
+    t0: Any  # the time of step 0 of fixed steps, one for all bodies or (bodies,); None for adaptive steps
+    numbers: np.ndarray = dataclasses.field(repr=False)  # (width,) or (width, bodies), of the carry of the method
+    # (7,) or (7, bodies), the numbers of a `Clock`: time, step h, number of steps, ...
     clock: np.ndarray = dataclasses.field(repr=False)
-    last: np.ndarray = dataclasses.field(repr=False)
-    bodies: int | None = None
+    last: np.ndarray = dataclasses.field(repr=False)  # (n,) or (n, bodies), the numbers of the state
+    bodies: int | None = None  # the number of bodies of an ensemble; None for one body
+    # by body that has ended, the error that ended it, or None for an event
     ended: dict[int, Any] = dataclasses.field(default_factory=dict, repr=False)
+    # by body, the number of zeros of every event
     met: dict[int, Met] = dataclasses.field(default_factory=dict, repr=False)
+    # by body with adaptive steps, the number of the event that ended its run
     cut: dict[int, int] = dataclasses.field(default_factory=dict, repr=False)
 
     @property
@@ -57,7 +50,7 @@ class Carry:
         cls, shape: Any, t0: Any, numbers: np.ndarray, clock: np.ndarray, last: np.ndarray,
         bodies: int | None = None, met: Any = None,
     ) -> Carry:  # fmt: skip
-        """The carry of bodies of which none has ended, in half the time that a dataclass takes."""
+        """The carry of bodies that all go on; in half the time of the constructor."""
         carry = object.__new__(cls)
         carry.__dict__.update(
             shape=shape, t0=t0, numbers=numbers, clock=clock, last=last, bodies=bodies,
@@ -70,7 +63,7 @@ class Carry:
         cls, shape: Any, t0: float, h: float, step: int, numbers: np.ndarray, last: np.ndarray,
         met: Any = None, bodies: int | None = None,
     ) -> Carry:  # fmt: skip
-        """The carry of bodies that have made so many fixed steps."""
+        """The carry of bodies after `step` fixed steps."""
         clock = np.array([t0 + step * h, h, 0.0, float(step), 0.0, 0.0, 0.0])
         if bodies is not None:
             clock = np.repeat(clock[:, None], bodies, axis=1)
@@ -81,7 +74,7 @@ class Carry:
     @property
     def h(self) -> Any:
         """The step, in s, or the steps of all bodies."""
-        return self.clock.item(STEP) if self.bodies is None else common(self.clock[STEP])
+        return self.clock.item(STEP) if self.bodies is None else one_or_all(self.clock[STEP])
 
     @property
     def step(self) -> int:
@@ -100,7 +93,7 @@ class Carry:
     @property
     def t(self) -> Any:
         """The time, in s; those of all bodies, (bodies,), if they differ."""
-        return self.clock.item(TIME) if self.bodies is None else common(self.clock[TIME])
+        return self.clock.item(TIME) if self.bodies is None else one_or_all(self.clock[TIME])
 
     @functools.cached_property
     def state(self) -> State:
@@ -150,7 +143,7 @@ class Carry:
         numbers, clock, last = (
             np.concatenate([getattr(c, name) for c in carries], axis=1) for name in ("numbers", "clock", "last")
         )
-        t0 = None if first.t0 is None else common(np.concatenate(zeros))
+        t0 = None if first.t0 is None else one_or_all(np.concatenate(zeros))
         maps = moved("ended"), moved("met"), moved("cut")
         carry = Carry(None, t0, numbers, clock, last, first_bodies[-1], *maps)
         vars(carry)["state"] = all_of([c.state for c in carries])
@@ -179,23 +172,20 @@ class Carry:
 
 @frozen(eq=False)
 class SiteCarry:
-    """Where a run of many sites stands, with all that its method carries along.
-
-    t0, h, step : the time is t0 + step h.  numbers : (width, sites), of what the method carries
-    along for each site.  state : the state at this time.  clock : of adaptive steps, whose h and step
-    are zero.  met, event : as of a `Carry`.
-    """
+    """The state and the numbers from which a run of many sites goes on as if it had never stopped."""
 
     fictive: ClassVar[bool] = False
 
-    t0: float
+    t0: float  # the time of step 0, in s; the time is t0 + step h
     h: float
     step: int
+    # (width, sites), of the carry of the method
     numbers: np.ndarray = dataclasses.field(repr=False)
     state: Any = dataclasses.field(repr=False)
-    met: Met = NO_EVENTS
+    met: Met = NO_EVENTS  # the numbers of zeros of events
+    # (7,), the clock of adaptive steps, whose h and step above are zero; None for fixed steps
     clock: np.ndarray | None = dataclasses.field(default=None, repr=False)
-    event: int | None = None
+    event: int | None = None  # the number of the event that ended the run
     bodies: None = None
 
     @property
@@ -209,8 +199,8 @@ class SiteCarry:
         return self.t0 + self.step * self.h
 
 
-def common(values: Any) -> Any:
-    """The value that all elements have, or an array of them."""
+def one_or_all(values: Any) -> Any:
+    """The value of all elements if they are equal, else an array of them."""
     flat = np.ravel(values)
     return flat.item(0) if (flat == flat[0]).all() else np.array(flat)
 

@@ -1,6 +1,4 @@
-"""Runs with fixed steps: of bodies that all make the same ones, and of bodies that go each its own
-way, with ends, times or events of their own.
-"""
+"""Runs with fixed steps: of bodies that all make the same steps, and of bodies with ends, times or events of their own."""
 
 from __future__ import annotations
 
@@ -44,7 +42,7 @@ from ..compiled.prepared import RunShape, shown_step, times
 from ..keep import AtTimes, Straight
 from ..result import of_start
 from ..trajectory import Trajectory
-from .carry import Carry, common
+from .carry import Carry, one_or_all
 from .course import told
 from .run import PATIENCE, Run
 
@@ -103,8 +101,8 @@ class EqualRun(Run):
         self.lanes, columns = lanes, shape.columns(count)
         self.table = in_lines(lanes.height, columns)
         numbers, clocks, goals, *parameters = lanes.parts(self.table[:, :count])
-        for mine, values in zip(parameters, lanes.own, strict=True):
-            mine[:] = values
+        for rows, values in zip(parameters, lanes.own, strict=True):
+            rows[:] = values
         clocks[:], clocks[STEP], clocks[TAKEN] = 0.0, self.h, self.first
         clocks[TIME], goals[:] = self.zero + self.first * self.h, self.aims
         heads = self._heads(shape.shown.width, columns)
@@ -195,11 +193,11 @@ class EqualRun(Run):
         return {"system": self.plan.system, "t": t, "states": states, "h": shown_step(self.way.h)}
 
     def _begin(self, heads: np.ndarray) -> None:
-        """Let the method begin with every body: compute what it carries along at the start."""
+        """Compute the carry of the method at the start, for every body."""
         shape, lanes, count = self.shape, self.lanes, self.count
         numbers, clocks, *_ = lanes.parts(self.table)
-        alike = shape.given == shape.shown
-        starts = heads if alike else np.empty((shape.given.width, heads.shape[1]))
+        shown_as_given = shape.given == shape.shown
+        starts = heads if shown_as_given else np.empty((shape.given.width, heads.shape[1]))
         self._lay_down(starts)
         if shape.order is not None:
             for number, place in zip(numbers, shape.order, strict=True):
@@ -219,8 +217,8 @@ class EqualRun(Run):
             with execution.plain():
                 driver: Any = begin
                 driver(*shape.beginner(lanes.of_body(i)), *views, raised)
-            for mine, x in zip(arrays, views, strict=True):
-                mine[:, i] = x
+            for rows, x in zip(arrays, views, strict=True):
+                rows[:, i] = x
             if raised:
                 self.failures[i] = raised
 
@@ -279,7 +277,7 @@ class EqualRun(Run):
     def standing(self, some: Any) -> Any:
         self._stand_here()
         zero, shape = (self.zero[some], self.shape if some == slice(None) or not self.bodies else None)
-        zero = zero.item() if zero.ndim == 0 else common(zero)
+        zero = zero.item() if zero.ndim == 0 else one_or_all(zero)
         numbers, clock, last = (x[:, some].copy() for x in (self.numbers, self.clocks, self.here[1:]))
         clock[MARK] = 0.0
         bodies = None if isinstance(some, int) else self.count
@@ -314,14 +312,14 @@ class StraightRun(EqualRun):
 
     def aim(self, ends: list[Any], steps: Any) -> None:
         before, count = self.before, self.count
-        zero, done = (self.t0.item(0), 0) if before is None else (before.t0, before.step)
+        zero, steps_before = (self.t0.item(0), 0) if before is None else (before.t0, before.step)
         self.h = np.broadcast_to(np.array(self.way.h, dtype=float), count)
-        self.steps = arguments.fixed_steps(steps, ends[0], zero, done, self.way.h)
-        self.done, self.reached, self.stood = done, done, (-1, -1.0)
+        self.steps = arguments.fixed_steps(steps, ends[0], zero, steps_before, self.way.h)
+        self.done, self.reached, self.stood = steps_before, steps_before, (-1, -1.0)
         self.zero = np.broadcast_to(zero, count)
         if before is not None:
             self.first = before.clock[TAKEN].reshape(-1).copy()
-        aims = np.inf, 0.0, 0.0, 0.0, float(done + self.steps), zero
+        aims = np.inf, 0.0, 0.0, 0.0, float(steps_before + self.steps), zero
         self.aims = np.array(aims)[:, None]
         self.t_end, self.sign = np.broadcast_to(np.inf, count), np.copysign(1.0, self.h)
 
@@ -391,10 +389,10 @@ class StraightRun(EqualRun):
             sweep = self.checkpoint.within(sweep)
         turns, every = samples.ahead(self.reached, sweep)
         calls = self._sweep(turns, every, self.pace)
-        used = (time.perf_counter() - since) / calls
-        if used < (PATIENCE if self.settled else LOOK) / 2:
+        seconds = (time.perf_counter() - since) / calls
+        if seconds < (PATIENCE if self.settled else LOOK) / 2:
             self.pace *= 2
-        elif used > 2 * PATIENCE:
+        elif seconds > 2 * PATIENCE:
             self.pace = max(1, self.pace // 2)
         look = samples.full or (self.reached - self.looked) * columns >= STEPS
         if self.quantities and look:
@@ -487,11 +485,11 @@ class StraightRun(EqualRun):
     def _stopped_stay(self, samples: Straight) -> int:
         """Repeat the last state of bodies that stopped in later samples; returns the number of samples."""
         taken = self.clocks[TAKEN]
-        many = int(samples.samples_after(self.furthest))
+        count = int(samples.samples_after(self.furthest))
         for i in np.flatnonzero((taken < taken.max()) | (taken < self.reached) | self.over).tolist():
             k = max(0, int(samples.samples_after(taken[i])) - samples.first) if not self.over[i] else 0
-            samples.array[k : many - samples.first, :, i] = self.here[1:, i]
-        return many
+            samples.array[k : count - samples.first, :, i] = self.here[1:, i]
+        return count
 
     def _gathered(self) -> tuple[np.ndarray, np.ndarray, int]:
         """Times, (n,) or of bodies with steps of their own (n, bodies), and numbers of samples, (n,
@@ -499,14 +497,14 @@ class StraightRun(EqualRun):
         """
         samples = self.observers[0]
         self._stand_here()
-        many = self._stopped_stay(samples)
-        numbers = np.moveaxis(samples.array[: many - samples.first, :, : self.count], 1, -1)
+        count = self._stopped_stay(samples)
+        numbers = np.moveaxis(samples.array[: count - samples.first, :, : self.count], 1, -1)
         if self.asked is None:
-            t = times(self.zero.item(0), samples.numbers[samples.first : many], self.way.h)
-            return self._as_far(t, samples), numbers, many
+            t = times(self.zero.item(0), samples.numbers[samples.first : count], self.way.h)
+            return self._as_far(t, samples), numbers, count
         reached = self.reached if self.bodies else self.clocks.item(TAKEN, 0)
-        wanted = self.after + ~self.exact <= max(reached, self.done)
-        return self._between(samples, numbers, wanted)
+        reached_times = self.after + ~self.exact <= max(reached, self.done)
+        return self._between(samples, numbers, reached_times)
 
     def _as_far(self, t: np.ndarray, samples: Straight) -> np.ndarray:
         """The times of samples, (n, bodies) if the run was interrupted before all had come to them; of a
@@ -545,20 +543,20 @@ class StraightRun(EqualRun):
         return t, states, len(t)
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        t, numbers, many = self._gathered()
+        t, numbers, count = self._gathered()
         if self.asked is None:
             samples = self.observers[0]
-            many = max(1, int(samples.samples_after(self.clocks[TAKEN, i]))) - samples.first
-        return (t if t.ndim == 1 else t[:, i])[:many], numbers[:many, i]
+            count = max(1, int(samples.samples_after(self.clocks[TAKEN, i]))) - samples.first
+        return (t if t.ndim == 1 else t[:, i])[:count], numbers[:count, i]
 
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
         samples = self.observers[0]
         begin = samples.given
-        t, numbers, many = self._gathered()
+        t, numbers, count = self._gathered()
         if not self.bodies:
-            many = max(1, int(samples.samples_after(self.clocks.item(TAKEN, 0))))
-        rows = slice(begin - samples.first, many - samples.first)
-        samples.given = max(begin, many)
+            count = max(1, int(samples.samples_after(self.clocks.item(TAKEN, 0))))
+        rows = slice(begin - samples.first, count - samples.first)
+        samples.given = max(begin, count)
         return t[rows], numbers[rows].copy() if self.bodies else numbers[rows, 0].copy()
 
     @property

@@ -69,7 +69,7 @@ def require_record(plan: Any, run: Trajectory, what: str) -> None:
 
 
 def require_fixed(plan: Any, given: Any, carry: Any, what: str) -> None:
-    """Refuse what is no carry of fixed steps like those of the plan."""
+    """Raise InvalidInput for a carry that is not of fixed steps like those of the plan."""
     plan._one_length(what)
     fits = getattr(carry, "fictive", None) == plan.fictive and not (isinstance(carry, SiteCarry) and not plan._sites)
     if fits and not isinstance(carry, SiteCarry) and carry.bodies is not None:  # side by side

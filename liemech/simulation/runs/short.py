@@ -49,8 +49,7 @@ CLOCKS = struct.Struct(f"{CLOCK.width}d")
 
 
 class ShortPlaces:
-    """Places in the memory of short runs of one body: how many numbers lie before the clock, the goal, and
-    what is kept.
+    """Offsets in the memory of short runs of one body: of the clock, the goal, and the samples.
 
     words : of a call, before its constants.  gather : the numbers of a start.
     """
@@ -269,13 +268,13 @@ def short_steps_of_many(way: Steps, shape: RunShape, start: State, steps: int, t
         return None
     table = in_lines(place.lanes.height, columns)
     out = in_lines(samples + 1, place.sampled, columns)
-    alike = shape.given == shape.shown
-    starts = out[0] if alike else np.empty((shape.given.width, columns))
+    shown_as_given = shape.given == shape.shown
+    starts = out[0] if shown_as_given else np.empty((shape.given.width, columns))
     lay_out(arrays, starts)
     numbers, clocks, goals, *parameters = place.lanes.parts(table)
     clocks[:], goals[:] = _column(t0, way.h, *FRESH), _column(math.inf, 0.0, 0.0, 0.0, ENDLESS, t0)
-    for mine, numbers_of_bodies in zip(parameters, place.lanes.own, strict=True):
-        mine[:, :count], mine[:, count:] = numbers_of_bodies, numbers_of_bodies[:, -1:]
+    for own_rows, numbers_of_bodies in zip(parameters, place.lanes.own, strict=True):
+        own_rows[:, :count], own_rows[:, count:] = numbers_of_bodies, numbers_of_bodies[:, -1:]
     whole = shape.whole(count)
     if place.beginning is None:
         numbers[:] = 0.0
@@ -347,9 +346,9 @@ class AdaptivePlaces(ShortPlaces):
         first = t0, *numbers, *self.no_way
         self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal, *first)
         native.on_memory(block, buffers)
-        now = CLOCKS.unpack_from(memory, 8 * self.clock)
-        end = self.kept + self.row * (1 + int(now[TAKEN]))
-        rows = _AdaptiveRun(self, way, now, t_end, memory[:end].copy()) if now[TIME] == t_end else None
+        end_clock = CLOCKS.unpack_from(memory, 8 * self.clock)
+        end = self.kept + self.row * (1 + int(end_clock[TAKEN]))
+        rows = _AdaptiveRun(self, way, end_clock, t_end, memory[:end].copy()) if end_clock[TIME] == t_end else None
         self.free.append(room)
         return rows
 
@@ -447,10 +446,10 @@ class SampledPlaces(AdaptivePlaces):
         )
         at = [begin for begin, _ in buffers]
         native.on_memory(self.call(1, 0, 1, limit, count, *at, self.constants), buffers)
-        now = CLOCKS.unpack_from(memory, 8 * self.clock)
-        if now[TIME] != t_end or memory.item(self.kept) != count:
+        end_clock = CLOCKS.unpack_from(memory, 8 * self.clock)
+        if end_clock[TIME] != t_end or memory.item(self.kept) != count:
             return None
-        samples = _SampledRun(self, way, now, t_end, memory)
+        samples = _SampledRun(self, way, end_clock, t_end, memory)
         samples.times = times
         return samples
 

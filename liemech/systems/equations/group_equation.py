@@ -62,8 +62,8 @@ class GroupEquation(System):
     def variation(self, state: Position, omega: Vec) -> tuple[Any, Any]:
         """The displacement, beside what counts as large at g."""
         if isinstance(omega, InMemory):
-            still: Any = omega
-            return (still,), (0.0 * still + 1.0,)
+            displacement: Any = omega
+            return (displacement,), (0.0 * displacement + 1.0,)
         return omega, self.group.scale(state.g)
 
     @final
@@ -74,9 +74,9 @@ class GroupEquation(System):
         the group.
         """
         elements, shape = (members_of(self.group, g, f"{type(self).__name__}.state: g"), self.group.element_shape)
-        many = None if elements.shape == shape else len(elements)
+        members = None if elements.shape == shape else len(elements)
         large = lies_in_memory(self.group)
-        return self.vouched(large_members(Position(as_field(elements, shape, many, large)), large))
+        return self.vouched(large_members(Position(as_field(elements, shape, members, large)), large))
 
 
 @record

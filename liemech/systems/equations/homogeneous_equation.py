@@ -87,16 +87,16 @@ class HomogeneousEquation(System):
         name, shape = f"{type(self).__name__}.state: x", self.action.point_shape
         array = points(x, name, np.shape(x)[-1:] if shape is None else shape, f"a point of {self.action!r}")
         point_shape = array.shape[array.ndim - len(shape) :] if shape is not None else array.shape[-1:]
-        off = np.flatnonzero(~np.atleast_1d(self.action.contains(array)))
-        if len(off):
-            which, bad = (name, array) if array.shape == point_shape else (f"{name}[{off[0]}]", array[off[0]])
+        outside = np.flatnonzero(~np.atleast_1d(self.action.contains(array)))
+        if len(outside):
+            label, bad = (name, array) if array.shape == point_shape else (f"{name}[{outside[0]}]", array[outside[0]])
             try:
                 how = f"it is off by {self.action.defect(bad):.1e}"
             except InvalidInput:  # so far off that no float says it
                 how = f"got {bad!r}"
-            raise InvalidInput(f"{which} is no point of {self.action!r}: {how}")
-        many, large = None if array.shape == point_shape else len(array), lies_in_memory(self.group)
-        return self.vouched(large_members(Point(as_field(array, point_shape, many, large)), large))
+            raise InvalidInput(f"{label} is no point of {self.action!r}: {how}")
+        members, large = None if array.shape == point_shape else len(array), lies_in_memory(self.group)
+        return self.vouched(large_members(Point(as_field(array, point_shape, members, large)), large))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.action._shape(argument, kind)

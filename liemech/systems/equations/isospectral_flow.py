@@ -81,11 +81,11 @@ class IsospectralFlow(LiePoissonMotion):
             array = array.reshape(*array.shape[:-1], n, n)
         if array.shape[-2:] != (n, n) or array.ndim > 3:
             raise InvalidInput(f"{name}: matrix has shape {array.shape}; it must be ({n}, {n})")
-        off = np.abs(array - np.swapaxes(array, -1, -2))
-        if not (off <= 1e-12 * np.abs(array).max()).all():
-            at = tuple(int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
+        asymmetry = np.abs(array - np.swapaxes(array, -1, -2))
+        if not (asymmetry <= 1e-12 * np.abs(array).max()).all():
+            at = tuple(int(k) for k in np.unravel_index(int(asymmetry.argmax()), asymmetry.shape))
             raise InvalidInput(
-                f"{name}: matrix is not symmetric: entry {at} differs from its mirror image by {off.max():.1e}"
+                f"{name}: matrix is not symmetric: entry {at} differs from its mirror image by {asymmetry.max():.1e}"
             )
         rows = array.reshape(*array.shape[:-2], n * n)
         start: BodyState = self._vouched(body_state(name, self.group, rows, g))

@@ -46,7 +46,7 @@ class DrivenHamiltonian(Record):
 
 @record
 class Frozen(Hamiltonian):
-    """A driven energy as it is at one time, H(mu) = K(time, mu).
+    """A driven energy frozen at one time, H(mu) = K(time, mu).
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., 13.7.
     """

@@ -361,9 +361,9 @@ def _table(t: Any, values: Any, more: int) -> tuple[np.ndarray, np.ndarray]:
     check_finite(times, "PiecewisePolynomial: t")
     check_finite(rows, "PiecewisePolynomial: values")
     if times.ndim != 1 or rows.ndim not in (1, 2) or len(times) != len(rows) + more or len(times) < 2:
-        wanted = "one value for each time" if more == 0 else "one value between each two times"
+        expected = "one value for each time" if more == 0 else "one value between each two times"
         raise InvalidInput(
-            f"PiecewisePolynomial: t is (n,) and values are (n,) or (n, dim), {wanted}; got t "
+            f"PiecewisePolynomial: t is (n,) and values are (n,) or (n, dim), {expected}; got t "
             f"{times.shape}, values {rows.shape}"
         )
     if not (np.diff(times) > 0.0).all():

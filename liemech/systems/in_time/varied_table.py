@@ -13,19 +13,16 @@ from .tabulated import ROUNDING, PiecewisePolynomial
 
 @record
 class VariedTable(PiecewisePolynomial):
-    """The part of a table that some steps meet; the coefficients in one interval are perturbed by numbers that are zero
-    and have a slope.
+    """The part of a table over the times of some steps; the coefficients of one interval are perturbed by numbers that
+    are zero and have a slope.
 
     Raises InvalidInput for times outside of this part, such as those of a delay: derivatives there would be lost.
-
-    moved : the (degree + 1) * size perturbations.  where_moved : the number of the interval in this part.
-    at_begin, at_end : does this part begin, and end, where the table does?
     """
 
-    moved: Any = None
-    where_moved: float = 0.0
-    at_begin: float = 1.0
-    at_end: float = 1.0
+    moved: Any = None  # the (degree + 1) * size perturbations
+    where_moved: float = 0.0  # the number, in this part, of the interval that they perturb
+    at_begin: float = 1.0  # 1 if this part begins where the table does, else 0
+    at_end: float = 1.0  # 1 if it ends where the table does, else 0
 
     def _inside(self, t: Any, low: Any, high: Any, period: Any) -> Any:
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))

@@ -1,1 +1,1 @@
-"""Many sites as systems see them: their states, and the words by which energies of many sites are asked."""
+"""Systems of many sites: their states, and the interface of energies of many sites."""

@@ -70,19 +70,18 @@ class OfSpecies(Hamiltonian):
 
 @functools.singledispatch
 def on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
-    """An energy of this kind on a group, of what stands for one: terms become a sum over the sites, anything else stays
-    as it is.
+    """An energy of this kind on a group: terms become a sum over the sites, other values are unchanged.
 
     kind : Hamiltonian, DrivenHamiltonian, Potential or Force.  name : who asks, for messages.
     Raises InvalidInput for an energy of other sites than the group has.
     """
-    for many in records_in(energy, OfManySites):
-        if many.group.copies != getattr(group, "copies", None):
-            raise InvalidInput(f"{name}: {many!r} is of {many.group.copies} sites, and the group is {group!r}")
+    for of_sites in records_in(energy, OfManySites):
+        if of_sites.group.copies != getattr(group, "copies", None):
+            raise InvalidInput(f"{name}: {of_sites!r} is of {of_sites.group.copies} sites, and the group is {group!r}")
     return energy
 
 
 def released(system: Any) -> Any:
     """The system, or an energy, with sites that are held free to move: then forces are those of its energy."""
     held = records_in(system, OfManySites)
-    return with_records(system, OfManySites, [many.released for many in held]) if held else system
+    return with_records(system, OfManySites, [energy.released for energy in held]) if held else system

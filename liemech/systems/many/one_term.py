@@ -13,13 +13,11 @@ from ..potential import Potential
 class OneTerm(Potential):
     """The force of one of the terms of a potential, or of its site form.
 
-    terms : the potential.  k : the number of the term.
-
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
     """
 
-    terms: Any
-    k: int
+    terms: Any  # the potential
+    k: int  # the number of the term
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force of term k alone.  g : an element."""

@@ -156,29 +156,29 @@ def rows_of_species(name: str, group: SpeciesGroup, value: Any, kind: str) -> np
 
     value : an array for each species, (sites, ...) or (members, sites, ...); or all in a row.
     """
-    what = "momenta" if kind == "Vec" else "elements"
+    noun = "momenta" if kind == "Vec" else "elements"
     if not isinstance(value, (list, tuple)) or len(value) != len(group.powers):
         row = (group.dim,) if kind == "Vec" else group.element_shape
         in_a_row = value if np.ndim(value) and np.shape(value)[-1:] == row else None
         if isinstance(value, (list, tuple)) and in_a_row is None:
             raise InvalidInput(
-                f"{name} has {len(value)} parts; give the {what} of each of the {len(group.powers)} "
+                f"{name} has {len(value)} parts; give the {noun} of each of the {len(group.powers)} "
                 f"species of {group!r}"
             )
         if in_a_row is None:
             raise InvalidInput(
-                f"{name}: give the {what} of each of the {len(group.powers)} species of {group!r}, a "
+                f"{name}: give the {noun} of each of the {len(group.powers)} species of {group!r}, a "
                 f"list of arrays; got {np.shape(value)}"
             )
         value = group.by_species(real_array(in_a_row, name), kind)
     parts, members = [], set()
     for k, (power, x) in enumerate(zip(group.powers, value)):
-        array = _of_sites(f"{name}[{k}]", power, x, kind, what)
+        array = _of_sites(f"{name}[{k}]", power, x, kind, noun)
         if kind != "Vec":
             _require_elements(f"{name}[{k}]", power, array)
         rows = np.asarray(power.in_a_row(array, kind))
         members |= {*rows.shape[:-1]}
         parts.append(rows)
     if len(members) > 1:
-        raise InvalidInput(f"{name}: {what} of {sorted(members)} members; species have as many")
+        raise InvalidInput(f"{name}: {noun} of {sorted(members)} members; species have as many")
     return np.concatenate([np.broadcast_to(x, (*members, x.shape[-1])) for x in parts], axis=-1)
