@@ -66,7 +66,7 @@ def check_group(group: LieGroup, *, native: bool = False, raises: bool = True, s
 
 @spelt
 def check_retraction(retraction: Retraction, group: LieGroup, *, raises: bool = True, seed: int = 0) -> Report:
-    """The verdicts on a map from the algebra to a group: is it a retraction, with this differential, inverse and dual?
+    """Is a map from the algebra to a group a retraction, with the differential, inverses and duals that it claims?
 
     As `check_group`, which the group should have passed before.
     """
