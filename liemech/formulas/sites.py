@@ -13,19 +13,18 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextvars import copy_context
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from .classes.flattening import build, leaves
-from .classes.layouts import Layout, carried_layout, difference, fits
+from .classes.layouts import carried_layout
 from .classes.records import Record, record
 from .functions import where
-from .numbers.conversions import as_others_see, fitted
+from .numbers.conversions import as_others_see
 from .numbers.series_of_sites import SeriesMeeting, company, has_series
 from .sums import halves
 from .tables import Table
@@ -358,104 +357,6 @@ def repeated(
         if enough:
             break
     return unknown, state
-
-
-class Column:
-    """The values of one name of all sites, in rows of an array that has a place for each site.
-
-    rows : those of the numbers of a value, in order.  layout : of a value.
-    """
-
-    __slots__ = ("array", "layout", "rows")
-
-    def __init__(self, array: Any, rows: Sequence[int], layout: Layout) -> None:
-        self.array, self.rows, self.layout = array, rows, layout
-
-    def load(self) -> Any:
-        """The value of this site.  Native code may load it again: nothing is saved before the last meeting."""
-        return self.at(present_site())
-
-    def save(self, value: Any) -> None:
-        """Set the value of this site, after the last meeting."""
-        self.put(present_site(), value)
-
-    def at(self, i: int) -> Any:
-        """The value of site i.  In a loop over sites it is one that the loop does not save."""
-        numbers = np.ascontiguousarray(self.array[self._index, i])
-        if not self.layout.has_integers:
-            return build(self.layout, iter(numbers.tolist()))
-        both = zip(numbers.tolist(), numbers.view(np.int64).tolist(), self.layout.kinds)
-        return build(self.layout, (_WHOLE[kind](n) if kind in _WHOLE else x for x, n, kind in both))
-
-    def put(self, i: int, value: Any) -> None:
-        """Set the value of site i, outside of loops over sites.  Raises InvalidType for one of another layout."""
-        value = fitted(value, self.layout) if self.layout.remembers else value
-        actual = carried_layout(value)
-        if not fits(actual, self.layout):
-            raise InvalidType(difference(actual, self.layout, "the value of a site"))
-        numbers = np.empty(self.layout.width)
-        for k, (x, kind) in enumerate(zip(leaves(value, self.layout), self.layout.kinds)):
-            (numbers.view(np.int64) if kind in _WHOLE else numbers)[k] = x
-        self.array[self._index, i] = numbers
-
-    @property
-    def _index(self) -> Any:
-        rows = self.rows
-        return slice(rows.start, rows.stop) if isinstance(rows, range) else rows
-
-    @property
-    def width(self) -> int:
-        """The number of numbers in a value."""
-        return self.layout.width
-
-    @property
-    def fields(self) -> Any:
-        """The columns of the fields of a record, by name."""
-        columns, begin = {}, 0
-        for name, part in zip(self.layout.detail[1], self.layout.parts, strict=True):
-            columns[name] = Column(self.array, self.rows[begin : begin + part.width], part)
-            begin += part.width
-        return SimpleNamespace(**columns)
-
-    def nth(self, k: int) -> Column:
-        """The column of part number k of the values; where k is known in the run only the parts are alike."""
-        part, begin = self.layout.parts[k], sum(part.width for part in self.layout.parts[:k])
-        return Column(self.array, self.rows[begin : begin + part.width], part)
-
-    def heads(self, n: int) -> Any:
-        """The columns of the fields, of which vectors have their first n entries, matrices their first n rows."""
-        columns = vars(self.fields).items()
-        return SimpleNamespace(**{name: Column(x.array, *_headed(x.rows, x.layout, n)) for name, x in columns})
-
-
-_WHOLE: dict[str, Any] = {"integer": int, "truth": bool}
-"""Numbers of 64 bits that are no floats."""
-
-
-def _headed(rows: Sequence[int], layout: Layout, n: int) -> tuple[Sequence[int], Layout]:
-    """The rows and the layout of the first n entries or rows."""
-    if layout.kind in ("vec", "mat"):
-        head = Layout(layout.kind, layout.parts[:n], layout.detail)
-        return rows[: head.width], head
-    kept: list[int] = []
-    parts: list[Layout] = []
-    rest = rows
-    for part in layout.parts:
-        some, head = _headed(rest[: part.width], part, n)
-        rest, kept, parts = rest[part.width :], [*kept, *some], [*parts, head]
-    return (rows if len(kept) == len(rows) else kept), Layout(layout.kind, tuple(parts), layout.detail)
-
-
-def named(**parts: Layout) -> Layout:
-    """The layout of a record of these parts."""
-    return Layout("record", tuple(parts.values()), (Record, tuple(parts)))
-
-
-def columns_of(array: Any, parts: dict[str, Any]) -> Any:
-    """The columns of values by name, one behind the other in the rows of an array; parts alike are given as a tuple."""
-    layouts = {name: Layout("tuple", x) if isinstance(x, tuple) else x for name, x in parts.items()}
-    layout = named(**layouts)
-    return Column(array, range(layout.width), layout).fields
 
 
 def _entry(table: SiteTable, d: int, site: int) -> int:

@@ -14,7 +14,7 @@ from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.errors import InvalidType
 from liemech.formulas import dot, mat, vec
 from liemech.formulas.classes.layouts import carried_layout, layout_of, matrix, vector
-from liemech.formulas.sites import named
+from liemech.formulas.columns import named
 
 N = 13
 FEWER = 2

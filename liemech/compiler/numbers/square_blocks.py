@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...formulas.sites import Column, present_site
+from ...formulas.columns import Column
+from ...formulas.sites import present_site
 from ...formulas.vectors import Mat, Vec
 
 

@@ -207,7 +207,7 @@ class Fission:
         """The instruction of pass q that loads x from its row, or stores `value` there."""
         b = self.b
         if x.type not in (F64, self.e.type("f", self.e.lanes > 1)):
-            return self._refuse(q, x, value)
+            raise NotCompilable(f"a value of the type {x.type} is needed after sites have met: compute it there anew")
         place = self.scratch.after(self._row_address(self.row_of[x]), self.passes[q].index)
         place = b.bitcast(place, x.type.as_pointer())
         if value is not None:
@@ -222,9 +222,6 @@ class Fission:
             self.row_addresses[row] = self.scratch.at(self.e.num([ir.Constant(I64, self.first + row)]))
             b._block, b._anchor = cursor
         return self.row_addresses[row]
-
-    def _refuse(self, q: int, x: ir.Value, value: ir.Value | None) -> ir.Value:
-        raise NotCompilable(f"a value of the type {x.type} is needed after sites have met: compute it there anew")
 
     def _available(self, x: ir.Value, q: int) -> bool:
         """Whether a value is computed in pass q, or outside of all passes."""

@@ -15,8 +15,9 @@ from ...errors import NotCompilable
 from ...formulas import sites as words
 from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import Layout
+from ...formulas.columns import Column, columns_of
 from ...formulas.numbers.conversions import fitted
-from ...formulas.sites import EIGHT, FAR, Column, SiteArray, SiteTable, columns_of
+from ...formulas.sites import EIGHT, FAR, SiteArray, SiteTable
 from ...formulas.vectors import Vec
 from ..buffers import SiteRows, unchanged
 from ..numbers.arrays import vector

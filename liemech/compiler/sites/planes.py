@@ -11,7 +11,8 @@ import numpy as np
 
 from ...formulas.classes.frozen import frozen
 from ...formulas.classes.layouts import Layout
-from ...formulas.sites import columns_of, each_site, padded, present_site, room, some_sites
+from ...formulas.columns import columns_of
+from ...formulas.sites import each_site, padded, present_site, room, some_sites
 from ..driver import read, write
 
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from ...formulas import Mat, Record, Vec, dot, mat, plain, record, vec, vectors, where
 from ...formulas.classes.layouts import Layout, carried_layout, layout_of, matrix, vector
 from ...formulas.classes.records import with_fields
-from ...formulas.sites import named
+from ...formulas.columns import named
 from ...groups.lie_group import LieGroup
 from ...rooms.sites.steps_together import StepsTogether
 from ...systems.in_time.inputs import during, inputs

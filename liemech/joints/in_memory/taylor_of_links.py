@@ -21,8 +21,8 @@ from ...compiler.sites.planes import columns, each
 from ...formulas import Mat, Vec, cross, dot, mat, plain, record, vec, where
 from ...formulas.classes.layouts import Layout, matrix, vector
 from ...formulas.classes.records import with_fields
+from ...formulas.columns import named
 from ...formulas.numbers.series import Series
-from ...formulas.sites import named
 from ...groups.rigid.se3 import SE3, join
 from ...integrators.taylor import total
 from ...systems.kinetic_energy import KineticEnergy, times

@@ -26,8 +26,9 @@ from ...compiler.sites.planes import columns, each
 from ...errors import NoConvergence
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, mat, plain, record, vec, where
 from ...formulas.classes.layouts import Layout, matrix, vector
+from ...formulas.columns import named
 from ...formulas.elimination import inverted
-from ...formulas.sites import named, own
+from ...formulas.sites import own
 from ...formulas.tables import entry
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Exponential
