@@ -30,8 +30,8 @@ _UNSTEADY = "the velocity that it gives changes as the site moves"
 
 
 def turned(group: LieGroup, state: BodyState, *omegas: Vec) -> BodyState:
-    """A state moved along constant velocities, the last of which moves the momentum:
-    Ad*_exp(omega) mu, g exp(...) exp(omega).
+    """The state (Ad*_exp(omega) mu, g exp(...) exp(omega)) after displacements, the last of which, omega, moves the
+    momentum.
     """
     precise, g = [as_precise(omega, state.mu) for omega in omegas], state.g
     moved = group.algebra.exp_Ad_star(precise[-1], state.mu)
@@ -42,9 +42,9 @@ def turned(group: LieGroup, state: BodyState, *omegas: Vec) -> BodyState:
 
 
 def turned_by(energy: Any, group: LieGroup, colour: int, t: float, time: float, state: BodyState) -> BodyState:
-    """The state of a site some time later, turned by its bond of a colour, or by its own energy.
+    """The state of a site after a time, turned by its bond of a colour, or by its own energy.
 
-    energy : `BondsOfSite`, or the Hamiltonian of a single site; t : when it is taken, if it changes.
+    energy : `BondsOfSite`, or the Hamiltonian of a single site, at time t if it changes.
     """
     energy, mu = at_time(energy, t), plain(state.mu)
     if isinstance(energy, BondsOfSite):
@@ -55,7 +55,7 @@ def turned_by(energy: Any, group: LieGroup, colour: int, t: float, time: float, 
 
 @record
 class MotionsOfTerms(Record):
-    """Parts of an energy of many sites whose motions are known one by one; abstract.
+    """A decomposition of an energy of many sites into parts whose motions are known; abstract.
 
     terms : the energy.  A subclass writes `count`, `refused`, `lonely` and `moved`, and for runs by
     sites `places` and `of_site`.
@@ -65,12 +65,12 @@ class MotionsOfTerms(Record):
 
     @property
     def count(self) -> int:
-        """The number of parts, which a subclass says."""
+        """The number of parts; a subclass defines it."""
         raise NotImplementedError
 
     @property
     def refused(self) -> str:
-        """Why the motion of a term is not known; empty if all are."""
+        """The reason why the motion of a term is not known; empty if all are known."""
         raise NotImplementedError
 
     def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
@@ -83,7 +83,9 @@ class MotionsOfTerms(Record):
         return bool(records_in(self.terms, AtTime))
 
     def in_turn(self, state: BodyState, turns: Any) -> BodyState:
-        """The state after the motions of parts, by number, for how long and when, one after the other."""
+        """The state after the motions `turns`, each the number of a part, a time step and the time at which terms are
+        taken.
+        """
         group, n, g = self.terms.group, self.terms.group.base.dim, state.g
         bodies: list[Any] = [
             BodyState(state.mu[n * i : n * (i + 1)], None if g is None else group.site(g, i))
@@ -98,14 +100,16 @@ class MotionsOfTerms(Record):
 
     @property
     def lonely(self) -> tuple[BoundTerm, ...]:
-        """Terms of one site that make a motion of their own."""
+        """The terms of one site that are parts of their own."""
         raise NotImplementedError
 
     def _sites(self, bodies: list[Any]) -> list[Any]:
         return [self.terms.site_with(i, plain(body.mu), None) for i, body in enumerate(bodies)]
 
     def _along(self, terms: Any, some: Any, h: float, bodies: list[Any]) -> list[Any]:
-        """The bodies, of which some sites have moved along the velocities that terms give them."""
+        """The states of the sites after the sites in `some` have moved, for a time, along the constant velocities of
+        terms.
+        """
         base, sites = self.terms.group.base, self._sites(bodies)
         moved = [*bodies]
         for i in [i for i in some if i not in self.terms.held]:
@@ -130,7 +134,7 @@ class Sublattices(MotionsOfTerms):
 
     @property
     def refused(self) -> str:
-        """Which term is not affine, and why its own motion is not known."""
+        """The first term that is not affine and has no known motion, in words; empty if there is none."""
         for part in self.terms.parts:
             if part.kind.affine or (part.graph.arity == 1 and part.kind.steady):
                 continue
@@ -146,7 +150,7 @@ class Sublattices(MotionsOfTerms):
 
     @property
     def lonely(self) -> tuple[BoundTerm, ...]:
-        """Terms of one site that are not."""
+        """The terms of one site that are not affine."""
         return tuple([part for part in self.terms.parts if not part.kind.affine])
 
     @property
@@ -161,12 +165,12 @@ class Sublattices(MotionsOfTerms):
 
     @property
     def places(self) -> PlacesByColour:
-        """The places of sites in memory: by colours."""
+        """The places of sites in memory, sorted by colour."""
         return PlacesByColour.of_colouring(self.terms.affine.colouring)
 
     def of_site(self, places: PlacesByColour) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
-        """The energies that turn a site, where sites stand by colours: that of the field, and each term of one site
-        that is not affine; and of each part its energy, and where its sites begin and end.
+        """The site forms of the energies that turn a site, with sites at their places: of all affine terms, and of each
+        other term; and by part, the number of its form and the range of its places.
         """
         parts = [tuple(map(by_edges, self.affine)), *[(part,) for part in self.lonely]]
         forms = [at_places(with_fields(self.terms, parts=some).of_site(), places) for some in parts]
@@ -174,7 +178,9 @@ class Sublattices(MotionsOfTerms):
         return tuple(forms), [*[(0, *ends) for ends in places.ranges if self.affine], *alone]
 
     def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
-        """The sites of a colour about the field of the others, or all about their own axes."""
+        """The states after the sites of a colour have turned about the field of the others, or all sites by a term of
+        their own.
+        """
         if part < len(self.groups):
             return self._along(self.affine, self.groups[part], h, bodies)
         term = self.lonely[part - len(self.groups)]
@@ -182,7 +188,7 @@ class Sublattices(MotionsOfTerms):
 
 
 def by_edges(part: BoundTerm) -> BoundTerm:
-    """A term with its edges one by one: of sites of which some rest not all meet all."""
+    """A term over all pairs as a term over a list of edges, for loops in which some sites rest."""
     graph = part.graph
     if not isinstance(graph, AllPairs):
         return part
@@ -225,7 +231,7 @@ class Bonds(MotionsOfTerms):
 
     @property
     def refused(self) -> str:
-        """Which term is no function of a . b, and none of a single site whose velocity stays."""
+        """The first term that has no known motion as a bond or as a term of one site, in words; empty if there is none."""
         base = self.terms.group.base
         c = np.array(base.algebra.structure_constants)
         if self.terms.held:
@@ -242,7 +248,7 @@ class Bonds(MotionsOfTerms):
 
     @property
     def lonely(self) -> tuple[BoundTerm, ...]:
-        """The terms of one site, each of them a part."""
+        """The terms of one site, each a part."""
         return tuple([part for part in self.terms.parts if part.graph.arity == 1])
 
     @property
@@ -261,7 +267,7 @@ class Bonds(MotionsOfTerms):
         return PlacesByColour.of_colouring(self.terms.pairs.colouring)
 
     def of_site(self, places: PlacesByColour) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
-        """Each term at a site, those of bonds first; and of each part its term and its colour."""
+        """The site forms of all terms, bonds first; and by part, the number of its form and its colour."""
         forms: list[Any] = []
         numbers: list[tuple[int, ...]] = []
         whole: Any = self.terms.of_site()
@@ -275,7 +281,9 @@ class Bonds(MotionsOfTerms):
         return tuple([at_places(form, places) for form in forms]), numbers
 
     def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
-        """The bodies, turned in pairs about the sums of all bonds of a colour, or all about their own axes."""
+        """The states after the bonds of a colour have turned their sites about the sums a + b, or all sites by a term
+        of their own.
+        """
         if part >= len(self.groups):
             term = self.lonely[part - len(self.groups)]
             return self._along((term,), range(len(bodies)), h, bodies)

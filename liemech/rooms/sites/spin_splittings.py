@@ -55,7 +55,7 @@ class TermSplitting(Remembering):
 
     @property
     def name(self) -> str:
-        """The tableau, and what it splits."""
+        """The name of the tableau, with the parts of the energy."""
         return f"{self.tableau.name} splitting ({self._motions.__name__.lower()})"
 
     def __repr__(self) -> str:
@@ -84,8 +84,8 @@ class TermSplitting(Remembering):
         return "RKMK accepts every energy, CovariantVariational(Cayley()) and its kin are symplectic"
 
     def turns(self, motions: MotionsOfTerms) -> tuple[tuple[int, float, float], ...]:
-        """Which part moves in turn, for which share of a step, and at which share of it terms are taken
-        that change with time: time moves as one more part, while all sites rest.
+        """The motions of a step: the number of the part, its share of the step, and the share of the step at which
+        terms that change with time are taken.  Time is one more part, which moves while all sites rest.
         """
         count = motions.count
         if count + motions.timed == 1:
@@ -104,7 +104,7 @@ class TermSplitting(Remembering):
         return state, 0.0
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
-        """The parts in turn; a first motion with what the step before has left."""
+        """The motions of the parts in turn; the first one is joined with the last one of the step before."""
         motions = self._motions(terms_of(system))
         state, left = memory.node
         turns = [(part, share * h, t + at * h) for part, share, at in self.turns(motions)]

@@ -1,4 +1,4 @@
-"""Terms on the sites of a system: an edge with its numbers, and what all edges at a site add up to."""
+"""Terms on the sites of a system: their graphs with a number of sites, the edges at each site, the parameters of sites."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .terms import AtTime, Over, Term, Terms, timed
 
 @record
 class Kind(Record):
-    """The kinds of a term that are proved for all its edges."""
+    """The properties of a term that are proved for all its edges."""
 
     affine: bool = False  # is it affine in the momentum of each site?
     steady: bool = False  # does the velocity that it gives a single site stay as it is while the site moves along?
@@ -45,7 +45,7 @@ class BoundTerm(Record):
     kind: Kind = Kind()  # what is proved of a term in momenta
 
     def __post_init__(self) -> None:
-        """Raises InvalidInput for parameters that are not as many as edges."""
+        """Raises InvalidInput for a parameter with another number of values than there are edges."""
         super().__post_init__()
         count = len(self.graph.edges) if _each_of(self.term) else 0
         for parameter in _each_of(self.term):
@@ -78,12 +78,12 @@ class BoundTerm(Record):
 
     @property
     def in_rounds(self) -> bool:
-        """Whether every site meets all others, alike, in the order of `chains_of_partners`."""
+        """Whether every site meets all others, with one formula, in the order of `chains_of_partners`."""
         return isinstance(self.graph, AllPairs) and self.merged and not _each_of(self.term)
 
     @property
     def roles(self) -> tuple[int, ...]:
-        """The places in the energy in which a site may stand."""
+        """The numbers of the arguments of the energy that a site may be."""
         return (0,) if self.merged or self.first else tuple(range(self.graph.arity))
 
     def incidence(self, role: int) -> Incidence:
@@ -92,8 +92,8 @@ class BoundTerm(Record):
 
     @cached_property
     def chains(self) -> tuple[tuple[tuple[Any, ...], ...], ...]:
-        """For each role, and in it for each site, its edges, in chains whose sums are added by halves: where the site
-        stands in the energy, the number of the edge, and all its sites.
+        """By role and site, its edges, in chains whose sums are added by halves: each the role of the site, the number
+        of the edge, and all its sites.
         """
         count = self.graph.sites or 0
         if self.in_rounds:
@@ -101,7 +101,7 @@ class BoundTerm(Record):
         return tuple(self._chains_of(role) for role in self.roles)
 
     def _chains_of(self, role: int) -> tuple[Any, ...]:
-        """For each site its edges in this role, one chain of them."""
+        """By site, one chain of its edges in this role."""
         others, numbers, counts = self.incidence(role)
         chains: list[Any] = []
         for i, count in enumerate(counts):

@@ -1,4 +1,4 @@
-"""Kinds of energies of coupled sites: those whose ends are alike, and those whose motion is known.
+"""Kinds of energies of coupled sites: symmetric in their ends, affine in momenta, and others whose motion is known.
 
 A kind is proved for all edges and sites.  Energy and derivatives are formed at states by chance, on every way
 through the branches of the formula: first of residues, whatever the parameters are; if an identity fails there, of
@@ -37,10 +37,12 @@ LEAST = 1e-280
 """Floats that are smaller have lost digits."""
 
 FEW, TOGETHER, MANY = 64, 2**12, 2**22
-"""So many edges are looked at first, and then at a time; of more kinds of pairs among all nothing is told."""
+"""Edges that are tested first, and then at a time; of all pairs with more kinds of sites the kind is unknown."""
 
 Test = Callable[[Any, Any, list[Any], Any], list[tuple[Any, Any]]]
-"""Of the groups of sites, a term, its sites, and what makes numbers by chance: what should vanish, and its terms."""
+"""From the groups of the sites, a term, its sites and a function that draws random numbers to pairs: what vanishes if the
+identity holds, and the size of its terms.
+"""
 
 
 def kind_of(terms: Any, part: BoundTerm) -> Kind:
@@ -54,8 +56,8 @@ def kind_of(terms: Any, part: BoundTerm) -> Kind:
 
 
 def alike(terms: Any, part: BoundTerm) -> Any:
-    """Whether every edge has the same energy with its two ends exchanged.  True, an edge that has not (its number and
-    its sites), or None: it is not known, or there are no edges.
+    """Whether the energy of every edge is symmetric in its two ends: True, an edge where it is not (its number and its
+    sites), or None if it is not known or there are no edges.
     """
     if not part.graph.some_edges(1):
         return None
@@ -66,7 +68,7 @@ def alike(terms: Any, part: BoundTerm) -> Any:
 
 
 def feels_velocity(terms: Any) -> bool:
-    """Whether a load is another one at other velocities of its sites, at some time and for some edge."""
+    """Whether a load depends on the velocities of its sites, at some time and for some edge."""
     felt: bool | None = _felt.get(terms)
     if felt is None:
         felt = not all(holds(terms, part, _unmoved, DISTANCES, True) is True for part in terms.parts)
@@ -75,21 +77,21 @@ def feels_velocity(terms: Any) -> bool:
 
 
 _felt = Remembered()
-"""Of loads, whether they do."""
+"""By load, whether it depends on velocities."""
 
 
 def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving: bool) -> Any:
-    """Whether an identity holds on all edges.  True, an edge on which it does not, or None: it is not known.
+    """Whether an identity holds on all edges: True, an edge on which it does not, or None if it is not known.
 
-    sizes : of the states.  of_moving : may the formula compare numbers of them?
+    sizes : of the states.  of_moving : may the formula branch on numbers of the states?
     """
-    first = [ends for _, ends in part.graph.some_edges(1)]
-    if not first:
+    an_edge = [ends for _, ends in part.graph.some_edges(1)]
+    if not an_edge:
         return True
     parameters = [x for x in terms.own if isinstance(x, Each)]
     rng = np.random.default_rng(7)
     try:
-        if _holds(terms, part, test, of_moving, _numbers(terms, part, np.array(first), None, sizes, rng))[0].all():
+        if _holds(terms, part, test, of_moving, _numbers(terms, part, np.array(an_edge), None, sizes, rng))[0].all():
             return True
     except Exception:  # floats can do more
         pass
@@ -106,7 +108,7 @@ def holds(terms: Any, part: BoundTerm, test: Test, sizes: np.ndarray, of_moving:
 
 
 def _edges(part: BoundTerm, own: np.ndarray | None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Edges, a few and then many at a time, and their numbers; of all pairs those whose sites have other parameters.
+    """Edges, a few and then many at a time, and their numbers; of all pairs one for each pair of parameters of sites.
 
     own : the parameters of all sites, (sites, n).
     """
@@ -139,9 +141,9 @@ def _numbers(
     sizes: np.ndarray,
     rng: np.random.Generator,
 ) -> list[np.ndarray]:
-    """The numbers of edges as `OfEdge` takes them, at states of all sizes: each (sizes, 1) or (1, edges).
+    """The arguments of `OfEdge` for edges, at states of all sizes: each (sizes, 1) or (1, edges).
 
-    numbers : those of the edges; None for residues, whatever the parameters are.
+    numbers : of the edges; None for residues in place of states and parameters.
     """
     of_edge = OfEdge.of_part(terms, part)
     columns: list[np.ndarray] = []
@@ -161,7 +163,7 @@ def _residues(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _states(terms: Any, part: BoundTerm, site: int, count: int, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Momenta or elements of so many sites, (count, n)."""
+    """Random momenta or elements of a site, (count, n)."""
     base = terms.group.base_of(site)
     if _in_momenta(terms):
         return size * rng.normal(size=(count, base.dim))
@@ -179,8 +181,8 @@ def _in_momenta(terms: Any) -> bool:
 def _holds(
     terms: Any, part: BoundTerm, test: Test, of_moving: bool, numbers: list[np.ndarray]
 ) -> tuple[np.ndarray, bool]:
-    """Whether an identity holds on each of some edges, on all ways; and whether there are branches that may not be
-    gone.
+    """Whether an identity holds on each of some edges, on all paths through the formula; and whether some path may
+    never be taken.
 
     numbers : residues, or floats, each (sizes, 1) or (1, edges).
     """
@@ -224,29 +226,29 @@ def _holds(
 # ------------------------------------------------------------------ what should vanish
 
 
-def _exchanged(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
-    """The energy less that with exchanged ends."""
+def _exchanged(groups: Any, term: Any, sites: list[Any], draw: Any) -> list[tuple[Any, Any]]:
+    """E(a, b) - E(b, a)."""
     energy, other = values_of(term.energy(*sites)), values_of(term.energy(*sites[::-1]))
     return [(np.abs(energy - other), np.maximum(np.abs(energy), np.abs(other)))]
 
 
-def _affine(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
-    """The second derivatives by the momentum of each of its sites."""
+def _affine(groups: Any, term: Any, sites: list[Any], draw: Any) -> list[tuple[Any, Any]]:
+    """d2E/dmu_k^2 for each site k."""
     return [
         (_largest(_hessian(term, k, sites)) * _size(site.mu), _size(term.slope(k, *sites)))
         for k, site in enumerate(sites)
     ]
 
 
-def _steady(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
+def _steady(groups: Any, term: Any, sites: list[Any], draw: Any) -> list[tuple[Any, Any]]:
     """The change of xi = dE/dmu where mu' = ad*_xi mu."""
     hessian = _hessian(term, 0, sites)
     rate = groups[0].ad_star(term.slope(0, *sites), sites[0].mu)
     return [(_size(hessian @ rate), _largest(hessian) * _size(rate))]
 
 
-def _isotropic(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
-    """The derivatives less c b and c a."""
+def _isotropic(groups: Any, term: Any, sites: list[Any], draw: Any) -> list[tuple[Any, Any]]:
+    """dE/da - c b, dE/db - c a, and the difference of both c."""
     a, b = sites
     of_a, of_b = (term.slope(k, a, b) for k in (0, 1))
     c, d = dot(of_a, b.mu) / dot(b.mu, b.mu), dot(of_b, a.mu) / dot(a.mu, a.mu)
@@ -255,11 +257,11 @@ def _isotropic(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tupl
     return [(_size(x), whole) for x in differences]
 
 
-def _unmoved(groups: Any, term: Any, sites: list[Any], some: Any) -> list[tuple[Any, Any]]:
-    """The force less that at other velocities."""
-    t, forces = some(), []
+def _unmoved(groups: Any, term: Any, sites: list[Any], draw: Any) -> list[tuple[Any, Any]]:
+    """The difference of the forces at two random velocities."""
+    t, forces = draw(), []
     for _ in range(2):
-        moving = [with_fields(s, xi=vec(*[some() for _ in range(group.dim)])) for s, group in zip(sites, groups)]
+        moving = [with_fields(s, xi=vec(*[draw() for _ in range(group.dim)])) for s, group in zip(sites, groups)]
         forces.append(term.covector(t, *moving))
     return [(_size(forces[0] - forces[1]), _size(forces[0]) + _size(forces[1]))]
 
