@@ -74,10 +74,10 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
 
 
 class Work:
-    """The chunks of an ensemble, on their way through an executor.
+    """The chunks of an ensemble, run by an executor.
 
-    jobs : of each chunk a plan, a start and how it runs.  found : what came of it.  tries : how often it
-    was handed out.  running : the chunks that workers have, by their futures.
+    jobs : by chunk, its plan, its start and its times.  found : by chunk that is done, its run.  tries : by chunk, how
+    often it was handed out.  running : by future, the chunk that a worker has.
     """
 
     def __init__(self, plan: Any, start: Any, chunks: list[Any], how: dict[str, Any], executor: Any) -> None:

@@ -1,8 +1,7 @@
-"""Sums over conditions and the bodies they touch, and elimination that knows which of them have no
-body in common.
+"""Sparse sums over conditions and the bodies that they touch, and the elimination of their multipliers.
 
-In a chain every condition meets those of the joints beside it alone, so that work and memory grow
-as the number of bodies.
+In a chain a condition shares bodies with those of the joints beside it only, so that work and memory grow as the number
+of bodies.
 
 Source: Golub and Van Loan, Matrix Computations, 4th ed., sections 4.1 and 4.3 (banded systems);
 Duff, Erisman and Reid, Direct Methods for Sparse Matrices, 2nd ed., chapter 9 (symbolic
@@ -18,13 +17,13 @@ from ...formulas import Vec, dot, vec, vectors
 
 
 def connections(touches: Sequence[Sequence[int]], blocks: int) -> dict[str, Any]:
-    """The blocks and conditions that depend on each other.  touches : of each condition the blocks of the algebra that it depends
-    on.
+    """The sparsity pattern of conditions and its symbolic elimination, as fields by name.
 
-    touches : the same, each block with the place of the condition among those that hold it.
-    held : of each block the conditions, each with the place of the block among those it touches.
-    shared : of each condition those that elimination brings into its row, by their common blocks
-    and their places there.
+    touches : by condition, the blocks of the algebra that it depends on.  Returns
+
+    touches : by condition, its blocks, each with the place of the condition in `held` of the block.
+    held : by block, its conditions, each with the place of the block in `touches` of the condition.
+    shared : by condition, the conditions in its row after fill-in, each by the common blocks and the places there.
     elimination : of each condition the place of its pivot; below it the rows that change, with the
     place of the pivot's column in them and, for each of their entries, the place of the entry above
     it (-1: none); the places of what comes after the pivot, and what they are multiplied with when
@@ -72,7 +71,7 @@ def pulled(system: Any, rows: Any, impulses: Vec) -> Vec:
 
 
 def led(system: Any, rows: Any) -> list[Any]:
-    """The rows of G block by block, as `held` says."""
+    """The rows of G by block, in the order of `held`."""
     return [[rows[a][i] for a, i in held] for held in system.held]
 
 
@@ -85,8 +84,9 @@ def speeds(system: Any, rows: Any, xi: Vec) -> list[Any]:
 
 
 def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
-    """C A^-1 B by rows, what is zero for good left out; from the rows of C and the columns of A^-1
-    B block by block.
+    """The structurally nonzero entries of C A^-1 B, by rows.
+
+    led : the rows of C by block.  pushed : the columns of A^-1 B by block.
     """
     return [
         [
@@ -98,7 +98,7 @@ def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
 
 
 def yielding(system: Any, m: list[list[Any]]) -> list[list[Any]]:
-    """m with what conditions yield to their own multipliers on its diagonal."""
+    """m plus the diagonal of `yields`, the rates that conditions give way by to their multipliers."""
     matrix, yields = m, system.constraint.yields
     for k, (x, (diagonal, _, _, _)) in enumerate(zip(yields, system.elimination)):
         row = [y + x if i == diagonal else y for i, y in enumerate(m[k])]
@@ -107,8 +107,9 @@ def yielding(system: Any, m: list[list[Any]]) -> list[list[Any]]:
 
 
 def solved_sparse(system: Any, m: list[list[Any]], rhs: list[Any]) -> tuple[Vec, list[Any]]:
-    """m^-1 rhs by elimination in the given order, and the pivots; m as `joint` makes it, and near
-    to a positive matrix.
+    """m^-1 rhs by elimination in the given order, without pivoting, and the pivots.
+
+    m : as of `joint`, near to a positive definite matrix.
     """
     rows = [[*row, x] for row, x in zip(m, rhs)]
     for k, (diagonal, last, below, _) in enumerate(system.elimination):
