@@ -119,15 +119,15 @@ def seen_errors(errors: Errors, name: str, noise: float) -> list[tuple[float, fl
     """Steps and errors between nonsense and rounding, of a part or of all, from where they point to one side: about a
     change of sign an error is small, and falls at first too fast and then too slowly.
     """
-    seen: list[tuple[float, float]] = []
+    clear_errors: list[tuple[float, float]] = []
     before = np.zeros(0)
     for h, parts in errors:
         error = np.concatenate([*parts.values()]) if name == "all" else parts[name]
         large = max(map(size, parts.values())) if name == "all" else size(error)
         if noise < large <= SENSIBLE:
-            seen = [*(seen if seen and before @ error > 0.0 else []), (h, large)]
+            clear_errors = [*(clear_errors if clear_errors and before @ error > 0.0 else []), (h, large)]
             before = error
-    return seen
+    return clear_errors
 
 
 def power(larger: tuple[float, float], smaller: tuple[float, float]) -> float:

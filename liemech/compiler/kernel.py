@@ -257,11 +257,11 @@ def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: boo
     """The kernel: kept, on disk or, with `make`, compiled.  Raises NotCompilable."""
     _imported()
     key = entry, tuple(map(kind_of, args)), lanes
-    variants, given = KERNELS.setdefault(key, Variants()), examples(args)
-    kernel: Kernel | None = variants.find(given)
+    variants, call_examples = KERNELS.setdefault(key, Variants()), examples(args)
+    kernel: Kernel | None = variants.find(call_examples)
     if kernel is None:
         with variants.lock:
-            kernel = variants.find(given)  # made by another thread meanwhile
+            kernel = variants.find(call_examples)  # made by another thread meanwhile
             if kernel is None:
                 try:
                     kernel = Kernel(*key, args, make)

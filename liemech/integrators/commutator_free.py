@@ -62,8 +62,8 @@ class CommutatorFree(Method):
         return place
 
     def __repr__(self) -> str:
-        ours = self.tableau == self.choices.get(self.order)
-        return f"{type(self).__name__}({f'order={self.order}' if ours else f'tableau={self.tableau!r}'})"
+        is_default = self.tableau == self.choices.get(self.order)
+        return f"{type(self).__name__}({f'order={self.order}' if is_default else f'tableau={self.tableau!r}'})"
 
 
 @record

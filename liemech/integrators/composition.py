@@ -53,8 +53,8 @@ class Composition(Remembering):
             )
         p = base.order
         choices = self.choices if p == 2 else {p + 2: suzuki(p)}
-        more = f" for a base of order {p}, or give a tableau"
-        tableau = set_tableau(self, CompositionTableau, choices, more)
+        advice = f" for a base of order {p}, or give a tableau"
+        tableau = set_tableau(self, CompositionTableau, choices, advice)
         if tableau.base_order > p:
             raise InvalidInput(
                 f"Composition: {tableau.name} is for a base of order {tableau.base_order}; {base!r} is of order {p}"
@@ -107,5 +107,5 @@ class Composition(Remembering):
 
     def __repr__(self) -> str:
         base = self.tableau.base_order
-        ours = self.tableau == (self.choices.get(self.order) if base == 2 else suzuki(base))
-        return f"Composition({self.base!r}, {f'order={self.order}' if ours else f'tableau={self.tableau!r}'})"
+        is_default = self.tableau == (self.choices.get(self.order) if base == 2 else suzuki(base))
+        return f"Composition({self.base!r}, {f'order={self.order}' if is_default else f'tableau={self.tableau!r}'})"

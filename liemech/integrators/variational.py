@@ -241,14 +241,14 @@ class CovariantVariational(Implicit):
         multiplies three entries of J/h, unless J is constant and it has a unit of time of its own.
         """
         state: Any = start
-        many = isinstance(state, StateOfSites)  # more than would be written out
-        usable = (many or isinstance(state, BodyState)) and isinstance(system, System)
+        is_large = isinstance(state, StateOfSites)  # more than would be written out
+        usable = (is_large or isinstance(state, BodyState)) and isinstance(system, System)
         if not (usable and type(h) is float and h):
             self._asked("step_warning", system, start, h)
-        of_site: Any = system.lagrangian.of_one if many else None
-        if many and not has_inertia(of_site):
+        of_site: Any = system.lagrangian.of_one if is_large else None
+        if is_large and not has_inertia(of_site):
             return None
-        if many:
+        if is_large:
             inertia = float(np.abs(getattr(of_site.inertia, "values", np.array(of_site.inertia))).max())
         else:
             mu = start.mu if start.bodies is None else start.mu[0]
@@ -264,7 +264,7 @@ class CovariantVariational(Implicit):
                 "leave the range of floats. Take units of mass and time in which both are closer "
                 "to 1"
             )
-        largest = None if many else self._largest_step(system, start)
+        largest = None if is_large else self._largest_step(system, start)
         if largest is None or not abs(h) > largest:
             return None
         return (

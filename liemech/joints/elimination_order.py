@@ -218,11 +218,11 @@ def ties_of(ends: list[tuple[int, int]], pairs: list[tuple[int, int]]) -> dict[i
     """
     tied = [(*pair, sides) for pair in pairs for sides in _sides(ends[pair[0]], ends[pair[1]])[:1]]
     choices: list[dict[int, Tie]] = []
-    for wanted in ((0, 1), (1, 0), None):
+    for sides_of_ties in ((0, 1), (1, 0), None):
         ties: dict[int, Tie] = {}
         for k, i, sides in tied:
             for owner, other, (s, t) in ((k, i, sides), (i, k, sides[::-1])):
-                if wanted in (None, (s, t)) and owner not in ties:
+                if sides_of_ties in (None, (s, t)) and owner not in ties:
                     ties[owner] = other, float(s), float(t), 1.0
                     break
         choices.append(ties)

@@ -729,8 +729,8 @@ class WithRotors(Constraint):
 
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
         """The bodies of each joint, and of the one that it follows."""
-        mine = tuple([_held_by(rotor) for rotor in self.rotors])
-        return (*self.held.touches(group, conditions), *mine)
+        of_rotors = tuple([_held_by(rotor) for rotor in self.rotors])
+        return (*self.held.touches(group, conditions), *of_rotors)
 
 
 def _held_by(some: Any) -> tuple[int, ...]:

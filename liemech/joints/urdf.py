@@ -87,8 +87,8 @@ class Element:
         except ValueError:
             numbers = np.zeros(0)
         if numbers.shape != (count,) or not np.isfinite(numbers).all():
-            many = "a number" if count == 1 else f"{count} numbers"
-            raise self.wrong(f'has {name}="{words}", which must be {many}')
+            expected = "a number" if count == 1 else f"{count} numbers"
+            raise self.wrong(f'has {name}="{words}", which must be {expected}')
         return numbers
 
     def wrong(self, said: str) -> InvalidInput:

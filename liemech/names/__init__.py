@@ -71,11 +71,11 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
 
     def getattribute(name: str) -> Any:
         if name not in homes:
-            said, moved = _missing(namespace, name)
+            message, moved = _missing(namespace, name)
             if moved and sys._getframe(1).f_code.co_name == "_handle_fromlist":
                 # `from liemech import HeavyTop`, which would make a text of its own of the other
-                raise ImportError(said, name=name)
-            raise AttributeError(said, name=name, obj=module)
+                raise ImportError(message, name=name)
+            raise AttributeError(message, name=name, obj=module)
         home = homes[name]
         value = (
             import_module(f"{namespace}.{name}") if home in OF_SPACES else getattr(import_module(home, package), name)
@@ -91,16 +91,16 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
 
 def _missing(namespace: str, name: str) -> tuple[str, bool]:
     """Why a namespace has no such name, in words, with the name or place that is meant; and whether a place has it."""
-    said = f"module {namespace!r} has no attribute {name!r}"
+    message = f"module {namespace!r} has no attribute {name!r}"
     package = vars(sys.modules[namespace]).get("__path__")
     # asked for by tools, which want no answer, and by `from . import name` before it imports a file
     if name.startswith("_") or (package and PathFinder.find_spec(f"{namespace}.{name}", package)):
-        return said, False
+        return message, False
     shown, names = namespace.replace("liemech", "lm", 1), public()
     if place := names.get(name) or FORMER.get(name):
-        return f"{said}: {shown}.{name} is {place}", True
+        return f"{message}: {shown}.{name} is {place}", True
     near = nearest(name, names)
-    return f"{said}. Did you mean {names[near]}?" if near else said, False
+    return f"{message}. Did you mean {names[near]}?" if near else message, False
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:

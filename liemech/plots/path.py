@@ -118,8 +118,8 @@ def _points(run: Any) -> tuple[Array, list[Array]]:
         at = placed(poses[-1:], ends)[0]
         arms = [np.stack([poses[-1, k, :3, 3], end]) for (k, _), end in zip(ends, at) if k != GROUND]
         return poses[:, :-1, :3, 3], [*arms, *at.reshape(-1, 2, 3)]  # and the rods between two ends
-    many = g.shape[: 1 if run.bodies is None else 2]
-    positions = place(run.system, g.reshape(-1, *g.shape[len(many) :]))
+    axes = g.shape[: 1 if run.bodies is None else 2]
+    positions = place(run.system, g.reshape(-1, *g.shape[len(axes) :]))
     return positions.reshape(len(g), -1, 3), []
 
 

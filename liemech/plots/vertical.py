@@ -64,6 +64,6 @@ def verticals(run: Any) -> Array:
     if run.states.get("g") is None or not is_pose(configurations(system)):
         raise InvalidInput(f"plots.vertical needs the attitude g of a body in space; this run is of {system!r}")
     g = part(run, "g", "plots.vertical")
-    many = g.shape[: 1 if run.bodies is None else 2]
-    q = attitude(system, g.reshape(-1, *g.shape[len(many) :]))
-    return rotated(q * np.array([-1.0, -1.0, -1.0, 1.0]), np.array([0.0, 0.0, 1.0])).reshape(*many, 3)
+    axes = g.shape[: 1 if run.bodies is None else 2]
+    q = attitude(system, g.reshape(-1, *g.shape[len(axes) :]))
+    return rotated(q * np.array([-1.0, -1.0, -1.0, 1.0]), np.array([0.0, 0.0, 1.0])).reshape(*axes, 3)

@@ -68,9 +68,9 @@ class MechanicalSystem(System):
                 on_group(self.potential, Potential, name, group),
                 on_group(self.load, Force, name, group),
             )
-            for many in (self.body.hamiltonian, *parts[1:]):
-                if isinstance(many, OfManySites):
-                    parts = many.held_together(name, *parts)
+            for of_sites in (self.body.hamiltonian, *parts[1:]):
+                if isinstance(of_sites, OfManySites):
+                    parts = of_sites.held_together(name, *parts)
                     break
             for part, value in zip(("body", "potential", "load"), parts):
                 if value is not getattr(self, part):

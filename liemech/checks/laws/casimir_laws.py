@@ -43,8 +43,8 @@ def independence(values: Callable[[Any], Any], slopes: Callable[[Any], np.ndarra
         rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
         sizes = np.linalg.svd(rows, compute_uv=False) if len(rows) else np.zeros(0)
         best = max(best, int((sizes > INDEPENDENT).sum()))
-    told = (
+    distinguished = (
         f"of {number} Casimirs only {best} have gradients that are independent: one of them is a constant, or a function "
         "of others"
     )
-    return Told(float(best), float(number), told=told)
+    return Told(float(best), float(number), told=distinguished)

@@ -323,8 +323,8 @@ class LargeArrays:
             sums = [term(ir.Constant(I64, k), WIDE) for k in places]
             if whole > TOGETHER:
                 with counted(b, I64(TOGETHER), I64(whole), TOGETHER, sums) as turn:
-                    more = [term(b.add(turn.index, I64(k)), WIDE) for k in places]
-                    turn.values = [*map(b.fadd, turn.values, more)]
+                    terms_of_turn = [term(b.add(turn.index, I64(k)), WIDE) for k in places]
+                    turn.values = [*map(b.fadd, turn.values, terms_of_turn)]
                 sums = turn.values
             numbers = [b.extract_element(s, I32(k)) for s in sums for k in range(WIDE)]
             while len(numbers) > 1:  # by halves

@@ -160,8 +160,8 @@ def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
     by_length: dict[int, list[int]] = {}
     for row, terms in enumerate(table):
         by_length.setdefault(len(terms), []).append(row)
-    few = sum(map(len, table)) < TERMS or 2 * len(by_length) > len(table)
-    if few or not _floats([*x, *y]):
+    written_out = sum(map(len, table)) < TERMS or 2 * len(by_length) > len(table)
+    if written_out or not _floats([*x, *y]):
         return function(table, x, y)
     varying = _varying([*x, *y])
     X, Y = NumbersInMemory(e, len(x), varying, x), NumbersInMemory(e, len(y), varying, y)

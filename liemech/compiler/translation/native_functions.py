@@ -241,9 +241,9 @@ class NativeFunctions:
             e.store(number("b", e.lanes > 1), t.state.failed)
         if native.escapes:
             escaped = next(results)
-            gone, on = b.append_basic_block(), b.append_basic_block()
-            b.cbranch(escaped, gone, on)
-            t.state.escapes[-1].append(Open(gone, {}))
+            failed, on = b.append_basic_block(), b.append_basic_block()
+            b.cbranch(escaped, failed, on)
+            t.state.escapes[-1].append(Open(failed, {}))
             b.position_at_end(on)
         t.state.raises += native.raises
         e.calls += native.calls

@@ -226,8 +226,8 @@ def defect(g: Any) -> float:
 
 def objection(g: np.ndarray) -> str | None:
     """The last rows are wrong, or the rotation is none."""
-    for row, wanted in ((g[3, :4], [0.0, 0.0, 0.0, 1.0]), (g[4], [0.0, 0.0, 0.0, 0.0, 1.0])):
-        if np.abs(row - wanted).max() > MEMBERSHIP:
+    for row, expected in ((g[3, :4], [0.0, 0.0, 0.0, 1.0]), (g[4], [0.0, 0.0, 0.0, 0.0, 1.0])):
+        if np.abs(row - expected).max() > MEMBERSHIP:
             return f"its last rows begin {g[3].tolist()}, {g[4].tolist()}, not 0 0 0 1 and 0 0 0 0 1"
     reason = SO3().objection(g[:3, :3])
     return reason and f"of its rotation, {reason}"

@@ -181,8 +181,8 @@ class ExactMoserVeselov(MoserVeselov):
         fitted to this start and h.
         """
         other = abs(h) != abs(self.h)
-        for actual, wanted in zip(_fingerprint(system, state.mu), self.constants):
-            other = other or abs(actual - wanted) > FITTED * abs(wanted)
+        for actual, expected in zip(_fingerprint(system, state.mu), self.constants):
+            other = other or abs(actual - expected) > FITTED * abs(expected)
         return where(other, NAN, h) * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:

@@ -266,5 +266,7 @@ class KickDrift(FieldSplitting):
             )
 
     def __repr__(self) -> str:
-        ours = self.tableau == self.choices.get(self.tableau.order)
-        return f"KickDrift({self.free!r}, {f'order={self.tableau.order}' if ours else f'tableau={self.tableau!r}'})"
+        is_default = self.tableau == self.choices.get(self.tableau.order)
+        return (
+            f"KickDrift({self.free!r}, {f'order={self.tableau.order}' if is_default else f'tableau={self.tableau!r}'})"
+        )

@@ -128,10 +128,10 @@ class Tilting(NamedTuple):
         k1 = self.jacobi.k1
         if not k1:  # sn = tanh v, and nu > 0
             root = math.sqrt(phase.nu)
-            gone = (self.rate * t + root * (np.arctan(root * s) - math.atan(root * s0))) / phase.rest
+            angle = (self.rate * t + root * (np.arctan(root * s) - math.atan(root * s0))) / phase.rest
         else:
-            gone = 2.0 * turns * phase.integral(k1, 1.0, 0.0) + (phase.integral(k1, s, c) - phase.integral(k1, s0, c0))
-        return phase.begin + phase.rate * t + phase.factor * gone
+            angle = 2.0 * turns * phase.integral(k1, 1.0, 0.0) + (phase.integral(k1, s, c) - phase.integral(k1, s0, c0))
+        return phase.begin + phase.rate * t + phase.factor * angle
 
 
 def lagrange_top(A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Quaternion, np.ndarray]:

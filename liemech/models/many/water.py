@@ -136,8 +136,8 @@ class SPC(PointTerm):
 
     def _product(self, i: int, j: int) -> float:
         """The product of the charges of two atoms, the first of each molecule being the oxygen."""
-        many = (-2.0, 1.0, 1.0)
-        return many[i] * many[j] * (self.coulomb * self.hydrogen * self.hydrogen)
+        weights = (-2.0, 1.0, 1.0)
+        return weights[i] * weights[j] * (self.coulomb * self.hydrogen * self.hydrogen)
 
 
 def _turned_back(g: Any, x: Vec) -> Vec:

@@ -173,7 +173,7 @@ class Sublattices(MotionsOfTerms):
         other term; and by part, the number of its form and the range of its places.
         """
         parts = [tuple(map(by_edges, self.affine)), *[(part,) for part in self.lonely]]
-        forms = [at_places(with_fields(self.terms, parts=some).of_site(), places) for some in parts]
+        forms = [at_places(with_fields(self.terms, parts=terms).of_site(), places) for terms in parts]
         alone = [(k + 1, 0, len(places.sites)) for k in range(len(self.lonely))]
         return tuple(forms), [*[(0, *ends) for ends in places.ranges if self.affine], *alone]
 

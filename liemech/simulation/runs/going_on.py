@@ -39,10 +39,10 @@ def carry_of(plan: Any, given: Any, what: str) -> Any:
         )
     if run is None:
         require_fixed(plan, given, carry, what)
-    for name, mine, theirs in pairs(plan, run, carry, what):
-        if mine is theirs or exact_key(mine) == exact_key(theirs):
+    for name, of_plan, of_run in pairs(plan, run, carry, what):
+        if of_plan is of_run or exact_key(of_plan) == exact_key(of_run):
             continue
-        others = ", ".join(differing(mine, theirs))
+        others = ", ".join(differing(of_plan, of_run))
         if run is not None:
             raise InvalidInput(
                 f"Plan.{what}: the run was made with another {name}: {others}; start a new one from "
@@ -127,13 +127,15 @@ def pairs(plan: Any, run: Any, carry: Any, what: str) -> list[tuple[str, Any, An
         systems = tuple([origin_of_body.given for origin_of_body in origin])
         system = Systems(systems) if isinstance(plan.system, OfBodies) else systems[0]
     found_pairs: list[tuple[str, Any, Any]] = []
-    for name, mine, theirs in (("system", plan.system, system), ("method", methods, method)):
-        if theirs is None:
+    for name, of_plan, of_run in (("system", plan.system, system), ("method", methods, method)):
+        if of_run is None:
             continue
-        ours, others = (each_of(mine), theirs.values if isinstance(theirs, Several) else each_of(theirs))
-        if len(ours) != len(others):
-            raise InvalidInput(f"Plan.{what}: the run was made with {len(others)} {name}s, the plan with {len(ours)}")
-        found_pairs += [(name, *pair) for pair in zip(ours, others, strict=True)]
+        members, members_of_run = (each_of(of_plan), of_run.values if isinstance(of_run, Several) else each_of(of_run))
+        if len(members) != len(members_of_run):
+            raise InvalidInput(
+                f"Plan.{what}: the run was made with {len(members_of_run)} {name}s, the plan with {len(members)}"
+            )
+        found_pairs += [(name, *pair) for pair in zip(members, members_of_run, strict=True)]
     return found_pairs
 
 

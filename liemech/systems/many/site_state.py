@@ -104,12 +104,12 @@ def site_state(name: str, group: PowerGroup, mu: Any, g: Any) -> SiteState:
         _require_elements(f"{name}: g", group, elements)
     axes = momenta.ndim - 2
     if elements is not None:
-        theirs = elements.ndim - 1 - len(group.base.element_shape)
-        if axes and theirs and len(momenta) != len(elements):
+        axes_of_elements = elements.ndim - 1 - len(group.base.element_shape)
+        if axes and axes_of_elements and len(momenta) != len(elements):
             raise InvalidInput(f"{name}: momenta of {len(momenta)} members and elements of {len(elements)}")
-        if axes > theirs:
+        if axes > axes_of_elements:
             elements = np.broadcast_to(elements, (len(momenta), *elements.shape))
-        elif theirs > axes:
+        elif axes_of_elements > axes:
             momenta = np.broadcast_to(momenta, (len(elements), *momenta.shape))
     return SiteState(momenta, elements)
 

@@ -198,8 +198,8 @@ class RoleAtSite(Record):
             sums = [total, *[total - total for _ in chains[1:]]]
             for k, chain in enumerate(chains):
                 for role, number, ends in chain:
-                    one = self if role == self.role else with_fields(self, role=role)
-                    sums[k] = sums[k] + formula(one, self.at_edge(number), [sites[j] for j in ends])
+                    at_role = self if role == self.role else with_fields(self, role=role)
+                    sums[k] = sums[k] + formula(at_role, self.at_edge(number), [sites[j] for j in ends])
             total = halves(sums)
         return total
 
