@@ -192,7 +192,7 @@ def _states_of_sites(run: Any) -> Any:
 
     def states() -> dict[str, np.ndarray]:
         parts = {}
-        if shape.shown.kept:
+        if shape.keeps:
             arrays = unpacked(shape.state, rows.swapaxes(1, 2))
             names = arrays if recorder is None else recorder.parts
             subset = arrays if set(names) - set(arrays) else {name: arrays[name] for name in names}

@@ -16,7 +16,7 @@ from liemech.formulas.classes.layouts import carried_layout, layout_of
 from liemech.formulas.numbers.conversions import fitted, rounded
 from liemech.formulas.sites import SiteTable, meet, one_site, padded, rows_of
 from liemech.formulas.vectors import small
-from liemech.rooms.sites.runs.driver import PLACE, Shown, Sighted, advance_sites, begin_sites
+from liemech.rooms.sites.runs.driver import PLACE, Beginner, Procedure, Shown, advance_sites, begin_sites
 from liemech.simulation.compiled.control import FRESH, LIMIT
 from liemech.simulation.compiled.prepared import Steps
 from liemech.simulation.runs.equal import Equal
@@ -106,23 +106,21 @@ def run(method: Any, system: Any, mu: np.ndarray, g: np.ndarray | None, h: float
     goals, clocks = np.array([np.inf, 0, 0, 0, 0, 0.0]), np.array([0.0, h, *FRESH])
     goals[LIMIT] = steps
     place, out, done = np.zeros(1), np.zeros(1), np.zeros(1)
-    shared = np.zeros(1), np.zeros(1), np.zeros(1)
-    told = np.append(h * np.arange(1.0, steps + 1.0), np.nan), np.zeros(2), np.zeros(3)
-    start = method, system, given, started, memory, h, starts, sites, done
-    samples = Sighted(Shown(True, shown, (), layout_of(())), (), layout_of(()), ())
-    step = method, system, Equal(), memory, PLACE, samples, None, steps, sites, seen
+    shared = np.zeros(1), np.append(h * np.arange(1.0, steps + 1.0), np.nan), np.zeros(4)
+    start = Beginner(method, given, started, memory), system, h, starts, sites
+    samples = Shown(True, False, shown, (), layout_of(()))
+    step = Procedure(method, Equal(), memory, PLACE, samples, False, None), system, steps, sites, seen
     if lanes:
-        one, two = (tuple(map(kernel.Shared, x)) for x in (shared, told))
-        rest = *one, goals, place, clocks, out, *two
+        rest = *map(kernel.Shared, shared), goals, place, clocks, out
         calls = [
             SiteCalls(kernel.kernel(driver, *arguments, lanes=lanes), n)
-            for driver, arguments in ((begin_sites, (*start, None)), (advance_sites, (*step, *rest, None)))
+            for driver, arguments in ((begin_sites, (*start, done, None)), (advance_sites, (*step, *rest, None)))
         ]
-        calls[0](*start, None)
+        calls[0](*start, done, None)
         calls[1](*step, *rest, None)
     else:
-        begin_sites(*start, [])
-        advance_sites(*step, *shared, goals, place, clocks, out, *told, [])
+        begin_sites(*start, done, [])
+        advance_sites(*step, *shared, goals, place, clocks, out, [])
     assert done[0] == 1.0
     assert clocks[3] == steps
     return seen.array.reshape(steps, shown.width, padded(n))[:, :, :n]

@@ -1,4 +1,4 @@
-"""Events of systems of many sites: zeros of functions of time and of totals over all sites."""
+"""Events of systems of many sites: zeros of functions of time and of totals over all sites, or of the state of all."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from test_runs_by_sites import N, directions, native, spins
+from test_runs_by_sites import N, Zeeman, directions, native, spins
 
 import liemech as lm
 
@@ -126,6 +126,118 @@ def test_an_event_that_fails(compiled: Any) -> None:
     )  # fmt: skip
     with pytest.raises(lm.errors.NotFinite, match="in an event at t = 0"):
         plan.run(spins(17).state(mu=directions(17)), steps=3)
+
+
+# ------------------------------------------------------------------ of the state of all sites
+
+MANY = 110  # more than are written out
+LAST = 3 * (MANY - 1)
+TURNS = {
+    "fixed": (lm.RKMK(order=4), {"h": 0.3, "every": 2}),
+    "backwards": (lm.RKMK(order=4), {"h": -0.3, "every": 2}),
+    "adaptive": (lm.RKMK(order=5), {"rtol": 1e-9, "max_step": 0.3}),
+    "dense": (lm.RKMK(order=5), {"rtol": 1e-9, "max_step": 0.3, "dense": True}),
+    "by colours": (lm.SublatticeSplitting(order=2), {"h": 0.3, "every": 2}),
+}
+
+
+def turning(how: str, *events: Any, compiled: Any = None, **more: Any) -> Any:
+    """A run from t = 0 to 9 of spins that turn about the vertical at the rate 1."""
+    method, way = TURNS[how]
+    system = lm.LiePoissonSystem(lm.SO3() ** MANY, lm.Terms(Zeeman([0.0, 0.0, -1.0])))
+    plan = lm.Plan(system, method, events=events, compiled=compiled, progress=False, **way, **more)
+    span = {"t_end": 9.0} if "rtol" in way else {"steps": 30}
+    return plan, plan.run(system.state(mu=np.tile([0.6, 0.0, 0.8], (MANY, 1))), **span)
+
+
+def along(t: float, state: Any) -> float:
+    return state.mu[LAST]
+
+
+@pytest.mark.parametrize(
+    ("how", "compiled"), [*[(how, None) for how in TURNS], pytest.param("fixed", False, marks=pytest.mark.slow)]
+)
+def test_zeros_of_the_state_of_all(how: str, compiled: Any) -> None:
+    """mu_x = 0.6 cos t of the last spin; the same samples without events."""
+    _, run = turning(how, along, compiled=compiled)
+    sign = -1.0 if how == "backwards" else 1.0
+    times, states = run.events[0]
+    assert times == pytest.approx(sign * np.pi * np.array([0.5, 1.5, 2.5]), abs=1e-7)
+    assert np.abs(states.mu[:, -1, 0]).max() < 1e-14
+    assert states.mu[:, -1, 1] == pytest.approx(sign * 0.6 * np.array([1.0, -1.0, 1.0]) * spun(how), abs=1e-7)
+    bare = turning(how, compiled=compiled)[1]
+    assert np.array_equal(run.t, bare.t)
+    assert np.array_equal(run.mu, bare.mu)
+    assert run.steps == bare.steps
+
+
+def spun(how: str) -> float:
+    """The sense of the turn."""
+    early = turning(how)[1].mu[1, -1, 1]
+    return float(np.sign(early)) * (-1.0 if how == "backwards" else 1.0)
+
+
+@pytest.mark.parametrize("how", ["fixed", "adaptive", "by colours"])
+def test_events_of_all_and_of_totals_in_the_order_of_the_motion(how: str) -> None:
+    """A total that is zero a little after a spin, in the step of the zero at 3 pi/2 that ends the run."""
+
+    def late(t: float, total: Any) -> float:
+        return t - (1.5 * np.pi + 0.01)
+
+    def early(t: float, total: Any) -> float:
+        return t - (1.5 * np.pi - 0.01)
+
+    def second(t: float, state: Any) -> float:
+        return state.mu[LAST]
+
+    second.terminal = 2  # type: ignore[attr-defined]
+    plan, run = turning(how, late, second, early, record=["mu", ("spin", lambda t, site: site.mu)])
+    assert [len(times) for times, _ in run.events] == [0, 2, 1]
+    assert run.ended == 1
+    assert run.t[-1] == run.events[1][0][1] == pytest.approx(1.5 * np.pi, abs=1e-7)
+    assert run.spin[-1, 0] == pytest.approx(MANY * run.mu[-1, -1, 0], abs=1e-10)
+    if how == "adaptive":
+        rest = plan.resume(run, t_end=9.0)
+        assert rest.ended is None
+        assert [*rest.events[0][0], *rest.events[1][0]] == pytest.approx([1.5 * np.pi + 0.01, 2.5 * np.pi], abs=1e-7)
+    else:
+        assert run.carry is None
+        assert run.steps == 16  # the last one from 4.5 to 4.8
+
+
+@pytest.mark.parametrize("how", TURNS)
+def test_an_event_of_all_that_fails_leaves_the_steps_before(how: str) -> None:
+    """It divides by zero from t = 4 on: samples, zeros and carry are those of the steps before."""
+    sign = -1.0 if how == "backwards" else 1.0
+
+    def fails(t: float, state: Any) -> float:
+        return state.mu[LAST] / (1.0 if sign * t < 4.0 else 0.0)
+
+    with pytest.raises(lm.errors.NotFinite, match=r"in an event at t = -?4") as caught:
+        turning(how, fails)
+    run = caught.value.trajectory
+    assert run.events[0][0] == pytest.approx([sign * 0.5 * np.pi], abs=1e-7)
+    if "rtol" not in TURNS[how][1]:
+        assert run.t == pytest.approx(sign * np.arange(0.0, 3.7, 0.6), abs=1e-12)
+    if how in ("fixed", "backwards", "adaptive", "dense"):
+        plan, bare = turning(how)
+        rest = plan.resume(run, **({"t_end": 9.0} if plan.adaptive else {"steps": 30 - run.carry.step}))
+        assert np.array_equal(rest.mu[-1], bare.mu[-1])
+        assert sign * run.carry.t < 4.0
+
+
+def test_one_function_sees_few_and_many_sites_alike() -> None:
+    """The states of 90 spins are written out, of 110 not: a row of numbers, in both."""
+    seen: dict[int, Any] = {}
+    for n in (90, MANY):
+
+        def third(t: float, state: Any, n: int = n) -> float:
+            seen[n] = state
+            return state.mu[8] - 0.5
+
+        lm.integrate(spins(n), lm.RKMK(), spins(n).state(mu=directions(n)), h=0.1, steps=2, events=[third])
+    assert type(seen[90]) is type(seen[MANY])
+    assert (len(seen[90].mu), len(seen[MANY].mu)) == (270, 3 * MANY)
 
 
 @lm.record

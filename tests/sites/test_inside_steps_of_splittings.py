@@ -93,8 +93,6 @@ def test_what_functions_are_of() -> None:
     many = spins(200), lm.RKMK(), spins(200).state(mu=directions(200))
     found = lm.integrate(*many, record=[("spin", lambda t, state: state.mu[:3])], **way)
     assert np.array_equal(found.spin[0], directions(200)[0])
-    with pytest.raises(lm.errors.IncompatibleSystem, match="no event of the state of all sites"):
-        lm.integrate(*many, record=["mu"], events=[lambda t, state: state.mu[0]], **way)
     with pytest.raises(lm.errors.InvalidInput, match="which record= names"):
         lm.integrate(*many, record=["mu"], events=[lambda t, total: total.spin[0]], **way)
     with pytest.raises(lm.errors.InvalidInput, match=r"asks for total.spin; record= names squares"):

@@ -183,16 +183,16 @@ def test_one_kernel_for_every_number() -> None:
 def test_rows_of_scratch_memory() -> None:
     system, none = field(), np.empty(0)
     from liemech.formulas.classes.layouts import carried_layout, layout_of
-    from liemech.rooms.sites.runs.driver import PLACE, Shown, Sighted, advance_sites
+    from liemech.rooms.sites.runs.driver import PLACE, Procedure, Shown, advance_sites
     from liemech.simulation.runs.equal import Equal
     from liemech.systems.lie_poisson import BodyState
 
     memory = carried_layout(BodyState(lm.vec(0.0, 0.0, 0.0)))
     planes, shared = Planes.of_rows(1, 1), kernel.Shared(none)
-    shown = Sighted(Shown(True, memory, (), layout_of(())), (), layout_of(()), ())
-    given = memory, PLACE, shown, None, 1, planes, planes
-    arguments = lm.RKMK(), system, Equal(), *given, *[shared] * 3
-    made = kernel.kernel(advance_sites, *arguments, *[none] * 4, *[shared] * 3, None, lanes=kernel.width())
+    shown = Shown(True, False, memory, (), layout_of(()))
+    procedure = Procedure(lm.RKMK(), Equal(), memory, PLACE, shown, False, None)
+    arguments = procedure, system, 1, planes, planes, *[shared] * 3, *[none] * 4, None
+    made = kernel.kernel(advance_sites, *arguments, lanes=kernel.width())
     assert needs(made) == (15, False)  # twice what is published, and three velocities
     assert SiteCalls(made, 100).scratch.shape == (15, padded(100))
 

@@ -133,6 +133,34 @@ class Moving:
 
     between: Any
     head: Any = slice(None)
+    here: Any
+    bodies: Any
+
+    def ask(self, event: Event, t: float, state: Any) -> Any:
+        """The value of an event of a state as the view has it."""
+        return event(t, state)
+
+    def refused(self, error: Any, body: int, t: float, state: Any) -> Any:
+        """The error that an event has raised, with notes of where."""
+        error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
+        if self.bodies:
+            error.add_note(f"[integrate: body {body}]")
+        without = ", ".join([name for name, x in state.parts.items() if x is None])
+        if without:
+            error.add_note(
+                f"[integrate: this run moves without {without}, which events see as None; it needs it in the start, "
+                "and beside what `record` names]"
+            )
+        return error
+
+    @property
+    def wide(self) -> int:
+        """The count of numbers of a state that is kept."""
+        return len(self.here) - 1
+
+    def seen_at(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
+        """The numbers of states that are kept of zeros, at times in steps."""
+        return self.inside(piece, step, times)
 
     def given(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
         """Rows of numbers from which `moved` finds states at times inside of steps."""
@@ -184,12 +212,15 @@ class Events:
             self.each[i] = Watch(events, values, before)
         self.fresh = {*self.each}
         layout, _ = run.view.seen(run.here[1:, :1].T)
-        self.kernels = [execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True) for event in events]
+        self.kernels = [
+            execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True)
+            for event in (() if layout is None else events)
+        ]
 
     def _value(self, body: int, event: Event, t: float, state: Any) -> Any:
         """The value of an event of body number `body`; errors that it raises get a note of where."""
         try:
-            value = event(t, state)
+            value = self.run.ask(event, t, state)
             self.floats = self.floats and type(value) is float
             try:
                 number = float(value)
@@ -199,16 +230,7 @@ class Events:
             except TypeError:
                 raise InvalidType(f"integrate: an event gives a number; {event!r} gave {value!r}") from None
         except Exception as error:
-            error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
-            if self.run.bodies:
-                error.add_note(f"[integrate: body {body}]")
-            without = ", ".join([name for name, x in state.parts.items() if x is None])
-            if without:
-                error.add_note(
-                    f"[integrate: this run moves without {without}, which events see as None; it needs it in the start, "
-                    "and beside what `record` names]"
-                )
-            raise
+            raise self.run.refused(error, body, t, state) from error.__cause__
 
     # ---------------------------------------------------------------- the steps of a piece
 
@@ -223,7 +245,7 @@ class Events:
         hits: dict[int, Zero] = {}
         steps, starts = np.arange(len(piece)), np.flatnonzero(piece.begins)
         left = [(int(k), int(piece.body[k])) for k in steps[starts]]  # where plain Python begins, and with which body
-        if self.floats and all([execution.ready(0.0) for execution, _ in self.kernels]):  # noqa: C419
+        if self.floats and self.kernels and all([execution.ready(0.0) for execution, _ in self.kernels]):  # noqa: C419
             outcome = self._natively(piece)
             if outcome is not None:
                 hits, left = outcome
@@ -343,7 +365,7 @@ class Events:
 
         try:
             at, jumps = roots(value, ends[0], ends[1], old[event, look], new[event, look])
-            numbers = self.run.inside(piece, whole, at)
+            numbers = self.run.seen_at(piece, whole, at)
         except Exception:
             return None
         for k in np.flatnonzero(jumps).tolist():
@@ -390,7 +412,7 @@ class Events:
                             else:
                                 hits.append((at.item(), i))
                     ordered = sorted(hits, reverse=bool(b < a))
-                    hit = watch.meet([(k, at, i, inside(at)) for at, i in ordered])
+                    hit = watch.meet([(k, at, i, run.seen_at(piece, look, np.array([at]))[0]) for at, i in ordered])
                     if hit is not None:
                         return hit
                 self.fresh.discard(body)
@@ -488,7 +510,7 @@ class Events:
         """Times and states of every event of a body, as a Trajectory holds them."""
         watch = self.each.get(body)
         zeros = [[] for _ in self.events] if watch is None else watch.found
-        width = self.run.here.shape[0] - 1
+        width = self.run.wide
         return tuple([
             (np.array([t for t, _ in met]), self.run.view.states(np.array([x for _, x in met]).reshape(len(met), width)))
             for met in zeros

@@ -16,6 +16,7 @@ from ....simulation.between.dense import one_or_many, packed, unpacked, within_r
 from ....simulation.compiled.control import TIME
 from ....simulation.plan import Plan
 from ....systems.system import state_of
+from .driver import Moment
 from .states import first_of
 
 
@@ -142,7 +143,8 @@ class SitesDense(BetweenEnds):
         looking, found = shape.looking.of_a_run(), []
         for t in times.tolist():
             begun, end = self.t[k : k + 2].tolist()
-            seen, failures, _ = shape.look(looking, shape.site, begun, t, end, sites, 1)
+            moment = Moment(t, (t - begun) / (end - begun), 1.0)
+            seen, _, failures, _ = shape.look(looking, shape.site, moment, sites)
             if failures is not None:
                 error = failures[-1] if failures else NotFinite("a state is not finite")
                 raise failure(error, "dense output", f"between two steps, t = {t:g}")

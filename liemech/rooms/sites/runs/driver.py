@@ -10,7 +10,7 @@ from ....compiler.driver import accepted, attempt, itself, numbers, read, reason
 from ....compiler.sites.planes import each, load, save
 from ....errors import NotFinite
 from ....formulas import Record, Vec, record, vec, where
-from ....formulas.classes.layouts import NUMBER, Layout, carried_layout, layout_of
+from ....formulas.classes.layouts import NUMBER, carried_layout, layout_of
 from ....formulas.numbers.conversions import fitted
 from ....formulas.sites import total
 from ....formulas.sums import total as added
@@ -73,6 +73,10 @@ class OverSites(Record):
         order: int = self.method.error_order
         return order
 
+    def of_site(self, here: int) -> Any:
+        """What the method carries along for this site, in one copy of the memory."""
+        return load(self.sites, here, self.memory)
+
     def step(self, system: Any, t: float, place: Place, h: float) -> Place:
         """A step of all sites, from one copy of the memory to the other."""
         there = 1 - place.copy
@@ -81,11 +85,10 @@ class OverSites(Record):
 
     def go(self, system: Any, t: float, here: int, there: int, h: float) -> None:
         """A step of all sites from one copy of the memory to another."""
-        given = self.sites, here, there, self.memory
         if self.method.together:
-            self.method.step_together(system, t, h, *given)
+            self.method.step_together(system, t, h, self.sites, here, there, self.memory)
         else:
-            each(self.sites, one_step, self.method, system, t, h, *given)
+            each(self.sites, one_step, self, system, t, h, here, there)
 
     def settle(self, system: Any, t: float, here: int) -> None:
         """Find what is shown of the state to which steps have led, if the method does not always do so."""
@@ -103,23 +106,20 @@ class OverSites(Record):
         mean square of those of the sites.
         """
         there = 1 - place.copy
-        given = t, h, rtol, atol, dense, self.sites, place.copy, there, self.memory, self.told
-        each(self.sites, one_trial, self.method, system, *given)
+        each(self.sites, one_trial, self, system, t, h, rtol, atol, dense, place.copy, there)
         error, share = read(self.told, 0, PAIR)
         return TrialStep(Place(there), first, error, (), share)
 
     def first_velocity(self, system: Any, t: float, place: Place, rtol: float, atol: float) -> tuple[Vec, float, float]:
         """The velocities at the start, put beside the states, and their sizes."""
-        given = t, rtol, atol, self.sites, place.copy, self.memory, self.told
-        each(self.sites, one_velocity, self.method, system, *given)
+        each(self.sites, one_velocity, self, system, t, rtol, atol, place.copy)
         return vec(0.0), *read(self.told, 0, PAIR)
 
     def change_of_velocity(
         self, system: Any, t: float, place: Place, first: Vec, h: float, rtol: float, atol: float
     ) -> float:
         """The size of the change of the velocities in an Euler step."""
-        given = t, h, rtol, atol, self.sites, place.copy, self.memory, self.told
-        each(self.sites, one_change, self.method, system, *given)
+        each(self.sites, one_change, self, system, t, h, rtol, atol, place.copy)
         size: float = read(self.told, 0, PAIR)[0]
         return size
 
@@ -129,9 +129,9 @@ SOON = 1.25
 begins with what is shown before it.
 """
 
-SPARE, INSIDE, COPIES = 2, 4, 5
-"""The first of two copies of the memory for what lies between the parts of a step that is cut; the one
-for a place inside of a step; and how many there are then.
+SPARE, COPIES = 2, 4
+"""The first of two copies of the memory for what lies between the parts of a step that is cut, and how many
+there are then.
 """
 
 
@@ -147,12 +147,7 @@ class OverSitesToJumps(OverSites):
 
     def step(self, system: Any, t: float, place: Place, h: float) -> Place:
         """A step of all sites from jump to jump, as that of one body in `EndingAtJumps`."""
-        there = 1 - place.copy
-        self.cut(system, t, place.copy, there, h)
-        return Place(there)
-
-    def cut(self, system: Any, t: float, here: int, there: int, h: float) -> None:
-        """The parts of a step, from one copy of the memory to another."""
+        here, there = place.copy, 1 - place.copy
         at, end, lasting, to_copy, going = t, t + h, h, SPARE, True
         while going:
             to = self.ending.next_end(system, at, end)
@@ -166,36 +161,30 @@ class OverSitesToJumps(OverSites):
             at, going = to, where(h > 0.0, to < end, to > end)
         if self.ending.anew:
             self._begin_anew(system, there, lasting, h)
+        return Place(there)
 
     def _begin_anew(self, system: Any, here: int, lasting: float, h: float) -> None:
         """The memory of the method, of steps of length `lasting`, for those of length h."""
         if lasting != h:
-            each(self.sites, one_anew, self.method, system, h, self.sites, here, self.memory)
+            each(self.sites, one_anew, self, system, h, here)
 
 
-def over_sites(method: Any, sites: Any, memory: Any, told: Any, ending: Any) -> OverSites:
-    """The method of one site as that of all.  ending : where its steps are cut; None: nowhere."""
-    if ending is None:
-        return OverSites(method, sites, memory, told)
-    return OverSitesToJumps(method, sites, memory, told, ending)
-
-
-def one_anew(method: Any, system: Any, h: float, sites: Any, here: int, memory: Any) -> None:
+def one_anew(sites: OverSites, system: Any, h: float, here: int) -> None:
     """One site begins anew, for steps of another length."""
-    shown = sample(method, load(sites, here, memory))
-    save(sites, here, fitted(method.start(at_this_site(system), shown, h), memory), memory)
+    shown = sample(sites.method, sites.of_site(here))
+    save(sites.sites, here, fitted(sites.method.start(at_this_site(system), shown, h), sites.memory), sites.memory)
 
 
-def one_step(method: Any, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Any) -> None:
+def one_step(sites: OverSites, system: Any, t: float, h: float, here: int, there: int) -> None:
     """A step of one site."""
-    new, shown = stepped(method, at_this_site(system), t, load(sites, here, memory), h, memory)
+    new, shown = stepped(sites.method, at_this_site(system), t, sites.of_site(here), h, sites.memory)
     require_finite(shown)
-    save(sites, there, new, memory)
+    save(sites.sites, there, new, sites.memory)
 
 
-def one_rate(method: Any, system: Any, t: float, sites: Any, here: int, memory: Any) -> None:
+def one_rate(sites: OverSites, system: Any, t: float, here: int) -> None:
     """The velocity of one site, which is to be finite."""
-    one, state = at_this_site(system), sample(method, load(sites, here, memory))
+    one, state = at_this_site(system), sample(sites.method, sites.of_site(here))
     require_finite(one.rate(t, one.essential_part(state)))
 
 
@@ -257,75 +246,42 @@ class Embedded(Record):
         """The state."""
         return memory.state
 
-    def inside(self, system: Any, begun: float, at: float, end: float, before: Standing, after: Standing) -> Any:
-        """The state inside of a step, on its way."""
-        part = (at - begun) / (end - begun)
-        return on_the_way(self.method.retraction, system, before.state, after.curve, part)
-
-
-@record
-class Whole(Record):
-    """A method of fixed steps, which knows no way inside of one but to make a shorter step.
-
-    ending : where steps are cut; None: nowhere.
-    """
-
-    method: Any
-    ending: Any = None
-
-    def __repr__(self) -> str:
-        return repr(self.method)
-
-    def inside(self, system: Any, begun: float, at: float, end: float, before: Any, after: Any) -> Any:
-        """The state inside of a step."""
-        method, h = self.method, at - begun
-        memory = method.start(system, sample(method, before), h)
-        return sample(method, method.step(system, begun, memory, h))
-
 
 def one_trial(
-    method: Embedded, system: Any, t: float, h: float, rtol: float, atol: float, dense: bool,
-    sites: Any, here: int, there: int, memory: Layout, told: Any,
-) -> None:  # fmt: skip
+    sites: OverSites, system: Any, t: float, h: float, rtol: float, atol: float, dense: bool, here: int, there: int
+) -> None:
     """A step on probation of one site."""
-    old = load(sites, here, memory)
-    one = at_this_site(system)
-    made = method.method.trial(one, t, old.state, old.velocity, h, rtol, atol, dense)
+    old, method = sites.of_site(here), sites.method.method
+    made = method.trial(at_this_site(system), t, old.state, old.velocity, h, rtol, atol, dense)
     new = Standing(made.state, made.velocity, made.curve)
     require_finite(new)
-    write(told, 0, (made.error, made.share), PAIR)
-    save(sites, there, new, memory)
+    write(sites.told, 0, (made.error, made.share), PAIR)
+    save(sites.sites, there, new, sites.memory)
 
 
-def one_velocity(
-    method: Embedded, system: Any, t: float, rtol: float, atol: float, sites: Any, here: int,
-    memory: Layout, told: Any,
-) -> None:  # fmt: skip
+def one_velocity(sites: OverSites, system: Any, t: float, rtol: float, atol: float, here: int) -> None:
     """The velocity of one site at the start."""
-    old = load(sites, here, memory)
-    xi, speed, size = method.method.first_velocity(at_this_site(system), t, old.state, rtol, atol)
+    old = sites.of_site(here)
+    xi, speed, size = sites.method.method.first_velocity(at_this_site(system), t, old.state, rtol, atol)
     require_finite(xi)
-    write(told, 0, (speed, size), PAIR)
-    save(sites, here, Standing(old.state, xi, old.curve), memory)
+    write(sites.told, 0, (speed, size), PAIR)
+    save(sites.sites, here, Standing(old.state, xi, old.curve), sites.memory)
 
 
-def one_change(
-    method: Embedded, system: Any, t: float, h: float, rtol: float, atol: float, sites: Any,
-    here: int, memory: Layout, told: Any,
-) -> None:  # fmt: skip
+def one_change(sites: OverSites, system: Any, t: float, h: float, rtol: float, atol: float, here: int) -> None:
     """The change of the velocity of one site in an Euler step."""
-    old, one = load(sites, here, memory), at_this_site(system)
+    old, one = sites.of_site(here), at_this_site(system)
     given = t, old.state, old.velocity, h, rtol, atol
-    write(told, 0, (method.method.change_of_velocity(one, *given), 0.0), PAIR)
+    write(sites.told, 0, (sites.method.method.change_of_velocity(one, *given), 0.0), PAIR)
 
 
-def one_remake(method: Embedded, system: Any, t: float, h: float, sites: Any, here: int, memory: Layout) -> None:
+def one_remake(sites: OverSites, system: Any, t: float, h: float, here: int) -> None:
     """The step of one site as on probation, without its error, which is that of all."""
-    old, one = load(sites, here, memory), at_this_site(system)
+    old, one = sites.of_site(here), at_this_site(system)
     if h == 0.0:
         require_finite(one.rate(t, one.essential_part(old.state)))
     else:
-        new = method.method.step(one, t, old.state, h)
+        new = sites.method.method.step(one, t, old.state, h)
         require_finite((new, one.rate(t + h, one.essential_part(new))))
 
 
@@ -359,223 +315,156 @@ class OfSite(Record):
 
 @record
 class Shown(Record):
-    """The content of samples: the state of every site, if it is `kept`, in this layout; and totals over all
-    sites of quantities, in rows of another.
+    """The content of samples: of every site, if it is `kept`, the state, or if they are `whole` all that its method
+    carries along, in this layout; and totals over all sites of quantities, in rows of another.
     """
 
     kept: bool
-    state: Any
+    whole: bool
+    layout: Any
     quantities: tuple[Any, ...]
     totals: Any
 
 
 @record
 class March(Record):
-    """How far a march has come: samples that were written, when its last step began (a nan before the
-    first one), and why it stands still: 0, `CROSSED` or `UNWATCHED`.
-    """
+    """How far a march has come: samples that were written, and when its last step began, a nan before the first one."""
 
     samples: float
     begun: float
-    why: float
 
 
 OVERFLOW = "the step overflowed or left the domain of a formula; a smaller h may help"
 
-MARCH = layout_of(March(0.0, 0.0, 0.0))
-
-CROSSED, UNWATCHED = 1.0, 2.0
-"""In the last step an event changed its sign, or was zero where it began; or its formula failed."""
+MARCH = layout_of(March(0.0, 0.0))
 
 
 @record
-class Sighted(Record):
-    """The content of samples, and what is looked at after every step: `events` of the totals of their
-    quantities, of which `values` is the layout, and `named` an example with a name for each.
+class Procedure(Record):
+    """How all sites are taken on.
+
+    method : of one site.  control : of the steps.  memory, place : the layouts of what the method carries along for one
+    site, and of what the control does.  shown : the content of samples.  every : are there samples of all steps, or at
+    given times?  ending : where steps are cut; None: nowhere.
     """
 
+    method: Any
+    control: Any
+    memory: Any
+    place: Any
     shown: Shown
-    events: tuple[Any, ...]
-    values: Any
-    named: Any
+    every: bool
+    ending: Any
 
-    def seen(self, t: float, look: Any) -> tuple[float, ...]:
-        """The values of the events."""
-        totals = type(self.named)(*read(look, 0, self.shown.totals))
-        return tuple([event(t, totals) for event in self.events])
+    def over(self, sites: Any, told: Any) -> OverSites:
+        """The method of one site as that of all."""
+        if self.ending is None:
+            return OverSites(self.method, sites, self.memory, told)
+        return OverSitesToJumps(self.method, sites, self.memory, told, self.ending)
 
 
 def advance_sites(
-    method: Any,
+    procedure: Procedure,
     system: Any,
-    control: Any,
-    memory: Any,
-    place: Any,
-    sighted: Any,
-    ending: Any,
     turns: int,
     sites: Any,
     seen: Any,
     totals: Any,
-    look: Any,
-    values: Any,
+    times: Any,
+    march: Any,
     goals: Any,
     states: Any,
     clocks: Any,
     out: Any,
-    times: Any,
-    told: Any,
-    march: Any,
     failures: Any,
 ) -> None:
-    """The driver: so many turns of all sites, and a sample where a step ends at the next of the
-    times, which have a nan behind them.  It stands still where a step goes beyond the next time, and
-    where an event changes its sign.
+    """The driver: so many turns of all sites, and a sample where a step ends at the next of the times, which have a nan
+    behind them, while it stands still where a step goes beyond the next time; or a sample of every step, and of
+    where the first one begins, and their times.
 
-    memory : the layout of what the method carries along for one site.  place : that of what the
-    control carries along.  ending : where steps are cut, or None.  sites : copies of the memory of all
-    sites.  seen, totals : samples of all sites, and of quantities, one behind the other.  look :
-    quantities after a step; values : of the events, before and after it.  goals, states, clocks, out,
-    failures : as for `advance`.  told : as `OverSites` has it.
+    sites : copies of the memory of all sites.  seen, totals : samples of all sites, and of quantities, one behind the
+    other.  march : two numbers as `OverSites` has them told, and a `March`.  goals, states, clocks, out, failures : as
+    for `advance`.
     """
-    everyone = over_sites(method, sites, memory, told, ending)
-    goal, before = read(goals, 0, GOAL), read(march, 0, MARCH)
-    n, k, begun, why = 0, 0, before.begun, before.why
+    everyone, shown = procedure.over(sites, march), procedure.shown
+    goal, begun = read(goals, 0, GOAL), read(march, 1, MARCH).begun
+    n, k = 0, 0
     moved = begun != begun
     begun = read(clocks, 0, CLOCK).t if moved else begun
     while n <= turns:
         clock, here = read(clocks, 0, CLOCK), read(states, 0, PLACE).copy
         t = clock.t
-        if sighted.events and moved:
-            given = method, system, t, sites, here, memory, sighted.shown, look
-            trial = attempt(watched, sighted, sites, *given)
-            if not accepted(trial, finite):
-                why = UNWATCHED
-                if failures is not None:
-                    failures.append(reason(trial))
-            else:
-                for a, b in zip(read(values, 0, sighted.values), trial):
-                    if min(a, b) <= 0.0 and max(a, b) >= 0.0:
-                        why = CROSSED
-                write(values, 0 if why == 0.0 else 1, trial, sighted.values)
-        moved = False
-        due = (read(times, k, NUMBER) - t) * (t - begun) < 0.0
-        last = n == turns or due or why != 0.0 or not going(clock, goal)
-        if last or abs(read(times, k, NUMBER) - t) < SOON * abs(clock.h):
-            everyone.settle(system, t, here)
-        while why == 0.0 and read(times, k, NUMBER) == t:
-            each(sites, one_sample, method, system, t, sites, here, memory, sighted.shown, seen, totals, k)  # fmt: skip
-            k = k + 1
+        if procedure.every:
+            last = n == turns or not going(clock, goal)
+            if moved:
+                everyone.settle(system, t, here)
+                each(sites, one_sample, everyone, system, t, here, shown, seen, totals, k)
+                write(times, k, t, NUMBER)
+                k = k + 1
+        else:
+            due = (read(times, k, NUMBER) - t) * (t - begun) < 0.0
+            last = n == turns or due or not going(clock, goal)
+            if last or abs(read(times, k, NUMBER) - t) < SOON * abs(clock.h):
+                everyone.settle(system, t, here)
+            while read(times, k, NUMBER) == t:
+                each(sites, one_sample, everyone, system, t, here, shown, seen, totals, k)
+                k = k + 1
         if last:
             break
-        advance(everyone, system, control, place, ROW, 1, 1, goals, states, clocks, out, failures)
+        advance(everyone, system, procedure.control, procedure.place, ROW, 1, 1, goals, states, clocks, out, failures)
         n, moved = n + 1, read(clocks, 0, CLOCK).t != t
         begun = t if moved else begun
-    write(march, 0, March(float(k), begun, why), MARCH)
+    write(march, 1, March(float(k), begun), MARCH)
 
 
-def finite(value: Any) -> tuple[()]:
-    """Nothing of the values of events needs to be finite."""
-    return ()
+def one_sample(
+    sites: OverSites, system: Any, t: float, here: int, shown: Shown, seen: Any, totals: Any, k: int
+) -> None:
+    """The sample of one site."""
+    carry = sites.of_site(here)
+    state = sample(sites.method, carry)
+    looked_at(system, t, state, shown, totals, k)
+    if shown.kept:
+        save(seen, k, carry if shown.whole else state, shown.layout)
 
 
-def watched(sighted: Any, sites: Any, method: Any, system: Any, t: float, *given: Any) -> tuple[float, ...]:
-    """The values of the events after a step."""
-    each(sites, one_look, method, system, t, *given)
-    return sighted.seen(t, given[-1])
-
-
-def one_look(
-    method: Any, system: Any, t: float, sites: Any, here: int, memory: Any, shown: Any, look: Any
-) -> None:  # fmt: skip
-    """The state of one site at the end of a step."""
-    looked_at(system, t, sample(method, load(sites, here, memory)), shown, look, 0)
-
-
-def looked_at(system: Any, t: float, state: Any, shown: Any, totals: Any, k: int) -> None:
+def looked_at(system: Any, t: float, state: Any, shown: Shown, totals: Any, k: int) -> None:
     """Row number k of the totals of what is shown of one site."""
-    one = at_this_site(system)
-    found = tuple([total(quantity(t, one, state)) for quantity in shown.quantities])
-    write(totals, k, found, shown.totals)
+    if shown.quantities:
+        one = at_this_site(system)
+        found = tuple([total(quantity(t, one, state)) for quantity in shown.quantities])
+        write(totals, k, found, shown.totals)
+
+
+@record
+class Moment(Record):
+    """A time in a step, the part of the step up to it, and the copy of the memory, of two, that has the end of the step."""
+
+    t: float
+    part: float
+    copy: float
 
 
 def look_inside(
-    way: Any,
-    system: Any,
-    memory: Any,
-    sighted: Any,
-    begun: float,
-    at: float,
-    end: float,
-    sites: Any,
-    seen: Any,
-    totals: Any,
-    values: Any,
-    states: Any,
-    done: Any,
-    failures: Any,
+    procedure: Procedure, system: Any, moment: Moment, sites: Any, seen: Any, totals: Any, done: Any, failures: Any
 ) -> None:
-    """The driver: a sample inside of the last step, and in `values` what events are there; `done` is
-    then 1.
-
-    way : gives the state inside.
-    """
-    here = read(states, 0, PLACE).copy
-    given = begun, at, end, sites, here, memory, sighted.shown, seen, totals
-    trial = attempt(watched_inside, at, way, system, sighted, values, sites, *given)
+    """The driver: a sample inside of the last step by an error estimate, on its way; `done` is then 1."""
+    trial = attempt(each, sites, one_inside, procedure, system, moment, sites, seen, totals)
     if accepted(trial, itself):
         write(done, 0, 1.0, NUMBER)
     elif failures is not None:
         failures.append(reason(trial))
 
 
-def watched_inside(at: float, way: Any, system: Any, sighted: Any, values: Any, sites: Any, *given: Any) -> None:
-    """The state inside of a step of all sites, and the values of events."""
-    if way.ending is None:
-        each(sites, one_inside, way, system, *given)
-    else:
-        begun, _, _, _, here, memory, *more = given
-        everyone = OverSitesToJumps(way.method, sites, memory, None, way.ending)
-        everyone.cut(system, begun, 1 - here, INSIDE, at - begun)
-        each(sites, one_there, way.method, system, at, sites, memory, *more)
-    if sighted.events:
-        write(values, 0, sighted.seen(at, given[-1]), sighted.values)
-
-
-def one_inside(
-    way: Any, system: Any, begun: float, at: float, end: float, sites: Any, here: int, memory: Any,
-    shown: Any, seen: Any, totals: Any,
-) -> None:  # fmt: skip
+def one_inside(procedure: Procedure, system: Any, moment: Moment, sites: Any, seen: Any, totals: Any) -> None:
     """The state of one site inside of a step."""
-    before, after = load(sites, 1 - here, memory), load(sites, here, memory)
-    state = way.inside(at_this_site(system), begun, at, end, before, after)
+    method, shown = procedure.method, procedure.shown
+    here = int(moment.copy)
+    before, after = load(sites, 1 - here, procedure.memory), load(sites, here, procedure.memory)
+    state = on_the_way(method.method.retraction, at_this_site(system), before.state, after.curve, moment.part)
     require_finite(state)
-    one_shown(system, at, state, shown, seen, totals, 0)
-
-
-def one_there(
-    method: Any, system: Any, t: float, sites: Any, memory: Any, shown: Any, seen: Any, totals: Any
-) -> None:  # fmt: skip
-    """The sample of one site inside of a step that was cut."""
-    state = sample(method, load(sites, INSIDE, memory))
-    require_finite(state)
-    one_shown(system, t, state, shown, seen, totals, 0)
-
-
-def one_sample(
-    method: Any, system: Any, t: float, sites: Any, here: int, memory: Any, shown: Any, seen: Any,
-    totals: Any, k: int,
-) -> None:  # fmt: skip
-    """The sample of one site."""
-    one_shown(system, t, sample(method, load(sites, here, memory)), shown, seen, totals, k)
-
-
-def one_shown(system: Any, t: float, state: Any, shown: Any, seen: Any, totals: Any, k: int) -> None:
-    """The kept part of the state of one site."""
-    if shown.quantities:
-        looked_at(system, t, state, shown, totals, k)
-    if shown.kept:
-        save(seen, k, state, shown.state)
+    looked_at(system, moment.t, state, shown, totals, 0)
+    save(seen, 0, state, shown.layout)
 
 
 def totals_of_samples(system: Any, shown: Any, first: int, samples: int, seen: Any, totals: Any, times: Any) -> None:
@@ -586,43 +475,41 @@ def totals_of_samples(system: Any, shown: Any, first: int, samples: int, seen: A
 
 def one_total(system: Any, t: float, shown: Any, seen: Any, totals: Any, k: int) -> None:
     """Those of one sample."""
-    looked_at(system, t, load(seen, k, shown.state), shown, totals, k)
+    looked_at(system, t, load(seen, k, shown.layout), shown, totals, k)
 
 
 # ------------------------------------------------------------------ the start
 
 
-def begin_sites(
-    method: Any,
-    system: Any,
-    given: Any,
-    started: Any,
-    memory: Any,
-    h: float,
-    starts: Any,
-    sites: Any,
-    done: Any,
-    failures: Any,
-) -> None:
-    """The driver before the first step: from starts, given in one layout and to be used in another,
-    what the method carries along for every site; `done` is then 1.
+@record
+class Beginner(Record):
+    """How every site begins: the method, the layouts of a start as it comes and as it is to be used, and that of what the
+    method carries along.
     """
-    trial = attempt(each, sites, one_start, method, system, given, started, memory, h, starts, sites)
+
+    method: Any
+    given: Any
+    started: Any
+    memory: Any
+
+
+def begin_sites(beginner: Beginner, system: Any, h: float, starts: Any, sites: Any, done: Any, failures: Any) -> None:
+    """The driver before the first step: from starts what the method carries along for every site; `done` is then 1."""
+    trial = attempt(each, sites, one_start, beginner, system, h, starts, sites)
     if accepted(trial, itself):
         write(done, 0, 1.0, NUMBER)
     elif failures is not None:
         failures.append(reason(trial))
 
 
-def one_start(
-    method: Any, system: Any, given: Any, started: Any, memory: Any, h: float, starts: Any, sites: Any
-) -> None:
+def one_start(beginner: Beginner, system: Any, h: float, starts: Any, sites: Any) -> None:
     """The start of one site."""
-    carry = first_memory(method, system, given, started, h, starts)
-    require_finite(sample(method, carry))
-    save(sites, 0, fitted(carry, memory), memory)
+    carry = first_memory(beginner, system, h, starts)
+    require_finite(sample(beginner.method, carry))
+    save(sites, 0, fitted(carry, beginner.memory), beginner.memory)
 
 
-def first_memory(method: Any, system: Any, given: Any, started: Any, h: float, starts: Any) -> Any:
+def first_memory(beginner: Beginner, system: Any, h: float, starts: Any) -> Any:
     """The memory of a method for one site at the start."""
-    return method.start(at_this_site(system), fitted(load(starts, 0, given), started), h)
+    start = fitted(load(starts, 0, beginner.given), beginner.started)
+    return beginner.method.start(at_this_site(system), start, h)

@@ -1,72 +1,237 @@
-"""Events of systems of many sites: zeros of functions of time and of totals over all sites."""
+"""Runs of systems of many sites all of whose steps are looked at: for zeros of events, which are functions of time and of
+totals over all sites, or of the state of all, and for the whole way of adaptive steps.
+"""
 
 from __future__ import annotations
 
+import functools
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from ....formulas.numbers.sizes import EPSILON
+from ....errors import InvalidInput
+from ....formulas import Record, record
+from ....formulas.classes.flattening import build
+from ....formulas.classes.layouts import layout_of
+from ....formulas.classes.records import names_of
 from ....simulation.between.dense import unpacked
-from ....simulation.between.events import EARLY, NO_EVENTS, Event, Watch, crossed, name_of, roots, warn_of_jump
+from ....simulation.between.events import Events, Moving
+from ....simulation.compiled.control import TAKEN
+from ....simulation.keep import PieceOfBodies
+from ....systems.many.site_state import StateOfSites
 from .states import kind_of
 
+TOTAL = "total"
+"""The name of the second argument of an event of totals."""
 
-class Sightings:
-    """The zeros that a run of many sites has met."""
 
-    def __init__(self, run: Any, events: tuple[Event, ...], begun: Any) -> None:
-        self.run, before = run, getattr(begun, "met", NO_EVENTS)
-        self.watch = Watch(events, [], before)
-        self.each = {0: self.watch}
-        # a zero that ended the run before is none of this
-        self.known, ended = [name for name, _ in before], getattr(begun, "event", None)
-        self.over = ended if ended is not None and self.known == [name_of(e) for e in events] else None
+@functools.cache
+def totals_class(names: tuple[str, ...]) -> Any:
+    """The class of totals with these names."""
+    fields = {"__annotations__": dict.fromkeys(names, Any), "__module__": __name__}
+    return record(type(f"Totals_{'_'.join(names)}", (Record,), fields))
 
-    def meet(self, begun: float, end: float) -> float:
-        """Find the zeros in a step that goes from one time to another; where the run is to end, or the
-        end of the step.
+
+class StepsOfSites(Moving):
+    """The steps of a run, as events ask for them.  The numbers that these see are the totals, and behind them, if one is
+    of the state of all sites, this state.
+
+    times, rows, totals : of where the last steps began and of their ends, as `SiteRun.ends` has them.
+    here : (1 + numbers, 1) time and numbers where the run stands.  kinds : of every event by its identity, what it is of.
+    """
+
+    bodies = None
+    between = SimpleNamespace(closer=False)
+    events: Any = None
+    fresh = True  # is the start still to be looked at?
+
+    def __init__(self, run: Any, start: Any) -> None:
+        self.run, self.plan, self.adaptive = run, run.plan, run.adaptive
+        self.asked_for, self.over, self.cuts = run.plan._steps.compiled, np.array([False]), {}  # type: Any, Any, Any
+        self.sign = np.array([np.copysign(1.0, run.t_end - run.begun)])
+        self.met_before: Any = ({}, {})
+        if not isinstance(start, StateOfSites):
+            self.met_before = {0: start.met}, {} if start.event is None else {0: start.event}
+        self.kinds = {id(f): of for _, of, f in run.plan._sites.functions}
+        self.whole = any(self.kinds[id(event)] != TOTAL for event in run.plan.events)
+        names = tuple(run.plan._sites.summed) if run.shape.shown.quantities else ()
+        self.kind, self.layout = totals_class(names), run.shape.shown.totals
+        self.view: Any = self
+        for event in run.plan.events:
+            if self.kinds[id(event)] == TOTAL:
+                self._require_totals(event)
+
+    def _require_totals(self, event: Any) -> None:
+        """Raise InvalidInput for an event that asks for a total that `record` does not name."""
+        named = self._named(np.zeros(self.layout.width))
+        try:
+            event(0.0, named)
+        except AttributeError as error:
+            if error.obj is named:
+                raise InvalidInput(
+                    f"integrate: an event asks for total.{error.name}; record= names {', '.join(names_of(self.kind))}"
+                ) from None
+        except Exception:  # of zeros it may fail
+            return
+
+    # ---------------------------------------------------------------- what events see
+
+    def _named(self, numbers: np.ndarray) -> Any:
+        """The totals, by their names."""
+        return self.kind(*build(self.layout, iter(numbers[: self.layout.width].tolist())))
+
+    def small(self, numbers: np.ndarray) -> np.ndarray:
+        """The numbers of one sample as they are: `ask` shows to each event what it is of."""
+        return numbers
+
+    def ask(self, event: Any, t: float, numbers: Any) -> Any:
+        if self.kinds[id(event)] == TOTAL:
+            return event(t, self._named(numbers))
+        rows = numbers[self.layout.width :].reshape(-1, self.run.count)
+        return event(t, self.run.state_of_all(rows))
+
+    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
+        """The layout and the numbers of totals as formulas take them; no layout where an event is of all sites, which
+        NumPy evaluates.
         """
-        run, watch = self.run, self.watch
-        old, new = run.values
-        fresh = begun == run.begun
-        if fresh and self.over is not None and np.isfinite(old[self.over]):
-            old[self.over] = 0.0
-        found = []
-        for i, event in enumerate(watch.events):
-            # what is zero at the start of the step, up to rounding of the time where the run begins, has a sign later
-            a, first = begun, float(old[i])
-            if first == 0.0 or (fresh and abs(first) <= EARLY * abs(new[i]) and crossed(event, first, new[i])):
-                late = begun + EARLY * (end - begun)
-                sign = float(run.looked(late, begun, end)[2][i])
-                rounding = 64.0 * EPSILON * max(abs(begun), abs(end)) * abs(sign - first) / abs(late - begun)
-                if abs(first) <= rounding:
-                    a, first = late, sign
-            if crossed(event, first, new[i]):
+        if self.whole:
+            return None, numbers
+        return layout_of(self._named(numbers[0])), numbers
 
-                def value(_: Any, times: np.ndarray, i: int = i) -> np.ndarray:
-                    return np.array([run.looked(t, begun, end)[2][i] for t in times.tolist()])
+    def states(self, numbers: np.ndarray) -> Any:
+        """The states of kept sites, of their numbers, (n, numbers)."""
+        layout = self.run.shape.state
+        rows = numbers.reshape(len(numbers), layout.width, self.wide // layout.width)
+        arrays = unpacked(layout, np.moveaxis(rows, 1, -1))
+        return kind_of(arrays)(**arrays)
 
-                at, jump = roots(value, *[np.array([x]) for x in (a, end, first, new[i])])
-                if jump.item():
-                    warn_of_jump(name_of(event), at.item())
-                else:
-                    found.append((at.item(), i))
-        found.sort(reverse=end < begun)
-        zeros = ((0, at, i, run.samples.kept_of(run.looked(at, begun, end)[0])) for at, i in found)
-        hit = watch.meet(zeros)
-        run.values[0] = new
-        run.ended = watch.ended
-        return end if hit is None else hit[1]
+    @property
+    def wide(self) -> int:
+        return int(self.run.samples.kept_of(np.empty((self.run.shape.state.width, self.run.count))).size)
 
-    def shown(self, body: int) -> tuple[Any, ...]:
-        """Of every event the times and the states."""
-        run = self.run
-        layout, width = run.shape.state, run.shape.state.width
-        shown = []
-        for one in self.watch.found:
-            some = run.samples.kept_of(np.empty((1, run.count))).shape[1]
-            rows = np.array([x for _, x in one]).reshape(len(one), width, some)
-            arrays = unpacked(layout, np.moveaxis(rows, 1, -1))
-            shown.append((np.array([t for t, _ in one]), kind_of(arrays)(**arrays)))
-        return tuple(shown)
+    def refused(self, error: Any, body: int, t: float, state: Any) -> Any:
+        error.asked_at = t
+        return error
+
+    # ---------------------------------------------------------------- inside of steps
+
+    def at(self, k: int, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """The states of all sites, (width, sites), and the totals, at a time in step k."""
+        for end in (k, k + 1):
+            if t == self.times[end]:
+                return self.run.seen(self.rows[end]), self.totals[end]
+        found: tuple[np.ndarray, np.ndarray]
+        found = self.run.inside_step(self.rows[k : k + 2], *self.times[k : k + 2].tolist(), t)
+        return found
+
+    def _numbers(self, rows: np.ndarray, totals: np.ndarray) -> np.ndarray:
+        """What events see of states of all sites, (..., width, sites), and of totals, (..., totals)."""
+        return np.concatenate([totals, rows.reshape(*totals.shape[:-1], -1)], axis=-1) if self.whole else totals
+
+    def looks(self, piece: Any, step: np.ndarray) -> Any:
+        return np.ones(len(step), dtype=int)
+
+    def inside(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
+        begins = piece.before[step].tolist()
+        return np.array([self._numbers(*self.at(k, t)) for k, t in zip(begins, times.tolist())])
+
+    def seen_at(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
+        begins, kept = piece.before[step].tolist(), self.run.samples.kept_of
+        return np.array([kept(self.at(k, t)[0]).ravel() for k, t in zip(begins, times.tolist())])
+
+    # ---------------------------------------------------------------- the steps
+
+    def go(self, turns: int) -> None:
+        """Some more steps, of which the samples are kept, up to the first event that ends the run.  Ctrl-C leaves the
+        run where it was; where an event fails it stands before the step in which it does.
+        """
+        run, made = self.run, self.run.samples.made
+        stand, taken = run.stand, run.taken
+        values = [*self.events.each[0].values] if self.events else []
+        try:
+            self.times, self.rows, self.totals = run.ends(turns)
+            numbers = self._numbers(run.seen(self.rows), self.totals) if self.whole else self.totals
+            out = np.column_stack([self.times, numbers])[:, :, None]
+            hit = self._look(out, taken)
+        except KeyboardInterrupt:
+            run.return_to(stand, 0)
+            run.samples.made = made
+            if self.events:
+                self.events.each[0].values = values
+                self.events.forget()
+            raise
+        except Exception as error:
+            if not hasattr(error, "asked_at"):
+                raise
+            step = getattr(error, "step", 0)
+            self._keep_up_to(self.times.item(step), step)
+            run.return_to(stand, step)
+            raise run._ended(error, f"in an event at t = {error.asked_at:g}") from None
+        if hit is None:
+            self._keep_up_to(self.times.item(-1), len(self.times) - 1)
+        else:
+            self._end(hit, stand, taken)
+        self.here = out[-1]
+
+    def _look(self, out: np.ndarray, taken: int) -> Any:
+        """Look at some steps: the zero that ends the run, or None.  out : times, and numbers that events see."""
+        if self.fresh:
+            self.fresh, self.here = False, out[0]
+            if self.plan.events:
+                self.events = self.run.events = Events(self, self.plan.events)
+            self._keep_up_to(self.times.item(0), 0)
+            if self.run.dense:
+                self.run.ways.append((self.times.item(0), self.rows[0].copy()))
+        if not self.events:
+            return None
+        piece = PieceOfBodies(self, np.array([0]), out, self.here[0], np.array([taken]))
+        return self.events.see(piece).get(0)
+
+    def _end(self, hit: Any, stand: Any, taken: int) -> None:
+        """End the run where a terminal event has its zero."""
+        run, (step, at, event, _) = self.run, hit
+        run.ended, self.cuts[0] = event, event
+        (rows, totals), (begun, end) = self.at(step, at), self.times[step : step + 2].tolist()
+        rows, whole = rows.copy(), self.rows[step + 1].copy()
+        self._keep_up_to(at, step)
+        if not run.fixed_times and run.samples.t[-1] != at:
+            run.samples.end_at(at)
+            run.samples.keep(rows, totals)
+        if run.adaptive:
+            run.return_to(stand, step + 1)
+        run.clocks[TAKEN] = taken + step + 1
+        run.end_in_step(at, rows)
+        if run.dense:
+            lasting = run.shape.lasting
+            part = part_of_way(whole[lasting:], (at - begun) / (end - begun), run.shape)
+            run.ways.append((at, np.concatenate([run._memory[:lasting], part])))
+
+    def _keep_up_to(self, end: float, last: int) -> None:
+        """Keep the samples up to a time, and of the whole way the steps up to this one."""
+        run, samples, sign = self.run, self.run.samples, self.sign.item()
+        for k in range(1, last + 1) if run.dense else ():
+            run.ways.append((self.times.item(k), self.rows[k].copy()))
+            if not run.fixed_times and self.times[k] != samples.times[-1]:
+                samples.more(self.times.item(k))
+        due = samples.times[samples.made :]
+        due = due[sign * due <= sign * end]
+        ends, done = np.searchsorted(sign * self.times, sign * due), 0
+        for k in np.flatnonzero(self.times[ends] != due).tolist():
+            self._keep(ends[done:k])
+            samples.keep(*self.at(max(ends.item(k) - 1, 0), due.item(k)))
+            done = k + 1
+        self._keep(ends[done:])
+
+    def _keep(self, ends: np.ndarray) -> None:
+        """Keep samples at some ends of steps."""
+        if len(ends):
+            self.run.samples.keep(self.run.seen(self.rows[ends]), self.totals[ends])
+
+
+def part_of_way(curve: np.ndarray, part: float, shape: Any) -> np.ndarray:
+    """The coefficients of the first part of a way, Omega(part theta)."""
+    terms = len(shape.memory.parts[2].parts)
+    powers = part ** (1.0 + np.arange(terms))
+    found: np.ndarray = np.repeat(powers, len(curve) // terms)[:, None] * curve
+    return found

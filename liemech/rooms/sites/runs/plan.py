@@ -73,15 +73,17 @@ class SitesOfPlan:
         site = plan._one.site_form
         return cls(plan, with_lists(plan._one, site))
 
-    def prepared(self, first: State, starts: Planes, curves: bool, level: float | None = None) -> Any:
+    def prepared(
+        self, first: State, starts: Planes, curves: bool, every: bool = False, level: float | None = None
+    ) -> Any:
         """Layouts and native code for starts whose first site is like this one.  curves : is the way of
-        adaptive steps needed?  level : of the derivative that its numbers carry along.
+        adaptive steps needed?  every : are all steps looked at?  level : of the derivative that its numbers carry along.
         """
         from .prepared import Prepared
 
-        key = layout_of(first), curves
+        key = layout_of(first), curves, every
         if key not in self.known:
-            self.known[key] = Prepared(self.plan, self.site, first, starts, curves, level)
+            self.known[key] = Prepared(self.plan, self.site, first, starts, curves, every, level)
         return self.known[key]
 
     def started(self, plan: Any, start: Any) -> Any:
@@ -166,19 +168,10 @@ class SitesOfPlan:
                     'names: record=[("spin", lambda t, site: site.mu)]'
                 )
 
-    def missing(self, t_eval: Any, kept: Any, members: bool, few: bool = False) -> str | None:
-        """The first thing asked for that runs by sites do not have; None if they have all.  few : may the system
-        be written out?
-        """
-        plan, steps, links = self.plan, self.plan._steps, self.site.jointed
-        whole = [(name, f) for name, of, f in self.functions if of not in OF_SITES]
-        asked = [name for name, f in whole if few or any(f is event for event in plan.events)]
-        if asked and not links:
-            return (
-                f"event of the state of all sites, as {asked[0]} is: with the arguments (t, site) a function is "
-                "of one site, and recorded as the sum over all; an event (t, total) is of such sums"
-            )
-        if not links:
+    def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
+        """The first thing asked for that runs by sites do not have; None if they have all."""
+        plan, steps = self.plan, self.plan._steps
+        if not self.site.jointed:
             self._require_places()
         if plan.fictive:
             return "steps in fictive time"
@@ -229,8 +222,10 @@ class SitesOfPlan:
         numbers = state.width // (state.bodies or 1)
         if not self.takes(start):
             return None
-        few = fresh and numbers <= LARGE and self.as_one_body and self.of_sites is None
-        why: Any = self.missing(t_eval, kept, state.bodies is not None, few)
+        whole = any(of not in OF_SITES for _, of, _ in self.functions) and not self.site.jointed
+        if whole and fresh and numbers <= LARGE and self.as_one_body and self.of_sites is None:
+            return None
+        why: Any = self.missing(t_eval, kept, state.bodies is not None)
         if why is None and state.bodies is not None:
             return self._members(state, steps, t_end, t0, t_eval)
         if why is None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ....compiler import kernel
 from ....compiler.sites.planes import Planes
-from ....errors import InvalidInput, NoConvergence, NotFinite, is_mistake
+from ....errors import IntegrationFailure, InvalidInput, NoConvergence, NotFinite, is_mistake
 from ....formulas.classes.layouts import layout_of
 from ....formulas.classes.nested import records_in
 from ....formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
@@ -45,23 +45,22 @@ from ....systems.in_time.inputs import during, has_inputs
 from ....systems.many.site_state import StateOfSites
 from .driver import (
     COPIES,
-    CROSSED,
     ROW,
-    UNWATCHED,
+    Moment,
+    OverSites,
     advance_sites,
     begin_sites,
     one_inside,
-    one_look,
     one_rate,
     one_remake,
     one_start,
     one_step,
 )
-from .events import Sightings
+from .events import StepsOfSites
 from .execution import LONG, SiteExecution
 from .lists import STEP as SHORT
 from .lists import Lists
-from .samples import SamplesOfSites
+from .samples import EndsOfSteps, SamplesOfSites
 from .states import as_users_see, by_site, first_of, site_rows, state_of_rows
 
 PATIENCE = 0.1
@@ -89,16 +88,24 @@ class SiteRun(Course):
     """One run of one system of many sites: what bodies are in other runs is here one system, whose columns
     are its sites.
 
-    march : how far the driver has come.  left : jumps of the velocity, last ones first.
+    clocks, goals : of the control, a column.  sites : the memory of the method at all sites, of which `place` says the
+    copy where the sites are.  march : how far the driver has come.  shape : layouts and native code.  samples : what is
+    kept.  steps_seen : where all steps are looked at; None: at no step.  ways : of the whole way of adaptive steps, of
+    every end of a step the time and the memory.  left : jumps of the velocity, last ones first.  lists : of neighbours.
+    bench : a run beside this one that makes single shorter steps.  level : of the derivative that numbers carry along.
+    overflowed : the first site with numbers that are not finite, of a step that failed.
     """
 
     by_sites = True
     ended: int | None = None  # by which event
-    level: float | None = None  # of the derivative that numbers carry along
+    level: float | None = None
     dense = False  # is the way of all adaptive steps kept?
     quantities: Any = None  # functions of samples
-    bench: Any = None  # a run beside this one that makes single shorter steps
-    overflowed: int | None = None  # the first site with numbers that are not finite, of a step that failed
+    events: Any = None
+    steps_seen: Any = None
+    kept_steps: Any = None
+    bench: Any = None
+    overflowed: int | None = None
 
     def __init__(
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
@@ -121,22 +128,23 @@ class SiteRun(Course):
         self.fixed_times = t_eval is not None
         asked, times = self.aim(steps, t_end, t_eval)
         inner = (asked != self.begun) & (asked != self.t_end)
-        curves = self.adaptive and bool(plan.events or inner.any() or self.dense)
+        every = not site.jointed and self._looks  # linkages look at samples
+        curves = self.adaptive and bool(every or inner.any())
         first, rows = self.laid_out(state)
         self.starts: Any = Planes(rows_of(rows), self.count)
-        self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
+        self.shape = shape = plan._sites.prepared(first, self.starts, curves, every, self.level)
         self.h, self.pace = shape.h, shape.paces.get(self.count, 1)
         chosen = None if plan.recorder is None else plan.recorder.sites
         self.of_all: dict[str, list[Any]] = {name: [] for name in plan._sites.of_all}
         if self.of_all and not plan.recorder.parts and chosen is None:
             chosen = []  # states are looked at, and not kept
-        wide = shape.state.width if shape.shown.kept else 0
+        wide = shape.state.width if shape.keeps else 0
         many = padded(self.count) if chosen is None else len(chosen)
         affordable(8 * len(asked) * max(1, wide) * many, self.steps, self.every)
         beside = self._look_at_all if self.of_all else None
         self.samples = SamplesOfSites(shape, self.count, asked, times, chosen, beside)
         self.sites = self._room_for(shape.memory.width)
-        self.out, self.told = np.empty(1), np.zeros(2)
+        self.out = np.empty(1)
         self._blank()
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
@@ -145,9 +153,8 @@ class SiteRun(Course):
             self._begin()
         else:
             self._take_up(start)
-        if self.dense:
-            self.ways.append((self.begun, self._memory.copy()))
-        self.events = Sightings(self, plan.events, start) if plan.events else None
+        if every:
+            self.steps_seen = StepsOfSites(self, start)
 
     def _room_for(self, width: int) -> Planes:
         """Memory for all sites: two copies of what the method carries along, more where steps are cut."""
@@ -197,28 +204,24 @@ class SiteRun(Course):
         self.goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, last, t0
 
     def _blank(self) -> None:
-        """Forget what the driver has come to, and what it has seen there."""
-        self.place, self.march = np.zeros((2, 1)), np.array([0.0, np.nan, 0.0])
-        self.look = np.zeros(max(1, self.samples.totals.shape[1]))
-        self.values = np.full((2, max(1, len(self.plan.events))), np.nan)
+        """Forget what the driver has come to."""
+        self.place, self.march = np.zeros((2, 1)), np.array([0.0, 0.0, 0.0, np.nan])
 
     def _begin(self) -> None:
         """Let the method begin at every site."""
         shape, done = self.shape, np.zeros(1)
         failures: list[Any] = []
-        beginner = shape.method, self.site, shape.given, shape.started
-        arguments = *beginner, shape.memory, self.h, self.starts, self.sites, done
+        arguments = shape.beginner, self.site, self.h, self.starts, self.sites
         notes = 0
         work = self.count * min(LONG, max(1, self.steps))
         with self.executing(shape.beginning).on_sites(work, self.count, self.workers) as calls:
             if calls is not None:
-                calls(*arguments, None)
+                calls(*arguments, done, None)
                 notes = calls.notes
             else:
-                begin_sites(*arguments, failures)
+                begin_sites(*arguments, done, failures)
         if not done[0]:
-            given = *beginner, shape.memory, self.h, self.starts, self.sites
-            error = self._why(failures, notes, lambda i: one_site(self.count, i, one_start, *given))
+            error = self._why(failures, notes, lambda i: one_site(self.count, i, one_start, *arguments))
             raise self._ended(error, f"at the start, t = {self.begun:g}")
         self.starts = None
 
@@ -295,7 +298,7 @@ class SiteRun(Course):
 
     def _quicker(self, pace: int, used: float) -> int:
         """How many steps the next call makes, by the seconds that this one has used."""
-        if self.lists is not None or self.dense:
+        if self.lists is not None:
             return 1
         return max(1, min(64 * pace, MOST, int(pace * PATIENCE / max(used, 1e-9))))
 
@@ -336,15 +339,19 @@ class SiteRun(Course):
     @property
     def _pending(self) -> bool:
         """Is something to be looked at where the run stands?"""
-        first = bool(self.plan.events) and np.isnan(self.march[1])
-        return self.ended is None and bool(first or self.samples.due == self.clocks[TIME, 0])
+        if self.steps_seen is not None:
+            return self.ended is None and self.steps_seen.fresh
+        return self.ended is None and bool(self.samples.due == self.clocks[TIME, 0])
 
     def _call(self, turns: int) -> None:
         """Some more steps, up to where something is to be looked at."""
         before = self._elements() if self.lists is not None and turns else None
         if before is not None:
             self.site = self.lists.at(before)
-        self._steps(turns, self.samples)
+        if self.steps_seen is None:
+            self._steps(turns, self.samples)
+        else:
+            self.steps_seen.go(turns)
         if before is not None and not self.lists.held(before, self._elements()):
             error = NoConvergence(
                 f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
@@ -352,39 +359,41 @@ class SiteRun(Course):
             )
             raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
 
-    def _steps(self, turns: int, samples: SamplesOfSites) -> None:
+    def _steps(self, turns: int, samples: Any) -> None:
         """Some more steps by the driver, which writes these samples."""
         shape, stepping = self.shape, self.executing(self.shape.stepping)
         seen, totals, times = samples.ahead(np.copysign(np.inf, self.begun - self.t_end))
         left = LONG if self.adaptive else self.first + self.steps - self.taken
-        arguments: Any = shape.method, self.site, *shape.stepper[2:], turns, self.sites, seen
-        shared, told = [totals, self.look, self.values], [times, self.told, self.march]
-        arrays = [self.goals, self.place, self.clocks, self.out]
+        arguments: Any = shape.procedure, self.site, turns, self.sites, seen
+        shared, arrays = [totals, times, self.march], [self.goals, self.place, self.clocks, self.out]
         if not self.adaptive:
             self.failures = []
-        self.notes, self.march[0] = 0, 0.0
+        self.notes, self.march[2] = 0, 0.0
         try:
             with stepping.on_sites(self.count * max(1, left), self.count, self.workers) as calls:
                 if calls is not None:
                     self.compiled = self.compiled or left > 0
-                    one, two = (map(kernel.Shared, x) for x in (shared, told))
-                    calls(*arguments, *one, *arrays, *two, None)
+                    calls(*arguments, *map(kernel.Shared, shared), *arrays, None)
                     self.notes = calls.notes
                     if not self.adaptive and self.clocks[MARK, 0] != 0.0:
                         self.overflowed = calls.overflowed()
                 else:
-                    columns = [x.reshape(-1) for x in (*shared, *arrays, *told)]
                     driver: Any = advance_sites
-                    driver(*arguments, *columns, self.failures)
+                    driver(*arguments, *[x.reshape(-1) for x in (*shared, *arrays)], self.failures)
         finally:
-            samples.take(int(self.march[0]), seen, totals)
+            samples.take(int(self.march[2]), seen, totals)
+
+    @property
+    def _copy_of_all(self) -> np.ndarray:
+        """The copy of the memory in which the sites are, with the places behind the last one."""
+        width = self.shape.memory.width
+        found: np.ndarray = self.sites.array[width * self._copy :][:width]
+        return found
 
     @property
     def _memory(self) -> np.ndarray:
         """Numbers that the method carries along for the sites, (width, sites)."""
-        width = self.shape.memory.width
-        found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
-        return found
+        return self._copy_of_all[:, : self.count]
 
     def stepped_from(self, rows: np.ndarray, begun: float, end: float) -> Any:
         """A run beside this one, with memory, clock and goal of its own, after one step from states of all sites,
@@ -395,7 +404,12 @@ class SiteRun(Course):
             self.bench.sites = self.bench._room_for(self.shape.memory.width)
             self.bench.first, self.bench.steps = 0, 1
             times = np.zeros(1 if self.shape.shown.quantities else 0)
-            self.bench.samples = SamplesOfSites(self.shape, self.count, times, times)
+            every = self.shape.procedure.every
+            self.bench.samples = (
+                EndsOfSteps(self.shape, self.count, 1)
+                if every
+                else (SamplesOfSites(self.shape, self.count, times, times))
+            )
         one, h = self.bench, end - begun
         one.begun, one.h = begun, h
         one.samples.times[:], one.samples.made = begun + h, 0
@@ -424,28 +438,18 @@ class SiteRun(Course):
 
     def _attend(self) -> None:
         """Look at what the driver has come to a stand for."""
-        clock, (_, begun, why) = self.clocks[:, 0], self.march.tolist()
-        t = end = float(clock[TIME])
-        if why == UNWATCHED:
-            raise self._unwatched()
-        if self.dense and t != self.ways[-1][0]:
-            self.ways.append((t, self._memory.copy()))
-        if why == CROSSED:
-            self.march[2] = 0.0
-            end = self.events.meet(begun, t)  # type: ignore[union-attr]
-        samples = self.samples
-        while (samples.due - end) * (t - begun) < 0.0:
-            samples.keep(*self.looked(samples.due, begun, t)[:2])
+        clock, begun, samples = self.clocks[:, 0], self.march.item(3), self.samples
+        t = float(clock[TIME])
         if self.ended is not None:
-            self._stay(end, begun, t)
-        elif clock[MARK] != 0.0:
+            return
+        while self.steps_seen is None and (samples.due - t) * (t - begun) < 0.0:
+            samples.keep(*self.looked(samples.due, begun, t))
+        if clock[MARK] != 0.0:
             self._fail()
         elif self.adaptive and self.failures and self._hopeless:
             raise self._too_small(self.failures[-1])
         elif self.left and t == self.goals[LAST_TIME, 0] and t != self.t_end:
             beyond_jump(clock, self.goals[:, 0], self.left, self.t_end)
-        if self.dense and not self.fixed_times and self.ended is None and t != samples.times[-1]:
-            samples.more(t)
 
     def _look_at_all(self, first: int, rows: np.ndarray) -> None:
         """The functions of all sites together that are recorded, at some more samples, (samples, width, sites): in
@@ -453,8 +457,7 @@ class SiteRun(Course):
         """
         for k, own in enumerate(rows):
             t = self.samples.asked.item(first + k)
-            system, state = self.plan._one, state_of_rows(self.shape.state, own)
-            state = system._written_out(as_users_see(system, state))
+            state = self.state_of_all(own)
             for name, function in self.plan._sites.of_all.items():
                 try:
                     value = np.asarray(function(t, state), dtype=float)
@@ -464,58 +467,112 @@ class SiteRun(Course):
                 del self.of_all[name][first + k :]
                 self.of_all[name].append(value)
 
-    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The states of all sites at a time in the last step, (width, sites), the totals of what is
-        recorded, and the events.
-        """
-        shape, width = self.shape, self.samples.totals.shape[1]
-        if at == end:
-            return shape.shown_rows(self._memory), self.look[:width], self.values[1]
-        if shape.method.together:
-            before = self.sites.array[(1 - self._copy) * shape.memory.width :][: shape.memory.width, : self.count]
-            one = self.stepped_from(shape.shown_rows(before), begun, at)
-            # at an event the driver stands still before the sample
-            found = one.look if self.plan.events or not width else one.samples.totals[0]
-            return shape.shown_rows(one._memory), found[:width], one.values[1 if one.march[2] == CROSSED else 0]
-        totals = np.zeros_like(self.look)
-        values = np.zeros_like(self.values[0])
-        given = self.executing(shape.looking), self.site, begun, at, end, self.sites, self._copy, self.workers
-        seen, failures, notes = shape.look(*given, totals, values)
-        if failures is not None:
-            more: Any = begun, at, end, self.sites, self._copy, shape.memory, shape.inner.shown
-            again = shape.way, self.site, *more, seen, totals
-            error = self._why(failures, notes, lambda i: one_site(self.count, i, one_inside, *again))
-            raise self._ended(error, f"inside of a step, t = {at:g}")
-        return seen.array[:, : self.count], totals[:width], values
+    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+        """The states of all sites at a time in the last step, (width, sites), and the totals of what is recorded."""
+        width = self.shape.memory.width
+        if self.adaptive:
+            return self._on_the_way(self.sites, Moment(at, (at - begun) / (end - begun), float(self._copy)))
+        before = self.sites.array[(1 - self._copy) * width :][:width, : self.count]
+        return self._in_a_shorter_step(self.shape.shown_rows(before), begun, at)
 
-    def _stay(self, at: float, begun: float, end: float) -> None:
-        """End where an event does: adaptive steps go on from the state there."""
-        rows, totals, _ = self.looked(at, begun, end)
-        if not self.fixed_times:
-            self.samples.end_at(at)
-            self.samples.keep(rows, totals)
+    def _on_the_way(self, sites: Planes, moment: Moment) -> tuple[np.ndarray, np.ndarray]:
+        """The states of all sites and the totals inside of an adaptive step.  sites : the memory at its ends."""
+        shape = self.shape
+        seen, totals, failures, notes = shape.look(
+            self.executing(shape.looking), self.site, moment, sites, self.workers
+        )
+        if failures is not None:
+            again = shape.within, self.site, moment, sites, seen, totals
+            error = self._why(failures, notes, lambda i: one_site(self.count, i, one_inside, *again))
+            raise self._ended(error, f"inside of a step, t = {moment.t:g}")
+        return seen.array[:, : self.count], totals[: self.samples.totals.shape[1]]
+
+    def _in_a_shorter_step(self, rows: np.ndarray, begun: float, at: float) -> tuple[np.ndarray, np.ndarray]:
+        """The states of all sites and the totals after a shorter fixed step from states of all sites."""
+        try:
+            one = self.stepped_from(rows, begun, at)
+        except IntegrationFailure as error:
+            raise self._with_run(error, getattr(error, "site", None)) from error.__cause__
+        return self.shape.shown_rows(one._memory), one.samples.totals[one.samples.made - 1 :].ravel()
+
+    # ---------------------------------------------------------------- where all steps are looked at
+
+    def state_of_all(self, rows: np.ndarray) -> Any:
+        """The state of all sites as functions of it see it."""
+        system = self.plan._one
+        return system._written_out(as_users_see(system, state_of_rows(self.shape.state, rows)))
+
+    def ends(self, turns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Some more steps: of where they begin, and of their ends, the times, what is kept of all sites, (n, width,
+        sites), and the totals.
+        """
+        if self.kept_steps is None:
+            self.kept_steps = EndsOfSteps(self.shape, self.count)
+        kept = self.kept_steps
+        kept.go_on(self.clocks.item(TIME, 0))
+        self._steps(min(turns, kept.room), kept)
+        return kept.times[: kept.made], kept.rows, kept.totals[: kept.made]
+
+    def inside_step(self, pair: np.ndarray, begun: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
+        """The states of all sites, (width, sites), and the totals inside of a step.  pair : what is kept of its ends."""
+        if not self.adaptive:
+            return self._in_a_shorter_step(pair[0], begun, at)
+        sites = Planes(rows_of(pair.reshape(-1, self.count)), self.count)
+        return self._on_the_way(sites, Moment(at, (at - begun) / (end - begun), 1.0))
+
+    def seen(self, rows: np.ndarray) -> np.ndarray:
+        """The states of all sites, (..., width, sites), of what is kept of steps."""
+        return rows[..., : self.shape.state.width, :]
+
+    @property
+    def _looks(self) -> bool:
+        """Are all steps looked at?"""
+        return bool(self.plan.events or self.dense)
+
+    @property
+    def stand(self) -> tuple[np.ndarray, ...]:
+        """A copy of where the run stands."""
+        return self._copy_of_all.copy(), self.clocks.copy()
+
+    def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
+        """Stand where the run stood, or so many steps behind."""
+        self._copy_of_all[:], self.clocks[:] = stand
+        if steps:
+            limit, self.goals[LIMIT] = self.goals[LIMIT].copy(), self.clocks[TAKEN] + steps
+            self.kept_steps.made = 1
+            self._steps(MOST, self.kept_steps)
+            self.goals[LIMIT] = limit
+
+    def end_in_step(self, at: float, rows: np.ndarray) -> None:
+        """End where an event does, in these states of all sites: adaptive steps go on from there."""
+        self.t_end = at
         if self.adaptive:
             self._begin_at(rows)
             go_on(self.clocks[:, 0], at)
-            if self.dense:
-                whole, lasting = self.ways.pop()[1], self.shape.lasting
-                part = part_of_way(whole[lasting:], (at - begun) / (end - begun), self.shape)
-                self.ways.append((at, np.concatenate([self._memory[:lasting], part])))
-        self.t_end = at
 
     # ---------------------------------------------------------------- what came of it
+
+    @property
+    def _everyone(self) -> OverSites:
+        """The method of one site as that of all."""
+        return OverSites(self.shape.method, self.sites, self.shape.memory, self.march)
+
+    def tell(self, made: Any) -> None:
+        if self.events is not None:
+            self.events.tell()
 
     def _fail(self) -> None:
         """A step that could not be made: plain Python says why, of the site that native code has noted.
         It ends a run of fixed steps; adaptive ones become shorter.
         """
-        clock, goal, memory = self.clocks[:, 0], self.goals[:, 0], self.shape.memory
+        clock, goal = self.clocks[:, 0], self.goals[:, 0]
         steps, t, here = self.taken, float(clock[TIME]), self._copy
         failures = [e for e in self.failures if e is not None]
         at = f"step {steps + 1} of {self.first + self.steps}, t = {t:g}"
-        given: Any = self.shape.method, self.site, t, self.h, self.sites, here, 1 - here, memory
+        site = self.site
         if self.shape.ending is not None:
-            given = given[0], during(self.site, t, self.h, self.shape.ending.beyond), *given[2:]
+            site = during(site, t, self.h, self.shape.ending.beyond)
+        given: Any = self._everyone, site, t, self.h, here, 1 - here
         if not self.adaptive:
             error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_step, *given))
             raise self._ended(self._overflowed(self._origin(error, t)), at)
@@ -523,7 +580,7 @@ class SiteRun(Course):
             error = failures[-1] if failures else None
             raise (self._ended(error, f"step {steps + 1}, t = {t:g}") if is_mistake(error) else self._too_small(error))
         h = 0.0 if clock[ANEW] else to_try(t, clock.item(STEP), goal.item(0), goal.item(3))[0]
-        again: Any = *given[:3], h, self.sites, here, memory
+        again: Any = *given[:3], h, here
         error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_remake, *again))
         if h == 0.0 or is_mistake(error):
             where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
@@ -531,7 +588,7 @@ class SiteRun(Course):
         clock[MARK], self.failures = 0.0, [error]
         stub: Any = Failing(self.shape.method, error)
         columns = [x.reshape(-1) for x in (self.goals, self.place, self.clocks, self.out)]
-        way = self.site, self.shape.control, self.shape.place, ROW, 1, 1
+        way = self.site, self.shape.procedure.control, self.shape.procedure.place, ROW, 1, 1
         driver: Any = advance
         driver(stub, *way, *columns, self.failures)
         if clock[MARK] == STUCK or self._hopeless:
@@ -541,21 +598,6 @@ class SiteRun(Course):
     def _hopeless(self) -> bool:
         """Did steps fail that were no longer than rounding of the whole time?"""
         return bool(abs(self.clocks[STEP, 0]) <= EPSILON * abs(self.t_end - self.begun))
-
-    def _unwatched(self) -> Any:
-        """The error of a run of which an event failed."""
-        t, shape, failures = self.clocks.item(TIME, 0), self.shape, self.failures[-1:]
-        given = shape.method, self.site, t, self.sites, self._copy, shape.memory, shape.shown
-        error: Any = failures[0] if failures else None
-        if error is None and self.notes >= 0:
-            again = *given, np.zeros_like(self.look)
-            error = self._why([], self.notes, lambda i: one_site(self.count, i, one_look, *again))
-        if error is None:
-            try:
-                shape.sighted.seen(t, self.look)
-            except Exception as caught:
-                error = caught
-        return self._ended(error, f"in an event at t = {t:g}")
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
         """The error that the formula of a site raises.  first : of those among which it is; -1 if all have
@@ -593,7 +635,7 @@ class SiteRun(Course):
         some = range(self.count)
         if self.count > FEW:
             some = range(0) if near is None else some[max(0, near - AROUND) : near + AROUND]
-        given: Any = self.shape.method, self.site, t, self.sites, self._copy, self.shape.memory
+        given: Any = self._everyone, self.site, t, self._copy
         if isinstance(error, (NotFinite, NoConvergence)):
             for i in some:
                 try:
@@ -607,7 +649,7 @@ class SiteRun(Course):
     def _too_small(self, error: Any) -> Any:
         """The error of a run whose steps became too small."""
         clock, goal = self.clocks[:, 0].tolist(), self.goals[:, 0].tolist()
-        estimate = self.told.item(0)
+        estimate = self.march.item(0)
         site = getattr(error, "site", None)
         what = repr(self.plan.method) if site is None else f"{self.plan.method!r}: site {site}"
         made = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate)
@@ -675,14 +717,6 @@ class SiteRun(Course):
             return SiteCarry(self.t0, self.h, int(clock[TAKEN]), numbers, state, met=met)
         clock[MARK] = 0.0
         return SiteCarry(float(clock[TIME]), 0.0, 0, numbers, state, met, clock, self.ended)
-
-
-def part_of_way(curve: np.ndarray, part: float, shape: Any) -> np.ndarray:
-    """The coefficients of the first part of a way, Omega(part theta)."""
-    terms = len(shape.memory.parts[2].parts)
-    powers = part ** (1.0 + np.arange(terms))
-    found: np.ndarray = np.repeat(powers, len(curve) // terms)[:, None] * curve
-    return found
 
 
 def require_fitting(site: Any, count: int) -> None:

@@ -8,6 +8,45 @@ import numpy as np
 
 from ....compiler.sites.planes import Planes
 
+SEEN, ROOM = 256, 2**21
+"""Steps, and numbers of all sites at their ends, that are made before somebody looks at them."""
+
+
+class EndsOfSteps:
+    """Where some steps begin, and their ends: times, what is kept of all sites, and totals, which the driver writes
+    one behind the other.
+
+    made : how many there are.  room : steps at most.
+    """
+
+    def __init__(self, shape: Any, count: int, room: int = SEEN) -> None:
+        self.wide, self.count, self.made = shape.shown.layout.width, count, 0
+        self.room = max(1, min(room, ROOM // (self.wide * count)))
+        self.planes = Planes.of_rows((self.room + 1) * self.wide, count)
+        self.times, self.totals = np.zeros(self.room + 1), np.zeros((self.room + 1, shape.shown.totals.width))
+
+    @property
+    def rows(self) -> np.ndarray:
+        """What is kept of all sites, (made, width, sites), a view."""
+        array = self.planes.array
+        return array[: self.made * self.wide].reshape(self.made, self.wide, array.shape[1])[..., : self.count]
+
+    def go_on(self, t: float) -> None:
+        """Let the last end be the beginning of further steps, at this time."""
+        if self.made:
+            last = self.made - 1
+            self.planes.array[: self.wide] = self.planes.array[last * self.wide : self.made * self.wide]
+            self.times[0], self.totals[0], self.made = t, self.totals[last], 1
+
+    def ahead(self, back: float) -> tuple[Planes, np.ndarray, np.ndarray]:
+        """Where the driver writes the next ones: all sites, totals and times."""
+        made = self.made
+        return Planes(self.planes.array[made * self.wide :], self.count), self.totals[made:], self.times[made:]
+
+    def take(self, new: int, seen: Planes, totals: np.ndarray) -> None:
+        """Take up so many that the driver has written."""
+        self.made += new
+
 
 class SamplesOfSites:
     """States of all sites, or of some, and totals, at given times.
@@ -19,7 +58,7 @@ class SamplesOfSites:
 
     def __init__(self, shape: Any, count: int, asked: Any, times: Any, chosen: Any = None, beside: Any = None) -> None:
         self.asked, self.times, self.count, self.chosen, self.beside = asked, times, count, chosen, beside
-        self.wide, self.made = shape.state.width if shape.shown.kept else 0, 0
+        self.wide, self.made = shape.state.width if shape.keeps else 0, 0
         self.room = len(times) if chosen is None else 1  # for samples of all sites
         self.seen = Planes.of_rows(max(1, self.room * self.wide), count)
         self.own = np.empty((0 if chosen is None else len(times), self.wide, len(chosen or ())))

@@ -48,7 +48,7 @@ def energy(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> np.ndar
     kind, states = kind_of(states), system.by_site(states)
     states = {p: states[p] for p in names_of(kind) if p in states}
     layout = layout_of(first_of(state_of(kind, {p: x[0] for p, x in states.items()})))
-    shown = Shown(True, layout, (formula,), carried_layout((0.0,)))
+    shown = Shown(True, False, layout, (formula,), carried_layout((0.0,)))
     found, count, width = np.empty((len(t), 1)), states[next(iter(states))].shape[1], layout.width
     some = max(1, ROWS // (width * padded(count)))
     for begin in range(0, len(t), some):

@@ -23,7 +23,7 @@ from ....systems.in_time.inputs import during
 from ....systems.in_time.knots import NEAR
 from ..parts_of_spins import Bonds, turned_by
 from ..spin_splittings import terms_of
-from .driver import CROSSED, OVERFLOW
+from .driver import OVERFLOW
 from .execution import SiteExecution
 from .run import SiteRun
 from .totals import totals_in
@@ -195,7 +195,6 @@ class TurnsRun(SiteRun):
     turned: Planes | None = None  # all sites before the last turn of a step, by their places
     clock: np.ndarray
     last: Any = None  # all states at the node, by their places
-    old: Any = None  # those at the node before it
     before: Any = None  # the sites and the clock before the last call, and how many steps it made
     torn = False  # are the sites further than the steps that were looked into?
 
@@ -205,13 +204,19 @@ class TurnsRun(SiteRun):
 
     @property
     def _looks(self) -> bool:
-        """Is every step looked into, for zeros of events, for times inside of it, or for cuts?"""
-        return bool(self.plan.events) or self.fixed_times or self.shape.ending is not None
+        """Are all steps looked at, for zeros of events, for times inside of them, or for cuts?"""
+        return super()._looks or self.fixed_times or self.plan._sites.method is not uncut(self.plan._sites.method)
 
     def _call(self, turns: int) -> None:
         """Some more steps: those to the next sample or a part of them, or to some samples."""
-        if self._looks:
-            return self._look_into(turns)
+        if self.steps_seen is not None:
+            far = 0 if self.plan.events or not turns else self._free(turns)
+            if far > 0:
+                self._turned(far, 1, 1)
+                self._count(self.last[None], far)
+            else:
+                super()._call(turns)
+            return
         first, times = self.samples.made, self.samples.times
         if not turns:
             self._show(self.shape.shown_rows(self._memory)[None])
@@ -229,15 +234,9 @@ class TurnsRun(SiteRun):
         if self.checkpoint is not None:
             samples = min(samples, max(1, self.checkpoint.within(samples * turns) // turns))
         rows = self._turned(turns, samples if whole else 1, int(whole))
-        good = len(rows)
-        if not np.isfinite(rows).all():
-            good = int(np.argmin(np.isfinite(rows).all(axis=(1, 2))))
-        self.clocks[TAKEN] += turns * good
-        self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
-        if good < len(rows):
-            self.clocks[MARK] = STUCK
+        good = self._count(rows, turns)
         if whole:
-            self._show(self._seen(rows[:good]))
+            self._show(self.seen(rows[:good]))
 
     def _show(self, rows: np.ndarray) -> None:
         """Keep the next samples, (samples, width, sites), and what is wanted of them."""
@@ -254,100 +253,60 @@ class TurnsRun(SiteRun):
             totals_in(found, self.site, shown, planes, times)
         return found
 
-    # ---------------------------------------------------------------- inside of steps
-
-    def _look_into(self, turns: int) -> None:
-        """Some more steps, each of which is looked into."""
-        if self.last is None:
-            self._turned(0, 1, 1)
-        t, left = self.clocks.item(TIME, 0), self.first + self.steps - self.taken
-        if np.isnan(self.march[1]):
-            self.march[1] = t
-            self._stand(self._totals(self._seen(self.last)[None], [t])[0])
-        turns = min(turns, left)
-        if not turns:
-            return
-        free = self._uncut(turns)
-        if not self.plan.events:  # nothing happens until the next time
-            far = min(int(min(turns + 1.0, (self.samples.due - t) / self.h)) - 1, free)
-            if far > 0:
-                self._turned(far, 1, 1)
-                self._go_on(far, self.last)
-                return
-        old, self.torn = self.last, True
-        some = min(free, max(1, ROWS // self.last.size))
-        rows = self._turned(1, some, 1) if free else self._cut()[None]
-        times = self.t0 + (self.taken + 1 + np.arange(len(rows))) * self.h
-        totals = self._totals(self._seen(rows), times)
-        for row, total in zip(rows, totals):
-            self.old, self.last, old = old, row, row
-            begun = self.clocks.item(TIME, 0)
-            if not self._go_on(1, row):
-                return
-            self._stand(total, begun)
-            if self.ended is not None:
-                return
-        self.torn = False
-
-    def _go_on(self, steps: int, row: np.ndarray) -> bool:
-        """Count steps; is what they lead to finite?"""
-        self.clocks[TAKEN] += steps
-        self.clocks[TIME] = self.t0 + self.clocks[TAKEN] * self.h
-        good = bool(np.isfinite(row).all())
-        if not good:
+    def _count(self, rows: np.ndarray, turns: int) -> int:
+        """Count steps, so many to each of these states of all sites, up to one that is not finite: how many are."""
+        good = len(rows)
+        if not np.isfinite(rows).all():
+            good = int(np.argmin(np.isfinite(rows).all(axis=(1, 2))))
             self.clocks[MARK] = STUCK
+        self.clocks[TAKEN] += turns * good
+        self.clocks[TIME] = self.t0 + self.clocks[TAKEN] * self.h
         return good
 
-    def _stand(self, totals: np.ndarray, begun: float | None = None) -> None:
-        """Look at what a step leads to, that began then; at the start of a run if none did."""
-        t = self.clocks.item(TIME, 0)
-        self.look[: len(totals)] = totals
-        if self.plan.events:
-            self.values[1] = self._seen_by_events(t, self.look)
-            if begun is None:
-                self.values[0] = self.values[1]
-            a, b = self.values
-            met = (np.minimum(a, b) <= 0.0) & (np.maximum(a, b) >= 0.0)
-            self.march[2] = CROSSED if met.any() and begun is not None else 0.0
-        if begun is not None:
-            self.march[1] = begun
-            super()._attend()
-            if self.march[2] == 0.0:
-                self.values[0] = self.values[1]
-        while self.ended is None and self.samples.due == t:
-            self.samples.keep(self._seen(self.last), totals)
+    # ---------------------------------------------------------------- where all steps are looked at
 
-    def _seen_by_events(self, t: float, totals: np.ndarray) -> Any:
-        """The values of events."""
-        try:
-            return self.shape.sighted.seen(t, totals)
-        except Exception as error:
-            raise self._ended(error, f"in an event at t = {t:g}") from None
+    def _free(self, turns: int) -> int:
+        """How many of the next steps nobody looks into, where there are no events: before the next time, and uncut."""
+        turns = min(turns, self.first + self.steps - self.taken)
+        wanted = (self.samples.due - self.clocks.item(TIME, 0)) / self.h
+        return min(int(min(turns + 1.0, wanted)) - 1, self._uncut(turns))
 
-    def _attend(self) -> None:
-        """Steps that are looked into have been attended to."""
-        if not self._looks or self.clocks[MARK, 0] != 0.0:
-            super()._attend()
+    def ends(self, turns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        if self.last is None:
+            self._turned(0, 1, 1)
+        first, taken = self.last[None], self.taken
+        turns = min(turns if self.plan.events else 1, turns, self.first + self.steps - taken)
+        rows = first[1:]
+        if turns:
+            self.torn = True
+            free = min(self._uncut(turns), max(1, ROWS // first.size))
+            rows = self._turned(1, free, 1) if free else self._cut()[None]
+            rows = rows[: self._count(rows, 1)]
+        rows = np.concatenate([first, rows])
+        times = self.t0 + (taken + np.arange(len(rows))) * self.h
+        return times, rows, self._totals(self.seen(rows), times)
 
-    def _seen(self, rows: np.ndarray) -> np.ndarray:
+    def seen(self, rows: np.ndarray) -> np.ndarray:
         """States by places as they are shown, (..., width, sites)."""
         order = self.shape.order
         if order != [*range(rows.shape[-2])]:
             rows = rows[..., order, :]
         return in_order(rows, self.shape.turning.places.places)
 
-    def looked(self, at: float, begun: float, end: float) -> tuple[Any, Any, Any]:
-        """The states of all sites at a time in the last step, the totals, and the events."""
-        if at == end:
-            return self._seen(self.last), self.look[: self.samples.totals.shape[1]], self.values[1]
-        order, fresh = self.shape.order, np.zeros_like(self.old)
-        fresh[order] = self.old[order]
-        rows = self._seen(self._moved(fresh, begun, at - begun))
+    def inside_step(self, pair: np.ndarray, begun: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
+        order, fresh = self.shape.order, np.zeros_like(pair[0])
+        fresh[order] = pair[0][order]
+        rows = self.seen(self._moved(fresh, begun, at - begun))
         if not np.isfinite(rows).all():
             raise self._ended(NotFinite(OVERFLOW), f"inside of a step, t = {at:g}")
-        totals = self._totals(rows[None], [at])[0]
-        values = self._seen_by_events(at, totals) if self.plan.events else ()
-        return rows, totals, np.array(values)
+        return rows, self._totals(rows[None], [at])[0]
+
+    def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
+        """It does not: a run that was interrupted where it was looked at does not go on."""
+
+    def _attend(self) -> None:
+        self.torn = False
+        super()._attend()
 
     # ---------------------------------------------------------------- steps that are cut
 
@@ -400,9 +359,9 @@ class TurnsRun(SiteRun):
         """The states of all sites after so many steps each, (samples, width, places); if they are not
         to be shown, what the sites carry along.
         """
-        shape, width = self.shape, self.shape.started.width
+        shape, width = self.shape, self.shape.beginner.started.width
         if shape.turning is None:
-            shape.turning = Turning(self.plan, shape.started)
+            shape.turning = Turning(self.plan, shape.beginner.started)
         turning = shape.turning
         if self.turned is None:
             self.turned = turning.spread(self._memory[width : 2 * width])
@@ -416,15 +375,15 @@ class TurnsRun(SiteRun):
         if not shown:
             self.last = None
             return self._before_last[None]
-        rows = seen.array.reshape(-1, width, seen.array.shape[1])
+        rows = seen.array.reshape(-1, width, seen.array.shape[1])[..., :count]
         self.last = rows[-1]
-        return rows[..., :count]
+        return rows
 
     @property
     def _before_last(self) -> np.ndarray:
         """The states of all sites before the last turn of a step, (width, places)."""
         planes: Any = self.turned
-        width = self.shape.started.width
+        width = self.shape.beginner.started.width
         begin = int(self.clock[1]) * width
         found: np.ndarray = planes.array[begin : begin + width, : planes.count]
         return found
@@ -437,7 +396,7 @@ class TurnsRun(SiteRun):
 
     def lay_down(self) -> None:
         if self.turned is not None:
-            here, width = self.shape.turning.places.places, self.shape.started.width
+            here, width = self.shape.turning.places.places, self.shape.beginner.started.width
             memory = self._memory
             last = self._turned(0, 1, 1)[0] if self.last is None else self.last
             memory[:width] = in_order(last, here)
@@ -459,7 +418,7 @@ class TurnsRun(SiteRun):
         if self.before is None or self.turned is None:
             return None
         array, clock, total = self.before
-        turning, width, count = self.shape.turning, self.shape.started.width, self.turned.count
+        turning, width, count = self.shape.turning, self.shape.beginner.started.width, self.turned.count
         turns, layout, h, number = turning.arguments
 
         def after(steps: int, number: int = number, shown: int = 1) -> tuple[Any, Any, int | None]:
