@@ -21,17 +21,17 @@ from ...integrators.taylor import Taylor
 from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.constraints.lie_rattle import LieRATTLE, near_a_dead_point
 from ...rooms.constraints.rattle import RATTLE
+from ...rooms.sites.runs.events import StepsOfSites
 from ...rooms.sites.runs.run import SiteRun
 from ...rooms.sites.runs.samples import SamplesOfSites
-from ...rooms.sites.runs.states import as_users_see, by_site, one_of, site_rows, state_of_rows
-from ...simulation.between.dense import MotionBetween, flat, unpacked
-from ...simulation.between.events import Events, Moving
+from ...rooms.sites.runs.states import as_users_see, one_of, state_of_rows
+from ...simulation.between.dense import flat, unpacked
+from ...simulation.between.events import Moving
 from ...simulation.between.turning import looks_by_velocity, turning_of
-from ...simulation.compiled.control import TAKEN, TIME
+from ...simulation.compiled.control import TIME
 from ...simulation.compiled.parameters import places_of
-from ...simulation.keep import PieceOfBodies, Quantities
+from ...simulation.keep import Quantities
 from ...simulation.result import AsItIs
-from ...systems.many.site_state import StateOfSites
 from ...systems.system import small_state
 from .links import BROKEN, Links
 from .loads_of_links import THROWN
@@ -39,12 +39,6 @@ from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from .rattle_of_links import RattleOfLinks
 from .rkmk_of_links import FREE, RkmkOfLinks
 from .taylor_of_links import TaylorOfLinks, terms_of
-
-NOTHING = np.zeros(0)
-"""Totals over sites, of which there are none."""
-
-SEEN = 256
-"""Steps between two looks at events."""
 
 SHORT, LOW = 3, 4
 """Conditions of a joint, and orders, up to which the formulas of joints are written out once for each
@@ -149,36 +143,39 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
     return own.nth(form.links.kinds.index(layout_of(joint))).rows[found[0]], column
 
 
-class LinksBetween(MotionBetween):
-    """The motion of a linkage inside of its steps: shorter ones, from the states where they begin."""
+class StepsOfLinks(StepsOfSites):
+    """The steps of a linkage, as events ask for them: the numbers that these see are the state of all bodies."""
 
-    def __init__(self, run: LinksRun) -> None:
-        self.run = run
+    ask, refused, seen_at, wide = Moving.ask, Moving.refused, Moving.seen_at, Moving.wide
 
-    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
-        return before
+    def __init__(self, run: LinksRun, start: Any) -> None:
+        super().__init__(run, start)
+        self.view = run.view
 
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
-        run, found = self.run, []
-        for row, t in zip(given, times.tolist()):
-            start = by_site(run.plan._one, run.view.states(row[1:]))
-            found.append(run.shorter(site_rows(start), row.item(0), t))
-        return flat(run.states(np.array(found)), len(found))
+    def _numbers(self, rows: np.ndarray, totals: np.ndarray) -> np.ndarray:
+        """The numbers of states of all bodies, of states of all places, (..., width, places)."""
+        many = rows.reshape(-1, *rows.shape[-2:])
+        return flat(self.run.states(many), len(many)).reshape(*rows.shape[:-2], -1)
 
-    def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
+    def looks(self, piece: Any, step: np.ndarray) -> np.ndarray:
         """Counts of looks by the velocities at the ends of steps of which each goes on from the last."""
         run, system = self.run, self.run.plan._one
+        before, after = piece.rows(step, before=True), piece.rows(step)
         mu = run.view.arrays(np.concatenate([before[:1, 1:], after[:, 1:]]))["mu"]
         turned = turning_of(system.group.acting)(run.h * np.array(system.velocity(mu)).reshape(len(mu), -1))
         return looks_by_velocity(np.maximum(turned[:-1], turned[1:]))
 
+    def failed(self, error: Any) -> Any:
+        return self.run._with_run(error, None)
 
-class LinksRun(SiteRun, Moving):
+
+class LinksRun(SiteRun):
     """One run of a linkage of many bodies.  What is asked of the state of all of them, events and
     functions that are recorded, looks at the states that steps lead to.
     """
 
     streams = True  # functions are found at the end
+    looked_at_by = StepsOfLinks
 
     def __init__(self, plan: Any, site: Any, start: Any, *given: Any) -> None:
         super().__init__(plan, site, start, *given)
@@ -186,13 +183,6 @@ class LinksRun(SiteRun, Moving):
         self.asked_for = plan._steps.compiled
         if plan.recorder is not None and plan.recorder.quantities:
             self.quantities = Quantities(self, plan.recorder)
-        if plan.events:
-            self.over, self.sign = np.array([False]), np.sign([self.h])
-            self.met_before: Any = ({}, {}) if isinstance(start, StateOfSites) else ({0: start.met}, {})
-            arrays = self.states(self.shape.shown_rows(self._memory)[None])
-            self.here = np.append(self.begun, flat(arrays, 1)[0])[:, None]
-            self.between, self.cuts = LinksBetween(self), {}  # type: Any, dict[int, int]
-            self.events: Any = Events(self, plan.events)
 
     def _room_for(self, width: int) -> Planes:
         """Two copies of what the method carries along, and what a step works with.  Elimination goes
@@ -254,30 +244,12 @@ class LinksRun(SiteRun, Moving):
         seen: dict[str, np.ndarray] = self.plan._one.as_users_see(arrays)
         return seen
 
-    # ---------------------------------------------------------------- events
+    # ---------------------------------------------------------------- steps
 
-    def _call(self, turns: int) -> None:
-        """Some more steps; with events up to the first that ends the run.  Ctrl-C while they are looked
-        at leaves the run where it was.
-        """
-        if self.events is None or not turns:
-            super()._call(turns)
-            return
-        watch, made = self.events.each[0], self.samples.made
-        arrays = self.sites.array[: 2 * self.shape.memory.width], self.place, self.clocks, self.march
-        before, values = [x.copy() for x in arrays], [*watch.values]
-        try:
-            stopped = self._watched(turns)
-        except KeyboardInterrupt:
-            for x, old in zip(arrays, before):
-                x[:] = old
-            self.samples.made, watch.values = made, values
-            for column in (self.of.at_joint, self.of.reached, self.of.ready):
-                column.put(0, 0.0)
-            self.events.forget()
-            raise
-        if stopped is not None:
-            raise stopped
+    def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
+        for column in (self.of.at_joint, self.of.reached, self.of.ready):
+            column.put(0, 0.0)
+        super().return_to(stand, steps)
 
     def _steps(self, turns: int, samples: SamplesOfSites) -> None:
         """Some more steps; what is shown of the state to which they have led is found after Ctrl-C and
@@ -295,65 +267,6 @@ class LinksRun(SiteRun, Moving):
                 shape.method.settle_anew(self.site, t, self.sites, copy, shape.memory)
         if stopped is not None:
             raise stopped
-
-    def _watched(self, turns: int) -> Any:
-        """Some steps, and a look at them; Ctrl-C after some of them."""
-        first, turns = self.taken, min(turns, SEEN, self.first + self.steps - self.taken)
-        start, ends = self.shape.shown_rows(self._memory), self.t0 + np.arange(first + 1, first + turns + 1) * self.h
-        every, stopped = SamplesOfSites(self.shape, self.count, ends, ends), None  # type: Any, Any
-        try:
-            self._steps(turns, every)
-        except KeyboardInterrupt as caught:
-            stopped = caught
-        rows = np.concatenate([start[None], every.rows])
-        out = np.column_stack([np.append(self.here[0], every.t), flat(self.states(rows), len(rows))])[:, :, None]
-        piece = PieceOfBodies(self, np.array([0]), out, self.here[0], np.array([first]))
-        try:
-            hit = self.events.see(piece).get(0)
-        except Exception as error:
-            self._keep_up_to(piece.a.item(getattr(error, "step", 0)), piece, rows)
-            raise self._with_run(error, None) from error.__cause__
-        self._keep_up_to(out.item(-1, 0, 0) if hit is None else hit[1], piece, rows)
-        if hit is not None:
-            k, end, event, _ = hit
-            if not self.fixed_times and self.samples.times[self.samples.made - 1] != end:
-                self.samples.end_at(end)
-                self.samples.keep(self._seen_at(end, k, piece, rows), NOTHING)
-            self.t_end, self.ended, self.cuts[0], self.clocks[TAKEN] = end, event, event, first + k + 1
-        self.here = out[-1]
-        return stopped
-
-    def _keep_up_to(self, end: float, piece: PieceOfBodies, rows: np.ndarray) -> None:
-        """Keep the samples up to a time in some steps.  rows : the numbers of places at their ends."""
-        samples, sign = self.samples, self.sign.item()
-        due, done = samples.times[samples.made :], 0
-        due = due[sign * due <= sign * end]
-        steps = np.searchsorted(sign * piece.b, sign * due)
-        for k in np.flatnonzero(piece.b[steps] != due).tolist():
-            samples.keep(rows[steps[done:k] + 1], NOTHING)
-            samples.keep(self._seen_at(due.item(k), steps[k], piece, rows), NOTHING)
-            done = k + 1
-        samples.keep(rows[steps[done:] + 1], NOTHING)
-
-    def _seen_at(self, t: float, k: int, piece: PieceOfBodies, rows: np.ndarray) -> np.ndarray:
-        """The numbers of places at a time in step k of a piece."""
-        return rows[k + 1] if t == piece.b[k] else self.shorter(rows[k], piece.a.item(k), t)
-
-    def _attend(self) -> None:
-        """As without events; a run that one has ended has its samples."""
-        if self.ended is None:
-            super()._attend()
-
-    def tell(self, made: Any) -> None:
-        if self.events is not None:
-            self.events.tell()
-
-    def shorter(self, rows: np.ndarray, begun: float, at: float) -> np.ndarray:
-        """The states to which a shorter step leads, from such at its beginning."""
-        if at == begun:
-            return rows
-        found: np.ndarray = self.shape.shown_rows(self.stepped_from(rows, begun, at)._memory)
-        return found
 
     # ---------------------------------------------------------------- functions of the state
 

@@ -38,7 +38,7 @@ class StepsOfSites(Moving):
     of the state of all sites, this state.
 
     times, rows, totals : of where the last steps began and of their ends, as `SiteRun.ends` has them.
-    here : (1 + numbers, 1) time and numbers where the run stands.  kinds : of every event by its identity, what it is of.
+    here : (1 + numbers, 1) time and numbers where the run stands.  of_totals : the identities of events of totals.
     """
 
     bodies = None
@@ -53,13 +53,14 @@ class StepsOfSites(Moving):
         self.met_before: Any = ({}, {})
         if not isinstance(start, StateOfSites):
             self.met_before = {0: start.met}, {} if start.event is None else {0: start.event}
-        self.kinds = {id(f): of for _, of, f in run.plan._sites.functions}
-        self.whole = any(self.kinds[id(event)] != TOTAL for event in run.plan.events)
+        functions = () if run.site.jointed else run.plan._sites.functions
+        self.of_totals = {id(f) for _, of, f in functions if of == TOTAL}
+        self.whole = any(id(event) not in self.of_totals for event in run.plan.events)
         names = tuple(run.plan._sites.summed) if run.shape.shown.quantities else ()
         self.kind, self.layout = totals_class(names), run.shape.shown.totals
         self.view: Any = self
         for event in run.plan.events:
-            if self.kinds[id(event)] == TOTAL:
+            if id(event) in self.of_totals:
                 self._require_totals(event)
 
     def _require_totals(self, event: Any) -> None:
@@ -86,7 +87,7 @@ class StepsOfSites(Moving):
         return numbers
 
     def ask(self, event: Any, t: float, numbers: Any) -> Any:
-        if self.kinds[id(event)] == TOTAL:
+        if id(event) in self.of_totals:
             return event(t, self._named(numbers))
         rows = numbers[self.layout.width :].reshape(-1, self.run.count)
         return event(t, self.run.state_of_all(rows))
@@ -113,6 +114,10 @@ class StepsOfSites(Moving):
     def refused(self, error: Any, body: int, t: float, state: Any) -> Any:
         error.asked_at = t
         return error
+
+    def failed(self, error: Any) -> Any:
+        """The error of a run of which an event failed."""
+        return self.run._ended(error, f"in an event at t = {error.asked_at:g}")
 
     # ---------------------------------------------------------------- inside of steps
 
@@ -162,12 +167,12 @@ class StepsOfSites(Moving):
                 self.events.forget()
             raise
         except Exception as error:
-            if not hasattr(error, "asked_at"):
+            if not hasattr(error, "step") and not self.fresh:
                 raise
             step = getattr(error, "step", 0)
             self._keep_up_to(self.times.item(step), step)
             run.return_to(stand, step)
-            raise run._ended(error, f"in an event at t = {error.asked_at:g}") from None
+            raise self.failed(error) from error.__cause__
         if hit is None:
             self._keep_up_to(self.times.item(-1), len(self.times) - 1)
         else:
@@ -177,9 +182,10 @@ class StepsOfSites(Moving):
     def _look(self, out: np.ndarray, taken: int) -> Any:
         """Look at some steps: the zero that ends the run, or None.  out : times, and numbers that events see."""
         if self.fresh:
-            self.fresh, self.here = False, out[0]
+            self.here = out[0]
             if self.plan.events:
                 self.events = self.run.events = Events(self, self.plan.events)
+            self.fresh = False
             self._keep_up_to(self.times.item(0), 0)
             if self.run.dense:
                 self.run.ways.append((self.times.item(0), self.rows[0].copy()))

@@ -102,6 +102,7 @@ class SiteRun(Course):
     dense = False  # is the way of all adaptive steps kept?
     quantities: Any = None  # functions of samples
     events: Any = None
+    looked_at_by: Any = StepsOfSites
     steps_seen: Any = None
     kept_steps: Any = None
     bench: Any = None
@@ -128,7 +129,7 @@ class SiteRun(Course):
         self.fixed_times = t_eval is not None
         asked, times = self.aim(steps, t_end, t_eval)
         inner = (asked != self.begun) & (asked != self.t_end)
-        every = not site.jointed and self._looks  # linkages look at samples
+        every = self._looks
         curves = self.adaptive and bool(every or inner.any())
         first, rows = self.laid_out(state)
         self.starts: Any = Planes(rows_of(rows), self.count)
@@ -154,7 +155,7 @@ class SiteRun(Course):
         else:
             self._take_up(start)
         if every:
-            self.steps_seen = StepsOfSites(self, start)
+            self.steps_seen = self.looked_at_by(self, start)
 
     def _room_for(self, width: int) -> Planes:
         """Memory for all sites: two copies of what the method carries along, more where steps are cut."""
