@@ -141,12 +141,12 @@ TURNS = {
 }
 
 
-def turning(how: str, *events: Any, compiled: Any = None, **more: Any) -> Any:
-    """A run from t = 0 to 9 of spins that turn about the vertical at the rate 1."""
+def turning(how: str, *events: Any, compiled: Any = None, turns: int = 30, **more: Any) -> Any:
+    """A run of so many steps of 0.3, or as long, of spins that turn about the vertical at the rate 1."""
     method, way = TURNS[how]
     system = lm.LiePoissonSystem(lm.SO3() ** MANY, lm.Terms(Zeeman([0.0, 0.0, -1.0])))
     plan = lm.Plan(system, method, events=events, compiled=compiled, progress=False, **way, **more)
-    span = {"t_end": 9.0} if "rtol" in way else {"steps": 30}
+    span = {"t_end": 0.3 * turns} if "rtol" in way else {"steps": turns}
     return plan, plan.run(system.state(mu=np.tile([0.6, 0.0, 0.8], (MANY, 1))), **span)
 
 
@@ -224,6 +224,18 @@ def test_an_event_of_all_that_fails_leaves_the_steps_before(how: str) -> None:
         rest = plan.resume(run, **({"t_end": 9.0} if plan.adaptive else {"steps": 30 - run.carry.step}))
         assert np.array_equal(rest.mu[-1], bare.mu[-1])
         assert sign * run.carry.t < 4.0
+
+
+@pytest.mark.parametrize("how", TURNS)
+def test_a_zero_in_nearly_every_step_of_a_long_run(how: str) -> None:
+    """Wherever the run stood between two looks, the states there are those of the motion."""
+    beats = lambda t, state: np.sin(np.pi * t / 0.31 + 0.1)  # noqa: E731
+    times, states = turning(how, beats, turns=300)[1].events[0]
+    first = 0 if how == "backwards" else 1
+    zeros = 0.31 * (np.sign(times) * (first + np.arange(len(times))) - 0.1 / np.pi)
+    assert len(times) == 290 + (how == "backwards")
+    assert times == pytest.approx(zeros, abs=1e-9)
+    assert np.abs(states.mu[:, -1, 0] - 0.6 * np.cos(times)).max() < 1e-6
 
 
 def test_one_function_sees_few_and_many_sites_alike() -> None:

@@ -275,31 +275,30 @@ class Events:
             bodies = piece.body[steps]
             if hits or left:
                 steps = steps[~np.isin(bodies, [*hits, *left])]
-            if len(steps) and not self._portion(piece, steps, counts[steps], hits, left):
+            try:
+                if len(steps):
+                    self._portion(piece, steps, counts[steps], self._values, hits, left)
+            except Exception:  # plain Python says why
                 first = np.append(True, piece.body[steps[1:]] != piece.body[steps[:-1]])
                 left |= {int(piece.body[k]): int(k) for k in steps[first]}
         return hits, [(k, body) for body, k in left.items()]
 
     def _portion(
-        self, piece: Any, steps: np.ndarray, counts: np.ndarray, hits: dict[int, Zero], left: dict[int, int]
-    ) -> bool:
-        """Zeros in some steps; False, and nothing has changed, if plain Python has to say why an event or a motion failed.
+        self, piece: Any, steps: np.ndarray, counts: np.ndarray, values: Any, hits: dict[int, Zero],
+        left: dict[int, int] | None = None,
+    ) -> None:  # fmt: skip
+        """Zeros in some steps.  Where an event or a motion fails nothing has changed.
 
-        hits, left : what is added to: terminal zeros of bodies, and of those of which an event failed the step.
+        values : finds those of events.  hits, left : what is added to: terminal zeros of bodies, and of those of which an
+        event failed the step; None where a nan is a value, as in plain Python.
         """
-        try:
-            step, a, b, numbers = self._looks(piece, steps, counts, self._values)
-            new = self._values(numbers, b)
-        except Exception:
-            return False
+        step, a, b, numbers = self._looks(piece, steps, counts, values)
+        new = values(numbers, b)
         old = self._before(piece.body[step], new)
         early = np.flatnonzero((old == 0.0).any(axis=0))
         if len(early) and not self.noisy:
             times = a[early] + EARLY * (b - a)[early]
-            try:
-                signs = self._values(self.run.inside(piece, step[early], times), times)
-            except Exception:
-                return False
+            signs = values(self.run.inside(piece, step[early], times), times)
             step, b = np.insert(step, early, step[early]), np.insert(b, early, times)
             a, new = np.insert(a, early + 1, times), np.insert(new, early, signs, axis=1)
             old = self._before(piece.body[step], new)
@@ -308,12 +307,11 @@ class Events:
         bodies = body[begins].tolist()
         place, starts = np.arange(len(step)), np.flatnonzero(begins)
         # of every body the first look into the first step in which an event failed
-        bad = np.where(np.isnan(new).any(axis=0), np.searchsorted(step, step), len(step))
+        failed = np.isnan(new).any(axis=0) & (left is not None)
+        bad = np.where(failed, np.searchsorted(step, step), len(step))
         bad = np.minimum.reduceat(bad, starts)
         good = np.flatnonzero(place < np.repeat(bad, np.diff(np.append(starts, len(step)))))
-        zeros = self._zeros(piece, (step[good], a[good], b[good]), old[:, good], new[:, good])
-        if zeros is None:
-            return False
+        zeros = self._zeros(piece, (step[good], a[good], b[good]), old[:, good], new[:, good], values)
         of_each: dict[int, list[Zero]] = {}
         for zero in zeros:
             of_each.setdefault(int(piece.body[zero[0]]), []).append(zero)
@@ -323,11 +321,10 @@ class Events:
             watch = self.each[i]
             if first != start:
                 self.fresh.discard(i)
-            if first < end:
+            if first < end and left is not None:
                 watch.values, left[i] = old[:, first].tolist(), int(step[first])
             else:
                 watch.values = new[:, end - 1].tolist()
-        return True
 
     def _before(self, body: np.ndarray, new: np.ndarray) -> np.ndarray:
         """Values of events at the look before each look, (events, n): at the first look of a body those where it
@@ -338,15 +335,24 @@ class Events:
         old[:, first] = np.array([self.each[i].values for i in body[first].tolist()]).T
         return old
 
-    def _values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Values of all events, (events, n), at states, (n, width), and times, (n,); nan where one failed."""
+    def _values(self, points: np.ndarray, t: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
+        """Values of all events, (events, n), at states, (n, width), and times, (n,); nan where one failed.  which : of
+        each state the only event that is asked for, whose values, (n,), are to be numbers.
+        """
         inputs = np.column_stack([self.run.view.seen(points)[1], t])
         columns = [natively(*kernel, inputs, 1) for kernel in self.kernels]
-        return np.array([np.where(column[:, 1] == 1.0, column[:, 0], np.nan) for column in columns])
+        values = np.array([np.where(column[:, 1] == 1.0, column[:, 0], np.nan) for column in columns])
+        if which is None:
+            return values
+        chosen: np.ndarray = np.take_along_axis(values, which[None], axis=0)[0]
+        if np.isnan(chosen).any():
+            raise ArithmeticError
+        return chosen
 
-    def _zeros(self, piece: Any, looks: tuple[np.ndarray, ...], old: np.ndarray, new: np.ndarray) -> list[Zero] | None:
-        """The zeros between some looks, in the order in which motions meet them; None if an event or a
-        motion failed, which plain Python says again.
+    def _zeros(
+        self, piece: Any, looks: tuple[np.ndarray, ...], old: np.ndarray, new: np.ndarray, values: Any
+    ) -> list[Zero]:
+        """The zeros between some looks, in the order in which motions meet them.
 
         looks : of each the step, and the times of the last look and of this one.  old, new : (events, n) the values then.
         """
@@ -356,18 +362,11 @@ class Events:
             return []
         whole, *ends = (x[look] for x in looks)
 
-        def value(which: np.ndarray, times: np.ndarray) -> np.ndarray:
-            values = self._values(self.run.inside(piece, whole[which], times), times)
-            chosen = np.take_along_axis(values, event[None, which], axis=0)[0]
-            if np.isnan(chosen).any():
-                raise ArithmeticError
-            return chosen
+        def value(some: np.ndarray, times: np.ndarray) -> Any:
+            return values(self.run.inside(piece, whole[some], times), times, event[some])
 
-        try:
-            at, jumps = roots(value, ends[0], ends[1], old[event, look], new[event, look])
-            numbers = self.run.seen_at(piece, whole, at)
-        except Exception:
-            return None
+        at, jumps = roots(value, ends[0], ends[1], old[event, look], new[event, look])
+        numbers = self.run.seen_at(piece, whole, at)
         for k in np.flatnonzero(jumps).tolist():
             self._jumped(int(piece.body[whole[k]]), int(event[k]), at.item(k))
         later = np.where(ends[1] >= ends[0], 1.0, -1.0)
@@ -375,50 +374,26 @@ class Events:
         return [(int(whole[k]), at.item(k), int(event[k]), numbers[k]) for k in order[~jumps[order]].tolist()]
 
     def _plainly(self, piece: Any, body: int, first: int) -> Zero | None:
-        """Find zeros in the steps of a body from this one on, look by look."""
-        watch, run = self.each[body], self.run
+        """Find zeros in the steps of a body from this one on, step by step."""
 
-        def values(points: np.ndarray, times: np.ndarray) -> np.ndarray:
-            states = [run.view.small(x) for x in points]
-            samples = list(zip(times.tolist(), states, strict=True))
+        def values(points: np.ndarray, times: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
+            samples = [*zip(times.tolist(), map(self.run.view.small, points), strict=True)]
+            if which is not None:
+                pairs = zip(which.tolist(), samples)
+                return np.array([self._value(body, self.events[i], t, x) for i, (t, x) in pairs])
             return np.array([[self._value(body, event, t, x) for t, x in samples] for event in self.events])
 
         for k in range(first, len(piece)):
             if piece.body[k] != body:
                 break
-            look = np.array([k])
-
-            def inside(t: float, some: np.ndarray = look) -> np.ndarray:
-                state: np.ndarray = run.inside(piece, some, np.array([t]))[0]
-                return state
-
+            look, hits = np.array([k]), {}  # type: Any, dict[int, Zero]
             try:
-                _, *looks = self._looks(piece, look, run.looks(piece, look), values)
-                for a, b, numbers in self._after_zeros(watch, inside, zip(*looks, strict=True)):
-                    hits = []
-                    for i, (event, old) in enumerate(zip(self.events, watch.values, strict=True)):
-                        new = self._value(body, event, float(b), run.view.small(numbers))
-                        watch.values[i] = new
-                        if crossed(event, old, new):
-
-                            def value(_: Any, times: np.ndarray, event: Any = event) -> np.ndarray:
-                                return np.array(
-                                    [self._value(body, event, t, run.view.small(inside(t))) for t in times.tolist()]
-                                )
-
-                            at, jump = roots(value, *[np.array([x]) for x in (a, b, old, new)])
-                            if jump.item():
-                                self._jumped(body, i, at.item())
-                            else:
-                                hits.append((at.item(), i))
-                    ordered = sorted(hits, reverse=bool(b < a))
-                    hit = watch.meet([(k, at, i, run.seen_at(piece, look, np.array([at]))[0]) for at, i in ordered])
-                    if hit is not None:
-                        return hit
-                self.fresh.discard(body)
+                self._portion(piece, look, self.run.looks(piece, look), values, hits)
             except BaseException as error:
                 error.step = k  # type: ignore[attr-defined]
                 raise
+            if hits:
+                return hits[body]
         return None
 
     # ---------------------------------------------------------------- where steps are looked at
@@ -446,15 +421,6 @@ class Events:
                 )
         self._round(piece, step, b, numbers, values)
         return step, a, b, numbers
-
-    def _after_zeros(self, watch: Watch, inside: Any, looks: Any) -> Any:
-        """Looks, with an early one more after each at which an event was zero."""
-        for a, b, numbers in looks:
-            if 0.0 in watch.values and not self.noisy:
-                early = a + EARLY * (b - a)
-                yield a, early, inside(float(early))
-                a = early
-            yield a, b, numbers
 
     def _round(self, piece: Any, step: np.ndarray, b: np.ndarray, numbers: np.ndarray, values: Any) -> None:
         """Set events to zero that are zero up to rounding where a run begins.

@@ -364,20 +364,9 @@ class Procedure(Record):
 
 
 def advance_sites(
-    procedure: Procedure,
-    system: Any,
-    turns: int,
-    sites: Any,
-    seen: Any,
-    totals: Any,
-    times: Any,
-    march: Any,
-    goals: Any,
-    states: Any,
-    clocks: Any,
-    out: Any,
-    failures: Any,
-) -> None:
+    procedure: Procedure, system: Any, turns: int, sites: Any, seen: Any, totals: Any, times: Any, march: Any,
+    goals: Any, states: Any, clocks: Any, out: Any, failures: Any,
+) -> None:  # fmt: skip
     """The driver: so many turns of all sites, and a sample where a step ends at the next of the times, which have a nan
     behind them, while it stands still where a step goes beyond the next time; or a sample of every step, and of
     where the first one begins, and their times.

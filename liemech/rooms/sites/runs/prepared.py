@@ -47,7 +47,8 @@ class Prepared:
     """The layouts and the native code of runs of a plan whose starts are alike.
 
     beginner : how sites begin.  procedure : how they are taken on.  state : the layout of what is shown of one site.
-    keeps : do samples have states?  turning : how a splitting by colours steps.  paces : of runs of so many sites, how
+    shown : the content of what the driver writes.  ending : where steps are cut; None: nowhere.  keeps : do samples have
+    states?  turning : how a splitting by colours steps.  paces : of runs of so many sites, how
     many steps a call has come to make.
     """
 
@@ -78,18 +79,8 @@ class Prepared:
         whole = every and plan.adaptive
         shown = Shown(every or self.keeps, whole, self.memory if whole else self.state, quantities, totals)
         self.procedure = Procedure(method, control, self.memory, place, shown, every, ending)
+        self.shown, self.ending = shown, ending
         self.most = min(EIGHT, starts.count) if site.jointed else EIGHT
-
-    @property
-    def ending(self) -> Any:
-        """Where steps are cut; None: nowhere."""
-        return self.procedure.ending
-
-    @property
-    def shown(self) -> Shown:
-        """The content of what the driver writes."""
-        shown: Shown = self.procedure.shown
-        return shown
 
     def _execution(self, driver: Any, *call: Any) -> SiteExecution:
         """Who runs a driver."""

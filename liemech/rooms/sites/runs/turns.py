@@ -15,6 +15,7 @@ from ....compiler.sites.planes import Planes, each, load, save, some
 from ....errors import NotFinite
 from ....formulas import Record, record
 from ....formulas.classes.layouts import NUMBER
+from ....formulas.classes.records import with_fields
 from ....formulas.sites import padded, rows_of
 from ....formulas.tables import Table, entry
 from ....integrators.ending_at_jumps import jumps_between, uncut
@@ -41,13 +42,15 @@ class Turns(Record):
 
     The first one begins with what the step before has left, which is the share `last`.
 
-    group : of one site.  form : the energies.  in_place : do the sites of a colour turn while the others rest?  The
-    numbers in between are where these begin and end; else all sites turn from one copy to the other, along bonds
-    of one colour, the second number.  name : of the method.
+    group, layout : of one site and of its state.  form : the energies.  count : of the turns.  in_place : do the sites of a
+    colour turn while the others rest?  The numbers in between are where these begin and end; else all sites turn from one
+    copy to the other, along bonds of one colour, the second number.  name : of the method.
     """
 
     group: Any
+    layout: Any
     form: tuple[Any, ...]
+    count: float
     numbers: Any
     last: float
     in_place: bool
@@ -56,16 +59,16 @@ class Turns(Record):
     def __repr__(self) -> str:
         return self.name
 
-    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
+    def make(self, k: int, t: float, time: float, sites: Any, here: int, there: Any, row: int) -> None:
         """Turn number k, at a time and for another, from one copy of the sites to a row of others."""
         which, first, end = self.number(k, 0), self.number(k, 1), self.number(k, 2)
         for i in range(len(self.form)):
             for _ in range(int(which == i)):
-                given = self.group, self.form[i], first, t, time, sites
+                given = self, self.form[i], first, t, time, sites
                 if self.in_place:
-                    some(sites, first, end, turned_site, *given, 0, there, row, layout)
+                    some(sites, first, end, turned_site, *given, 0, there, row)
                 else:
-                    each(sites, turned_site, *given, here, there, row, layout)
+                    each(sites, turned_site, *given, here, there, row)
 
     def after(self, here: int) -> int:
         """The copy in which the sites are after a turn."""
@@ -85,11 +88,11 @@ class Turns(Record):
 
 
 def turned_site(
-    group: Any, energy: Any, colour: int, t: float, time: float, sites: Any, here: int, there: Any,
-    row: int, layout: Any,
-) -> None:  # fmt: skip
+    turns: Turns, energy: Any, colour: int, t: float, time: float, sites: Any, here: int, there: Any, row: int
+) -> None:
     """The turn of one site along its bond of a colour, or along its own energy."""
-    save(there, row, turned_by(energy, group, colour, t, time, load(sites, here, layout)), layout)
+    state = load(sites, here, turns.layout)
+    save(there, row, turned_by(energy, turns.group, colour, t, time, state), turns.layout)
 
 
 def copied_site(sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
@@ -98,22 +101,11 @@ def copied_site(sites: Any, here: int, there: Any, row: int, layout: Any) -> Non
 
 
 def advance_turns(
-    turns: Turns,
-    layout: Any,
-    h: float,
-    count: int,
-    t0: float,
-    steps: int,
-    samples: int,
-    shown: int,
-    sites: Any,
-    seen: Any,
-    clock: Any,
+    turns: Turns, h: float, t0: float, steps: int, samples: int, shown: int, sites: Any, seen: Any, clock: Any
 ) -> None:
-    """The driver: `samples` times so many steps of so many turns, and a sample if it is to be shown,
-    1; 0 if not.
+    """The driver: `samples` times so many steps, and a sample if it is to be shown, 1; 0 if not.
 
-    layout : of the state of one site.  t0 : the time of step 0.  sites : before the last turn of a step.
+    t0 : the time of step 0.  sites : before the last turn of a step.
     clock : the time that is left for it, the copy in which they are, the number of steps made.
     seen : the states, one sample behind the other.
     """
@@ -122,12 +114,12 @@ def advance_turns(
         taken = read(clock, 2, NUMBER)
         for n in range(steps):
             t = t0 + (taken + n) * h
-            for i in range(count):
+            for i in range(int(turns.count)):
                 time = turns.share(i) * h
                 if i == 0:
                     time = left + time
                 there = turns.after(here)
-                turns.make(i, t + turns.at(i) * h, time, sites, here, sites, there, layout)
+                turns.make(i, t + turns.at(i) * h, time, sites, here, sites, there)
                 here = there
             left = turns.last * h
         taken = taken + steps
@@ -135,8 +127,8 @@ def advance_turns(
         write(clock, 1, float(here), NUMBER)
         write(clock, 2, taken, NUMBER)
         for _ in range(shown):
-            each(sites, copied_site, sites, here, seen, k, layout)
-            turns.make(count, t0 + taken * h, left, sites, here, seen, k, layout)
+            each(sites, copied_site, sites, here, seen, k, turns.layout)
+            turns.make(int(turns.count), t0 + taken * h, left, sites, here, seen, k)
 
 
 # ------------------------------------------------------------------ Python's side
@@ -169,8 +161,9 @@ class Turning:
             last = *last[:3], 0.0, 0.0
             rows = [*rows, last]
         table = Table(np.array(rows, dtype=float).ravel())
-        turns = Turns(system.group.base, form, table, last[3], in_place, repr(method))
-        self.arguments = turns, layout, steps.h, len(rows) - 1
+        given = system.group.base, layout, form, len(rows) - 1.0, table
+        turns = Turns(*given, last[3], in_place, repr(method))
+        self.arguments = turns, steps.h
         planes, shared = Planes.of_rows(1, 1), kernel.Shared(np.empty(0))
         self.execution = SiteExecution(
             steps.compiled, steps.progress, advance_turns, *self.arguments, 0.0, 1, 1, 1, planes,
@@ -333,11 +326,11 @@ class TurnsRun(SiteRun):
     def _moved(self, rows: np.ndarray, t: float, h: float) -> np.ndarray:
         """The states of all sites, by their places, after a step of any length from others."""
         turning, ending, site = self.shape.turning, self.shape.ending, self.site
-        turns, layout, _, number = turning.arguments
+        turns = turning.arguments[0]
         for begin, s in [(t, h)] if ending is None else ending.parts(site, t, h):
             seen = turns if ending is None else during(turns, begin, s, ending.beyond)
             start, after = turning.begun(rows), Planes.of_rows(len(rows), rows.shape[1])
-            self._make((seen, layout, s, number, begin, 1, 1, 1, start, after), np.zeros(3))
+            self._make((seen, s, begin, 1, 1, 1, start, after), np.zeros(3))
             rows = after.array[:, : start.count]
         return rows
 
@@ -419,18 +412,18 @@ class TurnsRun(SiteRun):
             return None
         array, clock, total = self.before
         turning, width, count = self.shape.turning, self.shape.beginner.started.width, self.turned.count
-        turns, layout, h, number = turning.arguments
+        turns, h = turning.arguments
 
-        def after(steps: int, number: int = number, shown: int = 1) -> tuple[Any, Any, int | None]:
+        def after(steps: int, number: float = turns.count, shown: int = 1) -> tuple[Any, Any, int | None]:
             """The sites, the clock, and the first site that is not finite, after so many turns of steps."""
             sites, told = Planes(array.copy(), count), clock.copy()
             seen = Planes.of_rows(width * shown, count)
-            self._make((turns, layout, h, number, self.t0, steps, 1, shown, sites, seen), told)
+            self._make((with_fields(turns, count=number), h, self.t0, steps, 1, shown, sites, seen), told)
             rows = np.concatenate([sites.array, seen.array])[:, :count]
             bad = turning.places.sites[~np.isfinite(rows).all(axis=0)]
             return sites.array, told, int(bad.min()) if len(bad) else None
 
         step = bisect.bisect_left(range(1, total + 1), True, key=lambda k: after(k)[2] is not None)
         array, clock, _ = after(step)
-        found = (after(1, k, 0)[2] for k in range(1, number + 1))
+        found = (after(1, k, 0)[2] for k in np.arange(1.0, turns.count + 1.0).tolist())
         return next((site for site in found if site is not None), after(1)[2])
