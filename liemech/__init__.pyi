@@ -140,10 +140,12 @@ from .rooms.poisson.discrete_gradient import DiscreteGradient as DiscreteGradien
 from .rooms.poisson.metriplectic import BracketFriction as BracketFriction
 from .rooms.poisson.metriplectic import Friction as Friction
 from .rooms.poisson.metriplectic import Metriplectic as Metriplectic
+from .rooms.poisson.poisson import DrivenPoissonSystem as DrivenPoissonSystem
 from .rooms.poisson.poisson import PoissonState as PoissonState
 from .rooms.poisson.poisson import PoissonSystem as PoissonSystem
 from .rooms.poisson.poisson_euler import PoissonEuler as PoissonEuler
 from .rooms.poisson.poisson_euler import PoissonVerlet as PoissonVerlet
+from .rooms.poisson.poisson_hamilton_jacobi import PoissonHamiltonJacobi as PoissonHamiltonJacobi
 from .rooms.sites.spin_splittings import BondSplitting as BondSplitting
 from .rooms.sites.spin_splittings import SublatticeSplitting as SublatticeSplitting
 from .rooms.sites.terms.terms import PerSite as PerSite

@@ -141,6 +141,7 @@ METHODS: tuple[lm.Method, ...] = (
     lm.LagrangeDAlembert(),
     lm.PoissonEuler(),
     lm.PoissonVerlet(),
+    lm.PoissonHamiltonJacobi(order=4),
     lm.Boris(),
     lm.AdaptiveVerlet(),
     lm.ReversibleController(lm.StormerVerlet(), sigma=lambda q: lm.dot(q, q)),

@@ -15,6 +15,7 @@ from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat,
 from ..formulas.arrays import check_finite, real_array
 from ..formulas.classes.derived import derived, derived_from
 from .lie_group import LieGroup
+from .linear_motion import linear_motion
 from .matrices.matrix_group import whole_number
 from .matrices.skew_matrices import null_vectors, pairs
 
@@ -34,7 +35,7 @@ class PoissonStructure(Record):
     Jacobi identity sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0.  `check_poisson` looks whether it
     is.
     2. It may write `casimirs`, say the `rank` that B has almost everywhere, and write in closed form `sharp`,
-    the product B(y) a, and `coordinate_flow`, the motion that a coordinate has as energy.
+    the product B(y) a, and the motions whose energy is a coordinate, `coordinate_flow`, or p . y, `linear_motion`.
     3. Brackets, derivatives along motions and vector fields follow: formulas that compile, and may
     be bracketed again.
 
@@ -74,6 +75,13 @@ class PoissonStructure(Record):
         y : (n,), index from 0.
         """
         raise NotDefined(f"{type(self).__name__} knows no `coordinate_flow`")
+
+    @derived_from("matrix")
+    def linear_motion(self, y: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """The change of y in a unit of time of the motion with the energy p . y, y' = B(y) p, and the mean of the
+        change over that time.  y, p : (n,).
+        """
+        return linear_motion(self, y, p)
 
     # ---------------------------------------------------------------- 3. what follows
 
@@ -226,6 +234,11 @@ class Canonical(PoissonStructure):
         n = self.degrees
         return vec(*[a[i + n] for i in range(n)], *[-a[i] for i in range(n)])
 
+    def linear_motion(self, y: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """The straight line y + s B p.  y, p : (2n,)."""
+        change = self.sharp(y, p)
+        return change, 0.5 * change
+
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """The conjugate coordinate moves, y + s B e_index.  y : (2n,)."""
         n = self.degrees
@@ -275,6 +288,11 @@ class ConstantStructure(_OfMatrix):
         """k . y for a basis of the null space.  y : (n,)."""
         return vec(*[dot(k, y) for k in self.kernel])
 
+    def linear_motion(self, y: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """The straight line y + s B p.  y, p : (n,)."""
+        change = self.sharp(y, p)
+        return change, 0.5 * change
+
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """y + s B e_index.  y : (n,)."""
         return vec(*[y[i] + s * self.values[i, index] for i in range(len(y))])
@@ -294,6 +312,12 @@ class LogCanonical(_OfMatrix):
     Raises InvalidInput if c is not skew-symmetric.  Source: Hairer, Lubich, Wanner, VII.2.2; Plank,
     J. Math.  Phys. 36 (1995), 3520.
     """
+
+    of_logarithms: ConstantStructure = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "of_logarithms", ConstantStructure(self.values))
 
     def matrix(self, y: Vec) -> Mat:
         """c_ij y_i y_j.  y : (n,)."""
@@ -361,10 +385,24 @@ class LiePoissonStructure(PoissonStructure):
         rate = self.group.ad_star(a, y)
         return rate if self.sign == -1 else -rate
 
+    def linear_motion(self, y: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """The motion Ad*_exp(s p) y, with the mean (dexp_p)* y, right-trivialised.  y, p : (dim,)."""
+        mean = self.group.algebra.dexp_dual(-p if self.sign == -1 else p, y)
+        return self.sharp(mean, p), mean - y
+
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """Ad* of exp(-+ s E_index).  y : (dim,)."""
         turn = s if self.sign == -1 else -s
         return self.group.exp_Ad_star(vec(*[turn if i == index else 0.0 for i in range(self.group.dim)]), y)
+
+
+def jacobi_sums(slopes: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """The sums sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj), which Jacobi's identity makes zero, (n, n, n).
+
+    slopes : d_l b_ij, (n, n, n), l first.  matrix : B, (n, n).
+    """
+    nested = np.einsum("lij,lk->ijk", slopes, matrix)
+    return nested + nested.transpose(2, 0, 1) + nested.transpose(1, 2, 0)  # ijk, jki, kij
 
 
 def skew(value: Any, name: str) -> np.ndarray:

@@ -33,7 +33,7 @@ class Implicit(Remembering):
         """A past in which every step had the first guess as its unknown."""
         return repeated(self.first(system, state, h))
 
-    def after(self, memory: Memory, state: BodyState, unknown: Any) -> Memory:
+    def after(self, memory: Memory, state: Any, unknown: Any) -> Memory:
         """The memory after a step that led to this state and had this unknown."""
         return Memory(state, memory.node, followed(memory.past, unknown))
 

@@ -36,7 +36,80 @@ class PoissonState(State):
 
 
 @record
-class VectorField(System):
+class MotionOfPoints(System):
+    """A motion of points y of R^n, which the group R^n moves under addition; abstract.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.
+    """
+
+    coordinates: ClassVar[tuple[str, ...]] = ("y",)
+
+    @property
+    def dim(self) -> int:
+        """The dimension n of the points y."""
+        raise NotDefined(f"{type(self).__name__} must say its dimension, dim: ClassVar[int] = 3")
+
+    @property
+    def group(self) -> VectorSpace:
+        """The group of displacements, R^n under addition."""
+        return self._space
+
+    @shared_property
+    def _space(self) -> VectorSpace:
+        return VectorSpace(self.dim)
+
+    @final
+    def displaced(self, retraction: Retraction, state: PoissonState, omega: Vec) -> PoissonState:
+        """The state at the point y + omega."""
+        return PoissonState(retraction.compose_tau(self.group, state.y, omega))
+
+    @final
+    def variation(self, state: PoissonState, omega: Vec) -> tuple[Vec, Vec]:
+        """The displacement and the sizes |y| that it is compared with."""
+        return omega, vec(*[abs(x) for x in state.y])
+
+    # ---------------------------------------------------------------- checked input
+
+    @final
+    def state(self, y: Any) -> PoissonState:
+        """A start for `integrate`: a point y, (n,), or (members, n) for an ensemble.
+
+        Raises InvalidInput for wrong shapes, entries that are not finite, and points at which the
+        system is not defined.
+        """
+        where, shape = f"{type(self).__name__}.state", (self.dim,)
+        array = points(y, f"{where}: y", shape, f"a point of {self!r}")
+        self._check_formulas(array)
+        self._require(array, where)
+        return self.vouched(PoissonState(as_field(array, shape, None if array.shape == shape else len(array))))
+
+    def _check_formulas(self, y: np.ndarray) -> None:
+        """Raise InvalidInput for formulas that do not fit the points.  y : (n,), or (members, n)."""
+
+    def _require_vector(self, given: str, formula: Callable[[], Any]) -> None:
+        """Raise InvalidType, InvalidInput unless a formula gives a vector of n numbers."""
+        name = f"{type(self).__name__}.{given.partition('(')[0]}"
+        try:
+            value = formula()
+        except (ArithmeticError, ValueError):  # no value there: the run will tell
+            return
+        except TypeError as error:
+            raise InvalidType(f"{name} cannot be evaluated: {error}. It is {given}") from error
+        if not isinstance(value, SmallVec) or len(value) != self.dim:
+            raise InvalidInput(
+                f"{name} returns {value!r}; {given} must return a vector of {self.dim} numbers: lm.vec(...)"
+            )
+
+    def _require(self, y: np.ndarray, where: str) -> None:
+        """Raise InvalidInput for points outside of where the system is defined; a subclass knows."""
+
+    @final
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.dim,) if kind == "Vec" else None
+
+
+@record
+class VectorField(MotionOfPoints):
     """An equation in R^n, y' = f(y).
 
     1. A subclass writes `velocity(y)`, f, as a formula, and says the dimension `dim`, n.  Its
@@ -51,17 +124,11 @@ class VectorField(System):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., III.5.1.
     """
 
-    coordinates: ClassVar[tuple[str, ...]] = ("y",)
     alternatives: ClassVar[str] = (
         "Splitting(order=4) is for a SplitField of parts whose motion is known, RKMK accepts every system"
     )
 
     # ---------------------------------------------------------------- 1. a subclass writes
-
-    @property
-    def dim(self) -> int:
-        """The dimension n of the points y."""
-        raise NotDefined(f"{type(self).__name__} must say its dimension, dim: ClassVar[int] = 3")
 
     def velocity(self, y: Vec) -> Vec:
         """f(y), (n,).  y : (n,)."""
@@ -98,70 +165,15 @@ class VectorField(System):
 
     # ---------------------------------------------------------------- how it moves
 
-    @property
-    def group(self) -> VectorSpace:
-        """The group of displacements, R^n under addition."""
-        return self._space
-
-    @shared_property
-    def _space(self) -> VectorSpace:
-        return VectorSpace(self.dim)
-
     @final
     def rate(self, t: float, state: PoissonState) -> Vec:
         """The velocity y' at the state's point."""
         return self.velocity(state.y)
 
-    @final
-    def displaced(self, retraction: Retraction, state: PoissonState, omega: Vec) -> PoissonState:
-        """The state at the point y + omega."""
-        return PoissonState(retraction.compose_tau(self.group, state.y, omega))
-
-    @final
-    def variation(self, state: PoissonState, omega: Vec) -> tuple[Vec, Vec]:
-        """The displacement and the sizes |y| that it is compared with."""
-        return omega, vec(*[abs(x) for x in state.y])
-
-    # ---------------------------------------------------------------- checked input
-
-    @final
-    def state(self, y: Any) -> PoissonState:
-        """A start for `integrate`: a point y, (n,), or (members, n) for an ensemble.
-
-        Raises InvalidInput for wrong shapes, entries that are not finite, and points at which the
-        system is not defined.
-        """
-        where, shape = f"{type(self).__name__}.state", (self.dim,)
-        array = points(y, f"{where}: y", shape, f"a point of {self!r}")
-        self._check_formulas(array)
-        self._require(array, where)
-        return self.vouched(PoissonState(as_field(array, shape, None if array.shape == shape else len(array))))
-
     def _check_formulas(self, y: np.ndarray) -> None:
         """Whether `velocity` is a vector of n numbers.  y : (n,), or (members, n)."""
         at = small(np.atleast_2d(y)[0])
         self._require_vector("velocity(self, y)", lambda: self.velocity(at))
-
-    def _require_vector(self, given: str, formula: Callable[[], Any]) -> None:
-        """Raise InvalidType, InvalidInput unless a formula gives a vector of n numbers."""
-        name = f"{type(self).__name__}.{given.partition('(')[0]}"
-        try:
-            value = formula()
-        except (ArithmeticError, ValueError):  # no value there: the run will tell
-            return
-        except TypeError as error:
-            raise InvalidType(f"{name} cannot be evaluated: {error}. It is {given}") from error
-        if not isinstance(value, SmallVec) or len(value) != self.dim:
-            raise InvalidInput(
-                f"{name} returns {value!r}; {given} must return a vector of {self.dim} numbers: lm.vec(...)"
-            )
-
-    def _require(self, y: np.ndarray, where: str) -> None:
-        """Raise InvalidInput for points outside of where the system is defined; a subclass knows."""
-
-    @final
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.dim,) if kind == "Vec" else None
 
 
 # ---------------------------------------------------------------- sums of fields

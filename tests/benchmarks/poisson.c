@@ -1,6 +1,7 @@
 /* Poisson integrators of Lotka and Volterra's u' = u (v - p), v' = v (r - u): the steps of liemech in plain C.
 
-   The coefficients come as constants: -DSTAGES=..., -DGAMMA=... (of a composition), -DKICKS=..., -DDRIFTS=... (of a splitting). */
+   The coefficients come as constants: -DSTAGES=..., -DGAMMA=... (of a composition), -DKICKS=..., -DDRIFTS=... (of a splitting),
+   -DORDER=... (of a Hamilton-Jacobi method). */
 
 #include <math.h>
 
@@ -19,9 +20,9 @@ static inline void v_first(double *u, double *v, const double r, const double p,
 }
 
 #define PARAMETERS double *state, double r, double p, double h, long steps
-#define LOOP(body)                                  \
+#define LOOP(...)                                   \
     double u = state[0], v = state[1];              \
-    for (long n = 0; n < steps; n++) { body }       \
+    for (long n = 0; n < steps; n++) { __VA_ARGS__ } \
     state[0] = u, state[1] = v;
 
 void euler(PARAMETERS) { LOOP(u_first(&u, &v, r, p, h);) }
@@ -38,4 +39,41 @@ void splitting(PARAMETERS) {
         if (kicks[i] != 0.0) u = u * exp((kicks[i] * h * (1.0 - p / v)) * v);
         if (i < STAGES && drifts[i] != 0.0) v = v * exp(-((drifts[i] * h * (1.0 - r / u)) * u));
     })
+}
+
+/* The covector dS of the Hamilton-Jacobi method at x = (log u, log v), of order ORDER. */
+static inline void covector(const double x[2], double r, double p, double h, double out[2]) {
+    double eu = exp(x[0]), ev = exp(x[1]), a = h * (eu - r), b = h * (ev - p);
+    out[0] = a, out[1] = b;
+#if ORDER == 4
+    double bent[2] = {h * (eu * b), h * (ev * -a)};
+    out[0] += (1.0 / 12.0) * (0.5 * (h * (eu * b * b)) - h * (eu * bent[1]));
+    out[1] += (1.0 / 12.0) * (0.5 * (h * (ev * a * a)) + h * (ev * bent[0]));
+#endif
+}
+
+void hamilton_jacobi(PARAMETERS) {
+    double past[3][2] = {{0.0}};
+    LOOP(
+        double at[2] = {log(u), log(v)}; double mean[2]; double dS[2]; double before = 0.0;
+        for (int i = 0; i < 2; i++) mean[i] = 3.0 * past[0][i] + (past[2][i] - 3.0 * past[1][i]);
+        for (int tried = 0; tried < 50; tried++) {
+            double x[2] = {at[0] + mean[0], at[1] + mean[1]};
+            covector(x, r, p, h, dS);
+            double off[2] = {mean[0] - 0.5 * dS[1], mean[1] + 0.5 * dS[0]};
+            double by_v = -0.5 * h * exp(x[1]); double by_u = 0.5 * h * exp(x[0]);
+            double scale = 1.0 / (1.0 - by_v * by_u);
+            double step[2] = {scale * (off[0] - by_v * off[1]), scale * (off[1] - by_u * off[0])};
+            double change = fabs(step[0]) / (1.0 + fabs(dS[1])) + fabs(step[1]) / (1.0 + fabs(dS[0]));
+            mean[0] -= step[0]; mean[1] -= step[1];
+            int done = change <= 0x1p-52;
+            if (before > 0.0) done |= 16.0 * (change / before) * change <= 0x1p-52;
+            before = change;
+            if (done) break;
+        }
+        double x[2] = {at[0] + mean[0], at[1] + mean[1]};
+        covector(x, r, p, h, dS);
+        for (int i = 0; i < 2; i++) past[2][i] = past[1][i], past[1][i] = past[0][i];
+        past[0][0] = 0.5 * dS[1]; past[0][1] = -0.5 * dS[0];
+        u += u * expm1(dS[1]); v += v * expm1(-dS[0]);)
 }

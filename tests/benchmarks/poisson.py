@@ -25,6 +25,7 @@ STEPS: dict[str, tuple[str, Any]] = {
     "PoissonVerlet()": ("verlet", VERLET),
     **{f"Composition(PoissonVerlet(), order={p})": ("verlet", lm.Composition(VERLET, order=p)) for p in (4, 6, 8)},
     **{f"Splitting(order={p})": ("splitting", lm.Splitting(order=p)) for p in (1, 2, 4, 6)},
+    **{f"PoissonHamiltonJacobi({p})": ("hamilton_jacobi", lm.PoissonHamiltonJacobi(p)) for p in (2, 4)},
 }
 
 
@@ -46,7 +47,11 @@ def compiled(method: Any, contraction: str, folder: Path) -> Any:
     gamma = method.tableau.gamma if isinstance(method, lm.Composition) else (1.0,)
     tableau = method.tableau_for(SPECIES) if isinstance(method, lm.Splitting) else STRANG
     rows = {"GAMMA": gamma, "KICKS": tableau.kicks, "DRIFTS": tableau.drifts}
-    defines = {"STAGES": len(tableau.drifts), **{name: baseline.listed(row) for name, row in rows.items()}}
+    defines = {
+        "ORDER": method.order,
+        "STAGES": len(tableau.drifts),
+        **{name: baseline.listed(row) for name, row in rows.items()},
+    }
     return baseline.plain_c(SOURCE, defines, contraction, folder)
 
 

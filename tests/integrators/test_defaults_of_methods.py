@@ -37,6 +37,7 @@ METHODS: dict[type, dict[str, Any]] = {
     lm.MoserVeselov: {"order": 2},
     lm.MultipleTimeSteps: {"order": 2, "ratios": (10,)},
     lm.PoissonEuler: {"order": 1},
+    lm.PoissonHamiltonJacobi: {"order": 4},
     lm.PoissonVerlet: {"order": 2},
     lm.QuadratureLagrangian: {"order": 4, "nodes": 2},
     lm.RATTLE: {"order": 2, "shares": (0.5, 0.5)},

@@ -15,7 +15,7 @@ import numpy as np
 from ...errors import require
 from ...formulas import Vec, derivative, dot, gradient, jacobian
 from ...groups.matrices.skew_matrices import like_sizes
-from ...groups.poisson_structure import PoissonStructure
+from ...groups.poisson_structure import PoissonStructure, jacobi_sums
 from ..points.poisson_points import AtPoint, given_points, own_formulas, random_points
 from ..points.sample_points import flat
 from ..points.sample_states import SIZES, components, named
@@ -96,11 +96,7 @@ def skew_symmetry(B: Any, at: AtStructure) -> Iterator[Same]:
     POISSON, "Jacobi identity", "sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0 for i < j < k", slack=CLOSE
 )
 def jacobi(B: Any, at: AtStructure) -> Iterator[Same]:
-    def cyclic(d: np.ndarray, b: np.ndarray) -> np.ndarray:
-        nested = np.einsum("lij,lk->ijk", d, b)
-        return nested + nested.transpose(2, 0, 1) + nested.transpose(1, 2, 0)  # ijk, jki, kij
-
-    total, terms = cyclic(at.slopes, at.matrix), cyclic(at.terms_of_slopes, at.terms)
+    total, terms = jacobi_sums(at.slopes, at.matrix), jacobi_sums(at.terms_of_slopes, at.terms)
     for i, j, k in itertools.combinations(range(at.dim), 3):
         at_fault = f"b_{i + 1},{j + 1}, b_{j + 1},{k + 1}, b_{k + 1},{i + 1}, or what these are multiplied by"
         yield entry(total[i, j, k], 0.0, terms[i, j, k], at_fault)

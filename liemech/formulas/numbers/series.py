@@ -277,6 +277,10 @@ class Series(Operand):
             h = h * factor
         self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
 
+    def grow_oddly(self, rate: Series, h: Any) -> None:
+        """Let this unknown series y solve y' = h times the even part of the rate, so that y is odd."""
+        self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, rate.term(k - 1)) if k % 2 else None)
+
     def among(self, products: Products) -> Series:
         """The series itself, whose products, and those of series made of it, are then computed with these `products`."""
         self._products = products

@@ -13,10 +13,11 @@ from ...formulas.classes.derived import derived
 from ...groups.poisson_structure import PoissonStructure
 from ...systems.agreement import require_one_body
 from ...systems.hamiltonian import Hamiltonian
+from ...systems.in_time.driven_hamiltonian import DrivenHamiltonian
 from ...systems.parts import OfParts, Part, SplitHamiltonian, recognised, second_degree
-from ...systems.vector_field import PoissonState, VectorField
+from ...systems.vector_field import MotionOfPoints, PoissonState, VectorField
 
-__all__ = ["PoissonState", "PoissonSystem", "positive"]
+__all__ = ["DrivenPoissonSystem", "PoissonState", "PoissonSystem", "positive"]
 
 
 @record
@@ -120,6 +121,54 @@ class PoissonSystem(OfParts, VectorField):
             if not isinstance(part, Part):
                 return str(recognised(self.structure, part))
         return ""
+
+
+@record
+class DrivenPoissonSystem(MotionOfPoints):
+    """Motion by a Poisson structure and an energy that changes with time, y' = B(y) dH(t, y) in R^n.
+
+    structure : B.  hamiltonian : the energy as a function of time and y, a DrivenHamiltonian.  Conserved: the Casimirs
+    of the structure.
+
+    Raises InvalidType, InvalidInput for a hamiltonian that does not fit the structure.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2 and VI.1.2.
+    """
+
+    alternatives: ClassVar[str] = "PoissonHamiltonJacobi keeps its structure, RKMK accepts every system"
+
+    structure: PoissonStructure
+    hamiltonian: DrivenHamiltonian
+
+    def __post_init__(self) -> None:
+        name = type(self).__name__
+        require(f"{name}: structure", self.structure, PoissonStructure, "a PoissonStructure, such as Canonical(2)")
+        require(f"{name}: hamiltonian", self.hamiltonian, DrivenHamiltonian, "a DrivenHamiltonian, energy(self, t, mu)")
+        super().__post_init__()
+
+    @property
+    def dim(self) -> int:
+        """n, that of the structure."""
+        return self.structure.dim
+
+    @final
+    def energy(self, t: float, y: Vec) -> float:
+        """The energy H(t, y).  y : (n,)."""
+        return self.hamiltonian.energy(t, y)
+
+    @final
+    def gradient(self, t: float, y: Vec) -> Vec:
+        """dH/dy at time t, (n,).  y : (n,)."""
+        return self.hamiltonian.gradient(t, y)
+
+    @final
+    def rate(self, t: float, state: PoissonState) -> Vec:
+        """The velocity y' = B(y) dH(t, y)."""
+        return self.structure.sharp(state.y, self.gradient(t, state.y))
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The Casimirs of the structure."""
+        casimirs = np.asarray(self.structure.casimirs(states["y"]))
+        return {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
 
 
 def positive(y: np.ndarray, where: str, what: str = "y") -> None:

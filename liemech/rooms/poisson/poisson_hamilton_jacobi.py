@@ -1,0 +1,256 @@
+"""Hamilton-Jacobi methods on every Poisson structure: each step is the motion of a linear energy."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import IncompatibleSystem
+from ...formulas import (
+    Vec,
+    constant,
+    derivative,
+    dot,
+    exp,
+    expm1,
+    gradient,
+    identity_matrix,
+    jacobian,
+    log,
+    plain,
+    record,
+    vec,
+    where,
+)
+from ...formulas.classes.remembered import Remembered
+from ...formulas.numbers.series import Series
+from ...formulas.numbers.sizes import magnitudes
+from ...groups.linear_motion import motion_terms
+from ...groups.poisson_structure import LogCanonical, PoissonStructure, jacobi_sums
+from ...integrators.implicit import Implicit
+from ...integrators.memory import Memory, extrapolated
+from ...integrators.motion_series import begun, series, settle, values
+from ...integrators.orders import require_order
+from ...integrators.taylor import total
+from ...solvers import correction, fixed_point
+from .poisson import DrivenPoissonSystem, PoissonState, PoissonSystem
+
+ORDERS = 2, 4, 6, 8
+"""The orders of methods with one, two, three or four terms of the generating function."""
+
+ROUNDING = 2.0**-30
+"""A sum below this, relative to its terms, is zero up to the rounding of a formula."""
+
+_obeying = Remembered()
+"""The structures that were seen to obey Jacobi's identity."""
+
+
+@record
+class PoissonHamiltonJacobi(Implicit):
+    """Steps whose generating function S solves the Hamilton-Jacobi equation of a Poisson structure to an order in h.
+
+        y_n+1 = phi^p_1(y_n),   p = dS(x),   x = int_0^1 phi^p_s(y_n) ds,   phi^p the motion y' = B(y) p
+        S = h H + (h^3/6) S_3 + (h^5/120) S_5 + ...,   S_3 = D^2H[w, w]/4,   w = B dH
+
+    A step is the motion, for a unit of time, of a linear energy p . y, where p belongs to the mean x of that motion.
+    Whatever S is, this is a Poisson map that keeps every Casimir, known or not, and the symplectic leaf.
+
+    order : 2, 4, 6 or 8.  For every PoissonSystem and DrivenPoissonSystem, with a structure of one's own too.
+    Symmetric; the energy oscillates without drift.  On a constant structure, order 2 is the implicit midpoint rule; on
+    the dual of a Lie algebra this is LiePoissonHamiltonJacobi with the exponential.  Of a LogCanonical structure it is
+    the method in the logarithms of the coordinates, in which the structure is constant: they keep their signs,
+    whatever the step.
+    Raises NoConvergence if the step is too large for the equation to be solved.
+
+    Source: Karasev, Math. USSR Izvestiya 28 (1987), 497 (x and p as coordinates of the symplectic groupoid); Cosserat,
+    arXiv:2303.15883; Ge and Marsden, Phys. Lett. A 133 (1988), 134; docs/poisson_systems.md (S_3, and the terms beyond).
+    """
+
+    timed: ClassVar[bool] = True
+    symmetric: ClassVar[bool] = True
+    symplectic: ClassVar[bool] = True
+    analytic: ClassVar[bool] = True
+
+    order: int = 4
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_order(self, ORDERS)
+
+    @property
+    def name(self) -> str:
+        """The method and its order."""
+        return f"Poisson Hamilton-Jacobi {self.order}"
+
+    def require(self, system: Any) -> None:
+        """A Poisson system whose structure obeys Jacobi's identity, with formulas that can be differentiated."""
+        super().require(system)
+        if not isinstance(system, (PoissonSystem, DrivenPoissonSystem)):
+            raise IncompatibleSystem(f"{self!r} needs a PoissonSystem; got {system!r}. {system.alternatives}")
+        structure, dH = system.structure, gradient_of(system)
+        require_jacobi(self, structure)
+        y = vec(*[0.5 + 0.125 * math.cos(k) for k in range(system.dim)])
+        try:
+            two_terms(structure, dH, 0.5, y, 0.125)
+            if self.order > 4:
+                series(structure.sharp(begun(y), dH(Series(0.5, 0.125), begun(y))))[0].term(2)
+        except (TypeError, AttributeError) as error:
+            raise IncompatibleSystem(
+                f"{self!r} differentiates the energy and the structure, and the formulas of {system!r} do not allow "
+                f"it: {error}. Write them with + - * / ** and the functions of liemech.formulas (sin, exp, sqrt, ...), "
+                "or use RKMK with a gradient of yours"
+            ) from error
+        except (ArithmeticError, ValueError):  # not in their domain
+            pass
+
+    # ---------------------------------------------------------------- one step
+
+    def first(self, system: Any, state: PoissonState, h: float) -> Vec:  # type: ignore[override]
+        """The mean change of y, zero."""
+        return 0.0 * plain(state.y)
+
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
+        """Solve for the mean of the motion and follow it to its end."""
+        structure, dH, middle = system.structure, gradient_of(system), t + 0.5 * h
+        y, mean = plain(memory.state.y), extrapolated(*memory.past)
+        if isinstance(structure, LogCanonical):
+            u = vec(*[log(where(constant(c) == 0.0, 1.0, abs(c))) for c in y])
+            dH_u = of_logarithms(dH, vec(*[sign(c) for c in y]))
+            change, mean = self.change(structure.of_logarithms, dH_u, middle, u, 1.0 + 0.0 * magnitudes(y), mean, h)
+            change = y * vec(*[expm1(c) for c in change])
+        else:
+            change, mean = self.change(structure, dH, middle, y, magnitudes(y), mean, h)
+        return self.after(memory, PoissonState(memory.state.y + change), mean)
+
+    def change(self, structure: Any, dH: Slope, t: float, y: Vec, sizes: Vec, guess: Vec, h: float) -> tuple[Vec, Vec]:
+        """The change of y and its mean, x - y, in a step about the time t.
+
+        sizes : of the components of y, beside which corrections vanish.  Newton's method with the matrix
+        1 - h B(x) D^2H(x)/2, wrong by O(h^2).
+        """
+
+        def sweep(mean: Vec) -> tuple[Vec, Vec, Vec]:
+            x = y + mean
+            change, led_to = structure.linear_motion(y, self.covector(structure, dH, t, x, h))
+            slope = jacobian(lambda z: structure.sharp(x, dH(t, z)), x)
+            step = correction(identity_matrix(len(x)) - (0.5 * h) * slope, mean - led_to)
+            return mean - step, magnitudes(step), sizes + magnitudes(change)
+
+        mean = fixed_point(sweep, guess, self, h)
+        return structure.linear_motion(y, self.covector(structure, dH, t, y + mean, h))
+
+    def covector(self, structure: Any, dH: Slope, t: float, x: Vec, h: float) -> Vec:
+        """The gradient of the generating function, p = dS(x), of a step about the time t."""
+        if self.order == 2:
+            return h * dH(t, x)
+        if self.order == 4:
+            return two_terms(structure, dH, t, x, h)
+        return total(odd_terms(structure, dH, t, x, h, self.order // 2))
+
+
+# -------------------------------------------------------------------- the generating function
+
+Slope = Callable[[Any, Vec], Vec]
+"""The gradient of an energy, dH(t, y)."""
+
+
+def gradient_of(system: Any) -> Slope:
+    """The gradient dH(t, y) of the energy of a Poisson system."""
+    if isinstance(system, DrivenPoissonSystem):
+        return lambda t, y: system.gradient(t, y)
+    return lambda t, y: system.gradient(y)
+
+
+def of_logarithms(dH: Slope, signs: Vec) -> Slope:
+    """The gradient by the coordinates u = log |y|, of components y_i dH/dy_i.  signs : of y, 1, -1 or 0."""
+
+    def gradient_at(t: Any, u: Vec) -> Vec:
+        y = signs * vec(*[exp(c) for c in u])
+        return y * dH(t, y)
+
+    return gradient_at
+
+
+def two_terms(structure: Any, dH: Slope, t: float, x: Vec, h: float) -> Vec:
+    """h dH(x) + (h^3/6) dS_3(x) of S_3 = D^2H[w, w]/4, w = B v, v = dH:
+
+    dS_3/6 = (d<a, B v> - D^2H B a)/12 + D^3H[w, w]/24,   a = D^2H w,  d of B alone;  the h goes with H.  Of an energy
+    that changes with time, t is one more coordinate, whose rate is 1.
+    """
+
+    def along(z: Vec, w: Vec) -> Vec:
+        return h * derivative(lambda z: dH(z[0], z[1:]), z, w)
+
+    v, at = h * dH(t, x), vec(t, *x)
+    w = vec(h, *structure.sharp(x, v))
+    a = along(at, w)
+    curved = derivative(lambda z: along(z, w), at, w)
+    turned = gradient(lambda y: dot(a, structure.sharp(y, v)), x)
+    return v + (1.0 / 12.0) * ((turned - along(at, vec(0, *structure.sharp(x, a)))) + 0.5 * curved)
+
+
+def odd_terms(structure: Any, dH: Slope, t: float, x: Vec, h: float, terms: int) -> list[Vec]:
+    """p_1, p_3, ... of the covector p = s p_1 + s^3 p_3 + ... = dS(x) of the motion for the time s h, x fixed.
+
+    The characteristics are motions y, half of the time before and after a point m.  With M the derivative by y of the
+    mean of phi^p from y,
+
+        y' = -B dH/2,   p' = the even part of q,   M^T q = dH(y),   x = the mean of phi^p from y = m + s^2 x_2 + ...
+
+    From there m = x - s^2 x_2 - ... as a series in s^2.
+    """
+    n, last = len(x), 2 * terms - 2
+    m = begun(x)
+    y = begun(m)
+    v = series(h * dH(Series(t, -0.5 * h), y))
+    for component, rate in zip(y, series(structure.sharp(y, v))):
+        component.grow(rate, -0.5)
+    p, q = vec(*[Series(None) for _ in range(n)]), vec(*[Series() for _ in range(n)])
+    for i, axis in enumerate(identity_matrix(n)):
+        slopes = derivative(lambda z: mean_change(structure, z, p, last), y, axis)
+        bent = vec(*[c if isinstance(c, Series) else Series(None) for c in slopes])  # of s and higher powers
+        q[i].by((v[i] - dot(bent, q)).term)
+        p[i].grow_oddly(q[i], 1.0)
+    mean = y + mean_change(structure, y, p, last)
+    settle(m, [-vec(*[c[k] for c in mean]) for k in range(2, 2 * terms, 2)])
+    return values([vec(*[c[k] for c in p]) for k in range(1, 2 * terms, 2)])
+
+
+def mean_change(structure: Any, y: Vec, p: Vec, last: int) -> Vec:
+    """The mean change of y on the motion y' = B(y) p, up to p^last."""
+    terms = motion_terms(structure, y, p, last)
+    return total([(1.0 / (k + 2)) * term for k, term in enumerate(terms)])
+
+
+def sign(x: float) -> float:
+    """1, -1 or 0, a number without derivatives."""
+    return where(constant(x) > 0.0, 1.0, where(constant(x) < 0.0, -1.0, 0.0))
+
+
+def require_jacobi(method: Any, structure: PoissonStructure) -> None:
+    """Raise IncompatibleSystem for a matrix that breaks Jacobi's identity at one of three points: no motion keeps it."""
+    if _obeying.get(structure):
+        return
+    n = structure.dim
+    for y in ([math.cos(k + 1.0) for k in range(n)], [0.5 + 0.25 * math.sin(k) for k in range(n)], [1.0] * n):
+        at = Vec.of(y)
+        try:
+            with np.errstate(all="ignore"):
+                matrix = np.array(structure.matrix(at), dtype=float)
+                entries = np.array(jacobian(lambda x: vec(*[b for row in structure.matrix(x) for b in row]), at))
+        except (ArithmeticError, ValueError):  # not in its domain
+            continue
+        slopes = entries.T.reshape(n, n, n)
+        sums, terms = jacobi_sums(slopes, matrix), jacobi_sums(np.abs(slopes), np.abs(matrix))
+        for i, j, k in itertools.combinations(range(n), 3):
+            if abs(sums[i, j, k]) > ROUNDING * terms[i, j, k]:
+                raise IncompatibleSystem(
+                    f"{method!r}: {structure!r} breaks Jacobi's identity at y = {tuple(y)}, for the components "
+                    f"{i + 1}, {j + 1}, {k + 1} by {sums[i, j, k]:.3g}: it is no Poisson structure. "
+                    "check_poisson tells more; RKMK accepts every system"
+                )
+    _obeying.set(structure, True)
