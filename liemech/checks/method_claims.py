@@ -22,7 +22,7 @@ from ..formulas.vectors import small
 from ..integrators.rkmk import RKMK
 from ..rooms.constraints.constrained import ConstrainedSystem
 from ..rooms.constraints.constrained_body import BoundBody, ConstrainedBody
-from ..rooms.poisson.poisson import PoissonSystem
+from ..rooms.poisson.poisson import POISSON_SYSTEMS
 from ..systems.lie_poisson import LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
 from ..systems.system import small_state
@@ -369,7 +369,7 @@ def kept_brackets(system: Any, start: Any, method: Any) -> Iterator[tuple[str, s
         yield "symplectic", formula, claimed, Charts(system, start, True)
     if isinstance(system, FREE_OF_CONSTRAINTS):
         yield "symplectic", "Phi' J Phi'^T = J", symplectic, Charts(system, start, True)
-    if isinstance(system, PoissonSystem):
+    if isinstance(system, POISSON_SYSTEMS):
         yield "Poisson", "Phi' B(y) Phi'^T = B(Phi(y))", symplectic, Charts(system, start, False)
     if isinstance(system, ConstrainedSystem):
         formula = "dq dp on the constraints is kept: Phi' B Phi'^T = B(Phi)"

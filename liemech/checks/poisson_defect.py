@@ -14,7 +14,7 @@ from ..groups.poisson_structure import Canonical, LiePoissonStructure, PoissonSt
 from ..integrators.method import Method
 from ..rooms.constraints.constrained import ConstrainedSystem
 from ..rooms.poisson.local_coordinates import InducedStructure, LocalChart
-from ..rooms.poisson.poisson import PoissonState, PoissonSystem
+from ..rooms.poisson.poisson import POISSON_SYSTEMS, PoissonState
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.in_time.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -105,7 +105,7 @@ def _by_differences(step: Any, y: Vec) -> np.ndarray | None:
 
 def _point(system: Any, state: Any) -> tuple[PoissonStructure, Vec]:
     """The structure, and the coordinates of the state."""
-    if isinstance(system, PoissonSystem):
+    if isinstance(system, POISSON_SYSTEMS):
         structure: PoissonStructure = system.structure
     elif isinstance(system, (LiePoissonSystem, DrivenLiePoissonSystem)):
         structure = LiePoissonStructure(system.group)
@@ -156,7 +156,7 @@ def _numbers(system: Any, state: Any) -> Vec:
 
 def _state(system: Any, x: Any) -> State:
     """The state with these coordinates."""
-    if isinstance(system, PoissonSystem):
+    if isinstance(system, POISSON_SYSTEMS):
         return PoissonState(vec(*x))
     if isinstance(system, (LiePoissonSystem, DrivenLiePoissonSystem)):
         return BodyState(vec(*x), None)

@@ -313,6 +313,27 @@ def test_the_energy_does_not_drift() -> None:
     assert error[5000:].max() == pytest.approx(2.204e-6, rel=1e-3)
 
 
+def test_checks_know_energies_that_change_with_time() -> None:
+    system, method = lm.DrivenPoissonSystem(Curved(), Driven()), lm.PoissonHamiltonJacobi(4)
+    start = system.state([0.4, 0.3])
+    assert lm.check_system(system, start)["gradient"].verdict == "follows"
+    report = lm.check_method(method, system, start)
+    assert {report[law].verdict for law in ("order", "symmetric", "Poisson")} == {"holds"}
+
+
+def test_it_is_composed_and_steps_in_fictive_time() -> None:
+    system, y, _ = CASES["species"]
+    true, start = exact(system, y, 1.6), system.state(y)
+    composed = lm.Composition(lm.PoissonHamiltonJacobi(2), order=4)
+    runs = [lm.integrate(system, composed, start, h=1.6 / n, steps=n, every=n, compiled=True) for n in (8, 16)]
+    errors = [np.abs(run.last.y - true).max() for run in runs]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
+    controlled = lm.ReversibleController(lm.PoissonHamiltonJacobi(4), sigma=lambda y: 1.0 / (1.0 + y[0] ** 2))
+    run = lm.integrate(MOMENTA, controlled, MOMENTA.state(CASES["momenta"][1]), h=0.5, t_end=1000.0)
+    eighths = [np.ptp(part) for part in np.array_split(run.energy[:-1], 8)]
+    assert max(eighths) == pytest.approx(np.ptp(run.energy[:-1]), rel=0.05)
+
+
 def test_derivatives_of_runs() -> None:
     """The tangent map is a Poisson map too; by the start it is the transpose of the gradient."""
     system, y, h = CASES["species"]

@@ -19,7 +19,7 @@ from ...rooms.constraints.constrained import ConstrainedSystem, SeparableConstra
 from ...rooms.constraints.constrained_body import BoundBody, ConstrainedBody
 from ...rooms.constraints.constrained_parts import SplitConstrainedSystem
 from ...rooms.fictive_time.time_transformed import ExtendedSystem
-from ...rooms.poisson.poisson import PoissonSystem
+from ...rooms.poisson.poisson import DrivenPoissonSystem, PoissonSystem
 from ...rooms.sites.terms.bound_terms import term_of_edge
 from ...rooms.sites.terms.sums_of_terms import MomentumTerms, OfTerms, PlaceTerms
 from ...rooms.sites.terms.terms import at_time
@@ -246,6 +246,7 @@ def _leaving(system: BoundBody, at: AtState) -> Iterator[Same]:
 CANONICAL: list[Law] = []
 DRIVEN: list[Law] = []
 DRIVEN_BODY: list[Law] = []
+DRIVEN_POINT: list[Law] = []
 
 
 def _of_energy(table: list[Law], t: str) -> None:
@@ -273,6 +274,12 @@ _of_energy(DRIVEN, "t, ")
 def gradient_of_driven(system: DrivenLiePoissonSystem, at: AtState) -> Iterator[Same]:
     t, mu, K = at.t, at.state.mu, system.hamiltonian
     yield _matches(K.gradient(t, mu), lambda x: K.energy(t, x), mu)
+
+
+@axiom(DRIVEN_POINT, "gradient", "gradient(t, y) = dH/dy", "gradient", slack=CLOSE)
+def gradient_of_driven_point(system: DrivenPoissonSystem, at: AtState) -> Iterator[Same]:
+    t, y = at.t, at.state.y
+    yield _matches(system.gradient(t, y), lambda x: system.energy(t, x), y)
 
 
 @axiom(
@@ -443,6 +450,10 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
         energy = system.hamiltonian
         written = partial(replaced, energy, DrivenHamiltonian)
         tables.append((DRIVEN_BODY, system, (energy,), written))
+    if isinstance(system, DrivenPoissonSystem):
+        energy = system.hamiltonian
+        written = partial(replaced, energy, DrivenHamiltonian)
+        tables.append((DRIVEN_POINT, system, (energy,), written))
     if isinstance(system, SplitConstrainedSystem):
         tables.append((CONSTRAINED_PARTS, system, (), lambda name: True))
     if isinstance(system, PoissonSystem):

@@ -14,7 +14,7 @@ from ...errors import InvalidInput, NotFinite
 from ...formulas import jacobian, vec
 from ...formulas.vectors import small
 from ...rooms.constraints.constrained_body import BoundBody
-from ...rooms.poisson.poisson import PoissonSystem
+from ...rooms.poisson.poisson import POISSON_SYSTEMS
 from ...systems.canonical import HamiltonianSystem, PhaseSpace
 from ...systems.in_time.driven import DrivenHamiltonianSystem
 from ...systems.mechanical import MechanicalSystem
@@ -52,7 +52,7 @@ class Charts:
             q, p, speed = size(self.begin.q), size(self.begin.p), pace(self.system, 0.0, self.begin)
             far_q, far_p = (max(x, min(y / speed, self.reach * x)) for x, y in ((q, v), (p, f)))
             return np.repeat([far_q or v / speed, far_p or f / speed], n)
-        if isinstance(self.system, PoissonSystem):
+        if isinstance(self.system, POISSON_SYSTEMS):
             y = np.abs(flat(self.begin.y))
             units = np.where(y > 0.1 * size(y), y, size(y) or 1.0)
             try:
@@ -92,7 +92,7 @@ class Charts:
         n = len(x) // 2
         if isinstance(self.system, FREE_OF_CONSTRAINTS):
             return {"q": first["q"] + x[:n], "p": first["p"] + x[n:]}
-        if isinstance(self.system, PoissonSystem):
+        if isinstance(self.system, POISSON_SYSTEMS):
             return {"y": first["y"] + x}
         if not self.whole:
             return {"mu": first["mu"] + x}
@@ -103,7 +103,7 @@ class Charts:
         """The coordinates of a state about another one."""
         if isinstance(self.system, FREE_OF_CONSTRAINTS):
             return np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)]) / self.units
-        if isinstance(self.system, PoissonSystem):
+        if isinstance(self.system, POISSON_SYSTEMS):
             return (state["y"] - flat(about.y)) / self.units
         change = state["mu"] - flat(about.mu)
         if not self.whole:
@@ -116,7 +116,7 @@ class Charts:
         if isinstance(self.system, FREE_OF_CONSTRAINTS):
             n = self.system.degrees
             whole = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
-        elif isinstance(self.system, PoissonSystem):
+        elif isinstance(self.system, POISSON_SYSTEMS):
             whole = np.asarray(self.system.structure.matrix(at.y))
         else:
             momenta = np.asarray(self.group.algebra.poisson_structure(at.mu))

@@ -171,6 +171,10 @@ class DrivenPoissonSystem(MotionOfPoints):
         return {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
 
 
+POISSON_SYSTEMS = PoissonSystem, DrivenPoissonSystem
+"""Systems whose points move by a Poisson structure."""
+
+
 def positive(y: np.ndarray, where: str, what: str = "y") -> None:
     """Refuse coordinates that are not positive."""
     bad = np.argwhere(~(y > 0.0))

@@ -37,7 +37,7 @@ from ...integrators.motion_series import begun, series, settle, values
 from ...integrators.orders import require_order
 from ...integrators.taylor import total
 from ...solvers import correction, fixed_point
-from .poisson import DrivenPoissonSystem, PoissonState, PoissonSystem
+from .poisson import POISSON_SYSTEMS, DrivenPoissonSystem, PoissonState
 
 ORDERS = 2, 4, 6, 8
 """The orders of methods with one, two, three or four terms of the generating function."""
@@ -89,7 +89,7 @@ class PoissonHamiltonJacobi(Implicit):
     def require(self, system: Any) -> None:
         """A Poisson system whose structure obeys Jacobi's identity, with formulas that can be differentiated."""
         super().require(system)
-        if not isinstance(system, (PoissonSystem, DrivenPoissonSystem)):
+        if not isinstance(system, POISSON_SYSTEMS):
             raise IncompatibleSystem(f"{self!r} needs a PoissonSystem; got {system!r}. {system.alternatives}")
         structure, dH = system.structure, gradient_of(system)
         require_jacobi(self, structure)
