@@ -589,6 +589,40 @@ def test_records_are_frozen_compare_and_say_what_they_are() -> None:
     assert dataclasses.replace(S, stiffness=5).stiffness == 5.0
 
 
+@record
+class Scaled(Record):
+    """A field that only its name gives comes before those that their places give."""
+
+    scale: float = dataclasses.field(default=5.0, kw_only=True)
+    first: float = 1.0
+    second: float = 2.0
+
+    def total(self, mu: Vec) -> float:
+        return self.first * mu[0] ** 2 + self.second * mu[1] ** 2 + self.scale * mu[2] ** 2
+
+
+@record
+class ByPlace(lm.Hamiltonian):
+    """A record that the formula makes, its fields by their places."""
+
+    first: float
+
+    def energy(self, mu: Vec) -> float:
+        return Scaled(self.first, 0.7).total(mu)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_places_of_fields_do_not_count_those_that_are_given_by_name(compiled: bool) -> None:
+    """Native code took the first number for the field that has no place."""
+    mu = np.array([0.5, 0.4, 0.8])
+    made, known = (lm.LiePoissonSystem(lm.SO3(), h) for h in (ByPlace(3.0), lm.KineticEnergy([1 / 6, 1 / 1.4, 0.1])))
+    ends = [
+        lm.integrate(system, lm.RKMK(order=4), system.state(mu=mu), h=0.01, steps=2, compiled=compiled).mu[-1]
+        for system in (made, known)
+    ]
+    assert np.allclose(*ends, rtol=1e-13, atol=0.0)
+
+
 def test_only_records_are_records() -> None:
     with pytest.raises(InvalidType, match="@record is for subclasses of Record"):
 

@@ -231,7 +231,10 @@ class Interpreter(Statements):
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         """A record made by a formula: its fields, converted, without liemech's checks of them."""
         fields = self.reads.fields(cls)
-        values = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
+        in_order = [f.name for f in fields if f.init and not f.kw_only]
+        if len(args) > len(in_order) or not options.keys().isdisjoint(in_order[: len(args)]):
+            raise NotCompilable(f"{cls.__name__} is made of {in_order} in this order, each once; others by name")
+        values = dict(zip(in_order, args, strict=False)) | options
         for f in fields:
             if f.name not in values:
                 if f.default is dataclasses.MISSING or not f.init:
@@ -239,7 +242,7 @@ class Interpreter(Statements):
                         f"{cls.__name__} needs its field {f.name} (derived fields cannot be made by formulas)"
                     )
                 values[f.name] = f.default
-        if len(values) != len(fields) or len(args) > len(fields):
+        if len(values) != len(fields):
             raise NotCompilable(f"{cls.__name__} has the fields {[f.name for f in fields]}")
         method = self.reads.construction(cls)
         if method:
