@@ -186,6 +186,27 @@ def test_a_smoothed_chain_of_poses_is_scipys_least_squares(side):
 
 
 @pytest.mark.slow
+def test_a_sensor_that_has_measured_nothing_changes_nothing(drift):
+    """One of vectors on a group of matrices, and one on the plane."""
+    process, place, prior, u, at, z = drift
+    alone = es.smooth(process, prior, u, 0.1, [(place, at, z)])
+    silent = (place, np.array([], dtype=int), np.zeros((0, 2)))
+    beside = es.smooth(process, prior, u, 0.1, [(place, at, z), silent])
+    assert np.array_equal(alone.g, beside.g) and alone.chi2 == beside.chi2 and alone.excess == beside.excess
+    rotations = lm.SO3()
+    compass = es.Direction(rotations, [0.0, 0.6, 0.8], [0.01] * 3)
+    seen = [
+        (compass, np.array([1, 2]), np.array([[0.0, 0.6, 0.8]] * 2)),
+        (compass, np.array([], dtype=int), np.zeros((0, 3))),
+    ]
+    gyroscope = es.Turning(rotations, [0.1] * 3)
+    paths = [
+        es.smooth(gyroscope, believed(gyroscope, np.eye(3), [0.1] * 3), np.full((3, 3), 0.1), 0.1, seen[:n]).g
+        for n in (1, 2)
+    ]
+    assert np.array_equal(*paths)
+
+
 def test_what_is_found_does_not_depend_on_where_it_begins():
     process, u, x, h = tour(6)
     group, at = process.group, np.array([2, 4, 6])

@@ -198,7 +198,9 @@ def _is_element(group: Any, array: np.ndarray) -> bool:
 def _some(space: Any, kind: str, shape: tuple[int, ...]) -> np.ndarray:
     """An argument of this kind on which formulas have a value: of vectors not zero, where attractions have poles."""
     if kind in ("Element", "Ambient"):
-        return np.array(who_knows_elements(space).identity())
+        identity = np.array(who_knows_elements(space).identity())
+        if identity.shape == shape:  # a measurement is a vector, or an element
+            return identity
     return np.eye(*shape) if len(shape) == 2 else np.linspace(0.25, 0.75, math.prod(shape)).reshape(shape)
 
 
