@@ -55,7 +55,8 @@ class Joint(Record):
     2. With `freedoms` it writes their `coordinates`, how they move (`motions`) and, for starts from
     coordinates, `relative`. They tell how the first body moves against the second.  Of several coordinates
     `turns` says of each whether it is the angle about an axis, which is seen modulo a turn, (True, False), and
-    `rotation_vector` which ones are that of a rotation, (0, 1, 2), which jumps by a turn about its axis.
+    `rotation_vector` which ones are that of a rotation, (0, 1, 2), which jumps by a turn about its axis.  A
+    coordinate whose rate is no motion has `slopes`.
     3. Where its conditions vanish with its bodies turned over too, it says by how much, `askew`.
 
     Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7;
@@ -131,10 +132,15 @@ class Joint(Record):
         raise NotDefined(f"{type(self).__name__} has no coordinates")
 
     def slopes(self, q: Vec, slope: Vec) -> Vec:
-        """The derivative of a function of the coordinates along `motions`, from that by the
-        coordinates.  q, slope : (freedoms,).
+        """The derivative of a function of the coordinates along `motions`, from that by the coordinates: along
+        rotation vectors, whose motions are angular velocities in the axes of the first body, by the derivative of
+        the logarithm.  q, slope : (freedoms,).
         """
-        return slope
+        turn = self.rotation_vector
+        if not turn:
+            return slope
+        seen_by_body = SO3().algebra.dexp_inv_dual(vec(*[q[i] for i in turn]), vec(*[slope[i] for i in turn]))
+        return vec(*[seen_by_body[turn.index(i)] if i in turn else slope[i] for i in range(len(slope))])
 
     def askew(self, g: Mat, k: Mat) -> float:
         """The angle in rad between directions that the joint holds parallel: 0 where it is closed, half a
@@ -192,10 +198,6 @@ class BallJoint(Joint):
     def relative(self, q: Vec) -> Mat:
         """The rotation by q about the point."""
         return hung(SO3().exp(q), self.at_first, self.at_second)
-
-    def slopes(self, q: Vec, slope: Vec) -> Vec:
-        """The slopes along the motions, by the derivative of the logarithm."""
-        return SO3().algebra.dexp_inv_dual(q, slope)
 
 
 @record
@@ -501,10 +503,6 @@ class FloatingJoint(Joint):
     def relative(self, q: Vec) -> Mat:
         """The rotation and the shift."""
         return hung(SO3().exp(q[:3]), self.at_first, self.at_second + q[3:])
-
-    def slopes(self, q: Vec, slope: Vec) -> Vec:
-        """The slopes along the motions, by the derivative of the logarithm."""
-        return join(SO3().algebra.dexp_inv_dual(q[:3], slope[:3]), slope[3:])
 
 
 @record

@@ -2,13 +2,47 @@
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
 import numpy as np
 import pytest
 
 import liemech as lm
 from liemech.joints import BallJoint, FloatingJoint, Link, Linkage, Motor, Spring
+from liemech.joints.joints import Joint
 
-POINT, PLACE = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
+POINT, PLACE = (0.1, 0.2, 0.3), (0.3, -0.1, 0.2)
+
+
+@lm.record
+class OwnBall(Joint):
+    """A ball joint that a user has written, who says that its coordinates are a rotation vector."""
+
+    conditions: ClassVar[int] = 3
+    freedoms: ClassVar[int] = 3
+    turns: ClassVar[Any] = (False, False, False)
+    rotation_vector: ClassVar[Any] = (0, 1, 2)
+
+    at_first: lm.Vec
+    at_second: lm.Vec
+
+    def ball(self):
+        return BallJoint(self.first, self.second, self.at_first, self.at_second)
+
+    def value(self, g, k):
+        return self.ball().value(g, k)
+
+    def rows(self, g, k):
+        return self.ball().rows(g, k)
+
+    def coordinates(self, g, k):
+        return self.ball().coordinates(g, k)
+
+    def motions(self, g, k):
+        return self.ball().motions(g, k)
+
+    def relative(self, q):
+        return self.ball().relative(q)
 
 
 def body(kind, freedom):
@@ -21,10 +55,10 @@ def body(kind, freedom):
 
 
 @pytest.mark.parametrize("freedom", [None, 0, 2])
-@pytest.mark.parametrize("kind", [BallJoint, FloatingJoint])
+@pytest.mark.parametrize("kind", [BallJoint, FloatingJoint, OwnBall])
 def test_the_torque_is_the_slope_of_the_energy(kind, freedom):
     system = body(kind, freedom)
-    free = 3 if kind is BallJoint else 6
+    free = 6 if kind is FloatingJoint else 3
     q = [0.9, -0.7, 0.5, 0.3, -0.2, 0.4][:free]
     start = system.state(angles={"j": q})
     run = lm.integrate(system, lm.LieRATTLE(), start, h=1e-3, steps=1, compiled=False, progress=False)
