@@ -159,6 +159,36 @@ def test_derivatives_by_a_number_inside_of_the_hamiltonian(compiled: bool) -> No
 
 
 @lm.record
+class Leaning(lm.Potential):
+    """A field whose direction is worked out once, from its angle."""
+
+    angle: float
+    direction: lm.Vec = lm.Vec(0.0, 0.0)
+
+    def __post_init__(self):
+        super().__post_init__()
+        object.__setattr__(self, "direction", lm.vec(np.cos(self.angle), np.sin(self.angle)))
+
+    def energy(self, g):
+        return 0.7 * lm.dot(self.direction, g[:2, 2])
+
+
+@pytest.mark.parametrize("turns", [3, 300, 30_000])
+def test_derivatives_by_an_angle_know_no_whole_turns(turns: int) -> None:
+    """Differences of a part of the angle spanned a turn and more."""
+
+    def derivative(angle: float) -> Any:
+        system = lm.MechanicalSystem(BODY, Leaning(angle))
+        start = system.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))
+        run = lm.Plan(system, lm.KickDrift(), 0.05, compiled=False).tangent(start, steps=3, by="potential.angle")
+        return run.tangent["potential.angle"][-1]
+
+    once, more = derivative(0.3), derivative(0.3 + 2.0 * np.pi * turns)
+    # the narrowest difference, 2^-22 of the angle, has lost as many digits by rounding
+    assert np.abs(once - more).max() < 1e-8 * np.abs(once).max()
+
+
+@lm.record
 class Held(lm.Potential):
     """A spring, and a moment."""
 

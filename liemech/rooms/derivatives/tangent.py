@@ -309,20 +309,38 @@ def fictive_tangent_run(
 def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
     """The derivative at zero of the numbers of what a function makes, by differences of order 8.
 
+    step : of the widest ones.  Eight times narrower ones follow until a number changes by rounding alone; one that
+    always changes more, as the sine of an angle of many turns does, has the narrower of the two that differ least.
     layout : of what it makes.  name : of the parameter that moves.
     """
-    total = np.zeros(layout.width)
-    for k, weight in ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)):
-        sides = []
-        for x in (k * step, -k * step):
-            made = function(x)
-            if layout_of(made) != layout:
-                raise InvalidInput(f"Plan.tangent: with another {name} the run is one of another kind")
-            sides.append(np.array(leaves(made, layout)))
-        there, back = sides
-        # what is equal on both sides does not depend on the parameter: infinite ends of tables
-        total += weight * np.subtract(there, back, out=np.zeros(len(total)), where=there != back)
-    return total / step
+    slopes, changes = [], []
+    for _ in range(WIDTHS):
+        total, size = np.zeros(layout.width), np.zeros(layout.width)
+        for k, weight in ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)):
+            sides = []
+            for x in (k * step, -k * step):
+                made = function(x)
+                if layout_of(made) != layout:
+                    raise InvalidInput(f"Plan.tangent: with another {name} the run is one of another kind")
+                sides.append(np.array(leaves(made, layout)))
+            there, back = sides
+            # what is equal on both sides does not depend on the parameter: infinite ends of tables
+            differs = there != back
+            total += weight * np.subtract(there, back, out=np.zeros(len(total)), where=differs)
+            np.maximum(size, np.abs(there), out=size, where=differs)
+        slopes.append(total / step)
+        if len(slopes) > 1:
+            change = np.abs(slopes[-1] - slopes[-2])
+            changes.append(np.where(change <= 4.0 * np.spacing(size) / step, 0.0, change))
+            if not np.min(changes, axis=0).any():
+                break
+        step *= 0.125
+    best = np.argmin(changes, axis=0) + (np.min(changes, axis=0) > 0.0)
+    return np.array(slopes)[best, np.arange(layout.width)]
+
+
+WIDTHS = 6
+"""Of differences, from 2^-7 of a number on."""
 
 
 def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
