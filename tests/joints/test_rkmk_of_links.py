@@ -81,6 +81,17 @@ def test_native_is_plain_and_goes_on():
 
 
 @pytest.mark.slow
+def test_between_steps_it_goes_on_from_where_it_has_drifted():
+    """The ends of steps are off the conditions by the error of the method, as no start may be."""
+    rods = lm.joints.chain(4)
+    start = rods.state(angles={0: [0.4, 0.3, 0.1]}, rates={0: [1.0, 0.5, 0.2]})
+    run = lm.integrate(rods, lm.RKMK(order=4), start, h=0.02, steps=10, compiled=False)
+    off, _ = rods.conditions_at(run.mu[9], run.g[9])
+    assert np.abs(off).max() > 1e-10
+    halves = lm.integrate(rods, lm.RKMK(order=4), start, h=0.01, steps=20, compiled=False)
+    assert np.abs(run.at(0.19).g - halves.g[19]).max() < 30.0 * np.abs(run.g[9] - halves.g[18]).max()
+
+
 def test_loops():
     """A parallelogram, as the same with the method that keeps its conditions."""
     rod = lm.joints.Link.rod(1.0, 1.0, 0.02)

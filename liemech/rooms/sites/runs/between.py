@@ -70,7 +70,8 @@ class SitesBetween(BetweenEnds):
         return Plan(run.system, run.method, h=run.h, breaks=run.breaks, progress=False)
 
     def inside(self, k: int, times: np.ndarray) -> dict[str, np.ndarray]:
-        start = self.kind(**{name: x[k] for name, x in self.ends.items()})
+        run = self.run  # whose states may have drifted from constraints, as a start must not
+        start = run.system._vouched(self.kind(**{name: x[k] for name, x in self.ends.items()}))
         seen = self.plan.run(start, steps=1, t0=float(self.t[k]), t_eval=times)
         return dict(seen.states)
 
