@@ -338,6 +338,40 @@ def test_forged_files_are_refused_or_read(cases: int, seed: int, written: dict[s
     assert read > cases // 20 and refused > cases // 20
 
 
+@pytest.mark.parametrize("number", ["\x00", None, {"complex": [1.0, 2.0]}, [1.0, 1.6, 2.3], True, {"vec": [0.1, 0.1]}])
+@pytest.mark.parametrize("name", ["h", "steps", "t0"])
+@pytest.mark.parametrize("kind", ["steps", "bodies", "systems"])
+def test_what_is_no_number_of_a_run_is_refused(
+    kind: str, name: str, number: Any, written: dict[str, Any], tmp_path: Path
+) -> None:
+    """It was read, and Python's own error came of the run that went on."""
+    arrays, about, _ = written[kind]
+    about, path = copy.deepcopy(about), tmp_path / "run.npz"
+    (about["carry"] if name == "t0" else about)[name] = number
+    files.write(path, arrays, about)
+    with pytest.raises(lm.errors.InvalidInput, match=rf"run\.npz: ({name} is|.* is nothing that)"):
+        lm.Trajectory.load(path)
+
+
+def test_a_state_of_another_shape_is_no_place_to_stand(written: dict[str, Any], tmp_path: Path) -> None:
+    arrays, about, _ = written["bodies"]
+    about, path = copy.deepcopy(about), tmp_path / "run.npz"
+    about["carry"]["state"]["fields"]["g"] = "\x00"
+    files.write(path, arrays, about)
+    with pytest.raises(lm.errors.InvalidInput, match="g, where the run stands, is"):
+        lm.Trajectory.load(path)
+
+
+def test_an_empty_array_of_many_rows_takes_no_memory(written: dict[str, Any], tmp_path: Path) -> None:
+    """Ten thousand million lists without a number."""
+    arrays, about, _ = written["steps"]
+    about, path = copy.deepcopy(about), tmp_path / "run.npz"
+    about["system"]["fields"]["inertia"] = {"array": [], "dtype": "<f8", "shape": [10**10, 0]}
+    files.write(path, arrays, about)
+    with pytest.raises(lm.errors.InvalidInput, match="is nothing that"):
+        lm.Trajectory.load(path)
+
+
 def test_texts_about_the_arrays_that_are_none(written: dict[str, Any], tmp_path: Path) -> None:
     arrays = written["steps"][0]
     path = tmp_path / "run.npz"

@@ -162,6 +162,8 @@ def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
 def _carry_of(fields: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder) -> Any:
     """The carry that `_carried` wrote.  origin : of a run in fictive time."""
     if "sites" in fields:
+        _require_numbers(f"{decode.where}: h", fields["h"], (float, int), None)
+        _require_numbers(f"{decode.where}: step", fields["step"], (int,), None)
         parts = {part: arrays[f"carry.state.{part}"] for part in fields["sites"]}
         kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
         by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
@@ -175,6 +177,10 @@ def _carry_of(fields: Any, arrays: dict[str, Any], bodies: int | None, origin: A
         raise InvalidInput(f"{decode.where}: {state!r} is no state")
     numbers, clock, last = (arrays[f"carry.{name}"] for name in ("numbers", "clock", "last"))
     lead = () if bodies is None else (bodies,)
+    if origin is None:
+        for name, x in state.arrays.items():
+            if x.dtype.kind not in "fc" or x.shape[: len(lead)] != lead:
+                raise InvalidInput(f"{decode.where}: {name}, where the run stands, is {x!r}")
     for array, height in (numbers, len(numbers)), (clock, CLOCK.width), (last, len(last)):
         _require_shape(decode.where, array, (height, *lead))
     t0 = np.array(fields["t0"]) if isinstance(fields["t0"], list) else fields["t0"]
@@ -264,13 +270,20 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     for name, x in arrays.items():
         if x.dtype != np.dtype(complex if x.dtype.kind == "c" and name.endswith(".g") else float):
             raise InvalidInput(f"{decode.where}: {name!r} is an array of {x.dtype} instead of doubles")
+    h = decode(about["h"])
+    for name, x, kinds, of_each in (
+        ("h", h, (float, int), True),
+        ("steps", about["steps"], (int,), False),
+        ("rejected", about["rejected"], (int, type(None)), True),
+    ):
+        _require_numbers(f"{decode.where}: {name}", x, kinds, bodies if of_each else None)
     system = _laws_of(about["system"], System, Systems, bodies, decode)
     method = _laws_of(about["method"], Method, Methods, bodies, decode)
     states = _states_of(arrays, about, bodies, system, decode)
     origin = _origin_of(about, method, decode) if about.keys() & {"origin", "origins"} else None
     dense: Any = None
     if origin is not None and "dense.t" in arrays:
-        dense = _fictive_motion_of(arrays, about["h"], method, origin, decode)
+        dense = _fictive_motion_of(arrays, h, method, origin, decode)
     elif origin is None and "dense" in about:
         motion = about["dense"], about.get("dense.sites")
         dense = _dense_of(arrays["dense"], *motion, system, method, decode)
@@ -282,6 +295,9 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     if ended is not None and (len(ended) if isinstance(ended, list) else None) != bodies:
         raise InvalidInput(f"{decode.where}: {ended!r} has not one entry for each of {bodies or 1} bodies")
     encoded_carry, reasons = about.get("carry"), {int(i): x for i, x in about["stopped"].items()}
+    if encoded_carry is not None:
+        kinds = (float, int) if about["rejected"] is None else (float, int, type(None))  # adaptive steps have none
+        _require_numbers(f"{decode.where}: t0", encoded_carry["t0"], kinds, bodies)
     carry = None if encoded_carry is None else _carry_of(encoded_carry, arrays, bodies, origin, decode)
     first = (
         origin.start if isinstance(origin, Origin) else None if origin is not None else getattr(carry, "state", None)
@@ -300,7 +316,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     return fields_of_kind | {
         "system": system,
         "method": method,
-        "h": decode(about["h"]),
+        "h": h,
         "t": arrays["t"],
         "states": states,
         "bodies": bodies,
@@ -444,6 +460,14 @@ def _require_samples(
 def _listed(content: Any) -> Any:
     """The parts of a list or tuple as a new list; other values unchanged."""
     return [*content] if isinstance(content, (list, tuple)) else content
+
+
+def _require_numbers(where: str, value: Any, kinds: tuple[type, ...], bodies: int | None) -> None:
+    """Refuse what is neither a number of these kinds nor, of an ensemble, one for each body."""
+    each = value.tolist() if isinstance(value, np.ndarray) and value.ndim == 1 else value
+    each = each if isinstance(each, list) and bodies == len(each) else [each]
+    if not all(type(x) in kinds for x in each):
+        raise InvalidInput(f"{where} is {value!r}, where a run has {kinds[0].__name__}s")
 
 
 def _require_shape(where: str, array: np.ndarray, shape: tuple[int, ...]) -> None:

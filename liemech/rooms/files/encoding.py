@@ -318,11 +318,10 @@ class Decoder:
     def _array(self, content: Any, others: dict[str, Any]) -> Any:
         type_code, shape = others.get("dtype"), self._list(others.get("shape"))
         dtype = np.dtype(type_code) if isinstance(type_code, str) and len(type_code) < 8 else np.dtype(object)
-        if dtype.kind not in NUMBERS:
+        whole = all(type(n) is int and n >= 0 for n in shape)
+        if dtype.kind not in NUMBERS or not whole or math.prod([max(n, 1) for n in shape]) > self.largest:
             self._refuse(others)
         if isinstance(content, dict) and content.keys() == {"at"}:
-            if not all(type(n) is int and n >= 0 for n in shape):
-                self._refuse(others)
             return self._pooled(dtype.name, content["at"], math.prod(shape)).reshape(shape)
         numbers = np.array(self._list(content), dtype=float if dtype.kind == "c" else dtype)
         array = (numbers.view(dtype) if dtype.kind == "c" else numbers).reshape(shape)
