@@ -391,3 +391,12 @@ def test_three_sites_of_two_species(monkeypatch: pytest.MonkeyPatch) -> None:
         float(np.cross(mu[0][i], mu[0][j]) @ mu[1][k, :3]) for i, j, k in [(0, 1, 0), (1, 2, 0), (2, 0, 1), (4, 3, 2)]
     )
     assert float(system.energy(start.mu)) == pytest.approx(by_hand, rel=1e-14)
+
+
+def test_derivatives_of_more_than_is_written_out_are_refused() -> None:
+    """Of several species there is no tangent map site by site, and the error says how many sites there are."""
+    terms = lm.Terms(Zeeman([0.0, 0.0, 0.1]).over(of=0), Zeeman([0.1, 0.0, 0.0]).over(of=1))
+    system = lm.LiePoissonSystem(lm.SO3() ** 60 * lm.SO3() ** 50, terms)
+    begin = system.state(mu=[np.ones((60, 3)), np.ones((50, 3))])
+    with pytest.raises(IncompatibleSystem, match=r"a run site by site has no tangent map of .*, and this one has 110"):
+        lm.Plan(system, lm.RKMK(order=4), h=0.1).tangent(begin, steps=1, along=np.ones(330))

@@ -248,8 +248,8 @@ class SitesOfPlan:
     def too_many(self, why: str, start: Any) -> IncompatibleSystem:
         """The error of what runs by sites do not have."""
         return IncompatibleSystem(
-            f"integrate: there is no {why}; that is for systems of many sites, here {start.sites}, of "
-            f"which up to {LARGE} numbers are written out as one body, which takes everything"
+            f"integrate: a run site by site has no {why}; a system of up to {LARGE} numbers is written out as one body, "
+            f"which takes everything, and this one has {start.sites} sites"
         )
 
     def by_hand(self, carry: SiteCarry) -> Any:
