@@ -215,15 +215,13 @@ class SitesOfPlan:
         """The run; None if the system is to be written out instead.  Raises IncompatibleSystem for
         one that is too large for that.
         """
-        fresh = not isinstance(start, SiteCarry)
-        if fresh and not self.knows(start):
-            return None
-        state = by_site(self.plan._one, start if fresh else start.state)
-        numbers = state.width // (state.bodies or 1)
         if not self.takes(start):
             return None
-        whole = any(of not in OF_SITES for _, of, _ in self.functions) and not self.site.jointed
-        if whole and fresh and numbers <= LARGE and self.as_one_body and self.of_sites is None:
+        fresh, jointed = not isinstance(start, SiteCarry), self.site.jointed
+        state = by_site(self.plan._one, start if fresh else start.state)
+        few = fresh and self.as_one_body and (jointed or state.width <= LARGE * (state.bodies or 1))
+        whole = not jointed and any(of not in OF_SITES for _, of, _ in self.functions)
+        if few and whole and self.of_sites is None:
             return None
         why: Any = self.missing(t_eval, kept, state.bodies is not None)
         if why is None and state.bodies is not None:
@@ -233,15 +231,14 @@ class SitesOfPlan:
                 run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
-                if self.site.jointed and self.plan._steps.compiled:
+                if jointed and self.plan._steps.compiled:
                     raise
                 why = f"{self.plan.method!r} for sites one by one ({error})"
         if self.of_sites is not None:
             raise IncompatibleSystem(
                 f"integrate: {self.of_sites} is of one site or of totals, and a run by sites has no {why}"
             )
-        few = numbers <= LARGE or self.site.jointed
-        if few and self.as_one_body and not isinstance(start, SiteCarry):
+        if few:
             return None
         raise self.too_many(why, state)
 

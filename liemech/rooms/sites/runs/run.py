@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import copy
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -71,17 +72,6 @@ MOST = 2**30
 
 AROUND = 20
 """Sites on both sides of one that failed, among which that is looked for of which it failed."""
-
-
-class Failing:
-    """In place of a method: one whose trial fails, as that of a site has failed in native code."""
-
-    def __init__(self, method: Any, error: Any) -> None:
-        self.error_order, self.shortens, self.error = method.error_order, method.shortens, error
-
-    def trial(self, *given: Any) -> Any:
-        """The failure."""
-        raise self.error
 
 
 class SiteRun(Course):
@@ -396,31 +386,31 @@ class SiteRun(Course):
         """Numbers that the method carries along for the sites, (width, sites)."""
         return self._copy_of_all[:, : self.count]
 
-    def stepped_from(self, rows: np.ndarray, begun: float, end: float) -> Any:
-        """A run beside this one, with memory, clock and goal of its own, after one step from states of all sites,
-        (width, sites), from one time to another.
+    def _stepped(self, rows: np.ndarray, begun: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+        """The states of all sites, (width, sites), and the totals after one step from others, from one time to another: of
+        a run beside this one, with memory, clock and goal of its own.
         """
         if self.bench is None:
             self.bench = copy.copy(self)
             self.bench.sites = self.bench._room_for(self.shape.memory.width)
             self.bench.first, self.bench.steps = 0, 1
             times = np.zeros(1 if self.shape.shown.quantities else 0)
-            every = self.shape.procedure.every
-            self.bench.samples = (
-                EndsOfSteps(self.shape, self.count, 1)
-                if every
-                else (SamplesOfSites(self.shape, self.count, times, times))
-            )
+            self.bench.samples = SamplesOfSites(self.shape, self.count, times, times)
+            if self.shape.procedure.every:
+                self.bench.samples = EndsOfSteps(self.shape, self.count, 1)
         one, h = self.bench, end - begun
         one.begun, one.h = begun, h
         one.samples.times[:], one.samples.made = begun + h, 0
         one._set_out(begun, h, 0, 1)
         one._blank()
-        one._begin_at(rows)
-        one._steps(1, one.samples)
-        if one.clocks[MARK, 0] != 0.0:
-            one._fail()
-        return one
+        try:
+            one._begin_at(rows)
+            one._steps(1, one.samples)
+            if one.clocks[MARK, 0] != 0.0:
+                one._fail()
+        except IntegrationFailure as error:
+            raise self._with_run(error, getattr(error, "site", None)) from error.__cause__
+        return self.shape.shown_rows(one._memory), one.samples.totals[one.samples.made - 1 :].ravel()
 
     def _begin_at(self, rows: np.ndarray) -> None:
         """Let the method begin at states of all sites."""
@@ -474,7 +464,7 @@ class SiteRun(Course):
         if self.adaptive:
             return self._on_the_way(self.sites, Moment(at, (at - begun) / (end - begun), float(self._copy)))
         before = self.sites.array[(1 - self._copy) * width :][:width, : self.count]
-        return self._in_a_shorter_step(self.shape.shown_rows(before), begun, at)
+        return self._stepped(self.shape.shown_rows(before), begun, at)
 
     def _on_the_way(self, sites: Planes, moment: Moment) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites and the totals inside of an adaptive step.  sites : the memory at its ends."""
@@ -487,14 +477,6 @@ class SiteRun(Course):
             error = self._why(failures, notes, lambda i: one_site(self.count, i, one_inside, *again))
             raise self._ended(error, f"inside of a step, t = {moment.t:g}")
         return seen.array[:, : self.count], totals[: self.samples.totals.shape[1]]
-
-    def _in_a_shorter_step(self, rows: np.ndarray, begun: float, at: float) -> tuple[np.ndarray, np.ndarray]:
-        """The states of all sites and the totals after a shorter fixed step from states of all sites."""
-        try:
-            one = self.stepped_from(rows, begun, at)
-        except IntegrationFailure as error:
-            raise self._with_run(error, getattr(error, "site", None)) from error.__cause__
-        return self.shape.shown_rows(one._memory), one.samples.totals[one.samples.made - 1 :].ravel()
 
     # ---------------------------------------------------------------- where all steps are looked at
 
@@ -517,7 +499,7 @@ class SiteRun(Course):
     def inside_step(self, pair: np.ndarray, begun: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites, (width, sites), and the totals inside of a step.  pair : what is kept of its ends."""
         if not self.adaptive:
-            return self._in_a_shorter_step(pair[0], begun, at)
+            return self._stepped(pair[0], begun, at)
         sites = Planes(rows_of(pair.reshape(-1, self.count)), self.count)
         return self._on_the_way(sites, Moment(at, (at - begun) / (end - begun), 1.0))
 
@@ -587,7 +569,12 @@ class SiteRun(Course):
             where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
             raise self._ended(error, where)
         clock[MARK], self.failures = 0.0, [error]
-        stub: Any = Failing(self.shape.method, error)
+
+        def failing(*given: Any) -> Any:
+            raise error
+
+        method = self.shape.method
+        stub: Any = SimpleNamespace(error_order=method.error_order, shortens=method.shortens, trial=failing)
         columns = [x.reshape(-1) for x in (self.goals, self.place, self.clocks, self.out)]
         way = self.site, self.shape.procedure.control, self.shape.procedure.place, ROW, 1, 1
         driver: Any = advance
