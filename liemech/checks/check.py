@@ -225,8 +225,8 @@ def check_method(
 def _claims(
     place: CheckPlace, h: float | None, speed: float, keeps: tuple[str, ...], native: bool, rho: Any
 ) -> Iterator[Finding]:
-    """Observations from the start, or from elsewhere where the claim is broken only there; then
-    those that short runs alone can make.
+    """The findings on claims from the start, or from another place if a claim is broken only there; then those of short
+    runs.
     """
     method, system, start = place.method, place.system, place.start
     observations: list[Observation] = []

@@ -242,8 +242,8 @@ def changes(local: Local) -> Iterator[tuple[str, float]]:
 
 
 def off_constraint(bound: Any, states: list[Any], times: list[float]) -> Iterator[tuple[str, float]]:
-    """By how much conditions fail at states and their times, beside their terms; those of velocities,
-    beside what velocities of the energy could be off.
+    """The defects of conditions at states and their times, relative to their terms; of conditions on velocities,
+    relative to those of typical velocities.
     """
     largest = {"constraint": 0.0, "hidden constraint": 0.0}
     for t, state in zip(times, states, strict=True):

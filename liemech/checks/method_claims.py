@@ -105,7 +105,7 @@ class MethodTrial:
         return [{name: last[name][i] for name in names} for i in range(len(starts))]
 
     def end(self, steps: int, method: Any = None) -> dict[str, np.ndarray]:
-        """The parts of the state after the time, made in so many steps."""
+        """The parts of the state at the end time, after a number of steps."""
         return ended(self.run(steps, self.time / steps, method=method))
 
     def at(self, arrays: dict[str, np.ndarray]) -> Any:

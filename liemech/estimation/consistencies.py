@@ -13,8 +13,8 @@ from ..formulas.classes.frozen import frozen
 
 @frozen(eq=False)
 class Consistency:
-    """Averages of squared errors over runs, (times,), and the bounds between which those of a consistent
-    filter lie with the given probability, at each time.
+    """Averages of squared errors over runs, (times,), and the bounds between which the average of a consistent filter
+    lies with the given probability, at each time.
 
     mean : over all runs and times, which is dim for a consistent filter.
     inside : the share of times within the bounds.

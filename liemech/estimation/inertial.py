@@ -26,8 +26,8 @@ def _navigated(g: Any, turn: Vec, force: Vec, shift: Vec, gravity: Vec, h: float
 
 
 def _inertial(gyroscope: Vec, accelerometer: Vec, h: float) -> Vec:
-    """Deviations of the means of white noise over a step, and of what their integral adds to a position
-    beside them: h^3/12 of the variance h^3/3.
+    """Standard deviations of the mean of white noise over a step, and of the part of the position that is independent
+    of the mean: h^3/12 of the variance h^3/3.
     """
     return vec(*(gyroscope / sqrt(h)), *(accelerometer / sqrt(h)), *(accelerometer * sqrt(h / 12.0)))
 

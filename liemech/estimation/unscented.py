@@ -123,7 +123,7 @@ class UnscentedCorrection(Correction):
         return residual + mean, S, C, weight, errors, away, mean
 
     def _away(self, g: Any, x: Any, here: Any, z: Any) -> Any:
-        """By how much the residual at x differs from that at g.  Of elements it is told by the value at x alone:
+        """The residual at x minus that at g.  Of elements it is told by the value at x alone:
         residuals on both sides of half a turn lie a whole turn apart.
         """
         sensor = self.sensor
@@ -137,7 +137,7 @@ LITTLE = 2.0**-30
 
 
 def in_chart(group: Any, columns: Any, length: Any) -> Any:
-    """A length, halved until the logarithm gives back twice the errors that are so many columns long."""
+    """A length, halved until the logarithm gives back twice the errors of this length along the columns."""
     sizes = [sum([abs(column[i]) for column in columns]) for i in range(group.dim)]
     if returns(group, (2.0 * length) * vec(*sizes)):  # an error that is larger than each
         return length

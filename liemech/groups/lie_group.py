@@ -231,8 +231,7 @@ class LieGroup(Record):
         raise NotDefined(f"{type(self).__name__} does not know the element nearest to an array")
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
-        """Random elements: exp of normally distributed velocities, or Haar measure where a group
-        knows better.
+        """Random elements: exp of normally distributed velocities; by Haar measure where a group overrides it.
 
         rng : a generator or a seed.  size : leading axes.
         """

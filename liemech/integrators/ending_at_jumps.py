@@ -50,12 +50,12 @@ def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
 
 
 def uncut(method: Any) -> Any:
-    """The user's method: unwraps `EndingAtJumps`, returns others as they are."""
+    """The user's method, inside of `EndingAtJumps` if it is wrapped."""
     return method.method if isinstance(method, EndingAtJumps) else method
 
 
 def distinct_times(times: Iterable[float]) -> tuple[float, ...]:
-    """Times in order, of those that differ by rounding only the first one."""
+    """The times in rising order, without those that differ from the one before by rounding."""
     distinct: list[float] = []
     for t in sorted(times):
         if not distinct or not is_one_time(t, distinct[-1]):

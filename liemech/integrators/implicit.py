@@ -77,8 +77,7 @@ class Implicit(Remembering):
         )
 
     def _unconnected(self, h: float, end: float, length: str, usable: float | None) -> NoConvergence:
-        """The error of a step without a solution of its own: the one that grows out of h = 0 ends
-        before.
+        """The error of a step without a solution: the solution that grows out of h = 0 ends before h.
 
         usable : a step that every momentum of this size has, if known.
         """

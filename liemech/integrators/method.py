@@ -218,14 +218,14 @@ class Wrapping(Method):
 
 
 def alternatives(system: Any, otherwise: str = System.alternatives) -> str:
-    """The methods to use where one does not accept a system.  otherwise : if its class says nothing of its own."""
+    """The methods to use where one does not accept a system.  otherwise : if its class names none."""
     words = system.alternatives if isinstance(system, System) else otherwise
     return otherwise if words == System.alternatives else words
 
 
 def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tuple[float, float]:
-    """The root mean squares of what a displacement changes, and of what is there, over the
-    tolerances; of many sites those of all.
+    """The root mean squares, over the tolerances, of the changes by a displacement and of the numbers that change; of
+    many sites over all.
     """
     change, scale = system.variation(state, omega)
     if isinstance(change[0], InMemory):

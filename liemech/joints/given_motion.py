@@ -261,7 +261,7 @@ def moved(joint: Any, support: Any, path: Any, label: str) -> Any:
 
 
 def require_motion(label: str, given: Any) -> None:
-    """Refuse what is no motion."""
+    """Raise InvalidType for a value that is no motion."""
     if not isinstance(given, (MovingSupport, JointPath, PiecewisePolynomial)):
         raise InvalidType(
             f"Linkage: motions[{label!r}] is a MovingSupport such as Shaking([0.0, 0.0, 0.1], 50.0), a "

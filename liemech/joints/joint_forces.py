@@ -369,7 +369,7 @@ def acting(force: Any, joint: Any) -> tuple[int, ...]:
 
 
 def seen_about(q: Vec, middle: float, angles: tuple[int, ...]) -> Vec:
-    """Coordinates, those that are angles from half a turn below `middle` to half a turn above it.
+    """Coordinates, angles modulo a turn to within half a turn of `middle`.
 
     angles : their numbers.
     """

@@ -701,18 +701,18 @@ class WithRotors(Constraint):
         return self.held.rheonomic
 
     def paces(self, g: Vec) -> list[Any]:
-        """The rates dc/dt of the joints; zeros for the rotors, which turn with what they find."""
+        """The rates dc/dt of the joints; zero for the rotors."""
         paces = self.held.paces(g)
         return [*paces, *[0.0 for _ in self.rotors]] if len(paces) > 0 else paces
 
     @property
     def yields(self) -> tuple[Any, ...]:
-        """1/A of each condition; 0 of those of joints, and of those that follow another one."""
+        """1/A of each rotor; 0 for the conditions of joints, and for a joint that follows another one."""
         hard = sum([len(indices) for _, indices in self.held.counted])
         return (*[0.0] * hard, *self.lightness)
 
     def value(self, g: Vec) -> Vec:
-        """The conditions, and the coordinates: of one that follows less what it follows."""
+        """The conditions, and for each rotor the sum of ratio times coordinate over its joints."""
         coordinates: list[Any] = []
         for rotor in self.rotors:
             total = 0.0

@@ -98,7 +98,7 @@ KINDS = ("box", "cylinder", "ball", "mesh")
 
 
 def _require_place(self: Any, name: str) -> None:
-    """Refuse what is no body, or no pose."""
+    """Raise InvalidType for a body that is no number of a link, InvalidInput for a matrix that is no pose."""
     if self.body is not None and (type(self.body) is not int or self.body < 0):
         raise InvalidType(f"{name}: body is the number of a link, 0 or more, or None for the ground; got {self.body!r}")
     pose = real_array(self.pose, f"{name}: pose")

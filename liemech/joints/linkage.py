@@ -302,7 +302,7 @@ class Linkage(ConstrainedBody):
         return self._with_rotors.rate(t, state) if self.geared else super().rate(t, state)
 
     def at_time(self, t: float) -> Linkage:
-        """The linkage with given motions as they are at time t, to be looked at."""
+        """The linkage with its given motions frozen at time t."""
         if not self.rheonomic:
             return self
         joints = tuple(joint.at_time(float(t)) for joint in self.joints)
@@ -353,7 +353,7 @@ class Linkage(ConstrainedBody):
         return cls(**arguments, gravity=gravity)
 
     def _mesh(self) -> None:
-        """Find the joints with rotors, and refuse those that follow others in a way that cannot be."""
+        """Set `rotors`, the joints with rotors.  Raises InvalidInput for Mimics that cannot be."""
         heavy = {j for j, part in enumerate(self.joints) if part.geared and part.armature > 0.0}
         if not all(isinstance(part, Mimic) for part in self.mimics):
             raise InvalidType(
@@ -906,7 +906,7 @@ def number_of(items: tuple[Any, ...], item: str | int, what: str = "joint") -> i
 
 
 def _require_unlike(what: str, items: tuple[Any, ...]) -> None:
-    """Refuse two of one name."""
+    """Raise InvalidInput for two items of one name."""
     names = [item.name for item in items if item.name is not None]
     for i, name in enumerate(names):
         if name in names[:i]:

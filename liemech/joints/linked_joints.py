@@ -57,8 +57,8 @@ class LinkedJoint(Record):
         return filled([*self.joint.value(g, k)], most, 0.0)
 
     def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
-        """Their rows by the first and by the second body, and those of motions along which loads
-        act; both with zeros.
+        """The rows of conditions by the first and by the second body, and of motions along which loads act; both padded
+        by zeros.
         """
         rows = self.joint.rows(g, k)
         moving = self.joint.motions(g, k) if freedoms > 0 and len(self.loads) > 0 else ()

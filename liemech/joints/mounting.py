@@ -200,9 +200,7 @@ def velocity_with(linkage: Any, g: Any, wanted: dict[int, np.ndarray]) -> np.nda
 
 
 def independent_rows(linkage: Any, g: Any) -> tuple[tuple[int, ...], ...]:
-    """For each joint the conditions that do not follow from those of the joints before it, beside
-    each other measured by G J^-1 G*.
-    """
+    """For each joint the conditions that are independent of those of the joints before it, in the metric G J^-1 G*."""
     inverse = np.asarray(linkage._inverse.todense() if linkage._sparse else linkage._inverse)
     rows = np.array(linkage.jacobian(g)) @ np.linalg.cholesky(inverse)
     rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)

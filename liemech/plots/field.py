@@ -75,7 +75,7 @@ def field(
 
 
 def _between(values: Any, north: Any, east: Any, latitude: Any, longitude: Any) -> np.ndarray:
-    """Values between those of a grid, by the four next to them; beyond its ends those at the ends."""
+    """Values interpolated from the four nearest points of a grid; beyond its ends the values there."""
     i, s = _place(north, latitude)
     j, t = _place(east, longitude)
     low, high = (

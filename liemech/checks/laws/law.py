@@ -58,7 +58,7 @@ class Same:
 
 @dataclass(frozen=True)
 class Told(Same):
-    """A comparison with a remark of its own on what is wrong."""
+    """A comparison with a remark on what is wrong."""
 
     told: str = ""
 

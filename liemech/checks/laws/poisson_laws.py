@@ -160,7 +160,7 @@ def coordinate_flow(B: Any, at: AtStructure) -> Iterator[Same]:
 
 
 def _entries(left: np.ndarray, right: np.ndarray, sizes: np.ndarray, entries: str) -> Iterator[Told]:
-    """Components, each with the size of its own rounding."""
+    """Components, each with the size of its rounding."""
     for a, b, size in zip(left, right, sizes, strict=True):
         yield entry(a, b, float(size), entries)
 

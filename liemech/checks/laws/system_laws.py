@@ -418,9 +418,7 @@ def native_code(system: Any, at: AtState) -> Iterator[Same]:
 
 
 def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]]]:
-    """The tables of laws for a system, what they are about, and which formulas its class has
-    written itself.
-    """
+    """The tables of laws for a system, their subjects, and the names of the formulas that its class has written itself."""
     yield SYSTEM, system, lambda name: True
     tables: list[tuple[list[Law], Any, Any, Callable[[str], bool]]] = []  # with whose formulas these are
     written: Callable[[str], bool]

@@ -201,7 +201,7 @@ class ConstrainedCharts(Charts):
         return np.asarray(self.tangent(about).T @ (change / self.sizes))
 
     def structure(self, at: Any) -> np.ndarray:
-        """The inverse of dq dp on the tangent space, in units of those of q times those of p."""
+        """The inverse of dq dp on the tangent space, in units of q times units of p."""
         n, basis = self.system.degrees, self.tangent(at)
         q, p = basis[:n], basis[n:]
         return np.asarray(np.linalg.inv(p.T @ q - q.T @ p))
@@ -215,7 +215,7 @@ class BoundCharts(ConstrainedCharts):
     """
 
     def at_time(self, t: float) -> Charts:
-        """Those under conditions that move with time as they are at t."""
+        """The coordinates under the conditions at time t, in these units."""
         return replace(self, t=t)
 
     @cached_property

@@ -141,7 +141,7 @@ class CheckPlace:
         )
 
     def _exactly(self, time: float, steps: int) -> Any:
-        """The state to which so many steps of order 8 lead."""
+        """The state after a number of steps of order 8."""
         last = self.led(EXACTLY, self.start, time / steps, steps)
         return small_state(type(self.start), last)
 

@@ -1,6 +1,4 @@
-"""The points at which a matrix B(y) is looked at: those that are given, or random ones at which it
-is defined.
-"""
+"""The points at which a matrix B(y) is checked: the given ones, or random ones at which it is defined."""
 
 from __future__ import annotations
 

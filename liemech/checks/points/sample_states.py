@@ -196,8 +196,8 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
 
 
 def at_times(name: str, system: Any, state: Any, times: tuple[float, ...]) -> list[AtState]:
-    """A given state at the times at which the system is defined, those of its tables too; where it
-    never is, for the laws to tell, at the first one.
+    """A given state at the times at which the system is defined, the times of its tables among them; at the first time
+    if there is none, and the laws say why.
     """
     ends = [np.asarray(table.knots) for table in inputs(system)]
     within = [float(k[0] + share * (k[-1] - k[0])) for k in ends for share in (0.1, 0.5, 0.9)]
@@ -246,9 +246,7 @@ def random_state(system: Any, rng: np.random.Generator, large: float = 1.0) -> A
 
 
 def _consistent(system: ConstrainedSystem, rng: np.random.Generator, large: float = 1.0) -> CanonicalState:
-    """A state on the constraints, near a random one; if none is found, for what is wrong is for the
-    laws to tell, a random one.
-    """
+    """A state on the constraints, near a random one; the random one if none is found, and the laws say why."""
     for attempt in range(20):
         q, p = (small(large * x) for x in rng.normal(size=(2, system.degrees)))
         q = q if attempt < 4 else q / large  # where positions may be is for the constraints to say

@@ -39,8 +39,8 @@ def filled(x: Any, width: int) -> Vec:
 
 
 def widened(x: Any, n: int, width: int, rest: float) -> Mat:
-    """A matrix (n, n), or one that is told by its diagonal or a factor of the unit matrix, in the corner
-    of a larger one with this number on the rest of its diagonal.
+    """A matrix (n, n), perhaps given by its diagonal or as a multiple of the unit matrix, as the first block of a
+    larger one with this number on the rest of the diagonal.
     """
     if isinstance(x, vectors.Mat):
         rows = [[*row] for row in x]
@@ -135,7 +135,7 @@ class OneOf(GroupOfParts):
         return shaped(self.kinds[k], g[: self.widths[k]])
 
     def _element(self, name: str, elements: Any, vectors: Any) -> Element:
-        """An element of the site's kind, which ends as the first of those that the map takes, or in zeros."""
+        """An element of the site's kind, padded like the first argument of the map, or by zeros."""
         like = elements[0] if len(elements) > 0 else filled((), self.element_shape[0])
         return self._of_kind(name, elements, vectors, like)
 

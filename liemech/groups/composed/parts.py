@@ -116,11 +116,11 @@ class GroupOfParts(LieGroup):
     """
 
     def _element(self, name: str, elements: Any, vectors: Any) -> Element:
-        """An element that a map gives, such as "compose_exp".  elements, vectors : what it takes."""
+        """The element that a map gives, such as "compose_exp".  elements, vectors : its arguments."""
         raise undefined(self, "_element")
 
     def _vector(self, name: str, elements: Any, vectors: Any) -> Vec:
-        """A velocity or a momentum that a map gives, such as "Ad".  elements, vectors : what it takes."""
+        """The velocity or momentum that a map gives, such as "Ad".  elements, vectors : its arguments."""
         raise undefined(self, "_vector")
 
     def identity(self) -> Element:

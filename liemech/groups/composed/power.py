@@ -148,8 +148,8 @@ class PowerGroup(DirectProduct):
         return shaped(self.base, g[self.width * i : self.width * (i + 1)])
 
     def in_a_row(self, value: Any, kind: str) -> Any:
-        """An array with an axis of sites as one without, (..., copies, dim) as (..., copies dim);
-        anything else as it is.  kind : "Vec", or "Element".
+        """An array with an axis of sites as one without, (..., copies, dim) to (..., copies dim); other values
+        unchanged.  kind : "Vec", or "Element".
         """
         site_shape = (self.base.dim,) if kind == "Vec" else self.base.element_shape
         try:
@@ -165,8 +165,8 @@ class PowerGroup(DirectProduct):
         return array.reshape(*lead, self.copies * (site_shape[0] if kind == "Vec" else self.width))
 
     def by_site(self, array: Any, kind: str | None = None) -> Any:
-        """An array (..., copies dim) of momenta or velocities with an axis of sites, (..., copies,
-        dim), one of elements too; anything else as it is.
+        """An array (..., copies dim) of momenta, velocities or elements with an axis of sites, (..., copies, dim);
+        other values unchanged.
 
         kind : "Vec", or "Element"; None: told from its length.
         """

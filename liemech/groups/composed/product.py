@@ -153,7 +153,7 @@ class DirectProduct(GroupOfParts):
         return tuple(size for factor in self.factors for size in factor.unit_blocks)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
-        """The further invariants of the factors, if each of them knows."""
+        """The further invariants of the factors; None if one of them has None."""
         ends = np.cumsum([factor.dim for factor in self.factors])
         invariants = [f.further_invariants(part) for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)]
         return None if None in invariants else tuple(x for of_factor in invariants for x in of_factor or ())

@@ -280,7 +280,7 @@ class SemidirectProduct(LieGroup):
         return vec(*self.acting.body_velocity(a, a_rate), *self.action.act(self.acting.inverse(a), x_rate))
 
     def casimirs(self, mu: Vec) -> Vec:
-        """The Casimirs that the action knows; for rotations p.p and mu.p."""
+        """The Casimirs of the action; for rotations p.p and mu.p."""
         m, p = self.algebra.parts(mu)
         return self.action.invariants(m, p)
 
@@ -290,7 +290,7 @@ class SemidirectProduct(LieGroup):
         return (*self.acting.unit_blocks, self.action.space_dim)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
-        """For rotations |mu| where p = 0, as for rigid motions; other actions do not know."""
+        """For rotations |mu| where p = 0, as for rigid motions; None for other actions."""
         if not isinstance(self.action, RotationAction):
             return None
         return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)

@@ -178,7 +178,7 @@ class SpeciesGroup(DirectProduct):
         return [power.by_site(part, kind) for power, part in zip(self.powers, parts)]
 
     def in_a_row(self, value: Any, kind: str) -> Any:
-        """The inverse of `by_species`, of a list or a tuple; anything else as it is."""
+        """The inverse of `by_species`, of a list or a tuple; other values unchanged."""
         if not isinstance(value, (list, tuple)) or len(value) != len(self.powers):
             return value
         parts = [np.asarray(p.in_a_row(x, kind)) for p, x in zip(self.powers, value)]

@@ -248,7 +248,7 @@ class MatrixLieAlgebra(LieAlgebra):
         return mat(*[vec(*[_sum(entry) for entry in row]) for row in rows]).T
 
     def _moved(self, e: Mat, back: Mat | None, mu: Vec) -> Vec:
-        """mu moved by g, from e = g - 1 and g^-1 - 1 (None: e^H), to rounding of what is added.
+        """Ad*_g mu from e = g - 1 and g^-1 - 1 (None: e^H), rounded relative to the change of mu.
 
         g^H M g^-H = M + d + (M + d) (g^-H - 1) with d = (g - 1)^H M.
         """

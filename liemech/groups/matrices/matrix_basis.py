@@ -90,9 +90,7 @@ class MatrixBasis:
 
     @cached_property
     def core(self) -> MatrixBasis:
-        """This algebra in units of its own, where numbers that are small are rounding errors;
-        itself where these units are 1.
-        """
+        """This algebra in units in which small numbers are rounding errors; itself if these units are 1."""
         units, rows = self.units
         if self.balanced or ((units == 1.0).all() and (rows == 1.0).all()):
             return self
@@ -554,9 +552,7 @@ def real_parts(matrices: np.ndarray, both: bool | None = None) -> np.ndarray:
 
 
 def clean(values: np.ndarray) -> np.ndarray:
-    """The values with rounding errors taken off those that are fractions with a denominator up to
-    60; no other changes.
-    """
+    """The values; those within rounding of a fraction with a denominator up to 60 are set to it."""
     values = np.array(values, dtype=float, order="C")
     scale = np.abs(values).max(initial=0.0)
     margin = 16 * np.finfo(float).eps
@@ -578,12 +574,12 @@ def power_of_two(sizes: np.ndarray) -> np.ndarray:
 
 
 def linear_terms(row: np.ndarray) -> tuple[tuple[float, int], ...]:
-    """(coefficient, index) of what is not zero, positive coefficients first."""
+    """(coefficient, index) of the nonzero entries, positive coefficients first."""
     terms = [(float(row[k]), int(k)) for k in np.flatnonzero(row)]
     return tuple(sorted(terms, key=lambda term: term[0] < 0.0))
 
 
 def products(square: np.ndarray) -> tuple[tuple[float, int, int], ...]:
-    """(coefficient, row, column) of what is not zero, positive coefficients first."""
+    """(coefficient, row, column) of the nonzero entries, positive coefficients first."""
     terms = [(float(square[i, j]), int(i), int(j)) for i, j in np.argwhere(square != 0.0)]
     return tuple(sorted(terms, key=lambda term: term[0] < 0.0))

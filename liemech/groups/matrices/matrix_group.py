@@ -434,7 +434,7 @@ HUGE = 1e150
 
 
 def named_by_size(self: Any) -> str:
-    """The `__repr__` of a group or algebra that is told by its size n: SO(4)."""
+    """The `__repr__` of a group or algebra with a size n: SO(4)."""
     return f"{type(self).__name__}({self.n})"
 
 
@@ -448,7 +448,7 @@ def whole_number(name: str, n: Any, smallest: int) -> int:
 
 
 def _constant(array: np.ndarray, large: bool = False) -> Any:
-    """A vector or matrix of numbers that formulas take as they are."""
+    """A vector or matrix of constant numbers, for formulas."""
     if large:
         return Large(array)
     return Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())

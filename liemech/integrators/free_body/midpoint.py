@@ -338,7 +338,7 @@ def require_rotations(method: Method, system: Any, damped: bool = False, product
 
 
 def rotations(group: Any) -> list[tuple[int, int]]:
-    """Where the momenta of the rotations begin and end in those of a group."""
+    """The ranges of the momenta of the rotations among those of a group."""
     if not isinstance(group, ProductGroup):
         return [(0, 3)]
     places = spans([factor.dim for factor in group.factors])

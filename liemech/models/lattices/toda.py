@@ -149,7 +149,7 @@ class TodaSite(OfParts, VectorField):
 
     @classmethod
     def of_particles(cls, particles: int) -> TodaSite:
-        """The site form of a chain of so many particles."""
+        """The site form of a chain with this number of particles."""
         number, make = np.arange(particles)[None], cls  # type: Any, Any
         return make(*[SiteTable.of((number + step) % particles) for step in (-1, 1)])
 

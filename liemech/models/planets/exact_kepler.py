@@ -215,7 +215,7 @@ def _since(b: Decimal, e: Decimal, pericentre: Decimal, rise: Decimal) -> Decima
 
 
 def _parts(x: Decimal, digits: tuple[int, ...]) -> list[float]:
-    """Floats of so many binary digits, whose sum is x."""
+    """Floats of these numbers of binary digits, whose sum is x."""
     floats = []
     for count in digits:
         whole = float(x)
