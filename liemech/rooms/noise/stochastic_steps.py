@@ -47,7 +47,7 @@ class NoisySteps(Method):
     # "normal", or bounded ones, "three-point" and "two-point", for methods that solve an equation: its solution may not
     # exist for rare large increments
     increments: str = "normal"
-    # so many increments make that of a step, so that steps of h with fine=8 and steps of h/8 follow the same path
+    # the number of increments whose sum is that of a step: steps of h with fine=8 and steps of h/8 follow one path
     fine: int = 1
 
     def __post_init__(self) -> None:
