@@ -174,10 +174,18 @@ def printing() -> Any:
     return module
 
 
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_every_block_that_prints_shows_what(page: Path) -> None:
+    lines = [line + 1 for line in printing().silent(page.read_text(encoding="utf-8"))]
+    assert not lines, f"{page_name(page)}: run docs/site/outputs.py for the blocks at the lines {lines}"
+
+
 def test_an_output_that_is_not_printed_is_noticed() -> None:
     outputs = printing()
     page = "text\n```python\nprint(2.0, 'x')\n```\n\n```text\n2.001 x\n```\nmore\n"
     assert outputs.promised(page) == {2: "2.001 x\n"}
+    assert outputs.silent(page) == [] and outputs.silent("```python\nprint(1)\n```\n") == [1]
+    assert outputs.written("```python\nprint(1)\n```\n", {1: "1\n"}) == "```python\nprint(1)\n```\n\n```text\n1\n```\n"
     assert outputs.program(page)[2] == "print(2.0, 'x')"
     assert outputs.outputs("a\x1e2 2.0 x \n\x1fb") == {2: "2.0 x\n"}
     alike = [("2.0 x", "2.001 x"), ("1e-15", "-3e-14"), ("a\n...\nb 1", "a\nq\nr\nb 1"), ("a  1", "a 1")]
