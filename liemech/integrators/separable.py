@@ -204,9 +204,14 @@ class Splitting(ChosenByOrder, SeparableSplitting):
         """The one of this order that every energy allows, for a Poisson system that the one for
         quadratic T does not serve.
         """
-        if isinstance(system, OfParts) and not system.quadratic and self.tableau == self.choices.get(self.order):
-            return self.general[self.order]
-        return self.tableau
+        return self._of_any_parts if isinstance(system, OfParts) and not system.quadratic else self.tableau
+
+    @cached_property
+    def _of_any_parts(self) -> SplittingTableau:
+        """The general tableau of the order instead of one that was chosen for it; kept, for a table of tableaus that a
+        step looks up would be compared with what it was in every run.
+        """
+        return self.general[self.order] if self.tableau == self.choices.get(self.order) else self.tableau
 
     __repr__ = ChosenByOrder.__repr__
 
