@@ -1,6 +1,7 @@
 """Derivatives of runs, of the discrete motion and exact up to rounding.
 
 tangent.py            the tangent map: steps in numbers that carry derivatives; frames.py: its components
+differences.py        by parameters of which others are made, by differences
 tangent_runs.py       `plan.tangent`: of one body, of an ensemble, of many sites
 gradient.py           `plan.gradient`, backwards through a run in bounded memory
 blocks.py             steps of one run as bodies of one ensemble; reversal.py: which states are kept

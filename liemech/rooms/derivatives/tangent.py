@@ -38,6 +38,7 @@ from ...systems.system import State
 from ..fictive_time.origin import Origin
 from ..hamilton_jacobi.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
+from .differences import part_of, slope_of
 from .frames import LEVEL, frame, group_of
 from .varied_input import table_of
 
@@ -307,40 +308,18 @@ def fictive_tangent_run(
 
 
 def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
-    """The derivative at zero of the numbers of what a function makes, by differences of order 8.
+    """The derivative at zero of the numbers of what a function makes.
 
-    step : of the widest ones.  Eight times narrower ones follow until a number changes by rounding alone; one that
-    always changes more, as the sine of an angle of many turns does, has the narrower of the two that differ least.
     layout : of what it makes.  name : of the parameter that moves.
     """
-    slopes, changes = [], []
-    for _ in range(WIDTHS):
-        total, size = np.zeros(layout.width), np.zeros(layout.width)
-        for k, weight in ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)):
-            sides = []
-            for x in (k * step, -k * step):
-                made = function(x)
-                if layout_of(made) != layout:
-                    raise InvalidInput(f"Plan.tangent: with another {name} the run is one of another kind")
-                sides.append(np.array(leaves(made, layout)))
-            there, back = sides
-            # what is equal on both sides does not depend on the parameter: infinite ends of tables
-            differs = there != back
-            total += weight * np.subtract(there, back, out=np.zeros(len(total)), where=differs)
-            np.maximum(size, np.abs(there), out=size, where=differs)
-        slopes.append(total / step)
-        if len(slopes) > 1:
-            change = np.abs(slopes[-1] - slopes[-2])
-            changes.append(np.where(change <= 4.0 * np.spacing(size) / step, 0.0, change))
-            if not np.min(changes, axis=0).any():
-                break
-        step *= 0.125
-    best = np.argmin(changes, axis=0) + (np.min(changes, axis=0) > 0.0)
-    return np.array(slopes)[best, np.arange(layout.width)]
 
+    def numbers(x: float) -> np.ndarray:
+        made = function(x)
+        if layout_of(made) != layout:
+            raise InvalidInput(f"Plan.tangent: with another {name} the run is one of another kind")
+        return np.array(leaves(made, layout))
 
-WIDTHS = 6
-"""Of differences, from 2^-7 of a number on."""
+    return slope_of(numbers, step)
 
 
 def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
@@ -365,11 +344,6 @@ def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
             size = float(sizes[sizes != sizes_moved].max(initial=0.0) if name == "g" else sizes.max()) or 1.0
             moves.append((moved, part_of(size)))
     return moves
-
-
-def part_of(size: float) -> float:
-    """The step of a difference for numbers of a size: the power of two next to 2^-7 of it."""
-    return float(np.ldexp(1.0, int(np.frexp(size)[1]) - 7))
 
 
 @record

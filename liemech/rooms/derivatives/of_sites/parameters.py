@@ -25,18 +25,14 @@ from ...sites.terms.bound_terms import BoundTerm
 from ...sites.terms.sums_of_terms import MomentumTerms, OfTerms
 from ...sites.terms.terms import site_class
 from ...sites.terms.terms_at_site import EachOfSites
+from ..differences import slope_of
 from .backward import EdgesAsked, VariedParameter, edges_back
 
 WRAPPERS = {"term", "energy_of_one"}
 """The fields of terms that make something else of a term, or a term of the energy of one body."""
 
-EIGHTH = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
-"""Weights of differences of order 8."""
-
-APART = 2.0 ** -np.arange(7.0, 23.0, 3.0)
-"""How far values lie from each other there, beside their sizes: such that the next one changes least, for the moments
-of a slender rod in other axes have an inverse that bends at once.
-"""
+APART = 2.0**-7
+"""How far values lie from each other in the widest differences, beside their sizes."""
 
 
 def sizes_of(values: np.ndarray) -> np.ndarray:
@@ -176,14 +172,11 @@ class Parameter:
             value = getattr(owner, name)
             by = np.zeros((count, width, _numbers(value).size // count))
             for k, unit in enumerate(units):
-                slopes = np.zeros((len(APART), *by[:, k].shape))
-                for slope, apart in zip(slopes, APART):
-                    for n, weight in EIGHTH:
-                        a, b = (getattr(moved(unit, sign * n * apart), name) for sign in (1.0, -1.0))
-                        change = (_numbers(a) - _numbers(b)).reshape(count, -1)
-                        slope += weight * change / (apart * sizes.reshape(count, width)[:, k, None])
-                best = np.abs(np.diff(slopes, axis=0)).max(axis=2).argmin(axis=0)
-                by[:, k] = slopes[best, np.arange(count)]
+
+                def numbers(e: float, name: str = name, unit: Any = unit) -> np.ndarray:
+                    return _numbers(getattr(moved(unit, e), name)).reshape(count, -1)
+
+                by[:, k] = slope_of(numbers, APART) / sizes.reshape(count, width)[:, k, None]
             found.append(Slot(self, (*self.path[:-1], name), value, by))
         return found
 
