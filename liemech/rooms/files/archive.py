@@ -296,8 +296,8 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         raise InvalidInput(f"{decode.where}: {ended!r} has not one entry for each of {bodies or 1} bodies")
     encoded_carry, reasons = about.get("carry"), {int(i): x for i, x in about["stopped"].items()}
     if encoded_carry is not None:
-        kinds = (float, int) if about["rejected"] is None else (float, int, type(None))  # adaptive steps have none
-        _require_numbers(f"{decode.where}: t0", encoded_carry["t0"], kinds, bodies)
+        none = () if about["rejected"] is None else (type(None),)  # adaptive steps have no t0
+        _require_numbers(f"{decode.where}: t0", encoded_carry["t0"], (float, int, *none), bodies)
     carry = None if encoded_carry is None else _carry_of(encoded_carry, arrays, bodies, origin, decode)
     first = (
         origin.start if isinstance(origin, Origin) else None if origin is not None else getattr(carry, "state", None)
