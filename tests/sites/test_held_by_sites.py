@@ -233,3 +233,44 @@ def test_without_a_field() -> None:
     assert np.array_equal(g[2], [0.0, 0.0, 0.0])
     x = 10.0 * 0.5 - 100.0 * (1.0 - np.exp(-0.05))  # y'' = 1 - 0.1 y'
     assert np.abs(g[[0, 1, 3, 4, 5], 1] - x).max() < 1e-6
+
+
+@lm.record
+class AirDrag(lm.Term):
+    """That of a ball in air, whose size has no derivative by the velocity at rest."""
+
+    c: float
+
+    def covector(self, t: float, a: Any) -> lm.Vec:
+        return -(self.c * lm.norm(a.xi)) * a.xi
+
+
+@pytest.mark.parametrize("compiled", [False, None])
+@pytest.mark.parametrize("method", [lm.KickDrift(), lm.LieVerlet()], ids=repr)
+@pytest.mark.sample(2)
+def test_a_load_on_them_need_not_have_a_derivative_at_rest(method: Any, compiled: Any) -> None:
+    """A chain of balls in air hangs from one that is held: order 2 beside DOP853."""
+    body = lm.LiePoissonSystem(lm.VectorSpace(3) ** N, lm.PerSite(lm.KineticEnergy([1.0, 1.0, 1.0])))
+    drag = lm.Terms(AirDrag(0.7), held=[0])
+    system = lm.MechanicalSystem(body, lm.Terms(Spring(5.0).over(near.chain(N))), load=drag)
+    rng = np.random.default_rng(8)
+    x, v = rng.normal(size=(2, N, 3))
+    v[0] = 0.0
+
+    def motion(_: float, y: np.ndarray) -> np.ndarray:
+        x, v = y.reshape(2, N, 3)
+        pull = 5.0 * np.diff(x, axis=0)
+        force = np.pad(pull, ((0, 1), (0, 0))) - np.pad(pull, ((1, 0), (0, 0)))
+        force -= 0.7 * np.linalg.norm(v, axis=1)[:, None] * v
+        force[0] = 0.0
+        return np.concatenate([v.ravel(), force.ravel()])
+
+    wanted = solve_ivp(motion, (0.0, 0.2), np.r_[x.ravel(), v.ravel()], method="DOP853", rtol=1e-12, atol=1e-13).y[
+        :, -1
+    ]
+    errors = []
+    for steps in (4, 8):
+        run = lm.integrate(system, method, system.state(mu=v, g=x), h=0.2 / steps, steps=steps, compiled=compiled)
+        errors.append(np.abs(np.r_[run.g[-1].ravel(), run.mu[-1].ravel()] - wanted).max())
+        assert np.array_equal(run.g[-1, 0], x[0])
+    assert errors[0] < 0.05 and 3.5 < errors[0] / errors[1] < 4.5

@@ -286,7 +286,7 @@ class TermsOfSite(WithHeldSites):
         if self.present is not None:
             return *self.present, None
         own_values = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
-        me = type(self.site)(mu, g, xi, *own_values)
+        me = type(self.site)(mu, g, self._felt(xi), *own_values)
         alone = all(role.alone for role in (self.roles if roles is None else roles))
         varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own_values, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
@@ -298,6 +298,16 @@ class TermsOfSite(WithHeldSites):
             return type(self.site)(published.mu, published.g, published.xi, *values)
 
         return me, meeting, view
+
+    def _felt(self, xi: Any) -> Any:
+        """The velocity at which the forces on this site are taken.  Those on a site that is held do not count: they are
+        taken in motion, for |xi| has no derivative at rest.
+        """
+        if xi is None or self.moves is None:
+            return xi
+        moves: Any = own(self.moves)
+        free = moves if self.moves.dim is None else moves[0]
+        return vec(*[where(free > 0.5, x, 1.0) for x in xi])
 
     def plus_terms(
         self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any = None, roles: Any = None
