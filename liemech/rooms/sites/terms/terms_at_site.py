@@ -306,8 +306,7 @@ class TermsOfSite(WithHeldSites):
         if xi is None or self.moves is None:
             return xi
         moves: Any = own(self.moves)
-        free = moves if self.moves.dim is None else moves[0]
-        return vec(*[where(free > 0.5, x, 1.0) for x in xi])
+        return vec(*[where((moves if self.moves.dim is None else moves[0]) > 0.5, x, 1.0) for x in xi])
 
     def plus_terms(
         self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any = None, roles: Any = None
