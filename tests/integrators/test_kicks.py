@@ -587,3 +587,28 @@ def test_faces() -> None:
     assert KickDrift().symmetric
     assert KickDrift().symplectic
     assert not KickDrift(lm.RKMK(order=4)).symplectic
+
+
+@lm.record
+class DragOfABall(lm.Force):
+    """That of a ball in air, c |xi| xi."""
+
+    c: float
+
+    def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+        return -(self.c * lm.norm(xi)) * xi
+
+
+@lm.record
+class WeightOfABall(lm.Potential):
+    def energy(self, g: Any) -> float:
+        return 9.81 * g[2]
+
+
+@pytest.mark.xfail(strict=True, raises=lm.errors.NotFinite, reason="|xi| has no derivative at rest")
+def test_a_ball_that_is_let_go_in_air() -> None:
+    """Its speed is sqrt(g/c) tanh(sqrt(g c) t), with an error of the order 2."""
+    body = lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0]))
+    ball = lm.MechanicalSystem(body, WeightOfABall(), load=DragOfABall(0.5))
+    run = lm.integrate(ball, lm.KickDrift(), ball.state(mu=[0.0, 0.0, 0.0], g=[0.0, 0.0, 0.0]), h=0.01, steps=100)
+    assert abs(run.mu[-1, 2] / -(np.sqrt(9.81 / 0.5) * np.tanh(np.sqrt(9.81 * 0.5))) - 1.0) < 1e-4
