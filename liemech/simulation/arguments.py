@@ -77,7 +77,8 @@ def with_parts(system: Any, start: State, record: Iterable[str] | None) -> State
         recorded = (record,) if isinstance(record, str) else tuple(record)
     except TypeError:
         raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
-    if not set(least) <= set(recorded) <= set(start.parts):
+    named = {name for name in recorded if isinstance(name, str)}
+    if not set(least) <= named <= set(start.parts) or not all(isinstance(name, str) for name in recorded):
         raise InvalidInput(
             f'integrate: record is {choices}, all else follows from them; or methods of the system such as "energy", and '
             f"functions of time and state; got {record!r}"

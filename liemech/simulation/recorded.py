@@ -185,7 +185,7 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
             else:
                 parts.append(quantity)
             continue
-        if isinstance(quantity, (list, range, np.ndarray)) and isinstance(name, str):
+        if isinstance(quantity, (list, range, np.ndarray, dict)) and isinstance(name, str):
             chosen[name] = numbers_of_sites(name, quantity, system)
             continue
         if not callable(quantity):
@@ -217,7 +217,7 @@ def numbers_of_sites(name: str, sites: Any, system: Any) -> tuple[int, ...]:
     if copies is None or system.site_form is None:
         raise InvalidInput(f"{what} names sites, which {system!r} has none of")
     if numbers.ndim != 1 or numbers.dtype.kind not in "iu" or not len(numbers):
-        raise InvalidInput(f"{what} is for a list of the numbers of sites")
+        raise InvalidInput(f"{what} is for a list of the numbers of sites, those of all species in a row")
     wrong = numbers[(numbers < 0) | (numbers >= copies)]
     if len(wrong):
         raise InvalidInput(f"{what}: there is no site {wrong[0]}; the sites are 0 to {copies - 1}")

@@ -400,3 +400,11 @@ def test_derivatives_of_more_than_is_written_out_are_refused() -> None:
     begin = system.state(mu=[np.ones((60, 3)), np.ones((50, 3))])
     with pytest.raises(IncompatibleSystem, match=r"a run site by site has no tangent map of .*, and this one has 110"):
         lm.Plan(system, lm.RKMK(order=4), h=0.1).tangent(begin, steps=1, along=np.ones(330))
+
+
+@pytest.mark.parametrize("record", [[("mu", {1: [0]})], [["mu", [0]]], [("mu", {0})]], ids=repr)
+def test_what_names_no_sites_to_record_is_refused(record: Any) -> None:
+    """Sites to record are numbers in a list, and what else is given is refused as such."""
+    system = magnet()
+    with pytest.raises(InvalidInput, match=r"record.* is "):
+        lm.integrate(system, lm.RKMK(order=4), system.state(mu=momenta()), h=0.1, steps=1, record=record)
