@@ -408,3 +408,10 @@ def test_what_names_no_sites_to_record_is_refused(record: Any) -> None:
     system = magnet()
     with pytest.raises(InvalidInput, match=r"record.* is "):
         lm.integrate(system, lm.RKMK(order=4), system.state(mu=momenta()), h=0.1, steps=1, record=record)
+
+
+@pytest.mark.parametrize("held", [{0.5: [0]}, {"spins": [0]}, {-1: [0]}, {None: [0]}], ids=repr)
+def test_species_whose_sites_are_held_have_whole_numbers(held: Any) -> None:
+    """Of 0.5 the whole part held a site of species 0."""
+    with pytest.raises(InvalidInput, match="held: its values are told by the numbers of species, from 0"):
+        lm.Terms(Trap(1.0).over(of=0), held=held)

@@ -381,7 +381,7 @@ def _held(name: str, held: Any) -> tuple[Any, ...]:
     if held is None:
         return ()
     if isinstance(held, dict):
-        return tuple(sorted({(int(k), i) for k, sites in held.items() for i in _held(name, sites)}))
+        return tuple(sorted({(k, i) for k, sites in _by_species(name, held).items() for i in _held(name, sites)}))
     numbers = np.atleast_1d(np.asarray(held))
     whole = numbers.dtype.kind in "iu" or (numbers.dtype.kind == "f" and (numbers == numbers // 1.0).all())
     if numbers.ndim != 1 or not whole:
@@ -402,11 +402,16 @@ def _parameters(name: str, value: Any) -> Any:
     """A parameter, one for all sites, or by species."""
     if not isinstance(value, dict):
         return _parameter(name, value)
-    value = {ordinary(k): x for k, x in value.items()}
-    wrong = [k for k in value if type(k) is not int or k < 0]
+    return FrozenDict({k: _parameter(name, x) for k, x in _by_species(name, value).items()})
+
+
+def _by_species(name: str, given: dict[Any, Any]) -> dict[int, Any]:
+    """What is told of each species, by its number."""
+    by_number = {ordinary(k): x for k, x in given.items()}
+    wrong = [k for k in by_number if type(k) is not int or k < 0]
     if wrong:
         raise InvalidInput(f"{name}: its values are told by the numbers of species, from 0; got {wrong[0]!r}")
-    return FrozenDict({k: _parameter(name, x) for k, x in value.items()})
+    return by_number
 
 
 def _parameter(name: str, value: Any) -> Any:
