@@ -93,10 +93,10 @@ class Loops(Branches):
         """A loop whose number of turns is known at run time only; `test` sees the variables at its
         head, `step` at its end.  brief : it has few turns, and nobody waits for its end.
         """
-        for name in {*changed_names(body), *counters} & env.keys():
+        changed = {*changed_names(body), *counters}
+        for name in changed & env.keys():
             if isinstance(env[name], Undefined):
                 del env[name]
-        changed = {*changed_names(body), *counters}
         key = self.frames[-1].node, self.emitter.lanes, forms(env), self.active(env) is None
         form = self.loop_forms.get(key, Form(self._parting(body))).copy()
         env |= {name: _grown(env[name], new) for name, new in form.grown.items()}
