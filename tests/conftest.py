@@ -13,6 +13,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 # bytecode is kept, so that processes of the tests need not translate all modules
 if sys.dont_write_bytecode:
@@ -77,7 +78,7 @@ def pytest_sessionfinish() -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--one-in", type=int, default=1, metavar="N", help="run every N-th of the selected tests only")
+    parser.addoption("--one-in", type=int, default=1, metavar="N", help="run one N-th of the selected tests only")
     parser.addoption(
         "--part", type=int, default=0, metavar="K", help="which of the N parts --one-in leaves, by K modulo N"
     )
@@ -105,21 +106,23 @@ def values(item: pytest.Function) -> list[str]:
     return [f"{name} = {value!r}" for name, value in item.callspec.params.items()]
 
 
-VARIANTS = 2
+VARIANTS = 1
 """So many variants of a test run by default, unless it is marked `sample(n)`; those of the house, beside this file, all."""
 
 
 def leave_a_sample(items: list[pytest.Item], turn: int) -> None:
-    """Some variants of each test run by default, other ones after every landing; the rest are slow."""
+    """Some variants of each test run by default, other ones after every landing, and of two tests with the same groups,
+    say, not the same ones; the rest are slow.
+    """
     tests = defaultdict(list)
     for item in items:
         if isinstance(item, pytest.Function) and hasattr(item, "callspec") and not item.get_closest_marker("slow"):
             tests[item.parent, item.originalname].append(item)
-    for variants in tests.values():
+    for (parent, name), variants in tests.items():
         mark = variants[0].get_closest_marker("sample")
         of_the_house = variants[0].path.parent == Path(__file__).parent
         count = mark.args[0] if mark else len(variants) if of_the_house else VARIANTS
-        first = turn % len(variants)
+        first = (turn + crc32(f"{parent.nodeid}::{name}".encode())) % len(variants)
         if len(variants) > count:
             chosen = {*map(id, sampled(variants[first:] + variants[:first], count))}
             for item in variants:
@@ -127,16 +130,35 @@ def leave_a_sample(items: list[pytest.Item], turn: int) -> None:
                     item.add_marker(pytest.mark.slow)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
+    """Each worker begins with other folders, so that files which nobody has imported yet are translated by one of them
+    and not by all.
+    """
+    report = yield
+    worker = getattr(collector.config, "workerinput", None)
+    if worker and collector.path == Path(__file__).parent and isinstance(collector, pytest.Directory):
+        first = len(report.result) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
+        report.result = report.result[first:] + report.result[:first]
+    return report
+
+
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
+    depth = len(Path(__file__).parts)
+    items.sort(key=lambda item: item.path.parts[:depth])  # for all workers in one order
     if not config.getoption("every_variant"):
         turn = config.rootpath / ".ci" / "turn"
         leave_a_sample(items, int(turn.read_text()) if turn.exists() else 0)
     yield  # the tests are chosen by their marks
     every = max(1, config.getoption("one_in"))
     part = config.getoption("part") % every
-    config.hook.pytest_deselected(items=[i for k, i in enumerate(items) if k % every != part])
-    items[:] = items[part::every]
+
+    def in_part(item: pytest.Item) -> bool:  # a test is in one part only, whatever runs by default and beside it
+        return crc32(item.nodeid.encode()) % every == part
+
+    config.hook.pytest_deselected(items=[item for item in items if not in_part(item)])
+    items[:] = filter(in_part, items)
     if can_compile():
         return
     plain = pytest.mark.skip(reason="needs the compiler, which is missing or switched off")

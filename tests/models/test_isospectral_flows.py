@@ -14,7 +14,7 @@ from scipy.linalg import expm
 import liemech as lm
 from liemech.groups.matrices import matrix_basis
 
-SIZES = [4, pytest.param(10, marks=pytest.mark.sample(1))]
+SIZES = [4, 10]
 
 METHODS = [(lm.Isospectral(2), 2), (lm.Isospectral(4), 4), (lm.RKMK(order=4), 4)]
 
@@ -107,7 +107,7 @@ def test_bloch_and_iserles_beside_scipy(n: int, order: int) -> None:
     assert turned.drift()["spatial momentum"].verdict == "exact"
 
 
-@pytest.mark.parametrize("n", [3, pytest.param(10, marks=pytest.mark.sample(1))])
+@pytest.mark.parametrize("n", [3, 10])
 def test_density_matrices_beside_the_exponential(n: int) -> None:
     rng = np.random.default_rng(3)
     a = rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n))
