@@ -71,7 +71,6 @@ def test_native_code_is_compared_on_request() -> None:
         check_group(Plane())["native code"]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "retraction", [lm.Exponential(), lm.Cayley(), CayleyOfQuaternions()], ids=lambda r: type(r).__name__
 )
@@ -548,7 +547,6 @@ class WrongResidual(CayleyOfQuaternions):
         return group.algebra.exp_residual(xi, p, mu)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("retraction", "law"),
     [

@@ -88,7 +88,6 @@ def towed(begin: float) -> lm.MechanicalSystem:
     return lm.MechanicalSystem(body, lm.NoPotential(), load=Towed(torque, 0.1))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(("begin", "given"), [(0.0, True), (990.0, False)])
 def test_a_system_with_a_table_is_looked_at_when_the_table_has_values(begin: float, given: bool) -> None:
     system = towed(begin)

@@ -328,7 +328,7 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
 }
 
 
-@pytest.mark.sample(16)
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_fault_of_a_system_is_found(name: str) -> None:
     make, law = SYSTEMS[name]
@@ -635,14 +635,11 @@ METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
 }
 
 
-ON_A_CONSTRAINT = "damped on a constraint", "off the constraint", "unprojected velocities"
-"""Half a minute for three, in plain Python."""
+LONG = "damped on a constraint", "off the constraint", "unprojected velocities", "steps backwards", "after t = 6"
+"""Half a minute for those on a constraint, in plain Python."""
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] if n in ON_A_CONSTRAINT else []) for n in METHODS]
-)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n in LONG else []) for n in METHODS])
 def test_a_fault_of_a_method_is_found(name: str) -> None:
     make, law = METHODS[name]
     report = check_method(*make(), compiled=False, raises=False)
@@ -658,7 +655,6 @@ FICTIVE = {
 }
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", FICTIVE)
 def test_methods_in_fictive_time_keep_their_claims(name: str) -> None:
     report = check_method(*FICTIVE[name])

@@ -377,6 +377,7 @@ def test_check_and_bench_take_what_a_user_wrote(folder: Path, capsys: pytest.Cap
         sys.modules.pop("own_things", None)
 
 
+@pytest.mark.slow
 def test_methods_are_checked_on_a_system_they_accept(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "StormerVerlet"]) == 0
     assert "Kepler" in capsys.readouterr().out

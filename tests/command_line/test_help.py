@@ -46,7 +46,7 @@ LONG = ("bench", "check 'RKMK", "--methods")
 """What the examples have that take longer than a second."""
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("line", [slow(x) if any(word in x for word in LONG) else x for x in examples()])
 def test_every_example_of_a_help_runs(
     line: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -85,6 +85,7 @@ def test_attitude_error_is_the_angle_between_the_attitudes(job: tuple[str, Path]
     assert rows(job[0])["Algorithm 1, exp"][1] == short(np.degrees(np.arccos(cosine)))
 
 
+@pytest.mark.slow
 def test_it_says_what_it_simulates_and_where_the_picture_is(job: tuple[str, Path]) -> None:
     printed, folder = job
     assert "diag(1, 1.5, 2)" in printed and "200 steps of h = 0.3 s to t = 60 s" in printed

@@ -372,7 +372,6 @@ class Faulty(Record):
         return x[1] / (x[0] - 2.0)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("rows", [1, 3, 40, 700])
 @pytest.mark.parametrize(("method", "error"), [("name", NameError), ("form", TypeError)])
 def test_a_mistake_in_a_formula_is_raised_as_itself(rows: int, method: str, error: type[Exception]) -> None:

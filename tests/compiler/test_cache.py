@@ -525,7 +525,6 @@ QUICK = {"a nested lambda", "a default", "a slot", "a module reached through a c
 """What is edited whenever the tests run; the others are slow, for each needs four processes."""
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "what", [what if what in QUICK else pytest.param(what, marks=pytest.mark.slow) for what in IN_PLACE]
 )

@@ -213,7 +213,6 @@ QUICK = PAIRS[1], PAIRS[2]
 """A body in a field, a composition; the others are slow."""
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("lanes", [1, 3])
 @pytest.mark.parametrize(
     ("system", "method"),
@@ -235,7 +234,6 @@ def test_methods(system: Any, method: Any, lanes: int, everything: None) -> None
         assert np.array_equal(ours[0], plain.mu) and np.array_equal(ours[1], plain.g)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("lanes", [1, 16])
 def test_products(lanes: int, everything: None, tmp_path: Path) -> None:
     """Matrices and vectors of any shape, real and complex, against the operators of plain Python."""
@@ -280,7 +278,6 @@ def test_a_wide_state_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> Non
         lm.integrate(BODY, lm.RKMK(order=4), start, h=0.1, steps=10, compiled=True)
 
 
-@pytest.mark.sample(1)
 def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Functions whose calls were taken back are not compiled."""
     texts: list[str] = []
@@ -293,7 +290,6 @@ def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPa
     )
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("lanes", [1, 16])
 def test_tables(lanes: int, everything: None, tmp_path: Path) -> None:
     """Sums of terms in any number, with any coefficients, against plain Python."""

@@ -78,7 +78,6 @@ def written_by_hand(a, b, c, d, n):
     return y + (h * (1.0 / 6.0)) * k4
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("side_by_side", [False, True])
 def test_a_tableau_given_as_data_is_the_code_written_by_hand(side_by_side: bool) -> None:
     lanes = kernel.lanes() if side_by_side else 1
@@ -161,7 +160,6 @@ def test_an_ensemble_computes_with_whole_vector_registers() -> None:
     assert len(scalar) < len(packed) / 10, f"{len(scalar)} scalar beside {len(packed)} packed"
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("side_by_side", [False, True])
 def test_no_multiplication_is_fused_with_an_addition(side_by_side: bool) -> None:
     """It would round once where Python rounds twice."""

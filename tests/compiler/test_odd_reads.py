@@ -17,7 +17,6 @@ GROUPS = 16
 pytestmark = [pytest.mark.compiled, pytest.mark.filterwarnings("ignore")]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("group", range(GROUPS))
 def test_odd_reads(group: int, tmp_path: Path) -> None:
     numbers = [*range(group, len(odd_reads.PROGRAMS), GROUPS)]

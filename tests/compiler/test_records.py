@@ -509,7 +509,6 @@ class Constants(Record):
         return self.slope[0] * x[0] + float(self.offset)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("one", "other"),

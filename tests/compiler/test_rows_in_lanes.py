@@ -96,7 +96,7 @@ def test_pairs_in_lanes_are_vector_instructions():
     assert calls and all("x double>" in line for line in calls)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("planets", [1, 9])
 def test_planets_move_with_the_bits_of_plain_python(planets):
     """One planet, and nine: more than a register holds, and 52 pulls, more than two do."""

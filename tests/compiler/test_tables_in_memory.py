@@ -67,6 +67,7 @@ def test_beyond_the_end_is_an_index_error(compiled: bool) -> None:
     assert caught.value.trajectory.steps == 3
 
 
+@pytest.mark.slow
 def test_a_changed_entry_is_another_table(monkeypatch: pytest.MonkeyPatch) -> None:
     """In place or in another list, and back; also where only a bit tells."""
     monkeypatch.setitem(globals(), "FLOATS", [*FLOATS])

@@ -80,7 +80,7 @@ def test_order_of_positions_momenta_and_multipliers(method: lm.Method, scene: st
     assert orders(method, scene, finer) == pytest.approx([method.order] * 3, abs=0.6 if method.order > 4 else 0.35)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["chain", "stretching"])
 @pytest.mark.parametrize("method", [lm.RATTLE(), PAIRS[1]], ids=repr)
 def test_order_with_two_constraints_and_with_energies_that_do_not_separate(method: lm.Method, scene: str) -> None:

@@ -60,7 +60,6 @@ def scene(name: str) -> tuple[Any, Any, dict[str, Any]]:
 STEPS = {"planar chain": 40, "spatial chain": 40, "bead": 40, "ellipsoid": 20, "linkage 1": 6, "linkage 2": 6}
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", [slow(name) if name in ("spatial chain", "linkage 2") else name for name in STEPS])
 def test_models_are_where_they_should_be(name: str) -> None:
     """The reduced equation comes there to 9 digits, RATTLE to those of order 2 at two steps, the

@@ -47,7 +47,6 @@ class Corner(Gliding):
 METHODS = [lm.RATTLE(), lm.ConstrainedEuler()]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("h", [0.04, 0.05])
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_one_constraint_whose_derivative_vanishes_on_the_way(method: lm.Method, h: float) -> None:
@@ -62,7 +61,6 @@ def test_one_constraint_whose_derivative_vanishes_on_the_way(method: lm.Method, 
     assert run.q[-1, 2] > -1e-4
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("x", [-0.02, -0.024])
 def test_a_corner_is_called_a_kink(x: float) -> None:
     """Also where a step meets it exactly and Newton's method would divide by zero."""
@@ -95,7 +93,6 @@ class HeavyCorner(Corner):
         return self.mass * q[-1]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("mass", [1e-8, 1.0, 1e8])
 def test_a_kink_does_not_depend_on_the_unit_of_mass(mass: float) -> None:
     corner = HeavyCorner(mass=mass)

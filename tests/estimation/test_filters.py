@@ -361,7 +361,6 @@ def test_sides_are_told_from_each_other_by_ad():
         left.predict(c, u, 0.2)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("side", SIDES)
 def test_a_reset_carries_the_covariance_by_dexp(side):
     group = lm.SE3()
@@ -517,7 +516,6 @@ WIDE = [(lm.SO3(), 3, 0), (lm.SE2(), 1, 2), (lm.SE3(), 3, 3)]
 """Groups, and how many components of an error are angles and how many are shifts."""
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])

@@ -308,6 +308,7 @@ def test_parameters_are_found_with_the_start():
     assert np.allclose(found.parameters["inertia"], [1.0, 1.5, 2.0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_orbit_is_found_from_positions():
     system = lm.Kepler()
     plan = lm.Plan(system, lm.StormerVerlet(), h=0.02, progress=False)

@@ -206,7 +206,6 @@ def in_loops(x, y, turns):
     return vec(derivative(root, x), derivative(lambda a: derivative(root, a * y), x))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("formula", [on_branches, constants_on_one_way, in_loops], ids=lambda formula: formula.__name__)
 def test_branches_and_loops_in_native_code(formula: Callable[..., Any]) -> None:
@@ -348,6 +347,7 @@ def with_moving_exponents(x, y, turns):
     return slopes
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_powers_with_an_exponent_that_moves_through_zero() -> None:
     for x, y in ROWS:

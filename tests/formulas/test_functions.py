@@ -94,7 +94,6 @@ def lists_sum(items):
     return total
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("formula", [every_function, their_slopes], ids=lambda formula: formula.__name__)
 def test_the_same_bits_in_native_code(formula: Any) -> None:

@@ -48,8 +48,9 @@ def starts(system: Any) -> Any:
     return system.state(q=q, p=np.tile([0.8, -0.2], (5, 1)))
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("system", [Springs(), Arm()], ids=lambda system: type(system).__name__)
+@pytest.mark.parametrize(
+    "system", [pytest.param(Springs(), marks=pytest.mark.slow), Arm()], ids=lambda system: type(system).__name__
+)
 def test_series_pass_both_ways_of_a_branch(system: Any) -> None:
     """The motion by power series is that of a Runge-Kutta method, which sees numbers only."""
     start = starts(system)
@@ -58,6 +59,7 @@ def test_series_pass_both_ways_of_a_branch(system: Any) -> None:
     assert np.allclose(series.q[-1], other.q[-1], rtol=1e-12, atol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "system, method",

@@ -184,7 +184,7 @@ def test_duals_are_transposes(action: Representation) -> None:
     assert action.momentum(x, p) @ xi == pytest.approx(p @ action.infinitesimal(xi, x), abs=64 * EPS)
 
 
-@pytest.mark.sample(18)
+@pytest.mark.sample(9)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.9, 1.1, 6.0])
 @each(REPRESENTATIONS)
 def test_averages_by_matrices(action: Representation, size: float) -> None:
@@ -268,7 +268,6 @@ def test_a_group_moves_itself(rng: np.random.Generator) -> None:
 # ---------------------------------------------------------------- many at once
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @each(
     [

@@ -12,6 +12,7 @@ import liemech as lm
 EPS = 2.0**-52
 GROUPS = shipped.GROUPS
 names = pytest.mark.parametrize("group", GROUPS, ids=repr)
+small_first = [pytest.param(G, marks=pytest.mark.slow) if G.dim > 9 else G for G in GROUPS]
 
 
 def phi1(a: np.ndarray) -> np.ndarray:
@@ -36,7 +37,8 @@ def test_against_the_exponential_of_a_block(group: lm.LieGroup) -> None:
             assert np.abs(algebra.dexp_inv_matrix(xi, side) @ D - units).max() < bound * np.linalg.cond(D)
 
 
-@names
+@pytest.mark.sample(len(GROUPS))  # every group, some milliseconds each
+@pytest.mark.parametrize("group", small_first, ids=repr)
 def test_what_they_are_for(group: lm.LieGroup) -> None:
     """exp(xi + d) = exp(J_l d) exp(xi) = exp(xi) exp(J_r d), log(g exp(d)) = xi + J_r^-1 d, g
     exp(d) = exp(Ad d) g.

@@ -25,6 +25,7 @@ from liemech.groups.lie_algebra import sided
 from liemech.groups.rigid.so3 import SO3Algebra
 
 EPS = np.finfo(float).eps
+pytestmark = pytest.mark.sample(12)  # all laws in a quarter of a second
 
 
 # ---------------------------------------------------------------- groups that write only what they

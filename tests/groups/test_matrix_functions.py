@@ -102,7 +102,6 @@ def test_inverse_determinant_and_solutions(n: int, complex_: bool) -> None:
     assert elimination.determinant(Mat.of([[0.0, 2.0], [0.0, 1.0]])) == 0.0
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.3, 1.0, 3.0, 9.0])
 def test_phi(size: float) -> None:
     """a phi(a) = exp(a) - 1, where a can be divided by."""

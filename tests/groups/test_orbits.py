@@ -54,7 +54,7 @@ def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     )
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @each
 def test_random_momenta_of_one_orbit(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     action, rng = lm.coadjoint(group), np.random.default_rng(6)

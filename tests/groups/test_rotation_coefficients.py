@@ -202,7 +202,6 @@ def largest(names: list[str], xs: list[float]) -> dict[str, float]:
     return {name: max(error(name, x) for x in xs) for name in names}
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("where", ON_POLYNOMIAL)
 def test_accuracy_of_the_polynomials(where: str) -> None:
     found = largest([*NAMES, *SLOPES, "bernoulli_slope"], ON_POLYNOMIAL[where])

@@ -152,7 +152,6 @@ def test_the_inverse_rotation_has_the_opposite_vector_bit_for_bit() -> None:
         assert tuple(rotation_vector(R.T)) == tuple(-c for c in rotation_vector(R))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("defect", [1e-15, 1e-12, 1e-8])
 def test_small_defects_stay_small(defect: float) -> None:
     """A matrix that is a rotation only up to `defect` gives a vector wrong by a few times that;

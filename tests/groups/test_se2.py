@@ -130,7 +130,6 @@ def test_order_and_what_the_group_keeps(method: lm.Method) -> None:
     assert np.abs(system.casimirs(run.mu) - np.array(system.casimirs(start.mu))).max() < 1e-14
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:

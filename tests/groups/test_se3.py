@@ -258,7 +258,6 @@ def test_order_against_the_reference(method: lm.Method) -> None:
     assert np.log2(errors[1] / errors[2]) == pytest.approx(method.order, abs=0.05)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_what_the_group_keeps(method: lm.Method) -> None:
     """Spatial momentum and Casimirs over 1000 steps, to rounding; g stays on the group."""
@@ -270,7 +269,6 @@ def test_what_the_group_keeps(method: lm.Method) -> None:
     assert max(G.defect(g) for g in run.g[::100]) < 1e-13
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:
@@ -299,7 +297,6 @@ def test_steps_run_backwards() -> None:
     assert np.abs(back.g[-1] - np.array(start.g)).max() < 1e-11
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("group", [R3, G], ids=lambda g: type(g).__name__)
 def test_a_stage_beyond_a_whole_turn_ends_the_run_in_both_worlds(group: lm.LieGroup) -> None:

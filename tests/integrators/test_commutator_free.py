@@ -161,7 +161,6 @@ def test_a_tableau_of_fractions() -> None:
 # ---------------------------------------------------------------- orders
 
 
-@pytest.mark.sample(1)
 @by_name
 @pytest.mark.parametrize("t_end", [slow(2.0), -2.0])
 def test_order_of_momentum_and_attitude(method: CommutatorFree, t_end: float) -> None:
@@ -217,7 +216,6 @@ def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered])
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS[2:], ids=lambda m: m.name)
 def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
     """Momentum and pose, against a converged run of another method; two Casimirs and the spatial

@@ -418,7 +418,6 @@ def test_fitted_steps_plain_and_native() -> None:
     assert same_bits(plain.g, native.g)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_fitted_steps_refuse_other_motions(compiled: bool) -> None:
     body, start = asymmetric_body()

@@ -191,7 +191,7 @@ iteration.  All pairs are slow.
 """
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(("method", "mode"), [p if p in QUICK else slow(*p) for p in PAIRS])
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method, mode: bool | None) -> None:

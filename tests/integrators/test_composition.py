@@ -188,7 +188,6 @@ def test_a_base_of_order_four_gives_order_six(base: lm.Method) -> None:
     assert math.log2(error[0] / error[1]) == pytest.approx(6.0, abs=0.25)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [4, 6])
 def test_substeps_know_the_time(order: int) -> None:
     """Another kind of system, another kind of state: Magnus' method of order 2, against that of

@@ -13,6 +13,8 @@ import liemech as lm
 from liemech import tableaus
 from liemech.names import everything
 
+pytestmark = pytest.mark.sample(44)  # all, a millisecond each
+
 METHODS: dict[type, dict[str, Any]] = {
     lm.AdaptiveVerlet: {"order": 2},
     lm.Boris: {"order": 2},

@@ -184,7 +184,6 @@ def test_the_trace_is_the_same_function_for_every_retraction() -> None:
 # ---------------------------------------------------------------- order
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("order", "s0", "retraction"),
     [case if case in QUICK else slow(*case) for case in ((order, *pair) for order in (1, 2, 3, 4) for pair in PAIRS)],

@@ -40,7 +40,6 @@ def test_on_groups_of_rotations_alike() -> None:
     assert factor == pytest.approx([1.0, 2.0], rel=1e-15)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("length", [2.0**-3, 2.0**20])
 def test_screws_in_other_units(length: float) -> None:
     """(Pi, P) in a unit of length to the power (2, 1), J, D, M to (2, 1, 0): the same motion to

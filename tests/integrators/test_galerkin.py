@@ -240,7 +240,6 @@ def test_order_in_a_fluid(method: GalerkinVariational) -> None:
     assert_order(body, method, start, (mu, pose), t_end, counts)
 
 
-@pytest.mark.sample(1)
 @ALL
 def test_order_of_a_heavy_top(method: GalerkinVariational) -> None:
     """Momentum and attitude, in a field."""
@@ -277,7 +276,6 @@ def test_order_with_a_retraction_of_ones_own() -> None:
         assert_order(system, GalerkinVariational(4, Euler()), begin, (end.mu, end.g), 1.0, (4, 8))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", (4, 6))
 def test_order_of_a_lagrangian_that_is_not_quadratic(order: int) -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Fast([1.0, 1.6, 2.3]))
@@ -325,7 +323,6 @@ def test_the_bracket_is_kept(method: GalerkinVariational) -> None:
         assert poisson_defect(system, method, np.array(start.mu), h) < 1e-11
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [EXPS[4], EXPS[6], CAYLEYS[4]], ids=named)
 def test_the_canonical_form_is_kept_in_a_field(method: GalerkinVariational) -> None:
     """phi' pulls [[-hat(mu), -1], [1, 0]], the form of T*SO(3) left-trivialised, back to itself."""
@@ -465,7 +462,6 @@ def test_bodies_at_rest() -> None:
         assert np.diff(np.sign(fall.mu[1:, 0])).any()
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [EXPS[4], CAYLEYS[4]], ids=named)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_too_large_a_step_is_refused(method: GalerkinVariational, compiled: bool) -> None:

@@ -133,7 +133,6 @@ class Spring(lm.HamiltonianSystem):
         return 0.5 * (p[0] * p[0] + q[0] * q[0])
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_the_action_of_a_spring(order: int) -> None:
     """S = ((q^2 + Q^2) cos h - 2 q Q)/(2 sin h): S/h at q and v = (q - Q)/h, cut before h^order,
@@ -161,7 +160,6 @@ class Exchanged(lm.HamiltonianSystem):
         return Curved().energy(-p, q)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_kinds_qq_and_pp_are_one_with_positions_and_momenta_exchanged(order: int) -> None:
     for adjoint in False, True:

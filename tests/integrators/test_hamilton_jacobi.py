@@ -182,7 +182,6 @@ def test_high_orders(order: int) -> None:
 # ------------------------------------------------------------------ order 1
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("system", [PENDULUM, GALAXY, Kepler()], ids=lambda system: type(system).__name__)
 def test_order_one_is_symplectic_euler_to_the_bit(system: HamiltonianSystem) -> None:
     h, start = STEPS[system], STARTS[system]
@@ -224,7 +223,6 @@ def jacobian(system: HamiltonianSystem, method: lm.Method, h: float, y: np.ndarr
     return (64 * three - 20 * two + one) / 45
 
 
-@pytest.mark.sample(1)
 @SOME
 @SYSTEMS
 def test_steps_are_symplectic(system: HamiltonianSystem, method: HamiltonJacobi) -> None:
@@ -251,7 +249,6 @@ def test_the_adjoint_undoes_the_step_backwards(system: HamiltonianSystem, method
         assert np.abs(new - np.array(old)).max() <= 2e-15 * (1.0 + np.abs(np.array(old)).max())
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 6])
 @pytest.mark.parametrize("system", [PENDULUM, CURVED, GALAXY], ids=lambda system: type(system).__name__)
@@ -396,7 +393,6 @@ def test_where_there_is_no_derivative_the_run_ends() -> None:
             lm.integrate(system, HamiltonJacobi(3), system.state(0.0, 0.0), h=0.1, steps=3, compiled=compiled)
 
 
-@pytest.mark.sample(1)
 @SYSTEMS
 def test_a_step_that_is_too_large_is_told(system: HamiltonianSystem) -> None:
     with pytest.raises(NoConvergence, match=r"The step h = 3 is too large for this motion; try 0\.75") as failure:

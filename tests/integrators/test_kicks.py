@@ -58,7 +58,6 @@ EPS = np.finfo(float).eps
 # ---------------------------------------------------------------- the exact free body
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["seed", "unsorted", "axisymmetric"])
 def test_the_reference_in_steps(name: str) -> None:
     """Momentum and attitude of a computation with 50 digits, in one step and in many."""
@@ -119,7 +118,6 @@ def starts_of_all_kinds(J: Any) -> list[np.ndarray]:
     return starts
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("moments", MOMENTS.values(), ids=MOMENTS)
 def test_a_step_is_exact(moments: list[float]) -> None:
     """To a rounding error of what the step adds, whatever the motion."""
@@ -276,7 +274,6 @@ def test_the_reference_digits(method: Any) -> None:
             assert np.abs(run.g[k][2] - numbers(at["Gamma"])).max() < bound
 
 
-@pytest.mark.sample(1)
 @EVERYWHERE
 def test_order_four_in_other_fields(scene: Any) -> None:
     """Spinning tops, thrown and orbiting bodies, with inertia that is no diagonal."""

@@ -43,7 +43,6 @@ def reference(system: Any, mu: np.ndarray, t: float) -> np.ndarray:
 GROUPS = [lm.SO(4), lm.SU(3), lm.SL(3), lm.Sp(4), lm.GL(2), lm.U(2), lm.SO(14), lm.SU(13)]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("group", GROUPS, ids=repr)
 @pytest.mark.parametrize("order", [2, 4, 6])
 def test_order_casimirs_and_spatial_momentum(group: Any, order: int) -> None:
@@ -144,7 +143,6 @@ def test_methods_with_derivatives_are_the_same_small_and_large(method: Any, monk
     assert np.abs(final() - small).max() < 2e-15
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "order"),
     [
@@ -166,7 +164,6 @@ def test_order_of_methods_with_derivatives(method: Any, order: int) -> None:
     assert order - 0.35 < np.log2(errors[0] / errors[1]) < order + 0.6
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("group", [lm.SO(14), lm.SU(13)], ids=repr)
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(6, lm.Exponential())], ids=repr)
 def test_adaptive_steps(group: Any, method: Any) -> None:

@@ -178,6 +178,7 @@ def test_steps_of_the_method_itself(method: LiePoissonHamiltonJacobi, compiled: 
         assert np.abs(run.g[n] - g).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_error_after_two_hundred_steps() -> None:
     body, start = seed_body()
     exact = body.exact(start, 100.0).mu
@@ -203,7 +204,7 @@ def test_order_two_is_the_variational_method_over_a_thousand_steps(group: lm.Lie
     assert np.abs(one.g - other.g).max() < 1e-14
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
 def test_order_two_is_the_variational_method(retraction: lm.Retraction) -> None:
     """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm
@@ -299,7 +300,6 @@ def test_terms_of_a_free_body(retraction: lm.Retraction) -> None:
         assert np.abs(np.array(term) - wanted).max() < 1e-15
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("retraction", "group"),
     [(lm.Exponential(), lm.SL(2)), slow(lm.Cayley(), lm.SO(4)), (lm.CayleyAdjoint(), lm.SE3())],
@@ -451,7 +451,6 @@ def test_the_bracket_is_kept(method: LiePoissonHamiltonJacobi, h: float) -> None
         assert poisson_defect(system, method, np.array(start.mu), h) < 1e-11
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [EXP2, EXP4, CAYLEY4, *(slow(m) for m in (EXP6, CAYLEY6))], ids=named)
 def test_the_bracket_is_kept_by_an_energy_that_is_not_quadratic(method: LiePoissonHamiltonJacobi) -> None:
     system, start = quartic(lm.SO3())
@@ -459,7 +458,6 @@ def test_the_bracket_is_kept_by_an_energy_that_is_not_quadratic(method: LiePoiss
         assert poisson_defect(system, method, np.array(start.mu), h) < 1e-11
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [EXP2, EXP4], ids=named)
 def test_the_bracket_of_a_heavy_top_is_kept(method: LiePoissonHamiltonJacobi) -> None:
     system, start = top()
@@ -505,7 +503,6 @@ def test_what_a_heavy_top_keeps(method: LiePoissonHamiltonJacobi) -> None:
 # ---------------------------------------------------------------- running
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [EXP4, *(slow(m) for m in (EXP2, EXP6, CAYLEY2, CAYLEY4, CAYLEY6))], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: LiePoissonHamiltonJacobi) -> None:

@@ -114,7 +114,6 @@ def test_order_for_rigid_motions(method: Magnus, kind: type[Screw]) -> None:
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [4, 6])
 @KINDS
 def test_a_bracket_of_the_wrong_sign_would_show(order: int, kind: type[Driven]) -> None:
@@ -197,7 +196,6 @@ def test_order_two_is_the_midpoint_rule_and_all_stay_on_the_group(method: Magnus
         assert same_bits(run.g, midpoint.g)
 
 
-@pytest.mark.sample(1)
 @by_name
 @KINDS
 @pytest.mark.compiled

@@ -53,7 +53,6 @@ METHODS = [
 IMPLICIT = [lm.RKMK(tableau=t) for t in (gauss(1), gauss(2), radau_iia(2))]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_order_of_momentum_and_attitude(method: lm.RKMK) -> None:
     body, start = asymmetric_body()
@@ -211,7 +210,6 @@ def compass() -> np.ndarray:
     return solve_ivp(rate, (0.0, 2.0), [0.6, 0.0, 0.8], method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=2), RKMK4, *IMPLICIT, lm.RKMK(order=2, retraction=lm.Cayley())], ids=repr
 )

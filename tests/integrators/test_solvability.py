@@ -362,7 +362,6 @@ def test_a_run_with_a_large_step_warns_once() -> None:
     assert caught[0].filename == __file__
 
 
-@pytest.mark.sample(1)
 @BOTH
 def test_up_to_the_largest_step_every_direction_has_one(method: lm.CovariantVariational) -> None:
     rng = np.random.default_rng(11)
@@ -417,7 +416,6 @@ def test_large_steps_have_the_same_bits_in_native_code(method: lm.CovariantVaria
     assert fast > 3
 
 
-@pytest.mark.sample(1)
 @BOTH
 def test_a_unit_of_mass_changes_no_bit_of_a_large_step(method: lm.CovariantVariational) -> None:
     J, mu = np.array([1 / 150, 1.0, 1.005]), np.array([0.05, 0.8, -0.5])
@@ -440,7 +438,6 @@ def least_value(J: np.ndarray, across: np.ndarray) -> float:
     return float(np.einsum("ni,ij,nj->n", across, k, across).min())
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
 def test_the_condition_is_that_a_quadratic_form_is_not_negative(share: float) -> None:
     """From thick to thin bodies it fails where the form does, on a grid that is fine along all

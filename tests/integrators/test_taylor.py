@@ -139,7 +139,6 @@ def test_order_on_the_asymmetric_body(order: int, counts: tuple[int, ...]) -> No
         assert order - 0.5 < slope(3.0 / np.array(counts), error) < order + 1.2, error
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("order", "counts"), [(4, (8, 16)), (8, (4, 8))])
 def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int, int]) -> None:
@@ -153,7 +152,6 @@ def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int,
 # ------------------------------------------------------------------ one formula, two worlds
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("name", NAMES)
 def test_native_code_gives_the_bits_of_plain_python(name: str) -> None:
@@ -251,6 +249,7 @@ def test_adaptive_steps_on_other_systems(name: str) -> None:
     assert np.abs(ends(run) - last(system, lm.RKMK(order=8), start, 1.5, 150)).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_every_step_is_as_long_as_its_terms_allow() -> None:
     """Also where a motion slows down quickly: past the pericentre of a long ellipse."""
     kepler = lm.Kepler()

@@ -279,7 +279,6 @@ def test_exp_says_when_the_step_is_too_large(compiled: bool) -> None:
     assert f"step {len(run)} of 100, t = {20.0 * run.steps:g}" in str(caught.value)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("h", [4.0, -6.0])
 def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
     """What is accepted has det DF > 0, F(xi) = (dexp^-1_{h xi})* J xi; two of five roots found at h
@@ -303,7 +302,6 @@ def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
         assert np.linalg.det(h * derivative) > 0.0
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("h", [6.0, 12.0, 100.0])
 def test_steps_of_exp_beyond_a_whole_turn_are_refused(h: float) -> None:
     """Newton's method finds roots with h |xi| > 2 pi: meaningless sheets, on which a run would go

@@ -91,7 +91,6 @@ def test_the_bracket_is_kept(scene: object, method: lm.Method) -> None:
     assert poisson_defect(system, method, np.array(start.mu), 0.3) < 1e-11
 
 
-@pytest.mark.sample(1)
 @SCENES
 @pytest.mark.parametrize("method", COMPOSED[:2], ids=named)
 def test_compositions_keep_the_bracket(scene: object, method: lm.Method) -> None:
@@ -109,7 +108,6 @@ def test_rkmk_does_not_keep_the_bracket() -> None:
 # ---------------------------------------------------------------- the same map under other names
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("scene", [asymmetric_body, on_SO4], ids=["SO3", "SO4"])
 @pytest.mark.parametrize("h", [0.05, 0.3])
 def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> None:

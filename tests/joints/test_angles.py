@@ -48,7 +48,6 @@ def passed(rate, level, duration):
     return found[np.argsort(np.abs(found))]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("rate", [10.0, -10.0])
 @pytest.mark.parametrize("level", [0.5, 7.0])
 @pytest.mark.parametrize("kind", SPUN)
@@ -186,7 +185,6 @@ class Socket(Joint):
         return BallJoint(0, None, O, O).relative(q)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("joint", "rate"),
     [

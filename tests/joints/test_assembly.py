@@ -49,7 +49,7 @@ WELDS = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", WELDS)
 @pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow)])
 def test_random_attitudes_are_assembled_and_never_turned_over(kind, count):

@@ -66,7 +66,6 @@ def test_by_a_table_of_torques() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("links", [3, 4])
 def test_of_long_chains(links: int) -> None:
     """Along a direction of the start in which momenta and poses change, off the conditions too."""

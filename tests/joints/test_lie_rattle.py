@@ -84,7 +84,6 @@ def about_point(mu: np.ndarray) -> np.ndarray:
 # ------------------------------------------------------------------ equivalences
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()])
 def test_on_a_body_with_a_fixed_point_it_is_Lie_Verlet_of_the_heavy_top(retraction):
     # Rotations about the point are a subgroup, and these maps commute with moving the origin into
@@ -344,7 +343,6 @@ def test_a_constraint_with_a_kink():
     assert np.allclose(same.mu, run(body, lm.LieRATTLE(), start, 0.1, 30).mu, rtol=0.0, atol=1e-14)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
 def test_units_do_not_matter(unit):
     # A pendulum a million times smaller or larger, its time scaled with the root: the same angles.

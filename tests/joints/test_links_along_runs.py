@@ -28,7 +28,6 @@ class Winds(lm.Force):
         return -self.c * (1.0 + t) * xi
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("load", [{1: Drag(0.05), 0: Drag(0.05)}, Winds(0.05)])
 def test_energy_changes_by_the_work_of_loads(load):
     rods = lm.joints.chain(2, radius=0.2)

@@ -236,16 +236,22 @@ def test_another_number_of_links_compiles_nothing(monkeypatch: Any) -> None:
         assert np.abs(c).max() < 4e-16 * n
 
 
+def hanging(n: int) -> tuple[Linkage, Any]:
+    """Rods on ball joints, the least code of linkages that move."""
+    linkage = chain(n)
+    return linkage, linkage.state(angles={0: [0.9, 0.1, 0.3]}, rates={1: [1.5, -0.4, 0.2]})
+
+
 @needs_compiler
 def test_runs_of_links_stop_and_go_on_with_the_same_bits(tmp_path: Path) -> None:
-    linkage, start = hinged(5)
+    linkage, start = hanging(5)
     plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.01, compiled=True, every=5)
     whole = plan.run(start, steps=20)
     plan.run(start, steps=10).save(tmp_path / "half.npz")
     rest = plan.resume(lm.Trajectory.load(tmp_path / "half.npz"), steps=10)
     assert np.array_equal(whole.g[-1], rest.g[-1])
     assert np.array_equal(whole.mu[-1], rest.mu[-1])
-    other = linkage.state(angles={0: 0.2})
+    other = linkage.state(angles={0: [0.2, 0.0, 0.1]})
     many = linkage.state(*[np.stack([x, y]) for x, y in zip((start.mu, start.g), (other.mu, other.g))])
     both = plan.run(many, steps=20)
     assert np.array_equal(both.g[:, 0], whole.g)
@@ -257,7 +263,7 @@ def test_runs_of_links_stop_and_go_on_with_the_same_bits(tmp_path: Path) -> None
 
 @needs_compiler
 def test_a_step_that_is_too_long_names_a_joint_and_keeps_samples() -> None:
-    linkage, start = hinged(6)
+    linkage, start = hanging(6)
     with pytest.raises(lm.errors.NoConvergence, match=r"at joint \d.*too long there") as told:
         lm.integrate(linkage, lm.LieRATTLE(), start, h=2.0, steps=3, compiled=True)
     assert len(told.value.trajectory) == 1

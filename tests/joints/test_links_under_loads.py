@@ -74,7 +74,6 @@ ON_BODIES = {"load": {1: Drag(3.0), 4: Thrust(1.0), 3: Drag(0.5)}, "potential": 
 ON_ALL = {"load": Coupled(2.0), "potential": Cords(30.0)}
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("made", "acting"),
     [(tree, ON_BODIES), (star, ON_ALL), pytest.param(tree, ON_ALL, marks=pytest.mark.slow),
@@ -142,7 +141,7 @@ def driven() -> tuple[Linkage, Any]:
     return linkage, linkage.state(angles={0: 0.9, 3: -0.4}, rates={1: 1.5})
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("breaks", [pytest.param((), marks=pytest.mark.slow), (0.0123, 0.1)], ids=["tables", "breaks"])
 def test_steps_of_loops_end_where_inputs_jump(breaks: Any, monkeypatch: Any) -> None:
     linkage, start = driven()
@@ -212,6 +211,7 @@ def side(t: float, state: Any) -> float:
 ASKED = [0.0, 0.013, 0.02, 0.3234, 0.58, 0.6]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [pytest.param(False, marks=pytest.mark.slow), pytest.param(True, marks=needs_compiler)])
 def test_samples_events_and_functions_of_runs_by_loops(how: bool, monkeypatch: Any) -> None:
     """As of the same linkage written out; the steps know nothing of what is asked."""
@@ -246,7 +246,7 @@ def test_samples_events_and_functions_of_runs_by_loops(how: bool, monkeypatch: A
     assert abs(out.events[0][0][0] - at[0]) < 1e-14
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [False, pytest.param(True, marks=needs_compiler)])
 def test_events_that_jump_are_told(how: bool) -> None:
     linkage, start = swinging(3)
@@ -273,7 +273,6 @@ def test_functions_that_fail_leave_the_samples_before() -> None:
         linkage.angle(1, freedom=1)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("how", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_torques_of_motors_are_inputs_of_a_stepper(how: bool) -> None:
     """Steps after a new input are those of a linkage made with it, from the state there."""

@@ -135,7 +135,7 @@ def test_the_power_of_a_load_is_the_change_of_energy() -> None:
     assert moved.drift().kept == ()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [pytest.param("top", marks=pytest.mark.slow), "sleigh"])
 def test_the_checks_know_loads(scene: str) -> None:
     (system, start), method = SCENES[scene][0](), SCENES[scene][1]

@@ -129,7 +129,7 @@ def coordinates(moved: Any) -> np.ndarray:
 # ------------------------------------------------------------------ against minimal coordinates
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("links", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_reduced_equation_is_that_of_minimal_coordinates(links: int) -> None:
     it = arm(links)
@@ -145,7 +145,7 @@ def test_the_variational_motion_is_that_of_minimal_coordinates(links: int) -> No
     assert coordinates(moved) == pytest.approx(it.at(0.15, *START[links]), rel=0.0, abs=1e-10)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_orders_with_forces_at_joints(order: int) -> None:
     it = arm()

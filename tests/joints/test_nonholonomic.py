@@ -63,7 +63,6 @@ def order(errors) -> float:
     return float(np.log2(errors[0] / errors[1]))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()])
 def test_Suslov_problem(retraction):
     body = lm.NonholonomicBody(lm.RigidBody(J), Row([0.0, 0.0, 1.0]))

@@ -44,7 +44,6 @@ def end(made, order, steps, t_end=0.16):
     return run.g[-1], run.mu[-1], run
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [3, 6])
 def test_steps_are_those_of_the_equation_written_out(order):
     ours, theirs = end(arm(Linkage), order, 3), end(arm(WrittenOut), order, 3)

@@ -35,7 +35,9 @@ from liemech.solvers import newton_of_kicks
 
 UP, ACROSS, ORIGIN = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]
 INERTIA, DAMPING = 5.1e-5, 21.75
-BOTH = [False, pytest.param(True, marks=pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite"))]
+native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
+BOTH = [False, pytest.param(True, marks=native)]
+NATIVE_LATER = [False, pytest.param(True, marks=[native, pytest.mark.slow])]
 
 
 def wheel(*forces: Any, inertia: float = INERTIA, **of_joint: Any) -> Linkage:
@@ -50,8 +52,7 @@ def longest(error: Any) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("how", BOTH)
+@pytest.mark.parametrize("how", NATIVE_LATER)
 def test_a_damper_that_throws_a_wheel_back_is_refused(how: bool) -> None:
     system = wheel(Damper("wheel", DAMPING))
     start = system.state(angles={}, rates={"wheel": 1.0})
@@ -169,7 +170,6 @@ class Friction(lm.Force):
         return self.across * turned - self.damping * xi
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("how", BOTH)
 @pytest.mark.parametrize("method", [lm.LieVerlet(), lm.KickDrift()])
 def test_loads_on_free_bodies(method: Any, how: bool) -> None:
@@ -282,7 +282,7 @@ def test_motors_in_a_row_speed_up_as_one_differential_equation_says() -> None:
         assert moved.joint(k).rate == pytest.approx(rate, abs=2e-3 * 2.0)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 6, 10])
 def test_rates_to_which_kicks_lead_that_fall_with_them(count: int) -> None:
     # w = w0 + R k(w), R positive and k_i falling: of motors at their speeds, and of friction; there is exactly one w
@@ -313,7 +313,7 @@ def test_rates_to_which_kicks_lead_that_fall_with_them(count: int) -> None:
         assert np.max(np.abs(off) / scale) < 1e-14 * slope
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 3])
 def test_an_ensemble_runs_and_ends_where_one_of_it_would_be_thrown_back(count: int) -> None:
     # free wheels on one axis, each with its own damper: I w' = -c w, ((1 - x)/(1 + x))^n with x = c h/(2 I)
@@ -387,8 +387,7 @@ def rubbed(load: Any, count: int, h: float, how: bool) -> Any:
     return lm.integrate(body, lm.KickDrift(), start, h=h, steps=4, compiled=how)
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("how", BOTH)
+@pytest.mark.parametrize("how", NATIVE_LATER)
 @pytest.mark.parametrize("load", RUBBING, ids=lambda load: repr(load)[:30])
 def test_loads_on_sites_say_themselves_what_damps(load: Any, how: bool) -> None:
     count = 2

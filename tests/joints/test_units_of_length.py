@@ -25,7 +25,7 @@ def moved(count: int, length: float) -> tuple[np.ndarray, np.ndarray]:
     return g, np.abs(linkage.conditions_at(run.mu[-1], run.g[-1])[0]) / length
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 3])
 def test_any_unit_of_length(count: int) -> None:
     wanted, _ = moved(count, 1.0)

@@ -165,7 +165,6 @@ def test_reference_solutions(body):
     assert max(errors(J, mu, g, t, (mus, gs))) < 10 * EPS
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", REGIMES)
 def test_equations_of_motion_forwards_and_backwards(name):
     J, mu = REGIMES[name]
@@ -219,7 +218,6 @@ def test_flow_property(name):
         assert abs(a - b).max() < 300 * EPS * (abs(b).max() or 1.0)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", REGIMES)
 def test_conserved_over_long_times(name):
     """Spatial momentum, |mu|, energy and orthogonality, to rounding at any time: none of them has a
@@ -238,7 +236,6 @@ def test_conserved_over_long_times(name):
     assert abs(energy - energy[25]).max() <= 20 * EPS * np.sum(np.square(mu)) / np.min(J)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("J, mu", [([2 / 3, 1, 2], [0.5, 0, 0.75**0.5]), ([3, 1, 2], [0.3, 1.5, -0.4])])
 @pytest.mark.parametrize("periods", [1, 1000, 10**6, -(10**6)])
 def test_long_times(J, mu, periods):
@@ -425,7 +422,6 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> row_driver.RowDriver:
     return driver
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("attitude", [True, False])
 def test_native_code_gives_the_bits_of_numpy(

@@ -97,7 +97,7 @@ def test_a_lagrange_top_precesses_steadily() -> None:
     assert run.g[-1, 1, 2] == pytest.approx(-np.sin(theta) * np.cos(W * 10.0), abs=1e-10)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "sleeps"), [(1.05, True), (0.9, False)])
 def test_an_upright_top_sleeps_if_it_spins_fast_enough(factor: float, sleeps: bool) -> None:
     """Source: Marsden and Ratiu, theorem 15.10.1: mu_3^2 > 4 A w l."""

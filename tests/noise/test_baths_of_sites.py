@@ -33,7 +33,7 @@ def ring(n: int) -> lm.LiePoissonSystem:
     return lm.LiePoissonSystem(lm.SO3() ** n, terms)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("native", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_uncoupled_sites_are_bodies_with_their_paths(native: bool) -> None:
     field, mu, paths = [0.0, 0.1, 0.3], directions(5), [3, 0, 8, 2**40, 1]

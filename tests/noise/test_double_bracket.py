@@ -24,7 +24,6 @@ def test_the_energy_falls_at_the_rate_of_the_formula(metric: object) -> None:
     assert rate == pytest.approx(-0.3 * change @ eta, rel=1e-13) and rate < 0.0
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("group", [lm.SE3(), lm.SO(4), lm.SU(2)], ids=repr)
 def test_casimirs_stay_and_the_energy_falls_on_any_group(group: lm.LieGroup) -> None:
     inertia = np.linspace(1.0, 2.0, group.dim)

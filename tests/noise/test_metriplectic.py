@@ -137,7 +137,7 @@ def test_its_end_is_a_rest_axis() -> None:
     assert np.abs(mu - [0.0, 0.0, 1.0]).max() < 1e-10  # most entropy at this energy: the largest moment
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("of", [relaxing, heating])
 def test_same_bits(of: object) -> None:

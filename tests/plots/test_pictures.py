@@ -391,7 +391,6 @@ def test_the_article_body_is_drawn_where_its_momenta_are() -> None:
 pytest.importorskip("matplotlib", reason="needs the extra plot")
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [4, 5, 6, 7, 8, 11])
 def test_labels_of_steps_do_not_overlap(count: int) -> None:
     steps = 2.0 ** -np.arange(1.0, count + 1)

@@ -20,7 +20,6 @@ def follow(system: Any, method: Any, start: Any, **more: Any) -> Any:
     return lm.integrate(system, method, start, compiled=False, progress=False, **more)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_section_of_a_run_backwards_has_the_direction_of_time(direction: int) -> None:
     """Where q_1 = 0 is pierced with q_1 rising in time, p_1 = q_1' > 0; there and back pierces it

@@ -274,7 +274,6 @@ def test_draws_on_axes_that_are_given_and_leaves_settings_and_pyplot_alone(matpl
     assert pyplot.get_fignums() == open_figures
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
 def test_figure_one_has_a_sphere_a_caption_each_and_one_legend_with_no_text_cut_off(matplotlib, count):
     panels = [
@@ -303,7 +302,6 @@ def test_legend_names_only_what_is_drawn(matplotlib):
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["numerical"]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_the_same_picture_gives_the_same_bytes(matplotlib, tmp_path, ending):
     written = []

@@ -201,7 +201,6 @@ def test_lie_derivatives_compile() -> None:
     assert native.y.tobytes() == python.y.tobytes()
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("system", [ABC, MIXED], ids=["waves", "mixed"])
 def test_native_code_and_ensembles_have_the_same_bits(system: lm.SplitField) -> None:

@@ -16,7 +16,6 @@ def swinging():
     return rod, rod.at_rest(rod.shape(start=LEVEL))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("h", [2e-3, -2e-3])
 def test_times_between_steps_are_shorter_steps(h):
     rod, start = swinging()

@@ -77,7 +77,6 @@ def test_an_end_moment_bends_elements_into_the_exact_circle(turns):
     np.testing.assert_allclose(tip, [(1.0 - np.cos(angle)) / angle, np.sin(angle) / angle], atol=1e-13)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(("load", "tip"), [(300.0, (22.33, 58.84, 40.08)), (600.0, (15.79, 47.23, 53.37))])
 def test_the_bend_of_45_degrees_is_that_of_simo_and_vu_quoc(load, tip):
     """Bathe and Bolourchi, Int. J. Numer. Methods Eng. 14 (1979), 961; Simo and Vu-Quoc, Comput.
@@ -227,6 +226,7 @@ def test_sections_have_the_constants_of_the_tables():
     assert thin.stiffness[3] * 2.6 / thin.stiffness[5] == pytest.approx(0.53, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_wavy_ring_relaxes_to_a_circle():
     ring = CosseratRod(SECTION, 1.0, 12, closed=True)
     R = 0.5 / np.pi

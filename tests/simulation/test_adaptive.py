@@ -79,7 +79,6 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.tableaus.B
 # ---------------------------------------------------------------- runs
 
 
-@pytest.mark.sample(1)
 @EVERY_PAIR
 def test_the_error_follows_the_tolerance(tableau: lm.tableaus.ButcherTableau) -> None:
     """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the

@@ -336,7 +336,7 @@ def test_a_sample_at_the_end_where_the_velocity_jumps() -> None:
     assert np.array_equal(run.mu[[-1, -1]], alone(3, plan, t_end=1.0).mu[[-1, -1]])
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("bodies", [1, 17])
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(order=10)], ids=repr)

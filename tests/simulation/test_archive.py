@@ -345,7 +345,6 @@ class Called(lm.Hamiltonian):
 # ------------------------------------------------------------------ checkpoints
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("every", [1, 7])
 def test_a_checkpoint_is_the_run_so_far(every: int, tmp_path: Path) -> None:
     plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05, every=every, compiled=False)

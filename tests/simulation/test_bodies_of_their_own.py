@@ -192,7 +192,7 @@ def test_tolerances_of_every_body() -> None:
         lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=[1e-3, 1e-3])
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("systems", [KEPLER, [lm.Kepler(1.0 + 0.1 * i) for i in range(3)]], ids=str)
 @pytest.mark.parametrize("methods", [TIMED[1], TIMED], ids=["one", "of each"])
 @pytest.mark.parametrize("how", [dict(steps=12), dict(t_end=0.8), dict(t_end=0.8, t_eval=[0.1, 0.5])])

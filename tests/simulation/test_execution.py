@@ -57,7 +57,6 @@ class Clock:
         return self.now
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [None, 3, 19])
 @pytest.mark.parametrize("wait", [0.0, 0.002, 0.003])
 @pytest.mark.parametrize("every", [1, 7])

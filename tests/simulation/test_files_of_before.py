@@ -112,8 +112,7 @@ def test_a_checkpoint_goes_on() -> None:
     assert_same(part, whole)
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("name", ["body", "many_masses", "linkage"])
+@pytest.mark.parametrize("name", ["body", pytest.param("many_masses", marks=pytest.mark.slow), "linkage"])
 def test_a_pickled_plan_runs(name: str) -> None:
     plan = pickle.loads((FILES / f"{name}.pickle").read_bytes())
     _, start, goal = plan_of(name)

@@ -85,6 +85,7 @@ def test_what_is_not_of_one_kind_is_told_one_by_one() -> None:
     assert Decoder("here", pool=pool.arrays).each(told, lm.RigidBody) == bodies
 
 
+@pytest.mark.slow
 def test_a_file_takes_no_more_than_its_pool(tmp_path: Path) -> None:
     """Numbers that are asked for outside of it, more of them than are there, of another type, again
     and again.

@@ -76,7 +76,6 @@ def test_blocks_have_the_noise_of_their_steps(method: Any, compiled: bool, steps
     assert off((found[:, :3] * two).sum(axis=1), slope) < 1e-6
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("step", [{"h": 0.1}, {"rtol": 1e-7, "atol": 1e-9}], ids=["fixed", "adaptive"])
 @pytest.mark.parametrize("retraction", [lm.Cayley(), lm.Exponential()], ids=repr)

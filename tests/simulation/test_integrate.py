@@ -58,7 +58,6 @@ def test_plain_and_compiled(method: lm.Method) -> None:
     assert [run.compiled for run in runs] == [False, True]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("attitude", [True, False], ids=["mu, g", "mu"])
 @ALL
 @BOTH_WORLDS
@@ -122,7 +121,6 @@ def test_the_progress_bar_changes_nothing(capsys: pytest.CaptureFixture[str]) ->
     assert "step" in capsys.readouterr().err
 
 
-@pytest.mark.sample(1)
 @ALL
 @BOTH_WORLDS
 def test_momentum_alone_has_the_same_bits(method: lm.Method, compiled: bool) -> None:
@@ -240,7 +238,6 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
     return body, body.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9]), {"mu": units}
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("scene", "method"),
     [
@@ -556,7 +553,6 @@ def test_no_result_holds_what_is_no_number(method: lm.Method, compiled: bool) ->
 # ---------------------------------------------------------------- Ctrl-C
 
 
-@pytest.mark.sample(1)
 @BOTH_WORLDS
 def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool) -> None:
     body, start = asymmetric_body()

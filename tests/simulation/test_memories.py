@@ -223,7 +223,7 @@ def test_what_is_observed_is_a_state(compiled: bool, shown: Any) -> None:
             lm.integrate(BODY, Hidden(shown), start, h=H, steps=3, compiled=compiled)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @WORLDS
 def test_what_is_remembered_of_compensated_numbers_too(compiled: bool) -> None:
     """Numbers of two doubles, and of one with a rest."""

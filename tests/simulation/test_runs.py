@@ -147,7 +147,7 @@ def test_native_code_gives_the_bits_of_plain_python(scene: Scene, bodies: int, o
     same_runs(whole(scene, bodies, observer), whole(scene, bodies, observer, compiled=True))
 
 
-@pytest.mark.sample(28)
+@pytest.mark.sample(14)
 @over(*ALL, *BACK)
 @watched(*WATCHED)
 def test_bodies_of_an_ensemble_go_as_alone(scene: Scene, observer: str) -> None:
@@ -185,7 +185,7 @@ OWN = [
 ]
 
 
-@pytest.mark.sample(16)
+@pytest.mark.sample(9)
 @pytest.mark.parametrize(("scene", "name"), OWN)
 @watched("all", "functions", "events")
 def test_bodies_with_numbers_of_their_own_go_as_alone(scene: Scene, name: str, observer: str) -> None:
@@ -213,7 +213,7 @@ def test_bodies_with_numbers_of_their_own_go_as_alone(scene: Scene, name: str, o
             assert same(gone.energy[:n, i], onwards.energy[:n])
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(6)
 @over(*ALL)
 @watched("all", "t_eval", "functions", "events")
 def test_workers_and_executors_give_the_bits_of_one_thread(scene: Scene, observer: str) -> None:
@@ -306,7 +306,7 @@ def test_a_run_of_many_pieces_is_one(scene: Scene, bodies: int) -> None:
 # ---------------------------------------------------------------- going on
 
 
-@pytest.mark.sample(26)
+@pytest.mark.sample(12)
 @over(*BY_STEPS)
 @BODIES
 @watched("all", "every", "functions", "events", "events+t_eval")
@@ -500,7 +500,7 @@ TIMES = {
 }
 
 
-@pytest.mark.sample(28)
+@pytest.mark.sample(12)
 @over(EQUAL, TOLERANCE, TABLE_TOLERANCE, *BACK[:2])
 @BODIES
 @WORLDS
@@ -678,7 +678,7 @@ def test_time_goes_on_with_the_steps(scene: Scene) -> None:
 # ---------------------------------------------------------------- failures
 
 
-@pytest.mark.sample(36)
+@pytest.mark.sample(18)
 @over(*scenes.FAILING)
 @watched("all", "every", "t_eval", "functions", "events")
 @WORLDS
@@ -739,7 +739,6 @@ def test_a_failure_is_told_in_native_code_as_in_plain_python(scene: Scene, obser
         same_runs(run, said[0][2])  # type: ignore[arg-type]
 
 
-@pytest.mark.sample(1)
 @over(*scenes.FAILING)
 @watched("all", "t_eval", "functions", "events")
 @WORLDS

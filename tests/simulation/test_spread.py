@@ -246,7 +246,6 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_chunks_for_which_nobody_waits_end(compiled, monkeypatch, tmp_path):
     """Those that run, and would for hours, and those that have not begun."""

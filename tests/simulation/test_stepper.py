@@ -52,7 +52,7 @@ def stands(stepper: Any, run: Any, row: int) -> None:
         assert np.array_equal(np.array(getattr(stepper.state, name)), x[row])
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("case", CASES)
 @WORLDS
 def test_it_stands_where_the_run_was(case: str, compiled: bool) -> None:

@@ -50,7 +50,6 @@ def noted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return python
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("times", [None, [0.0, 0.7, 1.1, 3.0], [0.0, 3.0]])
 def test_one_body(times: list[float] | None, monkeypatch: pytest.MonkeyPatch) -> None:
     python = noted(monkeypatch)

@@ -74,7 +74,7 @@ def test_a_tangent_map_is_the_derivative(method: Any, system: Any, start: Any) -
     assert np.abs(run.tangent["start"][-1] - differences(plan, start, 6)).max() < 1e-9
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @WORLDS
 @pytest.mark.parametrize("mu", [(0.0, 0.0, 0.0), (0.0, 0.8, 0.0)], ids=["rest", "axis"])
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_derivatives_by_the_inertia(compiled: bool) -> None:
     assert np.abs(run.tangent["start"] - plan.tangent(START, steps=10).tangent["start"]).max() < 1e-15
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @WORLDS
 def test_derivatives_by_a_number_inside_of_the_hamiltonian(compiled: bool) -> None:
     gyrostat = lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], 0.7))
@@ -234,7 +234,6 @@ class Gyrostat(lm.Hamiltonian):
         return 0.5 * lm.dot(x, x / self.inertia)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.StormerVerlet(), lm.Splitting(order=6)], ids=repr)
 def test_symplectic_methods_keep_the_two_form(method: Any) -> None:
     """D^T J D = J to rounding, along a hundred steps; of an explicit Runge-Kutta method not."""

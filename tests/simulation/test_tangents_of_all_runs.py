@@ -54,6 +54,7 @@ def test_momenta_of_power_series_and_stages(method: Any, compiled: bool) -> None
     assert np.abs(run.tangent["inertia"][-1][:3] - by_inertia).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_gauss_stages_keep_the_bracket() -> None:
     """D hat(mu) D^T = hat(mu'): isospectral steps are Poisson maps, those of Taylor are none."""
     for method, kept in ((lm.Isospectral(order=4), True), (lm.Taylor(order=4), False)):

@@ -317,7 +317,6 @@ def many_sites():
 RKMK, COLOURS = lm.RKMK(order=4), lm.SublatticeSplitting(order=2)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "make, method", [(one_body, RKMK), (some_bodies, RKMK), (many_sites, RKMK), (many_sites, COLOURS)]
 )

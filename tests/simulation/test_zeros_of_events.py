@@ -42,7 +42,7 @@ def require_zeros(times: np.ndarray, frequency: float, end: float, error: float 
 # ------------------------------------------------------------------ steps of several turns
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @WORLDS
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.RKMK(order=8), lm.Taylor(order=12)])
@@ -60,7 +60,6 @@ def test_no_zero_is_missed_by_exact_steps(method: Any, compiled: bool) -> None:
     require_zeros(run.events[0][0], 10.0, 10.0)
 
 
-@pytest.mark.sample(1)
 @WORLDS
 def test_no_zero_is_missed_by_momenta_alone(compiled: bool) -> None:
     spin = lm.LiePoissonSystem(lm.SO3(), Zeeman(50.0))
@@ -70,7 +69,6 @@ def test_no_zero_is_missed_by_momenta_alone(compiled: bool) -> None:
         require_zeros(run.events[0][0], 50.0, 2.0)
 
 
-@pytest.mark.sample(1)
 @WORLDS
 @pytest.mark.parametrize("group", [lm.SE2(), lm.SO(2)])
 def test_no_zero_is_missed_on_other_groups(group: Any, compiled: bool) -> None:
@@ -110,7 +108,6 @@ def test_plain_and_native_steps_meet_the_same_zeros() -> None:
     assert np.array_equal(one[1].g, two[1].g)
 
 
-@pytest.mark.sample(1)
 @WORLDS
 def test_long_steps_along_a_power_series(compiled: bool) -> None:
     """Every zero of q of a harmonic oscillator, which Taylor steps of order 20 take in parts of turns."""

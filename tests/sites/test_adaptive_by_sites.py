@@ -145,6 +145,7 @@ def test_attitudes() -> None:
     assert np.ptp(found.energy) < 1e-7 * np.abs(found.energy[0])
 
 
+@pytest.mark.slow
 @native
 def test_breaks_and_rejected_steps() -> None:
     found = run(breaks=[0.31], h=1.0)
@@ -160,7 +161,6 @@ def test_breaks_and_rejected_steps() -> None:
         lm.integrate(spins(), lm.RKMK(order=5), spins().state(mu=directions()))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [None, False])
 def test_a_site_that_fails(compiled: Any) -> None:
     n = 20

@@ -224,7 +224,7 @@ class Attraction(lm.Term):
         return -self.e / lm.dot(d, d)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True])
 def test_masses_that_meet_are_both_named(compiled: bool) -> None:
     """With every sample before the step."""

@@ -124,8 +124,8 @@ def test_by_sites_is_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
         assert np.abs(written.mu - by_sites.mu).max() < 1e-14
 
 
+@pytest.mark.slow
 @native
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("n", [1, 2, 3, 33])
 def test_any_number_of_sites(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lm.System, "small", 0)
@@ -157,11 +157,12 @@ def test_a_spin_that_is_zero_rests() -> None:
     s = directions(N)
     s[4] = 0.0
     system = spins()
-    found = lm.integrate(system, lm.SphericalMidpoint(), system.state(mu=s), h=0.1, steps=3)
+    found = lm.integrate(system, lm.SphericalMidpoint(), system.state(mu=s), h=0.1, steps=3, compiled=True)
     assert not found.mu[:, 4].any()
     assert np.isfinite(found.mu).all()
 
 
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("method", [lm.SphericalMidpoint(), lm.Isospectral(order=2)], ids=repr)
 def test_a_step_for_which_sweeps_do_not_settle_is_told_at_once(method: Any) -> None:

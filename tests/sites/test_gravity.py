@@ -59,7 +59,6 @@ def test_workers_share_all_pairs(n: int, monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(np.array_equal(x.q, one.q) and np.array_equal(x.p, one.p) for x in more)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", SPLITTINGS, ids=repr)
 def test_by_sites_is_as_written_out(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     system, start = cloud(9)

@@ -76,6 +76,7 @@ def reference(t: float) -> np.ndarray:
     return found.y[: 3 * N, -1].reshape(N, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, None])
 @pytest.mark.parametrize("small", [0, 48])
 @pytest.mark.parametrize(
@@ -90,7 +91,6 @@ def reference(t: float) -> np.ndarray:
         (lm.CommutatorFree(order=4), 1e-4),
     ],
 )
-@pytest.mark.sample(1)
 def test_a_load_leaves_them(
     method: Any, error: float, small: int, compiled: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -131,7 +131,7 @@ def test_pinned_sites_turn_where_they_are(method: Any) -> None:
     assert np.abs(run.g[-1, 1, :3, 3] - [1.0, 0.0, 0.0]).max() > 0.1
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("small", [0, 300])
 @pytest.mark.parametrize("method", [lm.KickDrift(), lm.KickDrift(order=4), lm.LieVerlet()], ids=repr)
 def test_what_the_energy_of_bodies_holds_rests_in_every_method(
@@ -197,7 +197,6 @@ def test_momenta_that_are_coupled_move_no_held_site() -> None:
 @pytest.mark.parametrize("compiled", [False, None])
 @pytest.mark.parametrize("method", [lm.WongZakai(), lm.NinomiyaVictoir()])
 @pytest.mark.parametrize("kind", ["noise", "bath"])
-@pytest.mark.sample(1)
 def test_noise_leaves_them(kind: str, method: Any, compiled: Any) -> None:
     spins = lm.LiePoissonSystem(lm.SO3() ** 8, lm.Terms(Exchange(1.0).over(near.chain(8)), held=[0]))
     if kind == "bath":

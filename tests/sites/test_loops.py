@@ -89,6 +89,7 @@ def test_bits_of_sweeps(method: Any) -> None:
         assert np.array_equal(run(method, field(), spins(N), None, 0.05, 2, lanes), plain), lanes
 
 
+@pytest.mark.slow
 @native
 def test_order_of_sweeps() -> None:
     ends = [run(lm.RKMK(tableau=lm.tableaus.gauss(2)), field(), spins(N), None, 0.4 / n, n, 8)[-1] for n in (1, 2, 8)]

@@ -38,7 +38,6 @@ def eliminate(planes: Planes, behind: Planes, layout: Layout, count: int) -> Non
     put_block(blocks, 0, block_at(blocks, 2 * count - 1, n))
 
 
-@pytest.mark.sample(1)
 @native
 @pytest.mark.parametrize("n", SIZES)
 def test_bits_of_blocks(n: int) -> None:

@@ -440,6 +440,7 @@ def test_overflow_is_told() -> None:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting(4), lm.BondSplitting()], ids=repr)
 @pytest.mark.parametrize("every", [1, 100])
 def test_the_site_that_overflows_is_named(method: Any, every: int) -> None:
@@ -451,7 +452,7 @@ def test_the_site_that_overflows_is_named(method: Any, every: int) -> None:
     assert caught.value.trajectory.t[-1] == 0.0
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.SphericalMidpoint(), lm.ImplicitMidpoint()], ids=repr)
 def test_midpoints_name_a_site_beside_the_one_that_is_huge(method: Any) -> None:
     if lm.compiler.kernel.available() is not None:
@@ -542,7 +543,6 @@ def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
     assert np.ptp(run.energy) < 1e-3 * abs(run.energy[0])
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr)
 @pytest.mark.parametrize(
     "lattice",

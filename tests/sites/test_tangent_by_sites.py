@@ -110,6 +110,7 @@ def test_members() -> None:
         adaptive.tangent(start(n), t_end=0.1, by="h")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", [lm.ImplicitMidpoint(), pytest.param(lm.SphericalMidpoint(), marks=pytest.mark.slow)], ids=repr
 )

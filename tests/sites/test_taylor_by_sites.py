@@ -89,7 +89,7 @@ def test_bits_of_plain_python(only_sites: None, case: str) -> None:
     same(*runs)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
     """The steps of all sites as one body, whose series know nothing of sites."""
@@ -119,7 +119,6 @@ def test_order_against_scipy() -> None:
         assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
 
 
-@pytest.mark.sample(1)
 @native
 @pytest.mark.parametrize(
     ("order", "rtol"),

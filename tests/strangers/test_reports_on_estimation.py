@@ -74,7 +74,7 @@ def still(process: Any, deviations: Any, steps: int, h: float) -> Any:
     return belief
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 40])
 def test_an_accelerometer_makes_places_uncertain_by_the_cube_of_time(steps: int) -> None:
     """borglab/gtsam#368, #879: covariances of preintegrated accelerations were degenerate after a single measurement.
@@ -122,7 +122,7 @@ def test_a_random_walk_of_a_data_sheet() -> None:
     assert np.allclose(np.degrees(belief.deviations), 0.012, rtol=1e-6)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FILTERS)
 def test_an_attitude_does_not_depend_on_the_rate_of_samples(kind: Any) -> None:
     """arduino-libraries/MadgwickAHRS#1, psiphi75/ahrs#17: a frequency was written into the filter, so that attitudes ran

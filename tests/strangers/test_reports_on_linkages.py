@@ -72,7 +72,6 @@ def test_a_light_link_swings_as_a_heavy_one(mass: float) -> None:
     assert np.isclose(ran(arm, period / 60, 60, {0: 0.5}, order=4).joint(0).angle[-1], 0.5, rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("rate", [9.0, -9.0])
 def test_an_angle_goes_on_over_whole_turns(rate: float) -> None:
     """gazebosim/gazebo-classic#724, #2430, osrf/drcsim#58: angles wrapped, here or there."""

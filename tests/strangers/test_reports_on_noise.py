@@ -113,6 +113,7 @@ def test_a_run_with_steps_of_another_length_takes_another_seed() -> None:
     assert abs((one * two).mean()) < BOUND / np.sqrt(n * paths)
 
 
+@pytest.mark.slow
 def test_no_step_is_shortened_and_the_advised_ones_have_the_variance_of_their_time() -> None:
     """SciML/OrdinaryDiffEq.jl#4095, #4097: a shortened step took the increment of the whole one."""
     system, paths = turning(5, sigma=0.3), 4000

@@ -186,7 +186,6 @@ def test_samples_that_are_almost_a_step_apart(h: float) -> None:
     assert np.allclose(run.q[:, 0], times, rtol=1e-12, atol=1e-13)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.RKMK(order=8)])
 def test_a_longer_run_begins_as_a_shorter_one(method: Any) -> None:
     """hannorein/rebound#485: results at a time depended on how far the run went beyond it."""

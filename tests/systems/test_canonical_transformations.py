@@ -200,6 +200,7 @@ def test_native_code_gives_the_same_bits() -> None:
         assert native.p.tobytes() == python.p.tobytes()
 
 
+@pytest.mark.slow
 def test_a_closed_form_serves_methods_that_expand_in_power_series() -> None:
     @lm.record
     class Closed(Turning):

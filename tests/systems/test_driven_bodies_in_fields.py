@@ -154,7 +154,6 @@ def test_a_rocket_is_that_of_tsiolkovsky(method: Any) -> None:
     assert abs(np.log2(errors[0] / errors[1]) - method.order) < 0.2 and errors[1] < 3e-3
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("load", [True, False])
 def test_the_balance_of_energy(load: bool) -> None:
     """E(t) - E(0) is the integral of dK/dt + <F, xi>; dK/dt = xi . (-J') xi/2 is checked by hand."""
@@ -180,7 +179,6 @@ def test_what_a_symmetry_keeps_time_does_not_take() -> None:
     assert np.abs(back.mu[-1] - START.mu).max() < 1e-13  # symmetric in time, too
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("name", ["RKMK", "KickDrift", "LieVerlet", "Galerkin"])
 def test_native_code_has_the_same_bits_and_without_change_the_body_has_them(name: str) -> None:

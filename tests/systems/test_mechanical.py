@@ -437,7 +437,6 @@ QUICK = ((VERLET, lagrange_top), (VERLET, falling_body), (VERLET_CAYLEY, heavy_t
 """Every method and every scene; all pairs are slow."""
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("method", "scene"),

@@ -176,7 +176,6 @@ def primitive(f: lm.PiecewisePolynomial, t: np.ndarray) -> np.ndarray:
     return turns[:, None] * whole + curve(t - turns * length)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "outside"),
     [(lm.RKMK(order=4), "refuse"), (lm.Taylor(order=6), "hold"), (lm.RKMK(order=2), "repeat")],
@@ -395,7 +394,7 @@ def test_bodies_with_tables_of_their_own_have_the_bits_of_single_runs(method):
                 assert np.array_equal(together.mu[:, i], alone.mu)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("precision", ["double", pytest.param("double-double", marks=pytest.mark.slow)])
 def test_steps_across_jumps_are_the_same_bits_in_native_code(precision):
@@ -638,7 +637,6 @@ def test_a_table_shows_its_ends():
 ODD_TIMES = (0.0, -0.0, 1e-300, 1e300, np.inf, -np.inf, np.nan)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.filterwarnings("ignore:invalid value")
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
 def test_no_formula_reads_beyond_a_table(monkeypatch, outside):

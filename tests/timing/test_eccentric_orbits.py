@@ -66,7 +66,6 @@ def energy_error(system: Any, method: lm.Method, h: float, steps: int) -> float:
     return float(np.abs(run.energy + 0.5).max())
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("choice", SIGMAS)
 def test_the_period_in_fictive_time(choice: str) -> None:
     assert fictive_period(SIGMAS[choice]) == pytest.approx(PERIODS[choice], rel=6e-3)

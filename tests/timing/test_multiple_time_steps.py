@@ -63,7 +63,6 @@ def begin(system: Any) -> Any:
     return system.state(q=[0.1 / system.w, 0.7], p=[0.4, -0.2])
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("system", "method", "order"),
     [
@@ -148,7 +147,6 @@ def test_fast_steps_that_are_unstable_are_warned_of() -> None:
         lm.integrate(HARD, lm.MultipleTimeSteps(ratios=(2,)), begin(HARD), h=0.1, steps=1)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method", [lm.MultipleTimeSteps(ratios=(40,)), lm.MultipleTimeSteps(ratios=(4,), mollified=True)], ids=repr

@@ -45,7 +45,6 @@ class Constant(lm.TimeScale):
         return self.unit
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "order", "h"),
     [

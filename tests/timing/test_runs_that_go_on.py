@@ -50,7 +50,6 @@ def test_steps_go_on_bit_for_bit(system: lm.System, method: lm.Method, every: in
         assert joined.steps == 39 and np.array_equal(joined.at(0.3).q, whole.at(0.3).q)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(("system", "method"), PAIRS)
 def test_a_run_to_a_time_goes_on_as_if_it_had_not_stopped(system: lm.System, method: lm.Method) -> None:
     """The shorter step to the first t_end leads to a sample; the motion goes on from the last whole
@@ -112,7 +111,6 @@ def test_a_run_in_a_file(system: lm.System, method: lm.Method, tmp_path: Path) -
     assert_same(kept.then(prepared.resume(kept, t_end=3.0)), prepared.run(ORBIT, t_end=3.0), but=2.0)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("how", [{"t_end": 12.0}, {"steps": 200}])
 def test_a_run_that_was_killed_goes_on_from_its_checkpoint(
     how: dict[str, float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -147,7 +145,6 @@ def crossing(t: float, state: lm.CanonicalState) -> float:
     return state.q[1]  # type: ignore[no-any-return]
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(("system", "method"), PAIRS[:2])
 def test_events_are_where_a_run_to_their_times_ends(system: lm.System, method: lm.Method) -> None:
     """The ellipse passes its axis after half of the period, 2 pi for the energy -1/2."""

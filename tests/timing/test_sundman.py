@@ -144,7 +144,7 @@ def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
         assert away < 1e-12 if exact else away > 1e-3
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("scene", ["field", "top"])
 def test_native_code_gives_the_same_bits(scene: str) -> None:

@@ -64,7 +64,6 @@ def sway(q: lm.Vec) -> float:
     return 1.0 / (1.0 + 0.5 * q[0] ** 2 + 0.2 * q[0] * q[1] + q[1] ** 2)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("system", "method", "order", "h"),
     [
@@ -222,7 +221,6 @@ def test_the_logarithmic_hamiltonian_is_its_formula() -> None:
             assert max(abs(closed - derived)) < 1e-13 * max(abs(derived))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "method",
     [
@@ -253,7 +251,6 @@ def test_an_ensemble_has_an_energy_for_each_member() -> None:
             assert np.array_equal(one.q, many.q[:, i]) and np.array_equal(one.t, many.t[:, i])
 
 
-@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("system", "method"),

@@ -76,7 +76,7 @@ def rolling() -> Any:
     return (ball, ball.consistent([0.4, 1.5, 0.3, 0.0, 0.0], group.identity()), lm.LagrangeDAlembert())
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [hanging, rolling])
 def test_bodies_under_constraints(make: Any) -> None:
     """The controller takes bodies with joints and bodies that roll, and knows the forces of their

@@ -490,8 +490,9 @@ def test_samples_far_apart_are_not_joined() -> None:
     assert described(Scene(RUN))["joined"] == [True] and described(Scene(RUN))["notes"] == []
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("name", ["kepler", "pendulum", "hanging-rods", "figure-eight"])
+@pytest.mark.parametrize(
+    "name", ["kepler", "pendulum", pytest.param("hanging-rods", marks=pytest.mark.slow), "figure-eight"]
+)
 def test_nor_are_those_of_planets_pendulums_and_linkages(name: str) -> None:
     """Chords of a planet's orbit are not its motion."""
     scene = SCENES[name]()
