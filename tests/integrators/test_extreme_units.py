@@ -33,7 +33,6 @@ def test_hundred_powers_of_ten(method: lm.Method, k: int) -> None:
     assert np.abs(moved(method, time=10.0**k) - here).max() <= 1e-14
 
 
-@pytest.mark.sample(3)
 @pytest.mark.parametrize("method", [m for m in METHODS if not isinstance(m, lm.CovariantVariational)], ids=repr)
 @pytest.mark.parametrize("k", [-120, 120])
 def test_more_of_them(method: lm.Method, k: int) -> None:

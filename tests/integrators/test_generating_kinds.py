@@ -160,6 +160,7 @@ class Exchanged(lm.HamiltonianSystem):
         return Curved().energy(-p, q)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_kinds_qq_and_pp_are_one_with_positions_and_momenta_exchanged(order: int) -> None:
     for adjoint in False, True:

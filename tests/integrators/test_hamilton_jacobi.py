@@ -197,6 +197,7 @@ def test_order_one_is_symplectic_euler_to_the_bit(system: HamiltonianSystem) -> 
         assert same_bits(np.array([*Q, *P]), np.concatenate([other.q[i + 1], other.p[i + 1]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", [CURVED, DOUBLE], ids=["Curved", "DoublePendulum"])
 def test_order_one_is_symplectic_euler_where_that_is_implicit(system: HamiltonianSystem) -> None:
     h, start = STEPS[system], STARTS[system]

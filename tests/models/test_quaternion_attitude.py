@@ -61,6 +61,7 @@ def test_the_same_momentum_bits_and_the_same_attitude(method: lm.Method) -> None
     assert np.abs(matrices.spatial_momentum - quaternions.spatial_momentum).max() < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", BY_ELEMENTS, ids=repr)
 def test_the_same_motion_to_rounding(method: lm.Method) -> None:
     matrices, quaternions = runs(method, steps=2)

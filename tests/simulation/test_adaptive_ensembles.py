@@ -89,6 +89,7 @@ def test_samples_between_the_steps(sign: float, own: bool) -> None:
     assert np.array_equal(runs.t, times)
 
 
+@pytest.mark.slow
 def test_pieces_become_shorter_where_they_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bodies that wait for the others in the middle of their way go on where they stood."""
     whole = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)

@@ -143,6 +143,7 @@ def test_failing_events_keep_the_samples_before_them() -> None:
     assert np.array_equal(run.mu, lm.integrate(BODY, lm.RKMK(order=4), START, h=0.01, steps=800, compiled=False).mu)
 
 
+@pytest.mark.slow
 def test_tangent_maps_on_complex_groups() -> None:
     system = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 2.0, 3.0]))
     start = system.state(mu=[0.5, -0.2, 0.3], g=np.eye(2))

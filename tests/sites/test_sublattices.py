@@ -543,6 +543,7 @@ def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
     assert np.ptp(run.energy) < 1e-3 * abs(run.energy[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr)
 @pytest.mark.parametrize(
     "lattice",

@@ -126,6 +126,7 @@ def test_no_step_is_shortened_and_the_advised_ones_have_the_variance_of_their_ti
     assert abs(variance / 1.25 - 1.0) < BOUND * np.sqrt(2.0 / paths)
 
 
+@pytest.mark.slow
 def test_members_of_an_ensemble_have_noise_of_their_own_wherever_they_run() -> None:
     """SciML/OrdinaryDiffEq.jl#3737, SciML/DifferentialEquations.jl#1034, #498: members ran along one path, in threads
     sometimes.

@@ -114,6 +114,7 @@ def test_pendulum_against_elliptic_functions() -> None:
         assert abs(run.p[i, 0] - sample["p"]) <= 1e-13 * (1.0 + sample["t"])
 
 
+@pytest.mark.slow
 def test_double_pendulum_against_an_integration_with_constraints() -> None:
     data = reference("double_pendulum")
     system = DoublePendulum([data["m1"], data["m2"]], [data["l1"], data["l2"]], data["g"])
