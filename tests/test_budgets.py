@@ -22,7 +22,7 @@ BUDGETS = {
     "estimation": (1_890, 9_100),
     "formulas": (10_110, 52_240),
     "groups": (10_200, 54_600),
-    "integrators": (4_930, 25_300),
+    "integrators": (4_930, 25_400),
     "joints": (7_090, 43_400),
     "models": (8_220, 48_700),
     "names": (300, 1_100),

@@ -74,7 +74,7 @@ class OverSites(Record):
         return order
 
     def of_site(self, here: int) -> Any:
-        """What the method carries along for this site, in one copy of the memory."""
+        """The memory of the method for this site, in one of its copies."""
         return load(self.sites, here, self.memory)
 
     def step(self, system: Any, t: float, place: Place, h: float) -> Place:

@@ -131,7 +131,7 @@ class StepsOfSites(Moving):
         return found
 
     def _numbers(self, rows: np.ndarray, totals: np.ndarray) -> np.ndarray:
-        """What events see of states of all sites, (..., width, sites), and of totals, (..., totals)."""
+        """The numbers that events read, of states of all sites, (..., width, sites), and totals, (..., totals)."""
         return np.concatenate([totals, rows.reshape(*totals.shape[:-1], -1)], axis=-1) if self.whole else totals
 
     def looks(self, piece: Any, step: np.ndarray) -> Any:

@@ -27,7 +27,7 @@ class EndsOfSteps:
 
     @property
     def rows(self) -> np.ndarray:
-        """What is kept of all sites, (made, width, sites), a view."""
+        """The samples kept of all sites, (made, width, sites), a view."""
         array = self.planes.array
         return array[: self.made * self.wide].reshape(self.made, self.wide, array.shape[1])[..., : self.count]
 

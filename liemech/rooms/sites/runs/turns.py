@@ -142,9 +142,9 @@ def in_order(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
     return found
 
 
-class Turning:
-    """How a splitting steps the sites of a system: their places, the turns of a step, and the code
-    that makes them.
+class TurnsOfSplitting:
+    """The steps of a splitting of sites: the places, the turns of a step, and the native code that
+    makes them.
     """
 
     def __init__(self, plan: Any, layout: Any) -> None:
@@ -354,7 +354,7 @@ class TurnsRun(SiteRun):
         """
         shape, width = self.shape, self.shape.beginner.started.width
         if shape.turning is None:
-            shape.turning = Turning(self.plan, shape.beginner.started)
+            shape.turning = TurnsOfSplitting(self.plan, shape.beginner.started)
         turning = shape.turning
         if self.turned is None:
             self.turned = turning.spread(self._memory[width : 2 * width])
