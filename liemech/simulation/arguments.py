@@ -74,7 +74,7 @@ def with_parts(system: Any, start: State, record: Iterable[str] | None) -> State
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     choices = " or ".join(dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts])))
     try:
-        recorded = (record,) if isinstance(record, str) else tuple(record)
+        recorded: tuple[Any, ...] = (record,) if isinstance(record, str) else tuple(record)
     except TypeError:
         raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
     named = {name for name in recorded if isinstance(name, str)}

@@ -17,7 +17,7 @@ class EndsKept(SiteRun):
     """A run that knows when its steps ended."""
 
     def aim(self, *given: Any) -> Any:
-        self.ends = [self.begun]
+        self.step_ends = [self.begun]
         return super().aim(*given)
 
     def _quicker(self, pace: int, used: float) -> int:
@@ -26,8 +26,8 @@ class EndsKept(SiteRun):
     def _attend(self) -> None:
         super()._attend()
         t = self.clocks.item(TIME, 0)
-        if t != self.ends[-1]:
-            self.ends.append(t)
+        if t != self.step_ends[-1]:
+            self.step_ends.append(t)
 
 
 def steps_of(sites: Any, start: Any, steps: Any, t_end: Any, t0: float) -> tuple[Any, np.ndarray, Any]:
@@ -37,7 +37,7 @@ def steps_of(sites: Any, start: Any, steps: Any, t_end: Any, t0: float) -> tuple
     plan = sites.plan
     run = EndsKept(plan, sites.site, start, t0, steps, t_end, None)
     made = run.trajectory()
-    ends = np.array(run.ends)
+    ends = np.array(run.step_ends)
     fixed = like(in_steps(plan, ends), adaptive=False)
     return with_samples(fixed, max(1, len(ends) - 1)), ends, made
 

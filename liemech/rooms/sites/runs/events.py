@@ -86,10 +86,10 @@ class StepsOfSites(Moving):
         """The numbers of one sample as they are: `ask` shows to each event what it is of."""
         return numbers
 
-    def ask(self, event: Any, t: float, numbers: Any) -> Any:
+    def ask(self, event: Any, t: float, state: Any) -> Any:
         if id(event) in self.of_totals:
-            return event(t, self._named(numbers))
-        rows = numbers[self.layout.width :].reshape(-1, self.run.count)
+            return event(t, self._named(state))
+        rows = state[self.layout.width :].reshape(-1, self.run.count)
         return event(t, self.run.state_of_all(rows))
 
     def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
