@@ -146,8 +146,7 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
 class StepsOfLinks(StepsOfSites):
     """The steps of a linkage, as events ask for them: the numbers that these see are the state of all bodies."""
 
-    ask = Moving.ask  # type: ignore[assignment]
-    refused, seen_at, wide = Moving.refused, Moving.seen_at, Moving.wide
+    ask, refused, seen_at, wide = Moving.ask, Moving.refused, Moving.seen_at, Moving.wide
 
     def __init__(self, run: LinksRun, start: Any) -> None:
         super().__init__(run, start)
