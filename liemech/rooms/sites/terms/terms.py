@@ -406,7 +406,7 @@ def _parameters(name: str, value: Any) -> Any:
 
 
 def _by_species(name: str, given: dict[Any, Any]) -> dict[int, Any]:
-    """The entries of each species, by its number."""
+    """Values of the species, by their numbers.  given : as a user gives them."""
     by_number = {ordinary(k): x for k, x in given.items()}
     wrong = [k for k in by_number if type(k) is not int or k < 0]
     if wrong:
