@@ -35,5 +35,5 @@ for rtol in 1e-4, 1e-7, 1e-10:
     (zeros, points), step = run.events[0], np.diff(run.t)
     off = np.abs(np.linalg.norm(run.at(np.linspace(0.0, 60.0, 601)).x, axis=1) - 1.0).max()
     print(f"{rtol:.0e}: {len(step)}, {min(step):.3f} to {max(step):.3f}; {zeros[0]:.9f}, {off:.0e}")
-ax = lm.plots.plot(run, title="it turns round the field, and creeps towards it")
+ax = lm.plots.plot(run, title="round the field, and towards it")
 lm.plots.save(ax.figure, "magnetic_moment.png")

@@ -32,7 +32,7 @@ axis.pcolormesh(k, omega, np.log10(power / power.max()), vmin=-7, cmap="magma", 
 half = k >= 0.0
 axis.plot(k[half], exact[half], ":", color="white", linewidth=1.2, label=r"$2 J (1 - \cos k)$")
 axis.plot(k[half], of_step[half], "--", color="cyan", linewidth=1.2, label="of the step")
-axis.text(0.0, 4.12, r"other eigenvalue of the step, $\omega(k + \pi)$", color="white", ha="center")
-axis.set(xlabel="wave number $k$", ylabel=r"frequency $\omega/J$", ylim=(-0.15, 4.5))
+axis.text(0.0, 2.4, "faint: the other\neigenvalue of the step", color="white", ha="center")
+axis.set(xlabel="wave number $k$", ylabel=r"frequency $\omega/J$", ylim=(-0.15, 4.18))
 axis.legend(loc="lower right", fontsize=8, facecolor="0.35", labelcolor="white")
 figure.savefig("magnons.png", dpi=200)

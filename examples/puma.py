@@ -1,7 +1,5 @@
 """A PUMA 560 from its URDF file swings its tool round: PD control of six joints, and a spring that carries the arm."""
 
-from pathlib import Path
-
 import numpy as np
 
 import liemech as lm
@@ -16,13 +14,14 @@ class PD(lm.joints.JointForce):
 
     def effort(self, t, q, rate):
         wanted = self.plan[0] + self.plan[1] * sin(1.5 * t) + self.plan[2] * (1.0 - cos(1.5 * t))
-        return self.stiffness * (wanted - q) - self.damping * rate
+        pace = 1.5 * (self.plan[1] * cos(1.5 * t) + self.plan[2] * sin(1.5 * t))
+        return self.stiffness * (wanted - q) + self.damping * (pace - rate)
 
 
 gains = [(4000, 120), (6000, 200), (3000, 60), (20, 0.2), (10, 0.05), (0.2, 0.004)]
 plans = [(0, 0.5, 0), (0.7, 0, -0.3), (-0.9, 0, 0.4), (0, 1.2, 0), (0.6, 0, 0.2), (0, 0.6, 0)]
 forces = [PD(k, *gains[k], plans[k]) for k in range(6)] + [lm.joints.Spring(1, 25.0, 2.2)]
-arm = lm.joints.Linkage.from_urdf(Path(__file__).with_name("puma560.urdf"), forces=forces)
+arm = lm.joints.Linkage.from_urdf(__file__.replace("puma.py", "puma560.urdf"), forces=forces)
 rates = {k: 1.5 * plans[k][1] for k in range(6)}
 start = arm.state(angles={k: plans[k][0] for k in range(6)}, rates=rates)
 run = lm.integrate(arm, lm.LieRATTLE(), start, h=0.001, steps=5000, every=10)
