@@ -16,6 +16,7 @@ from .formulas.numbers.double_double import is_long
 from .formulas.numbers.dual import Dual, constant, size_of_slope, value_of
 from .formulas.numbers.sizes import EPSILON, one_norm
 from .formulas.sites import repeated, total
+from .formulas.transposes import Residual, determined, is_pulled, quiet
 from .formulas.vectors import Vec as SmallVec
 
 TOLERANCE = 2.0**-30
@@ -70,6 +71,11 @@ def newton(
     Returns x, |r|^2 at the last test, in the `unit_of` the data, what it had to reach (w tolerance^2 data, else x is no root),
     and whether x is `beyond_fold`.
     """
+    if is_pulled():
+        bare = lambda y: quiet(equation, y)  # noqa: E731
+        x, size, enough, folded = quiet(newton, bare, guess, data, rate, tolerance, solved, weights, coupled)
+        of = Residual(lambda y: equation(y)[0], x)
+        return determined(of, root_back, of, bare(x)[1], coupled), size, enough, folded
     unit = 1.0
     if isinstance(data, SmallVec):
         unit = unit_of(data)
@@ -99,6 +105,20 @@ def newton(
             else iterated(equation, x, EPSILON * EPSILON * goal, solved)
         )
     return x, size, enough, folded
+
+
+def root_back(of: Any, jacobian: Mat, coupled: bool, w: Vec) -> Vec:
+    """-(dr/dx)^-T w, of a root of r(x) = 0: the derivative by r of what has the derivative w by the root.
+
+    jacobian : dr/dx; of one of many coupled sites its own block, by which all are swept.
+    """
+
+    def sweep(nu: Vec) -> tuple[Vec, float, float]:
+        change = correction(jacobian.T, w - of.felt(nu))
+        return nu + change, sqrt(dot(change, change)), sqrt(dot(nu, nu))
+
+    first = correction(jacobian.T, w)
+    return -fixed_point(sweep, first, "the way back through a root", 1.0) if coupled else -first
 
 
 def unit_of(x: Vec) -> float:
@@ -324,6 +344,10 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5
     (the error is iterated away).
     """
+    if is_pulled():
+        unknown = quiet(fixed_point, lambda x: quiet(sweep, x), guess, method, h)
+        of = Residual(lambda x: sweep(x)[0], unknown)
+        return determined(of, fixed_back, of, method, h)
     words = 2 if layout_of(guess).has_double_doubles else 1
     epsilon, noise = EPSILON**words, NOISE**words
 
@@ -347,6 +371,16 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
             f"large for this motion; try {0.25 * h:g}"
         )
     return unknown
+
+
+def fixed_back(of: Any, method: Any, h: float, w: Vec) -> Vec:
+    """nu = w + (dS/dx)^T nu, of a fixed point x = S(x): the derivative by S of what has the derivative w by it."""
+
+    def sweep(nu: Vec) -> tuple[Vec, float, float]:
+        new = w + of.felt(nu)
+        return new, sqrt(dot(new - nu, new - nu)), sqrt(dot(new, new))
+
+    return fixed_point(sweep, w, method, h)
 
 
 @record

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, OrderWarning, warn
-from ..formulas import Record, Vec, plain, record, sqrt, vec, where
+from ..formulas import Record, Vec, dot, gradient, plain, record, sqrt, vec, where
 from ..formulas.numbers.bases import InMemory
 from ..formulas.numbers.sizes import one_norms
 from ..formulas.sites import mean
+from ..formulas.transposes import ruled
 from ..groups.bernoulli import BERNOULLI, TERMS
 from ..groups.lie_algebra import sided
 from ..groups.retractions import Exponential, Retraction
@@ -220,10 +221,18 @@ class RKMK(Method):
 
     def in_chart(self, system: System, omega: Vec, xi: Vec) -> Vec:
         """dtau^-1_Omega xi, in closed form or by its series."""
+        return ruled(self._in_chart, self._in_chart_back, None, (system,), omega, xi)
+
+    def _in_chart(self, system: System, omega: Vec, xi: Vec) -> Vec:
         place = sided(omega, system.side)
         if isinstance(self.truncation, str):
             return self.retraction.dtau_inv(system.group, place, xi)
         return system.group.algebra.dexp_inv_series(place, xi, self.truncation)
+
+    def _in_chart_back(self, system: System, omega: Vec, xi: Vec, w: Vec) -> Any:
+        slope = self._in_chart
+        by_omega = gradient(lambda x: dot(w, slope(system, x, xi)), omega)
+        return (by_omega, gradient(lambda x: dot(w, slope(system, omega, x)), xi)), []
 
     def __repr__(self) -> str:
         parts = [f"order={self.order}"]

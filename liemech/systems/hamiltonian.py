@@ -35,6 +35,10 @@ class Hamiltonian(Record):
         """The velocity xi = dH/dmu.  mu : (dim,)."""
         return gradient(lambda m: self.energy(m), mu)
 
+    def _free(self, mu: Vec) -> Vec:
+        """The velocity, were a site that is held free."""
+        return self.gradient(mu)
+
     @derived
     def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:
         """The velocity as a matrix, hat(dH/dmu), from the matrix M that stands for the momentum: what

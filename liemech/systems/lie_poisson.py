@@ -8,7 +8,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, require
-from ..formulas import Element, Record, Vec, record, vec
+from ..formulas import Element, Record, Vec, derivative, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.classes.derived import closed_form_of, written_together
 from ..formulas.classes.layouts import laid_out
@@ -16,6 +16,7 @@ from ..formulas.classes.records import fields_of, fill
 from ..formulas.classes.remembered import Remembered
 from ..formulas.large import Large
 from ..formulas.numbers.bases import InMemory
+from ..formulas.transposes import ruled
 from ..formulas.vectors import Mat
 from ..formulas.vectors import Vec as SmallVec
 from ..groups.composed.power import PowerGroup
@@ -30,7 +31,7 @@ from .input_checks import as_field, element_at_a_glance, large_members, members_
 from .kinetic_energy import by_entries
 from .lagrangian import Lagrangian
 from .many.common_momentum import momenta_of_symmetry
-from .many.energies import OfManySites, on_group, released
+from .many.energies import OfManySites, moving, on_group, released
 from .many.site_state import SiteState, rows_of_species, site_state, velocities_of_sites
 from .system import State, System, as_precise, lies_in_memory
 
@@ -79,9 +80,20 @@ class LiePoissonMotion(System):
 
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
+        return ruled(self._displaced, self._displaced_back, self.group, (retraction,), state, omega)
+
+    def _displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         omega = as_precise(omega, state.mu)
         mu = retraction.tau_Ad_star(self.group, omega, state.mu)
         return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
+
+    def _displaced_back(self, retraction: Retraction, state: BodyState, omega: Vec, w: Any) -> Any:
+        """Ad_tau w_mu, Ad*_(tau^-1) w_g, and by omega dtau*_omega (w_g - ad*_(w_mu) mu_1)."""
+        group = self.group
+        h, mu = retraction.tau(group, omega), retraction.tau_Ad_star(group, omega, state.mu)
+        bent = -group.ad_star(w.mu, mu) if w.g is None else w.g - group.ad_star(w.mu, mu)
+        by_state = BodyState(group.Ad(h, w.mu), None if w.g is None else group.K(h, w.g))
+        return (by_state, retraction.dtau_dual(group, omega, bent)), []
 
     def moving(self, state: BodyState, xi: Vec) -> BodyState:
         """ad*_xi mu, of the momentum alone."""
@@ -184,7 +196,13 @@ class LiePoissonSystem(LiePoissonMotion):
     @final
     def velocity(self, mu: Vec) -> Vec:
         """The body velocity xi = dH/dmu.  mu : (dim,)."""
-        return self.hamiltonian.gradient(mu)
+        return ruled(self.hamiltonian.gradient, self._velocity_back, None, (), mu)
+
+    def _velocity_back(self, mu: Vec, w: Vec) -> Any:
+        """D_w dH/dmu, as second derivatives commute."""
+        along = moving(self.hamiltonian, w)
+        slope = derivative(lambda m: self.hamiltonian._free(m), mu, along)
+        return (slope,), [("momenta", 0.0, mu, along)]
 
     def velocity_matrix(self, m: Mat) -> Mat:
         """hat(dH/dmu) from the matrix that stands for the momentum, on groups of matrices.  m : (n, n)."""

@@ -12,6 +12,8 @@ import numpy as np
 from ..errors import InvalidInput, require
 from ..formulas import Element, Vec, derivative, dot, record, vec
 from ..formulas.classes.remembered import shared_property
+from ..formulas.derivatives import axes, tangent
+from ..formulas.transposes import AtElement, ruled
 from ..groups.coadjoint import CoadjointAction
 from ..groups.composed.product import ProductGroup
 from ..groups.composed.semidirect import SemidirectProduct
@@ -20,7 +22,7 @@ from ..groups.retractions import Exponential, Retraction
 from ..groups.vector_space import VectorSpace
 from .in_time.driven import DrivenLiePoissonSystem
 from .lie_poisson import BodyState, LiePoissonSystem, as_users_see, body_state, by_site, in_a_row, of_group
-from .many.energies import OfManySites, on_group
+from .many.energies import OfManySites, moving, on_group
 from .potential import Force, Potential
 from .system import System, as_precise
 
@@ -126,13 +128,37 @@ class MechanicalSystem(System):
     @final
     def force(self, g: Element) -> Vec:
         """The force of the field on the body, <f, eta> = -d/ds V(g exp(s eta)).  g : an element; returns (dim,)."""
-        return self.potential.force(self.body.group, g)
+        return ruled(self._force_at, self._force_back, self.body.group, (), AtElement(g))
+
+    def _force_at(self, place: AtElement) -> Vec:
+        return self.potential.force(self.body.group, place.g)
+
+    def _force_back(self, place: AtElement, w: Vec) -> Any:
+        """D_w f - ad*_w f, as second derivatives of the potential commute, but for left-invariant fields."""
+        group, along = self.body.group, moving(self.potential, w)
+        still = vec(*[0.0 for _ in along])
+        force, slope = tangent(lambda x: self.potential._free(group, group.compose_exp(place.g, x)), still, along)
+        return (AtElement(slope - group.ad_star(along, force)),), [("elements", 0.0, place.g, -along)]
 
     @final
     def applied(self, t: float, xi: Vec, g: Element) -> Vec:
         """Field and load together, f(g) + F(t, xi, g).  xi : (dim,), g : an element;  returns (dim,)."""
         force = self.force(g)
-        return force if self.load is None else force + self.load.covector(t, xi, g)
+        return force if self.load is None else force + self.loaded(t, xi, g)
+
+    @final
+    def loaded(self, t: float, xi: Vec, g: Element) -> Vec:
+        """The load F(t, xi, g).  xi : (dim,), g : an element;  returns (dim,)."""
+        return ruled(self._load_at, self._load_back, self.body.group, (t,), xi, AtElement(g))
+
+    def _load_at(self, t: float, xi: Vec, place: AtElement) -> Vec:
+        load: Any = self.load
+        return load.covector(t, xi, place.g)
+
+    def _load_back(self, t: float, xi: Vec, place: AtElement, w: Vec) -> Any:
+        load: Any = self.load
+        by_xi, by_place = load._slopes(self.body.group, t, xi, place.g, moving(load, w))
+        return (by_xi, AtElement(by_place)), []
 
     @final
     def energy(self, mu: Vec, g: Element, t: float = 0.0) -> float:
@@ -181,6 +207,9 @@ class MechanicalSystem(System):
         The exponential takes the part of omega in the algebra of G to h; momentum and element are
         then moved by increments, which compensated sums add up.
         """
+        return ruled(self._displaced, self._displaced_back, self.body.group, (retraction,), state, omega)
+
+    def _displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         omega = as_precise(omega, state.mu)
         if self.in_space:
             group, (xi, kick) = self.body.group, self._in_space.algebra.parts(omega)
@@ -191,6 +220,14 @@ class MechanicalSystem(System):
             group, (xi, _) = self.body.group, self._cotangent.algebra.parts(omega)
             return BodyState(group.exp_Ad_star(xi, state.mu + n), group.compose_exp(state.g, xi))
         return BodyState(self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h))
+
+    def _displaced_back(self, retraction: Retraction, state: BodyState, omega: Vec, w: Any) -> Any:
+        """Ad_h w_mu, Ad*_(h^-1) w_g, and by omega the products of w with all directions."""
+        group, new = self.body.group, self._displaced(retraction, state, omega)
+        h = group.compose(group.inverse(state.g), new.g)
+        changes = [derivative(lambda x: self._displaced(retraction, state, x), omega, e) for e in axes(omega)]
+        bent = vec(*[dot(w.mu, x.mu) + dot(w.g, group.body_velocity(new.g, x.g)) for x in changes])
+        return (BodyState(group.Ad(h, w.mu), group.K(h, w.g)), bent), []
 
     @final
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:

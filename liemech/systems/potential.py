@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import undefined
-from ..formulas import Element, Record, Vec, derivative, gradient, record, vec
+from ..formulas import Element, Record, Vec, derivative, dot, gradient, record, vec
 from ..formulas.classes.derived import derived, derived_from
 from ..formulas.classes.overriding import asked
 from ..groups.lie_group import LieGroup
@@ -36,6 +36,10 @@ class Potential(Record):
         g : an element.  Returns (dim,).
         """
         return -gradient(lambda eta: self.energy(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)]))
+
+    def _free(self, group: LieGroup, g: Element) -> Vec:
+        """The force, were a site that is held free."""
+        return self.force(group, g)
 
     def require_start(self, name: str, group: LieGroup, mu: Any, g: Any) -> None:
         """Raise InvalidInput for a start where there is no such energy; name : who asks, for messages."""
@@ -95,6 +99,12 @@ class Force(Record):
         xi, along : (dim,), g : an element.
         """
         return -derivative(lambda x: self.covector(t, x, g), xi, along)
+
+    def _slopes(self, group: LieGroup, t: float, xi: Vec, g: Any, along: Vec) -> tuple[Vec, Vec]:
+        """The derivatives of <along, F> by xi and by eta, dg = g hat(eta)."""
+        by_xi = gradient(lambda x: dot(along, self.covector(t, x, g)), xi)
+        moved = lambda x: dot(along, self.covector(t, xi, group.compose_exp(g, x)))  # noqa: E731
+        return by_xi, gradient(moved, vec(*[0.0 for _ in along]))
 
     @property
     @derived_from("covector")

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput, InvalidType, NotCompilable
-from ...formulas import functions, large, sums, tables, vectors
+from ...formulas import functions, large, sums, tables, transposes, vectors
 from ...formulas.classes.fields import converters
 from ...formulas.classes.flattening import leaves
 from ...formulas.classes.layouts import layout_of
@@ -36,6 +36,7 @@ from ...formulas.numbers import philox, products, series
 from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.conversions import compensated, double_double, fitted, plain, rounded
 from ...formulas.numbers.dual import Dual
+from ...formulas.numbers.forms import LinearForm, chosen
 from ...formulas.numbers.pairs import PAIRS, paired
 from ...formulas.numbers.series import Series, SeriesInMemory
 from ...formulas.vectors import Mat, Vec
@@ -97,6 +98,11 @@ class Interpreter(Statements):
                     lambda y: vector(self.call(formula, y)), *map(vector, x)
                 )
                 for slopes in (tangent, carried)
+            },
+            **{f: f for f in (transposes.is_pulled, transposes.Residual.felt)},
+            **{
+                f: lambda *x, f=f: f(*x, call=lambda formula, *y: vector(self.call(formula, *y)))
+                for f in transposes.CALLING
             },
             sums.bilinear_map: lambda *x: memory_loops.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: memory_loops.sums(emitter, sums.antisymmetric_map, *x),
@@ -287,6 +293,9 @@ class Interpreter(Statements):
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
         if isinstance(yes, Series) or isinstance(no, Series):
             return Series.chosen(lambda a, b: self.where(condition, a, b), yes, no)
+        if isinstance(yes, LinearForm) or isinstance(no, LinearForm):
+            which = self.where(condition, 1.0, 0.0)
+            return chosen(lambda a, b: self.where(which > 0.5, a, b), yes, no)
         if isinstance(yes, Dual) or isinstance(no, Dual):
             first, second = leveled([yes, no])
             parts = zip(first.parts, second.parts, strict=True)

@@ -54,14 +54,6 @@ class ImplicitMidpoint(Implicit):
     damped: ClassVar[bool] = True  # does it step damped and noisy motions along orbits, too?
     name = "Implicit midpoint"
 
-    def asked(self, m: Vec, mu: Vec) -> Vec:
-        """The momentum m of a single rotation at which the velocity is taken."""
-        return m
-
-    def stretch(self, m: Vec, mu: Vec) -> float:
-        """The ratio x/(h xi) of a single rotation: 1 here, |mu|/|m| in the spherical rule."""
-        return 1.0
-
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
         """The displacement x that belongs to a mean m of the rotations: mu_n+1 - mu_n = m x x."""
         return h * system.velocity(among(system.group, m, mu))
@@ -152,14 +144,6 @@ class SphericalMidpoint(ImplicitMidpoint):
                     "of mass or time, or ImplicitMidpoint()"
                 )
         return mu
-
-    def asked(self, m: Vec, mu: Vec) -> Vec:
-        """The momentum m of a single rotation, scaled to the length of mu."""
-        return _scale(m, mu) * m
-
-    def stretch(self, m: Vec, mu: Vec) -> float:
-        """The ratio x/(h xi) of a single rotation, |mu|/|m|."""
-        return _scale(m, mu)
 
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
         """h s xi(s m), s = |mu|/|m| of each rotation."""

@@ -10,6 +10,7 @@ from ...errors import IncompatibleSystem, InvalidInput, NoConvergence, require
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
 from ...formulas.classes.nested import with_records
 from ...formulas.numbers.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of
+from ...formulas.transposes import is_pulled
 from ...solvers import newton
 from ...systems.in_time.inputs import inputs
 from ...systems.in_time.tabulated import PiecewisePolynomial
@@ -133,6 +134,8 @@ class FieldSplitting(Remembering):
 
     def _require_gentle(self, system: Any, t: float, state: BodyState, kick: float, h: float) -> None:
         """Refuse a step h in which a kick of this length, as it is at its start, throws back."""
+        if is_pulled():
+            return
         mu, g = plain(state.mu), plain(state.g)
         if system.load.coupled or system.body.hamiltonian.coupled:  # sites ask each other outside of branches
             damping, slopes = damping_and_slopes(system, t, mu, g)
@@ -164,7 +167,7 @@ def _kicked(state: BodyState, kick: Vec) -> BodyState:
 
 
 def _load(system: Any, t: float, mu: Vec, g: Any) -> Vec:
-    return system.load.covector(t, system.velocity(mu, t), g)
+    return system.loaded(t, system.velocity(mu, t), g)
 
 
 def _feels_velocity(system: Any, start: BodyState) -> bool:

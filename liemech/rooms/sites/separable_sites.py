@@ -44,12 +44,11 @@ class SeparableSite(SeparableSystem):
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """The velocity.  q, p : (n,)."""
-        free: Any = self.mass.body
-        return free.hamiltonian.gradient(p)
+        return self.mass.velocity(p)
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """The force on this site.  q, p : (n,)."""
-        return self.mass.potential.force(self.mass.body.group, q)
+        return self.mass.force(q)
 
 
 @record

@@ -8,14 +8,15 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ...errors import require, undefined
-from ...formulas import Vec, gradient, record, vec
+from ...formulas import Vec, derivative, gradient, record, vec
 from ...formulas.classes.derived import derived
 from ...formulas.classes.records import fill, with_fields
+from ...formulas.transposes import ruled
 from ...groups.lie_group import LieGroup
 from ..canonical import CanonicalState, PhaseSpace
 from ..kinetic_energy import has_inertia
 from ..lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem, body_state
-from ..many.energies import on_group
+from ..many.energies import moving, on_group
 from .driven_hamiltonian import DrivenHamiltonian
 
 
@@ -104,7 +105,13 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
     @final
     def velocity(self, t: float, mu: Vec) -> Vec:
         """The body velocity xi = dK/dmu at time t.  mu : (dim,)."""
-        return self.hamiltonian.gradient(t, mu)
+        return ruled(self.hamiltonian.gradient, self._velocity_back, None, (t,), mu)
+
+    def _velocity_back(self, t: float, mu: Vec, w: Vec) -> Any:
+        """D_w dK/dmu, as second derivatives commute."""
+        along = moving(self.hamiltonian, w)
+        slope = derivative(lambda m: self.hamiltonian._free(t, m), mu, along)
+        return (slope,), [("momenta", t, mu, along)]
 
     @final
     def energy(self, t: float, mu: Vec) -> float:

@@ -38,6 +38,10 @@ class DrivenHamiltonian(Record):
         """The velocity xi = dK/dmu.  mu : (dim,)."""
         return gradient(lambda m: self.energy(t, m), mu)
 
+    def _free(self, t: float, mu: Vec) -> Vec:
+        """The velocity, were a site that is held free."""
+        return self.gradient(t, mu)
+
     @derived_from("energy")
     def at(self, t: float) -> Any:
         """The energy that is for ever what this one is at time t."""

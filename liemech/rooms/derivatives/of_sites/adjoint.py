@@ -18,7 +18,9 @@ from ....compiler import kernel
 from ....compiler.sites.planes import Planes
 from ....errors import IncompatibleSystem, IntegrationFailure, NotFinite
 from ....formulas.classes.layouts import carried_layout, layout_of
+from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.records import with_fields
+from ....formulas.classes.remembered import Remembered
 from ....formulas.sites import padded, rows_of
 from ....groups.composed.species import SpeciesGroup
 from ....integrators.ending_at_jumps import uncut
@@ -31,8 +33,9 @@ from ...sites.runs.lists import Lists
 from ...sites.runs.states import first_of, site_rows
 from ...sites.spin_splittings import TermSplitting, terms_of
 from ...sites.terms.sums_of_terms import MomentumTerms, PlaceTerms
+from ...sites.terms.terms_at_site import ForceOfSite
 from ..reversal import go_back
-from ..steps_backwards import BondTurn, FieldTurn, Question, parts_of, refused, released
+from ..steps_backwards import BondTurn, FieldTurn, Question, parts_of, questions, refused
 from ..tangent import StepsOfARun
 from .backward import PART, WayBack, backward_parts, forward_parts
 from .parameters import Parameter, SlopesOfPart, zeros
@@ -47,6 +50,10 @@ NEAR = 2**19
 
 LEAST = 16
 """States that are kept at least."""
+
+
+_counted = Remembered()
+"""By the system at one site how often the parts of steps ask energies."""
 
 
 def why_not(sites: Any, start: Any) -> str:
@@ -121,7 +128,7 @@ class BackwardRun:
             places = turning.places
             self.order, self.places = places.sites, places.places
             forms, numbers = turning.of_site(places)
-            motions: Any = tuple([FieldTurn(x, released(x)) if in_place else BondTurn(x) for x in forms])
+            motions: Any = tuple([FieldTurn(x) if in_place else BondTurn(x) for x in forms])
             rows = [(numbers[k][0], at, share, *numbers[k][1:]) for k, share, at in method.turns(turning)]
         else:
             motions, some = parts_of(method, site)
@@ -137,14 +144,23 @@ class BackwardRun:
             for name, place in self._places_asked
         ]
         self.way = WayBack(
-            motions, site, self._released(site), layout_of(self.first), carried_layout(blank), momentum,
+            motions, self._with_slopes(site), layout_of(self.first), carried_layout(blank), momentum,
             element, carried_layout(zeros(next(iter(self.dims.values())))), kept,
             self.cut is not None, self.cut and self.cut.beyond,
         )  # fmt: skip
+        counts = _counted.get(site) or {}
+        key = layout_of(self.way), kept
+        if key not in counts:
+            h = self.h if self.grid is None else self.grid[1].item(0)
+            counts[key] = [questions(x, self.way.system, self.first, h) if kept else (0, 0) for x in motions]
+            _counted.set(site, counts)
+        self.questions: list[tuple[int, int]] = counts[key]
 
-    def _released(self, site: Any) -> Any:
-        load = getattr(self.plan._one, "load", None)
-        return released(site, load and load.slopes_of_site())
+    def _with_slopes(self, site: Any) -> Any:
+        """The system at one site, whose load knows its derivatives."""
+        loads = records_in(site, ForceOfSite)
+        new = [with_fields(x, backwards=self.plan._one.load.slopes_of_site()) for x in loads]
+        return with_records(site, ForceOfSite, new) if loads else site
 
     @property
     def _places_asked(self) -> list[tuple[str, Any]]:
@@ -181,10 +197,10 @@ class BackwardRun:
         most_parts = max(
             [self.block, *[len(self._pieces(np.arange(n, min(steps, n + self.block)))[0]) for n in blocks]]
         )
-        asked = max(x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions)
+        asked = max(m * way.momentum.width + e * way.element.width for m, e in self.questions)
         self.some = max(1, ROOM // (8 * max(1, asked) * places)) if kept else most_parts * parts
         some = min(self.some, most_parts * parts) if kept else 0
-        most = [max(getattr(x, name) for x in way.motions) for name in ("momenta", "elements")]
+        most = [max(counts) for counts in zip(*self.questions)]
         widths = way.state.width, way.felt.width, way.momentum.width, way.element.width
         counts = most_parts * parts + 1, 1, some * most[0], some * most[1]
         self.states, self.felt, self.momenta, self.elements = [
@@ -206,8 +222,8 @@ class BackwardRun:
         for energy, which in {(id(e), k): (e, k) for e, k in asked}.values():
             some = [x for x in wanted if x.energy is energy and x.which in (None, which)]
             in_momenta = isinstance(energy, MomentumTerms)
-            name = "momenta" if in_momenta else "elements"
-            if not isinstance(energy, (MomentumTerms, PlaceTerms)) or not any(getattr(x, name) for x in way.motions):
+            has_terms = isinstance(energy, (MomentumTerms, PlaceTerms))
+            if not (has_terms and any(counts[0 if in_momenta else 1] for counts in self.questions)):
                 raise IncompatibleSystem(
                     f"Plan.gradient: steps of {self.plan.method!r} have no derivative by "
                     f"{some[0].name} for many sites; RKMK has one by the energies of momenta too"
@@ -315,7 +331,7 @@ class BackwardRun:
         self.states.array[:width] = rows_of(rows)
         if self.lists is not None:
             site = self.lists.at(unpacked(self.way.state, rows.T)["g"])
-            self.way = with_fields(self.way, system=site, free=self._released(site))
+            self.way = with_fields(self.way, system=self._with_slopes(site))
         done, failures = np.zeros(1), []  # type: Any, list[Any]
         with self.forward.on_sites(self.count * count, self.count, self.plan.options.workers) as calls:
             if calls is not None:
@@ -348,10 +364,7 @@ class BackwardRun:
         given = Planes.of_rows(max(1, len(here)) * way.felt.width, self.count)
         for k, w in enumerate(here):
             given.array[k * way.felt.width : (k + 1) * way.felt.width] = rows_of(w)
-        asked = [
-            np.array([getattr(x, name) for x in way.motions])[parts[:, 0].astype(int)]
-            for name in ("momenta", "elements")
-        ]
+        asked = [np.array(counts)[parts[:, 0].astype(int)] for counts in zip(*self.questions)]
         for column, many in zip((4, 5), asked):
             parts[:, column] = np.cumsum(many) - many
         arguments = states, self.felt, given, self.momenta, self.elements

@@ -31,15 +31,14 @@ PART = layout_of(StepPart(0.0, 0.0, 0.0))
 
 @record
 class WayBack(Record):
-    """How a run is gone through: the motions that steps are made of, the system at one site, and with
-    held sites `released`; the layouts of the state of a site, of derivatives by it, of what is kept for
-    the parameters, and of a direction of a site; is it kept?  cut, beyond : do steps end where inputs
-    jump, and the part of one by which stages lie outside of it?
+    """How a run is gone through: the motions that steps are made of, and the system at one site; the layouts of the state
+    of a site, of derivatives by it, of what is kept for the parameters, and of a direction of a site; is it kept?
+
+    cut, beyond : do steps end where inputs jump, and the part of one by which stages lie outside of it?
     """
 
     motions: tuple[SiteMotion, ...]
     system: Any
-    free: Any
     state: Any
     felt: Any
     momentum: Any
@@ -126,8 +125,7 @@ def one_back(
     before, after = load(states, n, way.state), load(states, n + 1, way.state)
     w = load(felt, 0, way.felt)
     system = seen(way, part, at_this_site(way.system))
-    free = seen(way, part, at_this_site(way.free))
-    back = motion.back(system, free, part, before, after, w)
+    back = motion.back(system, part, before, after, w)
     save(felt, 0, fitted(back.w, way.felt), way.felt)
     if way.kept:
         for j, asked in enumerate(back.momenta):

@@ -419,6 +419,9 @@ class DrivenTerms(DrivenHamiltonian, WithHeldSites):
         """A velocity with zeros where sites are held or pinned."""
         return moving(self.at_zero, xi)
 
+    def _free(self, t: float, mu: Vec) -> Vec:
+        return self.at(t)._free(mu)
+
     def at(self, t: float) -> Any:
         """The Hamiltonian of the terms at time t."""
         return at_time(self.at_zero, t)

@@ -380,14 +380,16 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
 
     def gradient(self, mu: Vec) -> Vec:
         """The velocity of this site.  mu : (dim,), its momentum."""
+        return self.moving(self._free(mu))
 
+    def _free(self, mu: Vec) -> Vec:
         def of_edge(role: RoleAtSite, term: Any, sites: list[Any]) -> Vec:
             return term.slope(role.role, *sites)
 
         def of_both(term: Any, sites: list[Any]) -> tuple[Vec, Vec]:
             return term.slopes(*sites)
 
-        return self.moving(self.plus_terms(vec(*[0.0 for _ in mu]), mu, None, None, of_edge, of_both))
+        return self.plus_terms(vec(*[0.0 for _ in mu]), mu, None, None, of_edge, of_both)
 
 
 @record
@@ -405,6 +407,9 @@ class PotentialOfSite(TermsOfSite, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force on this site.  g : its element."""
+        return self.moving(self._free(group, g))
+
+    def _free(self, group: LieGroup, g: Element) -> Vec:
         return self._forces(group, g, None)
 
     def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
@@ -415,7 +420,7 @@ class PotentialOfSite(TermsOfSite, Potential):
             number = number + (1 if role.role == 0 else 0)
             if number == k:
                 roles = [*roles, role]
-        return self._forces(group, g, roles)
+        return self.moving(self._forces(group, g, roles))
 
     def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         def of_edge(role: RoleAtSite, term: Any, sites: list[Any]) -> Vec:
@@ -435,7 +440,7 @@ class PotentialOfSite(TermsOfSite, Potential):
         along_chains = [role for role in chosen if role.once]
         if len(along_chains) > 0:
             force = force + self._along(group, g, along_chains)
-        return self.moving(force)
+        return force
 
     def _along(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         """The forces of terms along chains: each site finds those on itself and on the next, and hands
@@ -459,10 +464,18 @@ class PotentialOfSite(TermsOfSite, Potential):
 class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
     """The load on a site among others, a function of where it is and how it moves, and of theirs.
 
+    backwards : `SlopesOfLoad`, of a run that is gone through backwards.
+
     Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
     """
 
+    backwards: Any = None
+
     __repr__ = TermsOfSite.__repr__
+
+    def _slopes(self, group: LieGroup, t: float, xi: Vec, g: Any, along: Vec) -> tuple[Vec, Vec]:
+        """The derivatives of the sum over all sites of <along, F> by the velocity and the element of this one."""
+        return self.backwards.slopes(group, t, xi, g, along)
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force on this site.  xi : (dim,), its velocity, g : its element."""
