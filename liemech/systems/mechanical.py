@@ -144,10 +144,10 @@ class MechanicalSystem(System):
     def applied(self, t: float, xi: Vec, g: Element) -> Vec:
         """Field and load together, f(g) + F(t, xi, g).  xi : (dim,), g : an element;  returns (dim,)."""
         force = self.force(g)
-        return force if self.load is None else force + self.loaded(t, xi, g)
+        return force if self.load is None else force + self._loaded(t, xi, g)
 
     @final
-    def loaded(self, t: float, xi: Vec, g: Element) -> Vec:
+    def _loaded(self, t: float, xi: Vec, g: Element) -> Vec:
         """The load F(t, xi, g).  xi : (dim,), g : an element;  returns (dim,)."""
         return ruled(self._load_at, self._load_back, self.body.group, (t,), xi, AtElement(g))
 

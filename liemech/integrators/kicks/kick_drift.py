@@ -167,7 +167,7 @@ def _kicked(state: BodyState, kick: Vec) -> BodyState:
 
 
 def _load(system: Any, t: float, mu: Vec, g: Any) -> Vec:
-    return system.loaded(t, system.velocity(mu, t), g)
+    return system._loaded(t, system.velocity(mu, t), g)
 
 
 def _feels_velocity(system: Any, start: BodyState) -> bool:
