@@ -35,7 +35,7 @@ from ...simulation.result import AsItIs
 from ...systems.system import small_state
 from .links import BROKEN, Links
 from .loads_of_links import THROWN
-from .multiple_time_steps_of_links import MultipleTimeStepsOfLinkage
+from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from .rattle_of_links import RattleOfLinks
 from .rkmk_of_links import FREE, RkmkOfLinks
 from .taylor_of_links import TaylorOfLinks, terms_of
@@ -81,7 +81,7 @@ def linked_method(plan: Any) -> Any:
     if type(base) is MultipleTimeSteps and base is method and ending is None and not site.geared:
         table, ratio = Table(np.array([1.0, 0.0])), float(base.ratios[0])
         fast = RattleOfLinks(repr(base), Exponential(), table, 1.0, 1, site.most)
-        return MultipleTimeStepsOfLinkage(repr(method), fast, ratio)
+        return MultipleTimeStepsOfLinks(repr(method), fast, ratio)
     if not isinstance(base, (LieRATTLE, RATTLE)):
         return None
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
@@ -325,7 +325,7 @@ class LinksRun(SiteRun):
     @property
     def _left(self) -> str:
         """Another reason for it, of methods that leave the conditions."""
-        keeps = isinstance(self.shape.method, (RattleOfLinks, MultipleTimeStepsOfLinkage))
+        keeps = isinstance(self.shape.method, (RattleOfLinks, MultipleTimeStepsOfLinks))
         return "" if keeps else f", or steps too long to stay near them; try h = {0.25 * self.h:g}"
 
     def _origin(self, error: Any, t: float) -> Any:
