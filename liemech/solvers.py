@@ -15,8 +15,8 @@ from .formulas.numbers.conversions import double_double, moving_as, rounded
 from .formulas.numbers.double_double import is_long
 from .formulas.numbers.dual import Dual, constant, size_of_slope, value_of
 from .formulas.numbers.sizes import EPSILON, one_norm
+from .formulas.numbers.transposes import Residual, determined, is_pulled, quiet
 from .formulas.sites import repeated, total
-from .formulas.transposes import Residual, determined, is_pulled, quiet
 from .formulas.vectors import Vec as SmallVec
 
 TOLERANCE = 2.0**-30

@@ -8,8 +8,8 @@ from ..errors import InvalidInput, OrderWarning, warn
 from ..formulas import Record, Vec, dot, gradient, plain, record, sqrt, vec, where
 from ..formulas.numbers.bases import InMemory
 from ..formulas.numbers.sizes import one_norms
+from ..formulas.numbers.transposes import ruled
 from ..formulas.sites import mean
-from ..formulas.transposes import ruled
 from ..groups.bernoulli import BERNOULLI, TERMS
 from ..groups.lie_algebra import sided
 from ..groups.retractions import Exponential, Retraction

@@ -16,7 +16,7 @@ from ..formulas.classes.records import fields_of, fill
 from ..formulas.classes.remembered import Remembered
 from ..formulas.large import Large
 from ..formulas.numbers.bases import InMemory
-from ..formulas.transposes import ruled
+from ..formulas.numbers.transposes import ruled
 from ..formulas.vectors import Mat
 from ..formulas.vectors import Vec as SmallVec
 from ..groups.composed.power import PowerGroup

@@ -13,7 +13,7 @@ from ..errors import InvalidInput, require
 from ..formulas import Element, Vec, derivative, dot, record, vec
 from ..formulas.classes.remembered import shared_property
 from ..formulas.derivatives import axes, tangent
-from ..formulas.transposes import AtElement, ruled
+from ..formulas.numbers.transposes import AtElement, ruled
 from ..groups.coadjoint import CoadjointAction
 from ..groups.composed.product import ProductGroup
 from ..groups.composed.semidirect import SemidirectProduct

@@ -13,7 +13,7 @@ import pytest
 import liemech as lm
 from liemech.errors import IncompatibleSystem
 from liemech.formulas import dot, jacobian, vec, where
-from liemech.formulas.transposes import AtElement, pulled_back, ruled
+from liemech.formulas.numbers.transposes import AtElement, pulled_back, ruled
 from liemech.groups.retractions import Exponential
 from liemech.solvers import fixed_point, newton
 

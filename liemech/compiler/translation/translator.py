@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput, InvalidType, NotCompilable
-from ...formulas import functions, large, sums, tables, transposes, vectors
+from ...formulas import functions, large, sums, tables, vectors
 from ...formulas.classes.fields import converters
 from ...formulas.classes.flattening import leaves
 from ...formulas.classes.layouts import layout_of
@@ -32,7 +32,7 @@ from ...formulas.classes.records import Record, fill, with_fields
 from ...formulas.classes.signatures import bare
 from ...formulas.derivatives import axes, carried, tangent
 from ...formulas.large_maps import DiagonalSolver, LinearMap
-from ...formulas.numbers import philox, products, series
+from ...formulas.numbers import philox, products, series, transposes
 from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.conversions import compensated, double_double, fitted, plain, rounded
 from ...formulas.numbers.dual import Dual

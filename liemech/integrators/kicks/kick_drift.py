@@ -9,8 +9,8 @@ import numpy as np
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence, require
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
 from ...formulas.classes.nested import with_records
+from ...formulas.numbers.transposes import is_pulled
 from ...formulas.numbers.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of
-from ...formulas.transposes import is_pulled
 from ...solvers import newton
 from ...systems.in_time.inputs import inputs
 from ...systems.in_time.tabulated import PiecewisePolynomial

@@ -5,7 +5,7 @@ A step F has the derivative J; a function of the state after it has there the de
 function of the state before it, it has J^T w.  Components are those of tangent maps: w_mu belongs to
 changes of the momentum and lies in the algebra, w_g to eta with dg = g hat(eta), and lies in its dual.
 
-J^T w of a step follows from its formulas, `formulas/transposes`, where systems have rules for their velocities, forces
+J^T w of a step follows from its formulas, `formulas/numbers/transposes`, where systems have rules for their velocities, forces
 and displacements, and `solvers` for what an equation determines.  Energies of all sites ask all of them again: as
 second derivatives commute, products with the transposed derivative are derivatives along a direction,
 
@@ -29,8 +29,8 @@ from ...formulas import Record, Vec, derivative, record, vec
 from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.records import fields_of, with_fields
 from ...formulas.derivatives import carried
+from ...formulas.numbers.transposes import pulled_back
 from ...formulas.sites import each_site
-from ...formulas.transposes import pulled_back
 from ...groups.retractions import Exponential
 from ...groups.rigid.so3 import SO3
 from ...integrators.commutator_free import CommutatorFree

@@ -11,7 +11,7 @@ from ...errors import require, undefined
 from ...formulas import Vec, derivative, gradient, record, vec
 from ...formulas.classes.derived import derived
 from ...formulas.classes.records import fill, with_fields
-from ...formulas.transposes import ruled
+from ...formulas.numbers.transposes import ruled
 from ...groups.lie_group import LieGroup
 from ..canonical import CanonicalState, PhaseSpace
 from ..kinetic_energy import has_inertia

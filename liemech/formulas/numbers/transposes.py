@@ -12,14 +12,14 @@ import itertools
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from ..errors import IncompatibleSystem
-from .classes.nested import of_parts, parts_of
-from .classes.records import Record, fields_of, fill, record
-from .derivatives import BELOW, axes, derivative
-from .numbers.dual import Dual
-from .numbers.forms import PULLED, LinearForm, Rule, swept
-from .numbers.pairs import PAIRS
-from .vectors import Mat, Vec, vec
+from ...errors import IncompatibleSystem
+from ..classes.nested import of_parts, parts_of
+from ..classes.records import Record, fields_of, fill, record
+from ..derivatives import BELOW, axes, derivative
+from ..vectors import Mat, Vec, vec
+from .dual import Dual
+from .forms import PULLED, LinearForm, Rule, swept
+from .pairs import PAIRS
 
 
 @record
