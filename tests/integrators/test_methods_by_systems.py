@@ -22,7 +22,7 @@ from shipped import BODY, END, METHODS, MU, R
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
-from liemech.formulas import cos, sin
+from liemech.formulas import cos, log, sin
 from liemech.names import everything
 
 J = np.array([1.0, 1.5, 2.2])
@@ -196,6 +196,14 @@ class Pumped(lm.DrivenHamiltonianSystem):
 
     def energy(self, t: float, q: Any, p: Any) -> Any:
         return 0.5 * p[0] ** 2 - (1.0 + 0.5 * sin(3.0 * t)) * cos(q[0])
+
+
+@lm.record
+class Seasons(lm.DrivenHamiltonian):
+    """The energy of two species whose growth changes with the seasons."""
+
+    def energy(self, t: float, y: Any) -> Any:
+        return y[0] + y[1] - (1.0 + 0.3 * sin(2.0 * t)) * log(y[0]) - 2.0 * log(y[1])
 
 
 @lm.record
@@ -383,6 +391,7 @@ SYSTEMS: dict[str, Callable[[], tuple[Any, Any]]] = {
     "a linkage": lambda: _linkage(),
     "Poisson": lambda: _started(PLANE, [1.5, 1.0]),
     "Poisson, in a chart": lambda: lm.charts.LogarithmicDarboux(PLANE.structure).system(PLANE, PLANE.state([1.5, 1.0])),
+    "driven species": lambda: _started(lm.DrivenPoissonSystem(PLANE.structure, Seasons()), [1.5, 1.0]),
     "charged": lambda: _started(lm.models.ChargedParticle(lm.models.AxialField()), [0.9, 0.1, 0.0, 0.2, 0.5, 0.3]),
     "a field of vectors": lambda: _started(Circling(), [0.7, 0.4]),
     "a sum of fields": lambda: _started(lm.SplitField((Circling(), Circling())), [0.7, 0.4]),

@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence, require
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
 from ...formulas.classes.nested import with_records
+from ...formulas.numbers.conversions import moving_as
 from ...formulas.numbers.transposes import is_pulled
 from ...formulas.numbers.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of
 from ...solvers import newton
@@ -146,7 +147,8 @@ class FieldSplitting(Remembering):
 
     def _load_at_the_end(self, system: Any, t: float, state: BodyState, h: float) -> Vec:
         """The k = h F at mu + k, by Newton's method."""
-        guess = h * _load(system, t, state.mu, state.g)
+        # of a site without a load the guess is zero, and carries the derivative that those of the other sites carry
+        guess = moving_as(h * _load(system, t, state.mu, state.g), state.mu[0])
         coupled = system.load.coupled or system.body.hamiltonian.coupled
         kick, residual, enough, _ = newton(lambda k: self._excess(system, t, state, h, k), guess, coupled=coupled)
         if not residual <= enough:

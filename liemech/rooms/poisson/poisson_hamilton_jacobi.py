@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -126,7 +125,7 @@ class PoissonHamiltonJacobi(Implicit):
             change, mean = self.change(structure, dH, middle, y, magnitudes(y), mean, h)
         return self.after(memory, PoissonState(memory.state.y + change), mean)
 
-    def change(self, structure: Any, dH: Slope, t: float, y: Vec, sizes: Vec, guess: Vec, h: float) -> tuple[Vec, Vec]:
+    def change(self, structure: Any, dH: Any, t: float, y: Vec, sizes: Vec, guess: Vec, h: float) -> tuple[Vec, Vec]:
         """The change of y and its mean, x - y, in a step about the time t.
 
         sizes : of the components of y, beside which corrections vanish.  Newton's method with the matrix
@@ -143,7 +142,7 @@ class PoissonHamiltonJacobi(Implicit):
         mean = fixed_point(sweep, guess, self, h)
         return structure.linear_motion(y, self.covector(structure, dH, t, y + mean, h))
 
-    def covector(self, structure: Any, dH: Slope, t: float, x: Vec, h: float) -> Vec:
+    def covector(self, structure: Any, dH: Any, t: float, x: Vec, h: float) -> Vec:
         """The gradient of the generating function, p = dS(x), of a step about the time t."""
         if self.order == 2:
             return h * dH(t, x)
@@ -154,18 +153,15 @@ class PoissonHamiltonJacobi(Implicit):
 
 # -------------------------------------------------------------------- the generating function
 
-Slope = Callable[[Any, Vec], Vec]
-"""The gradient of an energy, dH(t, y)."""
 
-
-def gradient_of(system: Any) -> Slope:
+def gradient_of(system: Any) -> Any:
     """The gradient dH(t, y) of the energy of a Poisson system."""
     if isinstance(system, DrivenPoissonSystem):
         return lambda t, y: system.gradient(t, y)
     return lambda t, y: system.gradient(y)
 
 
-def of_logarithms(dH: Slope, signs: Vec) -> Slope:
+def of_logarithms(dH: Any, signs: Vec) -> Any:
     """The gradient by the coordinates u = log |y|, of components y_i dH/dy_i.  signs : of y, 1, -1 or 0."""
 
     def gradient_at(t: Any, u: Vec) -> Vec:
@@ -175,7 +171,7 @@ def of_logarithms(dH: Slope, signs: Vec) -> Slope:
     return gradient_at
 
 
-def two_terms(structure: Any, dH: Slope, t: float, x: Vec, h: float) -> Vec:
+def two_terms(structure: Any, dH: Any, t: float, x: Vec, h: float) -> Vec:
     """h dH(x) + (h^3/6) dS_3(x) of S_3 = D^2H[w, w]/4, w = B v, v = dH:
 
     dS_3/6 = (d<a, B v> - D^2H B a)/12 + D^3H[w, w]/24,   a = D^2H w,  d of B alone;  the h goes with H.  Of an energy
@@ -193,7 +189,7 @@ def two_terms(structure: Any, dH: Slope, t: float, x: Vec, h: float) -> Vec:
     return v + (1.0 / 12.0) * ((turned - along(at, vec(0, *structure.sharp(x, a)))) + 0.5 * curved)
 
 
-def odd_terms(structure: Any, dH: Slope, t: float, x: Vec, h: float, terms: int) -> list[Vec]:
+def odd_terms(structure: Any, dH: Any, t: float, x: Vec, h: float, terms: int) -> list[Vec]:
     """p_1, p_3, ... of the covector p = s p_1 + s^3 p_3 + ... = dS(x) of the motion for the time s h, x fixed.
 
     The characteristics are motions y, half of the time before and after a point m.  With M the derivative by y of the
