@@ -1,8 +1,18 @@
 """RATTLE on a group for any number of bodies and joints: loops over both, in memory.
 
-The equations are those of `LieRATTLE`, and so are Newton's corrections, by their Schur complement:
-one block of conditions for each joint, eliminated from joint to joint.  What belongs to one body or one joint is a
-formula, run for all of them side by side.
+A step of `LieRATTLE` asks for a displacement x of each body, from g to g tau(x), and impulses l of each joint,
+
+    (dtau^-1_-x)* J x/h = m,   m = mu + (h/2) f - G* l     of a body,      c(g tau(x)) = 0     of a joint.
+
+dtau is the left-trivialised one.  With r the mismatch of the first line, or a multiple of it, A its derivative by x and
+-B that by m, and G' the rows at the end of the step, Newton's corrections x - dx and l - dl are
+
+    (G' dtau_x A^-1 B G*) dl = G' dtau_x A^-1 r - c,   dx = A^-1 r - A^-1 B G* dl:
+
+one block of conditions for each joint, eliminated from joint to joint (`elimination.py`).  In memory `unknown` is (x, l),
+`held` G* l, `free` A^-1 r, `answer` A^-1 B, and `led`, `moved` are these two led to the end of the step by dtau_x.  Then
+bodies move, are kicked by the field there, and the impulses l' take away what leads off the constraint.  What belongs
+to one body or one joint is a formula, run for all of them side by side.
 
 Source: Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3.
 """
@@ -150,8 +160,9 @@ class RattleOfLinks(StepsOfLinks):
         self, system: Any, t: float, h: float, sites: Any, copies: Any, begun: int, there: int, past: Any,
         s: int, work: Any,
     ) -> None:  # fmt: skip
-        """One step of LieRATTLE: in the first turn, at the start of a run, the field alone; in the
-        second the displacement, in the third, under loads, what leads off the constraint.
+        """One step of LieRATTLE, in turns, so that code has the field and the loads once: in turn 0, at the start of a
+        run, the field alone; in turn 1 loads as they begin, displacements and impulses, and the field at the end;
+        in turn 2, under loads, their kick there with what leads off the constraint.
 
         begun, there : the copies of the state before it, and of the one to which it leads.
         """
