@@ -233,14 +233,19 @@ def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tupl
             sqrt(mean_square_of_parts(change, scale, rtol, atol)),
             sqrt(mean_square_of_parts(scale, scale, rtol, atol)),
         )
+    total = mean(mean_squares(change, scale, rtol, atol))
+    return sqrt(total[0]), sqrt(total[1])
+
+
+def mean_squares(change: Vec, scale: Vec, rtol: float, atol: float) -> Vec:
+    """The mean squares of the components of a change, and of what is there, over the tolerances."""
     total = vec(0.0, 0.0)
     for c, s in zip(change, scale):
         weight = 0.0
         if atol + rtol * s > 0.0:
             weight = 1.0 / (atol + rtol * s)
         total = total + vec((weight * c) * (weight * c), (weight * s) * (weight * s))
-    total = mean(total / len(change))
-    return sqrt(total[0]), sqrt(total[1])
+    return total / len(change)
 
 
 LEAST = 2.0**-1000

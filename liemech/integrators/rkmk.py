@@ -196,20 +196,33 @@ class RKMK(Method):
         omega = combination(tableau.b, slopes, h)
         new = system.displaced(self.retraction, state, omega)
         velocity = system.rate(t + h, system.essential_part(new))
-        error = mean_square(system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol)
-        if tableau.b_low:
-            low = mean_square(system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol)
-            error = where(error > 0.0, error * error / (error + 0.01 * low), 0.0)
-        curve = self._curve(system, t, start, slopes, first, omega, velocity, h) if dense else ()
-        return TrialStep(new, velocity, sqrt(error), curve)
+        squares = [mean(x) for x in self.squares(system, state, new, slopes, h, rtol, atol)]
+        if dense and tableau.interpolant:
+            slopes = self._more(tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h)
+        curve = self.curve(system, slopes, first, omega, velocity, h) if dense else ()
+        return TrialStep(new, velocity, self.error_by(squares), curve)
 
-    def _curve(
-        self, system: System, t: float, start: Any, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float
+    def squares(
+        self, system: System, state: Any, new: Any, slopes: Any, h: float, rtol: float, atol: float
+    ) -> list[float]:
+        """The mean squares of the differences from the embedded solutions of the tableau, over the tolerance."""
+        tableau = self.tableau
+        embedded = [tableau.b_hat, tableau.b_low] if tableau.b_low else [tableau.b_hat]
+        return [mean_square(system, state, new, _difference(tableau.b, b, slopes, h), rtol, atol) for b in embedded]
+
+    def error_by(self, squares: Any) -> float:
+        """The error over the tolerance, by these mean squares."""
+        error = squares[0]
+        if self.tableau.b_low:
+            error = where(error > 0.0, error * error / (error + 0.01 * squares[1]), 0.0)
+        return sqrt(error)
+
+    def curve(
+        self, system: System, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float
     ) -> tuple[Vec, ...]:
         """Omega(theta) = theta p_1 + theta^2 p_2 + ... along the step: of the tableau, or a cubic through both ends."""
         tableau = self.tableau
         if tableau.interpolant:
-            slopes = self._more(tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h)
             return tuple([combination(weights, slopes, h) for weights in zip(*tableau.interpolant)])
         end = h * self.retraction.dtau_inv(system.group, sided(omega, system.side), velocity)
         return h * first, 3.0 * omega - (2.0 * h * first + end), (h * first + end) - 2.0 * omega
@@ -260,7 +273,7 @@ def _difference(b: Row, b_hat: Row, slopes: list[Vec], h: float) -> Vec:
 
 
 def mean_square(system: System, state: Any, new: Any, off: Vec, rtol: float, atol: float) -> float:
-    """The mean square of what a displacement changes, over the tolerance; of many sites of all."""
+    """The mean square of what a displacement changes, over the tolerance; of many sites that of one."""
     (change, before), (_, after) = system.variation(state, off), system.variation(new, off)
     if isinstance(change[0], InMemory):
         largest = tuple([larger(a, b) for a, b in zip(before, after)])
@@ -269,4 +282,4 @@ def mean_square(system: System, state: Any, new: Any, off: Vec, rtol: float, ato
     for c, a, b in zip(change, before, after):
         ratio = c / (atol + rtol * max(a, b) + LEAST)
         total = total + ratio * ratio
-    return mean(total / len(change))
+    return total / len(change)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from orders import slope
-from test_rkmk_of_links import TURN, Linkage, arm
+from test_stages_of_links import TURN, Linkage, arm
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem
@@ -25,22 +25,6 @@ def mixed():
 def end(made, method, steps, t_end=0.24):
     linkage, start = made
     return lm.integrate(linkage, method, start, h=t_end / steps, steps=steps, compiled=False)
-
-
-@pytest.mark.slow
-def test_order():
-    """Against RKMK of order 8, a method of another kind; conditions are missed by the error."""
-    rods = lm.joints.chain(3, axis=TURN)
-    linkage = Linkage(rods.links, rods.joints, forces=[Spring(1, 3.0), Damper(1, 0.5)])
-    made = linkage, linkage.state(angles={0: 0.7, 1: 0.2}, rates={0: 1.0, 2: 1.0})
-    wanted = end(made, lm.RKMK(order=8), 2, 0.03)
-    errors, missed = [], []
-    for steps in (1, 2, 4):
-        run = end(made, lm.Taylor(order=4), steps, 0.03)
-        errors.append(np.abs(run.mu[-1] - wanted.mu[-1]).max())
-        missed.append(np.abs(linkage.conditions_at(run.mu[-1], run.g[-1])[0]).max())
-    assert slope([1, 2, 4], errors) == pytest.approx(-4.0, abs=0.4)
-    assert slope([1, 2, 4], missed) < -3.0
 
 
 @pytest.mark.slow

@@ -153,6 +153,8 @@ def test_breaks_and_rejected_steps() -> None:
     assert np.abs(found.mu[-1] - exact(N, [1.0])[0]).max() < 1e-7
     whole = run(h=1.0)
     assert found.steps > whole.steps
+    kept = run(20, breaks=[0.31], dense=True)  # one sample at the break
+    assert len(kept) == kept.steps + 1 and (np.diff(kept.t) > 1e-12).all()
     with pytest.raises(StepTooSmall, match="4 steps led to t"):
         lm.integrate(
             spins(), lm.RKMK(order=5), spins().state(mu=directions()), t_end=9.0, steps=4

@@ -6,6 +6,7 @@ from typing import Any
 
 from ...errors import InvalidInput
 from ...rooms.sites.runs.plan import SitesOfPlan
+from .adaptive_steps_of_links import AdaptiveStepsOfLinks
 from .runs import LinksRun, linked_method
 
 
@@ -31,6 +32,16 @@ class LinksOfPlan(SitesOfPlan):
     def method(self) -> Any:
         """The method of fixed steps, as that of all bodies and joints."""
         return linked_method(self.plan)
+
+    def embedded(self, curves: bool) -> Any:
+        """That of adaptive steps.  curves : is the way of a step kept?"""
+        return AdaptiveStepsOfLinks.of_method(self.plan._steps.method, curves)
+
+    def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
+        """As of many sites, and adaptive steps of each member."""
+        if members and self.plan.adaptive:
+            return "adaptive step of each member"
+        return super().missing(t_eval, kept, members)
 
     @property
     def kind(self) -> Any:

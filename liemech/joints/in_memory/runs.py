@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from ...compiler.sites.planes import Planes, columns
-from ...errors import IncompatibleSystem, IntegrationInterrupted, InvalidInput, NoConvergence
+from ...errors import IncompatibleSystem, IntegrationInterrupted, InvalidInput, NoConvergence, NotFinite
 from ...formulas.classes.layouts import layout_of
 from ...formulas.tables import Table
 from ...groups.retractions import Exponential
+from ...integrators.commutator_free import CommutatorFree
 from ...integrators.composition import Composition
 from ...integrators.ending_at_jumps import EndingAtJumps, cuts
 from ...integrators.kicks.explicit_kicks import bound_refusal
@@ -21,6 +22,7 @@ from ...integrators.taylor import Taylor
 from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.constraints.lie_rattle import LieRATTLE, near_a_dead_point
 from ...rooms.constraints.rattle import RATTLE
+from ...rooms.sites.runs.driver import OVERFLOW
 from ...rooms.sites.runs.events import StepsOfSites
 from ...rooms.sites.runs.run import SiteRun
 from ...rooms.sites.runs.samples import SamplesOfSites
@@ -33,11 +35,12 @@ from ...simulation.compiled.parameters import places_of
 from ...simulation.keep import Quantities
 from ...simulation.result import AsItIs
 from ...systems.system import small_state
-from .links import BROKEN, Links
+from .adaptive_steps_of_links import OVERFLOWED, AdaptiveStepsOfLinks
+from .links import BROKEN, READY, Links
 from .loads_of_links import THROWN
 from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from .rattle_of_links import RattleOfLinks
-from .rkmk_of_links import FREE, RkmkOfLinks
+from .stages_of_links import StagesOfLinks
 from .taylor_of_links import TaylorOfLinks, terms_of
 
 SHORT, LOW = 3, 4
@@ -54,8 +57,12 @@ def linked_method(plan: Any) -> Any:
     system, site = plan._one, plan._one.site_form
     if not isinstance(site, Links) or plan.fictive:
         return None
+    special = site.rheonomic or site.geared
     if plan.adaptive:
-        return written_out(plan._steps.method, "adaptive steps")
+        method = plan._steps.method
+        if type(method) is RKMK and method.tableau.explicit and not special:
+            return AdaptiveStepsOfLinks.of_method(method, True)
+        return written_out(method, "adaptive steps")
     method = plan._steps.way_of(0)
     ending = None
     if isinstance(method, EndingAtJumps):
@@ -65,9 +72,10 @@ def linked_method(plan: Any) -> Any:
     base = method
     if isinstance(method, Composition):
         base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
-    if type(base) is RKMK and base is method and base.tableau.explicit:
-        special = site.rheonomic or site.geared
-        return rkmk_of(base) if ending is None and not special else None
+    explicit = type(base) is RKMK and base.tableau.explicit
+    flows = isinstance(base, CommutatorFree) and plan._steps.precision == "double"
+    if base is method and (explicit or flows):
+        return stages_of(base) if ending is None and not special else None
     if type(base) is Taylor and base is method:
         for has, what in (
             (ending is not None, "steps that end where inputs jump"),
@@ -101,13 +109,14 @@ def written_out(method: Any, what: str) -> None:
         )
 
 
-def rkmk_of(method: RKMK) -> RkmkOfLinks:
-    """An explicit RKMK method as that of many bodies and joints."""
-    tableau = method.tableau
-    count = tableau.stages
-    rows = [[*row, *[0.0] * (count - len(row))] for row in (*tableau.A, tableau.b)]
-    nodes = Table(np.array(tableau.c))
-    return RkmkOfLinks(repr(method), method, Table(np.ravel(rows)), nodes, count, float(count), FREE)
+def stages_of(method: Any) -> StagesOfLinks:
+    """An explicit RKMK or commutator-free method as that of many bodies and joints."""
+    if isinstance(method, CommutatorFree):
+        flows = method.tableau
+        ways: Any = [flows.way(i) or ((0.0,),) for i in range(len(flows.flows))]
+        return StagesOfLinks.with_ways(method, ways, flows.c[:-1])
+    tableau = method.tableau.bare
+    return StagesOfLinks.with_ways(method, [[row] for row in (*tableau.A, tableau.b)], tableau.c)
 
 
 def taylor_of(method: Taylor, site: Links) -> TaylorOfLinks:
@@ -162,8 +171,9 @@ class StepsOfLinkage(StepsOfSites):
         run, system = self.run, self.run.plan._one
         before, after = piece.rows(step, before=True), piece.rows(step)
         mu = run.view.arrays(np.concatenate([before[:1, 1:], after[:, 1:]]))["mu"]
-        turned = turning_of(system.group.acting)(run.h * np.array(system.velocity(mu)).reshape(len(mu), -1))
-        return looks_by_velocity(np.maximum(turned[:-1], turned[1:]))
+        velocities, spans = np.array(system.velocity(mu)).reshape(len(mu), -1), after[:, :1] - before[:, :1]
+        turning = turning_of(system.group.acting)
+        return looks_by_velocity(np.maximum(turning(spans * velocities[:-1]), turning(spans * velocities[1:])))
 
     def failed(self, error: Any) -> Any:
         return self.run._with_run(error, None)
@@ -268,6 +278,18 @@ class LinksRun(SiteRun):
         if stopped is not None:
             raise stopped
 
+    def _kept(self, asked: Any) -> tuple[bool, bool]:
+        """As of a body: all steps are kept if no times are asked for, and their ways if no functions are recorded."""
+        dense, all_steps = self.plan.options.dense, asked is None
+        return dense is True or (dense is None and all_steps and self.plan.recorder is None), all_steps
+
+    def _attend(self) -> None:
+        """As of sites; without a velocity at its start there is no run."""
+        if self.adaptive and self.of.ready.at(0) > READY:
+            t = self.clocks.item(TIME, 0)
+            raise self._ended(self._why(self.failures, 0, None), f"at the start, t = {t:g}")
+        super()._attend()
+
     # ---------------------------------------------------------------- functions of the state
 
     @functools.cached_property
@@ -303,6 +325,8 @@ class LinksRun(SiteRun):
             t = float(self.clocks[TIME, 0])
             share = self.plan.method.tableau.reach if isinstance(self.plan.method, Composition) else 1.0
             return bound_refusal(self.plan.method, system, t, state.mu, state.g, h, share)
+        if joint == OVERFLOWED:
+            return NotFinite(OVERFLOW)
         if joint < 0.0:
             return NoConvergence(
                 f"{method}: no velocity found that fits the loads at the end of a step; try h = {0.25 * self.h:g}"
@@ -325,8 +349,10 @@ class LinksRun(SiteRun):
     @property
     def _left(self) -> str:
         """Another reason for it, of methods that leave the conditions."""
-        keeps = isinstance(self.shape.method, (RattleOfLinks, MultipleTimeStepsOfLinks))
-        return "" if keeps else f", or steps too long to stay near them; try h = {0.25 * self.h:g}"
+        if isinstance(self.shape.method, (RattleOfLinks, MultipleTimeStepsOfLinks)):
+            return ""
+        smaller = f"rtol = {0.01 * self.way.rtol:g}" if self.adaptive else f"h = {0.25 * self.h:g}"
+        return f", or steps too long to stay near them; try {smaller}"
 
     def _origin(self, error: Any, t: float) -> Any:
         """The error itself, which knows the joint."""

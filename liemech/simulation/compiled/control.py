@@ -372,9 +372,9 @@ def to_try(t: float, h: float, t_end: float, longest: float) -> tuple[float, boo
 
 def judged(method: Any, trial: Any, t: float, step: float) -> tuple[float, float]:
     """The error over the tolerance of the step that a trial has made, and its length."""
-    if not method.shortens:
-        return max(trial.error, LEAST), step
     length = trial.share * step
+    if not method.shortens:
+        return max(trial.error, LEAST), length
     return where(t + length == t, UNUSABLE, LEAST), length
 
 
@@ -418,22 +418,31 @@ def started(
     """
     xi, speed, size = method.first_velocity(system, t, state, rtol, atol)
     if h == 0.0:
-        span = t_end - t
-        least = 8.0 * EPSILON * max(abs(t), abs(t_end))
-        h = unit = abs(span)
-        if speed > 0.0:
-            h = min(max(0.01 * size / speed, least), abs(span))
-            unit = 100.0 * h
-        if span < 0.0:
-            h = -h
+        h, unit = first_guess(t, t_end, speed, size)
         later = attempt(method.change_of_velocity, system, t, state, xi, h, rtol, atol)
         if accepted(later, itself):
-            largest = unit * max(speed, later / abs(h) * unit)
-            second = abs(span)
-            if largest > 0.0:
-                second = unit * (0.01 / largest) ** (1.0 / method.error_order)
-            second = max(min(100.0 * abs(h), second, abs(span)), least)
-            h = second if span > 0.0 else -second
+            h = second_guess(t, t_end, speed, h, unit, later, method.error_order)
         else:
             h = 1e-3 * h
     return xi, h
+
+
+def first_guess(t: float, t_end: float, speed: float, size: float) -> tuple[float, float]:
+    """A step in which a hundredth of what is there changes, and the unit of time."""
+    span, least = t_end - t, 8.0 * EPSILON * max(abs(t), abs(t_end))
+    h = unit = abs(span)
+    if speed > 0.0:
+        h = min(max(0.01 * size / speed, least), abs(span))
+        unit = 100.0 * h
+    return (-h if span < 0.0 else h), unit
+
+
+def second_guess(t: float, t_end: float, speed: float, h: float, unit: float, change: float, order: int) -> float:
+    """The first step, by the change of the velocity in an Euler step h."""
+    span, least = t_end - t, 8.0 * EPSILON * max(abs(t), abs(t_end))
+    largest = unit * max(speed, change / abs(h) * unit)
+    second = abs(span)
+    if largest > 0.0:
+        second = unit * (0.01 / largest) ** (1.0 / order)
+    second = max(min(100.0 * abs(h), second, abs(span)), least)
+    return second if span > 0.0 else -second

@@ -17,7 +17,7 @@ from ....simulation.compiled.control import TIME
 from ....simulation.plan import Plan
 from ....systems.system import state_of
 from .driver import Moment
-from .states import first_of
+from .states import as_users_see, first_of, state_of_rows
 
 
 class BetweenEnds:
@@ -130,7 +130,8 @@ class SitesDense(BetweenEnds):
     @functools.cached_property
     def kind(self) -> Any:
         """That of a state as users see it."""
-        return type(self.system.state(**{name: x[0] for name, x in self.ends.items()}))
+        state = state_of_rows(self.shape.state, self.shape.shown_rows(self.memory[0]))
+        return type(as_users_see(self.system, state))
 
     def _parts(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """The parts of states, of their numbers, (m, width, sites)."""

@@ -106,20 +106,29 @@ class OverSites(Record):
         mean square of those of the sites.
         """
         there = 1 - place.copy
-        each(self.sites, one_trial, self, system, t, h, rtol, atol, dense, place.copy, there)
+        if self.method.together:
+            self.method.trial_together(self, system, t, h, rtol, atol, place.copy, there)
+        else:
+            each(self.sites, one_trial, self, system, t, h, rtol, atol, dense, place.copy, there)
         error, share = read(self.told, 0, PAIR)
         return TrialStep(Place(there), first, error, (), share)
 
     def first_velocity(self, system: Any, t: float, place: Place, rtol: float, atol: float) -> tuple[Vec, float, float]:
         """The velocities at the start, put beside the states, and their sizes."""
-        each(self.sites, one_velocity, self, system, t, rtol, atol, place.copy)
+        if self.method.together:
+            self.method.velocities_together(self, system, t, rtol, atol, place.copy)
+        else:
+            each(self.sites, one_velocity, self, system, t, rtol, atol, place.copy)
         return vec(0.0), *read(self.told, 0, PAIR)
 
     def change_of_velocity(
         self, system: Any, t: float, place: Place, first: Vec, h: float, rtol: float, atol: float
     ) -> float:
         """The size of the change of the velocities in an Euler step."""
-        each(self.sites, one_change, self, system, t, h, rtol, atol, place.copy)
+        if self.method.together:
+            self.method.change_together(self, system, t, h, rtol, atol, place.copy)
+        else:
+            each(self.sites, one_change, self, system, t, h, rtol, atol, place.copy)
         size: float = read(self.told, 0, PAIR)[0]
         return size
 
@@ -245,6 +254,10 @@ class Embedded(Record):
     def observe(self, memory: Standing) -> Any:
         """The state."""
         return memory.state
+
+    def inside(self, system: Any, before: Standing, after: Standing, part: float) -> Any:
+        """The state of one site inside of a step, after a part of it."""
+        return on_the_way(self.method.retraction, at_this_site(system), before.state, after.curve, part)
 
 
 def one_trial(
@@ -450,7 +463,7 @@ def one_inside(procedure: Procedure, system: Any, moment: Moment, sites: Any, se
     method, shown = procedure.method, procedure.shown
     here = int(moment.copy)
     before, after = load(sites, 1 - here, procedure.memory), load(sites, here, procedure.memory)
-    state = on_the_way(method.method.retraction, at_this_site(system), before.state, after.curve, moment.part)
+    state = method.inside(system, before, after, moment.part)
     require_finite(state)
     looked_at(system, moment.t, state, shown, totals, 0)
     save(seen, 0, state, shown.layout)

@@ -154,8 +154,9 @@ class StepsOfSites(Moving):
         run, made = self.run, self.run.samples.made
         stand, taken = run.stand, run.taken
         values = [*self.events.each[0].values] if self.events else []
+        found: Any = None
         try:
-            self.times, self.rows, self.totals = run.ends(turns)
+            found = self.times, self.rows, self.totals = run.ends(turns)
             numbers = self._numbers(run.seen(self.rows), self.totals) if self.whole else self.totals
             out = np.column_stack([self.times, numbers])[:, :, None]
             hit = self._look(out, taken)
@@ -167,7 +168,7 @@ class StepsOfSites(Moving):
                 self.events.forget()
             raise
         except Exception as error:
-            if not hasattr(error, "step") and not self.fresh:
+            if found is None or not (hasattr(error, "step") or self.fresh):
                 raise
             step = getattr(error, "step", 0)
             self._keep_up_to(self.times.item(step), step)
@@ -216,10 +217,11 @@ class StepsOfSites(Moving):
     def _keep_up_to(self, end: float, last: int) -> None:
         """Keep the samples up to a time, and of the whole way the steps up to this one."""
         run, samples, sign = self.run, self.run.samples, self.sign.item()
-        for k in range(1, last + 1) if run.dense else ():
-            run.ways.append((self.times.item(k), self.rows[k].copy()))
-            if not run.fixed_times and self.times[k] != samples.times[-1]:
-                samples.more(self.times.item(k))
+        if run.dense:
+            run.ways += [*zip(self.times[1 : last + 1].tolist(), self.rows[1 : last + 1].copy())]
+        for t in self.times[1 : last + 1].tolist() if run.each_end else ():
+            if t != samples.times[-1]:
+                samples.more(t)
         due = samples.times[samples.made :]
         due = due[sign * due <= sign * end]
         ends, done = np.searchsorted(sign * self.times, sign * due), 0

@@ -26,6 +26,7 @@ from ...hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..spin_splittings import TermSplitting
 from .between import SitesBetween
 from .chains import ChainRun, chained_method
+from .driver import Embedded
 from .lists import Lists, with_lists
 from .states import as_users_see, by_site, first_of
 from .totals import constants, energy, of_sites
@@ -257,6 +258,10 @@ class SitesOfPlan:
     def method(self) -> Any:
         """The method of fixed steps, as that of all sites or of one."""
         return self.chain or self.plan._steps.way_of(0)
+
+    def embedded(self, curves: bool) -> Embedded:
+        """That of adaptive steps, as of one site.  curves : is the way of a step kept?"""
+        return Embedded(self.plan._steps.method, curves)
 
     @functools.cached_property
     def kind(self) -> Any:

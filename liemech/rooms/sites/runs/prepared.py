@@ -24,7 +24,6 @@ from .driver import (
     BESIDE,
     PLACE,
     Beginner,
-    Embedded,
     Moment,
     OfSite,
     Procedure,
@@ -62,7 +61,7 @@ class Prepared:
         self.paces: dict[int, int] = {}
         started, ending, self.h = given, None, 0.0
         if plan.adaptive:
-            control, place, method = Tolerance(curves, False), BESIDE, Embedded(steps.method, curves)
+            control, place, method = Tolerance(curves, False), BESIDE, plan._sites.embedded(curves)
         else:
             way: Any = plan._sites.method
             self.h, method = steps.h, uncut(way)
@@ -163,7 +162,7 @@ class Prepared:
         if numbers.shape != (self.lasting, sites) or numbers.dtype != np.dtype(float):
             raise InvalidInput(
                 f"Plan.resume: the run carries {numbers.shape} numbers of {numbers.dtype} along; this plan has "
-                f"{self.lasting} for each of {sites} sites"
+                f"{self.lasting} for each of {sites} sites. Begin anew: plan.run(run.last, t0=run.t[-1], ...)"
             )
         return np.concatenate([numbers, np.zeros((way, sites))])
 

@@ -89,7 +89,7 @@ class SiteRun(Course):
     by_sites = True
     ended: int | None = None  # by which event
     level: float | None = None
-    dense = False  # is the way of all adaptive steps kept?
+    dense = each_end = False  # is the way of all adaptive steps kept, and are there samples at their ends?
     quantities: Any = None  # functions of samples
     events: Any = None
     looked_at_by: Any = StepsOfSites
@@ -178,15 +178,22 @@ class SiteRun(Course):
         self.t_end = end = arguments.real(t_end, "t_end")
         asked: Any = arguments.times(t_eval, self.begun, end)
         ends = np.array([self.begun, end] if end != self.begun else [end])
-        self.dense = self.plan.options.dense is True
+        self.dense, self.each_end = self._kept(asked)
         self.ways: list[tuple[float, np.ndarray]] = []
         self._set_out(self.begun, way.first(self.begun, end), 0, self.steps)
         self.goals[:4, 0] = end, way.rtol, way.atol, way.longest
         jumps = way.jumps(self.begun, end) if way.breaks or has_inputs(way.system) else ()
         found = stretches(jumps, self.begun, end)
         self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, found)
-        asked = (ends[:1] if self.dense else ends) if asked is None else asked
+        asked = (ends[:1] if self.each_end else ends) if asked is None else asked
         return asked, asked
+
+    def _kept(self, asked: Any) -> tuple[bool, bool]:
+        """Whether the way of all adaptive steps is kept, and whether there are samples at their ends.  asked : times of
+        samples, or None.
+        """
+        dense = self.plan.options.dense is True
+        return dense, dense and asked is None
 
     def _set_out(self, t0: float, h: float, taken: int, last: int) -> None:
         """Set clock and goal for steps of a length, from where the run begins to the last one; step 0 was at t0."""
@@ -510,7 +517,7 @@ class SiteRun(Course):
     @property
     def _looks(self) -> bool:
         """Are all steps looked at?"""
-        return bool(self.plan.events or self.dense)
+        return bool(self.plan.events or self.dense or self.each_end)
 
     @property
     def stand(self) -> tuple[np.ndarray, ...]:
