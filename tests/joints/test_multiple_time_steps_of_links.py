@@ -56,31 +56,12 @@ def test_one_fast_step_is_lie_rattle(potential):
 
 
 @pytest.mark.slow
-def test_reversible_and_on_the_constraint():
-    made = stiff({0: Tether(1.0), 2: Tether(0.5)})
-    there = ended(made, lm.MultipleTimeSteps((3,)), 0.04, 4)
-    missed, slip = made[0].conditions_at(there.mu[-1], there.g[-1])
-    assert np.abs(missed).max() < 1e-14 and np.abs(slip).max() < 1e-14
-    back = lm.integrate(made[0], lm.MultipleTimeSteps((3,)), there.last, h=-0.04, steps=4, compiled=False)
-    assert np.abs(back.mu[-1] - there.mu[0]).max() < 1e-12
-
-
-@pytest.mark.slow
-def test_order_and_energy():
-    """Order 2 of the whole, with a damper; without it the energy has a band without trend."""
-    method = lm.MultipleTimeSteps((4,))
-    made = stiff({b: Tether(1.0) for b in range(4)}, n=4)
+def test_order_under_a_damper():
     damped = stiff({b: Tether(1.0) for b in range(4)}, n=4, forces=[Damper(1, 5.0)])
     wanted = ended(damped, lm.RKMK(order=8), 1e-3, 800, None).g[-1]
     counts = (50, 100, 200)
-    errors = [np.abs(ended(damped, method, 0.8 / n, n, True).g[-1] - wanted).max() for n in counts]
+    errors = [np.abs(ended(damped, lm.MultipleTimeSteps((4,)), 0.8 / n, n, True).g[-1] - wanted).max() for n in counts]
     assert slope(counts, errors) == pytest.approx(-2.0, abs=0.1)
-    run = ended(made, method, 0.016, 40_000, True)
-    early, late = np.split(run.energy[1:], [20_000])
-    assert np.ptp(late) < 1.3 * np.ptp(early)
-    assert abs(early.mean() - late.mean()) < 0.1 * np.ptp(early)
-    native, plain = ended(made, method, 0.016, 4, True), ended(made, method, 0.016, 4)
-    assert np.array_equal(native.mu, plain.mu) and np.array_equal(native.g, plain.g)
 
 
 def test_what_is_refused():

@@ -59,18 +59,6 @@ def test_order_of_the_steps() -> None:
     assert [len(one) for one in runs] == [2, 2]  # start and end
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [5, 8])
-def test_as_written_out(monkeypatch: pytest.MonkeyPatch, order: int) -> None:
-    """The same steps as of one body, and the same way between them."""
-    n, times = 4, [0.0, 0.07, 0.1]
-    whole = run(n, 0.1, times, order=order, compiled=False)
-    monkeypatch.setattr(lm.System, "small", 0)
-    by_sites = run(n, 0.1, times, order=order, compiled=False)
-    assert (by_sites.steps, by_sites.rejected) == (whole.steps, whole.rejected)
-    assert np.abs(by_sites.mu - whole.mu).max() < 1e-14
-
-
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_few_sites(monkeypatch: pytest.MonkeyPatch, n: int) -> None:
     zeeman = lm.LiePoissonSystem(lm.SO3() ** n, spins(n).hamiltonian) if n > 2 else None

@@ -63,27 +63,6 @@ def test_samples(run: Any) -> None:
     assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
 
 
-@pytest.mark.slow
-@native
-def test_bits_of_plain_python(run: Any) -> None:
-    plain = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=False)
-    other = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=True)
-    assert other.compiled
-    assert not plain.compiled
-    assert np.array_equal(plain.mu, other.mu)
-
-
-@pytest.mark.slow
-def test_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A system of so few numbers that all of them are written out."""
-    n = 12
-    start, way = spins(n).state(mu=directions(n)), {"h": 0.05, "steps": 4, "compiled": False}
-    few = lm.integrate(spins(n), lm.RKMK(order=4), start, **way)
-    monkeypatch.setattr(lm.System, "small", 0)
-    by_sites = lm.Plan(spins(n), lm.RKMK(order=4), h=0.05, compiled=False).run(start, steps=4)
-    assert np.abs(few.mu - by_sites.mu).max() < 1e-14
-
-
 def test_resume(plan: Any, run: Any, tmp_path: Path) -> None:
     first = plan.run(plan.system.state(mu=directions()), steps=23)
     rest = plan.resume(first, steps=34)
@@ -120,26 +99,6 @@ def test_quantities(run: Any) -> None:
     along = "total momentum along (0, 0, 1)"  # the axis of the field
     assert {kept.name for kept in run.drift().kept} == {"energy", "Casimir 1", along}
     assert run.drift()["Casimir 1"].largest < 1e-14
-
-
-@pytest.mark.slow
-def test_attitudes() -> None:
-    system, start = chain()
-    for method in (lm.KickDrift(), lm.RKMK(order=2)):
-        found = lm.integrate(system, method, start, h=0.05, steps=4, every=2)
-        assert found.g.shape == (3, N, 3, 3)
-        assert found.mu.shape == (3, N, 3)
-        defect = found.g @ np.swapaxes(found.g, -1, -2) - np.eye(3)
-        assert np.abs(defect).max() < 1e-13
-        assert np.ptp(found.energy) < 1e-2 * np.abs(found.energy[0])
-
-
-@pytest.mark.slow
-def test_order_of_kicks_and_drifts() -> None:
-    system, start = chain(20)
-    ends = [lm.integrate(system, lm.KickDrift(), start, h=0.4 / n, steps=n, every=n).mu[-1] for n in (4, 8, 64)]
-    ratio = np.abs(ends[0] - ends[2]).max() / np.abs(ends[1] - ends[2]).max()
-    assert 3.5 < ratio < 4.5
 
 
 def test_attitude_that_is_not_recorded() -> None:

@@ -105,20 +105,6 @@ def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
         assert a is None or np.abs(a - b).max() < 1e-13
 
 
-@pytest.mark.slow
-@native
-def test_order_against_scipy() -> None:
-    n, t = 60, 1.0
-    right = exact(n, [t])[0]
-    for order in (3, 6):
-        errors = []
-        for steps in (5, 10):
-            run = lm.integrate(spins(n), lm.Taylor(order), spins(n).state(mu=directions(n)), h=t / steps, steps=steps)
-            errors.append(np.abs(run.mu[-1] - right).max())
-        assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.5)
-        assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
-
-
 @native
 @pytest.mark.parametrize(
     ("order", "rtol"),

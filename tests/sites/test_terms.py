@@ -117,19 +117,6 @@ def test_all_pairs_written_out_are_added_by_halves_as_sites_add_them(count: int)
     assert energy == system.energy(mu)
 
 
-def test_runs_have_the_bits_of_plain_python() -> None:
-    system = spins(lm.neighbours.chain(2))
-    start = system.state(mu=RNG.normal(size=(2, 3)), g=lm.SO3().random(RNG, 2))
-    run, plain = (
-        lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=20, compiled=compiled) for compiled in (True, False)
-    )
-    assert run.mu.shape == (21, 2, 3) and run.g.shape == (21, 2, 3, 3)
-    assert np.array_equal(run.mu, plain.mu) and np.array_equal(run.g, plain.g)
-    assert np.abs(np.diff(run.spatial_momentum, axis=0)).max() < 1e-13
-    lengths = np.linalg.norm(run.mu, axis=2)
-    assert np.abs(lengths - lengths[0]).max() < 1e-14 * lengths.max()
-
-
 def test_a_pair_term_that_turns_with_its_sites_keeps_the_total_momentum() -> None:
     system = spins(lm.neighbours.square(4, 3))
     mu = RNG.normal(size=(12, 3))
