@@ -286,6 +286,29 @@ def test_a_zero_just_after_the_end_of_a_step_is_no_start(compiled: bool) -> None
 
 
 @pytest.mark.slow
+@native
+@pytest.mark.parametrize("how", ["adaptive", "dense"])
+@pytest.mark.parametrize("compilable", [True, False])
+def test_zeros_of_a_total_between_given_times(how: str, compilable: bool) -> None:
+    """Of cos t, wherever the driver stands still; where Python alone can evaluate it, too.  A resumed run meets the rest."""
+
+    def east(t: float, total: Any) -> Any:
+        return total.spin[0] if compilable else float(str(total.spin[0]))
+
+    plan, _ = turning(how, east, record=["mu", SPIN], turns=1)
+    assert bool(plan._sites.watched) == (compilable and how == "adaptive")
+    start = plan.system.state(mu=np.tile([0.6, 0.0, 0.8], (MANY, 1)))
+    times = np.linspace(0.0, 40.0, 57)
+    run = plan.run(start, t_end=40.0, t_eval=times)
+    expected = np.pi * (0.5 + np.arange(13))
+    assert run.events[0][0] == pytest.approx(expected[expected < 40.0], abs=1e-6)
+    assert run.mu[:, 5, 0] == pytest.approx(0.6 * np.cos(times), abs=1e-6)
+    first = plan.run(start, t_end=20.0)
+    rest = plan.resume(first, t_end=40.0)
+    assert np.concatenate([first.events[0][0], rest.events[0][0]]) == pytest.approx(run.events[0][0], abs=1e-6)
+
+
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="totals of many sites are looked at where steps end alone")
 def test_no_zero_of_a_total_is_missed_in_long_steps() -> None:
     """20 spins that turn together, of which the total has 31 zeros in 2."""

@@ -351,6 +351,11 @@ OVERFLOW = "the step overflowed or left the domain of a formula; a smaller h may
 
 MARCH = layout_of(March(0.0, 0.0))
 
+DUE, MET = 4, 5
+"""The places behind a march of the next time at which it stands still, and of whether an event may have a zero in its
+last step.
+"""
+
 
 @record
 class Procedure(Record):
@@ -358,7 +363,8 @@ class Procedure(Record):
 
     method : of one site.  control : of the steps.  memory, place : the layouts of what the method carries along for one
     site, and of what the control does.  shown : the content of samples.  every : are there samples of all steps, or at
-    given times?  ending : where steps are cut; None: nowhere.
+    given times?  ending : where steps are cut; None: nowhere.  events : functions of time and totals whose changes of
+    sign end a march of all steps.  named : an example of totals with their names.
     """
 
     method: Any
@@ -368,6 +374,8 @@ class Procedure(Record):
     shown: Shown
     every: bool
     ending: Any
+    events: tuple[Any, ...] = ()
+    named: Any = None
 
     def over(self, sites: Any, told: Any) -> OverSites:
         """The method of one site as that of all."""
@@ -375,23 +383,30 @@ class Procedure(Record):
             return OverSites(self.method, sites, self.memory, told)
         return OverSitesToJumps(self.method, sites, self.memory, told, self.ending)
 
+    def products(self, times: Any, totals: Any, k: int) -> tuple[float, ...]:
+        """Of every event the product of its values before step number k and after it."""
+        ends = [(read(times, i, NUMBER), type(self.named)(*read(totals, i, self.shown.totals))) for i in (k - 1, k)]
+        return tuple([event(*ends[0]) * event(*ends[1]) for event in self.events])
+
 
 def advance_sites(
     procedure: Procedure, system: Any, turns: int, sites: Any, seen: Any, totals: Any, times: Any, march: Any,
     goals: Any, states: Any, clocks: Any, out: Any, failures: Any,
 ) -> None:  # fmt: skip
     """The driver: so many turns of all sites, and a sample where a step ends at the next of the times, which have a nan
-    behind them, while it stands still where a step goes beyond the next time; or a sample of every step, and of
-    where the first one begins, and their times.
+    behind them, while it stands still where a step goes beyond the next time; or a sample of every step, behind that of
+    where the first one begins, and their times, up to an event.
 
     sites : copies of the memory of all sites.  seen, totals : samples of all sites, and of quantities, one behind the
-    other.  march : two numbers as `OverSites` has them told, and a `March`.  goals, states, clocks, out, failures : as
-    for `advance`.
+    other.  march : two numbers as `OverSites` has them told, a `March`, and what is `DUE` and `MET`.  goals, states,
+    clocks, out, failures : as for `advance`.
     """
     everyone, shown = procedure.over(sites, march), procedure.shown
     goal, begun = read(goals, 0, GOAL), read(march, 1, MARCH).begun
     n, k = 0, 0
     moved = begun != begun
+    if procedure.every and not moved:
+        k = 1
     begun = read(clocks, 0, CLOCK).t if moved else begun
     while n <= turns:
         clock, here = read(clocks, 0, CLOCK), read(states, 0, PLACE).copy
@@ -402,6 +417,16 @@ def advance_sites(
                 everyone.settle(system, t, here)
                 each(sites, one_sample, everyone, system, t, here, shown, seen, totals, k)
                 write(times, k, t, NUMBER)
+                if procedure.events and k > 0:
+                    trial = attempt(procedure.products, times, totals, k)
+                    if not accepted(trial, itself):  # an event fails, or is nan
+                        write(march, MET, 1.0, NUMBER)
+                    else:
+                        for product in trial:
+                            if product <= 0.0:
+                                write(march, MET, 1.0, NUMBER)
+                    due = (read(march, DUE, NUMBER) - t) * (t - begun) <= 0.0
+                    last = last or due or read(march, MET, NUMBER) == 1.0
                 k = k + 1
         else:
             due = (read(times, k, NUMBER) - t) * (t - begun) < 0.0

@@ -20,6 +20,7 @@ from ....simulation.between.events import Events, Moving
 from ....simulation.compiled.control import TAKEN
 from ....simulation.keep import PieceOfBodies
 from ....systems.many.site_state import StateOfSites
+from .driver import MET
 from .states import kind_of
 
 TOTAL = "total"
@@ -44,11 +45,13 @@ class StepsOfSites(Moving):
     bodies = None
     between = SimpleNamespace(closer=False)
     events: Any = None
+    times: Any = None
     fresh = True  # is the start still to be looked at?
 
     def __init__(self, run: Any, start: Any) -> None:
         self.run, self.plan, self.adaptive = run, run.plan, run.adaptive
-        self.asked_for, self.over, self.cuts = run.plan._steps.compiled, np.array([False]), {}  # type: Any, Any, Any
+        self.asked_for: Any = False if run.shape.watched else run.plan._steps.compiled  # of one step at a time
+        self.over, self.cuts = np.array([False]), {}  # type: Any, Any
         self.sign = np.array([np.copysign(1.0, run.t_end - run.begun)])
         self.met_before: Any = ({}, {})
         if not isinstance(start, StateOfSites):
@@ -156,7 +159,8 @@ class StepsOfSites(Moving):
         values = [*self.events.each[0].values] if self.events else []
         found: Any = None
         try:
-            found = self.times, self.rows, self.totals = run.ends(turns)
+            found = self.times, self.rows, self.totals = run.ends(1 if self.events and self.events.fresh else turns)
+            taken = run.taken - (len(self.times) - 1)
             numbers = self._numbers(run.seen(self.rows), self.totals) if self.whole else self.totals
             out = np.column_stack([self.times, numbers])[:, :, None]
             hit = self._look(out, taken)
@@ -172,7 +176,7 @@ class StepsOfSites(Moving):
                 raise
             step = getattr(error, "step", 0)
             self._keep_up_to(self.times.item(step), step)
-            run.return_to(stand, step)
+            run.return_to(stand, taken + step)
             raise self.failed(error) from error.__cause__
         if hit is None:
             self._keep_up_to(self.times.item(-1), len(self.times) - 1)
@@ -192,6 +196,12 @@ class StepsOfSites(Moving):
                 self.run.ways.append((self.times.item(0), self.rows[0].copy()))
         if not self.events:
             return None
+        if self.run.shape.watched and not self.events.fresh:  # the driver has watched the steps before
+            if not self.run.march[MET]:
+                return None
+            self.here = out[0]
+            given = out.item(0), out[0, 1:, 0]
+            self.events.each[0].values = [self.events._value(0, event, *given) for event in self.plan.events]
         piece = PieceOfBodies(self, np.array([0]), out, self.here[0], np.array([taken]))
         return self.events.see(piece).get(0)
 
@@ -205,8 +215,8 @@ class StepsOfSites(Moving):
         if not run.fixed_times and run.samples.t[-1] != at:
             run.samples.end_at(at)
             run.samples.keep(rows, totals)
-        if run.adaptive:
-            run.return_to(stand, step + 1)
+        if run.adaptive and not run.shape.watched:
+            run.return_to(stand, taken + step + 1)
         run.clocks[TAKEN] = taken + step + 1
         run.end_in_step(at, rows)
         if run.dense:

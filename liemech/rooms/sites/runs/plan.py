@@ -27,6 +27,7 @@ from ..spin_splittings import TermSplitting
 from .between import SitesBetween
 from .chains import ChainRun, chained_method
 from .driver import Embedded
+from .events import TOTAL
 from .lists import Lists, with_lists
 from .states import as_users_see, by_site, first_of
 from .totals import constants, energy, of_sites
@@ -82,7 +83,7 @@ class SitesOfPlan:
         """
         from .prepared import Prepared
 
-        key = layout_of(first), curves, every
+        key = layout_of(first), curves, every, self.watched
         if key not in self.known:
             self.known[key] = Prepared(self.plan, self.site, first, starts, curves, every, level)
         return self.known[key]
@@ -144,6 +145,13 @@ class SitesOfPlan:
         recorder = self.plan.recorder if not self.site.jointed else None
         quantities = {} if recorder is None else recorder.quantities
         return {name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities}
+
+    @functools.cached_property
+    def watched(self) -> tuple[Any, ...]:
+        """The events after which adaptive steps stand still, if all are of totals, and nothing else is asked of steps."""
+        plan = self.plan
+        of_totals = plan.adaptive and not self.site.jointed and not plan.options.dense
+        return plan.events if of_totals and all(second(event) == TOTAL for event in plan.events) else ()
 
     @functools.cached_property
     def of_sites(self) -> str | None:
@@ -232,6 +240,9 @@ class SitesOfPlan:
                 run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
+                if self.watched:  # events that are not compiled are asked for behind the steps
+                    self.watched = ()
+                    return self.trajectory(start, steps, t_end, t0, kept, t_eval)
                 if jointed and self.plan._steps.compiled:
                     raise
                 why = f"{self.plan.method!r} for sites one by one ({error})"

@@ -34,6 +34,7 @@ from .driver import (
     first_memory,
     look_inside,
 )
+from .events import totals_class
 from .execution import LONG, SiteExecution
 
 NONE: Any = kernel.Columns(np.empty(0))
@@ -45,10 +46,10 @@ SOME = 3
 class Prepared:
     """The layouts and the native code of runs of a plan whose starts are alike.
 
-    beginner : how sites begin.  procedure : how they are taken on.  state : the layout of what is shown of one site.
-    shown : the content of what the driver writes.  ending : where steps are cut; None: nowhere.  keeps : do samples have
-    states?  turning : how a splitting by colours steps.  paces : of runs of so many sites, how
-    many steps a call has come to make.
+    beginner : how sites begin.  procedure : how they are taken on.  state : the layout of what is shown of one
+    site.  shown : the content of what the driver writes.  ending : where steps are cut; None: nowhere.  keeps : do
+    samples have states?  watched : does the driver stand still at events?  turning : how a splitting by colours
+    steps.  paces : of runs of so many sites, how many steps a call has come to make.
     """
 
     turning: Any = None
@@ -75,9 +76,14 @@ class Prepared:
         self.memory, self.state = carried_layout(carry), layout_of(example)
         self.beginner, self.method = Beginner(method, given, started, self.memory), method
         self.keeps, quantities, totals = self._shown(example, some, starts)
-        whole = every and plan.adaptive
-        shown = Shown(every or self.keeps, whole, self.memory if whole else self.state, quantities, totals)
-        self.procedure = Procedure(method, control, self.memory, place, shown, every, ending)
+        self.watched = every and bool(plan._sites.watched)
+        kept, whole = not self.watched and (every or self.keeps), every and plan.adaptive
+        shown = Shown(kept, whole, self.memory if whole else self.state, quantities, totals)
+        events: Any = ()
+        if self.watched:
+            names = tuple(plan._sites.summed)
+            events = plan._sites.watched, totals_class(names)(*build(totals, iter([0.0] * totals.width)))
+        self.procedure = Procedure(method, control, self.memory, place, shown, every, ending, *events)
         self.shown, self.ending = shown, ending
         self.most = min(EIGHT, starts.count) if site.jointed else EIGHT
 
@@ -99,7 +105,7 @@ class Prepared:
         arrays = 1, planes, planes, *[shared] * 3, *[NONE] * 4
         return self._execution(advance_sites, self.procedure, self.site, *arrays)
 
-    @property
+    @functools.cached_property
     def within(self) -> Procedure:
         """The procedure as of looks inside of steps: at states, even if samples have none."""
         shown = with_fields(self.shown, kept=True, whole=False, layout=self.state)

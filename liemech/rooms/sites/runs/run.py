@@ -46,6 +46,8 @@ from ....systems.in_time.inputs import during, has_inputs
 from ....systems.many.site_state import StateOfSites
 from .driver import (
     COPIES,
+    DUE,
+    MET,
     ROW,
     Moment,
     OverSites,
@@ -203,7 +205,7 @@ class SiteRun(Course):
 
     def _blank(self) -> None:
         """Forget what the driver has come to."""
-        self.place, self.march = np.zeros((2, 1)), np.array([0.0, 0.0, 0.0, np.nan])
+        self.place, self.march = np.zeros((2, 1)), np.array([0.0, 0.0, 0.0, np.nan, np.nan, 0.0])
 
     def _begin(self) -> None:
         """Let the method begin at every site."""
@@ -494,19 +496,27 @@ class SiteRun(Course):
 
     def ends(self, turns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Some more steps: of where they begin, and of their ends, the times, what is kept of all sites, (n, width,
-        sites), and the totals.
+        sites), and the totals; only of the last step, where the driver stands still at events.
         """
         if self.kept_steps is None:
             self.kept_steps = EndsOfSteps(self.shape, self.count)
         kept = self.kept_steps
         kept.go_on(self.clocks.item(TIME, 0))
+        self.march[[DUE, MET]] = self.samples.due, 0.0
         self._steps(min(turns, kept.room), kept)
-        return kept.times[: kept.made], kept.rows, kept.totals[: kept.made]
+        made, rows, width = kept.made, kept.rows, self.shape.memory.width
+        first = max(0, made - 2) if self.shape.watched else 0
+        if self.shape.watched:  # of which both copies of the memory are the ends
+            copies = self.sites.array[: 2 * width].reshape(2, width, -1)
+            rows = copies[:: 2 * self._copy - 1, :, : self.count][-made:]
+        return kept.times[first:made], rows, kept.totals[first:made]
 
     def inside_step(self, pair: np.ndarray, begun: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites, (width, sites), and the totals inside of a step.  pair : what is kept of its ends."""
         if not self.adaptive:
             return self._stepped(pair[0], begun, at)
+        if self.shape.watched:  # the pair is still where the step has put it
+            return self.looked(at, begun, end)
         sites = Planes(rows_of(pair.reshape(-1, self.count)), self.count)
         return self._on_the_way(sites, Moment(at, (at - begun) / (end - begun), 1.0))
 
@@ -525,10 +535,10 @@ class SiteRun(Course):
         return self._copy_of_all.copy(), self.clocks.copy()
 
     def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
-        """Stand where the run stood, or so many steps behind."""
+        """Stand where the run stood, or behind step number `steps`."""
         self._copy_of_all[:], self.clocks[:] = stand
-        if steps:
-            limit, self.goals[LIMIT] = self.goals[LIMIT].copy(), self.clocks[TAKEN] + steps
+        if steps > self.taken:
+            limit, self.goals[LIMIT] = self.goals[LIMIT].copy(), steps
             self.kept_steps.made = 1
             self._steps(MOST, self.kept_steps)
             self.goals[LIMIT] = limit

@@ -20,9 +20,9 @@ class EndsOfSteps:
     """
 
     def __init__(self, shape: Any, count: int, room: int = SEEN) -> None:
-        self.wide, self.count, self.made = shape.shown.layout.width, count, 0
-        self.room = max(1, min(room, ROOM // (self.wide * count)))
-        self.planes = Planes.of_rows((self.room + 1) * self.wide, count)
+        self.wide, self.count, self.made = shape.shown.layout.width if shape.shown.kept else 0, count, 0
+        self.room = max(1, min(room, ROOM // (max(1, self.wide) * count)))
+        self.planes = Planes.of_rows(max(1, (self.room + 1) * self.wide), count)
         self.times, self.totals = np.zeros(self.room + 1), np.zeros((self.room + 1, shape.shown.totals.width))
 
     @property
@@ -39,13 +39,14 @@ class EndsOfSteps:
             self.times[0], self.totals[0], self.made = t, self.totals[last], 1
 
     def ahead(self, back: float) -> tuple[Planes, np.ndarray, np.ndarray]:
-        """Where the driver writes the next ones: all sites, totals and times."""
-        made = self.made
+        """Where the driver writes the next ones, behind the last one: all sites, totals and times."""
+        made = max(self.made - 1, 0)
         return Planes(self.planes.array[made * self.wide :], self.count), self.totals[made:], self.times[made:]
 
     def take(self, new: int, seen: Planes, totals: np.ndarray) -> None:
-        """Take up so many that the driver has written."""
-        self.made += new
+        """Take up so many that the driver has written, with the one that was there."""
+        if new:
+            self.made = max(self.made - 1, 0) + new
 
 
 class SamplesOfSites:
