@@ -35,7 +35,7 @@ BUDGETS = {
     "rooms/hamilton_jacobi": (1_280, 6_600),
     "rooms/noise": (820, 3_100),
     "rooms/poisson": (1_790, 8_400),
-    "rooms/sites": (8_230, 46_500),
+    "rooms/sites": (8_300, 47_100),
     "simulation": (9_240, 53_600),
     "systems": (4_260, 19_400),
     "tableaus": (2_470, 9_100),
