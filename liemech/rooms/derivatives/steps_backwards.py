@@ -127,8 +127,8 @@ def questions(motion: SiteMotion, system: Any, state: Any, h: float) -> tuple[in
 
     state : of one site.
     """
-    if isinstance(motion, FieldTurn):
-        return 1, 0
+    if isinstance(motion, (FieldTurn, BondTurn)):  # turns of a colour; bonds make theirs without a velocity
+        return (1, 0) if isinstance(motion, FieldTurn) else (0, 0)
     answers: list[Back] = []
 
     def one_asks() -> None:
