@@ -190,7 +190,11 @@ def test_orders(name: str, order: int) -> None:
 
 @pytest.mark.sample(3)
 @pytest.mark.parametrize(
-    ("name", "order"), [*((name, order) for name in CASES for order in (2, 4)), ("plane", 6), ("momenta", 6)]
+    ("name", "order"),
+    [
+        *((name, order) for name in CASES for order in (2, 4)),
+        *(pytest.param(name, 6, marks=pytest.mark.slow) for name in ("plane", "momenta")),
+    ],
 )
 def test_a_step_is_a_poisson_map(name: str, order: int) -> None:
     system, y, h = CASES[name]
@@ -313,6 +317,7 @@ def test_the_energy_does_not_drift() -> None:
     assert error[5000:].max() == pytest.approx(2.204e-6, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_checks_know_energies_that_change_with_time() -> None:
     system, method = lm.DrivenPoissonSystem(Curved(), Driven()), lm.PoissonHamiltonJacobi(4)
     start = system.state([0.4, 0.3])
@@ -321,6 +326,7 @@ def test_checks_know_energies_that_change_with_time() -> None:
     assert {report[law].verdict for law in ("order", "symmetric", "Poisson")} == {"holds"}
 
 
+@pytest.mark.slow
 def test_it_is_composed_and_steps_in_fictive_time() -> None:
     system, y, _ = CASES["species"]
     true, start = exact(system, y, 1.6), system.state(y)
