@@ -317,3 +317,37 @@ def test_no_zero_of_a_total_is_missed_in_long_steps() -> None:
     given = {"record": ["mu", SPIN], "events": [lambda t, total: total.spin[1]]}
     run = lm.Plan(sites, lm.RKMK(order=5), h=0.5, compiled=False, **given).run(start, t_end=2.0)
     assert len(run.events[0][0]) == 31
+
+
+@native
+def test_steps_between_few_samples_see_the_zeros_that_all_steps_see(tmp_path: Path) -> None:
+    """The driver stands still at samples that are far apart and at changes of sign; with each step sampled it does not."""
+
+    def crosses(t: float, total: Any) -> float:
+        return total.spin[0]
+
+    def plan(every: int, *events: Any) -> Any:
+        return lm.Plan(
+            spins(), lm.RKMK(order=4), h=0.05, every=every, record=["mu", SPIN], events=events, progress=False
+        )
+
+    each, few = (plan(every, crosses).run(START, steps=2000) for every in (1, 40))
+    assert len(each.events[0][0]) >= 2
+    assert np.array_equal(few.events[0][0], each.events[0][0])
+    assert np.array_equal(few.events[0][1].mu, each.events[0][1].mu)
+    assert np.array_equal(few.mu, each.mu[::40]) and np.array_equal(few.spin, each.spin[::40])
+    times = [3.0, 3.01, 47.5, 90.0]
+    given = plan(40, crosses).run(START, t_eval=times, steps=2000)
+    assert np.array_equal(given.events[0][0], each.events[0][0]) and np.array_equal(given.t, times)
+    begun = plan(40, crosses).run(START, steps=1000)
+    rest = plan(40, crosses).resume(begun, steps=1000)
+    found = np.concatenate([begun.events[0][0], rest.events[0][0]])
+    assert np.abs(found - each.events[0][0]).max() < 1e-12
+
+    def stops(t: float, total: Any) -> float:
+        return total.spin[0]
+
+    stops.terminal = True  # type: ignore[attr-defined]
+    ended = [plan(every, stops).run(START, steps=2000) for every in (1, 40)]
+    assert ended[0].t[-1] == ended[1].t[-1] == each.events[0][0][0]
+    assert np.array_equal(ended[0].last.mu, ended[1].last.mu)

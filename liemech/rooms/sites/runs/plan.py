@@ -55,6 +55,10 @@ def second(function: Any) -> str:
     return names[1] if len(names) > 1 else ""
 
 
+SPARSE = 32
+"""Fixed steps with so many between samples stand still at samples and events, as adaptive ones do."""
+
+
 class SitesOfPlan:
     """The runs by sites of one plan."""
 
@@ -148,9 +152,10 @@ class SitesOfPlan:
 
     @functools.cached_property
     def watched(self) -> tuple[Any, ...]:
-        """The events after which adaptive steps stand still, if all are of totals, and nothing else is asked of steps."""
+        """The events after which steps stand still, if all are of totals, and little else is asked of steps."""
         plan = self.plan
-        of_totals = plan.adaptive and not self.site.jointed and not plan.options.dense
+        sparse = plan.adaptive or (plan.options.every or 1) >= SPARSE
+        of_totals = sparse and not self.site.jointed and not plan.options.dense
         return plan.events if of_totals and all(second(event) == TOTAL for event in plan.events) else ()
 
     @functools.cached_property
