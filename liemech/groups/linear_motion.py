@@ -13,7 +13,7 @@ TERMS = 12
 """Terms of a series; of a step of some tenths of the time scale these are enough at once."""
 
 ROUNDING = 2.0**-54
-"""A stretch of the motion is so short that its last two terms are below this part of the point."""
+"""A stretch of the motion is so short that its last two terms are below this part of the point and the first three."""
 
 STRETCHES = 64
 """So many stretches at most; each is half as long as it need be, or longer."""
@@ -34,8 +34,9 @@ def linear_motion(structure: Any, y: Vec, p: Vec) -> tuple[Vec, Vec]:
         terms = motion_terms(structure, at, p, TERMS)
         s = left
         for _ in range(STRETCHES):
+            first = s * (abs(terms[0]) + s * (abs(terms[1]) + s * abs(terms[2])))
             last = (abs(terms[-2]) + s * abs(terms[-1])) * s ** (TERMS - 1)
-            if not any(last > ROUNDING * (abs(at) + s * abs(terms[0]))):
+            if not any(last > ROUNDING * (abs(at) + first)):
                 break
             s = 0.5 * s
         far, halfway, power = 0.0 * y, 0.0 * y, s

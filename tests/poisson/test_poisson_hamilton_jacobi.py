@@ -282,6 +282,25 @@ def test_motions_of_linear_energies(y: list[float], size: float) -> None:
 
 
 @lm.record
+class Filiform(lm.PoissonStructure):
+    """The chain {y_1, y_k} = y_k+1, k = 2 to 4, and {y_1, y_5} = 1 + y_5^2."""
+
+    dim: ClassVar[int] = 5
+
+    def matrix(self, y: lm.Vec) -> lm.Mat:
+        first = lm.vec(0.0, y[2], y[3], y[4], 1.0 + y[4] ** 2)
+        return lm.mat(first, *[lm.vec(-first[i], 0.0, 0.0, 0.0, 0.0) for i in range(1, 5)])
+
+
+def test_a_coordinate_that_only_higher_terms_move() -> None:
+    """From zero, y_5 = -tan s and y_4 = -log cos s, which has no term of s: it took 64 stretches, one is enough."""
+    assert lm.check_poisson(Filiform())
+    change, _ = linear_motion(Filiform(), lm.vec(0.0, 0.0, 0.0, 0.0, 0.0), lm.vec(0.4, 0.0, 0.0, 0.0, 0.0))
+    assert change[4] == pytest.approx(-np.tan(0.4), rel=1e-15)
+    assert change[3] == pytest.approx(-np.log(np.cos(0.4)), rel=1e-14)
+
+
+@lm.record
 class Driven(lm.DrivenHamiltonian):
     def energy(self, t: float, y: lm.Vec) -> float:
         return OfPlane().energy(y) + 0.5 * sin(2.0 * t) * y[0] + 0.2 * cos(t) * y[0] * y[1] ** 2
