@@ -11,7 +11,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined, require, undefined
-from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
+from ..formulas import Mat, Record, Vec, derivative, dot, exp, gradient, log, mat, plain, record, vec
 from ..formulas.arrays import check_finite, real_array
 from ..formulas.classes.derived import derived, derived_from
 from .lie_group import LieGroup
@@ -161,9 +161,8 @@ class PoissonStructure(Record):
         """The scale of the rounding of each entry of B(y), |b_ij| + sum_l |d_l b_ij y_l|.
         y : (n,), returns (n, n).
         """
-        slopes = np.array(jacobian(lambda x: vec(*[b for row in self.matrix(x) for b in row]), y))
         size = np.abs(np.array(self.matrix(y), dtype=float))
-        return size + (np.abs(slopes) @ np.abs(np.array(y))).reshape(size.shape)
+        return size + np.einsum("lij,l->ij", np.abs(slopes_of(self, y)), np.abs(np.array(y)))
 
     def __call__(self, y: Any) -> Any:
         """The matrix B(y) of the structure, as `matrix`."""
@@ -394,6 +393,12 @@ class LiePoissonStructure(PoissonStructure):
         """Ad* of exp(-+ s E_index).  y : (dim,)."""
         turn = s if self.sign == -1 else -s
         return self.group.exp_Ad_star(vec(*[turn if i == index else 0.0 for i in range(self.group.dim)]), y)
+
+
+def slopes_of(structure: PoissonStructure, y: Vec) -> np.ndarray:
+    """The derivatives d_l b_ij of the entries of B(y), (n, n, n), l first.  y : (n,)."""
+    units = np.eye(len(y)).tolist()
+    return np.array([np.array(derivative(structure.matrix, y, unit), dtype=float) for unit in units])
 
 
 def jacobi_sums(slopes: np.ndarray, matrix: np.ndarray) -> np.ndarray:

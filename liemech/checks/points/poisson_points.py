@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Vec, check_finite, derivative, real_array
-from ...groups.poisson_structure import PoissonStructure
+from ...formulas import Vec, check_finite, real_array
+from ...groups.poisson_structure import PoissonStructure, slopes_of
 from ..report import shown
 from .sample_points import flat
 
@@ -38,8 +38,7 @@ class AtPoint:
     @cached_property
     def slopes(self) -> np.ndarray:
         """d_l b_ij, with l first."""
-        units = np.eye(self.dim).tolist()
-        return np.array([np.array(derivative(self.B.matrix, self.y, unit), dtype=float) for unit in units])
+        return slopes_of(self.B, self.y)
 
     def __str__(self) -> str:
         return f"{self.name}, {shown('y', self.y[:8])}"

@@ -28,8 +28,9 @@ from ...formulas import (
 from ...formulas.classes.remembered import Remembered
 from ...formulas.numbers.series import Series
 from ...formulas.numbers.sizes import magnitudes
+from ...formulas.of_numpy import sign
 from ...groups.linear_motion import motion_terms
-from ...groups.poisson_structure import LogCanonical, PoissonStructure, jacobi_sums
+from ...groups.poisson_structure import LogCanonical, PoissonStructure, jacobi_sums, slopes_of
 from ...integrators.implicit import Implicit
 from ...integrators.memory import Memory, extrapolated
 from ...integrators.motion_series import begun, series, settle, values
@@ -118,7 +119,7 @@ class PoissonHamiltonJacobi(Implicit):
         y, mean = plain(memory.state.y), extrapolated(*memory.past)
         if isinstance(structure, LogCanonical):
             u = vec(*[log(where(constant(c) == 0.0, 1.0, abs(c))) for c in y])
-            dH_u = of_logarithms(dH, vec(*[sign(c) for c in y]))
+            dH_u = of_logarithms(dH, vec(*[sign(constant(c)) for c in y]))
             change, mean = self.change(structure.of_logarithms, dH_u, middle, u, 1.0 + 0.0 * magnitudes(y), mean, h)
             change = y * vec(*[expm1(c) for c in change])
         else:
@@ -222,11 +223,6 @@ def mean_change(structure: Any, y: Vec, p: Vec, last: int) -> Vec:
     return total([(1.0 / (k + 2)) * term for k, term in enumerate(terms)])
 
 
-def sign(x: float) -> float:
-    """1, -1 or 0, a number without derivatives."""
-    return where(constant(x) > 0.0, 1.0, where(constant(x) < 0.0, -1.0, 0.0))
-
-
 def require_jacobi(method: Any, structure: PoissonStructure) -> None:
     """Raise IncompatibleSystem for a matrix that breaks Jacobi's identity at one of three points: no motion keeps it."""
     if _obeying.get(structure):
@@ -237,10 +233,9 @@ def require_jacobi(method: Any, structure: PoissonStructure) -> None:
         try:
             with np.errstate(all="ignore"):
                 matrix = np.array(structure.matrix(at), dtype=float)
-                entries = np.array(jacobian(lambda x: vec(*[b for row in structure.matrix(x) for b in row]), at))
+                slopes = slopes_of(structure, at)
         except (ArithmeticError, ValueError):  # not in its domain
             continue
-        slopes = entries.T.reshape(n, n, n)
         sums, terms = jacobi_sums(slopes, matrix), jacobi_sums(np.abs(slopes), np.abs(matrix))
         for i, j, k in itertools.combinations(range(n), 3):
             if abs(sums[i, j, k]) > ROUNDING * terms[i, j, k]:

@@ -34,11 +34,7 @@ def _bound_on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
 def hamiltonian_of(name: str, group: LieGroup, terms: Terms) -> Any:
     """The Hamiltonian of terms on a group."""
     hamiltonian = _sum(MomentumTerms, name, group, terms)
-    changing = records_in(hamiltonian, AtTime)
-    if changing:
-        raise IncompatibleSystem(
-            f"{name}: {changing[0]!r} changes with time: make it a DrivenLiePoissonSystem(group, terms)"
-        )
+    _require_at_rest(name, hamiltonian, ": make it a DrivenLiePoissonSystem(group, terms)")
     single_energies = hamiltonian.of_one if isinstance(hamiltonian.of_one, tuple) else (hamiltonian.of_one,)
     kinetic = all(isinstance(energy, Lagrangian) for energy in single_energies)
     return KineticTerms(**fields_of(hamiltonian)) if kinetic else hamiltonian
@@ -52,12 +48,8 @@ def driven_of(name: str, group: LieGroup, terms: Terms) -> Any:
 def potential_of(name: str, group: LieGroup, terms: Terms) -> Any:
     """The potential of terms on a group."""
     potential = _sum(PlaceTerms, name, group, terms)
-    changing = records_in(potential, AtTime)
-    if changing:
-        raise IncompatibleSystem(
-            f"{name}: {changing[0]!r} changes with time, and potentials do not: write its force as a "
-            "term with `covector(t, a)`, load=Terms(...)"
-        )
+    cure = ", and potentials do not: write its force as a term with `covector(t, a)`, load=Terms(...)"
+    _require_at_rest(name, potential, cure)
     return potential
 
 
@@ -73,6 +65,13 @@ BOUND: dict[type, Any] = {
     Force: load_of,
 }
 """By kind of energy, the function that makes it of terms."""
+
+
+def _require_at_rest(name: str, energy: Any, cure: str) -> None:
+    """Raise IncompatibleSystem, with the cure, for a sum of terms of which one changes with time."""
+    changing = records_in(energy, AtTime)
+    if changing:
+        raise IncompatibleSystem(f"{name}: {changing[0]!r} changes with time{cure}")
 
 
 def _sum(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
