@@ -151,6 +151,8 @@ from .rooms.sites.spin_splittings import SublatticeSplitting as SublatticeSplitt
 from .rooms.sites.terms.terms import PerSite as PerSite
 from .rooms.sites.terms.terms import Term as Term
 from .rooms.sites.terms.terms import Terms as Terms
+from .rooms.stability.lyapunov import lyapunov as lyapunov
+from .rooms.stability.relative_equilibrium import relative_equilibrium as relative_equilibrium
 from .simulation.integrate import integrate as integrate
 from .simulation.options import ErrorControl as ErrorControl
 from .simulation.options import FixedSteps as FixedSteps

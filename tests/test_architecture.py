@@ -49,6 +49,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "rooms.sites": ("rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson"),
     "rooms.derivatives": ("rooms.fictive_time", "rooms.hamilton_jacobi", "rooms.sites"),
     "joints": ("rooms.constraints", "rooms.sites"),
+    "rooms.stability": (),
     "rooms.files": ("joints", "rooms.fictive_time", "rooms.poisson", "rooms.sites"),
     "models": ("joints", "rooms.constraints", "rooms.noise", "rooms.poisson", "rooms.sites"),
     "estimation": ("rooms.constraints", "rooms.derivatives"),
@@ -63,7 +64,7 @@ DOORS = {
     ("simulation.plan", "rooms.fictive_time"): "a plan of a method with a time scale makes runs in fictive time",
     ("simulation.plan", "rooms.derivatives"): "`plan.tangent` and `plan.gradient`",
     ("simulation.plan", "rooms.at_work"): "`plan.stepper`, `plan.export`, runs by executors",
-    ("simulation.trajectory", "rooms.files"): "`run.save`, tables of xarray and pandas",
+    ("simulation.trajectory", "rooms.files"): "`run.save`, tables of xarray and pandas, `run.cite`",
     ("simulation.trajectory", "plots"): "`run.plot`",
     ("simulation.trajectory", "viewer"): "`run.view`",
 }
@@ -74,7 +75,7 @@ HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat"
 
 SOURCED = (
     *("groups", "integrators", "joints", "models", "estimation"),
-    *("rooms.constraints", "rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson"),
+    *("rooms.constraints", "rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson", "rooms.stability"),
 )
 """The parts made of other people's mathematics: a public docstring says where the formula stands
 in print.

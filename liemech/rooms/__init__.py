@@ -7,6 +7,7 @@
     fictive_time/       time transformations, and runs whose steps are equal in a fictive time
     noise/              white noise and damping on coadjoint orbits
     derivatives/        tangent maps and gradients of runs
+    stability/          steady motions and their stability, Lyapunov exponents
     at_work/            plans outside of `run`: steppers, commands, C code, many machines, orders
     files/              runs in files
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
     from ..integrators.method import Method
+    from ..rooms.files.sources import Sources
     from ..viewer import Scene
 
 
@@ -467,6 +468,14 @@ class Trajectory:
         if self.observed or (len(self.t) > 1 and self._is_of_sites):
             return Drift.recorded(self._constants, self.t, self.bodies)
         return Drift.of(self.system, self.t, self._at_times, self.bodies)
+
+    def cite(self) -> Sources:
+        """The sources of the method, of the system and of what they are made of, as a paper cites them: as text, and for
+        BibTeX as `run.cite().bibtex`.
+        """
+        from ..rooms.files.sources import sources_of
+
+        return sources_of(self.method, self.system)
 
     @property
     def _at_times(self) -> dict[str, np.ndarray]:

@@ -1,0 +1,185 @@
+"""A system near one of its states: the field of its motion, momenta, and the motions that these generate.
+
+    on T*G, left-trivialised         g = g_0 exp(x),  mu = mu_0 + nu,        z = (x, nu)
+    two-form at mu                   omega(z, z') = <nu', x> - <nu, x'> + <mu, [x, x']>
+    motion of a function F           v = dF/dmu,  mu' = ad*_v mu - D_g F,    of the energy xi and ad*_xi mu + f
+
+Momenta are the functions <mu, X(g)>.  Those looked at here are of left translations, X = Ad_{g^-1} zeta, of right ones,
+X = chi, and, where a factor of the group is R^n, of linear maps, X = S x.
+
+Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 4.4, 12.1 and 12.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ...errors import IncompatibleSystem
+from ...formulas import Vec, dot, jacobian, vec
+from ...formulas.classes.frozen import frozen
+from ...formulas.vectors import small
+from ...groups.lie_group import LieGroup
+from ...groups.vector_space import VectorSpace
+from ...systems.canonical import CanonicalState, HamiltonianSystem
+from ...systems.lie_poisson import BodyState, LiePoissonSystem
+from ...systems.mechanical import MechanicalSystem
+
+FAINT = 1e-6
+"""Beside the sizes of the other parts of a state, how small a part says nothing of its own size."""
+
+
+@frozen
+class NearState:
+    """The states of a system near one of them.
+
+    group : G.  g : an element.  mu : (dim,).
+    """
+
+    system: Any
+    group: LieGroup
+    g: Any
+    mu: Vec
+
+    @property
+    def dim(self) -> int:
+        """The dimension of G, half of that of T*G."""
+        return self.group.dim
+
+    @property
+    def state(self) -> Any:
+        """The state itself, without an element where the system needs none."""
+        canonical = isinstance(self.system, HamiltonianSystem)
+        return CanonicalState(self.g, self.mu) if canonical else BodyState(self.mu, self.g)
+
+    def moved(self, z: np.ndarray) -> NearState:
+        """The states near the one at z."""
+        g, mu = self.at(vec(*z.tolist()))
+        return NearState(self.system, self.group, g, mu)
+
+    # ---------------------------------------------------------------- formulas
+
+    def at(self, z: Vec) -> tuple[Any, Vec]:
+        """g exp(x) and mu + nu."""
+        n = self.dim
+        return self.group.compose_exp(self.g, z[:n]), self.mu + z[n:]
+
+    def field(self, z: Vec) -> Vec:
+        """(xi, mu') at z: the body velocity, and the rate of the body momentum."""
+        g, mu = self.at(z)
+        if isinstance(self.system, HamiltonianSystem):
+            return vec(*self.system.velocity(g, mu), *self.system.force(g, mu))
+        xi = self.system.velocity(mu)
+        rate = self.group.ad_star(xi, mu)
+        if isinstance(self.system, MechanicalSystem):
+            rate = rate + self.system.applied(0.0, xi, g)
+        return vec(*xi, *rate)
+
+    def momenta(self, z: Vec) -> Vec:
+        """<mu, X(g)>, (m,), of left and right translations and of linear maps."""
+        g, mu = self.at(z)
+        linear = [p * q for first, x in self.vectors(g) for p in mu[first : first + len(x)] for q in x]
+        right = [] if self.only_adds else mu
+        return vec(*self.group.K(g, mu), *right, *linear)
+
+    def generated(self, of_momenta: Vec, z: Vec) -> Vec:
+        """The motion at z, (v, mu'), that a sum of these momenta generates.  of_momenta : (m,), its coefficients."""
+        g, mu = self.at(z)
+        n = self.dim
+        left, used = self.group.Ad(self.group.inverse(g), of_momenta[:n]), n
+        v, rate = [*left], [0.0] * n
+        if not self.only_adds:
+            right, used = of_momenta[n : 2 * n], 2 * n
+            v, rate = [*(left + right)], [*self.group.ad_star(right, mu)]
+        for first, x in self.vectors(g):
+            size = len(x)
+            for i in range(size):
+                row = of_momenta[used + i * size : used + (i + 1) * size]
+                v[first + i] = v[first + i] + dot(row, x)
+                for j in range(size):
+                    rate[first + j] = rate[first + j] - row[j] * mu[first + i]
+            used += size * size
+        return vec(*v, *rate)
+
+    @property
+    def only_adds(self) -> bool:
+        """Whether left and right translations are the same ones, additions."""
+        return isinstance(self.group, VectorSpace)
+
+    def vectors(self, g: Any) -> Iterator[tuple[int, Vec]]:
+        """The factors of g that are vectors, each with the place of its first component in the algebra."""
+        factors = getattr(self.group, "factors", None)
+        elements, first = (g,) if factors is None else self.group.split(g), 0  # type: ignore[attr-defined]
+        for factor, element in zip(factors or (self.group,), elements):
+            if isinstance(factor, VectorSpace):
+                yield first, element
+            first += factor.dim
+
+    # ---------------------------------------------------------------- in numbers
+
+    @property
+    def here(self) -> Vec:
+        """z = 0."""
+        return vec(*[0.0] * (2 * self.dim))
+
+    def two_form(self) -> np.ndarray:
+        """Omega = [[m, 1], [-1, 0]], m_ij = <mu, [e_i, e_j]>: dF = Omega^T z' for the motion z' that F generates."""
+        n = self.dim
+        brackets = [np.asarray(self.group.ad_star(vec(*e), self.mu)) for e in np.eye(n).tolist()]
+        return np.block([[np.array(brackets), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
+
+    def slopes(self, of_momenta: np.ndarray) -> np.ndarray:
+        """The derivative, (2 dim, 2 dim), of the field less the motion that these momenta generate."""
+        c = vec(*of_momenta.tolist())
+        return np.asarray(jacobian(lambda z: self.field(z) - self.generated(c, z), self.here))
+
+    def sizes(self) -> np.ndarray:
+        """How large displacements z are that change much, (2 dim,), by blocks of one unit: a radian or the distance from
+        the origin, and the momentum.
+
+        Near the origin it is the radius of gyration instead, and of a part that hardly moves the momentum at the pace of
+        the others; at rest, the momentum of the potential energy.
+        """
+        n, widths = self.dim, self.group.unit_blocks
+        starts = np.cumsum((0, *widths))[:-1]
+
+        def of_blocks(numbers: Any) -> np.ndarray:
+            return np.maximum.reduceat(np.abs(np.asarray(numbers)), starts)
+
+        hessian = self.two_form().T @ self.slopes(np.zeros(len(self.momenta(self.here))))
+        stiff, mobile = (
+            np.maximum.reduceat(np.maximum.reduceat(np.abs(h), starts, axis=0), starts, axis=1).diagonal()
+            for h in (hessian[:n, :n], hessian[n:, n:])
+        )
+        turning = of_blocks(self.group.scale(self.group.identity())) > 0.0
+        x, mobile = of_blocks(self.group.scale(self.g)), np.where(mobile > 0.0, mobile, 1.0)
+        if turning.any():
+            gyration = np.sqrt(mobile * (1.0 / mobile[turning]).max())
+            x = np.where(x > FAINT * gyration, x, gyration)
+        x = np.where(x > 0.0, x, 1.0)
+        mu = of_blocks(self.mu)
+        pace = max((of_blocks(self.field(self.here)[:n]) / x).max(), np.sqrt(stiff * mobile).max())
+        at_pace = x * pace / mobile
+        mu = np.where(mu > FAINT * at_pace, mu, at_pace)
+        return np.repeat([*x, *np.where(mu > 0.0, mu, 1.0)], (*widths, *widths))
+
+
+def states_near(name: str, system: Any, state: Any) -> NearState:
+    """The states near one.  name : of the caller, for messages.  Raises IncompatibleSystem for a system whose motion is not
+    an autonomous one on T*G.
+    """
+    if isinstance(system, HamiltonianSystem) and isinstance(state, CanonicalState) and state.bodies is None:
+        q, p = (small(np.asarray(x)) for x in (state.q, state.p))
+        return NearState(system, VectorSpace(system.degrees), q, p)
+    body = getattr(system, "body", system)
+    if not isinstance(system, (LiePoissonSystem, MechanicalSystem)) or not isinstance(body, LiePoissonSystem):
+        raise IncompatibleSystem(
+            f"{name}: {system!r}; wanted is a LiePoissonSystem, a MechanicalSystem or a HamiltonianSystem, "
+            "whose energy does not change with time"
+        )
+    if not isinstance(state, BodyState) or state.bodies is not None or system.is_large:
+        raise IncompatibleSystem(f"{name}: the guess is the state of one body, system.state(...); got {state!r}")
+    g = body.group.identity() if state.g is None else state.g
+    return NearState(system, body.group, small(np.asarray(g)), small(np.asarray(state.mu)))

@@ -1,0 +1,233 @@
+"""Steady motions of systems with symmetry, and whether they are stable: the energy-momentum method.
+
+A relative equilibrium moves along the symmetries of its system, z' = sum_a w_a Z_a, Z_a the motion that the kept
+momentum J_a generates: it is a critical point of the augmented energy
+
+    H_w = H - sum_a w_a J_a,     J_a = j_a.
+
+Near it, in the frame that moves along, z' = Omega^{-T} D^2 H_w z.  Where D^2 H_w, restricted to ker dJ without what the
+symmetries move, is definite, the motion is stable; where the linearised motion grows, it is not.
+
+Source: Simo, Lewis, Marsden, Stability of relative equilibria, part I, Arch. Rational Mech. Anal. 115 (1991); Marsden,
+Lectures on Mechanics, chapter 5.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...errors import NoConvergence
+from ...formulas import vec
+from ...formulas.classes.frozen import frozen
+from ...groups.matrices.skew_matrices import like_sizes
+from .near_a_state import NearState, states_near
+from .symmetries import kept_momenta, momentum_slopes, nonzero, null_space, pivoted
+
+TURNS = 60
+"""Newton steps, of which a good guess takes ten."""
+
+FARTHEST = 0.5
+"""Beside its size, how far a step may move the state."""
+
+SOLVED = 1e-9
+"""Beside the size of the state, the defect after which one more step is rounding."""
+
+DEPENDENT = 1e-9
+"""Singular values beside the largest one that count as zero."""
+
+ROUNDING = 2.0**-53
+
+FINE = {"xatol": 1e-12, "fatol": 1e-15}
+"""How finely the weights of momenta that move nothing are looked for."""
+
+FEW_DIGITS = 1e-7
+"""Beside the largest frequency, growth that may be rounding: double frequencies split by the root of it."""
+
+
+@frozen
+class RelativeEquilibrium:
+    """A steady motion, and the motion near it; `print` it.
+
+    state : of the system.  velocity : (v, mu') in the state, body velocity and rate of the momentum, (2 dim,).
+    symmetries : how many momenta are kept.
+    eigenvalues : of the motion near it, at the same momenta and but for what the symmetries move, complex.
+    squares : the numbers of positive and of negative squares of the augmented energy there; None for a system with a
+    load that has no potential.
+    """
+
+    state: Any
+    velocity: np.ndarray
+    symmetries: int
+    eigenvalues: np.ndarray
+    squares: tuple[int, int] | None
+
+    @property
+    def growth(self) -> float:
+        """The largest rate at which a disturbance grows, in 1/s; 0 if none does, up to rounding."""
+        rate = float(self.eigenvalues.real.max(initial=0.0))
+        return rate if rate > FEW_DIGITS * np.abs(self.eigenvalues).max(initial=0.0) else 0.0
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """The angular frequencies of small oscillations about the motion, in rad/s, ascending."""
+        return np.sort(self.eigenvalues.imag[self.eigenvalues.imag > 0.0])
+
+    @property
+    def verdict(self) -> str:
+        """`stable` (for all times, at the same momenta and but for a drift along the symmetries: the augmented energy is
+        definite), `unstable` (a disturbance grows), `asymptotically stable` (all die out, under a load), or
+        `spectrally stable` (none grows at first; the energy does not decide).
+        """
+        if self.growth:
+            return "unstable"
+        if self.squares is not None and len(self.eigenvalues) == max(self.squares):
+            return "stable"
+        size = np.abs(self.eigenvalues).max(initial=0.0)
+        if self.squares is None and (self.eigenvalues.real < -FEW_DIGITS * size).all():
+            return "asymptotically stable"
+        return "spectrally stable"
+
+    def __str__(self) -> str:
+        if self.growth:
+            why = f"a disturbance grows as exp({self.growth:.6g} t)"
+        elif self.squares is None:
+            why = "the energy is not kept, and says nothing"
+        else:
+            why = "the augmented energy has {} positive and {} negative squares".format(*self.squares)
+        shown = {
+            **self.state.arrays,
+            "velocity": self.velocity[: len(self.velocity) // 2],
+            "frequencies": self.frequencies,
+        }
+        lines = [f"relative equilibrium, {self.verdict}: {why}"]
+        for name, x in shown.items():
+            numbers = np.where(np.abs(x) > FEW_DIGITS**2 * np.abs(x).max(initial=0.0), x, 0.0)  # but for rounding
+            lines.append(f"  {name:<12} {np.array2string(numbers, precision=6, prefix=' ' * 15)}")
+        lines.append(f"  {'symmetries':<12} {self.symmetries}")
+        return "\n".join(lines)
+
+
+def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
+    """The relative equilibrium near a state, of its momenta: a top that precesses without nodding, a satellite that
+    always faces the planet, masses that turn as a triangle.
+
+    system : a LiePoissonSystem, a MechanicalSystem or a HamiltonianSystem, autonomous.  Its symmetries are found from its
+    equations: left and right translations of the group, and linear maps of positions.
+    guess : a state, `system.state(...)`, near the equilibrium.  The momenta of its symmetries are kept.
+
+    Newton's method for the critical point of H - sum_a w_a J_a at J_a = j_a, each step the shortest one, as states that
+    the symmetries move to are equilibria too.  Returns a RelativeEquilibrium, with its frequencies and a verdict.
+    Raises IncompatibleSystem for other systems, NoConvergence if there is no relative equilibrium of these momenta
+    near the guess.
+
+    Source: Simo, Lewis, Marsden, Stability of relative equilibria, part I, Arch. Rational Mech. Anal. 115 (1991).
+    """
+    near = states_near("relative_equilibrium", system, guess)
+    sizes = near.sizes()
+    kept = kept_momenta(near, sizes)
+    near, w = _found(near, sizes, kept)
+    return _judged(near, near.sizes(), kept, w)
+
+
+def _found(near: NearState, sizes: np.ndarray, kept: np.ndarray) -> tuple[NearState, np.ndarray]:
+    """The equilibrium, and the weights w of its kept momenta."""
+    wanted = np.asarray(near.momenta(near.here)) @ kept
+    w = np.linalg.lstsq(_generated(near, kept) / sizes[:, None], np.asarray(near.field(near.here)) / sizes)[0]
+    left, settled = np.inf, False
+    for _ in range(TURNS):
+        matrix, defects, units = _equations(near, sizes, kept, w, wanted)
+        left = float(np.abs(defects).max())
+        step = np.linalg.lstsq(matrix, -defects, rcond=DEPENDENT)[0]
+        step *= min(1.0, FARTHEST / np.abs(step[: len(sizes)]).max(initial=FARTHEST))
+        near, w = near.moved(sizes * step[: len(sizes)]), w + units * step[len(sizes) :]
+        if settled:
+            return near, w
+        settled = left <= SOLVED
+    raise NoConvergence(
+        f"relative_equilibrium: after {TURNS} steps of Newton's method the state is still {left:.1e} of its size away from "
+        "steady motion: there is no relative equilibrium with the momenta of the guess near it; change the guess"
+    )
+
+
+def _equations(
+    near: NearState, sizes: np.ndarray, kept: np.ndarray, w: np.ndarray, wanted: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The matrix of Newton's equations for (z, w), the defects, and the units of w; those of z are the sizes, and all
+    rows are parts of a size.
+    """
+    slopes = near.slopes(kept @ w) / sizes[:, None] * sizes
+    fast = np.abs(slopes).max() or 1.0  # the rate in which rates are told
+    generated = _generated(near, kept) / sizes[:, None]
+    units = fast / nonzero(np.abs(generated).max(axis=0))
+    by_state = kept.T @ momentum_slopes(near) * sizes
+    levels = nonzero(np.abs(by_state).max(axis=1))
+    momenta = np.asarray(near.momenta(near.here)) @ kept
+    corner = np.zeros((len(w), len(w)))
+    matrix = np.block([[slopes / fast, -generated * units / fast], [by_state / levels[:, None], corner]])
+    steady = np.asarray(near.field(near.here)) / sizes - generated @ w
+    return matrix, np.concatenate([steady / fast, (momenta - wanted) / levels]), units
+
+
+def _judged(near: NearState, sizes: np.ndarray, kept: np.ndarray, w: np.ndarray) -> RelativeEquilibrium:
+    """The equilibrium with the motion near it."""
+    generated = _generated(near, kept) / sizes[:, None]
+    weights = 1.0 / nonzero(np.abs(generated).max(axis=0))
+    generated, by_state = generated * weights, kept.T @ momentum_slopes(near) * sizes
+    by_state = by_state / nonzero(np.abs(by_state).max(axis=1))[:, None]
+    level, free = null_space(by_state)
+    moved = (generated @ null_space(by_state @ generated)[0])[free]  # by symmetries, at the same momenta
+    _, independent, rank = pivoted(moved)
+    moved = moved[:, independent[:rank]]
+    form = near.two_form().T * sizes * sizes[:, None]
+
+    def energy(w: np.ndarray) -> np.ndarray:
+        """The second derivative of the augmented energy."""
+        return form @ (near.slopes(kept @ w) / sizes[:, None] * sizes)
+
+    whole = energy(w)
+    # of the coordinates of the level those that the symmetries change at will; of two that will do, the one of the larger
+    # energy: that of a satellite's attitude is not the difference of those of its orbit then
+    stiff = np.abs(level.T @ whole @ level).max(axis=1) / np.abs(whole).max()
+    pivots = pivoted(moved.T / (1.0 - 0.05 * np.log2(np.maximum(stiff, ROUNDING))))[1]
+    gone, left = pivots[:rank], pivots[rank:]
+    slice_ = level[:, left]
+    motion = (near.slopes(kept @ w) / sizes[:, None] * sizes @ slice_)[free]
+    motion = motion[left] - moved[left] @ np.linalg.solve(moved[gone], motion[gone])
+    squares = None
+    if np.abs(whole - whole.T).max(initial=0.0) <= FEW_DIGITS * np.abs(whole).max(initial=0.0):
+        more = [energy(w + weights * other) - whole for other in null_space(generated)[0].T]
+        squares = _squares(*[slice_.T @ x @ slice_ for x in (whole, *more)])
+    velocity = np.asarray(near.field(near.here))
+    return RelativeEquilibrium(near.state, velocity, kept.shape[1], np.linalg.eigvals(motion), squares)
+
+
+def _squares(form: np.ndarray, *others: np.ndarray) -> tuple[int, int]:
+    """The numbers of positive and of negative squares of a symmetric form, to which multiples of others may be added that
+    make it definite: momenta that move nothing have a weight of any size.
+    """
+    from scipy.optimize import minimize
+
+    units = like_sizes(form)
+    form, *free = [0.5 * units[:, None] * (x + x.T) * units for x in (form, *others)]
+
+    def values(multiples: np.ndarray) -> np.ndarray:
+        return np.linalg.eigvalsh(form + sum(k * x for k, x in zip(multiples, free, strict=True)))
+
+    best = np.zeros(len(free))
+    if free and len(form):
+        size = np.abs(form).max() / max(np.abs(x).max() for x in free)
+        for sign in (1.0, -1.0):  # the smallest eigenvalue is a concave function of the multiples
+            highest = minimize(lambda x, up: -(up * values(x * size)).min(), best, sign, "Nelder-Mead", options=FINE)
+            if highest.fun < 0.0:
+                best = highest.x * size
+                break
+    eigenvalues = values(best)
+    rounding = FEW_DIGITS**2 * np.abs(eigenvalues).max(initial=0.0)
+    return int((eigenvalues > rounding).sum()), int((eigenvalues < -rounding).sum())
+
+
+def _generated(near: NearState, kept: np.ndarray) -> np.ndarray:
+    """The motions that the kept momenta generate, (2 dim, k)."""
+    return np.array([near.generated(vec(*c), near.here) for c in kept.T.tolist()]).reshape(-1, 2 * near.dim).T

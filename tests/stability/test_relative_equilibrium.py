@@ -1,0 +1,216 @@
+"""Relative equilibria: closed forms of their frequencies, thresholds of their stability, their units."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import liemech as lm
+
+TILT = 0.4
+
+
+def tilted(angle: float) -> np.ndarray:
+    return np.asarray(lm.SO3().exp([angle, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_free_body_turns_about_its_axes(axis: int) -> None:
+    """Euler: about axis i, lambda^2 = w^2 (J_j - J_i)(J_i - J_k)/(J_j J_k)."""
+    J, mu = np.array([1.0, 1.5, 2.0]), np.full(3, 0.03)
+    mu[axis] = 0.9
+    body = lm.RigidBody(J.tolist())
+    found = lm.relative_equilibrium(body, body.state(mu=mu))
+    i, j, k = axis, (axis + 1) % 3, (axis + 2) % 3
+    w = np.linalg.norm(mu) / J[i]  # the momenta of the guess are kept: |mu| too
+    square = w * w * (J[j] - J[i]) * (J[i] - J[k]) / (J[j] * J[k])
+    np.testing.assert_allclose(found.eigenvalues**2, [square, square], rtol=1e-9)
+    assert found.symmetries == 3
+    assert found.verdict == ("unstable" if axis == 1 else "stable")
+    assert found.squares == ((0, 2), (1, 1), (2, 0))[axis]
+    np.testing.assert_allclose(np.linalg.norm(found.state.mu), np.linalg.norm(mu), rtol=1e-14)
+
+
+@pytest.mark.parametrize("part", [0.9, 1.0 - 1e-6, 1.0 + 1e-6, 1.2])
+def test_a_sleeping_top_wakes_below_its_threshold(part: float) -> None:
+    """It sleeps if mu_3^2 > 4 A m g l; below, it grows at sqrt(m g l/A - (mu_3/2A)^2).
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7.
+    """
+    A, mgl = 1.3, 0.8
+    mu_3 = part * 2.0 * math.sqrt(A * mgl)
+    top = lm.models.LagrangeTop(transverse=A, axial=0.6, weight=0.4, length=2.0)
+    found = lm.relative_equilibrium(top, top.state(mu=[0.0, 0.0, mu_3], g=np.eye(3)))
+    growth = math.sqrt(max(mgl / A - (mu_3 / (2.0 * A)) ** 2, 0.0))
+    assert found.growth == pytest.approx(growth, rel=1e-6)
+    assert found.verdict == ("unstable" if part < 1.0 else "stable")
+    assert found.squares == ((2, 2) if part < 1.0 else (4, 0))
+
+
+def test_a_top_precesses_without_nodding() -> None:
+    """A p^2 cos - mu_3 p + m g l = 0, and nutation is an oscillation in the effective potential.
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7.
+    """
+    A, mgl = 1.0, 0.8
+    top = lm.models.LagrangeTop(transverse=A, axial=0.6, weight=mgl, length=1.0)
+    found = lm.relative_equilibrium(top, top.state(mu=[0.1, 0.3, 2.1], g=tilted(TILT)))
+    mu, g = np.asarray(found.state.mu), np.asarray(found.state.g)
+    cos, sin = g[2, 2], math.hypot(g[2, 0], g[2, 1])
+    precession = math.hypot(mu[0], mu[1]) / (A * sin)
+    assert sin > 0.05 and found.symmetries == 2 and found.verdict == "stable"
+    assert A * precession**2 * cos - mu[2] * precession + mgl == pytest.approx(0.0, abs=1e-11)
+
+    def potential(angle: float) -> float:
+        return (mu @ g[2] - mu[2] * math.cos(angle)) ** 2 / (2.0 * A * math.sin(angle) ** 2) + mgl * math.cos(angle)
+
+    angle, d = math.atan2(sin, cos), 1e-3 * sin
+    weights = {-2: -1 / 12, -1: 4 / 3, 0: -5 / 2, 1: 4 / 3, 2: -1 / 12}
+    bent = sum(c * potential(angle + k * d) for k, c in weights.items()) / d**2
+    np.testing.assert_allclose(found.frequencies, [math.sqrt(bent / A)], rtol=1e-7)
+
+
+def test_a_motion_from_it_is_steady() -> None:
+    top = lm.models.HeavyTop([1.0, 1.6, 2.3], 0.8, [0.1, 0.2, 1.0])
+    found = lm.relative_equilibrium(top, top.state(mu=[0.0, 0.0, -2.5], g=tilted(3.0)))
+    assert found.symmetries == 1 and found.verdict == "stable"
+    run = lm.integrate(top, lm.RKMK(order=8), found.state, h=0.05, steps=400, every=400)
+    np.testing.assert_allclose(run.mu[-1], run.mu[0], atol=1e-12)
+    # it oscillates about it as the eigenvalues say: z(T) = exp(A T) z is the identity after a period of each alone
+    assert np.allclose(np.sort(np.abs(found.eigenvalues))[::2], found.frequencies)
+
+
+@pytest.mark.parametrize(("moments", "verdict"), [((10.0, 14.0, 15.0), "stable"), ((15.0, 14.0, 10.0), "unstable")])
+def test_a_satellite_faces_its_planet(moments: tuple[float, ...], verdict: str) -> None:
+    """In pitch s^2 = -3 (J_roll - J_yaw)/J_pitch, in roll and yaw s^4 + (1 + 3 a + a b) s^2 + 4 a b = 0, in orbits;
+    a = (J_pitch - J_yaw)/J_roll, b = (J_pitch - J_roll)/J_yaw.  In metres and kilograms, though torques are 10^-16 of
+    the orbit's energy.  Source: Hughes, Spacecraft Attitude Dynamics, section 9.2.
+    """
+    attraction, radius = 3.986004418e14, 7.0e6
+    satellite = lm.models.OrbitingBody(inertia=moments, mass=100.0, attraction=attraction)
+    guess = satellite.circular_orbit(radius, g=np.asarray(lm.SO3().exp([0.02, -0.01, 0.03])))
+    found = lm.relative_equilibrium(satellite, guess)
+    yaw, roll, pitch = moments
+    a, b = (pitch - yaw) / roll, (pitch - roll) / yaw
+    in_roll_and_yaw = np.roots([1.0, 0.0, 1.0 + 3.0 * a + a * b, 0.0, 4.0 * a * b])
+    in_pitch = np.sqrt(complex(3.0 * (yaw - roll) / pitch)) * np.array([1.0, -1.0])
+    wanted = np.concatenate([[1.0j, -1.0j], in_pitch, in_roll_and_yaw])
+    seen = found.eigenvalues / math.sqrt(attraction / radius**3)
+    assert max(np.abs(seen - x).min() for x in wanted) < 1e-6
+    assert max(np.abs(wanted - x).min() for x in seen) < 1e-6
+    assert found.symmetries == 3 and found.verdict == verdict
+
+
+@pytest.mark.parametrize("masses", [(1.0, 0.01, 0.005), (1.0, 0.5, 0.4)])
+def test_three_masses_turn_as_a_triangle(masses: tuple[float, ...]) -> None:
+    """2 s^2 = -1 +- sqrt(1 - 27 (m_1 m_2 + m_2 m_3 + m_3 m_1)/M^2) in units of the rotation (Gascheau 1843, Routh 1875)."""
+    m, M = np.array(masses), sum(masses)
+    q = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, math.sqrt(0.75)]])
+    q -= m @ q / M
+    p = m[:, None] * math.sqrt(M) * np.stack([-q[:, 1], q[:, 0]], axis=1)
+    rng = np.random.default_rng(0)
+    near = [(x * (1.0 + 0.01 * rng.normal(size=x.shape))).ravel() for x in (q, p)]
+    bodies = lm.models.NBody(masses, dimension=2)
+    found = lm.relative_equilibrium(bodies, bodies.state(*near))
+    at = np.asarray(found.state.q).reshape(3, 2)
+    sides = [np.linalg.norm(at[i] - at[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+    np.testing.assert_allclose(sides, sides[0], rtol=1e-10)
+    turning = math.sqrt(M / sides[0] ** 3)
+    routh = np.sqrt(complex(1.0 - 27.0 * (m[0] * m[1] + m[1] * m[2] + m[2] * m[0]) / M**2))
+    for square in (0.5 * (-1.0 + routh), 0.5 * (-1.0 - routh), -1.0):
+        assert np.abs((found.eigenvalues / turning) ** 2 - square).min() < 1e-8
+    # the momentum, the angular momentum and that of the centre of mass, which is kept by itself
+    assert found.symmetries == 4
+    assert found.verdict == ("unstable" if routh.imag else "spectrally stable")
+
+
+@pytest.mark.parametrize(("axis", "verdict"), [(0, "stable"), (1, "unstable"), (2, "unstable")])
+def test_a_body_in_water_turns_broadside(axis: int, verdict: str) -> None:
+    """Moving along axis i: s^2 = -P^2 (1/m_j - 1/m_i)/J_k about each axis k across.
+    Source: Kirchhoff, Vorlesungen ueber Mechanik (1876), lecture 19; Leonard, Automatica 33 (1997), section 3.
+    """
+    J, m = (1.0, 1.2, 1.5), (3.0, 2.0, 1.8)
+    P = np.full(3, 1e-2)
+    P[axis] = 2.0
+    body = lm.models.KirchhoffBody([*J, *m])
+    found = lm.relative_equilibrium(body, body.state(mu=[*np.zeros(3), *P]))
+    for k in {0, 1, 2} - {axis}:
+        other = 3 - axis - k
+        square = -(P @ P) * (1.0 / m[other] - 1.0 / m[axis]) / J[k]
+        assert np.abs(found.eigenvalues**2 - square).min() < 1e-7
+    assert found.symmetries == 6 and found.verdict == verdict
+
+
+@pytest.mark.parametrize("length", [2.0**-30, 1.0, 2.0**30])
+@pytest.mark.parametrize("time", [2.0**-30, 1.0, 2.0**30])
+def test_units_change_nothing(length: float, time: float) -> None:
+    mass, rate = 3.0, 1.0 / time
+    moment, weight = mass * length**2, mass * length * rate**2
+    top = lm.models.HeavyTop([moment, 1.6 * moment, 2.3 * moment], 0.8 * weight, [0.1 * length, 0.2 * length, length])
+    found = lm.relative_equilibrium(top, top.state(mu=[0.0, 0.0, -2.5 * moment * rate], g=tilted(3.0)))
+    plain = lm.models.HeavyTop([3.0, 4.8, 6.9], 2.4, [0.1, 0.2, 1.0])
+    wanted = lm.relative_equilibrium(plain, plain.state(mu=[0.0, 0.0, -7.5], g=tilted(3.0)))
+    np.testing.assert_allclose(found.frequencies * time, wanted.frequencies, rtol=1e-9)
+    assert found.squares == wanted.squares == (4, 0)
+
+
+def test_a_body_at_rest_is_one_too() -> None:
+    """Hanging, a body swings at sqrt(m g l/J) about each horizontal axis."""
+    top = lm.models.HeavyTop([1.0, 1.6, 2.3], 0.8, [0.0, 0.0, 1.0])
+    found = lm.relative_equilibrium(top, top.state(mu=np.zeros(3), g=tilted(3.1)))
+    np.testing.assert_allclose(found.frequencies, [math.sqrt(0.8 / 1.6), math.sqrt(0.8)], rtol=1e-9)
+    assert found.verdict == "stable"
+    pendulum = lm.models.Pendulum()
+    up = lm.relative_equilibrium(pendulum, pendulum.state(q=3.0, p=0.0))
+    assert up.symmetries == 0 and up.verdict == "unstable"
+    assert up.growth == pytest.approx(math.sqrt(pendulum.gravity / pendulum.length), rel=1e-12)
+    # found again from itself
+    assert lm.relative_equilibrium(pendulum, up.state).growth == pytest.approx(up.growth, rel=1e-12)
+
+
+@lm.record
+class Friction(lm.Force):
+    """A torque against the rotation."""
+
+    c: float
+
+    def covector(self, t: float, xi: lm.Vec, g: object) -> lm.Vec:
+        return -self.c * xi
+
+
+@lm.record
+class InTheField(lm.Potential):
+    """A body with an axis of its own in each direction, as a crystal: no turn leaves it as it is."""
+
+    def energy(self, g: lm.Mat) -> float:
+        return -g[0][0] - 2.0 * g[1][1] - 3.0 * g[2][2]
+
+
+def test_under_friction_it_comes_to_rest() -> None:
+    damped = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), InTheField(), load=Friction(0.3))
+    found = lm.relative_equilibrium(damped, damped.state(mu=[0.1, 0.0, 0.0], g=tilted(0.2)))
+    assert found.squares is None and found.symmetries == 0 and found.verdict == "asymptotically stable"
+    # about e_k: J s^2 + c s + the sum of the other two fields = 0
+    wanted = [np.roots([J, 0.3, k]) for J, k in ((1.0, 5.0), (1.5, 4.0), (2.0, 3.0))]
+    np.testing.assert_allclose(np.sort_complex(found.eigenvalues), np.sort_complex(np.concatenate(wanted)), atol=1e-9)
+
+
+def test_where_there_is_none_it_says_so() -> None:
+    falling = lm.MechanicalSystem(
+        lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 1.5, 2.0, 3.0, 3.0, 3.0])), lm.models.UniformGravity(9.81)
+    )
+    with pytest.raises(lm.errors.NoConvergence, match="no relative equilibrium with the momenta of the guess"):
+        lm.relative_equilibrium(falling, falling.state(mu=np.ones(6), g=np.eye(4)))
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    with pytest.raises(lm.errors.IncompatibleSystem, match="the guess is the state of one body"):
+        lm.relative_equilibrium(body, body.state(mu=np.ones((2, 3))))
+    kepler = lm.DoubleBracket(body, 0.1) if hasattr(lm, "DoubleBracket") else lm.models.ChainPendulum(2)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="wanted is a LiePoissonSystem"):
+        lm.relative_equilibrium(kepler, body.state(mu=np.ones(3)))
+
+
+def test_it_prints_what_it_is() -> None:
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    text = str(lm.relative_equilibrium(body, body.state(mu=[0.0, 1.0, 0.0])))
+    assert text.startswith("relative equilibrium, unstable: a disturbance grows as exp(0.23")
+    assert "symmetries   3" in text
