@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+ALMOST = 1e-13
+"""The part of a diagonal entry below which what is left of it is rounding."""
+
+
+def require_digits(roots: np.ndarray, diagonal: np.ndarray) -> None:
+    """Raise numpy.linalg.LinAlgError where the pivots of a Cholesky factor are rounding.  roots : of the pivots."""
+    if (roots * roots <= ALMOST * diagonal).any():
+        raise np.linalg.LinAlgError("a pivot is a rounding error of its diagonal entry")
+
 
 class BlockTridiagonal:
     """The matrix with the blocks D_k, (n, n, n), on its diagonal and E_k, (n - 1, n, n), below: E_k stands
     in block row k + 1 and block column k.
 
-    Raises numpy.linalg.LinAlgError if it is not positive definite.
+    Raises numpy.linalg.LinAlgError if it is not positive definite, or if all digits of a pivot are rounding.
 
     Source: Golub and Van Loan, Matrix Computations, 4th ed., sections 4.3, 4.5.
     """
@@ -28,6 +37,7 @@ class BlockTridiagonal:
                 if nodes > 1:
                     band[n + i - j, j : (nodes - 1) * n : n] = E[:, i, j]
         self.factor = cholesky_banded(band, lower=True, check_finite=False)
+        require_digits(self.factor[0], band[0])
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """The solution x, (nodes, n), of the equations with the right side b."""

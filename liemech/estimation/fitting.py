@@ -20,6 +20,7 @@ from ..rooms.derivatives.frames import group_of
 from ..rooms.derivatives.tangent import frames_of
 from ..simulation.compiled.parameters import parameter, with_parameter
 from ..simulation.plan import Plan
+from .block_tridiagonal import ALMOST
 from .least_squares import minimise
 from .sensors import Sensor
 from .smoothing import Mover, Prior, Sight, half_squares, observed, over
@@ -158,10 +159,6 @@ def fit(
     )
     residuals = sum(len(at) * len(sight.sensor.deviation) for sight, at, _ in sights)
     return Fit(_state(space, start, g), numbers, np.linalg.inv(A), run, 2.0 * cost, residuals - len(A), steps)
-
-
-ALMOST = 1e-13
-"""Of the normal equations, in units in which their diagonal is 1: what is smaller is rounding."""
 
 
 def _plan(plan: Plan, numbers: dict[str, np.ndarray]) -> Plan:

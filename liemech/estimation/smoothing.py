@@ -14,7 +14,7 @@ from ..formulas.arrays import real_array
 from ..formulas.classes.frozen import frozen
 from ..groups.lie_group import LieGroup
 from .belief import Belief
-from .block_tridiagonal import BlockTridiagonal
+from .block_tridiagonal import BlockTridiagonal, require_digits
 from .errors_of_elements import by_error, error, moved
 from .least_squares import minimise
 from .processes import Process
@@ -279,6 +279,8 @@ def observed(
 def over(where: str, covariance: np.ndarray, whose: str, *right: np.ndarray) -> list[np.ndarray]:
     """Covariance^-1 times each of these."""
     try:
+        roots = np.diagonal(np.linalg.cholesky(covariance), axis1=-2, axis2=-1)
+        require_digits(roots, np.diagonal(covariance, axis1=-2, axis2=-1))
         solved = np.linalg.solve(covariance, np.concatenate(right, axis=-1))
     except np.linalg.LinAlgError:
         raise InvalidInput(
@@ -299,5 +301,6 @@ def _solver(D: np.ndarray, E: np.ndarray) -> BlockTridiagonal:
         return BlockTridiagonal(D, E)
     except np.linalg.LinAlgError:
         raise InvalidInput(
-            "smooth: the measurements do not determine the path; give a prior, or more of them"
+            "smooth: the measurements do not determine the path, or the noise of a step is so small beside what "
+            "they leave open that rounding decides; give a prior, more of them, or fewer and longer steps"
         ) from None

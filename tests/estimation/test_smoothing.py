@@ -10,6 +10,7 @@ import scipy.optimize
 import liemech as lm
 from liemech.errors import InvalidInput, NoConvergence
 from liemech.estimation.block_tridiagonal import BlockTridiagonal
+from liemech.estimation.smoothing import led
 
 es = lm.estimation
 RNG = np.random.default_rng(31)
@@ -218,6 +219,46 @@ def test_what_is_found_does_not_depend_on_where_it_begins():
     assert np.allclose(first.g, second.g, rtol=0, atol=1e-8)
     assert second.steps > first.steps
     assert np.isclose(first.chi2, second.chi2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("noise", [1e-2, 1e-4, 1e-6, 1e-9, 1e-11])
+def test_small_noise_leaves_digits_or_is_refused(noise):
+    """A random walk that hardly walks, measured at its ends, is one place measured twice."""
+    space, n = lm.VectorSpace(1), 5
+    process, place = es.Turning(space, [noise]), es.Place(space, [0.1])
+    seen = [(place, np.array([0, n]), np.array([[1.0], [2.0]]))]
+    prior = believed(process, [0.0], [1.0])
+    if noise < 1e-8:
+        with pytest.raises(InvalidInput, match="so small beside"):
+            es.smooth(process, prior, np.zeros((n, 1)), 1.0, seen)
+        return
+    # information before, after, and along the walk, whose variance grows by noise^2 a step
+    found = es.smooth(process, prior, np.zeros((n, 1)), 1.0, seen)
+    steps, q = np.arange(n + 1.0), noise * noise
+    variances = 1.0 / (1.0 / (1.0 / 101.0 + q * steps) + 1.0 / (0.01 + q * steps[::-1]))
+    assert np.abs(found.covariance[:, 0, 0] / variances - 1.0).max() < 1e-5
+
+
+@lm.record
+class Seen(es.Sensor):
+    """The position of a car."""
+
+    group: lm.SE2
+    deviation: lm.Vec
+
+    def value(self, g):
+        return lm.vec(g[0, 2], g[1, 2])
+
+
+@pytest.mark.parametrize("at", [0, 10, 20])
+def test_one_position_does_not_tell_a_path_of_poses(at):
+    """It may turn about the position; variances were negative."""
+    plane = lm.SE2()
+    process, sensor = es.Turning(plane, [0.1] * 3), Seen(plane, [0.1] * 2)
+    u = np.tile([0.3, 1.0, 0.0], (20, 1))
+    path = led(process, plane.exp([0.7, 3.0, -2.0]), u, np.full(20, 0.5))
+    with pytest.raises(InvalidInput, match="do not determine"):
+        es.smooth(process, None, u, 0.5, [(sensor, np.array([at]), path[[at], :2, 2])], initial=path)
 
 
 def test_bad_starts_and_undetermined_paths_are_refused():

@@ -488,6 +488,24 @@ def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(found - components.ravel() @ whole[9:]).max() < 1e-13
 
 
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_gradients_of_systems_that_are_written_out(adaptive: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A loss of all numbers of few sites in a row, and cotangents by sites, as the tangent map says."""
+    monkeypatch.setattr(lm.System, "small", 12)
+    way, far = ({"rtol": 1e-7}, {"t_end": 0.3}) if adaptive else ({"h": 0.1}, {"steps": 3})
+    plan = lm.Plan(spins(3), lm.RKMK(order=5), compiled=False, **way)
+    start = spins(3).state(mu=directions(3))
+    run = plan.tangent(start, **far)
+    whole, end = run.tangent["start"][-1], run.mu[-1].ravel()
+    found = plan.gradient(lambda state: state.mu[0] ** 2 + state.mu[4] * state.mu[8], start, **far)
+    slope = np.zeros(9)
+    slope[[0, 4, 8]] = 2.0 * end[0], end[8], end[4]
+    assert abs(found.value - end[0] ** 2 - end[4] * end[8]) < 1e-14
+    assert np.abs(found["start"] - slope @ whole).max() < 1e-14
+    for w in (end, end.reshape(3, 3)):
+        assert np.abs(plan.pullback({"mu": w}, start, **far)["start"] - end @ whole).max() < 1e-14
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True], ids=["momenta", "elements"])
 @pytest.mark.parametrize(

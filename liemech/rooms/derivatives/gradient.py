@@ -222,16 +222,17 @@ class Forward:
     """A run, and the states at which its blocks begin.
 
     edges : (blocks + 1,) the numbers of the steps.  numbers : (blocks + 1, bodies, width) the states there.
+    example : a state as formulas take it, of many sites in a row.
     """
 
-    def __init__(self, plan: Any, run: Trajectory, edges: np.ndarray, t0: float, frames: Any) -> None:
+    def __init__(self, plan: Any, run: Trajectory, edges: np.ndarray, t0: float, frames: Any, example: State) -> None:
         self.plan, self.run, self.edges, self.t0 = plan, run, edges, t0
         self.bodies = run.bodies or 1
         states = {n: x if run.bodies else x[:, None] for n, x in run.states.items()}
         count = len(edges) * self.bodies
         rows = flat({n: x.reshape(count, *x.shape[2:]) for n, x in states.items()}, count)
         self.numbers = rows.reshape(len(edges), self.bodies, -1)
-        self.example = member(run.last, 0)
+        self.example = example
         self.frames = frames
         self.sizes = {n: layout_of(self.example.parts[n]).width for n in self.frames}
         points = {n: np.asarray(self.example.parts[n])[None] for n in self.frames}
@@ -277,7 +278,7 @@ def forwards(plan: Any, start: State, steps: int, t0: float, length: int, frames
     if run.stopped:
         raise run.stopped[min(run.stopped)].error
     edges = np.minimum(np.arange(len(run.t)) * length, steps)
-    return Forward(plan, run, edges, t0, frames)
+    return Forward(plan, run, edges, t0, frames, member(start, 0))
 
 
 class ForwardAdaptive(Forward):
@@ -285,13 +286,13 @@ class ForwardAdaptive(Forward):
     at the time n by a method that knows when it began and how long it was.
     """
 
-    def __init__(self, plan: Any, run: Trajectory, length: int, frames: Any) -> None:
+    def __init__(self, plan: Any, run: Trajectory, length: int, frames: Any, example: State) -> None:
         steps = len(run.t) - 1
         edges = np.minimum(np.arange(-(-steps // length) + 1) * length, steps)
         self.begun = plan.begun
         self.lengths = run.t[1:] - self.begun
         some = dataclasses.replace(run, t=run.t[edges], states={name: x[edges] for name, x in run.states.items()})
-        super().__init__(plan, some, edges, 0.0, frames)
+        super().__init__(plan, some, edges, 0.0, frames, example)
 
     def times(self, body: int) -> tuple[np.ndarray, ...]:
         first, last = self.edges[:-1], self.edges[1:] - 1
@@ -656,7 +657,9 @@ def gradient_of(
     each = many * -(-(count + directions.count) // side)
     length = block_length(max(1, steps), each, intervals, width, every or max(1, steps))
     forward: Forward = (
-        forwards(plan, start, steps, t0, length, frames) if run is None else ForwardAdaptive(plan, run, length, frames)
+        forwards(plan, start, steps, t0, length, frames)
+        if run is None
+        else ForwardAdaptive(plan, run, length, frames, one)
     )
     last = forward.basis(slice(-1, None))
     compiled = plan.options.compiled
@@ -799,7 +802,11 @@ class Cotangent:
         self.rows: Any = {}
         for name, shape in shapes.items():
             wanted = (*lead, *shape)
-            array = arguments.cotangent(given.get(name, np.zeros(wanted)), name, wanted, "fiuc")
+            own = given.get(name, np.zeros(wanted))
+            by_site = run._by_site(name, run.states[name]) if name else None
+            if by_site is not None and np.shape(own) == (*lead, *by_site.shape[2 if run.bodies else 1 :]):
+                own = real_numbers(np.asarray(own, by_site.dtype)).reshape(wanted)
+            array = arguments.cotangent(own, name, wanted, "fiuc")
             wide = array.reshape(*([1] if samples is None else []), *array.shape)
             self.rows[name] = wide if run.bodies else wide[:, None]
         if not self.framed:
