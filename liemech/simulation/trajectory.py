@@ -411,8 +411,8 @@ class Trajectory:
         first = later[0] if len(later) else rest._clock(rest.carry)
         if np.any((first - end) * direction < 0.0):
             raise refused
-        # kept by both
-        shared = int(len(t) > 0 and len(later) > 0 and bool(np.all(later[0] == end) and np.all(t[-1] == end)))
+        # kept by both; bodies that failed stand before it
+        shared = int(len(t) > 0 and len(later) > 0 and bool(np.all(self._going(later[0] == t[-1]))))
         return replace(
             rest,
             t=_both(self.t, rest.t[shared:], self.bodies),
@@ -423,6 +423,10 @@ class Trajectory:
             ended=self._ends(rest),
             **self._more(rest, shared),
         )
+
+    def _going(self, of_bodies: Any) -> Any:
+        """What belongs to bodies that have not failed, where there is something of each."""
+        return np.delete(of_bodies, [*self.stopped]) if np.ndim(of_bodies) else of_bodies
 
     def _ends(self, rest: Trajectory) -> Any:
         """The events that ended the bodies of the joined run; with fixed steps none goes on that one has ended."""

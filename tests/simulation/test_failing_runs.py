@@ -193,6 +193,28 @@ def test_a_body_that_cannot_begin_harms_no_other(bad: int, compiled: bool | None
     assert np.array_equal(run.mu[:, bad], np.tile(mu[bad], (4, 1)))
 
 
+@pytest.mark.parametrize(
+    ("way", "far", "on", "all_of_it"),
+    [({"h": 0.1}, {"steps": 60}, {"steps": 2}, {"steps": 62}), ({"rtol": 1e-6}, {"t_end": 6.0}, {"t_end": 6.5}, None)],
+    ids=["fixed", "adaptive"],
+)
+@pytest.mark.parametrize("bad", [0, 1, 2])
+def test_runs_of_which_a_body_has_failed_are_joined(bad: int, way: Any, far: Any, on: Any, all_of_it: Any) -> None:
+    """The sample that both have is there once, also where a body stands before it."""
+    body = lm.LiePoissonSystem(lm.SO3(), Fragile([1.0, 1.5, 2.0], "divide"))
+    start = body.state(mu=np.insert(np.tile(AWAY, (2, 1)), bad, START, axis=0))
+    plan = lm.Plan(body, lm.RKMK(order=5), compiled=False, **way)
+    with pytest.warns(RuntimeWarning, match=f"body {bad} after"):
+        first = plan.run(start, **far)
+        joined = first.then(plan.resume(first, **on))
+    others = np.delete(joined.t, bad, axis=1) if joined.t.ndim == 2 else joined.t
+    assert (np.diff(others, axis=0) > 0.0).all() and [*joined.stopped] == [bad]
+    if all_of_it:
+        with pytest.warns(RuntimeWarning, match=f"body {bad} after"):
+            whole = plan.run(start, **all_of_it)
+        assert np.array_equal(joined.t, whole.t) and np.array_equal(joined.mu, whole.mu)
+
+
 def test_when_nobody_can_begin() -> None:
     body, _ = asymmetric_body()
     starts = ([-1.0, 0.0, 0.0], "nothing to count"), (-np.ones((2, 3)), "none of the 2 bodies")
