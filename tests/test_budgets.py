@@ -25,7 +25,7 @@ BUDGETS = {
     "integrators": (4_940, 25_500),
     "joints": (7_350, 45_000),
     "models": (8_220, 48_700),
-    "names": (300, 1_100),
+    "names": (310, 1_120),
     "plots": (2_370, 13_460),
     "rooms/at_work": (1_780, 9_100),
     "rooms/constraints": (3_000, 16_600),

@@ -19,7 +19,7 @@ import pytest
 
 import liemech as lm
 from liemech import names
-from liemech.names.places import moved, place_of
+from liemech.names.places import CLASSES, class_of, moved, place_of
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -146,6 +146,16 @@ def test_every_module_that_moved_is_where_the_table_says() -> None:
     assert len(places) > 200
     lost = [name for name in places if importlib.util.find_spec(name) is None]
     assert not lost
+
+
+def test_every_class_that_moved_is_where_the_table_says() -> None:
+    """A file of last year names both by what they were called: the module, and the class in it."""
+    assert class_of("liemech.models.lotka_volterra:Species") == "liemech.models.lattices.lotka_volterra:SpeciesEnergy"
+    assert class_of("elsewhere.models:Species") == "elsewhere.models:Species"
+    for former, today in CLASSES.items():
+        module, _, name = class_of(f"liemech.{former}").partition(":")
+        assert f"{module}:{name}" == f"liemech.{today}"
+        assert isinstance(getattr(importlib.import_module(module), name), type)
 
 
 def test_finders_of_other_packages_stay() -> None:

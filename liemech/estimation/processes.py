@@ -10,7 +10,7 @@ from ..formulas import Element, Mat, Record, Vec, derivative, mat, record, sqrt,
 from ..formulas.derivatives import axes
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
-from ..systems.equations.group_equation import GroupEquation, Position
+from ..systems.equations.group_equation import GroupEquation, GroupState
 from .errors_of_elements import velocity
 from .noise import check_noise
 
@@ -129,4 +129,4 @@ class Discrete(Process):
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
         """One step of the method, input and noise held."""
-        return self.method.step(_Driven(self.group, self, u, w), 0.0, Position(g), h).g
+        return self.method.step(_Driven(self.group, self, u, w), 0.0, GroupState(g), h).g

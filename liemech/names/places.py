@@ -74,6 +74,14 @@ systems > systems.many: common_momentum one_term site_state
 """
 # former package > package of today: modules that went from one to the other, with `=` under another name
 
+CLASSES = {
+    "models.lattices.lotka_volterra:Species": "models.lattices.lotka_volterra:SpeciesEnergy",
+    "models.many.fermi_pasta_ulam:Spring": "models.many.fermi_pasta_ulam:BentSpring",
+    "rooms.sites.terms.kinds_of_terms:Kind": "rooms.sites.terms.bound_terms:Kind",
+    "systems.equations.group_equation:Position": "systems.equations.group_equation:GroupState",
+}
+"""Classes with another name, or in another module than before, by the former name in the module of today."""
+
 
 @functools.cache
 def moved() -> dict[str, str]:
@@ -91,6 +99,13 @@ def place_of(module: str) -> str:
     """The full name of a module today, by a name that it has had."""
     home, _, path = module.partition(".")
     return f"{LIBRARY}.{moved()[path]}" if home == LIBRARY and path in moved() else module
+
+
+def class_of(path: str) -> str:
+    """The full name `module:class` of a class today, by a name that it has had."""
+    module, _, name = path.partition(":")
+    home, _, path_inside = f"{place_of(module)}:{name}".partition(".")
+    return f"{home}.{CLASSES.get(path_inside, path_inside)}" if home == LIBRARY else path
 
 
 def package_of(namespace: str) -> str:

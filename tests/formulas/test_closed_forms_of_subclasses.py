@@ -149,7 +149,7 @@ NUMBERS: dict[str, tuple[Any, str, str, tuple[Any, ...]]] = {
     "KineticEnergy.momentum": (lm.KineticEnergy([1.0, 1.5, 2.0]), "value", "momentum", (some(3),)),
     "DrivenKineticEnergy.gradient": (Swelling(), "energy", "gradient", (0.4, some(3))),
     "HeavyTopEnergy.gradient": (TOP.hamiltonian, "energy", "gradient", (some(6),)),
-    "Species.gradient": (M.LotkaVolterra().hamiltonian.parts[0], "energy", "gradient", (some(2),)),
+    "SpeciesEnergy.gradient": (M.LotkaVolterra().hamiltonian.parts[0], "energy", "gradient", (some(2),)),
     "FixedPointGravity.force": (M.FixedPointGravity(1.3, [0.6, 0.0, 0.8]), "energy", "force", (lm.SO3(), TURN)),
     "UniformGravity.force": (M.UniformGravity(1.3), "energy", "force", (lm.SE3(), POSE)),
     "Gravity.force": (M.Gravity(), "energy", "force", (lm.VectorSpace(3), 1, *TWO)),

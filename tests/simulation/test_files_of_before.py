@@ -107,6 +107,15 @@ def test_a_saved_run_holds_its_samples_and_goes_on(name: str) -> None:
     assert_same(plan.resume(run, **goal), plan.resume(now, **goal), close)
 
 
+def test_every_file_loads_whatever_classes_are_called_and_make_of_their_fields_today() -> None:
+    for name in RUNS:
+        system, start = RUNS[name][0]()
+        run = lm.Trajectory.load(FILES / f"{name}.npz")
+        assert type(run.system) is type(system)
+        for part in run.states.keys() & start.arrays.keys():
+            assert np.allclose(np.ravel(run.states[part][0]), np.ravel(start.arrays[part]), rtol=1e-12), (name, part)
+
+
 def test_a_checkpoint_goes_on() -> None:
     whole, part = run_of("body"), lm.Trajectory.load(FILES / "checkpoint.npz")
     assert_same(part, whole)

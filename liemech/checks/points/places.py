@@ -25,7 +25,7 @@ from ...rooms.fictive_time.clocked import Clocked
 from ...rooms.fictive_time.origin import Origin
 from ...rooms.fictive_time.time_transformed import ExtendedSystem
 from ...systems.canonical import CanonicalState, PhaseSpace
-from ...systems.equations.group_equation import GroupEquation, Position
+from ...systems.equations.group_equation import GroupEquation, GroupState
 from ...systems.equations.homogeneous_equation import HomogeneousEquation, Point
 from ...systems.lie_poisson import BodyState, LiePoissonMotion
 from ...systems.mechanical import MechanicalSystem
@@ -305,7 +305,7 @@ def _maker(system: Any) -> Callable[[Any, float, np.random.Generator], Any] | No
         return members(system.state(y))[0]
 
     def position(start: Any, factor: float, rng: np.random.Generator) -> Any:
-        return Position(turned(start.g, system.group, rng, min(3.0, abs(factor) + 0.5)))
+        return GroupState(turned(start.g, system.group, rng, min(3.0, abs(factor) + 0.5)))
 
     def point(start: Any, factor: float, rng: np.random.Generator) -> Any:
         xi = rng.normal(size=system.group.dim)

@@ -19,7 +19,7 @@ from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.poisson.poisson import PoissonState, PoissonSystem
 from ...simulation.integrate import integrate
 from ...systems.canonical import CanonicalState, CanonicalSystem, PhaseSpace
-from ...systems.equations.group_equation import GroupEquation, Position
+from ...systems.equations.group_equation import GroupEquation, GroupState
 from ...systems.equations.homogeneous_equation import HomogeneousEquation, Point
 from ...systems.in_time.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ...systems.in_time.inputs import inputs
@@ -237,7 +237,7 @@ def random_state(system: Any, rng: np.random.Generator, large: float = 1.0) -> A
         except InvalidInput:
             return PoissonState(small(0.5 * abs(large) + np.abs(y)))
     if isinstance(system, GroupEquation):
-        return Position(small(np.asarray(system.group.random(rng))))
+        return GroupState(small(np.asarray(system.group.random(rng))))
     if isinstance(system, HomogeneousEquation):
         return Point(small(np.asarray(system.action.random(rng))))
     raise InvalidInput(

@@ -17,7 +17,7 @@ from ...systems.parts import FunctionOfCoordinate, SplitHamiltonian
 
 
 @record
-class Species(Hamiltonian):
+class SpeciesEnergy(Hamiltonian):
     """The energy of one species, d y - p ln y.
 
     index : which, from 0.  number : of all species.  weight : d.  rate : p.
@@ -75,7 +75,7 @@ class LotkaVolterra(PoissonSystem):
                 raise InvalidInput(f"{name}: {key} are {n} finite numbers, as coupling has rows; got {row.tolist()}")
         object.__setattr__(self, "structure", structure)
         parts = [
-            FunctionOfCoordinate(Species(i, n, d, p), i)
+            FunctionOfCoordinate(SpeciesEnergy(i, n, d, p), i)
             for i, (d, p) in enumerate(zip(*(row.tolist() for row in rows), strict=True))
         ]
         object.__setattr__(self, "hamiltonian", SplitHamiltonian(tuple(parts)))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formulas import Vec, dot, real_array, record, vec
+from ...formulas import Vec, dot, real_array, record, vec, vectors
 from ...formulas.classes.of_each import each
 from ...groups.matrices.matrix_group import whole_number
 from ...groups.vector_space import VectorSpace
@@ -20,7 +20,7 @@ from ...systems.mechanical import MechanicalSystem
 
 
 @record
-class Spring(Term):
+class BentSpring(Term):
     """A spring between two masses on a line, d^2/2 + alpha d^3/3 + beta d^4/4 with d = x_b - x_a.
 
     Source: Ford, Phys. Rep. 213 (1992), 271.
@@ -90,7 +90,7 @@ class FermiPastaUlam(SeparableSites):
         """The masses on VectorSpace(1) ** n, with springs to their neighbours and to the walls."""
         n, number = self.particles, np.arange(self.particles)
         pairs = np.column_stack([number[:-1], number[1:]])
-        springs = Spring(self.alpha, self.beta).over(edges(pairs, sites=n, ordered=True))
+        springs = BentSpring(self.alpha, self.beta).over(edges(pairs, sites=n, ordered=True))
         walls = Walls(self.alpha, self.beta)
         field: Any = Terms(springs, walls, left=each(1.0 * (number == 0)), right=each(1.0 * (number == n - 1)))
         kinetic: Any = PerSite(KineticEnergy([1.0]))
@@ -102,10 +102,7 @@ class FermiPastaUlam(SeparableSites):
 
     def potential(self, q: Vec) -> float:
         """The energy of the springs.  q : (n,)."""
-        total = 0.0
-        for d in self._stretches(q):
-            total = total + _energy(d, self.alpha, self.beta)
-        return total
+        return vectors.sum([_energy(d, self.alpha, self.beta) for d in self._stretches(q)])
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """p.  q, p : (n,)."""

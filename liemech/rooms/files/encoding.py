@@ -33,7 +33,7 @@ from ...formulas.sites import SiteArray, SiteTable
 from ...formulas.tables import Table
 from ...formulas.vectors import Mat, Vec
 from ...groups.matrices.matrix_group import MatrixLieGroup
-from ...names.places import place_of
+from ...names.places import class_of
 from ...systems.in_time.tabulated import PiecewisePolynomial
 from .fingerprints import changed, fingerprint
 
@@ -48,8 +48,6 @@ OF_TABLES = PiecewisePolynomial, SiteTable, SiteArray, Each
 """Classes of the library whose tables come from files: they compare them with their numbers."""
 LARGEST = 10**6
 """Sizes that a file may ask for that holds fewer numbers: those of its systems would fill the memory."""
-OTHER_MODULES = {"liemech.systems.kinds_of_terms:Kind": "liemech.systems.bound_terms:Kind"}
-"""Where classes are that have left their modules; where modules are, `place_of` says."""
 
 
 class Pool:
@@ -212,8 +210,7 @@ class Decoder:
         """The class of this name, among the records that are known here."""
         if not isinstance(path, str) or path.count(":") != 1:
             self._refuse(path)
-        former, _, name = OTHER_MODULES.get(path, path).partition(":")
-        module = place_of(former)
+        module, _, name = class_of(path).partition(":")
         of_library = module.partition(".")[0] == LIBRARY
         if of_library and module not in sys.modules and _has_records(module):
             importlib.import_module(module)
@@ -267,7 +264,9 @@ class Decoder:
         if not isinstance(encoded_fields, dict):
             self._refuse(others)
         fields = {name: self(x) for name, x in encoded_fields.items()}
-        if {f.name for f in dataclasses.fields(cls)} != set(fields):
+        known_fields = {f.name: f.init for f in dataclasses.fields(cls)}
+        of_others = {name for name, init in known_fields.items() if not init}  # what a class makes of its other fields
+        if not known_fields.keys() - of_others <= fields.keys() <= known_fields.keys():
             raise InvalidInput(
                 f"{self.where}: {cls.__qualname__} does not have the fields of the file, {', '.join(fields)}"
             )
@@ -283,6 +282,8 @@ class Decoder:
                 require_sizes(self.where, cls, fields, self.largest)
                 if not issubclass(cls, OF_TABLES) and any(isinstance(x, Table) for x in fields.values()):
                     raise InvalidInput(f"{self.where}: {cls.__qualname__} is made for a run, and no part of files")
+            if len(fields) < len(known_fields):
+                return cls(**{name: x for name, x in fields.items() if known_fields[name]})
             return refilled(cls, fields)
         instance = object.__new__(cls)
         for name, x in fields.items():

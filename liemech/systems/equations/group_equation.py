@@ -14,7 +14,7 @@ from ..system import State, System, as_precise, lies_in_memory
 
 
 @record
-class Position(State):
+class GroupState(State):
     """A place on a group: the element `g`; for an ensemble one for each body."""
 
     g: Any
@@ -40,26 +40,26 @@ class GroupEquation(System):
     # ---------------------------------------------------------------- how it moves
 
     @final
-    def rate(self, t: float, state: Position) -> Vec:
+    def rate(self, t: float, state: GroupState) -> Vec:
         """The velocity xi(t, g) at the state's element."""
         return self.velocity(t, state.g)
 
     @final
-    def displaced(self, retraction: Retraction, state: Position, omega: Vec) -> Position:
+    def displaced(self, retraction: Retraction, state: GroupState, omega: Vec) -> GroupState:
         """g tau(omega), or tau(omega) g for spatial velocities."""
         omega = as_precise(omega, state.g)
         if self.side == "left":
-            return Position(retraction.compose_tau(self.group, state.g, omega))
-        return Position(retraction.tau_compose(self.group, omega, state.g))
+            return GroupState(retraction.compose_tau(self.group, state.g, omega))
+        return GroupState(retraction.tau_compose(self.group, omega, state.g))
 
     @final
-    def moving(self, state: Position, xi: Vec) -> Position:
+    def moving(self, state: GroupState, xi: Vec) -> GroupState:
         """g xi, or xi g for spatial velocities, as matrices."""
         x = self.group.algebra.hat(xi)
-        return Position(state.g @ x if self.side == "left" else x @ state.g)
+        return GroupState(state.g @ x if self.side == "left" else x @ state.g)
 
     @final
-    def variation(self, state: Position, omega: Vec) -> tuple[Any, Any]:
+    def variation(self, state: GroupState, omega: Vec) -> tuple[Any, Any]:
         """The displacement, beside what counts as large at g."""
         if isinstance(omega, InMemory):
             displacement: Any = omega
@@ -67,7 +67,7 @@ class GroupEquation(System):
         return omega, self.group.scale(state.g)
 
     @final
-    def state(self, g: Any) -> Position:
+    def state(self, g: Any) -> GroupState:
         """A start for `integrate`: an element, or one for each body of an ensemble.
 
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on
@@ -76,7 +76,7 @@ class GroupEquation(System):
         elements, shape = (members_of(self.group, g, f"{type(self).__name__}.state: g"), self.group.element_shape)
         members = None if elements.shape == shape else len(elements)
         large = lies_in_memory(self.group)
-        return self.vouched(large_members(Position(as_field(elements, shape, members, large)), large))
+        return self.vouched(large_members(GroupState(as_field(elements, shape, members, large)), large))
 
 
 @record
