@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Mat, Record, Vec, record, vec
+from ..formulas import Mat, Record, Vec, record, vec, vectors
 from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import SE3
 from ..systems.potential import Force, Potential
@@ -25,10 +25,7 @@ class PotentialsOfBodies(Potential):
 
     def energy(self, g: Vec) -> float:
         """The sum of the energies of single bodies."""
-        total = 0.0
-        for b, potential in zip(self.bodies, self.each):
-            total = total + potential.energy(pose(g, b))
-        return total
+        return vectors.sum([potential.energy(pose(g, b)) for b, potential in zip(self.bodies, self.each)])
 
     def force(self, group: LieGroup, g: Any) -> Vec:
         """The forces on all bodies, of their potentials."""
@@ -76,24 +73,15 @@ class AtBody(Record):
 
     def pull(self, g: Mat) -> Vec:
         """The force of the potential."""
-        total = REST6
-        for potential in self.potentials:
-            total = total + potential.force(SE3(), g)
-        return total
+        return vectors.sum([REST6, *[potential.force(SE3(), g) for potential in self.potentials]])
 
     def push(self, t: float, xi: Vec, g: Mat) -> Vec:
         """The load at this velocity."""
-        total = REST6
-        for load in self.loads:
-            total = total + load.covector(t, xi, g)
-        return total
+        return vectors.sum([REST6, *[load.covector(t, xi, g) for load in self.loads]])
 
     def resistance(self, t: float, xi: Vec, g: Mat, along: Vec) -> Vec:
         """The damping of the load along a velocity."""
-        total = REST6
-        for load in self.loads:
-            total = total + load.resistance(t, xi, g, along)
-        return total
+        return vectors.sum([REST6, *[load.resistance(t, xi, g, along) for load in self.loads]])
 
 
 @record

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
-from ..formulas import Mat, Record, Vec, cross, derivative, mat, record, sin, vec
+from ..formulas import Mat, Record, Vec, cross, derivative, mat, record, sin, vec, vectors
 from ..formulas.classes.records import with_fields
 from ..groups.rigid.se3 import join
 from ..systems.in_time.tabulated import PiecewisePolynomial
@@ -212,10 +212,7 @@ class MovedJoint(Joint):
 
 def sum_of(a: Any, b: Any) -> Any:
     """The sum of the products a_i b_i."""
-    total = a[0] * b[0]
-    for i in range(1, len(a)):
-        total = total + a[i] * b[i]
-    return total
+    return vectors.sum([a[i] * b[i] for i in range(len(a))])
 
 
 def carried_by(m: Mat, row: Vec) -> Vec:

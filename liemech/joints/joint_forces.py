@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
-from ..formulas import Element, Mat, Record, Vec, cross, derivative, dot, real_array, record, tanh, vec
+from ..formulas import Element, Mat, Record, Vec, cross, derivative, dot, real_array, record, tanh, vec, vectors
 from ..formulas.classes.derived import derived
 from ..formulas.classes.overriding import asked
 from ..groups.lie_group import LieGroup
@@ -294,10 +294,9 @@ class AtJoint(Record):
 
     def led(self, t: float, g: Vec, multipliers: Vec) -> float:
         """The power that a given motion of the joint brings in, lam . dc/dt."""
-        total = 0.0
-        for lam, pace in zip(multipliers, self.joint.at_time(t).paces(*both(self.joint, g))):
-            total = total + lam * pace
-        return total
+        return vectors.sum(
+            [lam * pace for lam, pace in zip(multipliers, self.joint.at_time(t).paces(*both(self.joint, g)))]
+        )
 
     def drive(self, t: float, g: Vec, multipliers: Vec) -> Vec:
         """The torques or forces along the coordinates of a path, lam . dc/dq."""
@@ -423,9 +422,7 @@ class LinkagePotential(Potential):
 
     def energy(self, g: Vec) -> float:
         """The sum of the energies of weights, springs and the user's field."""
-        total = self.weights.energy(g)
-        for at_joint in self.at_joints:
-            total = total + at_joint.energy(g)
+        total = vectors.sum([self.weights.energy(g), *[at_joint.energy(g) for at_joint in self.at_joints]])
         return total if self.other is None else total + self.other.energy(g)
 
     def force(self, group: LieGroup, g: Element) -> Vec:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
-from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec
+from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec, vectors
 from ..formulas.calls.arguments import ordinary, whole
 from ..formulas.classes.records import with_fields
 from ..formulas.vectors import small
@@ -26,7 +26,7 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.potential import Potential
 from .body_forces import of_bodies
 from .given_motion import MovedJoint, MovingSupport, moved, require_motion
-from .in_memory.links import Links
+from .in_memory.links import LinkedBodies
 from .joint_forces import AtJoint, JointForce, JointPotential, LinkageForce, LinkagePotential, acting, rates_of
 from .joint_motion import JointAngle, JointMotion, LinkMotion
 from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, both
@@ -71,10 +71,7 @@ class Weights(Potential):
 
     def energy(self, g: Vec) -> float:
         """The sum of the weights times the heights of the bodies."""
-        total = self.weights[0] * g[11]
-        for b in range(1, len(self.weights)):
-            total = total + self.weights[b] * g[16 * b + 11]
-        return total
+        return vectors.sum([self.weights[b] * g[16 * b + 11] for b in range(len(self.weights))])
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """(0, -w R^T e3) of each body."""
@@ -469,7 +466,7 @@ class Linkage(ConstrainedBody):
         return self.linked.has_loops
 
     @property
-    def site_form(self) -> Links | None:
+    def site_form(self) -> LinkedBodies | None:
         """The site form of many bodies, or of those in a given motion; None for few."""
         is_large = 6 * len(self.links) > self.small or self.rheonomic or self.geared
         return self.linked.links if is_large else None

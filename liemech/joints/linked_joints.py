@@ -20,7 +20,7 @@ from ..formulas.tables import Table, of_whole
 from ..groups.rigid.se3 import SE3
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .elimination_order import has_loops, hubs_in, sides_of, tables_of
-from .in_memory.links import Links, work_of
+from .in_memory.links import LinkedBodies, Needs, work_of
 from .joint_forces import AtJoint, effort_of, resistance_of, seen_about
 from .points_and_axes import REST6
 
@@ -60,13 +60,8 @@ class LinkedJoint(Record):
         """The rows of conditions by the first and by the second body, and of motions along which loads act; both padded
         by zeros.
         """
-        rows = self.joint.rows(g, k)
         moving = self.joint.motions(g, k) if freedoms > 0 and len(self.loads) > 0 else ()
-        sides: list[Any] = []
-        for side in range(2):
-            conditions = filled([row[side] for row in rows], most, REST6)
-            sides = [*sides, [*conditions, *filled([row[side] for row in moving], freedoms, REST6)]]
-        return sides[0], sides[1]
+        return by_bodies([*filled([*self.joint.rows(g, k)], most, NO_ROW), *filled([*moving], freedoms, NO_ROW)])
 
     def springs_push(self, g: Mat, k: Mat) -> Vec:
         """The forces of springs on both bodies, (12,)."""
@@ -105,18 +100,13 @@ class GearedJoint(LinkedJoint):
 
     def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
         """The rows of conditions, of the coordinate, and of motions along which loads act."""
-        rows, motions = self.joint.rows(g, k), ()  # type: Any, Any
-        if self.joint.geared or (freedoms > 0 and len(self.loads) > 0):
-            motions = self.joint.motions(g, k)
-        moving = motions if freedoms > 0 and len(self.loads) > 0 else ()
-        turning = motions if self.joint.geared else ()
-        sides: list[Any] = []
-        for side in range(2):
-            conditions = filled([row[side] for row in rows], most - 1, REST6)
-            last = filled([row[side] for row in turning], 1, REST6)
-            others = filled([row[side] for row in moving], freedoms, REST6)
-            sides = [*sides, [*conditions, *last, *others]]
-        return sides[0], sides[1]
+        rows: list[Any] = [*self.joint.rows(g, k)]
+        moves = freedoms > 0 and len(self.loads) > 0
+        motions = self.joint.motions(g, k) if self.joint.geared or moves else ()
+        turning, moving = motions if self.joint.geared else (), motions if moves else ()
+        return by_bodies(
+            [*filled(rows, most - 1, NO_ROW), *filled([*turning], 1, NO_ROW), *filled([*moving], freedoms, NO_ROW)]
+        )
 
     def turned(self, g: Mat, k: Mat, q: float) -> float:
         """How far the coordinate is from q, an angle within half a turn."""
@@ -131,6 +121,15 @@ def filled(values: list[Any], count: int, blank: Any) -> list[Any]:
     return [*values, *[blank for _ in range(count - len(values))]]
 
 
+NO_ROW = REST6, REST6
+"""A row of zeros, by the first and the second body."""
+
+
+def by_bodies(rows: list[Any]) -> tuple[list[Vec], list[Vec]]:
+    """The rows by the first and by the second body."""
+    return [row[0] for row in rows], [row[1] for row in rows]
+
+
 def both(g: Mat, k: Mat) -> Vec:
     """The entries of two poses, one after the other."""
     return vec(*[x for row in (*g, *k) for x in row])
@@ -140,7 +139,7 @@ def both(g: Mat, k: Mat) -> Vec:
 class LinkedForm:
     """A linkage as numbers in memory, with the records that formulas read."""
 
-    links: Links  # the record that formulas read
+    links: LinkedBodies  # the record that formulas read
     fixed: np.ndarray  # (rows, places), the numbers that do not change
     more: int  # the number of rows of memory behind them
     joints: tuple[LinkedJoint, ...]  # by place, the joint
@@ -156,91 +155,135 @@ def linked(linkage: Any) -> LinkedForm:
     """The form in memory of a linkage."""
     mechanism: Any = linkage
     acts, on_all = on_bodies(mechanism)
-    fields = tuple(dict.fromkeys(map(layout_of, acts)))
-    if not any(member.potentials or member.loads for member in acts):
-        fields = ()
-    counted = mechanism.constraint.counted
+    counted, count = mechanism.constraint.counted, len(mechanism.links)
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
     geared: bool = getattr(mechanism, "geared", False)
     joints = joints_with_forces(mechanism, geared)
-    layouts = [layout_of(joint) for joint in joints]
-    kinds = tuple(dict.fromkeys(layouts))
-    most = max(joint.joint.conditions for joint in joints) + int(geared)
-    freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
-    full = any(np.ndim(np.array(link.inertia)) == 2 for link in mechanism.links)
-    bent = on_all is not None and on_all.load is not None
-    pushed = bent or any(member.loads for member in acts)
-    moving = mechanism.constraint.rheonomic
     meshes: dict[tuple[int, int], float] = mechanism.meshes if geared else {}
     hubs = hubs_in(ends)
     if any(all(b < 0 or b in hubs for b in ends[j]) for j, _ in meshes):
         hubs = []  # a joint of hubs alone has no block before them, and would be needed by what shares its rotor
+    needs = needs_of(mechanism, joints, acts, on_all, bool(hubs), geared)
+    most, freedoms, work = needs.most, needs.freedoms, work_of(needs)
     parts = -(-6 // most) if hubs else 0  # nodes of a hub
-    work = work_of(full, most, freedoms, kinds, fields, pushed, bent, moving, parts > 0, geared)
-    most_places = max(len(mechanism.links), len(joints) + parts * len(hubs))
-    places = FEW if most_places <= FEW else EIGHT * -(-most_places // EIGHT)
-    numbers = np.zeros((work.width, places))
-    of = columns(Planes(numbers, places), work=work).work.fields
-    of_joints, of_acts = ([part.nth(k) for k in range(len(part.layout.parts))] for part in (of.own, of.on))
-    for b in range(places):
-        link = mechanism.links[b if b < len(mechanism.links) else 0]
-        J = inertia_of(link, full)
-        write(of.inertia, b, J.ravel())
-        write(of.inverse, b, (np.linalg.inv(J) if full else 1.0 / J).ravel())
-    write(of.weight, slice(len(mechanism.links)), [link.mass * mechanism.gravity for link in mechanism.links])
+    places = max(count, len(joints) + parts * len(hubs))
+    places = FEW if places <= FEW else EIGHT * -(-places // EIGHT)
     shared = {j: (SHARED + min(j, *[k for i, k in meshes if i == j]),) for j, _ in meshes}
     tables, blocks, ties, at_blocks = tables_of(
         [(*bodies_of, *shared.get(j, ())) for j, bodies_of in enumerate(ends)], hubs, parts, places
     )
-    first_joint: dict[tuple[int, int], tuple[int, float]] = {}  # by body and side, its first joint, and 1
-    further: list[int] = []  # for every other joint of a body: body, joint, side
-    joints_of: dict[int, set[int]] = {}  # by body
-    for j, bodies_of in enumerate(ends):
-        for side, b in enumerate(bodies_of):
-            joints_of.setdefault(b, set()).add(j)
+    numbers = np.zeros((work.width, places))
+    of = columns(Planes(numbers, places), work=work).work.fields
+    first_joint, further = joints_by_body(ends)
+    put_bodies(of, mechanism, first_joint, acts, needs)
+    put_joints(of, mechanism, joints, ends, hubs, ties, needs)
+    form: Any = LinkedBodies
+    links = form(
+        SE3(), needs.joint_kinds, needs.force_kinds, on_all, (), (), needs.moving, geared, work, most, freedoms,
+        any(joint.springs for joint in joints), needs.pushed, True, float(count), float(len(joints)),
+        float(len(joints) + parts * len(hubs)), parts, sides_of(ties),
+        of_whole([len(further) // 3, *further]), *tables, len(meshes) > 0,
+        of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
+        Table(np.array([*meshes.values(), 0.0])), float(most_neighbours(ends)),
+    )  # fmt: skip
+    fixed, size = numbers[: of.failed_joint.rows.start], most + freedoms
+    more = work.width - len(fixed) - (-blocks * size * wide(size) // padded(places))
+    return LinkedForm(links, fixed, more, tuple(joints), has_loops(ends))
+
+
+def needs_of(
+    mechanism: Any, joints: list[Any], acts: list[AtBody], on_all: OnAll | None, hubs: bool, geared: bool
+) -> Needs:
+    """The parts of a linkage that places have room for."""
+    forces = any(member.potentials or member.loads for member in acts)
+    together = on_all is not None and on_all.load is not None
+    return Needs(
+        full=any(np.ndim(np.array(link.inertia)) == 2 for link in mechanism.links),
+        most=max(joint.joint.conditions for joint in joints) + int(geared),
+        freedoms=max([joint.joint.freedoms for joint in joints if joint.loads], default=0),
+        joint_kinds=tuple(dict.fromkeys(map(layout_of, joints))),
+        force_kinds=tuple(dict.fromkeys(map(layout_of, acts))) if forces else (),
+        pushed=together or any(member.loads for member in acts),
+        pushed_together=together,
+        moving=mechanism.constraint.rheonomic,
+        hubs=hubs,
+        geared=geared,
+    )
+
+
+def joints_by_body(ends: list[tuple[int, int]]) -> tuple[dict[tuple[int, int], tuple[int, float]], list[int]]:
+    """By body and side its first joint there, and 1; and for every other one in a row the body, the joint, the side."""
+    first_joint: dict[tuple[int, int], tuple[int, float]] = {}
+    further: list[int] = []
+    for j, bodies in enumerate(ends):
+        for side, b in enumerate(bodies):
             if b >= 0 and (b, side) in first_joint:
                 further += [b, j, side]
             elif b >= 0:
                 first_joint[b, side] = j, 1.0
-    ahead = 0
+    return first_joint, further
+
+
+def most_neighbours(ends: list[tuple[int, int]]) -> int:
+    """The largest number of other joints that a joint has a body in common with."""
+    joints_of: dict[int, set[int]] = {}
+    for j, bodies in enumerate(ends):
+        for b in bodies:
+            joints_of.setdefault(b, set()).add(j)
+    return max(len(set().union(*[joints_of[b] for b in bodies if b >= 0])) for bodies in ends) - 1
+
+
+def put_bodies(
+    of: Any, mechanism: Any, first_joint: dict[tuple[int, int], Any], acts: list[AtBody], needs: Needs
+) -> None:
+    """Write what does not change of bodies; places behind them have the first one."""
+    links, none = mechanism.links, (0, 0.0)
+    for place in range(of.weight.array.shape[1]):
+        J = inertia_of(links[place if place < len(links) else 0], needs.full)
+        write(of.inertia, place, J.ravel())
+        write(of.inverse, place, (np.linalg.inv(J) if needs.full else 1.0 / J).ravel())
+        of.first_joints.put(place, (*first_joint.get((place, 0), none), *first_joint.get((place, 1), none)))
+    write(of.weight, slice(len(links)), [link.mass * mechanism.gravity for link in links])
+    put_kinds(of.force_parameters, acts, needs.force_kinds, of.acting)
+
+
+def put_joints(
+    of: Any, mechanism: Any, joints: list[Any], ends: list[tuple[int, int]], hubs: list[int], ties: Any, needs: Needs
+) -> None:
+    """Write what does not change of joints; places behind them have the first one."""
+    counted, ahead = mechanism.constraint.counted, 0
+    places = of.ends.array.shape[1]
     for place in range(places):
         j = place if place < len(joints) else 0
         first, second = ends[j]
-        alive = [float(i in counted[j][1]) for i in range(most)]
-        if geared:
+        alive = [float(i in counted[j][1]) for i in range(needs.most)]
+        if needs.geared:
             light = mechanism.lightness.get(j, 0.0)
             alive = [*alive[:-1], float(light > 0.0)]
-            write(of.yields, place, light)
-        of.ends.put(place, (first, max(second, 0), float(second >= 0), kinds.index(layouts[j])))
+            write(of.lightness, place, light)
+        of.ends.put(place, (first, max(second, 0), float(second >= 0), needs.joint_kinds.index(layout_of(joints[j]))))
         write(of.alive, place, alive)
         if hubs:
-            write(of.beside, place, [b not in hubs for b in ends[j]])
-        of.touch.put(place, (*first_joint.get((place, 0), (0, 0.0)), *first_joint.get((place, 1), (0, 0.0))))
+            write(of.off_hubs, place, [b not in hubs for b in ends[j]])
         tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
         ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
         of.tie.put(place, tie)
-        for kind, column in zip(kinds, of_joints):
-            write(column, place, leaves(joints[j if layouts[j] == kind else layouts.index(kind)], kind))
-        field = acts[place if place < len(acts) else 0]
-        if fields:
-            of.acting.put(place, fields.index(layout_of(field)))
-        for kind, column in zip(fields, of_acts):
-            of_kind = field if layout_of(field) == kind else next(x for x in acts if layout_of(x) == kind)
-            write(column, place, leaves(of_kind, kind))
-    size = most + freedoms
-    form: Any = Links
-    links = form(
-        SE3(), kinds, fields, on_all, (), (), moving, geared, work, most, freedoms,
-        any(joint.springs for joint in joints), pushed, True, float(len(mechanism.links)), float(len(joints)),
-        float(len(joints) + parts * len(hubs)), parts, sides_of(ties),
-        of_whole([len(further) // 3, *further]), *tables, len(meshes) > 0,
-        of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
-        Table(np.array([*meshes.values(), 0.0])),
-        float(max(len(set().union(*[joints_of[b] for b in bodies_of if b >= 0])) for bodies_of in ends) - 1),
-    )  # fmt: skip
-    fixed = numbers[: of.at_joint.rows.start]
-    more = work.width - len(fixed) - (-blocks * size * wide(size) // padded(places))
-    return LinkedForm(links, fixed, more, tuple(joints), has_loops(ends))
+    put_kinds(of.joint_parameters, joints, needs.joint_kinds)
+
+
+def put_kinds(column: Any, records: list[Any], kinds: tuple[Any, ...], which: Any = None) -> None:
+    """Write the parameters of records, in a part for each kind, where those of another kind have the first one of it.
+
+    which : the column of the kinds, if there is one.
+    """
+    layouts = [layout_of(one) for one in records]
+    for k, kind in enumerate(kinds):
+        part, first = column.nth(k), layouts.index(kind)
+        for place in range(part.array.shape[1]):
+            i = place if place < len(records) else 0
+            write(part, place, leaves(records[i if layouts[i] == kind else first], kind))
+            if which is not None and layouts[i] == kind:
+                which.put(place, k)
 
 
 def joints_with_forces(mechanism: Any, geared: bool) -> list[Any]:

@@ -177,7 +177,9 @@ def linkage_of(
     if not heads:
         complaint = "has no joint that moves"
         if any(links[name].one("inertial") for name in order):
-            complaint += f"; all of it falls as one body, lm.models.{_falling(_body(links, order, poses)[0])}"
+            body = _body(links, order, poses)[0]
+            falling = f"FallingBody({np.array(body.inertia).tolist()}, {body.mass!r})"
+            complaint += f"; all of it falls as one body, lm.models.{falling}"
         raise robot.wrong(complaint)
     numbers: Any = {name: number for number, name in enumerate(heads)} | {None: None}
     bodies = {name: _body(links, [other for other in order if moved[other] == name], poses) for name in heads}
@@ -335,11 +337,6 @@ def _body(links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarr
     off = np.abs(whole - np.diag(diagonal)).max()
     inertias: Any = diagonal if off <= PARALLEL * diagonal.max() else whole
     return Link(total, inertias.tolist(), name=parts[0]), centre
-
-
-def _falling(link: Link) -> str:
-    """How a body that moves freely is written."""
-    return f"FallingBody({np.array(link.inertia).tolist()}, {link.mass!r})"
 
 
 def _require_units(robot: Element, bodies: dict[str, tuple[Link, np.ndarray]], poses: dict[str, np.ndarray]) -> None:

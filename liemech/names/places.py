@@ -75,6 +75,7 @@ systems > systems.many: common_momentum one_term site_state
 # former package > package of today: modules that went from one to the other, with `=` under another name
 
 CLASSES = {
+    "joints.in_memory.links:Links": "joints.in_memory.links:LinkedBodies",
     "models.lattices.lotka_volterra:Species": "models.lattices.lotka_volterra:SpeciesEnergy",
     "models.many.fermi_pasta_ulam:Spring": "models.many.fermi_pasta_ulam:BentSpring",
     "rooms.sites.terms.kinds_of_terms:Kind": "rooms.sites.terms.bound_terms:Kind",

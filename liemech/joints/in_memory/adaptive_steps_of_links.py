@@ -56,9 +56,9 @@ class AdaptiveStepsOfLinks(Embedded):
         if curves and tableau.interpolant:
             rows, nodes = [*rows, *tableau.A_extra], [*nodes, *tableau.c_extra]
         steps = StagesOfLinks.with_ways(method, [[row] for row in (*rows, tableau.b)], nodes)
-        own, all_of_them = tableau.stages, len(nodes)
-        last = own - 1 if tableau.fsal else all_of_them
-        order = [START, EULER, *range(1, own), *([] if tableau.fsal else [last]), *range(own, all_of_them)]
+        stages, count = tableau.stages, len(nodes)
+        last = stages - 1 if tableau.fsal else count
+        order = [START, EULER, *range(1, stages), *([] if tableau.fsal else [last]), *range(stages, count)]
         return cls(method, curves, steps, of_whole(order), float(len(order)), last)
 
     @property
@@ -68,8 +68,8 @@ class AdaptiveStepsOfLinks(Embedded):
 
     def start(self, system: Any, state: Any, h: float) -> Standing:
         """A state, of which velocity and force are still to be found."""
-        rest = vec(*[0.0] * 12)
-        return Standing(state, rest, (rest,) * (self.method.curve_terms if self.curves else 0))
+        zeros = vec(*[0.0] * 12)
+        return Standing(state, zeros, (zeros,) * (self.method.curve_terms if self.curves else 0))
 
     def inside(self, system: Any, before: Standing, after: Standing, part: float) -> BodyState:
         """The state of a body inside of a step, after a part of it."""
@@ -104,8 +104,8 @@ class AdaptiveStepsOfLinks(Embedded):
                     speed, (guess, unit) = sqrt(first), first_guess(t, t + h, sqrt(first), sqrt(second))
                     work.ready.put(0, 0.0)
                 elif ready == STEP_OPEN:
-                    found = second_guess(t, t + h, speed, guess, unit, sqrt(first), self.error_order)
-                    share = min(found / h, 1.0)
+                    longest = second_guess(t, t + h, speed, guess, unit, sqrt(first), self.error_order)
+                    share = min(longest / h, 1.0)
             if i == self.last:
                 each(sites.sites, rated, new.velocity, work)
             if 0 <= i < steps.stages:
@@ -140,8 +140,12 @@ def means(system: Any, work: Any) -> tuple[float, float]:
     """
     first, second, whole = 0.0, 0.0, 0.0
     for b in range(int(system.bodies)):
-        first, second, whole = first + work.length.at(b), second + work.whole.at(b), whole + work.size.at(b)
-    work.at_joint.put(0, where(whole - whole == 0.0, 0.0, OVERFLOWED))
+        first, second, whole = (
+            first + work.change_square.at(b),
+            second + work.value_square.at(b),
+            whole + work.scale.at(b),
+        )
+    work.failed_joint.put(0, where(whole - whole == 0.0, 0.0, OVERFLOWED))
     require_finite(vec(whole))
     return first / system.bodies, second / system.bodies
 
@@ -161,24 +165,24 @@ def displaced_body(method: Any, h: float, begun: Any, new: Any) -> None:
 
 def velocity_of_body(rtol: float, atol: float, start: bool, old: Any, work: Any) -> None:
     """The velocity of a body at the start, or its change; the mean squares of what that changes, and of what is there."""
-    rate, known, one = rate_here(work), old.velocity.load(), old.state.load()
-    way = vec(*[where(start, a, a - b) for a, b in zip(rate, known)])
-    changed, there = FREE.variation(BodyState(plain(one.mu), plain(one.g)), way)
-    squares = mean_squares(changed, there, rtol, atol)
-    old.velocity.save(vec(*[where(start, a, b) for a, b in zip(rate, known)]))
-    work.length.save(squares[0])
-    work.whole.save(squares[1])
-    work.size.save(added([*numbers(rate)]))
+    rate, velocity, state = rate_here(work), old.velocity.load(), old.state.load()
+    change = vec(*[where(start, a, a - b) for a, b in zip(rate, velocity)])
+    changed, sizes = FREE.variation(BodyState(plain(state.mu), plain(state.g)), change)
+    squares = mean_squares(changed, sizes, rtol, atol)
+    old.velocity.save(vec(*[where(start, a, b) for a, b in zip(rate, velocity)]))
+    work.change_square.save(squares[0])
+    work.value_square.save(squares[1])
+    work.scale.save(added([*numbers(rate)]))
 
 
 def tried_body(method: Any, h: float, rtol: float, atol: float, old: Any, new: Any, slopes: Any, work: Any) -> None:
     """The mean squares of the error of a body, and the coefficients of its way."""
-    rkmk, one, end, velocity = method.method, old.state.load(), new.state.load(), new.velocity.load()
-    known = [slopes.nth(j).load() for j in range(method.steps.stages)]
-    squares = rkmk.squares(FREE, one, end, known, h, rtol, atol)
-    work.length.save(squares[0])
-    work.whole.save(squares[-1])
-    work.size.save(added([*numbers(end), *numbers(velocity)]))
+    rkmk, begin, end, velocity = method.method, old.state.load(), new.state.load(), new.velocity.load()
+    rates = [slopes.nth(j).load() for j in range(method.steps.stages)]
+    squares = rkmk.squares(FREE, begin, end, rates, h, rtol, atol)
+    work.change_square.save(squares[0])
+    work.value_square.save(squares[-1])
+    work.scale.save(added([*numbers(end), *numbers(velocity)]))
     if method.curves:
         omega = displacement(method.steps, h, method.steps.stages, slopes)
-        new.curve.save(rkmk.curve(FREE, known, known[0], omega, velocity, h))
+        new.curve.save(rkmk.curve(FREE, rates, rates[0], omega, velocity, h))

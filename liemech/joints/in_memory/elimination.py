@@ -25,17 +25,17 @@ def save_answers(system: Any, sides: Any, answers: Any, sign: float, h: float, w
     """The answers of bodies to a joint's impulses, and its own block: with h/A of its rotor, and on the diagonal 1 for
     conditions that do not count.  sign : of the matrix.
     """
-    blank = [*[sign * (1.0 - x) for x in work.alive.load()], *[1.0] * (equations.rest.width - system.most)]
+    blank = [*[sign * (1.0 - x) for x in work.alive.load()], *[1.0] * (equations.residual.width - system.most)]
     if system.geared:
-        blank[system.most - 1] = blank[system.most - 1] + h * work.yields.load()
+        blank[system.most - 1] = blank[system.most - 1] + h * work.lightness.load()
     if system.parts > 0:
-        sides = [[x * row for row in side] for x, side in zip(work.beside.load(), sides)]
+        sides = [[x * row for row in side] for x, side in zip(work.off_hubs.load(), sides)]
     block = [
         vec(*[dot(a, p) + dot(b, q) + (blank[i] if i == j else 0.0) for j, (p, q) in enumerate(zip(*answers))])
         for i, (a, b) in enumerate(zip(*sides))
     ]
-    one, two = answers
-    equations.answers.save((mat(*one), mat(*two)))
+    first, second = answers
+    equations.answers.save((mat(*first), mat(*second)))
     equations.diagonal.save(vec(*[abs(row[i]) for i, row in enumerate(block)]))
     save_block(equations.blocks, BLOCKS, 0, mat(*block))
 
@@ -47,21 +47,23 @@ def free_answers(sides: Any, work: Any) -> list[list[Vec]]:
 
 def tied(system: Any, sides: Any, work: Any, equations: Any) -> None:
     """The two blocks of a joint and another one that a body ties it to.  sides : the column of rows."""
-    other, mine, theirs, there = work.tie.load()
-    one, two = system.sides
+    other, side, other_side, tied_to = work.tie.load()
+    fixed_side, fixed_other = system.sides
 
     def here(column: Any) -> Mat:
-        return chosen(mine, *column.load()) if one < 0 else column.nth(one).load()
+        return chosen(side, *column.load()) if fixed_side < 0 else column.nth(fixed_side).load()
 
     def beyond(column: Any) -> Mat:
         return (
-            chosen(theirs, column.nth(0).at(other), column.nth(1).at(other)) if two < 0 else column.nth(two).at(other)
+            chosen(other_side, column.nth(0).at(other), column.nth(1).at(other))
+            if fixed_other < 0
+            else column.nth(fixed_other).at(other)
         )
 
     a, b = here(sides), beyond(sides)
     p, q = here(equations.answers), beyond(equations.answers)
     for slot, left, right in ((1, b, p), (2, a, q)):
-        block = mat(*[vec(*[there * dot(x, y) for y in right]) for x in left])
+        block = mat(*[vec(*[tied_to * dot(x, y) for y in right]) for x in left])
         save_block(equations.blocks, BLOCKS, slot, block)
 
 
@@ -74,20 +76,20 @@ def excess_of(system: Any, work: Any, equations: Any) -> None:
     """The rate off the constraint, G xi, and the answers of free bodies to impulses."""
     sides = equations.sides.load()
     save_answers(system, sides, free_answers(sides, work), 1.0, 1.0, work, equations)
-    equations.rest.save(rates_off(system, sides, work))
+    equations.residual.save(rates_off(system, sides, work))
 
 
 def rates_off(system: Any, sides: Any, work: Any) -> Vec:
     """The rate off the constraint, and how far rates are from those at which their kick was found."""
-    m, rest = system.most, speeds(sides, both(work.velocity, work))
+    m, rates = system.most, speeds(sides, both(work.velocity, work))
     if system.rheonomic:
-        rest = [x + pace for x, pace in zip(rest, work.paces.load())]
+        rates = [x + pace for x, pace in zip(rates, work.paces.load())]
     off: list[Any] = []
     if system.freedoms > 0:
-        off = [x - w for x, w in zip(rest[m:], work.rate.load())]
+        off = [x - w for x, w in zip(rates[m:], work.rate.load())]
     if system.geared:
-        rest = [*rest[: m - 1], rest[m - 1] - work.dial.load()[1]]
-    return vec(*rest[:m], *off)
+        rates = [*rates[: m - 1], rates[m - 1] - work.rotor.load()[1]]
+    return vec(*rates[:m], *off)
 
 
 def wrench_of_impulses(work: Any, equations: Any) -> None:
@@ -106,7 +108,7 @@ def pulled_by_impulses(system: Any, sites: Any, work: Any, equations: Any) -> No
 
 def scattered(system: Any, work: Any) -> None:
     """The sums of what joints do to bodies that have more than one of either side."""
-    pull, table = work.pull, system.more
+    pull, table = work.further_pull, system.more
     count = whole(table, 0)
     for p in range(count):
         pull.put(whole(table, 1 + 3 * p), REST6)
@@ -127,17 +129,17 @@ def assembled(system: Any, sites: Any, sides: Any, sign: float, h: float, work: 
 
 def coupled(system: Any, sides: Any, sign: float, equations: Any) -> None:
     """The blocks of pairs of joints that a body ties together; those that elimination fills are zero."""
-    blocks, table, n = equations.blocks, system.couplings, equations.rest.width
+    blocks, table, n = equations.blocks, system.couplings, equations.residual.width
     for p in range(whole(table, 0)):
-        j, k, mine, theirs, block, kind = (whole(table, 1 + 6 * p + i) for i in range(6))
+        j, k, side, other_side, block, kind = (whole(table, 1 + 6 * p + i) for i in range(6))
         if kind < 0:
             put_block(blocks, block, mat(*[vec(*[0.0] * n)] * n))
         else:
-            a, b = sides.nth(mine).at(j), equations.answers.nth(theirs).at(k)
-            found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
+            a, b = sides.nth(side).at(j), equations.answers.nth(other_side).at(k)
+            product = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
             if kind == 1:
-                found = block_at(blocks, block, n) + found
-            put_block(blocks, block, found)
+                product = block_at(blocks, block, n) + product
+            put_block(blocks, block, product)
     if system.parts > 0:
         bordered(system, sides, sign, equations)
 
@@ -153,23 +155,23 @@ def bordered(system: Any, sides: Any, sign: float, equations: Any) -> None:
     sign : of S; the second line is multiplied by it.
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 2.1.4 (Woodbury).
     """
-    blocks, table, n, m = equations.blocks, system.borders, equations.rest.width, system.most
+    blocks, table, n, m = equations.blocks, system.borders, equations.residual.width, system.most
     width = 2 + 2 * system.parts
     for p in range(whole(table, 0)):
-        j, mine = whole(table, 1 + width * p), whole(table, 2 + width * p)
-        a, b = sides.nth(mine).at(j), equations.answers.nth(mine).at(j)
+        j, side = whole(table, 1 + width * p), whole(table, 2 + width * p)
+        a, b = sides.nth(side).at(j), equations.answers.nth(side).at(j)
         for k in range(system.parts):
-            some = [*range(m * k, min(6, m * k + m))]
-            rest = [0.0] * (n - len(some))
+            axes = [*range(m * k, min(6, m * k + m))]
+            blank = [0.0] * (n - len(axes))
             by_hub, of_hub = [whole(table, 3 + width * p + 2 * k + i) for i in range(2)]
-            put_block(blocks, by_hub, mat(*[vec(*[x[i] for i in some], *rest) for x in a]))
-            found = [vec(*[-sign * x[i] for x in b]) for i in some]
-            put_block(blocks, of_hub, mat(*found, *[vec(*[0.0] * n)] * len(rest)))
+            put_block(blocks, by_hub, mat(*[vec(*[x[i] for i in axes], *blank) for x in a]))
+            answers = [vec(*[-sign * x[i] for x in b]) for i in axes]
+            put_block(blocks, of_hub, mat(*answers, *[vec(*[0.0] * n)] * len(blank)))
     for v in range(int(system.joints), int(system.nodes)):
         unit = [vec(*[sign if i == k else 0.0 for i in range(n)]) for k in range(n)]
         put_block(blocks, BLOCKS * v, mat(*unit))
         equations.diagonal.put(v, vec(*[1.0] * n))
-    nothing_of_hubs(system, equations.rest)
+    nothing_of_hubs(system, equations.residual)
 
 
 def nothing_of_hubs(system: Any, column: Any) -> None:
@@ -180,11 +182,11 @@ def nothing_of_hubs(system: Any, column: Any) -> None:
 
 def mesh_blocks(system: Any, h: float, equations: Any) -> None:
     """Add h times the rate that a rotor gains by another joint to the blocks of such joints."""
-    blocks, table, n, last = equations.blocks, system.mesh, equations.rest.width, system.most - 1
+    blocks, table, n, last = equations.blocks, system.mesh, equations.residual.width, system.most - 1
     for p in range(whole(table, 0)):
         place, y = whole(table, 3 + 3 * p), h * entry(system.meshing, p)
-        more = [vec(*[y if i == last and j == last else 0.0 for j in range(n)]) for i in range(n)]
-        put_block(blocks, place, block_at(blocks, place, n) + mat(*more))
+        gain = [vec(*[y if i == last and j == last else 0.0 for j in range(n)]) for i in range(n)]
+        put_block(blocks, place, block_at(blocks, place, n) + mat(*gain))
 
 
 def factored(system: Any, sign: float, equations: Any, counted: float = 0.0) -> float:
@@ -192,7 +194,7 @@ def factored(system: Any, sign: float, equations: Any, counted: float = 0.0) -> 
     depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
     counted : 1 for the number of negative pivots instead, those of conditions as -1.
     """
-    blocks, n = equations.blocks, equations.rest.width
+    blocks, n = equations.blocks, equations.residual.width
     bad, same, count = -1.0, 1.0, 0.0
     for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
@@ -220,25 +222,25 @@ def factored(system: Any, sign: float, equations: Any, counted: float = 0.0) -> 
 def eliminated_again(system: Any, equations: Any) -> None:
     """Elimination of what the conditions miss, with the blocks as `factored` has left them."""
     if system.parts > 0:
-        nothing_of_hubs(system, equations.rest)
+        nothing_of_hubs(system, equations.residual)
     for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
-        forward(system, k, begin, end, block_at(equations.blocks, BLOCKS * k, equations.rest.width), equations)
+        forward(system, k, begin, end, block_at(equations.blocks, BLOCKS * k, equations.residual.width), equations)
 
 
 def forward(system: Any, k: int, begin: int, end: int, inverse: Mat, equations: Any) -> None:
     """A joint's share of the impulses, without those of later joints, which are told of it."""
-    rest, n = equations.rest, equations.rest.width
-    x = inverse @ rest.at(k)
+    residual, n = equations.residual, equations.residual.width
+    x = inverse @ residual.at(k)
     equations.impulse.put(k, x)
     for b in range(begin, end):
         i, left = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 1)
-        rest.put(i, rest.at(i) - block_at(equations.blocks, left, n) @ x)
+        residual.put(i, residual.at(i) - block_at(equations.blocks, left, n) @ x)
 
 
 def solved(system: Any, equations: Any) -> None:
     """The impulses, from the last joint to the first."""
-    impulse, count, n = equations.impulse, int(system.nodes), equations.rest.width
+    impulse, count, n = equations.impulse, int(system.nodes), equations.residual.width
     for back in range(count):
         k, begin, end = (whole(system.pivots, 3 * (count - 1 - back) + i) for i in range(3))
         for b in range(begin, end):
@@ -262,6 +264,6 @@ def require_multipliers(system: Any, work: Any, equations: Any) -> None:
     """Elimination of the conditions, which do not depend on each other.  Raises NoConvergence."""
     bad = factored(system, 1.0, equations)
     if bad >= 0.0:
-        work.at_joint.put(0, bad)
+        work.failed_joint.put(0, bad)
         work.reached.put(0, -1.0)
         raise NoConvergence("the conditions of joints depend on each other")

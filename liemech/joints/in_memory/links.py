@@ -5,7 +5,7 @@ Source: Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3 (rows G of con
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from ...formulas import Mat, Record, Vec, dot, mat, plain, record, vec, vectors, where
 from ...formulas.classes.layouts import Layout, carried_layout, layout_of, matrix, vector
@@ -35,91 +35,128 @@ BLOCKS = 3
 """Blocks of a place: that of its joint, and two of the tie to another one."""
 
 
-def work_of(
-    full: bool, most: int, freedoms: int, own: tuple[Layout, ...], on: tuple[Layout, ...], pushed: bool,
-    bent: bool, moving: bool, hubs: bool, geared: bool,
-) -> Layout:  # fmt: skip
-    """The layout of what each place has beside what the method carries along; of no width is what a linkage does not need.
+class Needs(NamedTuple):
+    """The parts of a linkage that places have room for; others have no width."""
 
-    full : are inertias matrices?  most, freedoms : conditions of a joint, and coordinates that loads act along.  own,
-    on : the kinds of joints, and of what acts on a body.  pushed, bent : are there loads on bodies; one on all of them
-    by one formula?  moving : are joints in a given motion?
-    """
-    n, loaded = most + freedoms, pushed or geared or freedoms > 0
-    inertia, rows, rates, square = BLOCK if full else SIX, matrix(n, 6), vector(freedoms), matrix(freedoms, freedoms)
-    sides = Layout("tuple", (rows, rows))
+    full: bool  # are inertias matrices?
+    most: int  # conditions of a joint
+    freedoms: int  # coordinates that loads act along
+    joint_kinds: tuple[Layout, ...]
+    force_kinds: tuple[Layout, ...]  # of what acts on a body
+    pushed: bool  # are there loads on bodies?
+    pushed_together: bool  # one on all of them by one formula?
+    moving: bool  # joints in a given motion?
+    hubs: bool
+    geared: bool
+
+    @property
+    def loaded(self) -> bool:
+        """Does anything depend on velocities?"""
+        return self.pushed or self.geared or self.freedoms > 0
+
+
+def work_of(needs: Needs) -> Layout:
+    """The layout of what each place has beside what the method carries along."""
     return named(
-        # what does not change
+        **constant_layouts(needs),
+        **STANDING,
+        **motion_layouts(needs),
+        **load_layouts(needs),
+        equations=equations_of(needs),
+    )
+
+
+def constant_layouts(needs: Needs) -> dict[str, Layout]:
+    """Layouts of what does not change."""
+    inertia = BLOCK if needs.full else SIX
+    return dict(
         inertia=inertia,  # J of the body
         inverse=inertia,  # J^-1
         weight=NUMBER,
         ends=ENDS,  # of the joint: first and second body, is there a second one, the kind
-        alive=vector(most),  # which of its conditions count
-        yields=NUMBER if geared else NOTHING,  # 1/A of its rotor
-        beside=vector(2) if hubs else NOTHING,  # are its bodies no hubs?
-        touch=TOUCH,  # of the body a joint whose first one it is, and one whose second; with 1, or 0 if there is none
+        alive=vector(needs.most),  # which of its conditions count
+        lightness=NUMBER if needs.geared else NOTHING,  # 1/A of its rotor
+        off_hubs=vector(2) if needs.hubs else NOTHING,  # are its bodies no hubs?
+        first_joints=TOUCH,  # of the body a joint whose first one it is, and one whose second; with 1, or 0 if none is
         tie=TIE,  # of the joint another one that a body ties it to, the sides of both that it is on; and 1, or 0
-        own=Layout("tuple", own),  # the parameters of a joint of each kind: of another one that has it, if need be
-        acting=KIND if on else NOTHING,  # the kind of what acts on the body
-        on=Layout("tuple", on),  # its parameters, likewise
-        # where steps stand, in the first place: why one has failed, and whether the next one may begin
-        at_joint=NUMBER,
-        reached=NUMBER,  # the part of the step
-        ready=NUMBER,
-        # of the body
+        joint_parameters=Layout("tuple", needs.joint_kinds),  # of a joint of each kind: of another one, if need be
+        acting=KIND if needs.force_kinds else NOTHING,  # the kind of what acts on the body
+        force_parameters=Layout("tuple", needs.force_kinds),  # of one of each kind, likewise
+    )
+
+
+STANDING = dict(failed_joint=NUMBER, reached=NUMBER, ready=NUMBER)
+"""Layouts of where steps stand, in the first place: why one has failed, after which part of it; may the next one begin?"""
+
+
+def motion_layouts(needs: Needs) -> dict[str, Layout]:
+    """Layouts of forces, velocity and step of a body, and of the wrench, the given motion and the rotor of a joint."""
+    return dict(
         force=SIX,  # field, weight, joints and springs
-        pull=SIX,  # of joints beyond the first one of either side
-        held=SIX,  # the sum of impulses
+        further_pull=SIX,  # of joints beyond the first one of either side
+        impulse=SIX,  # G* l of its joints
         velocity=SIX,
-        unknown=Layout("tuple", (SIX, vector(most))),  # displacement x, and impulses l of the joint
-        slope=Layout("tuple", (SIX, vector(most))),  # along which the solution grows
-        free=SIX,  # A^-1 r, of the mismatch r and its derivative A
+        unknown=Layout("tuple", (SIX, vector(needs.most))),  # displacement x, and impulses l of the joint
+        slope=Layout("tuple", (SIX, vector(needs.most))),  # along which the solution grows
+        free_correction=SIX,  # A^-1 r, of the mismatch r and its derivative A
         answer=BLOCK,  # A^-1 B to impulses at the start, by columns
-        led=SIX,  # both at the end of the step: dtau_x A^-1 r
-        moved=BLOCK,  # and dtau_x A^-1 B
-        pose=POSE,  # there
-        length=NUMBER,  # of the correction, squared by J
-        whole=NUMBER,  # of the displacement
-        size=NUMBER,  # of what is rounding
-        upright=NUMBER,  # has the determinant of A kept its sign?
-        inside=NUMBER,  # is the displacement inside of the chart?
+        free_at_end=SIX,  # dtau_x A^-1 r; of stages xi, of series the change of momentum without multipliers
+        answer_at_end=BLOCK,  # dtau_x A^-1 B
+        end_pose=POSE,
+        change_square=NUMBER,  # of a correction, by J
+        value_square=NUMBER,  # of what it corrects
+        scale=NUMBER,  # of what is rounding
+        sign_kept=NUMBER,  # by the determinant of A
+        in_chart=NUMBER,  # is the displacement?
         field=SIX,  # of the potential of all bodies; of multiple time steps all slow forces
-        # of the joint
-        wrench=PAIR,  # its pull on both bodies
-        paces=vector(n) if moving else NOTHING,  # rates by its given motion
-        dial=vector(3) if geared else NOTHING,  # coordinate and rate of its rotor, and what others drive
-        # loads: of the joint rates, torques and slopes of Newton's method
+        wrench=PAIR,  # the pull of the joint on both bodies
+        paces=vector(needs.most + needs.freedoms)
+        if needs.moving
+        else NOTHING,  # rates of the joint by its given motion
+        rotor=vector(3) if needs.geared else NOTHING,  # coordinate, rate, and the rate that other joints add
+    )
+
+
+def load_layouts(needs: Needs) -> dict[str, Layout]:
+    """Layouts of Newton's method for rates of joints and velocities of bodies under loads."""
+    rates, square, body = vector(needs.freedoms), matrix(needs.freedoms, needs.freedoms), needs.pushed
+    return dict(
         rate=rates,
-        foreseen=rates,  # the kick at the next rates
-        before=rates,  # at the last ones
-        idle=rates,  # at rest
-        drawn=rates,  # foreseen, of the last correction
-        ahead=rates,  # what that has added
-        slant=square,  # the derivative by rates
-        gain=square,  # that with which corrections were found
-        reach=NUMBER if loaded else NOTHING,  # the derivative beside the inertia
-        # loads: of the body
-        wanted=SIX if pushed else NOTHING,  # the velocity at which they are looked for
-        push=SIX if pushed else NOTHING,  # their kick
-        given=BLOCK if pushed else NOTHING,  # the answer to momentum under them, by columns
-        bent=BLOCK if bent else NOTHING,  # the derivative of a load on all bodies, by columns
-        strength=NUMBER if pushed else NOTHING,  # the derivatives beside the inertia
-        thrown=NUMBER if pushed else NOTHING,  # directions that are thrown back
-        # the equations of impulses, and of rates; elimination needs a place for each node, and the blocks of all behind
-        equations=named(
-            sides=sides,  # G, of the first and the second body
-            there=sides,  # at the end of the step
-            answers=sides,  # of both bodies to impulses, J^-1 G*
-            rest=vector(n),  # what conditions miss
-            diagonal=vector(n),
-            impulse=vector(n),
-            blocks=NOTHING,
-        ),
+        kick_foreseen=rates,  # at the next rates
+        kick_before=rates,  # at the last ones
+        kick_at_rest=rates,
+        kick_on_line=rates,  # foreseen by the last correction
+        kick_added=rates,  # by that
+        load_slope=square,  # the derivative by rates
+        newton_slope=square,  # that with which corrections were found
+        slope_ratio=NUMBER if needs.loaded else NOTHING,  # the derivative beside the inertia
+        joint_kick=SIX if needs.freedoms > 0 else NOTHING,  # of loads at joints, on the body
+        load_velocity=SIX if body else NOTHING,  # at which loads on bodies are looked for
+        load_kick=SIX if body else NOTHING,
+        loaded_answer=BLOCK if body else NOTHING,  # (J - h F')^-1, by columns
+        slope_of_all=BLOCK if needs.pushed_together else NOTHING,  # of a load on all bodies, by columns
+        body_slope_ratio=NUMBER if body else NOTHING,  # derivatives beside the inertia
+        directions_thrown=NUMBER if body else NOTHING,  # thrown back
+    )
+
+
+def equations_of(needs: Needs) -> Layout:
+    """The layout of a joint's equations for impulses and rates.  Elimination needs a place for each node, and blocks behind."""
+    count = needs.most + needs.freedoms
+    sides, numbers = Layout("tuple", (matrix(count, 6),) * 2), vector(count)
+    return named(
+        sides=sides,  # G, of the first and the second body
+        end_sides=sides,  # at the end of the step
+        answers=sides,  # of both bodies to impulses, J^-1 G*
+        residual=numbers,  # what conditions miss
+        diagonal=numbers,
+        impulse=numbers,
+        blocks=NOTHING,
     )
 
 
 @record
-class Links(System):
+class LinkedBodies(System):
     """Bodies on SE(3) held together by joints, as loops over memory need them.
 
     kinds : layouts of the kinds of joints.  fields : of what acts on bodies beside joints, if
@@ -198,18 +235,18 @@ class Links(System):
         def now(one: Any) -> Any:
             return formula(one.at_time(*self.clock) if self.rheonomic else one)
 
-        return self.chosen(work.own, len(self.kinds), work.ends.load()[3], now)
+        return self.chosen(work.joint_parameters, len(self.kinds), work.ends.load()[3], now)
 
     def on_body(self, work: Any, formula: Any) -> Any:
         """A formula of what acts on the body, as a record of its kind."""
-        return self.chosen(work.on, len(self.fields), work.acting.load(), formula)
+        return self.chosen(work.force_parameters, len(self.fields), work.acting.load(), formula)
 
-    def chosen(self, ones: Any, count: int, which: int, formula: Any, k: int = 0) -> Any:
+    def chosen(self, records: Any, count: int, which: int, formula: Any, k: int = 0) -> Any:
         """A formula of one of several records."""
-        one = self.seen(ones.nth(k).load())
+        record = self.seen(records.nth(k).load())
         if k == count - 1 or which == k:
-            return formula(one)
-        return self.chosen(ones, count, which, formula, k + 1)
+            return formula(record)
+        return self.chosen(records, count, which, formula, k + 1)
 
     def next_jump(self, work: Any, t: float, end: float, ending: Any) -> float:
         """The first jump of an input after t on the way to `end`."""
@@ -217,10 +254,10 @@ class Links(System):
         if self.on_all is not None:
             to = first_jump(self.on_all, t, to, ending.every)
         for j in range(int(self.joints)):
-            to = jump_at(work.own, len(self.kinds), j, work.ends.at(j)[3], t, to, ending.every)
+            to = jump_at(work.joint_parameters, len(self.kinds), j, work.ends.at(j)[3], t, to, ending.every)
         if len(self.fields) > 0:
             for b in range(int(self.bodies)):
-                to = jump_at(work.on, len(self.fields), b, work.acting.at(b), t, to, ending.every)
+                to = jump_at(work.force_parameters, len(self.fields), b, work.acting.at(b), t, to, ending.every)
         return to
 
     def at_time(self, t: float) -> Any:
@@ -296,9 +333,9 @@ def poses_of(column: Any, work: Any) -> tuple[Mat, Mat]:
 
 def pull_on(work: Any) -> Vec:
     """The pull of joints on a body: of its first joint on either side, and of all others together."""
-    first, mine, second, theirs = work.touch.load()
-    one, two = work.wrench.nth(0).at(first), work.wrench.nth(1).at(second)
-    return (mine * one + theirs * two) + work.pull.load()
+    first, has_first, second, has_second = work.first_joints.load()
+    by_first, by_second = work.wrench.nth(0).at(first), work.wrench.nth(1).at(second)
+    return (has_first * by_first + has_second * by_second) + work.further_pull.load()
 
 
 def speeds(sides: Any, velocities: Any) -> list[Any]:
@@ -308,13 +345,10 @@ def speeds(sides: Any, velocities: Any) -> list[Any]:
 
 def wrenches(l: Any, sides: Any) -> tuple[Vec, Vec]:
     """G* l, on the first and on the second body."""
-    one, two = [vectors.sum([a * row for a, row in zip(l, side)]) for side in sides]
-    return one, two
+    on_first, on_second = [vectors.sum([a * row for a, row in zip(l, side)]) for side in sides]
+    return on_first, on_second
 
 
 def answered(columns: Mat, push: Vec) -> Vec:
     """A matrix, given by its columns, times a vector."""
-    found = push[0] * columns[0]
-    for i in range(1, 6):
-        found = found + push[i] * columns[i]
-    return found
+    return vectors.sum([push[i] * columns[i] for i in range(6)])

@@ -38,99 +38,126 @@ THROWN = -2.0
 def loads(
     system: Any, t: float, turn: int, h: float, sites: Any, old: Any, new: Any, work: Any, kicks: bool = False
 ) -> None:
-    """In turn 1 loads as they are at the beginning, which go to the field.  In turn 2 the kick by
-    them at the velocity that it leads to, on the constraint: Newton's method for the rates of the
-    joints, together with the impulses that take away what leads off the constraint, of which the
-    last correction has those that count; while the loads bend no more than before, with the
-    derivative as it was.  Under loads on bodies it is for their velocities as well, and those
-    impulses are found at the end, as without loads.
-    Of a load on all bodies by one formula the derivative has the blocks of single bodies only.
+    """In turn 1 loads at the start of a step, which go to the field; in turn 2 the kick by them at its end.
+
+    That is Newton's method for the rates of joints, with the impulses that take away what leads off the constraint;
+    while loads bend no more than before, with their derivative as it was.  Loads on bodies ask for the velocities of
+    these as well, and for impulses once more at the end, without loads (k = 0).
 
     kicks : are the loads of turn 1 those of an explicit kick?  A step in which it throws back is refused, as
-    by `LieRATTLE`: first it is asked what the loads could do to bodies that no joint holds, then, in `looking`,
-    the matrix of Newton's method has the damping of the kick in it, and its pivots are counted.
+    by `LieRATTLE`: first by how strong the loads are beside bodies that no joint holds, then by the pivots of the
+    matrix of Newton's method, with the damping of the kick in it.  A step back asks at its end.
     """
     equations = work.equations.fields
     t, k = (t + h, 0.5 * h) if turn == 2 else (t, 1.0)
     each(sites, velocities_here, system, old, work)
     if system.freedoms > 0:
         each(sites, rates_here, system, work, equations)
-    tried, last, change, scale = 0, turn == 1, 1.0, 0.0
-    off, size = 0.0, 0.0
-    enough = TOLERANCE if system.on_all is None else LINEAR  # without the whole derivative
-    looking, kicks = 0.0, kicks and (system.freedoms > 0 or system.pushed)
+    tried, last, change, scale, off, size = 0, turn == 1, 1.0, 0.0, 0.0, 0.0
+    pivots, kicks = 0.0, kicks and (system.freedoms > 0 or system.pushed)  # 1 to count pivots
     while True:
-        if looking > 0.0:
-            if system.pushes_all:
-                damping_of_all(system, t, old, work)
-            each(sites, damped_here, system, t, 0.5 * abs(h), old, work)
-            last, tried = False, 0
+        if pivots > 0.0:
+            damped_kick(system, t, h, sites, old, work)
+            tried = 0
         else:
-            if system.freedoms > 0:
-                if tried == 1 and not last:
-                    each(sites, efforts_at, system.at_time(t), t, k, 0.0, 0.0, old, work, equations)
-                again = where(tried > 0, where(k == 0.0, 0.0, 1.0), 0.0)  # without a kick nothing was foreseen
-                each(sites, efforts_there, system.at_time(t), t, k, again, old, work, equations)
-                scattered(system, work)
-            if system.pushes_all:
-                pushed_together(system, t, k, old, work)
-            if system.pushed:
-                each(sites, pushed_there, system, t, k, old, work)
+            kicks_by_loads(system, t, k, tried, last, sites, old, work, equations)
             if last:
                 each(sites, loaded_body, system, float(turn), old, new, work)
-                if turn == 1:
-                    if not kicks or h < 0.0 or spares(system, h, sites, work, equations):
-                        break
-                    looking = 1.0
+                if turn == 2:
+                    k, last = 0.0, False
                     continue
-                k, last = 0.0, False
+                if not kicks or h < 0.0 or spares(system, h, sites, work, equations):
+                    break
+                pivots = 1.0
                 continue
-            if tried == AT_LOADS:
-                work.at_joint.put(0, -1.0)
-                raise NoConvergence("no velocity found that fits the loads at the end of a step")
+            require_turns(tried, work)
             each(sites, loaded_velocity, system, old, work)
-        if system.pushed or tried == 0 or (system.freedoms > 0 and bends(system, work)):
-            each(sites, excess_of_rates, system, work, equations)
-            assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
-            found = factored(system, 1.0, equations, looking)
-        else:
-            each(sites, excess_again, system, work, equations)
-            eliminated_again(system, equations)
-            found = 0.0
-        if looking > 0.0:
-            require_gentle(system, h, found, work)
+        negative = newton_matrix(system, tried, pivots, sites, work, equations)
+        if pivots > 0.0:
+            require_gentle(system, h, negative, work)
             break
         solved(system, equations)
         each(sites, wrench_of_corrections, system, work, equations)
         scattered(system, work)
-        if k == 0.0 and kicks and h < 0.0:
-            looking = 1.0
-            continue
-        if k == 0.0:
+        if k == 0.0 and not (kicks and h < 0.0):
             break
-        before, apart = change, off
-        change, whole, falls = corrected_rates(system, work, equations) if system.freedoms > 0 else (0.0, 0.0, 0.0)
-        scale = max(scale, whole)  # of what is lost as well: a step may end at rest
-        small = change <= TOLERANCE * TOLERANCE * scale
-        noisy = change >= before and change <= NOISE * NOISE * scale
-        last, tried = small or noisy or change == 0.0, tried + 1
+        if k == 0.0:
+            pivots = 1.0
+            continue
+        change, scale, falls, last = corrected_rates(system, change, scale, work, equations)
+        tried = tried + 1
         if system.pushed:
-            each(sites, corrected_velocity, work)
-            off, whole = 0.0, 0.0
-            for b in range(int(system.bodies)):
-                off, whole = off + work.length.at(b), whole + work.whole.at(b)
-            size = max(size, whole)
-            small = off <= enough * enough * size
-            noisy = tried > 1 and off >= apart and off <= NOISE * NOISE * size
-            last = last and (small or noisy or off == 0.0)
+            off, size, settled = corrected_velocities(system, tried, off, size, sites, work)
+            last = last and settled
         elif last:
             if system.freedoms > 0:
                 each(sites, kicked_by_loads, old, work)
             if not kicks or h > 0.0:
                 break
-            looking = 1.0
+            pivots = 1.0
         elif tried > CUT:
             cut_short(system, t, k, falls, sites, old, work, equations)
+
+
+def kicks_by_loads(
+    system: Any, t: float, k: float, tried: int, last: bool, sites: Any, old: Any, work: Any, equations: Any
+) -> None:  # fmt: skip
+    """The kicks k F of all loads at the rates and velocities that corrections have reached, and their derivatives."""
+    if system.freedoms > 0:
+        if tried == 1 and not last:
+            each(sites, efforts_at, system.at_time(t), t, k, 0.0, 0.0, old, work, equations)
+        again = where(tried > 0, where(k == 0.0, 0.0, 1.0), 0.0)  # without a kick nothing was foreseen
+        each(sites, efforts_there, system.at_time(t), t, k, again, old, work, equations)
+        scattered(system, work)
+    if system.pushes_all:
+        pushed_together(system, t, k, old, work)
+    if system.pushed:
+        each(sites, pushed_there, system, t, k, old, work)
+
+
+def damped_kick(system: Any, t: float, h: float, sites: Any, old: Any, work: Any) -> None:
+    """The damping of half a kick, of joints and of bodies."""
+    if system.pushes_all:
+        damping_of_all(system, t, old, work)
+    each(sites, damped_here, system, t, 0.5 * abs(h), old, work)
+
+
+def newton_matrix(system: Any, tried: int, pivots: float, sites: Any, work: Any, equations: Any) -> float:
+    """Elimination in Newton's method: anew where the derivatives of loads have changed; the number of negative pivots,
+    if `pivots` is 1.
+    """
+    if system.pushed or tried == 0 or (system.freedoms > 0 and bends(system, work)):
+        each(sites, excess_of_rates, system, work, equations)
+        assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
+        return factored(system, 1.0, equations, pivots)
+    each(sites, excess_again, system, work, equations)
+    eliminated_again(system, equations)
+    return 0.0
+
+
+def corrected_velocities(
+    system: Any, tried: int, before: float, size: float, sites: Any, work: Any
+) -> tuple[float, float, bool]:  # fmt: skip
+    """The velocities at which loads on bodies are looked for, corrected: the square of the correction, the largest one of
+    the velocities, and whether it was the last one.  Of a load on all bodies by one formula the derivative has the
+    blocks of single bodies only, so that corrections shrink linearly.
+    """
+    each(sites, corrected_velocity, work)
+    off, whole = 0.0, 0.0
+    for b in range(int(system.bodies)):
+        off, whole = off + work.change_square.at(b), whole + work.value_square.at(b)
+    size = max(size, whole)
+    enough = TOLERANCE if system.on_all is None else LINEAR
+    small = off <= enough * enough * size
+    noisy = tried > 1 and off >= before and off <= NOISE * NOISE * size
+    return off, size, small or noisy or off == 0.0
+
+
+def require_turns(tried: int, work: Any) -> None:
+    """Raises NoConvergence after too many corrections."""
+    if tried == AT_LOADS:
+        work.failed_joint.put(0, -1.0)
+        raise NoConvergence("no velocity found that fits the loads at the end of a step")
 
 
 def cut_short(
@@ -159,22 +186,22 @@ def velocities_here(system: Any, old: Any, work: Any) -> None:
     xi = times(work.inverse.load(), plain(old.load().mu))
     work.velocity.save(xi)
     if system.pushed:
-        work.wanted.save(xi)
+        work.load_velocity.save(xi)
 
 
 def pushed_there(system: Any, t: float, h: float, old: Any, work: Any) -> None:
     """The kick h F of loads on a body, and the answer of the body to momentum, (J - h F')^-1, by columns."""
-    g, w = plain(old.load().g), work.wanted.load()
+    g, w = plain(old.load().g), work.load_velocity.load()
     kick, slopes = REST6, [REST6 for _ in range(6)]
     if system.pushes_all:
-        kick, slopes = work.push.load(), [*work.bent.load()]
+        kick, slopes = work.load_kick.load(), [*work.slope_of_all.load()]
     if len(system.fields) > 0:
         kick = kick + h * system.on_body(work, lambda one: one.push(t, w, g))
-        more = h * transpose(system.on_body(work, lambda one: slopes_of(one, t, w, g)))
-        slopes = [a + b for a, b in zip(slopes, more)]
-    work.strength.save(sum([abs(x) for slope in slopes for x in times(work.inverse.load(), slope)], 0.0))
-    work.push.save(kick)
-    work.given.save(answers_to_momentum(inertia_less(slopes, work)))
+        own_slopes = h * transpose(system.on_body(work, lambda one: slopes_of(one, t, w, g)))
+        slopes = [a + b for a, b in zip(slopes, own_slopes)]
+    work.body_slope_ratio.save(sum([abs(x) for slope in slopes for x in times(work.inverse.load(), slope)], 0.0))
+    work.load_kick.save(kick)
+    work.loaded_answer.save(answers_to_momentum(inertia_less(slopes, work)))
 
 
 def slopes_of(one: Any, t: float, w: Vec, g: Mat) -> Mat:
@@ -203,12 +230,12 @@ def loaded_velocity(system: Any, old: Any, work: Any) -> None:
     mu = plain(old.load().mu)
     if system.freedoms > 0:
         push = pull_on(work)
-        work.free.save(push)
+        work.joint_kick.save(push)
         mu = mu + push
     if system.pushed:
-        w = work.wanted.load()
-        off = times(work.inertia.load(), w) - mu - work.push.load()
-        xi = w - answered(work.given.load(), off)
+        w = work.load_velocity.load()
+        off = times(work.inertia.load(), w) - mu - work.load_kick.load()
+        xi = w - answered(work.loaded_answer.load(), off)
     else:
         xi = times(work.inverse.load(), mu)
     work.velocity.save(xi)
@@ -216,29 +243,29 @@ def loaded_velocity(system: Any, old: Any, work: Any) -> None:
 
 def kicked_by_loads(old: Any, work: Any) -> None:
     """The state after the kick by loads at joints with which its velocity was found."""
-    one = old.load()
-    old.save(BodyState(one.mu + work.free.load(), one.g))
+    begin = old.load()
+    old.save(BodyState(begin.mu + work.joint_kick.load(), begin.g))
 
 
 def corrected_velocity(work: Any) -> None:
     """The velocity at which loads are looked for next, and how far it is from the last one."""
-    J, before = work.inertia.load(), work.wanted.load()
-    w = work.velocity.load() - answered(work.given.load(), pull_on(work))
-    work.wanted.save(w)
-    work.length.save(dot(w - before, times(J, w - before)))
-    work.whole.save(dot(w, times(J, w)))
+    J, before = work.inertia.load(), work.load_velocity.load()
+    w = work.velocity.load() - answered(work.loaded_answer.load(), pull_on(work))
+    work.load_velocity.save(w)
+    work.change_square.save(dot(w - before, times(J, w - before)))
+    work.value_square.save(dot(w, times(J, w)))
 
 
 def loaded_body(system: Any, turn: float, old: Any, new: Any, work: Any) -> None:
     """In turn 1 weight, springs and loads; in turn 2 the state after the kick by loads, and its velocity."""
-    one, push = old.load(), REST6
+    begin, push = old.load(), REST6
     if system.freedoms > 0:
         push = pull_on(work)
     if system.pushed:
-        push = push + work.push.load()
-    mu = one.mu + where(turn > 1.0, 1.0, 0.0) * push
+        push = push + work.load_kick.load()
+    mu = begin.mu + where(turn > 1.0, 1.0, 0.0) * push
     work.force.save(work.force.load() + where(turn > 1.0, 0.0, 1.0) * push)
-    new.save(BodyState(mu, one.g))
+    new.save(BodyState(mu, begin.g))
     work.velocity.save(times(work.inverse.load(), plain(mu)))
 
 
@@ -265,8 +292,8 @@ def efforts_at(
     """The kick h F that loads would give at rest; or, with 1 for `moving`, a part of the last correction farther on."""
     (g, k), n = poses_of(old, work), system.freedoms
     step = equations.impulse.load()[system.most :]
-    there = vec(*[where(moving > 0.0, w + part * x, 0.0) for w, x in zip(work.rate.load(), step)])
-    work.idle.save(system.of_kind(work, lambda one: h * one.efforts(t, one.seen(t, g, k), there, n)))
+    rates = vec(*[where(moving > 0.0, w + part * x, 0.0) for w, x in zip(work.rate.load(), step)])
+    work.kick_at_rest.save(system.of_kind(work, lambda one: h * one.efforts(t, one.seen(t, g, k), rates, n)))
 
 
 def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work: Any, equations: Any) -> None:
@@ -275,13 +302,13 @@ def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work:
     """
     (g, k), rates, n = poses_of(old, work), work.rate.load(), range(system.freedoms)
     kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
-    idle, before = work.idle.load(), work.before.load()
-    wanted = [where(again > 0.0, a, b) for a, b in zip(work.foreseen.load(), kicks)]
+    idle, before = work.kick_at_rest.load(), work.kick_before.load()
+    foreseen = [where(again > 0.0, a, b) for a, b in zip(work.kick_foreseen.load(), kicks)]
     steps = [where(again > 0.0, x, 0.0) for x in equations.impulse.load()[system.most :]]
-    slopes = [slope_beside(kicks[i], idle[i], before[i], wanted[i], rates[i], steps[i], gain[i, i]) for i in n]
-    work.foreseen.save(kicks)
-    work.before.save(kicks)
-    work.slant.save(mat(*[vec(*[slopes[i] if i == j else gain[i, j] for j in n]) for i in n]))
+    slopes = [slope_beside(kicks[i], idle[i], before[i], foreseen[i], rates[i], steps[i], gain[i, i]) for i in n]
+    work.kick_foreseen.save(kicks)
+    work.kick_before.save(kicks)
+    work.load_slope.save(mat(*[vec(*[slopes[i] if i == j else gain[i, j] for j in n]) for i in n]))
     work.wrench.save(wrenches(kicks, motions_of(system, equations)))
 
 
@@ -302,31 +329,31 @@ def excess_of_rates(system: Any, work: Any, equations: Any) -> None:
     answers: Any = []
     gain: Any = ()
     if system.freedoms > 0:
-        gain = work.slant.load()
-        work.gain.save(gain)
+        gain = work.load_slope.load()
+        work.newton_slope.save(gain)
     for side in pushed_answers(sides, work) if system.pushed else free_answers(sides, work):
         kicks = [-vectors.sum([gain[b, i] * side[m + b] for b in n]) for i in n]
         answers = [*answers, [*side[:m], *kicks]]
-    equations.rest.save(rates_off(system, sides, work))
+    equations.residual.save(rates_off(system, sides, work))
     save_answers(system, sides, answers, 1.0, 1.0, work, equations)
 
 
 def pushed_answers(sides: Any, work: Any) -> list[list[Vec]]:
     """The answers of bodies whose loads depend on their velocities."""
-    return [[answered(given, row) for row in side] for given, side in zip(both(work.given, work), sides)]
+    return [[answered(answer, row) for row in side] for answer, side in zip(both(work.loaded_answer, work), sides)]
 
 
 def excess_again(system: Any, work: Any, equations: Any) -> None:
     """How far rates are off, alone."""
-    equations.rest.save(rates_off(system, equations.sides.load(), work))
+    equations.residual.save(rates_off(system, equations.sides.load(), work))
 
 
 def wrench_of_corrections(system: Any, work: Any, equations: Any) -> None:
     """The pull on both bodies of impulses, and of the kick by a change of rates, which is no pull."""
-    m, found = system.most, equations.impulse.load()
-    pulls = [*found[:m]]
+    m, solution = system.most, equations.impulse.load()
+    pulls = [*solution[:m]]
     if system.freedoms > 0:
-        pulls = [*pulls, *[-dot(row, found[m:]) for row in work.gain.load()]]
+        pulls = [*pulls, *[-dot(row, solution[m:]) for row in work.newton_slope.load()]]
     work.wrench.save(wrenches(pulls, equations.sides.load()))
 
 
@@ -334,28 +361,35 @@ def bends(system: Any, work: Any) -> bool:
     """Has the derivative of loads by rates changed by more than Newton's method does not notice?"""
     changed = 0.0
     for j in range(int(system.joints)):
-        for a, b in zip(work.slant.at(j), work.gain.at(j)):
+        for a, b in zip(work.load_slope.at(j), work.newton_slope.at(j)):
             for x, y in zip(a, b):
                 changed = where(abs(x - y) > BENT * abs(y), 1.0, changed)
     return changed > 0.0
 
 
-def corrected_rates(system: Any, work: Any, equations: Any) -> tuple[float, float, float]:
-    """Rates after Newton's correction, and the kicks that it foresees; the sums of the squares of corrections, and of rates before
-    them with how far off those were: at rest the kicks alone say what rounding is; and of corrections of rates times those
-    of kicks.
+def corrected_rates(
+    system: Any, before: float, scale: float, work: Any, equations: Any
+) -> tuple[float, float, float, bool]:  # fmt: skip
+    """Rates after Newton's correction, and the kicks that it foresees: the square of the correction, the largest one of rates
+    and of what they were off, the sum of corrections times those of kicks, and whether it was the last one.  At rest what
+    they were off says alone what rounding is: a step may lose all its motion.
     """
     change, whole, falls, m = 0.0, 0.0, 0.0, system.most
-    for j in range(int(system.joints)):
-        step, off, old = equations.impulse.at(j)[m:], equations.rest.at(j)[m:], work.rate.at(j)
-        work.rate.put(j, old + step)
-        kick = work.foreseen.at(j) + vec(*[dot(row, step) for row in work.gain.at(j)])
-        more = kick - work.drawn.at(j)
-        work.foreseen.put(j, kick)
-        work.drawn.put(j, kick)
-        work.ahead.put(j, more)
-        change, whole, falls = change + dot(step, step), whole + dot(old, old) + dot(off, off), falls + dot(step, more)
-    return change, whole, falls
+    if system.freedoms > 0:
+        for j in range(int(system.joints)):
+            step, off, old = equations.impulse.at(j)[m:], equations.residual.at(j)[m:], work.rate.at(j)
+            work.rate.put(j, old + step)
+            kick = work.kick_foreseen.at(j) + vec(*[dot(row, step) for row in work.newton_slope.at(j)])
+            added = kick - work.kick_on_line.at(j)
+            work.kick_foreseen.put(j, kick)
+            work.kick_on_line.put(j, kick)
+            work.kick_added.put(j, added)
+            change, whole = change + dot(step, step), whole + dot(old, old) + dot(off, off)
+            falls = falls + dot(step, added)
+    scale = max(scale, whole)
+    small = change <= TOLERANCE * TOLERANCE * scale
+    noisy = change >= before and change <= NOISE * NOISE * scale
+    return change, scale, falls, small or noisy or change == 0.0
 
 
 def slope_along(system: Any, part: float, work: Any, equations: Any) -> float:
@@ -363,7 +397,7 @@ def slope_along(system: Any, part: float, work: Any, equations: Any) -> float:
     total = 0.0
     for j in range(int(system.joints)):
         step = equations.impulse.at(j)[system.most :]
-        off = work.drawn.at(j) + part * work.ahead.at(j) - work.idle.at(j)
+        off = work.kick_on_line.at(j) + part * work.kick_added.at(j) - work.kick_at_rest.at(j)
         total = total + dot(step, off)
     return total
 
@@ -373,11 +407,11 @@ def shortened(system: Any, part: float, work: Any, equations: Any) -> None:
     m = system.most
     for j in range(int(system.joints)):
         whole = equations.impulse.at(j)
-        kick = work.drawn.at(j) + (part - 1.0) * work.ahead.at(j)
+        kick = work.kick_on_line.at(j) + (part - 1.0) * work.kick_added.at(j)
         work.rate.put(j, work.rate.at(j) + (part - 1.0) * whole[m:])
         equations.impulse.put(j, vec(*whole[:m], *(part * whole[m:])))
-        work.drawn.put(j, kick)
-        work.foreseen.put(j, kick)
+        work.kick_on_line.put(j, kick)
+        work.kick_foreseen.put(j, kick)
 
 
 # ------------------------------------------------------------------ kicks that throw back
@@ -391,29 +425,29 @@ def damped_here(system: Any, t: float, h: float, old: Any, work: Any) -> None:
     if n > 0:
         (g, k), rates = poses_of(old, work), work.rate.load()
         damping = system.at_time(t).of_kind(work, lambda one: one.resistances(t, one.seen(t, g, k), rates, n))
-        work.slant.save(mat(*[vec(*[h * damping[i] if i == j else 0.0 for j in range(n)]) for i in range(n)]))
+        work.load_slope.save(mat(*[vec(*[h * damping[i] if i == j else 0.0 for j in range(n)]) for i in range(n)]))
     if system.pushed:
         damped = [REST6 for _ in range(6)]
         if system.pushes_all:
-            damped = [h * column for column in work.bent.load()]
+            damped = [h * column for column in work.slope_of_all.load()]
         if len(system.fields) > 0:
-            pose, xi = plain(old.load().g), work.wanted.load()
-            own = system.on_body(work, lambda one: mat(*[one.resistance(t, xi, pose, unit) for unit in UNITS]))
-            damped = [a + h * b for a, b in zip(damped, own)]
+            pose, xi = plain(old.load().g), work.load_velocity.load()
+            own_damping = system.on_body(work, lambda one: mat(*[one.resistance(t, xi, pose, unit) for unit in UNITS]))
+            damped = [a + h * b for a, b in zip(damped, own_damping)]
         A = inertia_less(damped, work)
-        work.given.save(answers_to_momentum(A))
-        work.thrown.save(negative_pivots(A))
+        work.loaded_answer.save(answers_to_momentum(A))
+        work.directions_thrown.save(negative_pivots(A))
 
 
 def reach_of_slopes(system: Any, work: Any, equations: Any) -> None:
     """The derivatives of loads by rates, at the start of a step, beside the inertia of bodies that no joint holds."""
     n, ratio = system.freedoms, 0.0
     if n > 0:
-        slopes = work.slant.load()
+        slopes = work.load_slope.load()
         for side, inverse in zip(motions_of(system, equations), both(work.inverse, work)):
             for i in range(n):
                 ratio = ratio + abs(slopes[i, i]) * dot(side[i], times(inverse, side[i]))
-    work.reach.save(ratio)
+    work.slope_ratio.save(ratio)
 
 
 def spares(system: Any, h: float, sites: Any, work: Any, equations: Any) -> bool:
@@ -421,20 +455,20 @@ def spares(system: Any, h: float, sites: Any, work: Any, equations: Any) -> bool
     each(sites, reach_of_slopes, system, work, equations)
     joint, body = 0.0, 0.0
     for j in range(int(system.joints)):
-        joint = max(joint, work.reach.at(j))
+        joint = max(joint, work.slope_ratio.at(j))
     if system.pushed:
         for b in range(int(system.bodies)):
-            body = max(body, work.strength.at(b))
+            body = max(body, work.body_slope_ratio.at(b))
     return 0.5 * h * ((1.0 + system.near) * joint + body) < 1.0
 
 
-def require_gentle(system: Any, h: float, turned: float, work: Any) -> None:
-    """Refuse a step h whose kick turns velocities round.  turned : how many pivots of conditions and loads say so."""
-    count = turned
+def require_gentle(system: Any, h: float, negative: float, work: Any) -> None:
+    """Refuse a step h whose kick turns velocities round.  negative : how many pivots of conditions and loads say so."""
+    count = negative
     if system.pushed:
         for b in range(int(system.bodies)):
-            count = count + work.thrown.at(b)
+            count = count + work.directions_thrown.at(b)
     if count > 0.0:
-        work.at_joint.put(0, THROWN)
+        work.failed_joint.put(0, THROWN)
         work.reached.put(0, abs(h))
         raise NoConvergence("the first kick by loads throws back")

@@ -50,47 +50,47 @@ class MultipleTimeStepsOfLinks(StepsOfLinks):
         places = columns(sites, copies=(memory, memory), work=system.work)
         copies, work = places.copies, places.work.fields
         each(sites, copied, copies.nth(here), copies.nth(there))
-        one, fast, s = copies.nth(there).fields, without_potentials(system), h / self.ratio
+        memories, fast, s = copies.nth(there).fields, without_potentials(system), h / self.ratio
         turn = 1 if work.ready.at(0) == READY else 0
         while turn < 4:
             if turn == 0:
-                each(sites, joints_here, system.at_time(t), one.state, work, work.equations.fields)
+                each(sites, joints_here, system.at_time(t), memories.state, work, work.equations.fields)
             if turn == 0 or turn == 3:
                 if system.pulls_all:
-                    pulled_together(system, one.state, work)
-                each(sites, slow_force, system, one.state, work)
+                    pulled_together(system, memories.state, work)
+                each(sites, slow_force, system, memories.state, work)
             if turn == 1 or turn == 3:
-                each(sites, slowly_kicked, 0.5 * h, one.state, work)
+                each(sites, slowly_kicked, 0.5 * h, memories.state, work)
                 impulses_off(system, sites, work, work.equations.heads(system.most))
-                each(sites, on_the_constraint, one.state, one.state, work)
+                each(sites, on_the_constraint, memories.state, memories.state, work)
             if turn == 2:
                 for i in range(int(self.ratio)):
-                    begun = t + (1.0 * i) * s
-                    self.fast.substep(fast, begun, s, sites, copies, there, there, one.pasts.nth(0), 0, work)
+                    begin = t + (1.0 * i) * s
+                    self.fast.substep(fast, begin, s, sites, copies, there, there, memories.pasts.nth(0), 0, work)
             turn = turn + 1
 
 
 def without_potentials(system: Any) -> Any:
     """The bodies and joints without potentials of bodies."""
-    rest = system.on_all
-    if rest is not None:
-        rest = None if rest.load is None else with_fields(rest, potential=None)
-    return with_fields(system, on_all=rest, pulled=False)
+    loads = system.on_all
+    if loads is not None:
+        loads = None if loads.load is None else with_fields(loads, potential=None)
+    return with_fields(system, on_all=loads, pulled=False)
 
 
 def slow_force(system: Any, state: Any, work: Any) -> None:
     """The force of potentials on a body, kept until the next step."""
-    one, force = state.load(), 0.0 * work.field.load()
+    body, force = state.load(), 0.0 * work.field.load()
     if system.pulls_all:
         force = work.field.load()
     if len(system.fields) > 0:
-        force = force + system.on_body(work, lambda it: it.pull(plain(one.g)))
+        force = force + system.on_body(work, lambda it: it.pull(plain(body.g)))
     work.field.save(force)
 
 
 def slowly_kicked(h: float, state: Any, work: Any) -> None:
     """The state after a kick by the slow force, and its velocity."""
-    one = state.load()
-    mu = one.mu + h * work.field.load()
-    state.save(BodyState(mu, one.g))
+    body = state.load()
+    mu = body.mu + h * work.field.load()
+    state.save(BodyState(mu, body.g))
     work.velocity.save(times(work.inverse.load(), plain(mu)))

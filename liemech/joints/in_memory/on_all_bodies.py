@@ -20,7 +20,7 @@ def entries_of_all(system: Any, old: Any) -> Vec:
 
 def velocities_of_all(system: Any, work: Any) -> Vec:
     """The velocities of all bodies at which loads are looked for, (6 N,)."""
-    return vec(*[x for b in range(system.on_all.count) for x in work.wanted.at(b)])
+    return vec(*[x for b in range(system.on_all.count) for x in work.load_velocity.at(b)])
 
 
 def units_of_all(system: Any) -> list[Vec]:
@@ -37,39 +37,39 @@ def put_parts(system: Any, column: Any, whole: Vec) -> None:
 
 def pulled_together(system: Any, old: Any, work: Any) -> None:
     """The force of a potential of all poses; of one that is derived -dV/ds along g exp(s e_i), for each i."""
-    one, g = system.on_all, entries_of_all(system, old)
-    if not one.derived:
-        put_parts(system, work.field, one.potential.force(one.group, g))
+    acting, g = system.on_all, entries_of_all(system, old)
+    if not acting.derived:
+        put_parts(system, work.field, acting.potential.force(acting.group, g))
         return
     for i, unit in enumerate(units_of_all(system)):
         along: list[Any] = []
-        for b in range(one.count):
+        for b in range(acting.count):
             w, v = unit[6 * b : 6 * b + 3], unit[6 * b + 3 : 6 * b + 6]
             rows = [g[16 * b + 4 * j : 16 * b + 4 * j + 3] for j in range(3)]
             along = [*along, *[x for R in rows for x in (*cross(R, w), dot(R, v))], *[0.0] * 4]
-        slope = derivative(one.potential.energy, g, vec(*along))
+        slope = derivative(acting.potential.energy, g, vec(*along))
         work.field.nth(i % 6).put(i // 6, -slope)
 
 
 def pushed_together(system: Any, t: float, h: float, old: Any, work: Any) -> None:
     """The kick h F of a load, and, of each body alone, its derivative by the velocity, column by column."""
-    one, g, xi = system.seen(system.on_all), entries_of_all(system, old), velocities_of_all(system, work)
+    acting, g, xi = system.seen(system.on_all), entries_of_all(system, old), velocities_of_all(system, work)
 
     def kick(w: Vec) -> Vec:
-        return h * one.load.covector(t, w, g)
+        return h * acting.load.covector(t, w, g)
 
-    put_parts(system, work.push, kick(xi))
+    put_parts(system, work.load_kick, kick(xi))
     for i, unit in enumerate(units_of_all(system)):
         save_slope(work, i, derivative(kick, xi, unit))
 
 
 def damping_of_all(system: Any, t: float, old: Any, work: Any) -> None:
     """The damping of each body by a load, by columns."""
-    one, g, xi = system.seen(system.on_all), entries_of_all(system, old), velocities_of_all(system, work)
+    acting, g, xi = system.seen(system.on_all), entries_of_all(system, old), velocities_of_all(system, work)
     for i, unit in enumerate(units_of_all(system)):
-        save_slope(work, i, one.load.resistance(t, xi, g, unit))
+        save_slope(work, i, acting.load.resistance(t, xi, g, unit))
 
 
 def save_slope(work: Any, i: int, column: Vec) -> None:
     """Of column number i of a derivative the part of the body that moves."""
-    work.bent.nth(i % 6).put(i // 6, column[i // 6 * 6 : i // 6 * 6 + 6])
+    work.slope_of_all.nth(i % 6).put(i // 6, column[i // 6 * 6 : i // 6 * 6 + 6])

@@ -10,7 +10,7 @@ dtau is the left-trivialised one.  With r the mismatch of the first line, or a m
     (G' dtau_x A^-1 B G*) dl = G' dtau_x A^-1 r - c,   dx = A^-1 r - A^-1 B G* dl:
 
 one block of conditions for each joint, eliminated from joint to joint (`elimination.py`).  In memory `unknown` is (x, l),
-`held` G* l, `free` A^-1 r, `answer` A^-1 B, and `led`, `moved` are these two led to the end of the step by dtau_x.  Then
+`impulse` G* l, `free_correction` A^-1 r, `answer` A^-1 B, and dtau_x leads these two to the `end` of the step.  Then
 bodies move, are kicked by the field there, and the impulses l' take away what leads off the constraint.  What belongs
 to one body or one joint is a formula, run for all of them side by side.
 
@@ -104,12 +104,12 @@ class RattleOfLinks(StepsOfLinks):
         the constraint, mu - G* l' with G J^-1 (mu - G* l') = 0.  Steps go on as if nobody had looked.
         """
         places = columns(sites, copies=(memory, memory), work=system.work)
-        one, work = places.copies.nth(here).fields, places.work.fields
+        numbers, work = places.copies.nth(here).fields, places.work.fields
         if system.loaded:
-            each(sites, copied, one.state, one.shown)
+            each(sites, copied, numbers.state, numbers.shown)
         elif work.ready.at(0) == READY:
             impulses_off(system, sites, work, work.equations.heads(system.most))
-            each(sites, on_the_constraint, one.state, one.shown, work)
+            each(sites, on_the_constraint, numbers.state, numbers.shown, work)
 
     def settle_anew(self, system: Any, t: float, sites: Any, here: int, memory: Layout) -> None:
         """As `settle`, where a step was given up that had begun to write down the next field."""
@@ -153,8 +153,8 @@ class RattleOfLinks(StepsOfLinks):
         pasts = copies.nth(here).fields.pasts
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
-            begun = here if s == 0 else there
-            self.substep(system, t + node * h, share * h, sites, copies, begun, there, pasts.nth(s), s, work)
+            begin = here if s == 0 else there
+            self.substep(system, t + node * h, share * h, sites, copies, begin, there, pasts.nth(s), s, work)
 
     def substep(
         self, system: Any, t: float, h: float, sites: Any, copies: Any, begun: int, there: int, past: Any,
@@ -185,56 +185,23 @@ class RattleOfLinks(StepsOfLinks):
                 each(sites, moved_body, system, self.retraction, h, old, new, work)
                 work.ready.put(0, where(ready == 0.0, 0.0, BROKEN))
             if turn < 2:
-                seen, k = copies.nth(begun if turn == 0 else there).fields.state, h * float(turn)
-                field(system, t + k, 0.5 * k, sites, seen, new, work)
+                looked_at, k = copies.nth(begun if turn == 0 else there).fields.state, h * float(turn)
+                field(system, t + k, 0.5 * k, sites, looked_at, new, work)
             turn = turn + 1
         each(sites, ended, system, past, copies.nth(there).fields.pasts.nth(s), new, work)
         work.ready.put(0, READY)
 
     def solve(self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, equations: Any) -> None:
-        """Displacements and impulses: the solution that grows out of zero with h, as `LieRATTLE` finds it.
-        While corrections are small the derivative is that of the first of them.
+        """Displacements and impulses: the solution that grows out of zero with h, as `LieRATTLE` finds it.  Raises
+        NoConvergence.
         """
-        retraction = self.retraction
         reached, piece, part, tried, bad = 0.0, 1.0, 1.0, 0.0, -1.0
         while True:
             each(sites, wrench_of_unknown, work, equations)
             scattered(system, work)
             each(sites, held_by_unknown, work)
-            before, anew, done, inside = INFINITY, True, False, False
-            while True:
-                k = part * h
-                now = system.at_time(t + k)
-                if system.meshes:
-                    meshed(system, work)
-                if anew:
-                    sign = 1.0 if h > 0.0 else -1.0
-                    each(sites, correction_of_body, system, retraction, k, old, work)
-                    each(sites, correction_of_joint, now, sign, k, work, equations)
-                    assembled(system, sites, equations.there, sign, k, work, equations)
-                    bad = factored(system, h, equations)
-                else:
-                    each(sites, mismatch_of_body, system, retraction, k, old, work)
-                    each(sites, mismatch_of_joint, now, k, work, equations)
-                    eliminated_again(system, equations)
-                solved(system, equations)
-                pulled_by_impulses(system, sites, work, equations)
-                each(sites, corrected, system, retraction, work, equations)
-                length, whole, size, upright, inside = summed(system, work)
-                tried = tried + 1.0
-                shrinks = length <= CONTRACTION * before
-                noisy = length <= NOISE * NOISE * (whole + size)
-                good = upright and bad < 0.0 and (shrinks or noisy)
-                settled = length <= ROUNDING * size or (
-                    length * length <= FINE * size * whole
-                    if before == INFINITY
-                    else length * (length / before) <= LEAST * whole
-                )
-                done = good and (settled or not shrinks)
-                before, anew = length, length > NEAR * whole
-                if done or not good or not tried < MOST:
-                    break
-            if done and inside:
+            solved_here, tried, bad = self.newton(system, t, h, part, tried, sites, old, work, equations)
+            if solved_here:
                 reached, piece = part, 2.0 * piece
                 if reached < 1.0:
                     each(sites, scaled, 1.0 / part, work.unknown, work.slope)
@@ -245,9 +212,49 @@ class RattleOfLinks(StepsOfLinks):
                 break
             each(sites, scaled, part, work.slope, work.unknown)
         if reached < 1.0:
-            work.at_joint.put(0, bad if bad >= 0.0 else worst(system, equations))
+            work.failed_joint.put(0, bad if bad >= 0.0 else worst(system, equations))
             work.reached.put(0, reached)
             raise NoConvergence("no solution grows out of h = 0 up to this step")
+
+    def newton(
+        self, system: Any, t: float, h: float, part: float, tried: float, sites: Any, old: Any, work: Any, equations: Any
+    ) -> tuple[bool, float, float]:  # fmt: skip
+        """Newton's method at a part of the step: has it found a solution inside the chart, after how many corrections, and
+        the joint whose conditions depend on others, or -1.  While corrections are small the derivative stays as it was.
+        """
+        k, before, anew, done, inside, bad = part * h, INFINITY, True, False, False, -1.0
+        while True:
+            now = system.at_time(t + k)
+            if system.meshes:
+                meshed(system, work)
+            if anew:
+                sign = 1.0 if h > 0.0 else -1.0
+                each(sites, correction_of_body, system, self.retraction, k, old, work)
+                each(sites, correction_of_joint, now, sign, k, work, equations)
+                assembled(system, sites, equations.end_sides, sign, k, work, equations)
+                bad = factored(system, h, equations)
+            else:
+                each(sites, mismatch_of_body, system, self.retraction, k, old, work)
+                each(sites, mismatch_of_joint, now, k, work, equations)
+                eliminated_again(system, equations)
+            solved(system, equations)
+            pulled_by_impulses(system, sites, work, equations)
+            each(sites, corrected, system, self.retraction, work, equations)
+            length, whole, size, upright, inside = summed(system, work)
+            tried = tried + 1.0
+            shrinks = length <= CONTRACTION * before
+            noisy = length <= NOISE * NOISE * (whole + size)
+            good = upright and bad < 0.0 and (shrinks or noisy)
+            settled = length <= ROUNDING * size or (
+                length * length <= FINE * size * whole
+                if before == INFINITY
+                else length * (length / before) <= LEAST * whole
+            )
+            done = good and (settled or not shrinks)
+            before, anew = length, length > NEAR * whole
+            if done or not good or not tried < MOST:
+                break
+        return done and inside, tried, bad
 
 
 def field(system: Any, t: float, h: float, sites: Any, seen: Any, new: Any, work: Any) -> None:
@@ -280,13 +287,9 @@ def guessed(system: Any, h: float, old: Any, past: Any, work: Any) -> None:
     work.slope.save((xi, l))
 
 
-def nothing(some: Any) -> Any:
-    """Are all numbers zero?"""
-    total = 0.0
-    for x in some:
-        for y in x:
-            total = total + abs(y)
-    return total == 0.0
+def nothing(pasts: Any) -> Any:
+    """Are all numbers of all vectors zero, as before the first step?"""
+    return vectors.sum([abs(x) for past in pasts for x in past]) == 0.0
 
 
 def scaled(factor: float, column: Any, other: Any) -> None:
@@ -297,35 +300,35 @@ def scaled(factor: float, column: Any, other: Any) -> None:
 
 def held_by_unknown(work: Any) -> None:
     """The sum of all impulses on a body."""
-    work.held.save(pull_on(work))
+    work.impulse.save(pull_on(work))
 
 
 def pushed_momentum(mu: Any, h: float, work: Any) -> Any:
     """mu + (h/2) f - G* l: the momentum after half a kick by the field and the impulses."""
-    return mu + ((0.5 * h) * work.force.load() - work.held.load())
+    return mu + ((0.5 * h) * work.force.load() - work.impulse.load())
 
 
 def correction_of_body(system: Any, retraction: Any, h: float, old: Any, work: Any) -> None:
     """With r the mismatch of Algorithm 1 and A its derivative, A^-1 r; the answer to impulses at
     the start, A^-1 B; both as displacements of the body at the end of the step as well.
     """
-    group, one, J = system.group, old.load(), work.inertia.load()
-    x, g, rate = work.unknown.nth(0).load(), plain(one.g), 1.0 / h
-    r, by_p, by_x = retraction.residual(group, x, times(J, rate * x), pushed_momentum(plain(one.mu), h, work))
+    group, begin, J = system.group, old.load(), work.inertia.load()
+    x, g, rate = work.unknown.nth(0).load(), plain(begin.g), 1.0 / h
+    r, by_p, by_x = retraction.residual(group, x, times(J, rate * x), pushed_momentum(plain(begin.mu), h, work))
     A = with_inertia(by_x, momentum_slope(by_p, rate * J))
     inverse, same, _ = inverted(A, REST6, h)
     free, answer, moved = inverse @ r, *answers(retraction, group, x, by_p, inverse)
-    work.free.save(free)
+    work.free_correction.save(free)
     work.answer.save(answer)
-    work.led.save(retraction.dtau(group, x, free))
-    work.moved.save(moved)
-    work.pose.save(retraction.compose_tau(group, g, x))
-    work.upright.save(same)
+    work.free_at_end.save(retraction.dtau(group, x, free))
+    work.answer_at_end.save(moved)
+    work.end_pose.save(retraction.compose_tau(group, g, x))
+    work.sign_kept.save(same)
     away = vec(g[0, 3], g[1, 3], g[2, 3])
     size = vectors.sum(
         [(J[i, i] if isinstance(J, vectors.Mat) else J[i]) * (1.0 if i < 3 else dot(away, away)) for i in range(6)]
     )
-    work.size.save(size)
+    work.scale.save(size)
 
 
 def answers(retraction: Any, group: Any, x: Vec, by_p: Any, inverse: Mat) -> tuple[Mat, Mat]:
@@ -354,45 +357,45 @@ def dtau_blocks(retraction: Any, group: Any, x: Vec) -> tuple[Mat, Mat, Mat]:
 
 def mismatch_of_body(system: Any, retraction: Any, h: float, old: Any, work: Any) -> None:
     """The mismatch alone, with A as it was."""
-    group, one, x = system.group, old.load(), work.unknown.nth(0).load()
+    group, begin, x = system.group, old.load(), work.unknown.nth(0).load()
     p = times(work.inertia.load(), (1.0 / h) * x)
-    off = retraction.dtau_inv_dual(group, -x, p) - pushed_momentum(plain(one.mu), h, work)
-    work.free.save(answered(work.answer.load(), off))
-    work.led.save(answered(work.moved.load(), off))
-    work.pose.save(retraction.compose_tau(group, plain(one.g), x))
+    off = retraction.dtau_inv_dual(group, -x, p) - pushed_momentum(plain(begin.mu), h, work)
+    work.free_correction.save(answered(work.answer.load(), off))
+    work.free_at_end.save(answered(work.answer_at_end.load(), off))
+    work.end_pose.save(retraction.compose_tau(group, plain(begin.g), x))
 
 
 def corrected(system: Any, retraction: Any, work: Any, equations: Any) -> None:
     """The unknown after Newton's correction, and what it tells: how long the correction is, and the displacement."""
     (x, l), J, push = work.unknown.load(), work.inertia.load(), pull_on(work)
-    dx = work.free.load() - answered(work.answer.load(), push)
+    dx = work.free_correction.load() - answered(work.answer.load(), push)
     x, l = x - dx, l - equations.impulse.load()
     work.unknown.save((x, l))
-    work.held.save(work.held.load() - push)
-    work.length.save(dot(dx, times(J, dx)))
-    work.whole.save(dot(x, times(J, x)))
-    work.inside.save(where(retraction.is_chart(system.group, 2.0 * x), 1.0, 0.0))
+    work.impulse.save(work.impulse.load() - push)
+    work.change_square.save(dot(dx, times(J, dx)))
+    work.value_square.save(dot(x, times(J, x)))
+    work.in_chart.save(where(retraction.is_chart(system.group, 2.0 * x), 1.0, 0.0))
 
 
 def moved_body(system: Any, retraction: Any, h: float, old: Any, new: Any, work: Any) -> None:
     """The state after the first kick and the displacement."""
-    one = old.load()
-    start = BodyState(pushed_momentum(one.mu, h, work), one.g)
+    begin = old.load()
+    start = BodyState(pushed_momentum(begin.mu, h, work), begin.g)
     new.save(system.displaced(retraction, start, work.unknown.nth(0).load()))
 
 
 def kicked(system: Any, h: float, old: Any, new: Any, work: Any) -> None:
     """The field, the state after a kick h by it, and its velocity."""
-    one, weight = old.load(), work.weight.load()
-    down = vec(0.0, 0.0, 0.0, *[-(weight * plain(one.g)[2, j]) for j in range(3)])  # (0, -w R^T e3)
+    body, weight = old.load(), work.weight.load()
+    down = vec(0.0, 0.0, 0.0, *[-(weight * plain(body.g)[2, j]) for j in range(3)])  # (0, -w R^T e3)
     force = down + pull_on(work)
     if system.pulls_all:
         force = force + work.field.load()
     if len(system.fields) > 0 and system.pulled:
-        force = force + system.on_body(work, lambda it: it.pull(plain(one.g)))
-    mu = one.mu + h * force
-    mu = vec(*[where(h == 0.0, a, b) for a, b in zip(one.mu, mu)])  # rests of rounding as well
-    new.save(BodyState(mu, one.g))
+        force = force + system.on_body(work, lambda it: it.pull(plain(body.g)))
+    mu = body.mu + h * force
+    mu = vec(*[where(h == 0.0, a, b) for a, b in zip(body.mu, mu)])  # rests of rounding as well
+    new.save(BodyState(mu, body.g))
     work.force.save(force)
     work.velocity.save(times(work.inverse.load(), plain(mu)))
 
@@ -409,8 +412,8 @@ def ended(system: Any, past: Any, next_past: Any, state: Any, work: Any) -> None
 
 def on_the_constraint(state: Any, shown: Any, work: Any) -> None:
     """A body without the momentum that leads off the constraint."""
-    one = state.load()
-    shown.save(BodyState(one.mu - pull_on(work), one.g))
+    body = state.load()
+    shown.save(BodyState(body.mu - pull_on(work), body.g))
 
 
 def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
@@ -419,21 +422,21 @@ def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
     """
     length, whole, size, upright, inside = 0.0, 0.0, 0.0, 1.0, 1.0
     for b in range(int(system.bodies)):
-        length, whole = length + work.length.at(b), whole + work.whole.at(b)
-        inside, upright = min(inside, work.inside.at(b)), min(upright, work.upright.at(b))
-        size = size + work.size.at(b)
+        length, whole = length + work.change_square.at(b), whole + work.value_square.at(b)
+        inside, upright = min(inside, work.in_chart.at(b)), min(upright, work.sign_kept.at(b))
+        size = size + work.scale.at(b)
     return length, whole, size, upright > 0.0, inside > 0.0
 
 
 def worst(system: Any, equations: Any) -> float:
     """The joint whose conditions miss most."""
-    found, most = 0.0, 0.0
+    joint, most = 0.0, 0.0
     for j in range(int(system.joints)):
-        x = equations.rest.at(j)
+        x = equations.residual.at(j)
         square = dot(x, x)
         if square > most:
-            found, most = float(j), square
-    return found
+            joint, most = float(j), square
+    return joint
 
 
 # ------------------------------------------------------------------ formulas of one joint
@@ -443,10 +446,10 @@ def joints_here(system: Any, old: Any, work: Any, equations: Any) -> None:
     """The rows of a joint, of conditions and of motions that loads act along, and the wrench of its springs."""
     most = system.most
     (g, k), held, alive = poses_of(old, work), work.ends.load()[2], work.alive.load()
-    one, two = system.of_kind(work, lambda it: it.rows(g, k, most, system.freedoms))
-    G = [a * row for a, row in zip(alive, one)]
-    H = [(a * held) * row for a, row in zip(alive, two)]
-    equations.sides.save((mat(*G, *one[most:]), mat(*H, *[held * row for row in two[most:]])))
+    first, second = system.of_kind(work, lambda it: it.rows(g, k, most, system.freedoms))
+    G = [a * row for a, row in zip(alive, first)]
+    H = [(a * held) * row for a, row in zip(alive, second)]
+    equations.sides.save((mat(*G, *first[most:]), mat(*H, *[held * row for row in second[most:]])))
     if system.rheonomic:
         paces = system.of_kind(work, lambda it: it.paces(g, k, most, system.freedoms))
         work.paces.save(vec(*[a * x for a, x in zip(alive, paces)], *paces[most:]))
@@ -466,19 +469,19 @@ def correction_of_joint(system: Any, sign: float, h: float, work: Any, equations
     bodies to the impulses of the joint.  sign : of the step h.
     """
     n, held, alive = system.most, work.ends.load()[2], work.alive.load()
-    g, k = poses_of(work.pose, work)
-    one, two = system.of_kind(work, lambda it: it.rows(g, k, n, 0))
-    there = [a * row for a, row in zip(alive, one)], [(a * held) * row for a, row in zip(alive, two)]
-    equations.rest.save(missed(system, h, there, g, k, work))
-    moved = both(work.moved, work)
-    found = [[answered(K, row) for row in side] for K, side in zip(moved, equations.sides.load())]
-    equations.there.save((mat(*there[0]), mat(*there[1])))
-    save_answers(system, there, found, sign, h, work, equations)
+    g, k = poses_of(work.end_pose, work)
+    first, second = system.of_kind(work, lambda it: it.rows(g, k, n, 0))
+    rows = [a * row for a, row in zip(alive, first)], [(a * held) * row for a, row in zip(alive, second)]
+    equations.residual.save(missed(system, h, rows, g, k, work))
+    moved = both(work.answer_at_end, work)
+    joint_answers = [[answered(K, row) for row in side] for K, side in zip(moved, equations.sides.load())]
+    equations.end_sides.save((mat(*rows[0]), mat(*rows[1])))
+    save_answers(system, rows, joint_answers, sign, h, work, equations)
 
 
 def mismatch_of_joint(system: Any, h: float, work: Any, equations: Any) -> None:
     """The mismatch of the conditions, with their rows as they were."""
-    equations.rest.save(missed(system, h, equations.there.load(), *poses_of(work.pose, work), work))
+    equations.residual.save(missed(system, h, equations.end_sides.load(), *poses_of(work.end_pose, work), work))
 
 
 def missed(system: Any, h: float, there: Any, g: Mat, k: Mat, work: Any) -> Vec:
@@ -487,11 +490,11 @@ def missed(system: Any, h: float, there: Any, g: Mat, k: Mat, work: Any) -> Vec:
     """
     c = system.of_kind(work, lambda one: one.value(g, k, system.most))
     if system.geared:
-        q, rate, more = work.dial.load()
+        q, rate, added = work.rotor.load()
         turned = system.of_kind(work, lambda one: one.turned(g, k, q))
-        y, l = work.yields.load(), work.unknown.nth(1).load()[system.most - 1]
-        c = [*c[: system.most - 1], turned - h * (rate + y * l + more)]
-    free = speeds(there, both(work.led, work))
+        y, l = work.lightness.load(), work.unknown.nth(1).load()[system.most - 1]
+        c = [*c[: system.most - 1], turned - h * (rate + y * l + added)]
+    free = speeds(there, both(work.free_at_end, work))
     return vec(*[x - live * value for x, value, live in zip(free, c, work.alive.load())])
 
 
@@ -500,12 +503,12 @@ def missed(system: Any, h: float, there: Any, g: Mat, k: Mat, work: Any) -> Vec:
 
 def meshed(system: Any, work: Any) -> None:
     """The rate that a rotor gains by the impulses of other joints that it drives."""
-    table, more, l = system.mesh, work.dial.nth(2), work.unknown.nth(1).nth(system.most - 1)
+    table, added, l = system.mesh, work.rotor.nth(2), work.unknown.nth(1).nth(system.most - 1)
     for p in range(whole(table, 0)):
-        more.put(whole(table, 1 + 3 * p), 0.0)
+        added.put(whole(table, 1 + 3 * p), 0.0)
     for p in range(whole(table, 0)):
         j, k = whole(table, 1 + 3 * p), whole(table, 2 + 3 * p)
-        more.put(j, more.at(j) + entry(system.meshing, p) * l.at(k))
+        added.put(j, added.at(j) + entry(system.meshing, p) * l.at(k))
 
 
 def dial_here(system: Any, old: Any, work: Any, equations: Any) -> None:
@@ -513,11 +516,11 @@ def dial_here(system: Any, old: Any, work: Any, equations: Any) -> None:
     g, k = poses_of(old, work)
     q = system.of_kind(work, lambda one: one.turned(g, k, 0.0))
     rate = speeds(equations.sides.load(), both(work.velocity, work))[system.most - 1]
-    work.dial.save(vec(q, rate, 0.0))
+    work.rotor.save(vec(q, rate, 0.0))
 
 
 def dial_there(system: Any, work: Any) -> None:
     """The rate of a rotor after the impulse on it, q' + l/A."""
-    q, rate, more = work.dial.load()
+    q, rate, added = work.rotor.load()
     l = work.unknown.nth(1).load()[system.most - 1]
-    work.dial.save(vec(q, rate + work.yields.load() * l + more, 0.0))
+    work.rotor.save(vec(q, rate + work.lightness.load() * l + added, 0.0))

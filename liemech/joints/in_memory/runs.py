@@ -36,7 +36,7 @@ from ...simulation.keep import Quantities
 from ...simulation.result import AsItIs
 from ...systems.system import small_state
 from .adaptive_steps_of_links import OVERFLOWED, AdaptiveStepsOfLinks
-from .links import BROKEN, READY, Links
+from .links import BROKEN, READY, LinkedBodies
 from .loads_of_links import THROWN
 from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from .rattle_of_links import RattleOfLinks
@@ -55,7 +55,7 @@ FEW = 600
 def linked_method(plan: Any) -> Any:
     """The method of a plan as that of many bodies and joints; None if there is none, or the system has no such form."""
     system, site = plan._one, plan._one.site_form
-    if not isinstance(site, Links) or plan.fictive:
+    if not isinstance(site, LinkedBodies) or plan.fictive:
         return None
     special = site.rheonomic or site.geared
     if plan.adaptive:
@@ -63,20 +63,16 @@ def linked_method(plan: Any) -> Any:
         if type(method) is RKMK and method.tableau.explicit and not special:
             return AdaptiveStepsOfLinks.of_method(method, True)
         return written_out(method, "adaptive steps")
-    method = plan._steps.way_of(0)
-    ending = None
+    method, ending = plan._steps.way_of(0), None
     if isinstance(method, EndingAtJumps):
-        ending = method if cuts(method, system) else None
-        method = method.method
-    shares: Any = [(1.0, 0.0)]
-    base = method
+        ending, method = (method if cuts(method, system) else None), method.method
     if isinstance(method, Composition):
-        base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
-    explicit = type(base) is RKMK and base.tableau.explicit
-    flows = isinstance(base, CommutatorFree) and plan._steps.precision == "double"
-    if base is method and (explicit or flows):
-        return stages_of(base) if ending is None and not special else None
-    if type(base) is Taylor and base is method:
+        return rattle_of(method, method.base, [*zip(method.tableau.gamma, method.tableau.nodes)], site, ending)
+    explicit = type(method) is RKMK and method.tableau.explicit
+    flows = isinstance(method, CommutatorFree) and plan._steps.precision == "double"
+    if explicit or flows:
+        return stages_of(method) if ending is None and not special else None
+    if type(method) is Taylor:
         for has, what in (
             (ending is not None, "steps that end where inputs jump"),
             (site.rheonomic, "joints in a given motion"),
@@ -84,18 +80,24 @@ def linked_method(plan: Any) -> Any:
             (site.on_all is not None, "potential or load of all bodies by one formula"),
         ):
             if has:
-                return written_out(base, what)
-        return taylor_of(base, site)
-    if type(base) is MultipleTimeSteps and base is method and ending is None and not site.geared:
-        table, ratio = Table(np.array([1.0, 0.0])), float(base.ratios[0])
-        fast = RattleOfLinks(repr(base), Exponential(), table, 1.0, 1, site.most)
-        return MultipleTimeStepsOfLinks(repr(method), fast, ratio)
+                return written_out(method, what)
+        return taylor_of(method, site)
+    if type(method) is MultipleTimeSteps and ending is None and not site.geared:
+        fast = rattle_of(method, LieRATTLE(Exponential()), [(1.0, 0.0)], site)
+        return MultipleTimeStepsOfLinks(repr(method), fast, float(method.ratios[0]))
+    return rattle_of(method, method, [(1.0, 0.0)], site, ending)
+
+
+def rattle_of(method: Any, base: Any, shares: Any, site: LinkedBodies, ending: Any = None) -> RattleOfLinks | None:
+    """A composition of LieRATTLE, or of RATTLE of points, as that of many bodies and joints; None of other methods.
+
+    shares : of its substeps, each with its node.
+    """
     if not isinstance(base, (LieRATTLE, RATTLE)):
         return None
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
-    rows = [(share, node) for share, node in shares]
-    table = Table(np.ravel(rows))
-    return RattleOfLinks(repr(method), retraction, table, float(len(rows)), len(rows), site.most, ending)
+    count = len(shares)
+    return RattleOfLinks(repr(method), retraction, Table(np.ravel(shares)), float(count), count, site.most, ending)
 
 
 def written_out(method: Any, what: str) -> None:
@@ -119,7 +121,7 @@ def stages_of(method: Any) -> StagesOfLinks:
     return StagesOfLinks.with_ways(method, [[row] for row in (*tableau.A, tableau.b)], tableau.c)
 
 
-def taylor_of(method: Taylor, site: Links) -> TaylorOfLinks:
+def taylor_of(method: Taylor, site: LinkedBodies) -> TaylorOfLinks:
     """A Taylor series method as that of many bodies and joints."""
     order = method.order
     short = site.most <= SHORT or order <= LOW
@@ -131,9 +133,9 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
     """The first row, among the numbers that do not change, and the column of an input that is a
     parameter of a force at a joint; None for others.
     """
-    head, _, rest = one.name.partition(".")
-    k, _, rest = rest.partition(".")
-    if head != "forces" or not rest:
+    head, _, path = one.name.partition(".")
+    k, _, path = path.partition(".")
+    if head != "forces" or not path:
         return None
     form, force = linkage.linked, linkage.forces[int(k)]
     number = linkage.number(force.joint)
@@ -145,11 +147,11 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
     side = "springs" if linkage._has_potential(force) else "loads"
     column = number
     joint = form.joints[column]
-    found = places_of(joint, f"{side}.{len(before)}.{rest}", one.layout)
-    if found is None or len(found) != 1:
+    rows = places_of(joint, f"{side}.{len(before)}.{path}", one.layout)
+    if rows is None or len(rows) != 1:
         return None
-    own = columns(Planes(form.fixed, form.places), work=form.links.work).work.fields.own
-    return own.nth(form.links.kinds.index(layout_of(joint))).rows[found[0]], column
+    parameters = columns(Planes(form.fixed, form.places), work=form.links.work).work.fields.joint_parameters
+    return parameters.nth(form.links.kinds.index(layout_of(joint))).rows[rows[0]], column
 
 
 class StepsOfLinkage(StepsOfSites):
@@ -163,8 +165,8 @@ class StepsOfLinkage(StepsOfSites):
 
     def _numbers(self, rows: np.ndarray, totals: np.ndarray) -> np.ndarray:
         """The numbers of states of all bodies, of states of all places, (..., width, places)."""
-        many = rows.reshape(-1, *rows.shape[-2:])
-        return flat(self.run.states(many), len(many)).reshape(*rows.shape[:-2], -1)
+        stack = rows.reshape(-1, *rows.shape[-2:])
+        return flat(self.run.states(stack), len(stack)).reshape(*rows.shape[:-2], -1)
 
     def looks(self, piece: Any, step: np.ndarray) -> np.ndarray:
         """Counts of looks by the velocities at the ends of steps of which each goes on from the last."""
@@ -201,10 +203,10 @@ class LinksRun(SiteRun):
         self.workers = 1
         form = self.plan._one.linked
         before = 2 * width + self.shape.method.room
-        made = Planes.of_rows(before + len(form.fixed) + form.more, self.count)
-        self.of = columns(Planes(made.array[before:], self.count), work=form.links.work).work.fields
+        planes = Planes.of_rows(before + len(form.fixed) + form.more, self.count)
+        self.of = columns(Planes(planes.array[before:], self.count), work=form.links.work).work.fields
         self.work[: len(form.fixed), : self.count] = form.fixed
-        return made
+        return planes
 
     @property
     def work(self) -> np.ndarray:
@@ -230,7 +232,7 @@ class LinksRun(SiteRun):
 
     def take(self, new: list[tuple[Any, list[float]]]) -> bool:
         """Write down new values of parameters of forces at joints; False for others."""
-        places = [self._places(one) for one, _ in new]
+        places = [self._places(changed) for changed, _ in new]
         if None in places:
             return False
         for (row, column), (_, numbers) in zip(places, new):
@@ -251,13 +253,13 @@ class LinksRun(SiteRun):
     def states(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """States as users see them, of the numbers of places, (n, width, places)."""
         arrays = unpacked(self.shape.state, np.moveaxis(rows, 1, -1))
-        seen: dict[str, np.ndarray] = self.plan._one.as_users_see(arrays)
-        return seen
+        parts: dict[str, np.ndarray] = self.plan._one.as_users_see(arrays)
+        return parts
 
     # ---------------------------------------------------------------- steps
 
     def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
-        for column in (self.of.at_joint, self.of.reached, self.of.ready):
+        for column in (self.of.failed_joint, self.of.reached, self.of.ready):
             column.put(0, 0.0)
         super().return_to(stand, steps)
 
@@ -299,7 +301,7 @@ class LinksRun(SiteRun):
         return AsItIs(small_state(one_of(arrays), {name: x[0] for name, x in arrays.items()}))
 
     def require_ends(self) -> None:
-        """Find what is recorded."""
+        """Find the values of all functions that are recorded."""
         super().require_ends()
         try:
             if self.quantities is not None:
@@ -316,12 +318,12 @@ class LinksRun(SiteRun):
         if failures and not isinstance(failures[-1], NoConvergence):
             return failures[-1]
         system: Any = self.plan._one
-        joint, reached = self.of.at_joint.at(0), self.of.reached.at(0)
-        self.of.at_joint.put(0, 0.0)
+        joint, reached = self.of.failed_joint.at(0), self.of.reached.at(0)
+        self.of.failed_joint.put(0, 0.0)
         method = repr(self.plan.method)
         if joint == THROWN:
-            seen, h = self.shape.shown_rows(self._memory), abs(reached)
-            state = as_users_see(system, state_of_rows(self.shape.state, seen))
+            numbers, h = self.shape.shown_rows(self._memory), abs(reached)
+            state = as_users_see(system, state_of_rows(self.shape.state, numbers))
             t = float(self.clocks[TIME, 0])
             share = self.plan.method.tableau.reach if isinstance(self.plan.method, Composition) else 1.0
             return bound_refusal(self.plan.method, system, t, state.mu, state.g, h, share)
@@ -339,8 +341,8 @@ class LinksRun(SiteRun):
             )
         why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
         if isinstance(system, BoundBody) and system.conditions <= FEW:
-            seen = self.shape.shown_rows(self._memory)
-            state = as_users_see(system, state_of_rows(self.shape.state, seen))
+            numbers = self.shape.shown_rows(self._memory)
+            state = as_users_see(system, state_of_rows(self.shape.state, numbers))
             why = near_a_dead_point(system, state.g) or why
         return NoConvergence(
             f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at {label}. {why}"

@@ -56,14 +56,14 @@ class StagesOfLinks(StepsOfLinks):
     def with_ways(cls, method: Any, ways: Any, nodes: Any) -> StagesOfLinks:
         """The method with these rows of weights for each stage and, last, for the end of the step; at least one each."""
         count = len(nodes)
-        rows = [[*row, *[0.0] * (count - len(row))] for way in ways for row in way]
+        rows = [[*row, *[0.0] * (count - len(row))] for flows in ways for row in flows]
         firsts = np.cumsum([0, *map(len, ways)])
         tables = of_whole(firsts), Table(np.ravel(rows)), Table(np.array([*nodes, 1.0]))
         return cls(repr(method), method, *tables, count, float(count), Layout("tuple", (vector(12),) * count))
 
     @property
     def room(self) -> int:
-        """Rows of slopes."""
+        """The number of rows of memory that slopes take."""
         return self.slopes.width
 
     def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
@@ -80,8 +80,8 @@ class StagesOfLinks(StepsOfLinks):
         """The state of stage i, after the last one that of the end, in the one copy; the step begins in the other."""
         first = whole(self.ways, i)
         for flow in range(first, whole(self.ways, i + 1)):
-            begun = copies.nth(here if flow == first else there).fields.state
-            each(sites, flown, self, h, flow, begun, copies.nth(there).fields.state, slopes)
+            begin = copies.nth(here if flow == first else there).fields.state
+            each(sites, flown, self, h, flow, begin, copies.nth(there).fields.state, slopes)
 
 
 def multipliers(system: Any, t: float, sites: Any, state: Any, work: Any) -> None:
@@ -120,13 +120,13 @@ def accelerated(system: Any, state: Any, work: Any) -> None:
     mu, inverse = plain(state.load().mu), work.inverse.load()
     xi = times(inverse, mu)
     pull = system.group.ad_star(xi, mu) + work.force.load()
-    work.led.save(xi)
+    work.free_at_end.save(xi)
     work.velocity.save(times(inverse, pull))
 
 
 def curved(system: Any, state: Any, work: Any, equations: Any) -> None:
     """Add to the right side of a joint the curvature of its conditions, d/ds G(g exp(s xi)) xi."""
-    (g, k), (xi, eta) = poses_of(state, work), both(work.led, work)
+    (g, k), (xi, eta) = poses_of(state, work), both(work.free_at_end, work)
     eta = work.ends.load()[2] * eta
 
     def curvature(one: Any) -> Vec:
@@ -136,8 +136,8 @@ def curved(system: Any, state: Any, work: Any, equations: Any) -> None:
 
         return derivative(speed, 0.0)
 
-    more, rest = system.of_kind(work, curvature), equations.rest.load()
-    equations.rest.save(vec(*[x + a * y for x, a, y in zip(rest, work.alive.load(), more)]))
+    curvatures, residual = system.of_kind(work, curvature), equations.residual.load()
+    equations.residual.save(vec(*[x + a * y for x, a, y in zip(residual, work.alive.load(), curvatures)]))
 
 
 def moved_along(g: Any, xi: Vec, s: float) -> Any:
@@ -149,7 +149,7 @@ def moved_along(g: Any, xi: Vec, s: float) -> Any:
 
 def rate_here(work: Any) -> Vec:
     """The velocity of a body on T*G, (xi, f + F - G* lam)."""
-    return vec(*work.led.load(), *(work.force.load() - pull_on(work)))
+    return vec(*work.free_at_end.load(), *(work.force.load() - pull_on(work)))
 
 
 def slope_here(method: Any, h: float, i: int, slopes: Any, work: Any) -> None:

@@ -82,7 +82,7 @@ class TaylorOfLinks(StepsOfLinks):
 
     @property
     def room(self) -> int:
-        """Rows of coefficients."""
+        """The number of rows of memory that coefficients take."""
         return self.terms.width
 
     def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
@@ -93,11 +93,11 @@ class TaylorOfLinks(StepsOfLinks):
         equations = work.equations.heads(system.most)
         each(sites, first_terms, h, old, terms, work)
         for k in range(int(self.rounds)):
-            known = 0
+            ready = 0
             for count in self.spans:
-                if known < k + 2 and k + 2 <= count:
-                    each(sites, rows_of_joint, system, known, count, terms, work)
-                known = count
+                if ready < k + 2 and k + 2 <= count:
+                    each(sites, rows_of_joint, system, ready, count, terms, work)
+                ready = count
             if system.springs or system.freedoms > 0:
                 if k + 1 <= self.orders // 2:
                     early = self.orders // 2
@@ -128,8 +128,8 @@ class TaylorOfLinks(StepsOfLinks):
 
 def first_terms(h: float, old: Any, terms: Any, work: Any) -> None:
     """Momentum and pose at the start, and the term of the pose that follows from the velocity."""
-    one = old.load()
-    g, mu = plain(one.g), plain(one.mu)
+    begin = old.load()
+    g, mu = plain(begin.g), plain(begin.mu)
     xi = times(work.inverse.load(), mu)
     still = mat(*[vec(*[1.0 if i == j else 0.0 for j in range(4)]) for i in range(3)])
     for poses, motion in ((terms.pose, mat(*g[:3])), (terms.turned, still)):
@@ -156,21 +156,21 @@ def freely(system: Any, k: int, terms: Any, work: Any) -> None:
     for j in range(k + 1):
         change = change + system.group.ad_star(terms.xi.nth(j).load(), terms.mu.nth(k - j).load())
     work.force.save(force)
-    work.led.save(change)
+    work.free_at_end.save(change)
     work.velocity.save(times(work.inverse.load(), change))
 
 
 def next_terms(h: float, k: int, terms: Any, work: Any) -> None:
     """With lam_k the forces, and the next terms of momentum, velocity and pose."""
-    pull, more = pull_on(work), 1.0 * k + 1.0
+    pull, order = pull_on(work), 1.0 * k + 1.0
     force = work.force.load() - pull
-    mu = (h / more) * (work.led.load() - pull)
+    mu = (h / order) * (work.free_at_end.load() - pull)
     xi = times(work.inverse.load(), mu)
     for poses in (terms.pose, terms.turned):
-        found = moving(1.0, poses.nth(0).load(), xi)
+        motion = moving(1.0, poses.nth(0).load(), xi)
         for j in range(k + 1):
-            found = found + moving(1.0, poses.nth(j + 1).load(), terms.xi.nth(k - j).load())
-        poses.nth(k + 2).save((h / (more + 1.0)) * found)
+            motion = motion + moving(1.0, poses.nth(j + 1).load(), terms.xi.nth(k - j).load())
+        poses.nth(k + 2).save((h / (order + 1.0)) * motion)
     push = force_from_start(k, terms, force)
     terms.force.nth(k).save(force)
     terms.push.nth(k).save(push)
@@ -184,9 +184,9 @@ def force_from_start(k: int, terms: Any, last: Vec) -> Vec:
     """
     moment, force = last[:3], last[3:]  # with R_0 = 1, p_0 = 0
     for j in range(k):
-        motion, one = terms.turned.nth(j + 1).load(), terms.force.nth(k - 1 - j).load()
-        moment = moment + vec(*[dot(row[:3], one[:3]) for row in motion])
-        force = force + vec(*[dot(row[:3], one[3:]) for row in motion])
+        motion, term = terms.turned.nth(j + 1).load(), terms.force.nth(k - 1 - j).load()
+        moment = moment + vec(*[dot(row[:3], term[:3]) for row in motion])
+        force = force + vec(*[dot(row[:3], term[3:]) for row in motion])
     for j in range(k):
         p = vec(*[row[3] for row in terms.turned.nth(j + 1).load()])
         moment = moment + cross(p, terms.push.nth(k - 1 - j).load()[3:])
@@ -210,16 +210,16 @@ def fields_of_body(orders: int, system: Any, t: float, h: float, terms: Any, wor
 
 def summed_up(method: Any, h: float, old: Any, new: Any, terms: Any) -> None:
     """The state at the end: Omega in the chart, and the momentum seen from the start, by their series."""
-    p, one = method.orders, old.load()
+    p, begin = method.orders, old.load()
     xi = in_order([terms.xi.nth(k).load() for k in range(p)])
     omega = vec(*[Series(None) for _ in range(6)])
     slope = method.method._slope(ALONE, omega, xi)
     for x, rate in zip(omega, slope):
         x.grow(rate, h)
-    way = [vec(*[x[k] for x in omega]) for k in range(1, p + 1)]
+    terms_of_omega = [vec(*[x[k] for x in omega]) for k in range(1, p + 1)]
     kicks = [(h / (k + 1.0)) * terms.push.nth(k).load() for k in range(p)]
-    pushed = BodyState(one.mu + total(kicks), one.g)
-    new.save(ALONE.displaced(method.method.retraction, pushed, total(way)))
+    pushed = BodyState(begin.mu + total(kicks), begin.g)
+    new.save(ALONE.displaced(method.method.retraction, pushed, total(terms_of_omega)))
 
 
 def in_order(some: Any) -> Vec:
@@ -262,18 +262,18 @@ def of_joint(system: Any, work: Any, formula: Any, done: tuple[Any, ...] = ()) -
 
     done : layouts of joints that it is not.
     """
-    own = next(kind.parts[0] for kind in system.kinds if kind.parts[0] not in done)
-    which, here, it = work.ends.load()[3], 0.0, None
+    joint_kind = next(kind.parts[0] for kind in system.kinds if kind.parts[0] not in done)
+    which, is_here, joint = work.ends.load()[3], 0.0, None
     for k, kind in enumerate(system.kinds):
-        if kind.parts[0] == own:
-            one = work.own.nth(k).load()
-            it = one if it is None else with_fields(it, joint=one.joint if which == k else it.joint)
-            here = here + where(which == k, 1.0, 0.0)
-    if all(kind.parts[0] in (*done, own) for kind in system.kinds):
-        return formula(it)
-    if here > 0.0:
-        return formula(it)
-    return of_joint(system, work, formula, (*done, own))
+        if kind.parts[0] == joint_kind:
+            record = work.joint_parameters.nth(k).load()
+            joint = record if joint is None else with_fields(joint, joint=record.joint if which == k else joint.joint)
+            is_here = is_here + where(which == k, 1.0, 0.0)
+    if all(kind.parts[0] in (*done, joint_kind) for kind in system.kinds):
+        return formula(joint)
+    if is_here > 0.0:
+        return formula(joint)
+    return of_joint(system, work, formula, (*done, joint_kind))
 
 
 def poses_in_order(count: int, terms: Any, work: Any) -> tuple[float, tuple[Mat, Mat]]:
@@ -310,23 +310,23 @@ def pushes_of_joint(system: Any, p: int, t: float, h: float, terms: Any, work: A
 
 def held_back(system: Any, k: int, terms: Any, work: Any) -> None:
     """Less the pull of multipliers that are known, sum_j G_j* lam_k-j."""
-    one = two = vec(*[0.0] * 6)
+    on_first = on_second = vec(*[0.0] * 6)
     if system.springs or system.freedoms > 0:
-        one, two = terms.pushes.nth(k).load()
+        on_first, on_second = terms.pushes.nth(k).load()
     for j in range(k):
         lam, (G, H) = terms.multiplier.nth(k - 1 - j).load(), terms.sides.nth(j + 1).load()
         for i in range(system.most):
-            one, two = one - lam[i] * G[i], two - lam[i] * H[i]
-    work.wrench.save((one, two))
+            on_first, on_second = on_first - lam[i] * G[i], on_second - lam[i] * H[i]
+    work.wrench.save((on_first, on_second))
 
 
 def missed(h: float, k: int, terms: Any, work: Any, equations: Any) -> None:
     """The right side of the equation for lam_k."""
-    more, bent = (1.0 * k + 1.0) / h, vec(*[0.0] * equations.rest.width)
+    factor, bent = (1.0 * k + 1.0) / h, vec(*[0.0] * equations.residual.width)
     for j in range(k + 1):
         bent = bent + vec(*speeds(terms.sides.nth(j + 1).load(), both(terms.xi.nth(k - j), work)))
     free = speeds(terms.sides.nth(0).load(), both(work.velocity, work))
-    equations.rest.save(vec(*[x + more * c for x, c in zip(free, bent)]))
+    equations.residual.save(vec(*[x + factor * c for x, c in zip(free, bent)]))
 
 
 def own_block(system: Any, terms: Any, work: Any, equations: Any) -> None:

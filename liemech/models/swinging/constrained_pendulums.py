@@ -13,7 +13,7 @@ from ...errors import InvalidInput
 from ...formulas import Mat, Vec, dot, mat, record, sqrt, sum, vec
 from ...formulas.classes.derived import closed_form_of
 from ...groups.rigid.rotation_coefficients import exp_coefficients
-from ...joints.in_memory.links import Links
+from ...joints.in_memory.links import LinkedBodies
 from ...joints.joints import RigidRod
 from ...joints.link import Link
 from ...joints.linkage import Linkage
@@ -162,7 +162,7 @@ class ChainPendulum(SeparableConstrainedSystem):
 
     @property
     @closed_form_of("kinetic", "potential", "constraint")
-    def site_form(self) -> Links | None:
+    def site_form(self) -> LinkedBodies | None:
         """The site form of a long chain, None of a short one."""
         return self.linked.links if self.degrees > self.small else None
 
