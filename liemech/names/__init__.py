@@ -107,8 +107,8 @@ def nearest(name: str, names: Iterable[str]) -> str | None:
     """The name that is written most like `name`, whatever the case; None if none is near."""
     from difflib import get_close_matches
 
-    alike = {candidate.lower().replace("_", ""): candidate for candidate in names}
-    return next((alike[n] for n in get_close_matches(name.lower().replace("_", ""), alike, 1)), None)
+    spellings = {candidate.lower().replace("_", ""): candidate for candidate in names}
+    return next((spellings[n] for n in get_close_matches(name.lower().replace("_", ""), spellings, 1)), None)
 
 
 def meant(name: str, names: Iterable[str]) -> str:

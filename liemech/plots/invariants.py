@@ -86,8 +86,8 @@ def drift(runs: Any, name: str = "energy", *, ax: Axes | None = None, title: str
         samples = np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
         ax.loglog(passed[samples], highest[samples], label=label or None, **look(k))
         floor = {"color": GREY, "linestyle": ":", "linewidth": 0.9, "zorder": 0.5}
-        said = "rounding" if k == len(by_name) - 1 else None
-        ax.loglog(passed[samples], noise(run)[1:][samples], label=said, **floor)
+        floor_label = "rounding" if k == len(by_name) - 1 else None
+        ax.loglog(passed[samples], noise(run)[1:][samples], label=floor_label, **floor)
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 

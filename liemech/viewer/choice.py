@@ -85,23 +85,23 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
         return (Points(),)
     group, base = configurations(system), base_of(system)
     of_kind = [contents for kind, contents in SUITED.items() if isinstance(system, kind)]
-    wanted: tuple[type[Content], ...] = ()
+    contents: tuple[type[Content], ...] = ()
     if of_kind:
-        wanted = of_kind[0]
+        contents = of_kind[0]
     elif base is not None:
         placed = "g" in parts and (is_pose(base) or is_place(base))
-        wanted = (Sites,) if placed else (Spins,) if is_spin(base) else ()
+        contents = (Sites,) if placed else (Spins,) if is_spin(base) else ()
     elif turns(group):
-        wanted = Body, SpatialMomentum, Momentum
+        contents = Body, SpatialMomentum, Momentum
     elif is_pose(group):
-        wanted = (Body,)
-    if not wanted:
+        contents = (Body,)
+    if not contents:
         raise InvalidInput(
             f"there is no moving picture of {system!r}, whose state is no place; `run.plot()`, or --plot, draws it"
         )
     if ensemble:
-        wanted = () if of_kind else tuple(kind for kind in wanted if kind in (Body, Momentum))
-    fitting = tuple(kind() for kind in wanted if set(kind().needs(system)) <= parts)
+        contents = () if of_kind else tuple(kind for kind in contents if kind in (Body, Momentum))
+    fitting = tuple(kind() for kind in contents if set(kind().needs(system)) <= parts)
     if not fitting:
         raise InvalidInput(
             f"there is no picture of {system!r} with "

@@ -84,16 +84,16 @@ class Motion:
         if not n:
             raise InvalidInput("a scene needs at least one sample; this run has none")
         states, bodies, t = run.states, run.bodies, run.t
-        few = smooth and t.ndim == 1 and 1 < n < frames
-        if few and isinstance(run, Trajectory) and run.dense is not None:
+        too_few = smooth and t.ndim == 1 and 1 < n < frames
+        if too_few and isinstance(run, Trajectory) and run.dense is not None:
             between = np.linspace(t[0], t[-1], frames - n + 2)[1:-1]
             t = np.union1d(t, between)[:: 1 if t[-1] >= t[0] else -1]
             states = run.at(t).parts
         states = {name: rows for name, rows in states.items() if rows is not None}
         if body is not None:
             if bodies is None or not -bodies <= body < bodies:
-                many = "one body" if bodies is None else f"{bodies} bodies"
-                raise InvalidInput(f"body = {body} is not there: the run has {many}")
+                bodies_shown = "one body" if bodies is None else f"{bodies} bodies"
+                raise InvalidInput(f"body = {body} is not there: the run has {bodies_shown}")
             states, bodies = {name: rows[:, body] for name, rows in states.items()}, None
             t = t if t.ndim == 1 else t[:, body]
         if t.ndim == 2:

@@ -121,7 +121,7 @@ def needle(radius: float, sides: int) -> ThreeShape:
     return turned(profile, "#ffffff", sides)
 
 
-def often(shape: ThreeShape, count: int, sizes: ArrayLike = ((1.0,),), **known: Any) -> ThreeShape:
+def often(shape: ThreeShape, count: int, sizes: ArrayLike = ((1.0,),), **values: Any) -> ThreeShape:
     """A shape that is there many times, drawn at once.
 
     sizes : (1, 1) a factor for all, (count, 1) one for each, (count, 3) three along its axes.
@@ -133,8 +133,8 @@ def often(shape: ThreeShape, count: int, sizes: ArrayLike = ((1.0,),), **known: 
     rows = np.asarray(sizes, dtype=np.float32)
     array = np.broadcast_to(rows, (len(rows), 3)).ravel()
     room = (0.5 * rows.max(axis=0)).tolist()
-    known = {"count": count, "sizes": array, "room": room, **known}
-    return replace(shape, kind="InstancedMesh", known=known)
+    values = {"count": count, "sizes": array, "room": room, **values}
+    return replace(shape, kind="InstancedMesh", known=values)
 
 
 def colored(shape: ThreeShape, colors: str | Sequence[str]) -> ThreeShape:

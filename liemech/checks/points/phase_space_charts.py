@@ -142,8 +142,8 @@ class Charts:
         shifts = [k * apart * e for e in np.eye(n) for k in range(-half, half + 1)]
         ends = trial.ends([self.displaced(x) for x in shifts])
         end = type(self.begin)(**{name: small(np.asarray(x)) for name, x in ends[half].items()})
-        there = self.at_time(trial.until)
-        coordinates = [there.coordinates(end, state) for state in ends]
+        chart = self.at_time(trial.until)
+        coordinates = [chart.coordinates(end, state) for state in ends]
         columns = [sum(w * coordinates[size * j + k] for k, w in enumerate(weights)) / apart for j in range(n)]
         return end, np.stack(columns, axis=1)
 

@@ -318,10 +318,10 @@ def _named(value: Any, namesakes: Known) -> str:
 
 def _one_of(common: Any, value: Any, namesakes: Known) -> str:
     """The number of a value among its namesakes so far: '' for the first, '#1' for the second."""
-    known = namesakes.setdefault(common, [])
-    number = next((i for i, x in enumerate(known) if x is value), len(known))
-    if number == len(known):
-        known.append(value)
+    values = namesakes.setdefault(common, [])
+    number = next((i for i, x in enumerate(values) if x is value), len(values))
+    if number == len(values):
+        values.append(value)
     return f"#{number}" if number else ""
 
 

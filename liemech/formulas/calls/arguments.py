@@ -62,8 +62,8 @@ def _option(signature: Signature, owner: Any, where: str, name: str, value: Any)
         return value
     if text in RECORDS:
         if not any(base.__name__ == text for base in type(value).__mro__):
-            wanted = RECORDS[text]._wanted(owner)
-            raise InvalidType(f"{where}: {name} must {wanted}; got {shown(value)}")
+            choices = RECORDS[text]._wanted(owner)
+            raise InvalidType(f"{where}: {name} must {choices}; got {shown(value)}")
         trusted = signature.trusted[signature.names.index(name)]
         if trusted is not None:
             trusted.add(type(value))

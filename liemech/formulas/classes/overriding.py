@@ -151,14 +151,14 @@ def kept(promised: tuple[int, str, str], where: str, result: Any) -> Any:
     """The result of a formula, an array or a list as a vector or matrix; WrongResult if it is
     something else than promised.
     """
-    _axes, wanted, remedy = promised
+    _axes, shape, remedy = promised
     converted = small(result) if isinstance(result, (list, tuple, np.ndarray)) else result
     if not breaks(promised, converted):
         return converted
     if result is None:
         remedy = "end every way through it with `return ...`"
     got = "None" if result is None else f"{type(result).__name__}, {result!r}"[:90]
-    raise WrongResult(f"{where} must return {wanted}; got {got}: {remedy}")
+    raise WrongResult(f"{where} must return {shape}; got {got}: {remedy}")
 
 
 _NO_NUMBERS = frozenset([type(None), Vec, Mat, str, tuple, list, dict, set, np.ndarray])

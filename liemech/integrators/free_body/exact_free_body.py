@@ -357,8 +357,8 @@ def _why_not(system: Any) -> str:
         return "there is more in its motion than its energy, or something else"
     body = body.site_form or body
     if isinstance(body.hamiltonian, OfSpecies):
-        many: Any = body.hamiltonian
-        species = zip(many.species.groups, many.of_species)
+        hamiltonian: Any = body.hamiltonian
+        species = zip(hamiltonian.species.groups, hamiltonian.of_species)
         return next((why for kind in species if (why := _why_no_body(*kind))), "")
     return _why_no_body(body.group, body.hamiltonian)
 

@@ -298,8 +298,8 @@ class CosseratRod(MechanicalSystem):
     @property
     def rest_strain(self) -> np.ndarray:
         """u_0 of the elements, (6,) or (N, 6)."""
-        rest: Any = self.element.rest
-        return rest.values if isinstance(rest, Each) else np.array(rest)
+        strain: Any = self.element.rest
+        return strain.values if isinstance(strain, Each) else np.array(strain)
 
     def shape(self, u: Any = None, start: Any = None) -> np.ndarray:
         """The frames of a rod with strain u, (frames, 4, 4): g_k+1 = g_k tau(l u_k).

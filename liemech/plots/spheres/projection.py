@@ -42,9 +42,9 @@ def split_at_horizon(curve: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.
     cut = (1.0 - s) * p + s * q
     cut[:, 2] = 0.0
     length = np.linalg.norm(cut, axis=1, keepdims=True)
-    wanted = (1.0 - s) * np.linalg.norm(p, axis=1, keepdims=True) + s * np.linalg.norm(q, axis=1, keepdims=True)
+    radius = (1.0 - s) * np.linalg.norm(p, axis=1, keepdims=True) + s * np.linalg.norm(q, axis=1, keepdims=True)
     # a chord through the centre stays
-    cut *= np.divide(wanted, length, out=np.ones_like(length), where=length > 0.0)
+    cut *= np.divide(radius, length, out=np.ones_like(length), where=length > 0.0)
     points = np.insert(curve, at + 1, cut, axis=0)
     shared = np.insert(np.zeros(len(curve), dtype=bool), at + 1, True)
     ahead = np.insert(front, at + 1, True)[:, None]

@@ -94,11 +94,11 @@ class FictiveMotion(MotionBetween):
         behind it the step begins.
         """
         parts = before[:, 1:-1], times[:, None], before[:, -1:], np.zeros((len(times), 1))
-        given = np.concatenate(parts, axis=1)
+        numbers = np.concatenate(parts, axis=1)
         if self.begun is not None:
             first = before[:, 0] == self.t[0]
-            given[first, :-3], given[first, -1] = self.begun[:-1], self.begun[-1]
-        return given
+            numbers[first, :-3], numbers[first, -1] = self.begun[:-1], self.begun[-1]
+        return numbers
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         """Behind the numbers of the states, the fictive times."""

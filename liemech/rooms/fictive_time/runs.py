@@ -222,12 +222,12 @@ class FictiveRun(OfClocked):
         return FictiveMotion(method, system, *fields)
 
     def given(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        given, body = super().given(piece, step, times), piece.body[step]
+        starts, body = super().given(piece, step, times), piece.body[step]
         for k in np.flatnonzero(piece.a[step] == self.t0[body]).tolist():
-            begun = self.inside_at_start(int(body[k]))
-            if begun is not None:
-                given[k, :-3], given[k, -1] = begun[:-1], begun[-1]
-        return given
+            inside = self.inside_at_start(int(body[k]))
+            if inside is not None:
+                starts[k, :-3], starts[k, -1] = inside[:-1], inside[-1]
+        return starts
 
     # ---------------------------------------------------------------- what came of it
 

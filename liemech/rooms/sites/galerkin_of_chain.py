@@ -100,9 +100,9 @@ class GalerkinOfChain(StepsTogether):
     def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
         """A step of all sites, from one copy of the memory to the other."""
         places = columns(sites, copies=(memory, memory), work=self.work)
-        work, one = places.work.fields, places.copies.nth(there)
-        each(sites, copied, places.copies.nth(here), one)
-        old, pasts = one.fields.state, one.fields.past
+        work, memory_there = places.work.fields, places.copies.nth(there)
+        each(sites, copied, places.copies.nth(here), memory_there)
+        old, pasts = memory_there.fields.state, memory_there.fields.past
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
             self.substep(system, t + node * h, share * h, sites, old, pasts.nth(s), work)
@@ -343,17 +343,17 @@ def factored(method: Any, work: Any) -> None:
 def solved(method: Any, work: Any) -> None:
     """The corrections, from the right sides and the blocks after elimination."""
     D, left, right, column, row = work.own, work.left, work.right, work.column, work.row
-    rest, answer, end = work.rest, work.answer, int(method.sites) - 1
+    mismatch, answer, end = work.rest, work.answer, int(method.sites) - 1
     for k in range(end):
-        y = rest.at(k)
+        y = mismatch.at(k)
         if method.ring:
-            rest.put(end, rest.at(end) - row.at(k) @ y)
+            mismatch.put(end, mismatch.at(end) - row.at(k) @ y)
         if k < end - method.ring:
-            rest.put(k + 1, rest.at(k + 1) - left.at(k + 1) @ y)
-    answer.put(end, D.at(end) @ rest.at(end))
+            mismatch.put(k + 1, mismatch.at(k + 1) - left.at(k + 1) @ y)
+    answer.put(end, D.at(end) @ mismatch.at(end))
     for back in range(end):
         k = end - 1 - back
-        y = rest.at(k)
+        y = mismatch.at(k)
         if method.ring:
             y = y - column.at(k) @ answer.at(end)
         if k < end - method.ring:

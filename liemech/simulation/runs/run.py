@@ -452,9 +452,9 @@ class Run(Course, Moving):
     @property
     def stops(self) -> dict[int, int]:
         """Counts of steps of the bodies that an error has ended, by body."""
-        gone = self.failed.copy()
-        gone[[*self.errors]] = True
-        return {i: int(self.clocks[TAKEN, i]) for i in np.flatnonzero(gone).tolist()}
+        stopped = self.failed.copy()
+        stopped[[*self.errors]] = True
+        return {i: int(self.clocks[TAKEN, i]) for i in np.flatnonzero(stopped).tolist()}
 
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of samples that were not handed on yet."""
@@ -494,8 +494,8 @@ class Run(Course, Moving):
             shown[: len(rows)] = rows[:n]
         np.copyto(shown, ends, where=(np.arange(n)[:, None] >= counts)[..., None])
         if self.asked is not None and not self.own_times:  # who has failed shares the times of others
-            gone = failed | (self.over & np.isin(np.arange(self.count), [*self.errors]))
-            np.copyto(shown[..., 0], self.asked, where=gone)
+            ended = failed | (self.over & np.isin(np.arange(self.count), [*self.errors]))
+            np.copyto(shown[..., 0], self.asked, where=ended)
         return shown
 
     # ---------------------------------------------------------------- going on

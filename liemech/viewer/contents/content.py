@@ -99,9 +99,9 @@ def require(contents: tuple[Content, ...], system: System, parts: frozenset[str]
 
 def chosen(show: Any, known: Mapping[str, type[Content]]) -> tuple[Content, ...]:
     """Contents from what a user writes: names such as "momentum", or contents such as Momentum(levels=0)."""
-    wanted = (show,) if isinstance(show, (str, Content)) else tuple(show)
+    items = (show,) if isinstance(show, (str, Content)) else tuple(show)
     contents = []
-    for content in wanted:
+    for content in items:
         if isinstance(content, str):
             if content not in known:
                 raise InvalidInput(f"show: {content!r} is not known; there are {', '.join(known)}")

@@ -176,8 +176,8 @@ class Sites(OnSites):
         system, unit, edges = motion.system, drawing.panel.unit, box_of(motion.system)
         places, sizes, atoms = self._places(motion), self._size(motion), self._atoms(system)
         count, masses = places.shape[1], is_place(base_of(system))
-        few = masses and count <= FEW
-        colors = [COLORS[k % len(COLORS)] if few else drawing.color for k in range(count)]
+        as_bodies = masses and count <= FEW
+        colors = [COLORS[k % len(COLORS)] if as_bodies else drawing.color for k in range(count)]
         where = places if edges is None else np.mod(places, edges)
         edges_of_box: dict[str, Any] = {} if edges is None else {"box": (edges / unit).tolist()}
         q = np.zeros(4) if masses else attitudes_of(system, motion["g"])
@@ -195,7 +195,7 @@ class Sites(OnSites):
             middle = drawing.panel.inside(0.5 * edges)
             drawing.once("box", box(edges / unit, "#aab2c0", 0.0), position=middle)
         else:
-            for k in range(count if few else 0):
+            for k in range(count if as_bodies else 0):
                 drawing.trail(f"trail {k + 1}", drawing.panel.inside(places[:, k]), colors[k])
 
     def _atoms(self, system: System) -> Array | None:

@@ -220,8 +220,8 @@ def triad(pen: Drawing, path: str, symbol: str, radius: float, length: float) ->
 def _one_orbit(motion: Motion) -> bool:
     """Whether there is one sphere on which all momenta stay."""
     radii = np.linalg.norm(motion["mu"][0], axis=-1)
-    alike = np.ptp(radii) <= 0.01 * radii.max() and radii.max() > 0.0
-    return bool(alike) and isinstance(motion.system, LiePoissonSystem)
+    one_radius = np.ptp(radii) <= 0.01 * radii.max() and radii.max() > 0.0
+    return bool(one_radius) and isinstance(motion.system, LiePoissonSystem)
 
 
 def _levels(drawing: Drawing, system: Any, radius: float, count: int) -> None:
