@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import InvalidInput
-from ..formulas import Ambient, Element, Mat, Vec, mat, outer, record, sqrt, vec
+from ..formulas import Ambient, Element, Mat, Vec, mat, outer, record, sqrt, vec, vectors
 from .error_state import gain
 from .errors_of_elements import error, moved, squares, symmetric, transported
 from .filter import Correction, Filter
@@ -59,7 +59,7 @@ class UnscentedFilter(Filter):
                 moves = [*moves, process.move(g, u, sign * noise, h)]
         errors = [error(group, side, g_next, x) for x in moves]
         weight = 0.5 / (length * length)
-        mean = weight * total(errors)
+        mean = weight * vectors.sum(errors)
         P = spread_about(mean, errors, weight)
         if self.reset:
             P = transported(group, side, mean, P)
@@ -118,7 +118,7 @@ class UnscentedCorrection(Correction):
             away = [*away, plus, minus]
             part = weight * outer(e, minus - plus)
             C = part if C is None else C + part
-        mean = weight * total(away)
+        mean = weight * vectors.sum(away)
         S = symmetric(spread_about(mean, away, weight) + sensor.covariance(g))
         return residual + mean, S, C, weight, errors, away, mean
 
@@ -171,14 +171,6 @@ def spread_about(mean: Vec, vectors: list[Vec], weight: Any) -> Mat:
     sum_of_weights = float(len(vectors)) * weight
     excess = 2.0 - sum_of_weights - 1.0 / sum_of_weights
     return symmetric(weight * gram([v - mean for v in vectors]) + excess * outer(mean, mean))
-
-
-def total(vectors: list[Vec]) -> Vec:
-    """Their sum, from left to right."""
-    running = vectors[0]
-    for v in vectors[1:]:
-        running = running + v
-    return running
 
 
 def gram(vectors: list[Vec]) -> Mat:

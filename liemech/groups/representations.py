@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import InvalidInput, require, undefined
-from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec, where
+from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec, vectors, where
 from ..formulas.classes.derived import derived
 from ..formulas.numbers.dual import value_of
 from ..formulas.numbers.sizes import one_norm
@@ -285,10 +285,7 @@ def standard_action(group: LieGroup) -> Representation:
 
 def squares(columns: list[Vec]) -> float:
     """The sum of the squared entries of a matrix."""
-    total = 0.0
-    for column in columns:
-        total = total + dot(column, column)
-    return total
+    return vectors.sum([dot(column, column) for column in columns])
 
 
 def averaged(by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, xi: Vec, x: Any) -> Any:

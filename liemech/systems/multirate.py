@@ -4,10 +4,10 @@ inner planet beside outer ones.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 from ..errors import InvalidInput
-from ..formulas import Vec, gradient, record
+from ..formulas import Vec, gradient, record, vectors
 from ..formulas.classes.derived import derived
 from .separable import SeparableSystem
 
@@ -47,15 +47,9 @@ class MultirateSystem(SeparableSystem):
     @final
     def potential(self, q: Vec) -> float:
         """The sum of the parts.  q : (n,)."""
-        total: Any = 0.0
-        for k in range(len(self.parts)):
-            total = total + self.part(k, q)
-        return total
+        return vectors.sum([self.part(k, q) for k in range(len(self.parts))])
 
     @final
     def force(self, q: Vec, p: Vec) -> Vec:
         """The sum of the forces.  q, p : (n,)."""
-        total = self.part_force(0, q)
-        for k in range(1, len(self.parts)):
-            total = total + self.part_force(k, q)
-        return total
+        return vectors.sum([self.part_force(k, q) for k in range(len(self.parts))])

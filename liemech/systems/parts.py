@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput, NotDefined, require, undefined
-from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
+from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec, vectors
 from ..formulas.classes.derived import derived_from
 from ..formulas.numbers.anything import Anything, degree, indices_in, traced
 from ..formulas.vectors import Vec as SmallVector
@@ -88,17 +88,11 @@ class SplitHamiltonian(Hamiltonian):
 
     def energy(self, mu: Vec) -> float:
         """H_1 + H_2 + ...  mu : (n,), a point."""
-        total = self.parts[0].energy(mu)
-        for part in self.parts[1:]:
-            total = total + part.energy(mu)
-        return total
+        return vectors.sum([part.energy(mu) for part in self.parts])
 
     def gradient(self, mu: Vec) -> Vec:
         """dH_1 + dH_2 + ...  mu : (n,), a point."""
-        total = self.parts[0].gradient(mu)
-        for part in self.parts[1:]:
-            total = total + part.gradient(mu)
-        return total
+        return vectors.sum([part.gradient(mu) for part in self.parts])
 
 
 # ---------------------------------------------------------------- recognised ones

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined, require, undefined
-from ..formulas import Mat, Vec, derivative, plain, record, vec
+from ..formulas import Mat, Vec, derivative, plain, record, vec, vectors
 from ..formulas.classes.derived import derived_from
 from ..formulas.classes.remembered import shared_property
 from ..formulas.numbers.anything import traced
@@ -220,10 +220,7 @@ class SplitField(OfParts, VectorField):
 
     def velocity(self, y: Vec) -> Vec:
         """f_1 + f_2 + ...  y : (n,)."""
-        total = self.parts[0].velocity(y)
-        for part in self.parts[1:]:
-            total = total + part.velocity(y)
-        return total
+        return vectors.sum([part.velocity(y) for part in self.parts])
 
     def _check_formulas(self, y: np.ndarray) -> None:
         """Whether the velocities and the motions of the parts are vectors of n numbers too."""

@@ -63,7 +63,7 @@ class Branches(Joins):
                 ends.append(lanes)
                 certain.append({n for n in before if has(n) not in before})
                 continue
-            aside = not _only_leaves(statements)
+            aside = not all(isinstance(x, (ast.Break, ast.Continue)) for x in statements)  # which change masks alone
             if aside:
                 any_lane, skip, calls = e.any(lanes), b.block, e.calls
                 start = b.append_basic_block()
@@ -114,8 +114,3 @@ class Branches(Joins):
     def _entering(self, any_lane: Num, start: ir.Block, rare: bool) -> Callable[[ir.Block], None]:
         """A function that emits the branch to `start`, taken if any lane runs, or to the block it is given."""
         return lambda into: self._weigh(self.builder.cbranch(any_lane.value, start, into), rare, False)
-
-
-def _only_leaves(statements: list[ast.stmt]) -> bool:
-    """Whether a branch is `break` or `continue` alone, which changes masks and needs no block of its own."""
-    return all(isinstance(statement, (ast.Break, ast.Continue)) for statement in statements)

@@ -90,7 +90,7 @@ def _equation(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec) -> tuple[Vec, Ma
 
 def _slope(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec, s: float) -> Mat:
     """Its derivative by x, where s = x.y/4."""
-    return with_inertia(_minus(outer(0.25 * x, y) + algebra.hat(0.5 * y), s), inertia)
+    return with_inertia(-1.0 * plus(outer(0.25 * x, y) + algebra.hat(0.5 * y), s), inertia)
 
 
 NAN = math.nan
@@ -253,11 +253,6 @@ def _combined(a: Vec, b: Vec, wanted: Vec) -> tuple[float, float, Vec]:
 def _fingerprint(system: Any, mu: Vec) -> Vec:
     """|mu|^2 and the energy, which tell an orbit, and the velocity of some momentum, which tells the body."""
     return vec(dot(mu, mu), system.energy(mu), *system.velocity(vec(1.0, 2.0, 3.0)))
-
-
-def _minus(m: Mat, s: float) -> Mat:
-    """The matrix -(m + s 1), for a number s."""
-    return -1.0 * plus(m, s)
 
 
 def require_free_body(method: Method | str, system: Any) -> None:

@@ -62,11 +62,6 @@ def refusal(what: str, ratio: float, h: float, share: float = 1.0) -> NoConverge
     )
 
 
-def free_refusal(method: Any, system: Any, t: float, mu: Vec, g: Element, kick: float, h: float) -> NoConvergence:
-    """The error of a load on a free body, under a kick of this length in a step h."""
-    return refusal_by(method, system, *damping_and_slopes(system, t, mu, g), kick, h)
-
-
 def damping_and_slopes(system: Any, t: float, mu: Vec, g: Element) -> tuple[Mat, Mat]:
     """C and J^-1 of a free body, or of one of many sites, which ask the others for what they need."""
     xi, units = system.velocity(mu, t), identity_matrix(len(mu))

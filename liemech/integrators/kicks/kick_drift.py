@@ -26,7 +26,7 @@ from ..free_body.moser_veselov import ExactMoserVeselov
 from ..memory import Memory, Remembering
 from ..method import Method, alternatives
 from ..orders import set_tableau
-from .explicit_kicks import damping_and_slopes, free_refusal, refusal_by, throws_back, turns_round
+from .explicit_kicks import damping_and_slopes, refusal_by, throws_back, turns_round
 
 
 @record
@@ -143,7 +143,7 @@ class FieldSplitting(Remembering):
             if kick > 0.0 and turns_round(damping, slopes, kick):
                 raise refusal_by(self, system, damping, slopes, kick, abs(h))
         elif kick > 0.0 and throws_back(system, t, mu, g, kick):
-            raise free_refusal(self, system, t, mu, g, kick, abs(h))
+            raise refusal_by(self, system, *damping_and_slopes(system, t, mu, g), kick, abs(h))
 
     def _load_at_the_end(self, system: Any, t: float, state: BodyState, h: float) -> Vec:
         """The k = h F at mu + k, by Newton's method."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, InvalidType
-from ...formulas import Vec, gradient, jacobian, plain, record
+from ...formulas import Vec, gradient, jacobian, plain, record, vectors
 from ...formulas.classes.records import with_fields
 from ...formulas.vectors import small
 from ...systems.canonical import CanonicalState
@@ -209,7 +209,7 @@ class MultipleTimeSteps(Remembering):
         last = len(self.ratios)
         try:
             by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))
-            hessian = np.array(jacobian(lambda x: _sum_of([system.part_force(k, x) for k in range(last)]), q))
+            hessian = np.array(jacobian(lambda x: vectors.sum([system.part_force(k, x) for k in range(last)]), q))
             squares = np.real(np.linalg.eigvals(-by_p @ hessian))
         # LinAlgError, for entries that are not finite, is a ValueError
         except (ArithmeticError, ValueError):
@@ -226,7 +226,7 @@ class MultipleTimeSteps(Remembering):
         near = [
             w
             for w, phase in zip(frequencies, phases)
-            if phase > (1.0 - NEAR) * math.pi and _off_resonance(phase) < NEAR
+            if phase > (1.0 - NEAR) * math.pi and abs(phase / math.pi - round(phase / math.pi)) < NEAR
         ]
         if near and not self.mollified:
             return (
@@ -354,19 +354,6 @@ def _kicked(memory: Memory, kick: Vec) -> Memory:
     """The memory of a method, with another momentum."""
     state = memory.state
     return Memory(BodyState(state.mu + kick, state.g), memory.node, memory.past)
-
-
-def _sum_of(vectors: list[Vec]) -> Vec:
-    """The sum of one vector or more."""
-    total = vectors[0]
-    for v in vectors[1:]:
-        total = total + v
-    return total
-
-
-def _off_resonance(phase: float) -> float:
-    """How far a phase is from a multiple of pi, as a part of pi."""
-    return abs(phase / math.pi - round(phase / math.pi))
 
 
 def _is_jointed(system: Any) -> bool:

@@ -378,7 +378,7 @@ def _orbit(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Ve
     orbit = Polhode(
         rate=rate,
         begin=s0 * elliprf(c0 * c0, c0 * c0 + (k1 * s0) ** 2, 1.0),
-        half=2.0 * _quarter_period(means),
+        half=math.pi / means[-1][0],  # 2 K; DLMF 19.8.5
         a=vec(*a),
         b=vec(*b),
         least=least,
@@ -415,11 +415,6 @@ def _means(k1: float) -> list[tuple[float, float]]:
         pairs.append((0.5 * (a + b), math.sqrt(a * b)))
     mean = 0.5 * (a + b)
     return [*pairs, (mean, mean)]
-
-
-def _quarter_period(means: list[tuple[float, float]]) -> float:
-    """The quarter period K of sn and cn.  Source: DLMF 19.8.5."""
-    return 0.5 * math.pi / means[-1][0]
 
 
 def _times_power_of_two(x: ArrayLike, exponent: int) -> np.ndarray:

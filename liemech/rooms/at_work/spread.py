@@ -154,7 +154,8 @@ class Work:
             f"integrate: interrupted; {len(finished)} of {len(self.jobs)} chunks of bodies were done; they "
             "are in `.trajectory`, where the other bodies stand at their starts"
         )
-        parts = [finished[i] if i in finished else _waiting(*job) for i, job in enumerate(self.jobs)]
+        waiting = [job[0].replace(compiled=False, progress=False)._standing(job[1], job[2]["t0"]) for job in self.jobs]
+        parts = [finished.get(i, standing) for i, standing in enumerate(waiting)]
         stopped.trajectory = _joined(self.plan, self.chunks, parts)
         return stopped
 
@@ -205,11 +206,6 @@ def _end(running: set[Any], unless: str) -> None:
 
     for future in tuple(running):
         future.add_done_callback(ended)
-
-
-def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:
-    """A chunk that is not done: every body stands at its start."""
-    return plan.replace(compiled=False, progress=False)._standing(start, how["t0"])
 
 
 def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int]]:

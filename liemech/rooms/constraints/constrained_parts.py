@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ...errors import InvalidInput, InvalidType, LiemechError, require, undefined
-from ...formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, where
+from ...formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, vectors, where
 from ...formulas.classes.derived import derived, derived_from
 from ...formulas.numbers.anything import indices_in, traced
 from ...formulas.vectors import Vec as SmallVec
@@ -102,26 +102,17 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
     @final
     def energy(self, q: Vec, p: Vec) -> float:
         """H_1 + H_2 + ...  q, p : (n,)."""
-        total = self.parts[0].energy(q, p)
-        for part in self.parts[1:]:
-            total = total + part.energy(q, p)
-        return total
+        return vectors.sum([part.energy(q, p) for part in self.parts])
 
     @final
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """The velocities of the parts together.  q, p : (n,)."""
-        total = self.parts[0].velocity(q, p)
-        for part in self.parts[1:]:
-            total = total + part.velocity(q, p)
-        return total
+        return vectors.sum([part.velocity(q, p) for part in self.parts])
 
     @final
     def force(self, q: Vec, p: Vec) -> Vec:
         """The forces of the parts together.  q, p : (n,)."""
-        total = self.parts[0].force(q, p)
-        for part in self.parts[1:]:
-            total = total + part.force(q, p)
-        return total
+        return vectors.sum([part.force(q, p) for part in self.parts])
 
     @final
     def rate_of_part(self, number: int, q: Vec, p: Vec) -> Vec:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Any, ClassVar
 
-from ...formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec
+from ...formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec, vectors
 from ...formulas.numbers.sizes import magnitudes, one_norms
 from ...groups.representations import squares
 from ...integrators.orders import require_order
@@ -123,10 +123,7 @@ class LobattoPair(OnConstraints):
 
 def _entry(A: tuple[Row, ...], B: tuple[Row, ...], i: int, j: int) -> float:
     """The entry i, j of the matrix product A B."""
-    total = 0.0
-    for k in range(len(A)):
-        total = total + A[i][k] * B[k][j]
-    return total
+    return vectors.sum([A[i][k] * B[k][j] for k in range(len(A))])
 
 
 def _of_positions(blocks: tuple[int, ...], n: int) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, InvalidType
-from ...formulas import Record, Vec, dot, record
+from ...formulas import Record, Vec, dot, record, vectors
 from ...formulas.classes.fields import frozen_array
 from ...formulas.classes.records import with_fields
 from ...formulas.numbers.philox import LARGEST
@@ -63,10 +63,9 @@ class AlongStep(Record):
 
     def weighted(self, own: Any, of_field: Any) -> Any:
         """share own + sum_i weights_i of_field(field_i)."""
-        total = self.share * own
-        for weight, field in zip(self.weights, self.fields):
-            total = total + weight * of_field(field)
-        return total
+        return vectors.sum(
+            [self.share * own, *[weight * of_field(field) for weight, field in zip(self.weights, self.fields)]]
+        )
 
 
 @record

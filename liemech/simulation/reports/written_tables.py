@@ -98,7 +98,7 @@ class WrittenTable:
         """
         sides = ["l" if any(isinstance(x, str) for x in column) else "r" for column in zip(*self.rows)]
         lines = [" & ".join([*map(latex, self.headings)])]
-        lines += [" & ".join([_cell(x) for x in row]) for row in self.rows]
+        lines += [" & ".join([latex_number(float(x)) if _real(x) else latex(str(x)) for x in row]) for row in self.rows]
         body = "\n".join(f"  {line} \\\\" for line in lines[1:])
         columns = "".join(sides) or "l" * len(self.headings)
         return _out(
@@ -120,10 +120,6 @@ def html_table(about: str, headings: Iterable[str], rows: Iterable[Iterable[str]
 
 def _real(x: Any) -> bool:
     return isinstance(x, float)
-
-
-def _cell(x: Any) -> str:
-    return latex_number(float(x)) if _real(x) else latex(str(x))
 
 
 def _out(text: str, path: str | os.PathLike[str] | None) -> str | None:
