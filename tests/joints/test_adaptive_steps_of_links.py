@@ -32,7 +32,8 @@ def run(made: Any, method: Any, t_end: float = 0.02, **options: Any) -> Any:
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_steps_are_those_of_the_equation_written_out(method: Any) -> None:
     """The same control by the same norm: as many steps, rejected ones too, and the same way between them."""
-    for options in ({}, {"h": 0.02, "rtol": 1e-9, "atol": 1e-9, "max_step": 0.015}):
+    tolerance = 1e-9 if method.order > 3 else 1e-6  # of low orders the other one takes thousands of steps
+    for options in ({}, {"h": 0.02, "rtol": tolerance, "atol": tolerance, "max_step": 0.015}):
         ours, theirs = run(arm(Linkage), method, **options), run(arm(WrittenOut), method, **options)
         assert isinstance(ours.carry, SiteCarry) and not isinstance(theirs.carry, SiteCarry)
         assert (ours.steps, ours.rejected, len(ours)) == (theirs.steps, theirs.rejected, len(theirs))
