@@ -74,8 +74,8 @@ def newton(
     if is_pulled():
         bare = lambda y: quiet(equation, y)  # noqa: E731
         x, size, enough, folded = quiet(newton, bare, guess, data, rate, tolerance, solved, weights, coupled)
-        of = Residual(lambda y: equation(y)[0], x)
-        return determined(of, root_back, of, bare(x)[1], coupled), size, enough, folded
+        of = Residual(equation, x)
+        return determined(of, root_back, of, of.others[0], coupled), size, enough, folded
     unit = 1.0
     if isinstance(data, SmallVec):
         unit = unit_of(data)
@@ -346,7 +346,7 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
     """
     if is_pulled():
         unknown = quiet(fixed_point, lambda x: quiet(sweep, x), guess, method, h)
-        of = Residual(lambda x: sweep(x)[0], unknown)
+        of = Residual(sweep, unknown)
         return determined(of, fixed_back, of, method, h)
     words = 2 if layout_of(guess).has_double_doubles else 1
     epsilon, noise = EPSILON**words, NOISE**words

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from llvmlite import ir
 
+from ...formulas.numbers.forms import now
 from ..numbers.ir_numbers import Num
 from .joins import ACTIVE, LEFT, NO_LANE, Joins, Open, replace
 from .scopes import Env, has
@@ -50,7 +51,7 @@ class Branches(Joins):
     def masked_branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> None:
         """Translate `if` on a condition that differs from lane to lane: both ways, each under its mask."""
         e, b = self.emitter, self.builder
-        outer, running = self.state.base, self.everyone(self.active(env))
+        outer, since, running = self.state.base, self.state.since, self.everyone(self.active(env))
         before = {name: value for name, value in env.items() if name != ACTIVE}
         merged, ends, someone_left = dict(before), [], False
         certain: list[set[str]] = []  # for each way, the variables that have a value at its end
@@ -64,13 +65,14 @@ class Branches(Joins):
                 certain.append({n for n in before if has(n) not in before})
                 continue
             aside = not all(isinstance(x, (ast.Break, ast.Continue)) for x in statements)  # which change masks alone
+            begun = now()
             if aside:
                 any_lane, skip, calls = e.any(lanes), b.block, e.calls
                 start = b.append_basic_block()
                 b.position_at_end(start)
             inside = dict(before)
             inside |= {n: merged[n] for n in LEFT if n in merged}
-            self.state.base = lanes
+            self.state.base, self.state.since = lanes, begun
             with self.apart():
                 self.block(statements, inside)
             left = inside.pop(ACTIVE, None)
@@ -79,7 +81,7 @@ class Branches(Joins):
             for n in [n for n in inside if n not in before and not n.startswith("<")]:
                 inside.setdefault(has(n), True)
                 merged.setdefault(has(n), False)
-            changed = {n: v for n, v in inside.items() if v is not before.get(n, inside)}
+            changed = {n: self.settled(v, begun) for n, v in inside.items() if v is not before.get(n, inside)}
             after = {
                 n: self.blended(n, mask, (v, inside), (merged[n], merged)) if n in merged and n not in LEFT else v
                 for n, v in changed.items()
@@ -90,11 +92,14 @@ class Branches(Joins):
             after = skipped | after
             if isinstance(left, Num):
                 after["<end>"], skipped["<end>"] = left, lanes
-            self.state.base = outer
+            self.state.base, self.state.since = outer, since
             if aside:
                 end_of_body, merged = b.block, {}
                 self.join(
-                    [Open(end_of_body, after), Open(skip, skipped, self._entering(any_lane, start, e.calls > calls))],
+                    [
+                        Open(end_of_body, after),
+                        Open(skip, skipped, self._entering(any_lane, start, e.calls > calls), begun),
+                    ],
                     merged,
                 )
             else:

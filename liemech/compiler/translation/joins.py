@@ -11,11 +11,13 @@ from __future__ import annotations
 import ast
 import contextlib
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from llvmlite import ir
 
+from ...errors import NotCompilable
 from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import layout_of
 from ...formulas.classes.taken_back import back
@@ -23,6 +25,7 @@ from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.compensated import Compensated
 from ...formulas.numbers.complex_numbers import Complex
 from ...formulas.numbers.dual import at_rest
+from ...formulas.numbers.forms import PULLED, LinearForm, factors_of, now, swept
 from ...formulas.numbers.pairs import PAIRS, paired
 from ...formulas.vectors import Mat, Vec
 from ..changes.dependencies import Reads
@@ -56,6 +59,7 @@ class Open:
     block: ir.Block
     env: Env
     end: Callable[[ir.Block], Any] | None = None  # emits the terminator, given the block to go to
+    made: int = dataclasses.field(default_factory=now)  # before forms that may be unknown on other ways
 
 
 @dataclasses.dataclass
@@ -83,6 +87,13 @@ class Promote(Exception):
         self.variables = variables  # as they are at the end of a turn
 
 
+class Felt(Exception):
+    """Raised where slopes that a loop carries depend on linear forms from before it that are not known there."""
+
+    def __init__(self, forms: list[LinearForm]) -> None:
+        self.forms = forms
+
+
 class Joins:
     """The state of a translation, and where branches meet; subclasses translate statements."""
 
@@ -101,6 +112,8 @@ class Joins:
         self.aliases = Aliases(self.frames, reads)
         self.state = TranslationState()
         self.regions = 0
+        # of branches and loops that have ended, when linear forms were made there
+        self.ended: list[tuple[int, int]] = []
         self.streams: list[ItemStream] = []
         self.worked = 0  # expressions so far, with those that were taken back
 
@@ -119,7 +132,8 @@ class Joins:
         """`blend` of two values of a variable, each with the variables around it, of which some may
         hold the same lists.
         """
-        result = self.blend(mask, new[0], old[0])
+        parts = [self.settled(value, self.state.since) for value, _ in (new, old)]
+        result = self.blend(mask, *parts)
         if not isinstance(mask, bool):
             self.aliases.meet(name, result, (new, old))
         return result
@@ -158,8 +172,43 @@ class Joins:
         layouts = [layout_of(v, is_any_number) for v in items]
         if any(layout != layouts[0] for layout in layouts):
             return Undefined(f"it is one thing on one way and another on the other: {differing([*map(repr, layouts)])}")
+
+        def one(row: tuple[Any, ...]) -> Any:
+            if len(row) > 1 and _alike(row):
+                return row[0]
+            if not any(isinstance(x, LinearForm) for x in row):
+                return combine(*row)
+            ways = [factors_of(x) for x in row]
+            known = dict.fromkeys(form for way in ways for form in way)
+            return LinearForm(*[(one(tuple([way.get(form, 0.0) for way in ways])), form) for form in known])
+
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
-        return build(layouts[0], iter([row[0] if len(row) > 1 and _alike(row) else combine(*row) for row in rows]))
+        return build(layouts[0], iter([one(row) for row in rows]))
+
+    def settled(self, value: Any, before: float = math.inf, given: Any = ()) -> Any:
+        """The value with linear forms that are sums of given ones, and of those which are known wherever control comes
+        from: that were made before, and in no branch or loop that has ended.
+        """
+        if not PULLED.get() or isinstance(value, Undefined):
+            return value
+        layout = layout_of(value, is_any_number)
+        numbers = leaves(value, layout)
+        if not any(isinstance(x, LinearForm) for x in numbers):
+            return value
+
+        def known(form: LinearForm) -> bool:
+            return form in given or (form.made < before and not any(a <= form.made <= b for a, b in self.ended))
+
+        return build(layout, iter([self._of_known(x, known) if isinstance(x, LinearForm) else x for x in numbers]))
+
+    def _of_known(self, form: LinearForm, known: Callable[[LinearForm], bool]) -> LinearForm:
+        """A form as the sum of forms that are known; not as itself, which lanes that rest may not have."""
+        felt, notes = swept([(x, k) for k, x in form.terms] or [(form, 1.0)], known)
+        if notes:
+            raise NotCompilable(
+                "on the way back a velocity, a force or a load is asked for in a branch or a loop: ask before, outside of it"
+            )
+        return LinearForm(*[(k, x) for x, k in felt.items() if known(x)])
 
     def active(self, env: Env) -> Any:
         """The mask of lanes running here; None for all."""
@@ -172,10 +221,12 @@ class Joins:
         outer = self.state.region
         self.regions += 1
         self.state.region = (*outer, (self.regions, loop))
-        take_back = back()  # what is first computed here is not there elsewhere
+        take_back, begun = back(), now()  # what is first computed here is not there elsewhere
         yield
         take_back()
         self.state.region = outer
+        if PULLED.get():
+            self.ended = [*[x for x in self.ended if x[0] < begun], (begun, now())]
 
     def fail_if(self, condition: Any, everywhere: bool = False) -> None:
         """Python raises here if the condition holds: the attempt has failed, in the lanes that run
@@ -205,6 +256,7 @@ class Joins:
             return True
         into = into or self.builder.append_basic_block()
         self._align_masks(opens)
+        self._settle(opens)
         merged: Env = {}
         blocks = [o.block for o in opens]
         for name in dict.fromkeys(name for o in opens for name in o.env if not name.startswith("<has ")):
@@ -227,6 +279,17 @@ class Joins:
         self.builder.position_at_end(into)
         replace(env, merged)
         return True
+
+    def _settle(self, opens: list[Open]) -> None:
+        """Let the linear forms of variables that differ be settled where each of the ways ends."""
+        if not PULLED.get():
+            return
+        before = min(o.made for o in opens)
+        for o in opens:
+            self.builder.position_at_end(o.block)
+            differing_ones = {n: v for n, v in o.env.items() if any(other.env.get(n) is not v for other in opens)}
+            o.env.update({n: self.settled(v, before) for n, v in differing_ones.items()})
+            o.block = self.builder.block
 
     def _together(self, into: ir.Block, blocks: list[ir.Block], items: list[Any]) -> Any:
         """The value of a variable behind the blocks, of which each ends with one of the items."""

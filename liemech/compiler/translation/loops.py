@@ -17,12 +17,27 @@ from ...errors import NotCompilable
 from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import Layout, layout_of
 from ...formulas.numbers.bases import is_any_number
+from ...formulas.numbers.forms import LinearForm, factors_of, now
 from ..driver import is_part_of_driver
 from ..machine.stop_checks import StopCheck
 from ..numbers.ir_numbers import Num, kind_of
 from ..numbers.large_arrays import spans
 from .branches import Branches
-from .joins import ACTIVE, BROKEN, CONTINUED, LEFT, NO_LANE, Loop, Open, Promote, Returns, Retype, come_from, leveled
+from .joins import (
+    ACTIVE,
+    BROKEN,
+    CONTINUED,
+    LEFT,
+    NO_LANE,
+    Felt,
+    Loop,
+    Open,
+    Promote,
+    Returns,
+    Retype,
+    come_from,
+    leveled,
+)
 from .scopes import FOUND, HAS_FOUND, Closure, Env, Undefined, breaks, changed_names, changes_lists, has, returns
 from .state import Snapshot
 
@@ -119,6 +134,10 @@ class Loops(Branches):
                 form.grown |= wanted.variables
                 env |= {name: _grown(env[name], new) for name, new in wanted.variables.items()}
                 form.types.clear()
+            except Felt as wanted:
+                snapshot.restore()
+                form.felt += wanted.forms
+                form.types.clear()
             except Retype as wanted:
                 snapshot.restore()
                 if wanted.number is None:
@@ -138,12 +157,13 @@ class Loops(Branches):
 @dataclasses.dataclass
 class Form:
     """The form of a loop, as far as earlier translations have found it: whether it needs a mask, the types of numbers that
-    change them, the variables that change their structure.
+    change them, the variables that change their structure; and of this one the linear forms on which slopes depend.
     """
 
     masked: bool
     types: dict[int, tuple[str, bool, bool]] = dataclasses.field(default_factory=dict)
     grown: Env = dataclasses.field(default_factory=dict)
+    felt: list[LinearForm] = dataclasses.field(default_factory=list)
 
     def copy(self) -> Form:
         return Form(self.masked, {**self.types}, {**self.grown})
@@ -169,7 +189,7 @@ class NativeLoop:
         self.translator, self.emitter, self.builder = translator, translator.emitter, translator.builder
         self.frame, self.state = translator.frames[-1], translator.state
         self.body, self.env, self.carried, self.counters = body, env, carried, counters
-        self.masked, self.types, self.brief = form.masked, form.types, brief
+        self.masked, self.types, self.felt, self.brief = form.masked, form.types, form.felt, brief
         self.before, self.head = self.builder.block, self.builder.append_basic_block()
         self.here, self.outer = translator.active(env), self.state.base
         self.layouts = {name: layout_of(env[name], is_any_number) for name in carried}
@@ -195,9 +215,12 @@ class NativeLoop:
 
     def _enter(self) -> None:
         """The phis at the head, with what the numbers are before the loop."""
+        self.entered = now()
+        slopes = [x for name in self.carried for x in leaves(self.env[name], self.layouts[name])]
+        self.felt += dict.fromkeys(x for x in slopes if isinstance(x, LinearForm) and x not in self.felt)
         for name in self.carried:
             layout, counts = self.layouts[name], name in self.counters
-            numbers = [self._entering(x, counts) for x in leaves(self.env[name], layout)]
+            numbers = [self._at_head(x, counts) for x in leaves(self.env[name], layout)]
             self.at_head[name] = build(layout, iter(numbers))
             self.translator.aliases.meet(name, self.at_head[name], [(self.env[name], self.env)])
         self.active: Any = None
@@ -210,6 +233,12 @@ class NativeLoop:
         self.builder.position_at_end(self.before)
         self.builder.branch(self.head)
         self.builder.position_at_end(self.head)
+
+    def _at_head(self, x: Any, counts: bool) -> Any:
+        """A number at the head; a slope is a linear form in those on which slopes of this loop depend."""
+        if not isinstance(x, LinearForm):
+            return self._entering(x, counts)
+        return LinearForm(*[(self._entering(1.0 if form is x else 0.0), form) for form in self.felt])
 
     def _entering(self, x: Any, counts: bool = False) -> Num:
         """The phi of a number.  counts : it counts turns, for all lanes at once."""
@@ -274,13 +303,15 @@ class NativeLoop:
             else:
                 self._refuse_other_names(name, new, old, inside)
                 pairs = [*zip(leaves(new, layout), leaves(old, layout), strict=True)]
-                for (x, y), (i, phi), (kind, _, detail) in zip(pairs, phis, spans(layout)):
+                for (x, y), (kind, _, detail) in zip(pairs, spans(layout)):
                     if kind == "place" and x is not y:
-                        moves.append((x, detail, phi))
+                        moves.append((x, detail, next(phis)[1]))
                         continue
-                    form = self._carry_number(name, x, y, phi)
-                    if form is not None:
-                        retyped[i] = form
+                    for k, old_k in self._factors(x, y):
+                        i, phi = next(phis)
+                        form = self._carry_number(name, k, old_k, phi)
+                        if form is not None:
+                            retyped[i] = form
         if grown:
             raise Promote(grown)
         if changed:
@@ -292,6 +323,16 @@ class NativeLoop:
             places = self.emitter.large.copies_for_next_turn([(x, form) for x, form, _ in moves])
             for place, (*_, phi) in zip(places, moves):
                 come_from(phi, place.values, self.builder.block)
+
+    def _factors(self, x: Any, y: Any) -> list[tuple[Any, Any]]:
+        """A number at the end of a turn and at its beginning; of a slope the factors of the forms on which it depends."""
+        if not isinstance(y, LinearForm):
+            return [(x, y)]
+        new, old = factors_of(self.translator.settled(x, self.entered, self.felt)), factors_of(y)
+        others = [form for form in new if form not in self.felt]
+        if others:
+            raise Felt(others)
+        return [(new.get(form, 0.0), old[form]) for form in self.felt]
 
     def _refuse_other_names(self, name: str, new: Any, old: Any, inside: Env) -> None:
         """Refuse a list that has another name at the end of a turn, where lists are changed."""
@@ -375,7 +416,9 @@ def _grows(value: Any, new: Any, layout: Layout) -> bool:
         return True
     old, floats = leaves(value, layout), leaves(first, layout)
     return any(
-        type(x) is int and type(y) is float and kind_of(z) == "f"
+        isinstance(y, LinearForm)
+        if isinstance(y, LinearForm) is not isinstance(x, LinearForm)
+        else type(x) is int and type(y) is float and kind_of(z) == "f"
         for x, y, z in zip(old, floats, leaves(now, layout), strict=True)
     )
 

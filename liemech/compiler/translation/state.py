@@ -5,6 +5,7 @@ taken back and translated in another.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Any
 
 from ...formulas.classes.taken_back import back
@@ -23,6 +24,7 @@ class TranslationState:
     """The state of the translation of one native function."""
 
     base: Any = None  # the mask of lanes for which the present code was entered; None for all
+    since: float = math.inf  # before linear forms that are made where some lanes may rest
     depth: int = 0  # conditions around it, in the present call, that differ between lanes
     region: Region = ()  # the branches and loops of unknown length around
     # of attempts: for each that is around it, the places from where control goes to its end

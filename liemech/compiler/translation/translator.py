@@ -34,7 +34,7 @@ from ...formulas.derivatives import axes, carried, tangent
 from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers import philox, products, series, transposes
 from ...formulas.numbers.bases import is_any_number
-from ...formulas.numbers.conversions import compensated, double_double, fitted, plain, rounded
+from ...formulas.numbers.conversions import as_others_see, compensated, double_double, fitted, plain, rounded
 from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.forms import LinearForm, chosen
 from ...formulas.numbers.pairs import PAIRS, paired
@@ -90,7 +90,7 @@ class Interpreter(Statements):
             super: self.super,
             getattr: self.named,
             dataclasses.replace: self.replaced,
-            **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
+            **{f: f for f in (layout_of, as_others_see, compensated, double_double, plain, rounded, fitted, axes)},
             **{f: f for f in (records_in, with_fields)},
             with_records: lambda x, kind, new: with_records(x, kind, new, self.reads.exchanged),
             **{

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable
 from typing import Any
 
+from ...errors import IncompatibleSystem
 from ..classes.flattening import build
 from ..classes.layouts import Layout
 from ..classes.nested import of_parts, parts_of
@@ -16,6 +17,7 @@ from .compensated import Compensated, value_of
 from .complex_numbers import Complex
 from .double_double import DoubleDouble, rounded_number
 from .dual import ALONE, Dual, at_rest
+from .forms import PULLED, LinearForm
 
 _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of such numbers
 
@@ -49,9 +51,25 @@ def moving_as(value: Any, x: Any) -> Any:
 
 
 def as_others_see(value: Any) -> Any:
-    """The value of a site without slopes of derivatives in which the other sites rest."""
+    """The value of a site without slopes of derivatives in which the other sites rest.  Raises IncompatibleSystem for
+    one on the way back, on which sites do not meet but by rules.
+    """
+    if PULLED.get():
+        _mapped(value, _require_no_form, (Dual,))
     alone = ALONE.get()
     return _mapped(value, lambda x: _at_rest(x, alone), (Dual,)) if alone else value
+
+
+def _require_no_form(x: Any) -> Any:
+    if isinstance(x, Dual):
+        _require_no_form(x.value)
+        _require_no_form(x.slope)
+    elif isinstance(x, LinearForm):
+        raise IncompatibleSystem(
+            "there is no way back through what sites tell each other but through the velocity, force and rate of their "
+            "system: ask the system for these, and not its energy"
+        )
+    return x
 
 
 def _at_rest(x: Any, alone: tuple[int, ...]) -> Any:

@@ -25,6 +25,7 @@ from .. import functions as f
 from ..functions import LOG_2, LOG_10
 from .bases import AN_INT, INTEGER_POWER, ONLY_THERE, ByValue, CarriesMore, Operand, StandIn, raise_if, whole_power
 from .complex_numbers import outranks
+from .forms import LinearForm
 
 DEPTH: ContextVar[int] = ContextVar("how many derivatives are being taken, one inside the other", default=0)
 
@@ -321,7 +322,9 @@ def size_of_slope(x: Any) -> Any:
 
 
 def at_rest(slope: Any) -> Any:
-    """A slope that is zero, along as many directions as another one."""
+    """A slope that is zero, along as many directions as another one, or a form as it."""
+    if isinstance(slope, LinearForm):
+        return LinearForm.zero()
     kind: Any = type(slope)
     return kind(*[0.0 for _ in slope]) if isinstance(slope, tuple) else 0.0
 

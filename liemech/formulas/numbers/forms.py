@@ -33,6 +33,11 @@ class LinearForm(StandIn):
     def __init__(self, *terms: tuple[Any, LinearForm], rule: Rule | None = None) -> None:
         self.terms, self.rule, self.made = terms, rule, next(_made)
 
+    @classmethod
+    def zero(cls) -> LinearForm:
+        """A form that is zero."""
+        return cls((0.0, _REST))
+
     def __add__(self, other: Any) -> Any:
         return _form((1.0, self), (1.0, other)) if isinstance(other, LinearForm) else self
 
@@ -74,15 +79,33 @@ class Rule:
         self.forms = [LinearForm(rule=self) for _ in range(count)]
 
 
+_REST = LinearForm()
+
+
+def factors_of(slope: Any) -> dict[LinearForm, Any]:
+    """The factors of the forms of which a form is the sum; none of a number, which rests."""
+    found: dict[LinearForm, Any] = {}
+    for k, form in slope.terms if isinstance(slope, LinearForm) else ():
+        found[form] = found[form] + k if form in found else k
+    return found
+
+
+def now() -> int:
+    """The time by which forms are told that were made before from those that are made later."""
+    return next(_made)
+
+
 def chosen(where: Callable[[Any, Any], Any], yes: Any, no: Any) -> LinearForm:
     """The one of two forms that `where` chooses; numbers rest."""
     return Rule([yes, no], 1, lambda felt: ([where(felt[0], 0.0), where(0.0, felt[0])], [])).forms[0]
 
 
-def swept(ends: Iterable[tuple[Any, Any]], since: int = 0) -> tuple[dict[LinearForm, Any], list[Any]]:
+def swept(
+    ends: Iterable[tuple[Any, Any]], given: Callable[[LinearForm], bool] = lambda form: False
+) -> tuple[dict[LinearForm, Any], list[Any]]:
     """The derivatives by all forms of the sum of the given ones, each times a number; and the notes of the rules.
 
-    since : those that were made before do not count.
+    given : whether a form is not asked on what it depends.
     """
     felt: dict[LinearForm, Any] = {}
     notes: list[Any] = []
@@ -90,9 +113,10 @@ def swept(ends: Iterable[tuple[Any, Any]], since: int = 0) -> tuple[dict[LinearF
     waiting: set[Any] = set()
 
     def add(item: Any, w: Any) -> None:
-        if isinstance(item, LinearForm) and item.made >= since:
+        if isinstance(item, LinearForm):
             felt[item] = felt[item] + w if item in felt else w
-            wait(item)
+            if not given(item):
+                wait(item)
 
     def wait(item: Any) -> None:
         if item not in waiting:

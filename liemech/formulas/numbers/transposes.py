@@ -20,6 +20,7 @@ from ..vectors import Mat, Vec, vec
 from .dual import Dual
 from .forms import PULLED, LinearForm, Rule, swept
 from .pairs import PAIRS
+from .series_of_sites import has_series
 
 
 @record
@@ -65,6 +66,8 @@ def ruled(
         return call(formula, *fixed, *bare)
     if is_nested(x):
         return _poisoned(call(formula, *fixed, *bare))
+    if has_series(x):
+        raise IncompatibleSystem("there is no way back through power series")
     forms = _slopes(group, x, call)
     value = call(formula, *fixed, *bare)
     if not any(isinstance(form, LinearForm) for form in forms):
@@ -93,15 +96,18 @@ def quiet(formula: Callable[..., Any], *x: Any, call: Any = _python) -> Any:
 
 
 class Residual:
-    """The forms of what a formula makes of an unknown: `ends`, and `roots`, those of the unknown `x`."""
+    """The forms of the first value that a formula makes of an unknown: `ends`, and `roots`, those of the unknown `x`; and
+    the other values.
+    """
 
     def __init__(self, formula: Callable[..., Any], x: Any, call: Any = _python) -> None:
         self.x, self.roots = x, [LinearForm() for _ in _numbers(x)]
-        self.ends = _slopes(None, call(formula, _formed(None, x, iter(self.roots), call)), call)
+        first, *others = call(formula, _formed(None, x, iter(self.roots), call))
+        self.ends, self.others = _slopes(None, first, call), [unformed(y) for y in others]
 
     def felt(self, w: Any) -> Any:
         """The derivative by the unknown of <w, result>, (n,).  w : (n,)."""
-        slopes, _ = swept(zip(self.ends, w, strict=True), self.roots[0].made)
+        slopes, _ = swept(zip(self.ends, w, strict=True), lambda form: form.made < self.roots[0].made)
         return vec(*[slopes.get(form, 0.0) for form in self.roots])
 
 
