@@ -26,6 +26,7 @@ from .classes.records import Record, record
 from .functions import where
 from .numbers.conversions import as_others_see
 from .numbers.series_of_sites import SeriesMeeting, company, has_series
+from .numbers.transposes import ruled
 from .sums import halves
 from .tables import Table
 from .vectors import Vec
@@ -323,8 +324,18 @@ def total(value: Any) -> Any:
     Sixteen sums, each of every sixteenth site, are added by halves: the same bits with any number
     of lanes and workers.
     """
+    return ruled(sum_over_sites, _total_back, None, (), value)
+
+
+def sum_over_sites(value: Any) -> Any:
+    """`total`, without the rule of its way back."""
     visit = _present.visit
     return value if visit is None else visit.ask("total", value)
+
+
+def _total_back(value: Any, w: Any) -> Any:
+    """The sum of what all sites feel."""
+    return (sum_over_sites(w),), []
 
 
 def mean(value: Any) -> Any:

@@ -22,6 +22,7 @@ from liemech.compiler import kernel
 from liemech.errors import IncompatibleSystem
 from liemech.joints import Linkage, Spring
 from liemech.joints import chain as rods_of
+from liemech.rooms.derivatives.of_sites.adjoint import BackwardRun
 from liemech.simulation.runs.carry import SiteCarry
 
 TURNED = np.asarray(lm.SO3().exp(np.random.default_rng(3).normal(size=(3, 3))))
@@ -214,6 +215,31 @@ def test_laws_of_a_method(carrier: str, method: Any) -> None:
         back = state(run(carrier, method, start=runs[1].last, h=-END / 8, steps=8))
         there = state(run(carrier, method, h=END, steps=0))
         assert np.abs(back - there).max() < 1e-13 * np.abs(there).max()
+
+
+@pytest.mark.parametrize(("carrier", "method"), cases(native=False))
+def test_gradients_go_backwards_through_what_goes_forwards(carrier: str, method: Any) -> None:
+    """J^T w of a method on a carrier is that of J, found forwards, direction by direction."""
+    system, start = CARRIERS[carrier](False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lm.System, "small", 0 if carrier in ("spins", "bodies") else 10**9)
+        plan = lm.Plan(system, method, h=0.05, every=2, compiled=False, progress=False)
+        forwards = plan.tangent(start, steps=2).tangent["start"][-1]
+        w = np.random.default_rng(2).normal(size=len(forwards))
+        backwards = plan.pullback(w, start, steps=2)["start"]
+        by_sites = carrier in ("spins", "bodies") and not isinstance(
+            method, lm.Taylor
+        )  # power series go forwards alone
+        assert by_sites == bool(plan._sites and goes_back(plan, start))
+    assert np.abs(backwards - w @ forwards).max() < 1e-14 * (np.abs(w) @ np.abs(forwards)).max()
+
+
+def goes_back(plan: Any, start: Any) -> bool:
+    try:
+        BackwardRun(plan._sites, plan._sites.started(plan, start), 2, 0.0)
+    except IncompatibleSystem:
+        return False
+    return True
 
 
 @pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")

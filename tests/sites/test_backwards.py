@@ -5,7 +5,7 @@ tangent map, differences, and SciPy.
 from __future__ import annotations
 
 from math import comb
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -666,17 +666,80 @@ def test_inertias_of_any_sizes(inertia: np.ndarray) -> None:
     assert np.abs(found - wanted).max() < 1e-12 * np.abs(wanted).max()
 
 
+@lm.record
+class Asks(lm.Method):
+    """A step by the derivative of the energy, past the system."""
+
+    order: ClassVar[int] = 1
+
+    def step(self, system: Any, t: Any, state: Any, h: Any) -> Any:
+        return system.displaced(lm.Exponential(), state, h * system.hamiltonian.gradient(state.mu))
+
+
+@lm.record
+class Turn(lm.Method):
+    """Euler's step, of a velocity that is shortened where it is fast, by a root that it iterates."""
+
+    order: ClassVar[int] = 1
+
+    def step(self, system: Any, t: Any, state: Any, h: Any) -> Any:
+        xi = system.rate(t, system.essential_part(state))
+        square = 1.0 + lm.dot(xi, xi)
+        root = square
+        for _ in range(60):
+            if abs(root * root - square) < 1e-14 * square:
+                break
+            root = 0.5 * (root + square / root)
+        if xi[0] > 0.0:
+            xi = (1.0 - 0.1 * h * root) * xi
+        elif xi[1] > 0.0:
+            xi = xi - h * xi[1] * xi
+        return system.displaced(lm.Exponential(), state, h * xi)
+
+
+@lm.record
+class Memory(lm.Record):
+    state: Any
+    xi: Any
+
+
+@lm.record
+class LastVelocity(lm.Method):
+    """The velocity of this step and the last one, which no state tells."""
+
+    order: ClassVar[int] = 2
+
+    def start(self, system: Any, state: Any, h: Any) -> Any:
+        return Memory(state, system.rate(0.0, system.essential_part(state)))
+
+    def observe(self, memory: Any) -> Any:
+        return memory.state
+
+    def step(self, system: Any, t: Any, memory: Any, h: Any) -> Any:
+        xi = system.rate(t, system.essential_part(memory.state))
+        return Memory(system.displaced(lm.Exponential(), memory.state, 0.5 * h * (3.0 * xi - memory.xi)), xi)
+
+
+@native
+@pytest.mark.slow
+def test_a_method_of_ones_own() -> None:
+    """With branches and a loop, nothing of which is written backwards: of spins and of bodies, plain and native."""
+    terms = lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5)), Zeeman([0.1, 0.2, 0.3]), held=[0])
+    system, (others, start) = lm.LiePoissonSystem(lm.SO3() ** 5, terms), chain(3)
+    for whole, begun in ((system, system.state(mu=directions(5))), (others, start)):
+        for compiled in (False, True):
+            require_transposed(lm.Plan(whole, Turn(), h=0.1, compiled=compiled, progress=False), begun, 6)
+
+
 @pytest.mark.slow
 def test_what_has_no_way_back() -> None:
     """Is told by name, with the cure; J^T w is found as before, direction by direction."""
     ring, start = spins(6), spins(6).state(mu=directions(6))
     w = np.arange(18.0)
-    terms = lm.Terms(Exchange(1.0).over(lm.neighbours.ring(3)), held=[2])
-    held = lm.LiePoissonSystem(lm.SO3() ** 3, terms)
-    few = lm.Plan(held, lm.LiePoissonHamiltonJacobi(order=2), h=0.05, compiled=False)
-    first = held.state(mu=directions(3))
-    with pytest.raises(IncompatibleSystem, match=r"no way back.*sites that are held.*KickDrift"):
-        back(few, first, {1: w[:9]})
+    few, first = lm.Plan(spins(3), lm.Taylor(2), h=0.05, compiled=False), spins(3).state(mu=directions(3))
+    for method, why in ((lm.Taylor(2), "power series"), (Asks(), "ask the system"), (LastVelocity(), "in memory")):
+        with pytest.raises(IncompatibleSystem, match=why):
+            back(few.replace(method=method), first, {2: w[:9]})
     wanted = w[:9] @ few.tangent(first, steps=1).tangent["start"][-1]
     found = few.tangent(first, steps=1, against=w[:9]).tangent["against"][-1]
     assert np.allclose(found, wanted, atol=1e-14)

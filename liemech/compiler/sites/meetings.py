@@ -84,7 +84,7 @@ class SiteMeetings:
         self.loops, self.memory, self.t, self.e, self.b = loops, loops.memory, loops.t, loops.e, loops.b
         self.intrinsics: dict[Any, Callable[..., Any]] = {
             words.meet: self.meet,
-            words.total: self.total,
+            words.sum_over_sites: self.total,
             words.mean: self.mean,
             words.met_through: lambda k: None,
             words.repeated: self.repeated,
@@ -258,7 +258,7 @@ class SiteMeetings:
         loop = self.t.state.site_loop
         if loop is None:
             return value
-        return self.total(value) / self.e.num(self.e.cast(loop.sites.count, "f", False))
+        return self.t.call(words.total, value) / self.e.num(self.e.cast(loop.sites.count, "f", False))
 
     def _sum(self, loop: Any, rows: SiteRows, row: Any) -> Num:
         """The sum of a row: sixteen sums side by side, of every sixteenth site, then by halves."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...compiler import kernel
 from ...compiler.driver import Rejected, attempt, reason
-from ...errors import NotCompilable, failure, is_mistake
+from ...errors import IncompatibleSystem, NotCompilable, failure, is_mistake
 from ...formulas import Vec
 from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import carried_layout, layout_of
@@ -28,6 +28,24 @@ PLAIN = 2**9
 
 WORTH = 2**13
 """Steps of all blocks together that are worth a thread."""
+
+
+SAME = 2.0**-24
+"""Part of the largest number by which steps, begun anew in the middle, may end beside the run."""
+
+
+def require_same(method: Any, found: np.ndarray, wanted: np.ndarray) -> None:
+    """Refuse methods whose steps depend on more than the state and the time.
+
+    found, wanted : the numbers of states at the end of steps that were begun anew, and of the run.
+    """
+    size = np.abs(wanted).max()
+    off = np.abs(found - wanted).max()
+    if not off <= SAME * size:
+        raise IncompatibleSystem(
+            f"Plan.gradient: {method!r} keeps in memory what does not follow from the state: begun anew in the middle it "
+            f"comes elsewhere, by {off / size:.1e}. plan.tangent differentiates such runs"
+        )
 
 
 class Blocks:

@@ -42,7 +42,7 @@ from ...simulation.trajectory import Trajectory
 from ...systems.in_time.knots import NEAR
 from ...systems.in_time.tabulated import PiecewisePolynomial
 from ...systems.system import State, member
-from .blocks import Blocks
+from .blocks import Blocks, require_same
 from .losses import Loss
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
 from .tangent import derived, frames_of, in_steps, parameter_moves, real_numbers, slope, with_step
@@ -54,9 +54,6 @@ LANES = 384
 
 PIECE = 2**9
 """Blocks and directions that native code is given at once."""
-
-SAME = 2.0**-24
-"""Part of the largest number by which a block, begun anew, may end beside the run."""
 
 LEAST, MOST = 32, 4096
 """Blocks of a long run of one body."""
@@ -544,17 +541,6 @@ class Backward:
         of_each = self.directions.own_methods if mine.of_method else self.directions.own
         return found if of_each else found.sum(axis=0)
 
-    def _same(self, found: np.ndarray, wanted: np.ndarray) -> None:
-        """Refuse methods whose steps depend on more than the state and the time."""
-        size = np.abs(wanted).max()
-        off = np.abs(found - wanted).max()
-        if not off <= SAME * size:
-            raise IncompatibleSystem(
-                f"Plan.gradient: {self.forward.plan.method!r} keeps in memory what does not follow from "
-                f"the state: begun anew in the middle it comes elsewhere, by {off / size:.1e}. "
-                "plan.tangent differentiates such runs"
-            )
-
     def _through(self, begin: int, lanes: Any, parts: np.ndarray, done: float) -> np.ndarray:
         """Take directions through their blocks: the components of what becomes of them, (lanes, side, N)."""
         k, i, d, moves, table = lanes
@@ -584,7 +570,7 @@ class Backward:
                 starts.reshape(-1, len(values)), body, first.astype(float), last.astype(float),
                 systems, methods, done,
             ).reshape(starts.shape)  # fmt: skip
-            self._same(out[:, 0].T, forward.numbers[begin + block + 1, body])
+            require_same(forward.plan.method, out[:, 0].T, forward.numbers[begin + block + 1, body])
             found[some] = out[:, 1:].transpose(2, 1, 0) @ parts[block, body]
         return found
 

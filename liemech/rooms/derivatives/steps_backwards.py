@@ -32,22 +32,14 @@ from ...formulas.derivatives import carried
 from ...formulas.numbers.transposes import pulled_back
 from ...formulas.sites import each_site
 from ...groups.retractions import Exponential
-from ...groups.rigid.so3 import SO3
-from ...integrators.commutator_free import CommutatorFree
 from ...integrators.composition import Composition
-from ...integrators.free_body.midpoint import ImplicitMidpoint
 from ...integrators.kicks.kick_drift import FieldSplitting
-from ...integrators.rkmk import RKMK
 from ...integrators.separable import SeparableSplitting
 from ...systems.canonical import CanonicalState
-from ...systems.in_time.driven import DrivenLiePoissonSystem
-from ...systems.lie_poisson import BodyState, LiePoissonSystem
+from ...systems.lie_poisson import BodyState
 from ...systems.many.energies import moving
-from ...systems.mechanical import MechanicalSystem
 from ..hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..sites.parts_of_spins import turned_by
-from ..sites.separable_sites import SeparableSite
-from ..sites.spin_splittings import TermSplitting
 from ..sites.terms.terms import at_time
 from ..sites.terms.terms_at_site import TermsOfSite, at_this_site
 from .frames import group_of
@@ -123,9 +115,9 @@ class SiteMotion(Record):
 
 
 def questions(motion: SiteMotion, system: Any, state: Any, h: float) -> tuple[int, int]:
-    """How often a part of a step asks energies of momenta, and potentials: those that a site without terms asks.
+    """How often a part of a step asks energies of momenta, and potentials: those that a site without neighbours asks.
 
-    state : of one site.
+    state : of one site.  Raises IncompatibleSystem where there is no way back.
     """
     if isinstance(motion, (FieldTurn, BondTurn)):  # turns of a colour; bonds make theirs without a velocity
         return (1, 0) if isinstance(motion, FieldTurn) else (0, 0)
@@ -133,7 +125,7 @@ def questions(motion: SiteMotion, system: Any, state: Any, h: float) -> tuple[in
 
     def one_asks() -> None:
         alone = at_this_site(system)
-        alone = with_records(alone, TermsOfSite, [with_fields(x, roles=()) for x in records_in(alone, TermsOfSite)])
+        alone = with_records(alone, TermsOfSite, [_without_neighbours(x) for x in records_in(alone, TermsOfSite)])
         parts = {name: part for name, part in fields_of(state).items() if part is not None}
         still = vec(*[0.0 for _ in range(group_of(system).dim)])
         w = with_fields(state, **{name: still if name == "g" else 0.0 * part for name, part in parts.items()})
@@ -141,6 +133,13 @@ def questions(motion: SiteMotion, system: Any, state: Any, h: float) -> tuple[in
 
     each_site(1, one_asks)
     return len(answers[0].momenta), len(answers[0].elements)
+
+
+def _without_neighbours(terms: Any) -> Any:
+    """The terms of a site that are of this site alone."""
+    lone = with_fields(terms, roles=tuple([role for role in terms.roles if role.alone]))
+    backwards = getattr(terms, "backwards", None)  # of a load, with the terms of the others
+    return lone if backwards is None else with_fields(lone, backwards=_without_neighbours(backwards))
 
 
 @record
@@ -178,31 +177,6 @@ class Symplectic(WholeStep):
         return Back(carried_back(group_of(system), lambda x: self.moved(system, inverse, x), before, after, w), (), ())
 
 
-def refused(method: Any, site: Any) -> str:
-    """Why the steps of a method have no way back here; empty if they have one.  site : the form of the
-    system at one site.
-    """
-    if not isinstance(site, (LiePoissonSystem, DrivenLiePoissonSystem, MechanicalSystem, SeparableSite)):
-        return f"of a {type(site).__name__}"
-    if isinstance(site, MechanicalSystem) and site.in_space:
-        return "with momenta that are added up in space"
-    if isinstance(method, Composition):
-        return refused(method.base, site)
-    if isinstance(method, ImplicitMidpoint) and not (
-        isinstance(site, LiePoissonSystem) and isinstance(site.group, SO3)
-    ):
-        return f"by {method!r} but of rotations"
-    if isinstance(method, FieldSplitting):
-        free: Any = method.free
-        known = free.symplectic and free.symmetric and not free.of_momenta
-        return "" if known or isinstance(free, RKMK) else f"by drifts of {free!r}"
-    if isinstance(method, LiePoissonHamiltonJacobi):
-        held = [x for x in records_in(site, TermsOfSite) if x.moves is not None]
-        return f"by {method!r} with sites that are held" if held else ""
-    served = RKMK, CommutatorFree, ImplicitMidpoint, TermSplitting, SeparableSplitting
-    return "" if isinstance(method, served) else f"by {method!r}"
-
-
 def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple[int, float, float]]]:
     """The motions that a step is made of; of each part in turn which it is, when it begins and how long
     it is, as shares of the step.
@@ -218,7 +192,7 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
     if isinstance(method, (FieldSplitting, SeparableSplitting)):
         given: Any = method
         tableau, in_a_field = given.tableau, isinstance(method, FieldSplitting)
-        drift = WholeStep if in_a_field and isinstance(given.free, RKMK) else Symplectic
+        drift = Symplectic if in_a_field and is_symplectic(given.free) else WholeStep
         free: Any = drift(given.free, True) if in_a_field else PointDrift()
         nodes = tableau.nodes if in_a_field else [0.0 for _ in tableau.kicks]
         loaded = in_a_field and site.load is not None
@@ -234,8 +208,14 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
         if not in_a_field:
             return (PointKick(), free), rows
         return (Kick(given, not loaded), free, *([Kick(given, False, True)] if loaded else [])), rows
-    kind = Symplectic if isinstance(method, LiePoissonHamiltonJacobi) else WholeStep
+    held = [x for x in records_in(site, TermsOfSite) if x.moves is not None]
+    kind = Symplectic if isinstance(method, LiePoissonHamiltonJacobi) and not held else WholeStep
     return (kind(method),), [(0, 0.0, 1.0)]
+
+
+def is_symplectic(free: Any) -> bool:
+    """Whether a drift goes back by its own step of length -h: one on T*G that is not found direction by direction."""
+    return free.symplectic and free.symmetric and not free.of_momenta
 
 
 # ------------------------------------------------------------------ kicks and drifts

@@ -34,9 +34,11 @@ from ...sites.runs.states import first_of, site_rows
 from ...sites.spin_splittings import TermSplitting, terms_of
 from ...sites.terms.sums_of_terms import MomentumTerms, PlaceTerms
 from ...sites.terms.terms_at_site import ForceOfSite
+from ..blocks import remembers, require_same
 from ..reversal import go_back
-from ..steps_backwards import BondTurn, FieldTurn, Question, parts_of, questions, refused
+from ..steps_backwards import BondTurn, FieldTurn, Question, parts_of, questions
 from ..tangent import StepsOfARun
+from .adaptive import with_samples
 from .backward import PART, WayBack, backward_parts, forward_parts
 from .parameters import Parameter, SlopesOfPart, zeros
 
@@ -52,17 +54,10 @@ LEAST = 16
 """States that are kept at least."""
 
 
+NO_WAY = "Plan.tangent: there is no way back through runs of many sites {}"
+
 _counted = Remembered()
 """By the system at one site how often the parts of steps ask energies."""
-
-
-def why_not(sites: Any, start: Any) -> str:
-    """Why a run by sites cannot be gone through backwards; empty if it can."""
-    plan, one = sites.plan, sites.plan._one
-    group = getattr(one, "configurations", one.group)
-    if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
-        return f"of {type(one).__name__} on {group!r}"
-    return refused(inner_method(plan), sites.site)
 
 
 def inner_method(plan: Any) -> Any:
@@ -78,13 +73,10 @@ class BackwardRun:
     """
 
     def __init__(self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = ()) -> None:
-        plan, why = sites.plan, why_not(sites, start)
-        if why:
-            raise IncompatibleSystem(
-                f"Plan.tangent: there is no way back through runs of many sites {why}; there is one with RKMK, "
-                "CommutatorFree, midpoint rules, KickDrift, LieVerlet, Splitting, "
-                "compositions of them, SublatticeSplitting and BondSplitting"
-            )
+        plan, one = sites.plan, sites.plan._one
+        group = getattr(one, "configurations", one.group)
+        if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
+            raise IncompatibleSystem(NO_WAY.format(f"of {type(one).__name__} on {group!r}"))
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
         way = plan._steps.way_of(0)
@@ -109,6 +101,16 @@ class BackwardRun:
         if key not in sites.known:
             sites.known[key] = self._executions()
         self.forward, self.backward = [execution.of_a_run() for execution in sites.known[key]]
+        if steps > 1 and remembers(inner_method(plan)):
+            self._require_anew(sites)
+
+    def _require_anew(self, sites: Any) -> None:
+        """Refuse methods that come elsewhere if the second step begins anew."""
+        run = sites.kind(with_samples(self.plan, 2), sites.site, self.start, self.t0, 2, None, None, None).trajectory()
+        self.given, self.last = dict[int, np.ndarray](), 2
+        anew = unpacked(self.way.state, self._advance(self.rows, 0, -(-2 // self.block)).T)
+        for name, wanted in self.plan._one.by_site({name: x[-1] for name, x in run.states.items()}).items():
+            require_same(self.plan.method, anew[name][self.places], wanted)
 
     # ---------------------------------------------------------------- what it is made of
 
@@ -152,9 +154,17 @@ class BackwardRun:
         key = layout_of(self.way), kept
         if key not in counts:
             h = self.h if self.grid is None else self.grid[1].item(0)
-            counts[key] = [questions(x, self.way.system, self.first, h) if kept else (0, 0) for x in motions]
+            try:
+                counts[key] = [questions(x, self.way.system, self.first, h) for x in motions]
+            except (IncompatibleSystem, TypeError, AttributeError) as error:
+                raise IncompatibleSystem(NO_WAY.format(f"by {method!r}: {error}")) from error
+            except (ArithmeticError, IntegrationFailure) as error:  # of a site that feels no other one
+                if kept:
+                    raise IncompatibleSystem(NO_WAY.format(f"by {method!r} and parameters: {error}")) from error
+                counts[key] = [(0, 0)] * len(motions)
             _counted.set(site, counts)
         self.questions: list[tuple[int, int]] = counts[key]
+        self.way = with_fields(self.way, asked=tuple(self.questions))
 
     def _with_slopes(self, site: Any) -> Any:
         """The system at one site, whose load knows its derivatives."""

@@ -18,7 +18,7 @@ from ....systems.system import state_of
 from ...sites.runs.states import by_site, first_of, kind_of, site_rows
 from ..losses import Loss
 from .adaptive import steps_of, with_samples
-from .adjoint import BackwardRun, why_not
+from .adjoint import BackwardRun
 from .parameters import terms_of_sites
 from .tangent import Frames
 
@@ -48,9 +48,12 @@ def gradient_by_sites(
     between = every or max(1, steps)
     shown = with_samples(plan, between)
     others = tuple(n for n in names if n != "start")
-    by_directions = bool(why_not(shown._sites, state)) and not others
-    if not by_directions:
-        back = BackwardRun(shown._sites, state, steps, t0, others)
+    try:
+        back: Any = BackwardRun(shown._sites, state, steps, t0, others)
+    except IncompatibleSystem:
+        if others:
+            raise
+        back = None
     for name, given in (("loss", loss), ("along", along)):
         if given is not None and not of_site(given):
             raise IncompatibleSystem(
@@ -72,15 +75,8 @@ def gradient_by_sites(
         for k, n in enumerate(numbers if along is not None else []):
             more, slope = _of_sites(along, "along", shown, run, k)
             value, felt[n] = value + more, felt.get(n, 0.0) + slope
-    if by_directions and adaptive is not None:
-        if [*felt] != [steps]:
-            raise IncompatibleSystem(
-                f"Plan.{what}: of adaptive steps of {plan.method!r} the derivative is that of the end alone"
-            )
-        made = adaptive.tangent(start, **asked, against=felt[steps])
-        by = {"start": made.tangent["against"][-1]}
-    elif by_directions:
-        by = {"start": _by_directions(plan, start, t0, felt)}
+    if back is None:
+        by = {"start": _by_directions(plan, adaptive, start, asked, felt)}
     else:
         found, by = back.back(felt)
         by["start"] = found
@@ -89,12 +85,20 @@ def gradient_by_sites(
     return value, {name: by[name] for name in names}, run, growth
 
 
-def _by_directions(plan: Any, start: Any, t0: float, felt: dict[int, np.ndarray]) -> np.ndarray:
-    """The sum of J^T w, for which every direction of the start makes a run."""
+def _by_directions(plan: Any, adaptive: Any, start: Any, asked: dict[str, Any], felt: dict[int, Any]) -> np.ndarray:
+    """The sum of J^T w, for which every direction of the start makes a run.
+
+    plan : of fixed steps.  adaptive : the plan whose run they repeat, if there is one; asked : of that run.
+    """
+    if adaptive is not None and len(felt) > 1:
+        raise IncompatibleSystem(
+            f"Plan.gradient: of adaptive steps of {plan.method!r} the derivative is that of the end alone"
+        )
     found: Any = 0.0
     for n, w in felt.items():
-        made = plan.replace(every=max(1, n)).tangent(start, steps=n, t0=t0, against=w)
-        found = found + made.tangent["against"][-1]
+        known = plan.replace(every=max(1, n)) if adaptive is None else adaptive
+        length = {"steps": n, "t0": asked["t0"]} if adaptive is None else asked
+        found = found + known.tangent(start, **length, against=w).tangent["against"][-1]
     return np.asarray(found)
 
 

@@ -4,11 +4,13 @@ carry the derivative along one direction through the same steps, site by site.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ....errors import IncompatibleSystem
 from ....formulas.classes.flattening import build
 from ....formulas.classes.layouts import layout_of
 from ....formulas.numbers.conversions import with_slopes
@@ -19,7 +21,7 @@ from ....simulation.runs.equal import affordable
 from ...sites.runs.states import first_of, site_rows
 from ..frames import LEVEL, frame
 from .adaptive import steps_of
-from .adjoint import BackwardRun, why_not
+from .adjoint import BackwardRun
 
 
 class Along:
@@ -118,8 +120,9 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
     some: Any = None if wanted is None else arguments.directions(name, wanted, n)
     out = n if some is None else 1 if some.ndim == 1 else some.shape[1]
     passes = out * (steps // every + 1)
-    if name == "against" and passes <= n and not why_not(sites, start):
-        return against_by_sites(sites, start, steps, t0, some)
+    if name == "against" and passes <= n:
+        with contextlib.suppress(IncompatibleSystem):
+            return against_by_sites(sites, start, steps, t0, some)
     affordable(8 * n * out * (steps // every + 2), steps, every)
     products = []
     for direction in np.atleast_2d(some.T) if name == "along" else np.eye(n):

@@ -13,6 +13,7 @@ from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.records import with_fields
 from ....formulas.classes.signatures import bare
+from ....formulas.numbers.conversions import as_others_see
 from ....formulas.sites import SiteArray, SiteTable, meet, own
 from ....formulas.sums import halves
 from ....groups.composed.one_of import filled
@@ -289,7 +290,8 @@ class TermsOfSite(WithHeldSites):
         me = type(self.site)(mu, g, self._felt(xi), *own_values)
         alone = all(role.alone for role in (self.roles if roles is None else roles))
         varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own_values, self.own)]
-        meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
+        published = as_others_see(type(self.site)(mu, g, xi, *varied))  # on the way back rules ask, and nobody else
+        meeting = None if alone else meet(published)
 
         def view(published: Any) -> Any:
             values = [
