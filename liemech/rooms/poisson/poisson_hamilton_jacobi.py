@@ -27,7 +27,7 @@ from ...formulas import (
 )
 from ...formulas.classes.remembered import Remembered
 from ...formulas.numbers.series import Series
-from ...formulas.numbers.sizes import magnitudes
+from ...formulas.numbers.sizes import magnitudes, one_norms
 from ...formulas.of_numpy import sign
 from ...groups.linear_motion import motion_terms
 from ...groups.poisson_structure import LogCanonical, PoissonStructure, jacobi_sums, slopes_of
@@ -120,7 +120,7 @@ class PoissonHamiltonJacobi(Implicit):
         if isinstance(structure, LogCanonical):
             u = vec(*[log(where(constant(c) == 0.0, 1.0, abs(c))) for c in y])
             dH_u = of_logarithms(dH, vec(*[sign(constant(c)) for c in y]))
-            change, mean = self.change(structure.of_logarithms, dH_u, middle, u, 1.0 + 0.0 * magnitudes(y), mean, h)
+            change, mean = self.change(structure.of_logarithms, dH_u, middle, u, vec(1.0), mean, h)
             change = y * vec(*[expm1(c) for c in change])
         else:
             change, mean = self.change(structure, dH, middle, y, magnitudes(y), mean, h)
@@ -129,16 +129,18 @@ class PoissonHamiltonJacobi(Implicit):
     def change(self, structure: Any, dH: Any, t: float, y: Vec, sizes: Vec, guess: Vec, h: float) -> tuple[Vec, Vec]:
         """The change of y and its mean, x - y, in a step about the time t.
 
-        sizes : of the components of y, beside which corrections vanish.  Newton's method with the matrix
+        sizes : of the blocks of y that share a unit, beside which corrections vanish.  Newton's method with the matrix
         1 - h B(x) D^2H(x)/2, wrong by O(h^2).
         """
+
+        blocks = tuple([len(y) // len(sizes) for _ in sizes])
 
         def sweep(mean: Vec) -> tuple[Vec, Vec, Vec]:
             x = y + mean
             change, led_to = structure.linear_motion(y, self.covector(structure, dH, t, x, h))
             slope = jacobian(lambda z: structure.sharp(x, dH(t, z)), x)
             step = correction(identity_matrix(len(x)) - (0.5 * h) * slope, mean - led_to)
-            return mean - step, magnitudes(step), sizes + magnitudes(change)
+            return mean - step, one_norms(step, blocks), sizes + one_norms(change, blocks)
 
         mean = fixed_point(sweep, guess, self, h)
         return structure.linear_motion(y, self.covector(structure, dH, t, y + mean, h))
