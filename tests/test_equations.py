@@ -12,7 +12,7 @@ import pytest
 from liemech.names import everything
 
 ROOT = Path(__file__).parent.parent
-PAGE = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "proof" / "equations.md").read_text(encoding="utf-8")
 FOLDERS = {"The article": "", "Constrained systems": "constrained", "Poisson systems": "poisson", "Time": "timing"}
 
 NUMBERS = {

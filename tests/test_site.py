@@ -27,7 +27,7 @@ def test_every_page_is_in_the_lists_of_the_first_page() -> None:
     assert sorted(listed) == sorted(page for page in pages if not page.startswith("proof/measured/"))
 
 
-@pytest.mark.parametrize("name", ["proof/verification", "equations", "proof/reliability"])
+@pytest.mark.parametrize("name", ["proof/verification", "proof/equations", "proof/reliability"])
 def test_tests_that_the_pages_name_exist(name: str) -> None:
     text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     named = re.findall(r"`(?:tests/)?([a-z_]+/[\w/]*test_\w+\.py|test_\w+\.py)(?:::(\w+))?`", text)
@@ -37,6 +37,18 @@ def test_tests_that_the_pages_name_exist(name: str) -> None:
         assert path.exists(), f"{name}.md names {file}, which does not exist"
         if function:
             assert f"def {function}(" in path.read_text(encoding="utf-8"), f"{name}.md names {function} in {file}"
+
+
+WORDS = {"": 50_000, "proof": 25_000}
+"""Of the pages in these folders, what stands in tables and programs counted too."""
+
+
+@pytest.mark.parametrize("folder", WORDS)
+def test_the_guide_and_the_proof_stay_short(folder: str) -> None:
+    """The page of names is written from the library."""
+    pages = [page for page in (DOCS / folder).glob("*.md") if page.stem != "names"]
+    words = sum(len(page.read_text(encoding="utf-8").split()) for page in pages)
+    assert words <= WORDS[folder], f"{words} words: say what is new in the place of something else"
 
 
 def test_every_link_to_a_term_of_the_glossary_finds_it() -> None:

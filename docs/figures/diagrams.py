@@ -15,16 +15,18 @@ import numpy as np
 from matplotlib.patches import FancyArrowPatch
 
 import liemech as lm
+from liemech.plots.spheres.globe import globe, line
+from liemech.plots.spheres.projection import VIEW, view_frame
 from liemech.plots.style import dressed
 
 GREY, (BLUE, RED) = "0.35", lm.plots.COLORS[:2]
 
 
-def stage(width: float = 9.6, height: float = 4.9) -> tuple[Any, Any, Any]:
+def stage(projection: str | None = None) -> tuple[Any, Any, Any]:
     """A figure with two spaces side by side."""
-    figure = plt.figure(figsize=(width, height))
-    left = figure.add_axes((0.0, 0.28, 0.44, 0.70), projection="3d")
-    right = figure.add_axes((0.56, 0.28, 0.44, 0.70), projection="3d")
+    figure = plt.figure(figsize=(9.6, 4.9))
+    left = figure.add_axes((0.0, 0.28, 0.44, 0.66), projection=projection)
+    right = figure.add_axes((0.56, 0.28, 0.44, 0.66), projection=projection)
     return figure, left, right
 
 
@@ -58,30 +60,31 @@ def below(figure: Any, box: str, left: str, right: str) -> None:
 
 def canonical_transformation() -> None:
     """Curves of X_H on the left, straight lines of X_K, K = 0, on the right."""
-    figure, old, new = stage()
+    figure, old, new = stage("3d")
     pendulum, times = lm.models.Pendulum(gravity=1.0), np.linspace(0.0, 7.0, 300)
     for k, (q, p) in enumerate([(0.6, 0.0), (1.2, 0.0), (1.2, 0.9), (-0.9, 0.6)]):
         start = pendulum.state(q, p)
         exact = pendulum.exact(start, times)
-        color = RED if k == 2 else BLUE
-        old.plot(times, np.asarray(exact.q)[:, 0], np.asarray(exact.p)[:, 0], color=color, lw=1.4)
-        new.plot(times, 0.0 * times + q, 0.0 * times + p, color=color, lw=1.4)
+        color = lm.plots.COLORS[k]
+        old.plot(times, np.asarray(exact.q)[:, 0], np.asarray(exact.p)[:, 0], color=color, lw=2.0)
+        new.plot(times, 0.0 * times + q, 0.0 * times + p, color=color, lw=2.0)
         for ax in (old, new):
             ax.scatter([0.0], [q], [p], color=color, s=16)
     for ax, names, title in (
         (old, ("$t$", "$q$", "$p$"), r"$\theta = p\,\mathrm{d}q - H\,\mathrm{d}t$"),
         (new, ("$T$", "$Q$", "$P$"), r"$\Theta = P\,\mathrm{d}Q - K\,\mathrm{d}T$,   $K = 0$"),
     ):
-        ax.set(xlim=(0.0, 7.0), ylim=(-2.0, 2.0), zlim=(-2.0, 2.0))
+        ax.set(xlim=(0.0, 7.0), ylim=(-1.5, 1.5), zlim=(-1.5, 1.5))
         ax.set_xlabel(names[0], labelpad=-12)
         ax.set_ylabel(names[1], labelpad=-12)
         ax.set_zlabel(names[2], labelpad=-12)
         ax.set_title(title, y=0.97, fontsize=13)
-        ax.tick_params(labelbottom=False, labelleft=False, labelright=False)
-        ax.set_xticklabels([])
-        ax.set_yticklabels([])
-        ax.set_zticklabels([])
-        ax.view_init(elev=18.0, azim=-62.0)
+        ax.set(xticks=[0.0, 3.5, 7.0], yticks=[-1.5, 0.0, 1.5], zticks=[-1.5, 0.0, 1.5])
+        ax.set(xticklabels=[], yticklabels=[], zticklabels=[])
+        ax.set_box_aspect((1.5, 1.0, 0.9), zoom=1.1)
+        for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+            axis.pane.set(facecolor="white", edgecolor="0.8")
+        ax.view_init(elev=24.0, azim=-66.0)
     arrow(figure, (0.445, 0.64), (0.555, 0.64))
     figure.text(0.5, 0.675, r"$\psi$", ha="center", fontsize=15)
     below(
@@ -92,18 +95,6 @@ def canonical_transformation() -> None:
     )
     lm.plots.save(figure, "canonical_transformation.png")
     print("canonical_transformation.png: every curve of X_H is a straight line of X_K")
-
-
-def sphere(ax: Any, radius: float) -> None:
-    """The coadjoint orbit."""
-    a, b = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 25), np.linspace(0.0, np.pi, 13))
-    x = radius * np.array([np.cos(a) * np.sin(b), np.sin(a) * np.sin(b), np.cos(b)])
-    ax.computed_zorder = False  # what is drawn later is in front
-    ax.plot_wireframe(*x, color="0.85", linewidth=0.5, zorder=0)
-    ax.set_axis_off()
-    ax.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(-radius, radius))
-    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=1.3)
-    ax.view_init(elev=20.0, azim=25.0)
 
 
 def dual_transformation() -> None:
@@ -122,12 +113,24 @@ def dual_transformation() -> None:
         (old, along[0], r"$\pi_0$", BLUE),
         (new, along[-1], r"$\pi_1$", RED),
     ):
-        sphere(ax, 1.0)
-        ax.plot(*around.T, color="0.45", lw=1.2, zorder=1)
-        ax.quiver(0.0, 0.0, 0.0, *point, color=color, lw=1.8, arrow_length_ratio=0.12, zorder=3)
-        ax.text(*(1.17 * point), name, color=color, fontsize=15, zorder=4)
-    new.plot(*along.T, color=RED, lw=2.2, zorder=2)
-    new.scatter(*along[:1].T, color=BLUE, s=18, zorder=3)
+        lm.plots.momentum_sphere(
+            point, exact=around, system=body, ax=ax, color=color, names=("",) * 3
+        )
+        frame = view_frame(*VIEW)
+        place = (frame @ point)[:2]
+        if ax is new:
+            line(ax, along @ frame.T, back=0.35, zorder=4.0, color=RED, linewidth=2.6)
+            ax.plot(*(frame @ along[0])[:2], "o", color=BLUE, zorder=6.0)
+        ax.annotate(
+            "",
+            place,
+            (0.0, 0.0),
+            zorder=5.0,
+            arrowprops={"arrowstyle": "-|>", "color": color, "lw": 2.2, "shrinkB": 0},
+        )
+        ax.text(
+            *(1.3 * place), name, color=color, fontsize=15, ha="center", va="center", zorder=6.0
+        )
     figure.text(
         0.22, 0.955, r"$\theta = \pi_0\,\lambda_{q_0} - H\,\mathrm{d}t$", ha="center", fontsize=13
     )
@@ -389,9 +392,10 @@ def action_principle() -> None:
         return float(h * np.sum(0.5 * J * xi**2))
 
     figure = plt.figure(figsize=(9.6, 4.2))
-    left = figure.add_axes((0.0, 0.0, 0.5, 0.88), projection="3d")
+    x, y = g[:, :2, 2].mean(axis=0)
+    view = np.degrees(np.arctan2(y, x)), 25.0  # the path is in front
+    left, frame = globe(figure.add_axes((0.0, 0.0, 0.5, 0.9)), view, None, ("", "", ""))
     right = dressed(figure.add_axes((0.58, 0.14, 0.39, 0.76)))
-    sphere(left, 1.0)
     worst = 0.0
     for color in (BLUE, *lm.plots.COLORS[2:4]):
         waves = np.sin(
@@ -406,10 +410,21 @@ def action_principle() -> None:
         ) / 2e-4
         worst = max(worst, abs(slope) / values[40])
         varied = group.compose(g, group.exp(0.25 * eta))[:, :, 2]
-        left.plot(*varied.T, "o--", color=color, lw=1.0, ms=3, zorder=2)
-    left.plot(*g[:, :, 2].T, "o-", color=RED, lw=2.0, ms=5, zorder=3)
+        line(
+            left,
+            varied @ frame.T,
+            back=0.35,
+            zorder=2.0,
+            color=color,
+            ls="--",
+            lw=1.2,
+            marker="o",
+            ms=3.5,
+        )
+    path = g[:, :, 2] @ frame.T
+    line(left, path, back=0.35, zorder=3.0, color=RED, lw=2.2, marker="o", ms=5.5)
     for k, name in ((0, "$g_0$"), (steps, "$g_N$")):
-        left.text(*(1.18 * g[k, :, 2]), name, color=RED, fontsize=14, zorder=4)
+        left.text(*(path[k, :2] + [0.09, 0.06]), name, color=RED, fontsize=14, zorder=4)
     figure.text(
         0.25, 0.93, "a path and three variations, ends fixed: the third axis of the body",
         ha="center", fontsize=10,

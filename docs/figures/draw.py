@@ -34,6 +34,11 @@ STRONG = 40  # between the largest and the smallest of red, green and blue, of 2
 MEASURED = {"work_precision": "curves", "energy": "runs"}
 
 SECTIONS = {
+    "In motion": (
+        *("flip_in_the_browser", "top_in_the_browser", "puma", "mixing_vorticity", "governor"),
+        *("spins_in_the_browser", "rubber_rod", "bricard", "kapitza", "linkage_in_the_browser"),
+        "ensemble_in_the_browser",
+    ),
     "Bodies that turn freely": (
         *(
             "energy_drift",
@@ -63,55 +68,38 @@ SECTIONS = {
         "magnons",
         "couplings",
     ),
-    "Constraints, joints, rolling": (
-        "index_reduction",
-        "chain",
-        "linkage",
-        "arm",
-        "puma",
-        "kapitza",
-        "bricard",
-        "governor",
-        "net",
-    ),
+    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm", "net"),
     "Poisson systems, and steps that follow the motion": (
         "lotka_volterra",
         "banana_orbit",
         "eccentric_orbit",
     ),
-    "Many bodies": (
-        "binary_asteroid",
-        "drop_of_water",
-        "mixing_vorticity",
-        "rubber_rod",
-        "trefoil",
-    ),
+    "Many bodies": ("binary_asteroid", "drop_of_water", "trefoil"),
     "At work": ("attitude_control", "slew", "flight", "rocket", "flight_code"),
     "Damping and noise": ("paramagnet", "relaxing_body"),
     "From measurements": ("fit_inertia", "fit_bodies", "attitude_filter"),
-    "In the browser": (
-        "flip_in_the_browser",
-        "top_in_the_browser",
-        "ensemble_in_the_browser",
-        "linkage_in_the_browser",
-    ),
 }
 """The examples as the gallery has them; those that are not here come at the end."""
 
 HEAD = """# Gallery
 
-One idea per example, in under forty lines; each ends with a number and a picture.
-`python docs/figures/draw.py` draws all of them anew, and writes this page.
+One idea per example, in under forty lines; each ends with a number and a picture. Those that move
+are pages of one file each: turn them with the mouse, press `?` for their keys, send them on.
 """
 OUTPUTS = HERE / "outputs.json"
 """What each example printed when its picture was drawn; the site shows it below the code."""
 STILLS = {
     "ensemble_in_the_browser": "cloud.png",
+    "governor": "turning_governor.png",
     "linkage_in_the_browser": "rods.png",
+    "mixing_vorticity": "eddies.png",
+    "puma": "moving_puma.png",
     "spins_in_the_browser": "spins.png",
     "top_in_the_browser": "top.png",
 }
 """Photographs of moving pages, by the example that writes the page."""
+MOMENTS = {"governor": 0.44, "puma": 0.8}
+"""Where in the playing time they are taken, if not at 0.6 of it."""
 
 
 def gallery(examples: list[str]) -> str:
@@ -128,9 +116,8 @@ def gallery(examples: list[str]) -> str:
             about = " ".join((ast.get_docstring(ast.parse(code)) or "").split("\n\n")[0].split())
             about = re.sub(r"docs/([\w/]+\.md)", r"[\1](\1)", about)
             about = re.sub(r"\bR\^(\w+)", r"$R^{\1}$", about)
-            pictures = [
-                p for p in dict.fromkeys(re.findall(r'"(\w+\.png)"', code)) if (HERE / p).exists()
-            ]
+            named = [STILLS[name]] if name in STILLS else re.findall(r'"(\w+\.png)"', code)
+            pictures = [p for p in dict.fromkeys(named) if (HERE / p).exists()]
             shown = " ".join(f"![](figures/{p})" for p in pictures)
             # an item, so that the site can lay them out in a grid
             entry = f"* {shown} **[{name}](../examples/{name}.py)** {about}"
@@ -184,13 +171,13 @@ def program(*words: str) -> Callable[[str], None]:
             OUTPUTS.write_text(text + "\n", encoding="utf-8")
         for page in Path(folder).glob("*.html"):
             if name in STILLS:
-                photograph(page, Path(folder) / STILLS[name])
+                photograph(page, Path(folder) / STILLS[name], MOMENTS.get(name, 0.6))
 
     return draw
 
 
-def photograph(page: Path, picture: Path) -> None:
-    """A page in the middle of its motion; nothing without Chromium."""
+def photograph(page: Path, picture: Path, moment: float) -> None:
+    """A page at a part of its playing time, large enough for fine screens; nothing without Chromium."""
     from liemech.viewer.chromium import Chromium, find
 
     if find() is None:
@@ -198,7 +185,9 @@ def photograph(page: Path, picture: Path) -> None:
     with Chromium((1000, 460)) as browser:
         tab = browser.open(page)
         tab.wait("window.ready || window.failed")
-        tab.evaluate("player.bare(); seekTo(0.6 * player.duration); player.draw()")
+        screen = {"width": 1000, "height": 460, "deviceScaleFactor": 2, "mobile": False}
+        tab.call("Emulation.setDeviceMetricsOverride", **screen)
+        tab.evaluate(f"player.bare(); seekTo({moment} * player.duration); player.draw()")
         picture.write_bytes(tab.picture())
 
 

@@ -25,7 +25,15 @@ from liemech.viewer.chromium import Chromium, find
 ROOT = Path(__file__).parent.parent.parent
 MOMENT = 0.6
 """Where in the playing time a moving page is photographed."""
-SITE = ("index", "install", "tutorial", "gallery", "viewer", "equations", "proof/leader_board")
+SITE = (
+    "index",
+    "install",
+    "tutorial",
+    "gallery",
+    "viewer",
+    "proof/equations",
+    "proof/leader_board",
+)
 """Pages of the site that are photographed, each at these widths."""
 WIDTHS = {"wide": (1280, 900), "narrow": (390, 800)}
 

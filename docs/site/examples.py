@@ -73,7 +73,9 @@ def link(app: Sphinx, name: str, source: list[str]) -> None:
     if name == "gallery":
         for example in IN_THE_BROWSER:  # a blank line ends what is HTML
             source[0] = re.sub(
-                rf"!\[[^\]]*\]\(figures/{example}\.png\)\s*", f"{frame(example)}\n\n  ", source[0]
+                rf"!\[[^\]]*\]\(figures/\w+\.png\)\s*(?=\*\*\[{example}\]\()",
+                f"{frame(example)}\n\n  ",
+                source[0],
             )
 
 

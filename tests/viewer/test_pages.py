@@ -188,7 +188,7 @@ def test_several_runs_share_the_sphere_and_stand_side_by_side() -> None:
     other = lm.integrate(BODY, lm.RKMK(order=2), START, h=0.1, steps=30, compiled=False)
     scene = Scene(RUN, name="four").add(other, name="two")
     panels = scene.panels()
-    assert [panel.title for panel in panels] == ["four: in space", "two: in space", "momentum, seen from the body"]
+    assert [panel.title for panel in panels] == ["four", "two", "momentum, seen from the body"]
     names = [path.partition("/")[2] for path in panels[-1].nodes]
     assert {"run 1/mu", "run 2/mu"} <= set(names) and sum(name.startswith("shared/sphere") for name in names) == 1
     assert scene.duration == RUN.t[-1]
