@@ -49,6 +49,7 @@ viewcode_line_numbers = True
 # the look
 html_theme = "furo"
 html_title = "liemech"
+html_logo = html_favicon = "site/static/liemech.svg"
 html_static_path = ["site/static"]
 html_css_files = ["liemech.css"]
 html_extra_path = ["generated/extra"]

@@ -51,6 +51,19 @@ def test_the_guide_and_the_proof_stay_short(folder: str) -> None:
     assert words <= WORDS[folder], f"{words} words: say what is new in the place of something else"
 
 
+FITS = 100
+"""Letters of code fit beside the table of contents on a notebook computer."""
+
+
+def test_code_fits_on_the_page() -> None:
+    for page in DOCS.glob("*.md"):
+        for code in re.findall(
+            r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
+        ):
+            longest = max(code.splitlines(), key=len)
+            assert len(longest) <= FITS, f"{page.name}: {longest}"
+
+
 def test_every_link_to_a_term_of_the_glossary_finds_it() -> None:
     terms = re.findall(r"^### (.+)$", (DOCS / "glossary.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert len(terms) == len(set(terms))

@@ -98,7 +98,7 @@ STILLS = {
     "top_in_the_browser": "top.png",
 }
 """Photographs of moving pages, by the example that writes the page."""
-MOMENTS = {"governor": 0.44, "puma": 0.8}
+MOMENTS = {"governor": 0.44, "mixing_vorticity": 0.3, "puma": 0.8}
 """Where in the playing time they are taken, if not at 0.6 of it."""
 
 

@@ -307,7 +307,7 @@ def draw(kept: dict[str, Any]) -> None:
         ax.set(title=title, ylim=(1e-17, 1e1), ylabel="relative error of the energy")
         named_beside(ax)
     axes[-1].set_xlabel("steps $N$")
-    lm.plots.save(figure, FIGURE, dpi=90)
+    lm.plots.save(figure, FIGURE)
 
 
 def named_beside(ax: Any) -> None:

@@ -34,4 +34,4 @@ def draw(path: Path, size: Size) -> None:
     axes.set(xlabel="steps $N$", ylabel="relative error of the energy")
     axes.set_title(r"a free rigid body, $h$ = 0.1; dotted: $N$ and $\sqrt{N}$", fontsize=10)
     lm.plots.legend(axes, loc="upper left", bbox_to_anchor=(0.0, 0.74))
-    lm.plots.save(figure, path, dpi=110)
+    lm.plots.save(figure, path)
