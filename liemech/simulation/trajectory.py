@@ -425,7 +425,7 @@ class Trajectory:
         )
 
     def _going(self, of_bodies: Any) -> Any:
-        """What belongs to bodies that have not failed, where there is something of each."""
+        """The values of bodies that have not failed, where there is one of each."""
         return np.delete(of_bodies, [*self.stopped]) if np.ndim(of_bodies) else of_bodies
 
     def _ends(self, rest: Trajectory) -> Any:

@@ -83,7 +83,7 @@ def linked_method(plan: Any) -> Any:
                 return written_out(method, what)
         return taylor_of(method, site)
     if type(method) is MultipleTimeSteps and ending is None and not site.geared:
-        fast = rattle_of(method, LieRATTLE(Exponential()), [(1.0, 0.0)], site)
+        fast: Any = rattle_of(method, LieRATTLE(Exponential()), [(1.0, 0.0)], site)
         return MultipleTimeStepsOfLinks(repr(method), fast, float(method.ratios[0]))
     return rattle_of(method, method, [(1.0, 0.0)], site, ending)
 
