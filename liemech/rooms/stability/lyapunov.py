@@ -113,8 +113,8 @@ def _pieces(plan: Any, steps: int | None, t_end: float | None) -> list[dict[str,
         if t_end <= 0.0:
             raise InvalidInput(f"lyapunov: t_end is later than the start, t = 0; got {t_end}")
         return [{"t_end": float(x)} for x in np.linspace(0.0, t_end, STEPS_AT_ONCE + 1)[1:]]
-    whole, rest = divmod(arguments.count(steps, "steps", 1), STEPS_AT_ONCE)
-    return [{"steps": n} for n in [STEPS_AT_ONCE] * whole + [rest] * (rest > 0)]
+    pieces, remainder = divmod(arguments.count(steps, "steps", 1), STEPS_AT_ONCE)
+    return [{"steps": n} for n in [STEPS_AT_ONCE] * pieces + [remainder] * (remainder > 0)]
 
 
 def _sizes(system: Any, run: Any, start: Any) -> np.ndarray:
@@ -124,8 +124,8 @@ def _sizes(system: Any, run: Any, start: Any) -> np.ndarray:
     sizes = []
     group = getattr(system, "configurations", system.group)
     for name in start.arrays:
-        seen = np.asarray(getattr(run, name))
-        numbers = np.abs(group._scales(seen) if name == "g" else seen.reshape(len(seen), -1)).max(axis=0)
+        samples = np.asarray(getattr(run, name))
+        numbers = np.abs(group._scales(samples) if name == "g" else samples.reshape(len(samples), -1)).max(axis=0)
         blocks = group.unit_blocks if len(numbers) == sum(group.unit_blocks) else (len(numbers),)
         sizes += [
             np.full(n, x.max() or 1.0) for n, x in zip(blocks, np.split(numbers, np.cumsum(blocks)[:-1]), strict=True)

@@ -126,18 +126,18 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     """
     near = states_near("relative_equilibrium", system, guess)
     sizes = near.sizes()
-    kept = kept_momenta(near, sizes)
-    near, w = _found(near, sizes, kept)
-    return _judged(near, near.sizes(), kept, w)
+    conserved = kept_momenta(near, sizes)
+    near, w = _found(near, sizes, conserved)
+    return _judged(near, near.sizes(), conserved, w)
 
 
-def _found(near: NearState, sizes: np.ndarray, kept: np.ndarray) -> tuple[NearState, np.ndarray]:
+def _found(near: NearState, sizes: np.ndarray, conserved: np.ndarray) -> tuple[NearState, np.ndarray]:
     """The equilibrium, and the weights w of its kept momenta."""
-    wanted = np.asarray(near.momenta(near.here)) @ kept
-    w = np.linalg.lstsq(_generated(near, kept) / sizes[:, None], np.asarray(near.field(near.here)) / sizes)[0]
+    prescribed = np.asarray(near.momenta(near.here)) @ conserved
+    w = np.linalg.lstsq(_generated(near, conserved) / sizes[:, None], np.asarray(near.field(near.here)) / sizes)[0]
     left, settled = np.inf, False
     for _ in range(TURNS):
-        matrix, defects, units = _equations(near, sizes, kept, w, wanted)
+        matrix, defects, units = _equations(near, sizes, conserved, w, prescribed)
         left = float(np.abs(defects).max())
         step = np.linalg.lstsq(matrix, -defects, rcond=DEPENDENT)[0]
         step *= min(1.0, FARTHEST / np.abs(step[: len(sizes)]).max(initial=FARTHEST))
@@ -152,55 +152,66 @@ def _found(near: NearState, sizes: np.ndarray, kept: np.ndarray) -> tuple[NearSt
 
 
 def _equations(
-    near: NearState, sizes: np.ndarray, kept: np.ndarray, w: np.ndarray, wanted: np.ndarray
+    near: NearState, sizes: np.ndarray, conserved: np.ndarray, w: np.ndarray, prescribed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The matrix of Newton's equations for (z, w), the defects, and the units of w; those of z are the sizes, and all
     rows are parts of a size.
     """
-    slopes = near.slopes(kept @ w) / sizes[:, None] * sizes
+    slopes = near.slopes(conserved @ w) / sizes[:, None] * sizes
     fast = np.abs(slopes).max() or 1.0  # the rate in which rates are told
-    generated = _generated(near, kept) / sizes[:, None]
+    generated = _generated(near, conserved) / sizes[:, None]
     units = fast / nonzero(np.abs(generated).max(axis=0))
-    by_state = kept.T @ momentum_slopes(near) * sizes
+    by_state = conserved.T @ momentum_slopes(near) * sizes
     levels = nonzero(np.abs(by_state).max(axis=1))
-    momenta = np.asarray(near.momenta(near.here)) @ kept
+    momenta = np.asarray(near.momenta(near.here)) @ conserved
     corner = np.zeros((len(w), len(w)))
     matrix = np.block([[slopes / fast, -generated * units / fast], [by_state / levels[:, None], corner]])
     steady = np.asarray(near.field(near.here)) / sizes - generated @ w
-    return matrix, np.concatenate([steady / fast, (momenta - wanted) / levels]), units
+    return matrix, np.concatenate([steady / fast, (momenta - prescribed) / levels]), units
 
 
-def _judged(near: NearState, sizes: np.ndarray, kept: np.ndarray, w: np.ndarray) -> RelativeEquilibrium:
+def _judged(near: NearState, sizes: np.ndarray, conserved: np.ndarray, w: np.ndarray) -> RelativeEquilibrium:
     """The equilibrium with the motion near it."""
-    generated = _generated(near, kept) / sizes[:, None]
-    weights = 1.0 / nonzero(np.abs(generated).max(axis=0))
-    generated, by_state = generated * weights, kept.T @ momentum_slopes(near) * sizes
+    generated = _generated(near, conserved) / sizes[:, None]
+    units = 1.0 / nonzero(np.abs(generated).max(axis=0))  # of the weights
+    generated, by_state = generated * units, conserved.T @ momentum_slopes(near) * sizes
     by_state = by_state / nonzero(np.abs(by_state).max(axis=1))[:, None]
-    level, free = null_space(by_state)
-    moved = (generated @ null_space(by_state @ generated)[0])[free]  # by symmetries, at the same momenta
-    _, independent, rank = pivoted(moved)
-    moved = moved[:, independent[:rank]]
     form = near.two_form().T * sizes * sizes[:, None]
 
-    def energy(w: np.ndarray) -> np.ndarray:
-        """The second derivative of the augmented energy."""
-        return form @ (near.slopes(kept @ w) / sizes[:, None] * sizes)
+    def linear_motion(w: np.ndarray) -> np.ndarray:
+        """The matrix of the motion in the frame that moves with rates w."""
+        return near.slopes(conserved @ w) / sizes[:, None] * sizes
 
-    whole = energy(w)
-    # of the coordinates of the level those that the symmetries change at will; of two that will do, the one of the larger
-    # energy: that of a satellite's attitude is not the difference of those of its orbit then
-    stiff = np.abs(level.T @ whole @ level).max(axis=1) / np.abs(whole).max()
-    pivots = pivoted(moved.T / (1.0 - 0.05 * np.log2(np.maximum(stiff, ROUNDING))))[1]
-    gone, left = pivots[:rank], pivots[rank:]
-    slice_ = level[:, left]
-    motion = (near.slopes(kept @ w) / sizes[:, None] * sizes @ slice_)[free]
-    motion = motion[left] - moved[left] @ np.linalg.solve(moved[gone], motion[gone])
+    motion = linear_motion(w)
+    energy = form @ motion  # D^2 H_w
+    level, coordinates = null_space(by_state)
+    along_symmetries = (generated @ null_space(by_state @ generated)[0])[coordinates]
+    dropped, left, shift = _without(along_symmetries, level.T @ energy @ level)
+    across = level[:, left]
+    reduced = (motion @ across)[coordinates]
+    reduced = reduced[left] - shift @ reduced[dropped]
     squares = None
-    if np.abs(whole - whole.T).max(initial=0.0) <= FEW_DIGITS * np.abs(whole).max(initial=0.0):
-        more = [energy(w + weights * other) - whole for other in null_space(generated)[0].T]
-        squares = _squares(*[slice_.T @ x @ slice_ for x in (whole, *more)])
+    if np.abs(energy - energy.T).max(initial=0.0) <= FEW_DIGITS * np.abs(energy).max(initial=0.0):
+        idle = null_space(generated)[0].T  # weights of momenta that move nothing
+        others = [form @ linear_motion(w + units * weights) - energy for weights in idle]
+        squares = _squares(*[across.T @ x @ across for x in (energy, *others)])
     velocity = np.asarray(near.field(near.here))
-    return RelativeEquilibrium(near.state, velocity, kept.shape[1], np.linalg.eigvals(motion), squares)
+    return RelativeEquilibrium(near.state, velocity, conserved.shape[1], np.linalg.eigvals(reduced), squares)
+
+
+def _without(directions: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The space of coordinates without some directions in it: the coordinates to be dropped, those that are left, and
+    how these change along the directions for one unit of those that are dropped.
+
+    Of two coordinates that may be dropped it is the one of the larger energy: that of a satellite's attitude would be a
+    difference of those of its orbit else.
+    """
+    _, independent, rank = pivoted(directions)
+    directions = directions[:, independent[:rank]]
+    stiff = np.abs(energy).max(axis=1, initial=0.0) / (np.abs(energy).max(initial=0.0) or 1.0)
+    order = pivoted(directions.T / (1.0 - 0.05 * np.log2(np.maximum(stiff, ROUNDING))))[1]
+    dropped, left = order[:rank], order[rank:]
+    return dropped, left, directions[left] @ np.linalg.inv(directions[dropped])
 
 
 def _squares(form: np.ndarray, *others: np.ndarray) -> tuple[int, int]:
@@ -228,6 +239,6 @@ def _squares(form: np.ndarray, *others: np.ndarray) -> tuple[int, int]:
     return int((eigenvalues > rounding).sum()), int((eigenvalues < -rounding).sum())
 
 
-def _generated(near: NearState, kept: np.ndarray) -> np.ndarray:
+def _generated(near: NearState, conserved: np.ndarray) -> np.ndarray:
     """The motions that the kept momenta generate, (2 dim, k)."""
-    return np.array([near.generated(vec(*c), near.here) for c in kept.T.tolist()]).reshape(-1, 2 * near.dim).T
+    return np.array([near.generated(vec(*c), near.here) for c in conserved.T.tolist()]).reshape(-1, 2 * near.dim).T
