@@ -84,6 +84,7 @@ from .integrators.rkmk import RKMK as RKMK
 from .integrators.separable import Splitting as Splitting
 from .integrators.separable import StormerVerlet as StormerVerlet
 from .integrators.separable import SymplecticEuler as SymplecticEuler
+from .integrators.symplectic_rkmk import SymplecticRKMK as SymplecticRKMK
 from .integrators.taylor import Taylor as Taylor
 from .integrators.variational import CovariantVariational as CovariantVariational
 from .models.bodies.rigid_body import RigidBody as RigidBody
@@ -161,6 +162,9 @@ from .simulation.plan import Plan as Plan
 from .simulation.trajectory import Trajectory as Trajectory
 from .systems.canonical import CanonicalState as CanonicalState
 from .systems.canonical import HamiltonianSystem as HamiltonianSystem
+from .systems.cotangent import CotangentSystem as CotangentSystem
+from .systems.cotangent import DrivenCotangentSystem as DrivenCotangentSystem
+from .systems.cotangent import TangentSystem as TangentSystem
 from .systems.equations.group_equation import GroupEquation as GroupEquation
 from .systems.equations.group_equation import LinearGroupEquation as LinearGroupEquation
 from .systems.equations.homogeneous_equation import HomogeneousEquation as HomogeneousEquation
@@ -177,12 +181,12 @@ from .systems.lie_poisson import BodyState as BodyState
 from .systems.lie_poisson import LiePoissonSystem as LiePoissonSystem
 from .systems.many.site_state import SiteState as SiteState
 from .systems.mechanical import MechanicalSystem as MechanicalSystem
-from .systems.multirate import MultirateSystem as MultirateSystem
 from .systems.parts import Part as Part
 from .systems.parts import SplitHamiltonian as SplitHamiltonian
 from .systems.potential import Force as Force
 from .systems.potential import NoPotential as NoPotential
 from .systems.potential import Potential as Potential
+from .systems.separable import MultirateSystem as MultirateSystem
 from .systems.separable import SeparableSystem as SeparableSystem
 from .systems.system import State as State
 from .systems.system import System as System

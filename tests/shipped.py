@@ -110,6 +110,7 @@ METHODS: tuple[lm.Method, ...] = (
     lm.CovariantVariational(),
     lm.CovariantVariational(lagrangian=lm.QuadratureLagrangian()),
     lm.GalerkinVariational(order=2),
+    lm.SymplecticRKMK(order=4),
     lm.LiePoissonHamiltonJacobi(2),
     lm.LiePoissonHamiltonJacobi(4),
     lm.FirstKindHamiltonJacobi(order=1, scale=1.0),

@@ -23,6 +23,7 @@ from ..integrators.rkmk import RKMK
 from ..rooms.constraints.constrained import ConstrainedSystem
 from ..rooms.constraints.constrained_body import BoundBody, ConstrainedBody
 from ..rooms.poisson.poisson import POISSON_SYSTEMS
+from ..systems.cotangent import CotangentMotion
 from ..systems.lie_poisson import LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
 from ..systems.system import small_state
@@ -363,8 +364,8 @@ def kept_brackets(system: Any, start: Any, method: Any) -> Iterator[tuple[str, s
     if isinstance(system, LiePoissonMotion):
         formula = "Phi' B(mu) Phi'^T = B(Phi(mu)) for the momenta"
         yield "Poisson", formula, symplectic, Charts(system, start, False)
-    if isinstance(system, (LiePoissonMotion, MechanicalSystem)) and start.g is not None:
-        claimed = symplectic and isinstance(system, MechanicalSystem)
+    if isinstance(system, (LiePoissonMotion, CotangentMotion)) and start.g is not None:
+        claimed = symplectic and isinstance(system, CotangentMotion)
         formula = "the same on T*G, with the elements"
         yield "symplectic", formula, claimed, Charts(system, start, True)
     if isinstance(system, FREE_OF_CONSTRAINTS):

@@ -6,6 +6,7 @@ In the order in which one reads:
     rkmk.py, commutator_free.py          Runge-Kutta methods in the algebra, products of flows; magnus.py: linear equations
     taylor.py, motion_series.py          power series in time
     variational.py                       Algorithm 1: a discrete action principle; discrete_lagrangian.py: its action
+    symplectic_rkmk.py                   Gauss' methods on T*G, in the chart at the middle of a step
     galerkin.py, solvability.py          polynomials in a chart; how long a variational step may be
     kicks/                               bodies in fields: Lie-Verlet, splittings, multiple time steps
     free_body/                           exact steps, rotations, midpoint rules, Moser and Veselov

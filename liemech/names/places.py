@@ -68,6 +68,7 @@ simulation.sites > rooms.sites.runs: totals turns
 systems > rooms.sites.terms: among bonds_at_site bound_terms kinds_of_terms near_pairs point_terms
 systems > rooms.sites.terms: sums_of_terms terms terms_at_site terms_in_arrays trials_of_terms
 simulation > simulation.runs: carry course equal going_on jumps run short starts tolerance
+systems > systems: multirate=separable
 systems > systems.equations: group_equation homogeneous_equation isospectral_flow
 systems > systems.in_time: driven driven_hamiltonian driven_kinetic_energy tabulated varied_table
 systems > systems.many: common_momentum one_term site_state

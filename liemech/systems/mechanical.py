@@ -4,33 +4,26 @@ from __future__ import annotations
 
 from dataclasses import field
 from functools import cached_property
-from operator import attrgetter
 from typing import Any, ClassVar, final
 
 import numpy as np
 
 from ..errors import InvalidInput, require
 from ..formulas import Element, Vec, derivative, dot, record, vec
-from ..formulas.classes.remembered import shared_property
-from ..formulas.derivatives import axes, tangent
+from ..formulas.derivatives import tangent
 from ..formulas.numbers.transposes import AtElement, ruled
-from ..groups.coadjoint import CoadjointAction
-from ..groups.composed.product import ProductGroup
-from ..groups.composed.semidirect import SemidirectProduct
 from ..groups.lie_group import LieGroup
-from ..groups.retractions import Exponential, Retraction
-from ..groups.vector_space import VectorSpace
+from .cotangent import CotangentMotion
 from .in_time.driven import DrivenLiePoissonSystem
-from .lie_poisson import BodyState, LiePoissonSystem, as_users_see, body_state, by_site, in_a_row, of_group
+from .lie_poisson import BodyState, LiePoissonSystem, body_state, of_group
 from .many.energies import OfManySites, moving, on_group
 from .potential import Force, Potential
-from .system import System, as_precise
 
 _NO_FORCE = Force()
 
 
 @record
-class MechanicalSystem(System):
+class MechanicalSystem(CotangentMotion):
     """A body in a field of force: mu' = ad*_xi mu + f(g) + F(t, xi, g),  g' = g xi,  with xi = dH/dmu.
 
     body : the body without the field, such as RigidBody([1.0, 1.5, 2.0]) or LiePoissonSystem(SE3(),
@@ -39,23 +32,13 @@ class MechanicalSystem(System):
     from it.
     load : a force F without a potential, if there is one.
 
-    A force moves the momentum off its coadjoint orbit, so that no element of the configurations G
-    carries it along.  The cotangent group T*G does, pairs of an element and a momentum,
-    (g, m)(h, n) = (g h, m + K_g n), where the velocity is (xi, f + F).  So `group` is T*G, and
-    every method for equations on groups applies.  LieVerlet keeps what the variational methods
-    keep.
-    With `in_space`, where momenta only turn and nothing is far away, `group` is G x g* instead, whose
-    velocity is (xi, K_g (f + F)): the momentum in space is a sum of what acts on it, steps are shorter
-    to compute, and a momentum that belongs to a symmetry of f is kept to rounding.
+    LieVerlet keeps what the variational methods keep.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and
     15.10; for T*G as a group Engo, Partitioned Runge-Kutta methods in Lie-group setting, BIT 43
     (2003).
     """
 
-    coordinates: ClassVar[tuple[str, ...]] = ("mu",)
-    # do steps on G x g* add up the momentum in space?
-    in_space: ClassVar[bool] = False
     alternatives: ClassVar[str] = "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
 
     body: LiePoissonSystem | DrivenLiePoissonSystem
@@ -98,19 +81,6 @@ class MechanicalSystem(System):
     def configurations(self) -> LieGroup:
         """The group whose elements tell where the body is."""
         return self.body.group
-
-    @property
-    def group(self) -> Any:
-        """The group that moves momentum and configuration together: T*G, or G x g* in space."""
-        return self._in_space if self.in_space else self._cotangent
-
-    @shared_property
-    def _in_space(self) -> ProductGroup:
-        return ProductGroup(self.body.group, VectorSpace(self.body.group.dim))
-
-    @shared_property
-    def _cotangent(self) -> SemidirectProduct:
-        return SemidirectProduct(self.body.group, CoadjointAction(self.body.group))
 
     # ---------------------------------------------------------------- formulas
 
@@ -180,63 +150,10 @@ class MechanicalSystem(System):
         return total
 
     @final
-    def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
-        """The momentum seen from space, K_g mu; the field changes what it has no symmetry for.
-        mu : (dim,), g : an element.
-        """
-        return self.body.group.K(g, mu)
-
-    # ---------------------------------------------------------------- how it moves
-
-    @property
-    def unit_blocks(self) -> tuple[int, ...]:
-        """The blocks of equal units of the velocity, and of the force."""
-        return (*self.body.group.unit_blocks, *self.body.group.unit_blocks)
-
-    @final
-    def rate(self, t: float, state: BodyState) -> Vec:
-        """(xi, f): the velocity on T*G; with `in_space` (xi, K_g f), on G x g*."""
-        xi = self.velocity(state.mu, t)
-        f = self.applied(t, xi, state.g)
-        return vec(*xi, *(self.body.group.K(state.g, f) if self.in_space else f))
-
-    @final
-    def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
-        """(g h, Ad*_h (mu + n)) with (h, n) = tau(omega).
-
-        The exponential takes the part of omega in the algebra of G to h; momentum and element are
-        then moved by increments, which compensated sums add up.
-        """
-        return ruled(self._displaced, self._displaced_back, self.body.group, (retraction,), state, omega)
-
-    def _displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
-        omega = as_precise(omega, state.mu)
-        if self.in_space:
-            group, (xi, kick) = self.body.group, self._in_space.algebra.parts(omega)
-            mu = state.mu + group.Ad_star(state.g, kick)
-            return BodyState(retraction.tau_Ad_star(group, xi, mu), retraction.compose_tau(group, state.g, xi))
-        h, n = self._cotangent.split(retraction.tau(self._cotangent, omega))
-        if isinstance(retraction, Exponential):
-            group, (xi, _) = self.body.group, self._cotangent.algebra.parts(omega)
-            return BodyState(group.exp_Ad_star(xi, state.mu + n), group.compose_exp(state.g, xi))
-        return BodyState(self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h))
-
-    def _displaced_back(self, retraction: Retraction, state: BodyState, omega: Vec, w: Any) -> Any:
-        """Ad_h w_mu, Ad*_(h^-1) w_g, and by omega the products of w with all directions."""
-        group, new = self.body.group, self._displaced(retraction, state, omega)
-        h = group.compose(group.inverse(state.g), new.g)
-        changes = [derivative(lambda x: self._displaced(retraction, state, x), omega, e) for e in axes(omega)]
-        bent = vec(*[dot(w.mu, x.mu) + dot(w.g, group.body_velocity(new.g, x.g)) for x in changes])
-        return (BodyState(group.Ad(h, w.mu), group.K(h, w.g)), bent), []
-
-    @final
-    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """ad*_omega mu and the kick beside |mu|, and omega beside what counts as large where the body is."""
-        group = self.body.group
-        xi, kick = self.group.algebra.parts(omega)
-        kick = group.Ad_star(state.g, kick) if self.in_space else kick
-        size = vec(*[abs(m) for m in state.mu])
-        return vec(*(group.ad_star(xi, state.mu) + kick), *xi), vec(*size, *group.scale(state.g))
+    def rates(self, t: float, mu: Vec, g: Element) -> tuple[Vec, Vec]:
+        """The body velocity, and the force of field and load.  mu : (dim,), g : an element."""
+        xi = self.velocity(mu, t)
+        return xi, self.applied(t, xi, g)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, unless that of the body changes with time, and the momenta that a symmetry of
@@ -258,18 +175,6 @@ class MechanicalSystem(System):
         if body is None or of_site is None or (load is None and self.load is not None):
             return None
         return MechanicalSystem(body, of_site(), load=None if load is None else load())
-
-    def _written_out(self, state: Any) -> Any:
-        """The state with the numbers of all sites in a row."""
-        return in_a_row(self, state)
-
-    def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The states of several species with an axis of sites."""
-        return by_site(self.body.group, arrays)
-
-    def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`, for every array of a result."""
-        return as_users_see(self.body.group, arrays)
 
     @property
     def is_large(self) -> bool:
@@ -313,20 +218,3 @@ class MechanicalSystem(System):
         state = body_state(name, self.body.group, momentum, g)
         self.potential.require_start(name, self.body.group, state.mu, state.g)
         return self._vouched(state)
-
-    # elements are those of the configurations
-
-    @final
-    def identity(self) -> Any:
-        """The neutral element of the configurations."""
-        return self.body.group.identity()
-
-    @final
-    def defect(self, g: Any) -> float:
-        """How far an array is from being a configuration.  g : shaped like an element."""
-        return self.body.group.defect(g)
-
-    _space = property(attrgetter("configurations"))
-
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.group.dim,) if argument == "omega" else super()._shape(argument, kind)

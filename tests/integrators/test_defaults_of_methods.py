@@ -47,6 +47,7 @@ METHODS: dict[type, dict[str, Any]] = {
     lm.SphericalMidpoint: {"order": 2},
     lm.SymmetricHamiltonJacobi: {"order": 4},
     lm.Splitting: {"order": 2},
+    lm.SymplecticRKMK: {"order": 4},
     lm.Taylor: {"order": 12},
     lm.ThreeRotations: {"order": 2},
     lm.class_functions.TraceOfAd: {"reach": 0.5},
@@ -55,6 +56,7 @@ METHODS: dict[type, dict[str, Any]] = {
 }
 OFFERED: list[tuple[Any, list[int]]] = [
     (lm.GalerkinVariational, [2, 4, 6, 8]),
+    (lm.SymplecticRKMK, [2, 4, 6]),
     (lm.LiePoissonHamiltonJacobi, [2, 4, 6, 8]),
     (lm.LobattoPair, [2, 4, 6, 8]),
     (lm.FirstKindHamiltonJacobi, [1, 2, 3, 4]),

@@ -110,6 +110,7 @@ STEPS: dict[lm.Method, tuple[str, ...]] = {
     **dict.fromkeys((lm.LiePoissonHamiltonJacobi(2), lm.LiePoissonHamiltonJacobi(4)), ("spins",)),
     **dict.fromkeys((lm.SublatticeSplitting(), lm.BondSplitting()), ("spins",)),
     **dict.fromkeys((lm.GalerkinVariational(order=2), lm.LieVerlet(), lm.KickDrift(), lm.KickDrift(order=4)), FIELD),
+    lm.SymplecticRKMK(order=4): FIELD,
     **dict.fromkeys((lm.KickDrift(lm.ThreeRotations()), lm.KickDrift(lm.SphericalMidpoint())), ("body",)),
     lm.MultipleTimeSteps([2]): ("bodies", "links"),
     **dict.fromkeys((RATTLE, lm.LieRATTLE(lm.Cayley()), lm.Composition(RATTLE, order=4)), LINKS),

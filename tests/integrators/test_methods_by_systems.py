@@ -224,6 +224,38 @@ class StiffAndSoft(lm.MultirateSystem):
 
 
 @lm.record
+class Charged(lm.CotangentSystem):
+    """A charged body in a magnetic field."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    def energy(self, mu: Any, g: Any) -> Any:
+        u = mu - 0.6 * lm.vec(0.8 * g[2, 0], 0.5 * g[2, 1], 1.1 * g[2, 2])
+        return 0.5 * lm.dot(u, u / lm.Vec.of(J.tolist())) + 0.4 * g[2, 0]
+
+
+@lm.record
+class ChargedByVelocities(lm.TangentSystem):
+    """The same by its Lagrangian."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    def lagrangian(self, xi: Any, g: Any) -> Any:
+        A = 0.6 * lm.vec(0.8 * g[2, 0], 0.5 * g[2, 1], 1.1 * g[2, 2])
+        return 0.5 * lm.dot(xi, xi * lm.Vec.of(J.tolist())) + lm.dot(xi, A) - 0.4 * g[2, 0]
+
+
+@lm.record
+class OnRockingBase(lm.DrivenCotangentSystem):
+    """A body, its place told from a base that turns to and fro."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    def energy(self, t: float, mu: Any, g: Any) -> Any:
+        return 0.5 * lm.dot(mu, mu / lm.Vec.of(J.tolist())) - cos(3.0 * t) * lm.dot(g[0], mu)
+
+
+@lm.record
 class Knife(lm.VelocityConstraint):
     """No velocity along the first axis of the body."""
 
@@ -368,6 +400,9 @@ SYSTEMS: dict[str, Callable[[], tuple[Any, Any]]] = {
     "isospectral": lambda: _started(
         lm.models.TodaFlow(3), [[0.4, 0.5, 0.0], [0.5, -0.1, 0.3], [0.0, 0.3, 0.2]]
     ),
+    "of momentum and place": lambda: _started(Charged(), MU, R),
+    "of velocity and place": lambda: _started(ChargedByVelocities(), MU, R),
+    "of momentum and place, driven": lambda: _started(OnRockingBase(), MU, R),
     "another time": lambda: (lm.SundmanTransformed(BODY, lambda mu: 1.0 + lm.dot(mu, mu)), BODY.state(MU, R)),
     "another time, damped": lambda: (
         lm.SundmanTransformed(lm.DoubleBracket(BODY, 0.7), lambda mu: 1.0 + lm.dot(mu, mu)),

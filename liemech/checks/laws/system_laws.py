@@ -26,6 +26,7 @@ from ...rooms.sites.terms.terms import at_time
 from ...simulation.integrate import integrate
 from ...simulation.reports.drift import constants_and_terms
 from ...systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem, PhaseSpace
+from ...systems.cotangent import CotangentMotion, CotangentSystem, DrivenCotangentSystem, EnergyOnCotangent
 from ...systems.equations.homogeneous_equation import HomogeneousEquation
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.in_time.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
@@ -33,10 +34,9 @@ from ...systems.in_time.driven_hamiltonian import DrivenHamiltonian
 from ...systems.lagrangian import Lagrangian
 from ...systems.lie_poisson import LiePoissonMotion, LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
-from ...systems.multirate import MultirateSystem
 from ...systems.parts import Part
 from ...systems.potential import Potential
-from ...systems.separable import SeparableEnergy, SeparableSystem
+from ...systems.separable import MultirateSystem, SeparableEnergy, SeparableSystem
 from ...systems.vector_field import VectorField
 from ..points.sample_points import STEP, flat, size, slope
 from ..points.sample_states import AtState
@@ -270,6 +270,32 @@ _of_energy(CANONICAL, "")
 _of_energy(DRIVEN, "t, ")
 
 
+COTANGENT: list[Law] = []
+DRIVEN_COTANGENT: list[Law] = []
+
+
+def _of_energy_on_cotangent(table: list[Law], t: str) -> None:
+    """The laws of the motion on T*G, of an energy of (mu, g) or of (t, mu, g)."""
+
+    def place(at: AtState) -> tuple[Any, Any, Any]:
+        return (at.t,) if t else (), at.state.mu, at.state.g
+
+    @axiom(table, "velocity of energy", f"velocity({t}mu, g) = dH/dmu", "velocity", slack=CLOSE)
+    def velocity_of_energy(system: Any, at: AtState) -> Iterator[Same]:
+        t, mu, g = place(at)
+        yield _matches(system.velocity(*t, mu, g), lambda x: system.energy(*t, x, g), mu)
+
+    @axiom(table, "force of energy", f"<force({t}mu, g), eta> = -d/ds H(g exp(s eta), mu)", "force", slack=CLOSE)
+    def force_of_energy(system: Any, at: AtState) -> Iterator[Same]:
+        t, mu, g = place(at)
+        moved = lambda eta: system.energy(*t, mu, system.configurations.compose_exp(g, eta))  # noqa: E731
+        yield _matches(system.force(*t, mu, g), moved, vec(*[0.0 for _ in mu]), -1.0)
+
+
+_of_energy_on_cotangent(COTANGENT, "")
+_of_energy_on_cotangent(DRIVEN_COTANGENT, "t, ")
+
+
 @axiom(DRIVEN_BODY, "gradient", "gradient(t, mu) = dK/dmu", "gradient", slack=CLOSE)
 def gradient_of_driven(system: DrivenLiePoissonSystem, at: AtState) -> Iterator[Same]:
     t, mu, K = at.t, at.state.mu, system.hamiltonian
@@ -430,6 +456,9 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     if isinstance(field, MechanicalSystem):
         written = partial(replaced, field.potential, Potential)
         tables.append((FIELD, field, (field.potential,), written))
+    for kind, table in (CotangentSystem, COTANGENT), (DrivenCotangentSystem, DRIVEN_COTANGENT):
+        if isinstance(system, kind):
+            tables.append((table, system, (system,), partial(replaced, system, kind)))
     if _terms_of(system):
         tables.append((SITES, system, (), lambda name: True))
     if isinstance(system, BoundBody):
@@ -482,9 +511,9 @@ def arguments(owner: Any, at: AtState) -> Arguments:
         state = CanonicalState(system.without(state.q), system.without(state.p))
     by_name = {"t": t, "system": inner, "state": state}
     by_name |= {name: x for name, x in state.parts.items() if x is not None}
-    body = isinstance(inner, (LiePoissonMotion, MechanicalSystem, BoundBody))
+    body = isinstance(inner, (LiePoissonMotion, CotangentMotion, BoundBody))
     if body or isinstance(inner, PhaseSpace):
-        where = {"mu": state.mu} if body else state.parts
+        where = {"mu": state.mu} if body and not isinstance(inner, EnergyOnCotangent) else state.parts
         v = inner.velocity(*((t,) if at.driven else ()), *where.values(), **at.timed)
         by_name |= {"v": v, "xi": v}
     if isinstance(inner, PoissonSystem):

@@ -16,8 +16,8 @@ from ...formulas.vectors import small
 from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.poisson.poisson import POISSON_SYSTEMS
 from ...systems.canonical import HamiltonianSystem, PhaseSpace
+from ...systems.cotangent import CotangentMotion
 from ...systems.in_time.driven import DrivenHamiltonianSystem
-from ...systems.mechanical import MechanicalSystem
 from .sample_points import Units, flat, size
 from .sample_states import pace
 
@@ -73,16 +73,16 @@ class Charts:
         own size.
         """
         length = size(self.begin.mu)
-        if length > 0.0 or not isinstance(self.system, MechanicalSystem):
+        if length > 0.0 or not isinstance(self.system, CotangentMotion):
             return length
-        force = size(flat(self.system.force(self.begin.g)))
+        force = size(flat(self.system.rates(self.t, self.begin.mu, self.begin.g)[1]))
         return force / (pace(self.system, 0.0, self.begin) or 1.0) or 1.0
 
     @property
     def group(self) -> Any:
         """The group of the configurations, or of the equation."""
         return (
-            self.system.configurations if isinstance(self.system, (MechanicalSystem, BoundBody)) else self.system.group
+            self.system.configurations if isinstance(self.system, (CotangentMotion, BoundBody)) else self.system.group
         )
 
     def displaced(self, x: np.ndarray) -> dict[str, np.ndarray]:

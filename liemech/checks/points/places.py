@@ -25,10 +25,10 @@ from ...rooms.fictive_time.clocked import Clocked
 from ...rooms.fictive_time.origin import Origin
 from ...rooms.fictive_time.time_transformed import ExtendedSystem
 from ...systems.canonical import CanonicalState, PhaseSpace
+from ...systems.cotangent import CotangentMotion
 from ...systems.equations.group_equation import GroupEquation, GroupState
 from ...systems.equations.homogeneous_equation import HomogeneousEquation, Point
 from ...systems.lie_poisson import BodyState, LiePoissonMotion
-from ...systems.mechanical import MechanicalSystem
 from ...systems.system import small_state
 from ...systems.vector_field import VectorField
 from ..reference import settled
@@ -314,7 +314,7 @@ def _maker(system: Any) -> Callable[[Any, float, np.random.Generator], Any] | No
     kinds: tuple[tuple[type, Any], ...] = (
         (BoundBody, bound),
         (LiePoissonMotion, body),
-        (MechanicalSystem, body),
+        (CotangentMotion, body),
         (ConstrainedSystem, constrained),
         (PhaseSpace, canonical),
         (VectorField, poisson),

@@ -19,6 +19,7 @@ from ...rooms.constraints.constrained_body import BoundBody
 from ...rooms.poisson.poisson import PoissonState, PoissonSystem
 from ...simulation.integrate import integrate
 from ...systems.canonical import CanonicalState, CanonicalSystem, PhaseSpace
+from ...systems.cotangent import CotangentMotion, CotangentSystem, DrivenCotangentSystem
 from ...systems.equations.group_equation import GroupEquation, GroupState
 from ...systems.equations.homogeneous_equation import HomogeneousEquation, Point
 from ...systems.in_time.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
@@ -41,6 +42,9 @@ TIMES = 0.0, 0.4, -1.3, 25.0, 7.3, 13.0, 61.0, 640.0
 
 PLACES = len(SIZES)
 """How many states are drawn."""
+
+DRIVEN = DrivenHamiltonianSystem, DrivenLiePoissonSystem, DrivenCotangentSystem
+"""Systems whose energy and velocity take the time first."""
 
 CENTRAL = *(-weight for _, weight in reversed(STENCIL)), 0.0, *(weight for _, weight in STENCIL)
 """The weights of the differences for nine equidistant values in a row."""
@@ -70,7 +74,7 @@ class AtState:
     @property
     def driven(self) -> bool:
         """Whether the energy depends on time."""
-        return isinstance(self.system, (DrivenHamiltonianSystem, DrivenLiePoissonSystem))
+        return isinstance(self.system, DRIVEN)
 
     @property
     def timed(self) -> dict[str, float]:
@@ -150,7 +154,7 @@ def ended(run: Any) -> dict[str, np.ndarray]:
 
 def knows_time(system: Any) -> bool:
     """Whether the motion may depend on the time."""
-    driven = DrivenHamiltonianSystem, DrivenLiePoissonSystem, GroupEquation, HomogeneousEquation
+    driven = *DRIVEN, GroupEquation, HomogeneousEquation
     body = system.body if isinstance(system, BoundBody) else system
     timed = getattr(body, "load", None) is not None or getattr(body, "driven", False)
     return isinstance(system, driven) or timed
@@ -219,7 +223,7 @@ def random_state(system: Any, rng: np.random.Generator, large: float = 1.0) -> A
     """
     if isinstance(system, BoundBody):
         return _on_constraint(system, rng, large)
-    if isinstance(system, (LiePoissonMotion, MechanicalSystem)):
+    if isinstance(system, (LiePoissonMotion, CotangentMotion)):
         group = system.group if isinstance(system, LiePoissonMotion) else system.configurations
         mu = small(components(rng, group.dim, large))
         g = group.random(rng)
@@ -294,6 +298,6 @@ def _energy(system: Any, state: Any) -> float:
         return float(system.energy(state.mu))
     return (
         float(system.energy(*state.parts.values()))
-        if isinstance(system, (MechanicalSystem, CanonicalSystem, PoissonSystem))
+        if isinstance(system, (MechanicalSystem, CotangentSystem, CanonicalSystem, PoissonSystem))
         else 0.0
     )

@@ -17,6 +17,7 @@ from ...errors import NotDefined
 from ...formulas import gradient, jacobian, vec
 from ...rooms.poisson.poisson import PoissonSystem
 from ...systems.canonical import CanonicalSystem
+from ...systems.cotangent import CotangentSystem
 from ...systems.lie_poisson import LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
 from ..laws.law import Law, Same, axiom
@@ -60,6 +61,9 @@ def _energies(system: Any, at: AtState) -> Iterator[tuple[Function, Function, An
         for g in places:
             energy = partial(_displaced, V, group, g)
             yield energy, partial(gradient, energy), state.mu / (size(state.mu) or 1.0), 1.0
+    if isinstance(system, CotangentSystem):
+        g = state.g
+        yield (lambda x: system.energy(x, g)), (lambda x: system.velocity(x, g)), state.mu, 1.0
     if isinstance(system, CanonicalSystem) and not hasattr(system, "constraint"):
         q, p = state.q, state.p
         yield (lambda x: system.energy(x, p)), (lambda x: system.force(x, p)), q, -1.0

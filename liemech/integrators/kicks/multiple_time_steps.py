@@ -17,7 +17,7 @@ from ...systems.many.energies import OfManySites
 from ...systems.many.one_term import OneTerm
 from ...systems.many.site_state import StateOfSites
 from ...systems.mechanical import MechanicalSystem
-from ...systems.multirate import MultirateSystem
+from ...systems.separable import MultirateSystem
 from ...systems.vector_field import SplitField, has_flow, recognised_field
 from ..memory import Memory, Remembering
 from ..method import Method, alternatives

@@ -15,9 +15,9 @@ from ...formulas import Record, Vec, derivative, dot, gradient, norm, record, sq
 from ...formulas.classes.derived import derived
 from ...groups.retractions import Exponential
 from ...systems.canonical import CanonicalState, PhaseSpace
+from ...systems.cotangent import CotangentMotion
 from ...systems.in_time.driven import DrivenHamiltonianSystem
 from ...systems.lie_poisson import BodyState, LiePoissonMotion
-from ...systems.mechanical import MechanicalSystem
 from ...systems.separable import SeparableSystem
 from ...systems.system import State, System, member
 from ..constraints.constrained import ConstrainedSystem
@@ -78,19 +78,17 @@ class TimeScale(Record):
         """The state a short time s later, to first order, as far as the parts that count."""
         if not isinstance(state, BodyState):
             return system.displaced(Exponential(), state, s * system.rate(t, state))
-        # pushed by a field, or by a constraint
-        pushed = not isinstance(system, LiePoissonMotion)
-        mu, g = state.mu, state.g
-        if isinstance(system, MechanicalSystem):
-            xi = system.velocity(mu, t)
-        else:
-            xi = system.velocity(mu) if pushed else system.rate(t, state)
-        group = system.configurations if pushed else system.group
+        mu, g, free = state.mu, state.g, isinstance(system, LiePoissonMotion)
+        group, push = system.group if free else system.configurations, None
+        if isinstance(system, CotangentMotion):
+            xi, push = system.rates(t, mu, g)
+        elif free:
+            xi = system.rate(t, state)
+        else:  # pushed by a constraint
+            xi, push = system.velocity(mu), vec(*[system.rate(t, state)[group.dim + i] for i in range(group.dim)])
         if self.parts is None or "mu" in self.parts:
             force = group.ad_star(xi, mu)
-            if pushed:
-                force = force + vec(*[system.rate(t, state)[group.dim + i] for i in range(group.dim)])
-            mu = mu + s * force
+            mu = mu + s * (force if push is None else force + push)
         if g is not None and (self.parts is None or "g" in self.parts):
             g = group.compose_exp(g, s * xi)
         return BodyState(mu, g)

@@ -1,0 +1,152 @@
+"""Partitioned Runge-Kutta-Munthe-Kaas methods in the chart at the middle of a step: symplectic and symmetric on T*G."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar
+
+from ..errors import IncompatibleSystem
+from ..formulas import Mat, Vec, derivative, identity_matrix, jacobian, mat, norm, plain, record, vec
+from ..formulas.numbers.sizes import one_norms
+from ..groups.lie_group import LieGroup
+from ..groups.retractions import Exponential
+from ..solvers import correction, fixed_point
+from ..systems.cotangent import CotangentMotion
+from ..systems.lie_poisson import BodyState
+from ..tableaus.collocation import gauss
+from ..tableaus.trees import Row
+from .implicit import Implicit
+from .memory import Memory, extrapolated
+from .orders import require_order
+from .rkmk import combination
+
+ORDERS = 2, 4, 6
+"""Twice the number of stages."""
+
+TAU = Exponential()
+"""The coordinates of the chart."""
+
+
+@record
+class SymplecticRKMK(Implicit):
+    """Gauss' methods in the chart at the middle of the step, g_m exp(Y) with g_m = g_n exp(x/2), on T*G.
+
+    There the motion goes from Y = -x/2 to x/2, with momenta P = (dexp_Y)* mu  (left-trivialised).  With a, b, c of Gauss
+    and the rates X_i of Y and D_i of P at the stages,
+
+        Y_i = h sum_j (a_ij - b_j/2) X_j,   P_i = p + h sum_j (a_ij - b_j/2) D_j,   x = h sum_j b_j X_j
+        p = (dexp_{-x})* mu_n + (dexp_{-x/2})* F/2,   F = h sum_j b_j Ad*_exp(-Y_j) f_j
+        mu_n+1 = Ad*_exp(x) (mu_n + Ad*_exp(-x/2) F),   g_n+1 = g_n exp(x)
+
+    p is not the momentum at the start plus half of what the stages add in this chart: the chart moves with the state, and
+    such a step would not be symplectic.
+
+    order : 2, 4 or 6, twice the number of stages.  For every motion on T*G: of a CotangentSystem, whose energy may mix
+    momentum and place, or a MechanicalSystem, also under a load.
+    Symmetric and symplectic; momenta of symmetries, in space and in the body, are kept to rounding, the energy
+    oscillates without drift.  Order 2 is the midpoint rule of variational integrators, of the action h l(g_m, x/h).
+    Raises NoConvergence or OutsideChart if the step is too large.
+
+    Source: Bogfjellmo and Marthinsen, Found. Comput. Math. 16 (2016) (partitioned methods, in the chart at the start);
+    Marsden and West, Acta Numerica 10 (2001), section 2.6; docs/bodies_in_fields.md (the chart at the middle).
+    """
+
+    timed: ClassVar[bool] = True
+    symmetric: ClassVar[bool] = True
+    symplectic: ClassVar[bool] = True
+    writes_out: ClassVar[bool] = True
+
+    order: int = 4
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_order(self, ORDERS)
+
+    @property
+    def name(self) -> str:
+        """The method and its order."""
+        return f"Symplectic RKMK {self.order}"
+
+    def require(self, system: Any) -> None:
+        """A motion on T*G."""
+        super().require(system)
+        if not isinstance(system, CotangentMotion):
+            raise IncompatibleSystem(
+                f"{self!r} needs a CotangentSystem, or a body in a field, a MechanicalSystem; got {system!r}. "
+                f"{system.alternatives}"
+            )
+
+    @cached_property
+    def tableau(self) -> tuple[tuple[Row, ...], Row, Row]:
+        """a_ij - b_j/2, b and c of Gauss' method."""
+        gaussian = gauss(self.order // 2)
+        centred = [tuple([a - 0.5 * b for a, b in zip(row, gaussian.b)]) for row in gaussian.A]
+        return tuple(centred), gaussian.b, gaussian.c
+
+    # ---------------------------------------------------------------- one step
+
+    def first(self, system: Any, state: BodyState, h: float) -> tuple[Vec, ...]:
+        """Velocity and force of the start at every stage, no change of the momentum and no impulse."""
+        xi, f = system.rates(0.0, plain(state.mu), plain(state.g))
+        stages = len(self.tableau[1])
+        return (*[xi for _ in range(stages)], *[f for _ in range(stages)], 0.0 * f, 0.0 * f)
+
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
+        """Solve for rates and momentum from the extrapolated ones, then add the kick, and move."""
+        start, guess = plain(memory.state), tuple([extrapolated(*values) for values in zip(*memory.past)])
+        near = _linearised(system, t, start, h, combination(self.tableau[1], guess), guess[len(guess) - 2])
+        unknown = fixed_point(lambda last: self._sweep(system, t, start, h, near, last), guess, self, h)
+        x, force = combination(self.tableau[1], unknown, h), unknown[len(unknown) - 1]
+        if not TAU.is_chart(system.configurations, x):
+            raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
+        kick = TAU.tau_Ad_star(system.configurations, -0.5 * x, force)
+        return self.after(memory, system.kicked(TAU, memory.state, kick, x), unknown)
+
+    def _sweep(
+        self, system: Any, t: float, start: BodyState, h: float, near: tuple[Mat, Mat, Mat], last: tuple[Vec, ...]
+    ) -> tuple[tuple[Vec, ...], Vec, Vec]:
+        """X_i, D_i, p - mu_n and F anew; how far velocities and p were off, and their sizes, in each unit apart."""
+        (a, b, c), group, s = self.tableau, system.configurations, len(self.tableau[1])
+        X, D, change = last[:s], last[s : 2 * s], last[2 * s]
+        before, p, force = combination(b, X), start.mu + change, 0.0 * change
+        middle = group.compose_exp(start.g, (0.5 * h) * before)
+        for i, (row, node) in enumerate(zip(a, c)):
+            y = combination(row, X, h)
+            if y is None:  # one stage is in the middle
+                xi, f = system.rates(t + node * h, p, middle)
+                X, force = (xi,), h * f
+            else:
+                mu = TAU.dtau_inv_dual(group, y, p + combination(row, D, h))
+                xi, f = system.rates(t + node * h, mu, group.compose_exp(middle, y))
+                v = TAU.dtau_inv(group, y, xi)
+                rate = _rate_in_chart(group, y, mu, v, group.ad_star(xi, mu) + f)
+                X, D = (*X[:i], v, *X[i + 1 :]), (*D[:i], rate, *D[i + 1 :])
+                force = force + (h * b[i]) * TAU.tau_Ad_star(group, -y, f)
+        off, x = combination(b, X) - before, combination(b, X, h)
+        mean = TAU.dtau_dual(group, -x, start.mu) + 0.5 * TAU.dtau_dual(group, -0.5 * x, force)
+        by_mu, by_place, matrix = near
+        turn = correction(matrix, mean - p)
+        more = by_mu @ turn + (0.5 * h) * (by_place @ off)
+        X, blocks = tuple([v + more for v in X]), system.unit_blocks
+        steps, sizes = vec(*(off + more), *turn), vec(*before, *start.mu)
+        return (*X, *D, change + turn, force), one_norms(steps, blocks), one_norms(sizes, blocks)
+
+
+def _linearised(system: Any, t: float, start: BodyState, h: float, xi: Vec, change: Vec) -> tuple[Mat, Mat, Mat]:
+    """The derivatives of the velocity by momentum and place in the middle of a step, and that of p less what it leads to,
+    1 - (h/2) (ad*_(dxi/dmu .) p + df/dmu) to first order in h; all at a guess of the mean velocity and of p - mu_n.
+
+    df/dmu is the transpose of -dxi/dg, as second derivatives of an energy commute.
+    """
+    group, p = system.configurations, start.mu + change
+    g = group.compose_exp(start.g, (0.5 * h) * xi)
+    by_mu = jacobian(lambda m: system.rates(t + 0.5 * h, m, g)[0], p)
+    by_place = jacobian(lambda y: system.rates(t + 0.5 * h, p, group.compose_exp(g, y))[0], 0.0 * p)
+    rows = [group.ad_star(v, p) - slope for v, slope in zip(by_mu.T, by_place)]
+    return by_mu, by_place, identity_matrix(len(p)) - (0.5 * h) * mat(*rows).T
+
+
+def _rate_in_chart(group: LieGroup, y: Vec, mu: Vec, along: Vec, rate: Vec) -> Vec:
+    """The rate of (dexp_y)* mu where y and mu have these rates.  All (dim,)."""
+    n = len(y)
+    return derivative(lambda z: TAU.dtau_dual(group, z[:n], z[n:]), vec(*y, *mu), vec(*along, *rate))

@@ -1,0 +1,355 @@
+"""Energies H(g, mu) on T*G: numbers of an independent program, orders beside DOP853, the two-form, momenta of
+symmetries, and motions that another system has too.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import liemech as lm
+from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType
+from liemech.formulas import cos, sin
+
+ORDERS = 2, 4, 6
+J, B = np.array([1.0, 1.6, 2.3]), 1.2
+CHARGE = np.array([[1.1, 0.3, 0.0], [0.3, 0.7, 0.2], [0.0, 0.2, 1.3]])
+WEIGHT = 0.8 * np.array([0.1, 0.2, 1.0])
+G0, MU0 = lm.SO3().exp([0.3, -0.4, 0.5]), np.array([0.5, 1.1, -0.4])
+
+
+@lm.record
+class Charged(lm.CotangentSystem):
+    """A heavy charged body about a fixed point, in a magnetic field along the vertical."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    inertia: lm.Vec
+    charge: lm.Mat
+    weight: lm.Vec
+    field: float
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        u = mu - (0.5 * self.field) * (self.charge @ g[2])
+        return 0.5 * lm.dot(u, u / self.inertia) + lm.dot(self.weight, g[2])
+
+    def symmetry(self, mu: Any, g: Any) -> dict[str, Any]:
+        return {"vertical momentum": self.spatial_momentum(mu, g)[..., 2]}
+
+
+BODY = Charged(J, CHARGE, WEIGHT, B)
+START = BODY.state(mu=MU0, g=G0)
+
+
+def velocity_and_force(mu: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """xi and f by hand."""
+    v = (mu - 0.5 * CHARGE @ (B * g[2])) / J
+    return v, np.cross(0.5 * CHARGE @ v, B * g[2]) - np.cross(WEIGHT, g[2])
+
+
+def hat(x: np.ndarray) -> np.ndarray:
+    return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
+
+
+def exact(t: float) -> tuple[np.ndarray, np.ndarray]:
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        mu, g = y[:3], y[3:].reshape(3, 3)
+        v, f = velocity_and_force(mu, g)
+        return np.concatenate([np.cross(mu, v) + f, (g @ hat(v)).ravel()])
+
+    y = solve_ivp(rate, (0.0, t), np.concatenate([MU0, np.ravel(G0)]), method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    return y[:3], y[3:].reshape(3, 3)
+
+
+def ended(system: Any, method: Any, start: Any, h: float, steps: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    run = lm.integrate(system, method, start, h=h, steps=steps, every=steps, compiled=False)
+    return run.mu[-1], run.g[-1]
+
+
+NUMBERS = {
+    lm.RKMK(order=4, truncation="closed"): (
+        (0.488978883656093, 1.020723668423583, -0.389448016094866),
+        (0.874538722127020, -0.444801926730815, -0.193218191371811),
+    ),
+    lm.SymplecticRKMK(2): (
+        (0.489113603226174, 1.020570592480184, -0.389337395438867),
+        (0.874565157611047, -0.444782750700629, -0.193142666886286),
+    ),
+    lm.SymplecticRKMK(4): ((0.488979347993219, 1.020724331838045, -0.389447446747981), None),
+    lm.SymplecticRKMK(6): ((0.488979569298237, 1.020724220315346, -0.389447662191008), None),
+}
+
+
+@pytest.mark.parametrize("method", NUMBERS, ids=lambda m: m.name)
+def test_a_step_is_that_of_an_independent_program(method: Any) -> None:
+    mu, g = ended(BODY, method, START, 0.2)
+    np.testing.assert_allclose(mu, NUMBERS[method][0], rtol=0.0, atol=2e-15)
+    if NUMBERS[method][1]:
+        np.testing.assert_allclose(g[0], NUMBERS[method][1], rtol=0.0, atol=2e-15)
+
+
+def test_velocity_and_force_are_those_by_hand() -> None:
+    v, f = velocity_and_force(MU0, np.asarray(G0))
+    np.testing.assert_allclose(BODY.velocity(MU0, G0), v, rtol=1e-14)
+    np.testing.assert_allclose(BODY.force(MU0, G0), f, rtol=1e-13)
+    lm.check_system(BODY)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_orders_beside_dop853(order: int) -> None:
+    mu, g = exact(1.0)
+    errors = []
+    for n in (5, 10):
+        m, a = ended(BODY, lm.SymplecticRKMK(order), START, 1.0 / n, n)
+        errors.append(max(np.abs(m - mu).max(), np.abs(a - g).max()))
+    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", ORDERS)
+def test_all_claims_on_an_energy_of_momentum_and_place(order: int) -> None:
+    lm.check_method(lm.SymplecticRKMK(order), BODY, START, keeps=("vertical momentum",))
+
+
+def test_what_is_seen_of_the_momenta_of_symmetries() -> None:
+    run = lm.integrate(BODY, lm.SymplecticRKMK(2), START, h=0.2, steps=40, compiled=False)
+    drift = run.drift()
+    assert drift["vertical momentum"].verdict == "exact" and drift["energy"].verdict == "bounded"
+    rough = lm.integrate(BODY, lm.RKMK(order=2), START, h=0.2, steps=40, compiled=False)
+    assert rough.drift()["vertical momentum"].verdict == "exact"
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_symmetry_of_the_body_keeps_its_momentum(order: int) -> None:
+    axial = Charged([1.0, 1.0, 1.7], np.diag([0.8, 0.8, 1.3]), [0.0, 0.0, 0.9], B)
+    run = lm.integrate(axial, lm.SymplecticRKMK(order), axial.state(MU0, G0), h=0.2, steps=6, compiled=False)
+    assert np.abs(run.mu[:, 2] - MU0[2]).max() < 1e-14
+
+
+def test_order_2_is_the_midpoint_rule_of_the_lagrangian() -> None:
+    """(dexp_{-x}^-1)* (p + (h/2) (dexp_{x/2})* l_g) - h Ad*_exp(-x/2) l_g = mu_n with p = dl/dxi, l_g = D_g l at
+    (g_m, x/h), of l = xi.J xi/2 + xi.A(g) - V(g): no momentum enters.
+    """
+    h, group, tau = 0.2, lm.SO3(), lm.Exponential()
+    _, g = ended(BODY, lm.SymplecticRKMK(2), START, h)
+    x = group.log(group.compose(group.inverse(G0), g))
+    middle = np.asarray(group.compose_exp(G0, 0.5 * np.asarray(x)))
+    v = np.asarray(x) / h
+    vertical = middle[2]
+    p = J * v + 0.5 * B * CHARGE @ vertical
+    f = np.cross(0.5 * CHARGE @ v, B * vertical) - np.cross(WEIGHT, vertical)  # D_g l
+    at_start = p - 0.5 * h * np.asarray(tau.dtau_dual(group, 0.5 * np.asarray(x), -f))
+    found = np.asarray(tau.dtau_inv_dual(group, -np.asarray(x), at_start)) - h * np.asarray(
+        group.exp_Ad_star(-0.5 * np.asarray(x), f)
+    )
+    np.testing.assert_allclose(found, MU0, atol=1e-14)
+
+
+def test_a_free_body_is_moved_as_by_hamilton_and_jacobi() -> None:
+    free = lm.RigidBody(J)
+    in_field = lm.MechanicalSystem(free, lm.NoPotential())
+    mu, g = ended(in_field, lm.SymplecticRKMK(2), in_field.state(MU0, G0), 0.3, 5)
+    same = ended(free, lm.LiePoissonHamiltonJacobi(2), free.state(MU0, G0), 0.3, 5)
+    np.testing.assert_allclose(mu, same[0], atol=1e-14)
+    np.testing.assert_allclose(g, same[1], atol=1e-14)
+
+
+@lm.record
+class Written(lm.CotangentSystem):
+    """A heavy top, by its whole energy."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    inertia: lm.Vec
+    weight: lm.Vec
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        return 0.5 * lm.dot(mu, mu / self.inertia) + lm.dot(self.weight, g[2])
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=8), *map(lm.SymplecticRKMK, ORDERS)], ids=lambda m: m.name)
+def test_a_mechanical_system_is_a_case_of_it(method: Any) -> None:
+    whole, parts = (
+        Written(J, WEIGHT),
+        lm.MechanicalSystem(lm.RigidBody(J), lm.models.FixedPointGravity(0.8, WEIGHT / 0.8)),
+    )
+    found, wanted = (ended(s, method, s.state(MU0, G0), 0.05, 6) for s in (whole, parts))
+    np.testing.assert_allclose(found[0], wanted[0], atol=1e-13)
+    np.testing.assert_allclose(found[1], wanted[1], atol=1e-13)
+
+
+def test_a_load_acts_at_the_stages() -> None:
+    """By the principle of Lagrange and d'Alembert, to the order of the method."""
+
+    @lm.record
+    class Rubbing(lm.Force):
+        def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+            return lm.vec(0.6 * cos(4.0 * t), 0.0, 0.0) - 0.5 * xi
+
+    top = lm.MechanicalSystem(lm.RigidBody(J), lm.models.FixedPointGravity(0.8, WEIGHT / 0.8), load=Rubbing())
+    start = top.state(MU0, G0)
+    reference = ended(top, lm.RKMK(order=8), start, 0.01, 50)[0]
+    for order in ORDERS:
+        errors = [np.abs(ended(top, lm.SymplecticRKMK(order), start, 0.5 / n, n)[0] - reference).max() for n in (5, 10)]
+        assert abs(np.log2(errors[0] / errors[1]) - order) < 0.3
+
+
+@lm.record
+class ByVelocities(lm.TangentSystem):
+    """The charged body by its Lagrangian."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    inertia: lm.Vec
+    charge: lm.Mat
+    weight: lm.Vec
+    field: float
+    quartic: float = 0.0
+
+    def lagrangian(self, xi: lm.Vec, g: Any) -> float:
+        pull = (0.5 * self.field) * lm.dot(xi, self.charge @ g[2])
+        square = lm.dot(xi, self.inertia * xi)
+        return 0.5 * square + self.quartic * square * square + pull - lm.dot(self.weight, g[2])
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SymplecticRKMK(2), lm.SymplecticRKMK(4)], ids=lambda m: m.name)
+def test_a_lagrangian_tells_the_motion_of_its_energy(method: Any) -> None:
+    system = ByVelocities(J, CHARGE, WEIGHT, B)
+    start = system.state(xi=BODY.velocity(MU0, G0), g=G0)
+    np.testing.assert_allclose(start.mu, MU0, atol=1e-15)
+    found, wanted = ended(system, method, start, 0.2, 3), ended(BODY, method, START, 0.2, 3)
+    np.testing.assert_allclose(found[0], wanted[0], atol=1e-14)
+    np.testing.assert_allclose(found[1], wanted[1], atol=1e-14)
+
+
+@pytest.mark.slow
+def test_a_lagrangian_that_is_not_quadratic() -> None:
+    system = ByVelocities(J, CHARGE, WEIGHT, B, quartic=0.3)
+    lm.check_system(system)
+    xi = system.velocity(MU0, G0)
+    np.testing.assert_allclose(system.momentum(xi, G0), MU0, rtol=1e-14)
+    with pytest.raises(InvalidInput, match="not both"):
+        system.state(MU0, G0, xi=xi)
+
+
+# ---------------------------------------------------------------- frames that move
+
+
+@lm.record
+class OnTurntable(lm.DrivenCotangentSystem):
+    """A heavy top, its place told from a table that turns about a horizontal axis, to the angle sin t."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    inertia: lm.Vec
+    weight: lm.Vec
+
+    def energy(self, t: float, mu: lm.Vec, g: Any) -> float:
+        c, s = cos(sin(t)), sin(sin(t))
+        turned = lm.vec(*[s * g[1, i] + c * g[2, i] for i in range(3)])  # the vertical, seen from the body
+        return 0.5 * lm.dot(mu, mu / self.inertia) + lm.dot(self.weight, turned) - cos(t) * lm.dot(g[0], mu)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_frame_in_motion_changes_nothing_but_the_words(order: int) -> None:
+    """R = B(t) g, of the momentum in the body the same."""
+    table = OnTurntable(J, WEIGHT)
+    lm.check_system(table)
+    top = lm.MechanicalSystem(lm.RigidBody(J), lm.models.FixedPointGravity(0.8, WEIGHT / 0.8))
+    n, T = 20, 0.7
+    mu, g = ended(top, lm.RKMK(order=8), top.state(MU0, G0), T / n, n)
+    errors = []
+    for n in (5, 10):
+        m, a = ended(table, lm.SymplecticRKMK(order), table.state(MU0, G0), T / n, n)
+        R = np.asarray(lm.SO3().exp([np.sin(T), 0.0, 0.0])) @ a
+        errors.append(max(np.abs(m - mu).max(), np.abs(R - g).max()))
+    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.1
+
+
+@lm.record
+class NearWall(lm.CotangentSystem):
+    """A heavy ball of radius a in a fluid above a wall: what it carries along grows towards the wall.
+
+    Source: Lamb, Hydrodynamics, 6th ed. (1932), article 98.
+    """
+
+    configurations: ClassVar[lm.LieGroup] = lm.SE3()
+
+    mass: float
+    fluid: float
+    radius: float
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        P = lm.vec(*[lm.sum([g[i, j] * mu[3 + j] for j in range(3)]) for i in range(3)])
+        near, added = (self.radius / g[2, 3]) ** 3, 2.0 / 3.0 * np.pi * self.fluid * self.radius**3
+        along, across = self.mass + added * (1.0 + 3.0 / 16.0 * near), self.mass + added * (1.0 + 3.0 / 8.0 * near)
+        spin = lm.dot(mu[:3], mu[:3]) / (0.8 * self.mass * self.radius**2)
+        return 0.5 * (P[0] ** 2 + P[1] ** 2) / along + 0.5 * P[2] ** 2 / across + spin
+
+
+def test_masses_that_depend_on_the_place() -> None:
+    """Horizontal momenta stay; a ball that moves along a wall is drawn to it, with the force of Lamb's energy."""
+    ball = NearWall(2.0, 1.0, 0.5)
+    place = np.eye(4)
+    place[2, 3] = 1.0
+    start = ball.state(mu=[0.1, -0.2, 0.3, 1.0, 0.4, 0.0], g=place)
+    P2, near, added = 1.16, 0.125, np.pi / 12.0
+    M = 2.0 + added * (1.0 + 3.0 / 16.0 * near)
+    pull = -0.5 * P2 / M**2 * added * 9.0 / 16.0 * near
+    np.testing.assert_allclose(np.asarray(ball.force(start.mu, start.g))[5], pull, rtol=1e-13)
+    for order in (2, 4):
+        mu, g = ended(ball, lm.SymplecticRKMK(order), start, 0.2, 2)
+        P = g[:3, :3] @ mu[3:]
+        np.testing.assert_allclose(P[:2], [1.0, 0.4], atol=1e-14)
+        np.testing.assert_allclose(P[2], 0.4 * pull, rtol=0.01)
+
+
+@pytest.mark.slow
+def test_derivatives_backwards_are_those_of_the_motion() -> None:
+    """By start and parameters, beside another method of order 8."""
+    found = [
+        lm.Plan(BODY, method, h=0.1, compiled=False).gradient(
+            lambda state: state.mu[0], START, steps=4, by=["start", "inertia", "field"]
+        )
+        for method in (lm.SymplecticRKMK(6), lm.RKMK(order=8))
+    ]
+    for name in ("start", "inertia", "field"):
+        np.testing.assert_allclose(found[0][name], found[1][name], atol=2e-9)
+
+
+# ---------------------------------------------------------------- refusals
+
+
+def test_lanes_have_the_bits_of_single_runs() -> None:
+    momenta = MU0 + 0.1 * np.random.default_rng(2).normal(size=(5, 3))
+    for method in (lm.RKMK(order=4), lm.SymplecticRKMK(4)):
+        many = lm.integrate(BODY, method, BODY.state(momenta, G0), h=0.1, steps=3)
+        for i, mu in enumerate(momenta):
+            one = lm.integrate(BODY, method, BODY.state(mu, G0), h=0.1, steps=3, compiled=False)
+            assert np.array_equal(one.mu[-1], many.mu[-1, i]) and np.array_equal(one.g[-1], many.g[-1, i])
+
+
+def test_what_is_missing_is_named() -> None:
+    @lm.record
+    class Nowhere(lm.CotangentSystem):
+        def energy(self, mu: lm.Vec, g: Any) -> float:
+            return lm.dot(mu, mu)
+
+    with pytest.raises(InvalidType, match="Nowhere: configurations must be a LieGroup, such as"):
+        Nowhere()
+    with pytest.raises(InvalidInput, match="g is missing"):
+        BODY.state(MU0, None)
+    with pytest.raises(IncompatibleSystem, match="SymplecticRKMK keeps its symplectic form"):
+        lm.LieVerlet().require(BODY)
+    with pytest.raises(IncompatibleSystem, match="needs a CotangentSystem, or a body in a field"):
+        lm.SymplecticRKMK(4).require(lm.RigidBody(J))
+    with pytest.raises(InvalidInput, match=r"order is one of \[2, 4, 6\]; got 8"):
+        lm.SymplecticRKMK(8)
+
+
+def test_a_step_that_is_too_long_says_so() -> None:
+    with pytest.raises(lm.errors.OutsideChart, match="a smaller h"):
+        ended(BODY, lm.SymplecticRKMK(4), BODY.state(10.0 * MU0, G0), 3.0)
