@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import harness
 import numpy as np
+from stepping import Native, measure
 
 import liemech as lm
 
@@ -47,12 +48,6 @@ PAIRS: dict[str, list[tuple[Any, Any]]] = {
 }
 
 
-def stepping(system: Any, method: Any) -> harness.Run:
-    """Runs of a plan of so many steps."""
-    plan, start = lm.Plan(system, method, h=H, every=10**9, compiled=True, progress=False), system.state(MU, G)
-    return lambda steps: plan.run(start, steps=steps)
-
-
 def to_an_error(method: Any, true: Any, error: float) -> list[Any]:
     """Steps and microseconds to T within an error of momentum and attitude."""
     start = CHARGED.state(MU, G)
@@ -73,11 +68,11 @@ def to_an_error(method: Any, true: Any, error: float) -> list[Any]:
 
 
 def main() -> None:
-    out, (repetitions, duration) = harness.options(__doc__, "cotangent_benchmark.json")
+    out, timing = harness.options(__doc__, "cotangent_benchmark.json")
     rows = []
     for name, pairs in PAIRS.items():
-        runs = {repr(method): stepping(system, method) for system, method in pairs}
-        times = harness.measure(runs, repetitions=repetitions, duration=duration)
+        runs = {repr(method): Native(system, method, system.state(MU, G), H) for system, method in pairs}
+        times = measure(runs, *timing)
         first = next(iter(times.values()))
         rows += [[name, method, timing.best, timing.over(first)] for method, timing in times.items()]
     harness.table("a step: ns, best; over the first of its kind", ["system", "method", "ns", "ratio"], rows)
