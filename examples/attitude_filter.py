@@ -31,7 +31,7 @@ for side, axis in zip(("left", "right"), axes):
             belief = ekf.update(belief, sensor, z)
         errors[k], said[k] = belief.error(truth[k + 1]), belief.deviations
     print(f"{side}: bias {group.split(belief.g)[1].round(5)} of {bias}")
-    for values, label in (errors, "error of the attitude"), (said, "root of the trace of P"):
+    for values, label in (errors, "error of the attitude"), (said, "expected by the filter"):
         axis.semilogy(h * np.arange(steps), np.linalg.norm(values[:, :3], axis=1), label=label)
     axis.set(xlabel="time $t$ (s)", ylabel="angle (rad)", title=f"error on the {side}")
     lm.plots.legend(axis)

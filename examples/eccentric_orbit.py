@@ -20,7 +20,7 @@ for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
     few = lm.integrate(*symplectic, start, h=period / 500, steps=500, every=8).q
     row[0].plot(few[:, 0], few[:, 1], "o-", color="black", markersize=3, linewidth=0.6)
     row[0].plot(0.0, 0.0, "*", color=lm.plots.COLORS[1], markersize=12)
-    row[0].set(aspect="equal", title=f"$\\sigma$ {name}", xlabel="$x$", ylabel="$y$")
+    row[0].set(aspect="equal", title=f"choice {name}", xlabel="$x$", ylabel="$y$")
     for label, (system, method) in {"symplectic": symplectic, "reversible": reversible}.items():
         run = lm.integrate(system, method, start, h=period / 500, steps=5000)
         error = run.energy - run.energy[0]
@@ -33,6 +33,7 @@ for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
         )
     row[1].set(xlabel="time $t$ (periods)", title="500 steps a period", ylabel="$H - H_0$")
     row[2].set(xlabel="time $t$ (periods)", ylabel="step $h$ in time")
+    row[2].tick_params(which="minor", labelleft=False)
     lm.plots.legend(row[1], loc="upper right", ncols=2)
     row[1].margins(y=0.25)
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "eccentric_orbit.png", dpi=200)

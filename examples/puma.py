@@ -30,5 +30,8 @@ lm.viewer.Scene(run, title="PUMA 560", view=(-60, 15)).save("puma.html")
 torques = np.transpose([run.joint(k).only(PD).torque for k in range(6)])
 figure, ax = lm.plots.subplots(figsize=(6.6, 3.4))
 ax.plot(run.t, torques, "-", label=[joint.name for joint in arm.joints])
-ax.set(xlabel="time $t$ (s)", ylabel="torque (N m)"), lm.plots.legend(ax)
+(
+    ax.set(xlabel="time $t$ (s)", ylabel="torque (N m)"),
+    lm.plots.legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5)),
+)
 lm.plots.save(figure, "puma.png")

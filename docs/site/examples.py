@@ -42,7 +42,7 @@ def write(app: Sphinx) -> None:
         text = f":orphan:\n\n{title}\n{'=' * len(title)}\n\nOne of the examples of :doc:`the gallery </gallery>`.\n\n"
         if example.stem in IN_THE_BROWSER:
             text += f".. raw:: html\n\n   {frame(example.stem, '../../')}\n\n"
-        text += f".. literalinclude:: ../../../examples/{example.name}\n   :language: python\n"
+        text += f".. literalinclude:: ../../../examples/{example.name}\n   :language: python\n   :class: whole\n"
         if output := outputs.get(example.stem, "").rstrip():
             text += "\nIt prints\n\n.. code-block:: text\n   :class: output\n\n"
             text += textwrap.indent(output, "   ") + "\n"

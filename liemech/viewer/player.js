@@ -128,7 +128,7 @@ function startPlayer() {
     for (const panel of panels) panel.caption.hidden = !shown.includes(panel);
     const bare = document.body.classList.contains("bare");
     const width = pane.clientWidth, height = pane.clientHeight;
-    const head = Math.min($("head").offsetHeight + ($("head").textContent.trim() ? 8 : 0), height / 4), foot = bare ? 4 : $("foot").offsetHeight + 4;
+    const head = Math.min($("head").offsetHeight + ($("head").textContent.trim() ? 8 : 0), height / 3), foot = bare ? 4 : $("foot").offsetHeight + 4;
     const free = Math.max(1, height - head - foot), bodies = shown.filter(({ main }) => !main), orbits = shown.filter(({ main }) => main);
     const share = !orbits.length ? 1 : !bodies.length ? 0 : 1 - MAIN;
     const [w, h] = width > free ? [share * width, free] : [width, share * free];
