@@ -281,7 +281,9 @@ def _known(system: Any, content: Content, unit: float) -> dict[str, Any]:
 def _framed(path: str, members: Sequence[tuple[ShownRun, Content]], named: bool) -> Canvas:
     """An empty panel that is large enough for its contents."""
     first, content = members[0]
-    title = first.name if named and first.name else content.title
+    title = content.title
+    if named and first.name:  # beside others a body has no room for more
+        title = f"{first.name}: {title}" if content.main else first.name
     points = np.concatenate([c.reach(run.motion) for run, c in members])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = low + 0.5 * (high - low)
