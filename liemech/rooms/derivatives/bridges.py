@@ -16,7 +16,8 @@ from ...simulation.compiled.parameters import full_name, parameter, with_paramet
 from ...simulation.plan import Plan
 from ...systems.in_time.tabulated import PiecewisePolynomial
 from ...systems.system import State, member
-from .tangent import frames_of, real_numbers
+from .frames import basis_of
+from .tangent import frames_of
 
 Arrays = dict[str, np.ndarray]
 
@@ -218,7 +219,7 @@ class _Move:
         for name, directions in frames_of(self.plan._one, member(start, 0)).items():
             points = np.asarray(start.parts[name])
             points = points.reshape(len(rows), *points.shape[start.bodies is not None :])
-            basis = real_numbers(directions(points)).reshape(len(rows), -1, points[0].size)
+            basis = basis_of({name: directions}, {name: points})
             components = rows[:, at : at + basis.shape[1]]
             at += basis.shape[1]
             by_parts[name] = (np.linalg.pinv(basis) @ components[..., None]).reshape(*batch, *shapes[0][name])

@@ -10,6 +10,7 @@ from ...compiler.driver import attempt, read
 from ...formulas import Vec, derivative
 from ...formulas.classes.layouts import layout_of
 from ...formulas.derivatives import BELOW
+from ...formulas.numbers.transposes import turned
 from ...simulation.between.dense import evaluated, flat, report
 from ..fictive_time.clocked import Clocked
 
@@ -28,7 +29,7 @@ def frame(system: Any, name: str, part: Any) -> Any:
         return lambda points: np.broadcast_to(basis, (len(points), *basis.shape))
     if len(np.shape(part)) != 2:  # elements that are not matrices, such as unit quaternions
         point = layout_of(part)
-        arguments = group, point, layout_of(translated(group, part))
+        arguments = group, point, layout_of(turned(group, part))
 
         def directions(points: np.ndarray) -> np.ndarray:
             rows = flat({name: points}, len(points))
@@ -41,19 +42,35 @@ def frame(system: Any, name: str, part: Any) -> Any:
     return lambda points: points[:, None] @ algebra
 
 
+def real_numbers(array: np.ndarray) -> np.ndarray:
+    """The numbers of an array in turn, a complex one as two."""
+    flat = np.ascontiguousarray(array)
+    return (flat.view(float) if np.iscomplexobj(flat) else flat).ravel()
+
+
+def basis_of(frames: dict[str, Any], states: dict[str, np.ndarray]) -> np.ndarray:
+    """The directions in which states can move, as changes of all their numbers, (n, components, width).
+
+    frames : by part of the state.  states : the parts of n states.
+    """
+    parts = []
+    for name, directions in frames.items():
+        own = directions(np.asarray(states[name]))
+        parts.append(real_numbers(own).reshape(*own.shape[:2], -1))
+    found = np.zeros((len(parts[0]), *np.sum([x.shape[1:] for x in parts], axis=0)))
+    i = j = 0
+    for own in parts:
+        found[:, i : i + own.shape[1], j : j + own.shape[2]] = own
+        i, j = i + own.shape[1], j + own.shape[2]
+    return found
+
+
 def group_of(system: Any) -> Any:
     """The group of the elements in the states of a system, which may have a clock."""
     inner = system.system if isinstance(system, Clocked) else system
     return inner.configurations if hasattr(inner, "configurations") else inner.group
 
 
-def translated(group: Any, g: Any) -> list[Any]:
-    """The directions g hat(e_i) in which an element moves."""
-    still = Vec(*[0.0] * group.dim)
-    units = [Vec(*[float(i == j) for j in range(group.dim)]) for i in range(group.dim)]
-    return [derivative(lambda xi: group.compose_exp(g, xi), still, unit) for unit in units]
-
-
 def translations(group: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:
     """The driver: the directions in which an element moves."""
-    report(attempt(translated, group, read(given, 0, point)), result, out, failures)
+    report(attempt(turned, group, read(given, 0, point)), result, out, failures)

@@ -43,9 +43,10 @@ from ...systems.in_time.knots import NEAR
 from ...systems.in_time.tabulated import PiecewisePolynomial
 from ...systems.system import State, member
 from .blocks import Blocks, require_same
+from .frames import basis_of, real_numbers
 from .losses import Loss
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
-from .tangent import derived, frames_of, in_steps, parameter_moves, real_numbers, slope, with_step
+from .tangent import derived, frames_of, in_steps, parameter_moves, slope, with_step
 from .varied import Varied
 from .varied_input import table_of
 
@@ -247,19 +248,9 @@ class Forward:
 
     def basis(self, some: slice) -> np.ndarray:
         """The directions in which the states at some edges can move, (edges, bodies, N, width)."""
-        numbers = self.numbers[some]
-        rows = numbers.reshape(-1, numbers.shape[-1])
-        parts, at = [], 0
-        states = {n: x.reshape(len(rows), *x.shape[2 if self.run.bodies else 1 :])
-                  for n, x in ((n, x[some]) for n, x in self.run.states.items())}  # fmt: skip
-        for name, directions in self.frames.items():
-            size = self.sizes[name]
-            own = real_numbers(directions(states[name])).reshape(len(rows), -1, size)
-            whole = np.zeros((*own.shape[:2], rows.shape[1]))
-            whole[..., at : at + size] = own
-            parts.append(whole)
-            at += size
-        return np.concatenate(parts, axis=1).reshape(*numbers.shape[:2], -1, numbers.shape[-1])
+        numbers, ahead = self.numbers[some], 2 if self.run.bodies else 1
+        states = {n: x[some].reshape(-1, *x.shape[ahead:]) for n, x in self.run.states.items()}
+        return basis_of(self.frames, states).reshape(*numbers.shape[:2], -1, numbers.shape[-1])
 
 
 def components(basis: np.ndarray) -> np.ndarray:

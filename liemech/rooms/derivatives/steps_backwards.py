@@ -193,7 +193,7 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
         given: Any = method
         tableau, in_a_field = given.tableau, isinstance(method, FieldSplitting)
         drift = Symplectic if in_a_field and is_symplectic(given.free) else WholeStep
-        free: Any = drift(given.free, True) if in_a_field else PointDrift()
+        free: Any = drift(given.free, True) if in_a_field else PointFlow(True)
         nodes = tableau.nodes if in_a_field else [0.0 for _ in tableau.kicks]
         loaded = in_a_field and site.load is not None
         last, rows = len(tableau.drifts), []
@@ -206,7 +206,7 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
                 rows += [(0, nodes[i], b)]
             rows += [(1, nodes[i], tableau.drifts[i])] if i < last else []
         if not in_a_field:
-            return (PointKick(), free), rows
+            return (PointFlow(), free), rows
         return (Kick(given, not loaded), free, *([Kick(given, False, True)] if loaded else [])), rows
     held = [x for x in records_in(site, TermsOfSite) if x.moves is not None]
     kind = Symplectic if isinstance(method, LiePoissonHamiltonJacobi) and not held else WholeStep
@@ -256,31 +256,22 @@ def carried_back(group: Any, inverse: Any, before: Any, after: Any, w: Any) -> B
 
 
 @record
-class PointKick(SiteMotion):
-    """p + h f(q), with q at rest.
+class PointFlow(SiteMotion):
+    """The flow of the potential of a point, p + h f(q), or, `drifts`, of its kinetic energy, q + h v(p).
 
     Source: Hairer, Lubich, Wanner, I.1.4.
     """
 
     joins = True
 
-    def moved(self, system: Any, part: StepPart, state: Any) -> Any:
-        """The kick."""
-        return CanonicalState(state.q, state.p + part.h * system.force(state.q, state.p))
-
-
-@record
-class PointDrift(SiteMotion):
-    """q + h v(p), with p at rest.
-
-    Source: Hairer, Lubich, Wanner, I.1.4.
-    """
-
-    joins = True
+    drifts: bool = False
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
-        """The drift."""
-        return CanonicalState(state.q + part.h * system.velocity(state.q, state.p), state.p)
+        """The state after it."""
+        q, p = state.q, state.p
+        if self.drifts:
+            return CanonicalState(q + part.h * system.velocity(q, p), p)
+        return CanonicalState(q, p + part.h * system.force(q, p))
 
 
 # ------------------------------------------------------------------ turns

@@ -39,7 +39,7 @@ from ..fictive_time.origin import Origin
 from ..hamilton_jacobi.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
 from .differences import part_of, slope_of
-from .frames import LEVEL, frame, group_of
+from .frames import LEVEL, basis_of, frame, group_of
 from .varied_input import table_of
 
 # ------------------------------------------------------------------ what is asked for
@@ -135,7 +135,8 @@ class Directions:
                 for _, place in by_coefficient:
                     slopes.append(np.eye(1, layout.width, first + place)[0])
             elif name == "start" and begins is None:
-                slopes += [np.append(np.zeros(last), move) for move in start_moves(frames, start)]
+                begun = {part: np.asarray(start.parts[part])[None] for part in frames}
+                slopes += [np.append(np.zeros(last), move) for move in basis_of(frames, begun)[0]]
             else:
                 slopes += [slope(to, step, layout, name) for to, step in curves(name)]
             columns[name] = slice(begin, len(slopes))
@@ -154,7 +155,7 @@ class Directions:
         for name, directions in self.frames.items():
             size = layout_of(example.parts[name]).width
             # (n, components, numbers)
-            basis = real_numbers(directions(states[name])).reshape(len(values), -1, size)
+            basis = basis_of({name: directions}, states)
             changes = slopes[:, :, at : at + size]  # (n, directions, numbers)
             rows.append(np.linalg.pinv(basis).transpose(0, 2, 1) @ changes.transpose(0, 2, 1))
             at += size
@@ -212,19 +213,6 @@ def expands(method: Any) -> bool:
 def frames_of(system: Any, start: Any) -> dict[str, Any]:
     """For each part of a state the directions in which it can move."""
     return {name: frame(system, name, part) for name, part in start.parts.items() if part is not None}
-
-
-def start_moves(frames: dict[str, Any], start: Any) -> list[np.ndarray]:
-    """How the numbers of a start change in each of its directions."""
-    moves, at, width = [], 0, layout_of(start).width
-    for part, directions in frames.items():
-        size = layout_of(start.parts[part]).width
-        for direction in directions(np.asarray(start.parts[part])[None])[0]:
-            move = np.zeros(width)
-            move[at : at + size] = real_numbers(direction)
-            moves.append(move)
-        at += size
-    return moves
 
 
 # ------------------------------------------------------------------ runs
@@ -416,12 +404,6 @@ def multiplied(run: TangentTrajectory, name: str, given: Any) -> TangentTrajecto
     map_ = run.tangent["start"]
     map_ = map_ if name == "along" else np.swapaxes(map_, -1, -2)
     return replace(run, tangent={name: map_ @ arguments.directions(name, given, map_.shape[-1])})
-
-
-def real_numbers(array: np.ndarray) -> np.ndarray:
-    """The numbers of an array in turn, a complex one as two."""
-    flat = np.ascontiguousarray(array)
-    return (flat.view(float) if np.iscomplexobj(flat) else flat).ravel()
 
 
 def parameter_moves(system: Any, name: str) -> list[Any]:

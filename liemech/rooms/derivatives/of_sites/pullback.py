@@ -16,6 +16,7 @@ from ....simulation import arguments
 from ....simulation.compiled.parameters import full_name, parameter
 from ....systems.system import state_of
 from ...sites.runs.states import by_site, first_of, kind_of, site_rows
+from ..frames import basis_of
 from ..losses import Loss
 from .adaptive import steps_of, with_samples
 from .adjoint import BackwardRun
@@ -131,20 +132,14 @@ def _of_sites(loss: Any, name: str, plan: Any, run: Any, k: int) -> tuple[float,
     """The sum of a function over the sites at a sample, and its derivative, (N,)."""
     arrays = plan._one.by_site({n: x[k] for n, x in run.states.items()})
     state = by_site(plan._one, state_of(kind_of(arrays), arrays))
-    rows, frames = site_rows(state).T, Frames(plan._sites.site, state).start
-    size = sum(x.shape[1] for x in frames.values())
-    basis, i, j = np.zeros((len(rows), size, rows.shape[1])), 0, 0
-    for own in frames.values():
-        basis[:, i : i + own.shape[1], j : j + own.shape[2]] = own
-        i, j = i + own.shape[1], j + own.shape[2]
+    frames = Frames(plan._sites.site, state)
+    rows, basis = site_rows(state).T, basis_of(frames.frames, state.arrays)
     t = np.full(len(rows), run.t[k])
     values, slopes = Loss(loss, name, None).slopes(
         first_of(state), t, rows[:, None], basis[:, None], plan.options.compiled
     )
-    parts, i = [], 0
-    for own in frames.values():
-        parts.append(slopes[:, 0, i : i + own.shape[1]].ravel())
-        i += own.shape[1]
+    ends = np.cumsum([x.shape[1] for x in frames.start.values()])[:-1]
+    parts = [own.ravel() for own in np.split(slopes[:, 0], ends, axis=1)]
     return float(values.sum()), np.concatenate(parts)
 
 

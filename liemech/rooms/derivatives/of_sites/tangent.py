@@ -19,7 +19,7 @@ from ....simulation.between.dense import unpacked
 from ....simulation.result import of_tangent
 from ....simulation.runs.equal import affordable
 from ...sites.runs.states import first_of, site_rows
-from ..frames import LEVEL, frame
+from ..frames import LEVEL, basis_of, frame
 from .adaptive import steps_of
 from .adjoint import BackwardRun
 
@@ -70,9 +70,7 @@ class Frames:
 
     def _basis(self, name: str, points: np.ndarray) -> np.ndarray:
         """The directions of a part at points, (n, components, numbers)."""
-        found = np.ascontiguousarray(self.frames[name](points))
-        rows = found.reshape(*found.shape[:2], -1)
-        return rows.view(float) if np.iscomplexobj(rows) else rows
+        return basis_of({name: self.frames[name]}, {name: points})
 
     def numbers(self, direction: np.ndarray) -> np.ndarray:
         """The slopes of the numbers of the start along a direction, (width, sites)."""
