@@ -746,6 +746,8 @@ def test_what_has_no_way_back() -> None:
     assert np.allclose(few.pullback(w[:9], first, steps=1)["start"], wanted, atol=1e-14)
     with pytest.raises(IncompatibleSystem, match="no derivative by J for many sites; RKMK"):
         back(lm.Plan(ring, lm.BondSplitting(), h=0.05, compiled=False), start, {1: w}, ("J",))
+    with pytest.raises(IncompatibleSystem, match="may depend on J by more than the velocity"):
+        back(lm.Plan(ring, Turn(), h=0.05, compiled=False), start, {1: w}, ("J",))
     plan = lm.Plan(ring, lm.RKMK(order=2), h=0.05, compiled=False)
     with pytest.raises(InvalidInput, match="K is no parameter"):
         back(plan, start, {1: w}, ("K",))

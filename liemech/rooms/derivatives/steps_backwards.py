@@ -32,14 +32,18 @@ from ...formulas.derivatives import carried
 from ...formulas.numbers.transposes import pulled_back
 from ...formulas.sites import each_site
 from ...groups.retractions import Exponential
+from ...integrators.commutator_free import CommutatorFree
 from ...integrators.composition import Composition
+from ...integrators.free_body.midpoint import ImplicitMidpoint
 from ...integrators.kicks.kick_drift import FieldSplitting
+from ...integrators.rkmk import RKMK
 from ...integrators.separable import SeparableSplitting
 from ...systems.canonical import CanonicalState
 from ...systems.lie_poisson import BodyState
 from ...systems.many.energies import moving
 from ..hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..sites.parts_of_spins import turned_by
+from ..sites.spin_splittings import TermSplitting
 from ..sites.terms.terms import at_time
 from ..sites.terms.terms_at_site import TermsOfSite, at_this_site
 from .frames import group_of
@@ -211,6 +215,14 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
     held = [x for x in records_in(site, TermsOfSite) if x.moves is not None]
     kind = Symplectic if isinstance(method, LiePoissonHamiltonJacobi) and not held else WholeStep
     return (kind(method),), [(0, 0.0, 1.0)]
+
+
+def asks_whole_energies(method: Any) -> bool:
+    """Whether steps depend on the energies by the velocity, the force and the load of the system alone."""
+    if isinstance(method, FieldSplitting):
+        return is_symplectic(method.free) or asks_whole_energies(method.free)
+    known = RKMK, CommutatorFree, ImplicitMidpoint, SeparableSplitting, TermSplitting
+    return asks_whole_energies(method.base) if isinstance(method, Composition) else isinstance(method, known)
 
 
 def is_symplectic(free: Any) -> bool:

@@ -36,7 +36,7 @@ from ...sites.terms.sums_of_terms import MomentumTerms, PlaceTerms
 from ...sites.terms.terms_at_site import ForceOfSite
 from ..blocks import remembers, require_same
 from ..reversal import go_back
-from ..steps_backwards import BondTurn, FieldTurn, Question, parts_of, questions
+from ..steps_backwards import BondTurn, FieldTurn, Question, asks_whole_energies, parts_of, questions
 from ..tangent import StepsOfARun
 from .adaptive import with_samples
 from .backward import PART, WayBack, backward_parts, forward_parts
@@ -164,7 +164,6 @@ class BackwardRun:
                 counts[key] = [(0, 0)] * len(motions)
             _counted.set(site, counts)
         self.questions: list[tuple[int, int]] = counts[key]
-        self.way = with_fields(self.way, asked=tuple(self.questions))
 
     def _with_slopes(self, site: Any) -> Any:
         """The system at one site, whose load knows its derivatives."""
@@ -228,6 +227,11 @@ class BackwardRun:
 
     def _parts(self, wanted: list[Parameter]) -> list[SlopesOfPart]:
         found, steps, way = [], self.plan._steps, self.way
+        if wanted and not asks_whole_energies(inner_method(self.plan)):
+            raise IncompatibleSystem(
+                f"Plan.gradient: {self.plan.method!r} may depend on {wanted[0].name} by more than the velocity and the "
+                "force of the system: there is no derivative by it for many sites; RKMK and KickDrift have one"
+            )
         asked = [(x.energy, k) for x in wanted for k in (range(len(x.energy.parts)) if x.which is None else [x.which])]
         for energy, which in {(id(e), k): (e, k) for e, k in asked}.values():
             some = [x for x in wanted if x.energy is energy and x.which in (None, which)]

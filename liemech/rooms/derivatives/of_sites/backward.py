@@ -8,7 +8,6 @@ from typing import Any
 
 from ....compiler.driver import accepted, attempt, itself, read, reason, write
 from ....compiler.sites.planes import at, each, load, save, some
-from ....errors import IncompatibleSystem
 from ....formulas import Record, derivative, gradient, record, vec
 from ....formulas.classes.fields import OfEach
 from ....formulas.classes.layouts import NUMBER, layout_of
@@ -35,8 +34,7 @@ class WayBack(Record):
     """How a run is gone through: the motions that steps are made of, and the system at one site; the layouts of the state
     of a site, of derivatives by it, of what is kept for the parameters, and of a direction of a site; is it kept?
 
-    asked : how often motions ask energies of momenta, and potentials.  cut, beyond : do steps end where inputs jump, and
-    the part of one by which stages lie outside of it?
+    cut, beyond : do steps end where inputs jump, and the part of one by which stages lie outside of it?
     """
 
     motions: tuple[SiteMotion, ...]
@@ -49,7 +47,6 @@ class WayBack(Record):
     kept: bool
     cut: bool = False
     beyond: Any = None
-    asked: tuple[tuple[int, int], ...] = ()
 
     def __repr__(self) -> str:
         return "the way back"
@@ -131,11 +128,6 @@ def one_back(
     back = motion.back(system, part, before, after, w)
     save(felt, 0, fitted(back.w, way.felt), way.felt)
     if way.kept:
-        if (len(back.momenta), len(back.elements)) not in way.asked:
-            raise IncompatibleSystem(
-                "Plan.gradient: a step asks energies more often on one way than on the other; there are no derivatives by "
-                "parameters, and there is one by the start"
-            )
         for j, asked in enumerate(back.momenta):
             save(momenta, int(part.momenta) + j, asked, way.momentum)
         for j, asked in enumerate(back.elements):
