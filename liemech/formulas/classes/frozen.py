@@ -70,7 +70,7 @@ def frozen(cls: Any = None, *, eq: bool = True, repr: bool = True) -> Any:
     if needed != sorted(needed, reverse=True):
         _initialiser(class_)  # which says what is wrong
     unwanted = {"__eq__": eq, "__hash__": eq, "__repr__": repr}
-    written = {*vars(class_), *[name for name, kept_method in unwanted.items() if not kept_method]}
+    written = {*vars(class_), *[name for name, is_made in unwanted.items() if not is_made]}
     if eq and vars(class_).get("__hash__") is None and "__eq__" in written:  # which Python puts beside `__eq__`
         written.discard("__hash__")
     methods = _methods(class_, [f for f in fields.values() if f._field_type is _FIELD])
