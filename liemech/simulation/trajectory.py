@@ -329,6 +329,8 @@ class Trajectory:
         """The dense output of the run, or shorter steps of its method; InvalidInput without either."""
         if self.dense is not None:
             return self.dense
+        if self.bodies is not None and self.rejected is None:
+            return DenseOutputs(tuple([self._alone(i)._motion for i in range(self.bodies)]))
         system: Any = self.system
         complete = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
         example = system.state(**{name: x[0] for name, x in self.states.items()}) if complete else None
@@ -340,12 +342,20 @@ class Trajectory:
         if example is None or self.rejected is not None or np.abs(np.diff(self.t)).max() > far:
             raise InvalidInput(
                 "Trajectory.at needs a run that kept all its steps: adaptive ones do with dense=True, "
-                "fixed ones of one body with every=1"
+                "fixed ones with every=1"
             )
         method = ending_at_jumps(self.method, self.system, self.breaks)
         states = {name: self.states[name] for name in example.arrays}  # as in the state
         rows = np.column_stack([self.t, flat(states, len(self.t))])
         return ShortSteps(system, method, example, rows)
+
+    def _alone(self, i: int) -> Trajectory:
+        """The samples of body i of an ensemble with fixed steps, up to where it ended."""
+        t = self.t if self.t.ndim == 1 else self.t[:, i]
+        steps = self.stopped[i].steps if i in self.stopped else int(np.count_nonzero(np.diff(t)))
+        states = {name: x[: steps + 1, i] for name, x in self.states.items()}
+        one = of_body(self.system, i), of_body(self.method, i), self.h if np.ndim(self.h) == 0 else self.h[i]
+        return Trajectory(*one, t[: steps + 1], states, None, steps, observed=self.observed, breaks=self.breaks)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scenes import asymmetric_body
@@ -80,3 +82,24 @@ def test_of_fixed_steps_long_after_zero() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=4), h=0.04, compiled=False)
     later = plan.run(START, steps=5, t0=1e9).at(1e9 + 0.1).mu
     np.testing.assert_allclose(later, plan.run(START, steps=5).at(0.1).mu, rtol=1e-6)
+
+
+@pytest.mark.parametrize("h", [0.1, [0.1, 0.05, 0.125]])
+@pytest.mark.parametrize("ended", [False, True])
+def test_between_fixed_steps_a_body_of_an_ensemble_moves_as_alone(h: Any, ended: bool) -> None:
+    """With an inertia and a step of its own; where an event has ended it, it stays."""
+
+    def stop(t: float, state: Any) -> float:
+        return t - 0.2 - 0.1 * state.mu[0] ** 2
+
+    stop.terminal = 1  # type: ignore[attr-defined]
+    bodies = [lm.RigidBody(inertia) for inertia in ([1.0, 2.0, 3.0], [2.0, 2.5, 3.0], [1.0, 1.5, 2.0])]
+    mu, g = np.array([[0.1, 1.0, 0.2], [0.9, -0.5, 0.3], [1.2, 0.1, 0.5]]), np.stack([np.eye(3)] * 3)
+    given: Any = {"compiled": False, "progress": False, "events": [stop] if ended else []}
+    run = lm.Plan(bodies, lm.RKMK(order=4), h=h, **given).run(bodies[0].state(mu=mu, g=g), steps=5)
+    times = np.array([0.0, 0.13, 0.24, 0.25])
+    seen = run.at(times)
+    for i, (body, step) in enumerate(zip(bodies, np.broadcast_to(h, 3).tolist())):
+        alone = lm.Plan(body, lm.RKMK(order=4), h=step, **given).run(body.state(mu=mu[i], g=g[i]), steps=5)
+        own = alone.at(np.minimum(times, alone.t[-1]))
+        assert np.array_equal(seen.mu[:, i], own.mu) and np.array_equal(seen.g[:, i], own.g)

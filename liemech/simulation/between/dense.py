@@ -251,13 +251,13 @@ class DenseOutput(MotionBetween):
 class DenseOutputs:
     """The motions of the bodies of an ensemble, each between steps of its own."""
 
-    bodies: tuple[DenseOutput, ...]
+    bodies: tuple[Any, ...]
 
     def __call__(self, times: Any) -> Any:
         """The states of all bodies at one time, or at many, (m,); a body whose run has ended before stays where
         it ended, as in the samples.
         """
-        ends = np.array([motion.rows[[0, -1], 0] for motion in self.bodies])
+        ends = np.array([motion.t[[0, -1]] for motion in self.bodies])
         last = ends[np.argmax(np.abs(ends[:, 1] - ends[:, 0]))]
         clipped = within_run(np.asarray(one_or_many(times), dtype=float), last)
         states = [motion(np.clip(clipped, min(span), max(span))) for motion, span in zip(self.bodies, ends.tolist())]
