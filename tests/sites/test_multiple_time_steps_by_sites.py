@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_runs_by_sites import native
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem
@@ -70,6 +71,16 @@ def test_slow_steps_are_kicks_around_fast_ones() -> None:
     mu = mu + 0.025 * np.asarray(soft.force(g)).reshape(3, 6)
     assert np.abs(found.mu[-1] - mu).max() < 1e-14
     assert np.abs(found.g[-1] - g).max() < 1e-14
+
+
+@pytest.mark.slow
+@native
+def test_few_bodies_go_native() -> None:
+    """Terms alone were made in the formula, and could not be compiled."""
+    system, start = chain(2)
+    plain, quick = (end(system, start, lm.MultipleTimeSteps(ratios=(2,)), 0.05, compiled=c) for c in (False, True))
+    assert quick.compiled
+    assert np.array_equal(plain.mu, quick.mu) and np.array_equal(plain.g, quick.g)
 
 
 def _each_term(field: Any) -> Any:

@@ -334,7 +334,7 @@ class PlaceTerms(OfTerms, Potential):
 
     def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
         """The forces of term number k alone."""
-        return with_fields(self, parts=(self.parts[k],)).force(group, g)
+        return self.by_site(self._sites(g), lambda form, base, site: form.force(base, site.g), (self.parts[k],))
 
     def require_start(self, name: str, group: LieGroup, mu: Any, g: Any) -> None:
         """Raises InvalidInput for sites in one place whose energy is infinite there, and for held ones that move."""
