@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IntegrationFailure, IntegrationInterrupted
+from ..formulas.sites import room
 from .compiled.control import TAKEN
 
 ROWS = 2**17
@@ -76,6 +77,14 @@ class PieceOfBodies:
             setattr(self, name, getattr(self, name)[steps])
 
 
+def with_room(rows: np.ndarray, count: int) -> np.ndarray:
+    """Rows that have room for so many: themselves, or a copy with half as many more."""
+    if count > len(rows):
+        rows, short = room(int(1.5 * count), *rows.shape[1:]), rows
+        rows[: len(short)] = short
+    return rows
+
+
 class SampleTable:
     """Rows of time, state and, of runs in fictive time, fictive time; each body has a count of its own."""
 
@@ -92,10 +101,7 @@ class SampleTable:
         counts = np.diff(np.append(first, len(body)))
         place = self.counts[body] + np.arange(len(body)) - np.repeat(first, counts)
         self.counts[body[first]] += counts
-        if self.counts.max() > len(self.rows):
-            longer = np.empty((int(1.5 * self.counts.max()), *self.rows.shape[1:]))
-            longer[: len(self.rows)] = self.rows
-            self.rows = longer
+        self.rows = with_room(self.rows, int(self.counts.max()))
         self.rows[place, body] = rows
 
 

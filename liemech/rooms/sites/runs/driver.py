@@ -47,31 +47,37 @@ PAIR = carried_layout((0.0, 0.0))
 
 
 @record
-class OverSites(Record):
+class OfMethod(Record):
+    """A form of a method that may have an error estimate; abstract."""
+
+    method: Any
+
+    @property
+    def shortens(self) -> bool:
+        """Are its steps as long as they turn out?"""
+        shortens: bool = self.method.shortens
+        return shortens
+
+    @property
+    def error_order(self) -> int:
+        """That of the method."""
+        order: int = self.method.error_order
+        return order
+
+
+@record
+class OverSites(OfMethod):
     """The method of one site as that of all; `sites` are their numbers, `memory` is the layout of
     what the method carries along for one, `told` are two numbers that are the same for all.
     """
 
-    method: Any
     sites: Any
     memory: Any
     told: Any
 
-    @property
-    def shortens(self) -> bool:
-        """Does that of one site?"""
-        shortens: bool = self.method.shortens
-        return shortens
-
     def _held(self, name: str, value: Any) -> Any:
         """As it is: what is told is written."""
         return value
-
-    @property
-    def error_order(self) -> int:
-        """That of one site."""
-        order: int = self.method.error_order
-        return order
 
     def of_site(self, here: int) -> Any:
         """The memory of the method for this site, in one of its copies."""
@@ -219,32 +225,19 @@ class Standing(Record):
 
 
 @record
-class Embedded(Record):
+class Embedded(OfMethod):
     """A method with an error estimate as it carries along what adaptive steps need of one site.
 
     curves : is the way of a step kept?
     """
 
-    method: Any
     curves: bool
     ending: ClassVar[None] = None
     settles: ClassVar[bool] = False
     together: ClassVar[bool] = False
 
-    @property
-    def shortens(self) -> bool:
-        """Are its steps as long as they turn out?"""
-        shortens: bool = self.method.shortens
-        return shortens
-
     def __repr__(self) -> str:
         return repr(self.method)
-
-    @property
-    def error_order(self) -> int:
-        """That of the method."""
-        order: int = self.method.error_order
-        return order
 
     def start(self, system: Any, state: Any, h: float) -> Standing:
         """A state, of which the velocity is still to be found."""
@@ -351,10 +344,11 @@ OVERFLOW = "the step overflowed or left the domain of a formula; a smaller h may
 
 MARCH = layout_of(March(0.0, 0.0))
 
-DUE, MET = 4, 5
-"""The places behind a march of the next time at which it stands still, and of whether an event may have a zero in its
-last step.
-"""
+MET = 4
+"""The place behind a march of whether an event may have a zero in its last step."""
+
+ENDS = 2
+"""Rows of totals before those of samples, where events are asked: of the states in both copies of the memory."""
 
 
 @record
@@ -364,7 +358,7 @@ class Procedure(Record):
     method : of one site.  control : of the steps.  memory, place : the layouts of what the method carries along for one
     site, and of what the control does.  shown : the content of samples.  every : are there samples of all steps, or at
     given times?  ending : where steps are cut; None: nowhere.  events : functions of time and totals whose changes of
-    sign end a march of all steps.  named : an example of totals with their names.
+    sign end a march, `named` an example of totals with their names, `counted` the content of these.
     """
 
     method: Any
@@ -376,6 +370,7 @@ class Procedure(Record):
     ending: Any
     events: tuple[Any, ...] = ()
     named: Any = None
+    counted: Any = None
 
     def over(self, sites: Any, told: Any) -> OverSites:
         """The method of one site as that of all."""
@@ -383,10 +378,9 @@ class Procedure(Record):
             return OverSites(self.method, sites, self.memory, told)
         return OverSitesToJumps(self.method, sites, self.memory, told, self.ending)
 
-    def products(self, times: Any, totals: Any, k: int) -> tuple[float, ...]:
-        """Of every event the product of its values before step number k and after it."""
-        ends = [(read(times, i, NUMBER), type(self.named)(*read(totals, i, self.shown.totals))) for i in (k - 1, k)]
-        return tuple([event(*ends[0]) * event(*ends[1]) for event in self.events])
+    def values(self, t: float, totals: Any) -> tuple[float, ...]:
+        """Of every event the value at a time and at totals."""
+        return tuple([event(t, type(self.named)(*totals)) for event in self.events])
 
 
 def advance_sites(
@@ -394,12 +388,12 @@ def advance_sites(
     goals: Any, states: Any, clocks: Any, out: Any, failures: Any,
 ) -> None:  # fmt: skip
     """The driver: so many turns of all sites, and a sample where a step ends at the next of the times, which have a nan
-    behind them, while it stands still where a step goes beyond the next time; or a sample of every step, behind that of
-    where the first one begins, and their times, up to an event.
+    behind them, while it stands still where a step goes beyond the next time, or an event changes its sign; or a sample
+    of every step, behind that of where the first one begins, and their times.
 
     sites : copies of the memory of all sites.  seen, totals : samples of all sites, and of quantities, one behind the
-    other.  march : two numbers as `OverSites` has them told, a `March`, and what is `DUE` and `MET`.  goals, states,
-    clocks, out, failures : as for `advance`.
+    other.  march : two numbers as `OverSites` has them told, a `March`, and what is `MET`.  goals, states, clocks, out,
+    failures : as for `advance`.
     """
     everyone, shown = procedure.over(sites, march), procedure.shown
     goal, begun = read(goals, 0, GOAL), read(march, 1, MARCH).begun
@@ -408,33 +402,37 @@ def advance_sites(
     if procedure.every and not moved:
         k = 1
     begun = read(clocks, 0, CLOCK).t if moved else begun
+    unknown = tuple([float("nan") for _ in procedure.events])
+    before = unknown
     while n <= turns:
         clock, here = read(clocks, 0, CLOCK), read(states, 0, PLACE).copy
         t = clock.t
+        if procedure.events and (moved or n == 0):
+            each(sites, one_sample, everyone, system, t, here, procedure.counted, seen, totals, here)
+            trial, values = attempt(procedure.values, t, read(totals, here, shown.totals)), unknown
+            if accepted(trial, itself):
+                values = trial
+            for old, new in zip(before, values):
+                if n > 0 and not old * new > 0.0:  # or an event fails, or is nan
+                    write(march, MET, 1.0, NUMBER)
+            before = values
+        last = n == turns or not going(clock, goal)
+        if procedure.events:
+            last = last or read(march, MET, NUMBER) == 1.0
         if procedure.every:
-            last = n == turns or not going(clock, goal)
             if moved:
                 everyone.settle(system, t, here)
                 each(sites, one_sample, everyone, system, t, here, shown, seen, totals, k)
                 write(times, k, t, NUMBER)
-                if procedure.events and k > 0:
-                    trial = attempt(procedure.products, times, totals, k)
-                    if not accepted(trial, itself):  # an event fails, or is nan
-                        write(march, MET, 1.0, NUMBER)
-                    else:
-                        for product in trial:
-                            if product <= 0.0:
-                                write(march, MET, 1.0, NUMBER)
-                    due = (read(march, DUE, NUMBER) - t) * (t - begun) <= 0.0
-                    last = last or due or read(march, MET, NUMBER) == 1.0
                 k = k + 1
         else:
-            due = (read(times, k, NUMBER) - t) * (t - begun) < 0.0
-            last = n == turns or due or not going(clock, goal)
+            last = last or (read(times, k, NUMBER) - t) * (t - begun) < 0.0
             if last or abs(read(times, k, NUMBER) - t) < SOON * abs(clock.h):
                 everyone.settle(system, t, here)
             while read(times, k, NUMBER) == t:
                 each(sites, one_sample, everyone, system, t, here, shown, seen, totals, k)
+                if procedure.events:  # the totals are known
+                    write(totals, ENDS + k, read(totals, here, shown.totals), shown.totals)
                 k = k + 1
         if last:
             break

@@ -10,14 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from ....errors import InvalidInput
+from ....compiler import kernel
+from ....errors import InvalidInput, NotCompilable
 from ....formulas import Record, record
 from ....formulas.classes.flattening import build
-from ....formulas.classes.layouts import layout_of
+from ....formulas.classes.layouts import NUMBER, layout_of
 from ....formulas.classes.records import names_of
-from ....simulation.between.dense import unpacked
+from ....simulation.between.dense import observe, unpacked
 from ....simulation.between.events import Events, Moving
 from ....simulation.compiled.control import TAKEN
+from ....simulation.compiled.execution import COLUMNS
 from ....simulation.keep import PieceOfBodies
 from ....systems.many.site_state import StateOfSites
 from .driver import MET
@@ -32,6 +34,17 @@ def totals_class(names: tuple[str, ...]) -> Any:
     """The class of totals with these names."""
     fields = {"__annotations__": dict.fromkeys(names, Any), "__module__": __name__}
     return record(type(f"Totals_{'_'.join(names)}", (Record,), fields))
+
+
+def compiles(plan: Any, event: Any, named: Any) -> bool:
+    """Can the driver of steps ask an event of totals, of which this is an example?"""
+    if plan._steps.compiled is False or kernel.available() is not None:
+        return True
+    try:
+        kernel.translated(observe, event, layout_of(named), NUMBER, COLUMNS, COLUMNS, None)
+    except NotCompilable:
+        return False
+    return True
 
 
 class StepsOfSites(Moving):
@@ -59,23 +72,20 @@ class StepsOfSites(Moving):
         functions = () if run.site.jointed else run.plan._sites.functions
         self.of_totals = {id(f) for _, of, f in functions if of == TOTAL}
         self.whole = any(id(event) not in self.of_totals for event in run.plan.events)
-        names = tuple(run.plan._sites.summed) if run.shape.shown.quantities else ()
-        self.kind, self.layout = totals_class(names), run.shape.shown.totals
-        self.view: Any = self
+        self.named, self.layout, self.view = run.shape.named, run.shape.shown.totals, self  # type: Any, Any, Any
         for event in run.plan.events:
             if id(event) in self.of_totals:
                 self._require_totals(event)
 
     def _require_totals(self, event: Any) -> None:
         """Raise InvalidInput for an event that asks for a total that `record` does not name."""
-        named = self._named(np.zeros(self.layout.width))
         try:
-            event(0.0, named)
+            event(0.0, self.named)
         except AttributeError as error:
-            if error.obj is named:
-                raise InvalidInput(
-                    f"integrate: an event asks for total.{error.name}; record= names {', '.join(names_of(self.kind))}"
-                ) from None
+            if error.obj is self.named:
+                kind: Any = type(self.named)
+                names = ", ".join(names_of(kind))
+                raise InvalidInput(f"integrate: an event asks for total.{error.name}; record= names {names}") from None
         except Exception:  # of zeros it may fail
             return
 
@@ -83,7 +93,7 @@ class StepsOfSites(Moving):
 
     def _named(self, numbers: np.ndarray) -> Any:
         """The totals, by their names."""
-        return self.kind(*build(self.layout, iter(numbers[: self.layout.width].tolist())))
+        return type(self.named)(*build(self.layout, iter(numbers[: self.layout.width].tolist())))
 
     def small(self, numbers: np.ndarray) -> np.ndarray:
         """The numbers of one sample as they are: `ask` shows to each event what it is of."""
@@ -175,6 +185,7 @@ class StepsOfSites(Moving):
             if found is None or not (hasattr(error, "step") or self.fresh):
                 raise
             step = getattr(error, "step", 0)
+            run.samples.return_to(self.times.item(step))
             self._keep_up_to(self.times.item(step), step)
             run.return_to(stand, taken + step)
             raise self.failed(error) from error.__cause__
@@ -196,7 +207,7 @@ class StepsOfSites(Moving):
                 self.run.ways.append((self.times.item(0), self.rows[0].copy()))
         if not self.events:
             return None
-        if self.run.shape.watched and not self.events.fresh:  # the driver has watched the steps before
+        if self.run.shape.watched and not self.events.fresh:  # the driver has asked at the steps before
             if not self.run.march[MET]:
                 return None
             self.here = out[0]
@@ -211,6 +222,7 @@ class StepsOfSites(Moving):
         run.ended, self.cuts[0] = event, event
         (rows, totals), (begun, end) = self.at(step, at), self.times[step : step + 2].tolist()
         rows, whole = rows.copy(), self.rows[step + 1].copy()
+        run.samples.return_to(at)
         self._keep_up_to(at, step)
         if not run.fixed_times and run.samples.t[-1] != at:
             run.samples.end_at(at)

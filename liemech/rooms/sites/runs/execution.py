@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -66,3 +66,26 @@ class SiteExecution(Execution):
             yield calls
         finally:
             idle.append(calls)
+
+    def drive(
+        self,
+        sites: tuple[int, int, int],
+        arguments: Any,
+        shared: Any,
+        arrays: Any = (),
+        failures: Any = None,
+        told: Callable[[SiteCalls], Any] = lambda calls: calls.notes,
+    ) -> Any:
+        """Run the driver: by native code, and `told` of its calls is returned, or by plain Python, and nothing.  Raises
+        NotCompilable.
+
+        sites : steps of single sites, the number of sites, and that of workers.  shared, arrays : those that all sites have
+        in common.  failures : a list for what plain Python raised; None of drivers that do not ask for it.
+        """
+        asks = failures is not None
+        with self.on_sites(*sites) as calls:
+            if calls is not None:
+                calls(*arguments, *map(kernel.Shared, shared), *arrays, *[None][:asks])
+                return told(calls)
+            self.call[0](*arguments, *[x.reshape(-1) for x in (*shared, *arrays)], *[failures][:asks])
+            return None

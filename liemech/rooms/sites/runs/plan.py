@@ -55,10 +55,6 @@ def second(function: Any) -> str:
     return names[1] if len(names) > 1 else ""
 
 
-SPARSE = 32
-"""Fixed steps with so many between samples stand still at samples and events, as adaptive ones do."""
-
-
 class SitesOfPlan:
     """The runs by sites of one plan."""
 
@@ -87,7 +83,7 @@ class SitesOfPlan:
         """
         from .prepared import Prepared
 
-        key = layout_of(first), curves, every, self.watched
+        key = layout_of(first), curves, every
         if key not in self.known:
             self.known[key] = Prepared(self.plan, self.site, first, starts, curves, every, level)
         return self.known[key]
@@ -151,12 +147,11 @@ class SitesOfPlan:
         return {name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities}
 
     @functools.cached_property
-    def watched(self) -> tuple[Any, ...]:
-        """The events after which steps stand still, if all are of totals, and little else is asked of steps."""
+    def of_totals(self) -> bool:
+        """Are steps looked at for events of totals alone?"""
         plan = self.plan
-        sparse = plan.adaptive or (plan.options.every or 1) >= SPARSE
-        of_totals = sparse and not self.site.jointed and not plan.options.dense
-        return plan.events if of_totals and all(second(event) == TOTAL for event in plan.events) else ()
+        whole = plan.adaptive and plan.options.dense
+        return self.kind.watches and not whole and all(second(event) == TOTAL for event in plan.events)
 
     @functools.cached_property
     def of_sites(self) -> str | None:
@@ -245,9 +240,6 @@ class SitesOfPlan:
                 run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
-                if self.watched:  # events that are not compiled are asked for behind the steps
-                    self.watched = ()
-                    return self.trajectory(start, steps, t_end, t0, kept, t_eval)
                 if jointed and self.plan._steps.compiled:
                     raise
                 why = f"{self.plan.method!r} for sites one by one ({error})"

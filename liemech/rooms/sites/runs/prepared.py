@@ -34,7 +34,7 @@ from .driver import (
     first_memory,
     look_inside,
 )
-from .events import totals_class
+from .events import compiles, totals_class
 from .execution import LONG, SiteExecution
 
 NONE: Any = kernel.Columns(np.empty(0))
@@ -48,8 +48,8 @@ class Prepared:
 
     beginner : how sites begin.  procedure : how they are taken on.  state : the layout of what is shown of one
     site.  shown : the content of what the driver writes.  ending : where steps are cut; None: nowhere.  keeps : do
-    samples have states?  watched : does the driver stand still at events?  turning : how a splitting by colours
-    steps.  paces : of runs of so many sites, how many steps a call has come to make.
+    samples have states?  named : an example of totals with their names.  watched : does the driver ask events?
+    turning : how a splitting by colours steps.  paces : of runs of so many sites, how many steps a call has come to make.
     """
 
     turning: Any = None
@@ -76,15 +76,19 @@ class Prepared:
         self.memory, self.state = carried_layout(carry), layout_of(example)
         self.beginner, self.method = Beginner(method, given, started, self.memory), method
         self.keeps, quantities, totals = self._shown(example, some, starts)
-        self.watched = every and bool(plan._sites.watched)
-        kept, whole = not self.watched and (every or self.keeps), every and plan.adaptive
-        shown = Shown(kept, whole, self.memory if whole else self.state, quantities, totals)
-        events: Any = ()
+        names = totals_class(tuple(plan._sites.summed) if quantities else ())
+        self.named = names(*build(totals, iter([0.0] * totals.width)))
+        self.watched = every and plan._sites.of_totals and all(compiles(plan, x, self.named) for x in plan.events)
+        every = every and not self.watched
+        whole = every and plan.adaptive
+        self.shown = shown = Shown(every or self.keeps, whole, self.memory if whole else self.state, quantities, totals)
+        self.procedure = Procedure(method, control, self.memory, place, shown, every, ending)
         if self.watched:
-            names = tuple(plan._sites.summed)
-            events = plan._sites.watched, totals_class(names)(*build(totals, iter([0.0] * totals.width)))
-        self.procedure = Procedure(method, control, self.memory, place, shown, every, ending, *events)
-        self.shown, self.ending = shown, ending
+            counted, shown = with_fields(shown, kept=False), with_fields(shown, quantities=())
+            self.procedure = with_fields(
+                self.procedure, shown=shown, counted=counted, events=plan.events, named=self.named
+            )
+        self.ending = ending
         self.most = min(EIGHT, starts.count) if site.jointed else EIGHT
 
     def _execution(self, driver: Any, *call: Any) -> SiteExecution:
@@ -109,7 +113,7 @@ class Prepared:
     def within(self) -> Procedure:
         """The procedure as of looks inside of steps: at states, even if samples have none."""
         shown = with_fields(self.shown, kept=True, whole=False, layout=self.state)
-        found: Procedure = with_fields(self.procedure, shown=shown)
+        found: Procedure = with_fields(self.procedure, shown=shown, events=())
         return found
 
     @functools.cached_property
@@ -128,16 +132,10 @@ class Prepared:
         looking : who looks, for this run.
         """
         seen, totals = Planes.of_rows(self.state.width, sites.count), np.zeros(max(1, self.shown.totals.width))
-        done, failures, notes = np.zeros(1), [], 0  # type: Any, list[Any], int
+        done, failures = np.zeros(1), []  # type: Any, list[Any]
         given: Any = self.within, site, moment, sites, seen
-        with looking.on_sites(LONG * sites.count, sites.count, workers) as calls:
-            if calls is not None:
-                calls(*given, kernel.Shared(totals), done, None)
-                notes = calls.notes
-            else:
-                driver: Any = look_inside
-                driver(*given, totals, done, failures)
-        return seen, totals, None if done[0] else failures, notes
+        notes = looking.drive((LONG * sites.count, sites.count, workers), given, [totals], [done], failures)
+        return seen, totals, None if done[0] else failures, notes or 0
 
     @functools.cached_property
     def order(self) -> list[int] | None:

@@ -44,21 +44,7 @@ from ....simulation.runs.jumps import Ways, beyond_jump, stretches, until_jumps
 from ....simulation.runs.tolerance import limit_of, too_many, too_small
 from ....systems.in_time.inputs import during, has_inputs
 from ....systems.many.site_state import StateOfSites
-from .driver import (
-    COPIES,
-    DUE,
-    MET,
-    ROW,
-    Moment,
-    OverSites,
-    advance_sites,
-    begin_sites,
-    one_inside,
-    one_rate,
-    one_remake,
-    one_start,
-    one_step,
-)
+from .driver import COPIES, MET, ROW, Moment, OverSites, one_inside, one_rate, one_remake, one_start, one_step
 from .events import StepsOfSites
 from .execution import LONG, SiteExecution
 from .lists import STEP as SHORT
@@ -89,6 +75,7 @@ class SiteRun(Course):
     """
 
     by_sites = True
+    watches = True  # may the driver of its steps ask events?
     ended: int | None = None  # by which event
     level: float | None = None
     dense = each_end = False  # is the way of all adaptive steps kept, and are there samples at their ends?
@@ -205,23 +192,17 @@ class SiteRun(Course):
 
     def _blank(self) -> None:
         """Forget what the driver has come to."""
-        self.place, self.march = np.zeros((2, 1)), np.array([0.0, 0.0, 0.0, np.nan, np.nan, 0.0])
+        self.place, self.march = np.zeros((2, 1)), np.array([0.0, 0.0, 0.0, np.nan, 0.0])
 
     def _begin(self) -> None:
         """Let the method begin at every site."""
         shape, done = self.shape, np.zeros(1)
         failures: list[Any] = []
         arguments = shape.beginner, self.site, self.h, self.starts, self.sites
-        notes = 0
-        work = self.count * min(LONG, max(1, self.steps))
-        with self.executing(shape.beginning).on_sites(work, self.count, self.workers) as calls:
-            if calls is not None:
-                calls(*arguments, done, None)
-                notes = calls.notes
-            else:
-                begin_sites(*arguments, done, failures)
+        sites = self.count * min(LONG, max(1, self.steps)), self.count, self.workers
+        notes = self.executing(shape.beginning).drive(sites, arguments, (), [done], failures)
         if not done[0]:
-            error = self._why(failures, notes, lambda i: one_site(self.count, i, one_start, *arguments))
+            error = self._why(failures, notes or 0, lambda i: one_site(self.count, i, one_start, *arguments))
             raise self._ended(error, f"at the start, t = {self.begun:g}")
         self.starts = None
 
@@ -368,20 +349,19 @@ class SiteRun(Course):
         shared, arrays = [totals, times, self.march], [self.goals, self.place, self.clocks, self.out]
         if not self.adaptive:
             self.failures = []
-        self.notes, self.march[2] = 0, 0.0
+        self.notes, self.march[2], self.march[MET] = 0, 0.0, 0.0
         try:
-            with stepping.on_sites(self.count * max(1, left), self.count, self.workers) as calls:
-                if calls is not None:
-                    self.compiled = self.compiled or left > 0
-                    calls(*arguments, *map(kernel.Shared, shared), *arrays, None)
-                    self.notes = calls.notes
-                    if not self.adaptive and self.clocks[MARK, 0] != 0.0:
-                        self.overflowed = calls.overflowed()
-                else:
-                    driver: Any = advance_sites
-                    driver(*arguments, *[x.reshape(-1) for x in (*shared, *arrays)], self.failures)
+            sites = self.count * max(1, left), self.count, self.workers
+            stepping.drive(sites, arguments, shared, arrays, self.failures, self._noted)
         finally:
             samples.take(int(self.march[2]), seen, totals)
+
+    def _noted(self, calls: Any) -> None:
+        """Take down what native code has noted of its steps."""
+        self.compiled = self.compiled or self.adaptive or self.steps > 0
+        self.notes = calls.notes
+        if not self.adaptive and self.clocks[MARK, 0] != 0.0:
+            self.overflowed = calls.overflowed()
 
     @property
     def _copy_of_all(self) -> np.ndarray:
@@ -496,33 +476,36 @@ class SiteRun(Course):
 
     def ends(self, turns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Some more steps: of where they begin, and of their ends, the times, what is kept of all sites, (n, width,
-        sites), and the totals; only of the last step, where the driver stands still at events.
+        sites), and the totals; where the driver asks events, all that is carried along, of the last step.
         """
+        if self.shape.watched:
+            self._steps(turns, self.samples)
+            times, width = np.array([self.march.item(3), self.clocks.item(TIME, 0)]), self.shape.memory.width
+            copies = self.sites.array[: 2 * width].reshape(2, width, -1)[..., : self.count]
+            onward, made = 2 * self._copy - 1, 1 if times[0] == times[1] else 2
+            return times[-made:], copies[::onward][-made:], self.samples.at_ends[::onward][-made:]
         if self.kept_steps is None:
             self.kept_steps = EndsOfSteps(self.shape, self.count)
         kept = self.kept_steps
         kept.go_on(self.clocks.item(TIME, 0))
-        self.march[[DUE, MET]] = self.samples.due, 0.0
         self._steps(min(turns, kept.room), kept)
-        made, rows, width = kept.made, kept.rows, self.shape.memory.width
-        first = max(0, made - 2) if self.shape.watched else 0
-        if self.shape.watched:  # of which both copies of the memory are the ends
-            copies = self.sites.array[: 2 * width].reshape(2, width, -1)
-            rows = copies[:: 2 * self._copy - 1, :, : self.count][-made:]
-        return kept.times[first:made], rows, kept.totals[first:made]
+        return kept.times[: kept.made], kept.rows, kept.totals[: kept.made]
 
     def inside_step(self, pair: np.ndarray, begun: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites, (width, sites), and the totals inside of a step.  pair : what is kept of its ends."""
-        if not self.adaptive:
-            return self._stepped(pair[0], begun, at)
         if self.shape.watched:  # the pair is still where the step has put it
             return self.looked(at, begun, end)
+        if not self.adaptive:
+            return self._stepped(pair[0], begun, at)
         sites = Planes(rows_of(pair.reshape(-1, self.count)), self.count)
         return self._on_the_way(sites, Moment(at, (at - begun) / (end - begun), 1.0))
 
     def seen(self, rows: np.ndarray) -> np.ndarray:
         """The states of all sites, (..., width, sites), of what is kept of steps."""
-        return rows[..., : self.shape.state.width, :]
+        if not self.shape.watched:
+            return rows[..., : self.shape.state.width, :]
+        states = [self.shape.shown_rows(x) for x in rows.reshape(-1, *rows.shape[-2:])]
+        return np.reshape(states, (*rows.shape[:-2], -1, self.count))
 
     @property
     def _looks(self) -> bool:
@@ -532,15 +515,16 @@ class SiteRun(Course):
     @property
     def stand(self) -> tuple[np.ndarray, ...]:
         """A copy of where the run stands."""
-        return self._copy_of_all.copy(), self.clocks.copy()
+        return self._copy_of_all.copy(), self.clocks.copy(), self.march.copy()
 
     def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
         """Stand where the run stood, or behind step number `steps`."""
-        self._copy_of_all[:], self.clocks[:] = stand
+        self._copy_of_all[:], self.clocks[:], self.march[:] = stand
         if steps > self.taken:
+            written = self.samples if self.shape.watched else self.kept_steps
+            written.return_to(self.clocks.item(TIME, 0))
             limit, self.goals[LIMIT] = self.goals[LIMIT].copy(), steps
-            self.kept_steps.made = 1
-            self._steps(MOST, self.kept_steps)
+            self._steps(MOST, written)
             self.goals[LIMIT] = limit
 
     def end_in_step(self, at: float, rows: np.ndarray) -> None:

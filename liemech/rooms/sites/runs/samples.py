@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from ....compiler.sites.planes import Planes
+from ....simulation.keep import with_room
+from .driver import ENDS
 
 SEEN, ROOM = 256, 2**21
 """Steps, and numbers of all sites at their ends, that are made before somebody looks at them."""
@@ -38,6 +40,10 @@ class EndsOfSteps:
             self.planes.array[: self.wide] = self.planes.array[last * self.wide : self.made * self.wide]
             self.times[0], self.totals[0], self.made = t, self.totals[last], 1
 
+    def return_to(self, t: float) -> None:
+        """Forget those beyond the first one."""
+        self.made = 1
+
     def ahead(self, back: float) -> tuple[Planes, np.ndarray, np.ndarray]:
         """Where the driver writes the next ones, behind the last one: all sites, totals and times."""
         made = max(self.made - 1, 0)
@@ -55,15 +61,16 @@ class SamplesOfSites:
     asked, times : as they were asked for, and as the driver meets them.  made : how many there are.
     chosen : the sites of which states are kept; None for all.  wide : the numbers of a state that are kept.
     beside : None, or what looks at every sample, by the number of the first one and rows of numbers.
+    at_ends : totals of both copies of the memory, where events are watched.
     """
 
     def __init__(self, shape: Any, count: int, asked: Any, times: Any, chosen: Any = None, beside: Any = None) -> None:
         self.asked, self.times, self.count, self.chosen, self.beside = asked, times, count, chosen, beside
         self.wide, self.made = shape.state.width if shape.keeps else 0, 0
-        self.room = len(times) if chosen is None else 1  # for samples of all sites
-        self.seen = Planes.of_rows(max(1, self.room * self.wide), count)
+        self.seen = Planes.of_rows(max(1, self.wide * (len(times) if chosen is None else 1)), count)
         self.own = np.empty((0 if chosen is None else len(times), self.wide, len(chosen or ())))
         self.totals = np.zeros((len(times), shape.shown.totals.width))
+        self.at_ends = np.zeros((ENDS if shape.watched else 0, shape.shown.totals.width))
 
     @property
     def t(self) -> np.ndarray:
@@ -89,17 +96,20 @@ class SamplesOfSites:
 
         back : a time that every step goes beyond.
         """
-        made, seen, end = self.made, self.seen, self.made + self.room
+        made, seen = self.made, self.seen
+        end = len(self.times) if self.chosen is None else made + 1
         times = np.append(self.times[made:end], np.nan)
         if self.chosen is None:
             seen = Planes(seen.array[made * self.wide :], self.count)
         elif end < len(self.times):  # up to where there is no more room
             times[-1] = back
-        return seen, np.zeros((len(self.times) - made + 1, self.totals.shape[1])), times
+        return seen, np.zeros((len(self.at_ends) + len(self.times) - made + 1, self.totals.shape[1])), times
 
     def take(self, new: int, seen: Planes, totals: np.ndarray) -> None:
         """Take up so many that the driver has written."""
-        self._add(self._first(new, seen), totals[:new])
+        ends = len(self.at_ends)
+        self.at_ends[:] = totals[:ends]
+        self._add(self._first(new, seen), totals[ends : ends + new])
 
     def keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
         """Take some more, of which these are the numbers, (n, width, sites), and the totals; or one, (width, sites)."""
@@ -118,6 +128,11 @@ class SamplesOfSites:
         if self.beside is not None:
             self.beside(first, rows)
 
+    def return_to(self, t: float) -> None:
+        """Forget those beyond a time."""
+        first = self.times[:1]
+        self.made = int((np.abs(self.times[: self.made] - first) <= np.abs(t - first)).sum())
+
     def end_at(self, t: float) -> None:
         """Let the next one be the last, at this time."""
         self.asked = np.append(self.asked[: self.made], t)
@@ -129,14 +144,12 @@ class SamplesOfSites:
         self._have_room(len(self.times))
 
     def _have_room(self, samples: int) -> None:
-        """Make room for twice as many, where there is none for so many."""
-        room = len(self.totals)
-        if samples > room:
-            self.totals, self.own = (np.concatenate([x, np.zeros_like(x)]) for x in (self.totals, self.own))
-            if self.chosen is None:
-                self.room, old = 2 * room, self.seen
-                self.seen = Planes.of_rows(max(1, self.room * self.wide), self.count)
-                self.seen.array[: len(old.array)] = old.array
+        """Make room for so many."""
+        self.totals = with_room(self.totals, samples)
+        if self.chosen is None:
+            self.seen = Planes(with_room(self.seen.array, samples * self.wide), self.count)
+        else:
+            self.own = with_room(self.own, samples)
 
     def kept_of(self, rows: np.ndarray) -> np.ndarray:
         """Of the states of all sites what samples keep."""

@@ -70,11 +70,7 @@ def totals_in(totals: np.ndarray, site: Any, shown: Any, seen: Planes, t: np.nda
     execution = SiteExecution(None, None, totals_of_samples, site, shown, 0, 1, planes, shared, shared)
     arguments = site, shown, 0, len(t), seen
     times = np.ascontiguousarray(t, dtype=float)
-    with execution.on_sites(len(t) * seen.count, seen.count) as calls:
-        if calls is not None:
-            calls(*arguments, kernel.Shared(totals), kernel.Shared(times))
-        else:
-            totals_of_samples(*arguments, totals.reshape(-1), times)
+    execution.drive((len(t) * seen.count, seen.count, 1), arguments, [totals, times])
 
 
 def _flat(x: np.ndarray) -> np.ndarray:

@@ -185,6 +185,7 @@ class TurnsRun(SiteRun):
     before the last turn, is laid out by colours for as long as native code runs.
     """
 
+    watches = False
     turned: Planes | None = None  # all sites before the last turn of a step, by their places
     clock: np.ndarray
     last: Any = None  # all states at the node, by their places
@@ -340,13 +341,8 @@ class TurnsRun(SiteRun):
         """Run the driver."""
         execution = self.executing(self.shape.turning.execution)
         left = self.first + self.steps - self.taken
-        with execution.on_sites(self.count * max(1, left), arguments[-1].count, self.workers) as calls:
-            if calls is not None:
-                self.compiled = True
-                calls(*arguments, kernel.Shared(clock))
-            else:
-                driver: Any = advance_turns
-                driver(*arguments, clock)
+        sites = self.count * max(1, left), arguments[-1].count, self.workers
+        self.compiled = execution.drive(sites, arguments, [clock]) is not None or self.compiled
 
     def _turned(self, turns: int, samples: int, shown: int) -> np.ndarray:
         """The states of all sites after so many steps each, (samples, width, places); if they are not
