@@ -169,6 +169,37 @@ def test_a_body_at_rest_is_one_too() -> None:
 
 
 @lm.record
+class ChargedTop(lm.CotangentSystem):
+    """H = (mu - A) . J^-1 (mu - A)/2 + chi . g^T e3, A = M g^T b/2, b along e3."""
+
+    configurations = lm.SO3()
+
+    inertia: lm.Vec
+    charges: lm.Mat
+    weight: lm.Vec
+    field: float
+
+    def energy(self, mu: lm.Vec, g: lm.Mat) -> float:
+        v = mu - 0.5 * self.field * (self.charges @ g[2])
+        return 0.5 * lm.dot(v, v / self.inertia) + lm.dot(self.weight, g[2])
+
+
+def test_a_charged_top_in_a_magnetic_field() -> None:
+    """Numbers of an independent program, which differentiated by complex steps."""
+    M = [[1.1, 0.3, 0.0], [0.3, 0.7, 0.2], [0.0, 0.2, 1.3]]
+    top = ChargedTop([1.0, 1.6, 2.3], M, [0.08, 0.16, 0.8], 1.2)
+    # the level of the momentum is that of the guess
+    guess = top.state(mu=np.asarray(tilted(3.0)).T @ [0.0, 0.0, 2.5], g=tilted(3.0))
+    found = lm.relative_equilibrium(top, guess)
+    mu, g = np.asarray(found.state.mu), np.asarray(found.state.g)
+    np.testing.assert_allclose(mu, [-0.142772907109018, -0.452020670987044, -2.45559263023255], rtol=1e-12)
+    np.testing.assert_allclose(g[2], [-0.07615495395893, -0.199562307223443, -0.976921342034849], rtol=1e-12)
+    assert found.velocity[:3] @ g[2] == pytest.approx(0.743082613199693, rel=1e-12)
+    np.testing.assert_allclose(found.frequencies, [0.946587108, 1.4644706848], rtol=1e-8)
+    assert found.symmetries == 1 and found.squares == (4, 0) and found.verdict == "stable"
+
+
+@lm.record
 class Friction(lm.Force):
     """A torque against the rotation."""
 

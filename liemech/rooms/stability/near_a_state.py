@@ -24,8 +24,8 @@ from ...formulas.vectors import small
 from ...groups.lie_group import LieGroup
 from ...groups.vector_space import VectorSpace
 from ...systems.canonical import CanonicalState, HamiltonianSystem
+from ...systems.cotangent import CotangentMotion, DrivenCotangentSystem
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
-from ...systems.mechanical import MechanicalSystem
 
 FAINT = 1e-6
 """Beside the sizes of the other parts of a state, how small a part says nothing of its own size."""
@@ -71,11 +71,11 @@ class NearState:
         g, mu = self.at(z)
         if isinstance(self.system, HamiltonianSystem):
             return vec(*self.system.velocity(g, mu), *self.system.force(g, mu))
-        xi = self.system.velocity(mu)
-        rate = self.group.ad_star(xi, mu)
-        if isinstance(self.system, MechanicalSystem):
-            rate = rate + self.system.applied(0.0, xi, g)
-        return vec(*xi, *rate)
+        if isinstance(self.system, LiePoissonSystem):
+            xi = self.system.velocity(mu)
+            return vec(*xi, *self.group.ad_star(xi, mu))
+        xi, force = self.system.rates(0.0, mu, g)
+        return vec(*xi, *(self.group.ad_star(xi, mu) + force))
 
     def momenta(self, z: Vec) -> Vec:
         """<mu, X(g)>, (m,), of left and right translations and of linear maps."""
@@ -173,13 +173,14 @@ def states_near(name: str, system: Any, state: Any) -> NearState:
     if isinstance(system, HamiltonianSystem) and isinstance(state, CanonicalState) and state.bodies is None:
         q, p = (small(np.asarray(x)) for x in (state.q, state.p))
         return NearState(system, VectorSpace(system.degrees), q, p)
-    body = getattr(system, "body", system)
-    if not isinstance(system, (LiePoissonSystem, MechanicalSystem)) or not isinstance(body, LiePoissonSystem):
+    driven = isinstance(system, DrivenCotangentSystem) or getattr(system, "driven", False)
+    if driven or not isinstance(system, (LiePoissonSystem, CotangentMotion)):
         raise IncompatibleSystem(
-            f"{name}: {system!r}; wanted is a LiePoissonSystem, a MechanicalSystem or a HamiltonianSystem, "
-            "whose energy does not change with time"
+            f"{name}: {system!r}; wanted is a LiePoissonSystem, a MechanicalSystem, a CotangentSystem or a "
+            "HamiltonianSystem, whose energy does not change with time"
         )
     if not isinstance(state, BodyState) or state.bodies is not None or system.is_large:
         raise IncompatibleSystem(f"{name}: the guess is the state of one body, system.state(...); got {state!r}")
-    g = body.group.identity() if state.g is None else state.g
-    return NearState(system, body.group, small(np.asarray(g)), small(np.asarray(state.mu)))
+    group = getattr(system, "configurations", system.group)
+    g = group.identity() if state.g is None else state.g
+    return NearState(system, group, small(np.asarray(g)), small(np.asarray(state.mu)))

@@ -113,7 +113,7 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     """The relative equilibrium near a state, of its momenta: a top that precesses without nodding, a satellite that
     always faces the planet, masses that turn as a triangle.
 
-    system : a LiePoissonSystem, a MechanicalSystem or a HamiltonianSystem, autonomous.  Its symmetries are found from its
+    system : a LiePoissonSystem, a MechanicalSystem, a CotangentSystem or a HamiltonianSystem, autonomous.  Its symmetries are found from its
     equations: left and right translations of the group, and linear maps of positions.
     guess : a state, `system.state(...)`, near the equilibrium.  The momenta of its symmetries are kept.
 
