@@ -126,9 +126,9 @@ class SymplecticRKMK(Implicit):
         mean = TAU.dtau_dual(group, -x, start.mu) + 0.5 * TAU.dtau_dual(group, -0.5 * x, force)
         by_mu, by_place, matrix = near
         turn = correction(matrix, mean - p)
-        more = by_mu @ turn + (0.5 * h) * (by_place @ off)
-        X, blocks = tuple([v + more for v in X]), system.unit_blocks
-        steps, sizes = vec(*(off + more), *turn), vec(*before, *start.mu)
+        shift = by_mu @ turn + (0.5 * h) * (by_place @ off)
+        X, blocks = tuple([v + shift for v in X]), system.unit_blocks
+        steps, sizes = vec(*(off + shift), *turn), vec(*before, *start.mu)
         return (*X, *D, change + turn, force), one_norms(steps, blocks), one_norms(sizes, blocks)
 
 

@@ -273,9 +273,9 @@ class TangentSystem(CotangentSystem):
     @final
     def velocity(self, mu: Vec, g: Element) -> Vec:
         """The body velocity xi with dl/dxi = mu, (dim,).  mu : (dim,), g : an element.  Raises NoConvergence."""
-        rest, at_rest = 0.0 * mu, self.momentum(0.0 * mu, g)
+        still, at_rest = 0.0 * mu, self.momentum(0.0 * mu, g)
         beside = vec(*[abs(a) + abs(b) for a, b in zip(mu, at_rest)])
-        xi, size, enough, _ = newton(lambda x: (self.momentum(x, g) - mu, self.hessian(x, g), 1.0), rest, beside)
+        xi, size, enough, _ = newton(lambda x: (self.momentum(x, g) - mu, self.hessian(x, g), 1.0), still, beside)
         if not size <= enough:
             raise NoConvergence(f"{type(self).__name__}: no velocity has the momentum {mu!r}; is d2l/dxi2 positive?")
         return xi

@@ -65,14 +65,14 @@ class Branches(Joins):
                 certain.append({n for n in before if has(n) not in before})
                 continue
             aside = not all(isinstance(x, (ast.Break, ast.Continue)) for x in statements)  # which change masks alone
-            begun = now()
+            entered = now()
             if aside:
                 any_lane, skip, calls = e.any(lanes), b.block, e.calls
                 start = b.append_basic_block()
                 b.position_at_end(start)
             inside = dict(before)
             inside |= {n: merged[n] for n in LEFT if n in merged}
-            self.state.base, self.state.since = lanes, begun
+            self.state.base, self.state.since = lanes, entered
             with self.apart():
                 self.block(statements, inside)
             left = inside.pop(ACTIVE, None)
@@ -81,7 +81,7 @@ class Branches(Joins):
             for n in [n for n in inside if n not in before and not n.startswith("<")]:
                 inside.setdefault(has(n), True)
                 merged.setdefault(has(n), False)
-            changed = {n: self.settled(v, begun) for n, v in inside.items() if v is not before.get(n, inside)}
+            changed = {n: self.settled(v, entered) for n, v in inside.items() if v is not before.get(n, inside)}
             after = {
                 n: self.blended(n, mask, (v, inside), (merged[n], merged)) if n in merged and n not in LEFT else v
                 for n, v in changed.items()
@@ -98,7 +98,7 @@ class Branches(Joins):
                 self.join(
                     [
                         Open(end_of_body, after),
-                        Open(skip, skipped, self._entering(any_lane, start, e.calls > calls), begun),
+                        Open(skip, skipped, self._entering(any_lane, start, e.calls > calls), entered),
                     ],
                     merged,
                 )

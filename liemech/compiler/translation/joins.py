@@ -179,8 +179,8 @@ class Joins:
             if not any(isinstance(x, LinearForm) for x in row):
                 return combine(*row)
             ways = [factors_of(x) for x in row]
-            known = dict.fromkeys(form for way in ways for form in way)
-            return LinearForm(*[(one(tuple([way.get(form, 0.0) for way in ways])), form) for form in known])
+            forms = dict.fromkeys(form for terms in ways for form in terms)
+            return LinearForm(*[(one(tuple([terms.get(form, 0.0) for terms in ways])), form) for form in forms])
 
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
         return build(layouts[0], iter([one(row) for row in rows]))
@@ -221,12 +221,12 @@ class Joins:
         outer = self.state.region
         self.regions += 1
         self.state.region = (*outer, (self.regions, loop))
-        take_back, begun = back(), now()  # what is first computed here is not there elsewhere
+        take_back, entered = back(), now()  # what is first computed here is not there elsewhere
         yield
         take_back()
         self.state.region = outer
         if PULLED.get():
-            self.ended = [*[x for x in self.ended if x[0] < begun], (begun, now())]
+            self.ended = [*[x for x in self.ended if x[0] < entered], (entered, now())]
 
     def fail_if(self, condition: Any, everywhere: bool = False) -> None:
         """Python raises here if the condition holds: the attempt has failed, in the lanes that run

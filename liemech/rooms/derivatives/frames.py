@@ -55,14 +55,14 @@ def basis_of(frames: dict[str, Any], states: dict[str, np.ndarray]) -> np.ndarra
     """
     parts = []
     for name, directions in frames.items():
-        own = directions(np.asarray(states[name]))
-        parts.append(real_numbers(own).reshape(*own.shape[:2], -1))
-    found = np.zeros((len(parts[0]), *np.sum([x.shape[1:] for x in parts], axis=0)))
+        changes = directions(np.asarray(states[name]))
+        parts.append(real_numbers(changes).reshape(*changes.shape[:2], -1))
+    basis = np.zeros((len(parts[0]), *np.sum([x.shape[1:] for x in parts], axis=0)))
     i = j = 0
-    for own in parts:
-        found[:, i : i + own.shape[1], j : j + own.shape[2]] = own
-        i, j = i + own.shape[1], j + own.shape[2]
-    return found
+    for part in parts:
+        basis[:, i : i + part.shape[1], j : j + part.shape[2]] = part
+        i, j = i + part.shape[1], j + part.shape[2]
+    return basis
 
 
 def group_of(system: Any) -> Any:

@@ -113,8 +113,9 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     """The relative equilibrium near a state, of its momenta: a top that precesses without nodding, a satellite that
     always faces the planet, masses that turn as a triangle.
 
-    system : a LiePoissonSystem, a MechanicalSystem, a CotangentSystem or a HamiltonianSystem, autonomous.  Its symmetries are found from its
-    equations: left and right translations of the group, and linear maps of positions.
+    system : a LiePoissonSystem, a MechanicalSystem, a CotangentSystem or a HamiltonianSystem, whose energy does not change
+    with time.  Its symmetries are found from its equations: left and right translations of the group, and linear maps of
+    positions.
     guess : a state, `system.state(...)`, near the equilibrium.  The momenta of its symmetries are kept.
 
     Newton's method for the critical point of H - sum_a w_a J_a at J_a = j_a, each step the shortest one, as states that
