@@ -33,7 +33,7 @@ hand = lm.PiecewisePolynomial.linear(run.t, run.g[:, [19, 27]])  # x and z of th
 fit = minimize(motion, first, args=(hand,), jac=True, tol=1e-12)
 print(f"{fit.nfev} gradients: {fit.x.round(4)}, misfit {fit.fun:.0e}")
 figure, ax = lm.plots.subplots()
-for made, style in (motion(first), "C1"), (motion(fit.x), "C0"), (run, "C2o"):
-    ax.plot(*made.g[:, [19, 27]].T, style)
-ax.set(xlabel="x (m)", ylabel="z (m)"), ax.legend(["first guess", "fitted", "seen"])
-lm.plots.save(figure, "arm_gains.png")
+for name, by, style in ("fitted", fit.x, "-"), ("first guess", first, "--"):
+    ax.plot(*motion(by).g[:, [19, 27]].T, style, label=name)
+ax.plot(*run.g[:, [19, 27]].T, "o", label="seen"), ax.set(xlabel="$x$ (m)", ylabel="$z$ (m)")
+lm.plots.legend(ax), lm.plots.save(figure, "arm_gains.png")

@@ -29,4 +29,4 @@ for name, one in (("explicit", explicit), ("implicit", run)):
     band = np.ptp(one.energy) / np.abs(rod.potential.energy(one.g[-1]) - one.energy[0])
     print(f"{name}: energy to {band:.0e} of what the rod falls, tip at {one.g[-1, -1, [0, 2], 3]}")
 figure.savefig("rubber_rod.png", dpi=200)
-lm.viewer.Scene(explicit, title="A rubber rod").save("rubber_rod.html")
+lm.viewer.Scene(explicit, title="A rubber rod").save("rubber_rod.html", compressed=True)
