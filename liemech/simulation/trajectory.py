@@ -329,7 +329,7 @@ class Trajectory:
         """The dense output of the run, or shorter steps of its method; InvalidInput without either."""
         if self.dense is not None:
             return self.dense
-        if self.bodies is not None and self.rejected is None:
+        if self.bodies is not None and self.rejected is None and getattr(self, "tau", None) is None:
             return DenseOutputs(tuple([self._alone(i)._motion for i in range(self.bodies)]))
         system: Any = self.system
         complete = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
