@@ -355,7 +355,9 @@ class Trajectory:
         steps = self.stopped[i].steps if i in self.stopped else int(np.count_nonzero(np.diff(t)))
         states = {name: x[: steps + 1, i] for name, x in self.states.items()}
         of_this_body = of_body(self.system, i), of_body(self.method, i), self.h if np.ndim(self.h) == 0 else self.h[i]
-        return Trajectory(*of_this_body, t[: steps + 1], states, None, steps, observed=self.observed, breaks=self.breaks)
+        return Trajectory(
+            *of_this_body, t[: steps + 1], states, None, steps, observed=self.observed, breaks=self.breaks
+        )
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;

@@ -84,10 +84,10 @@ _REST = LinearForm()
 
 def factors_of(slope: Any) -> dict[LinearForm, Any]:
     """The factors of the forms of which a form is the sum; none of a number, which rests."""
-    found: dict[LinearForm, Any] = {}
+    factors: dict[LinearForm, Any] = {}
     for k, form in slope.terms if isinstance(slope, LinearForm) else ():
-        found[form] = found[form] + k if form in found else k
-    return found
+        factors[form] = factors[form] + k if form in factors else k
+    return factors
 
 
 def now() -> int:
