@@ -53,7 +53,7 @@ class Lyapunov:
             return "chaotic"
         return "regular" if REGULAR[0] <= self.mean_megno[-1] <= REGULAR[1] else "undecided"
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         exponents = ", ".join(f"{x:.4g}" for x in self.exponents)
         return (
             f"{self.verdict}: mean MEGNO {self.mean_megno[-1]:.3g} at t = {self.t[-1]:.6g} (2 if regular)\n"

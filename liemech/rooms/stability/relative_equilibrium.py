@@ -22,6 +22,7 @@ from ...errors import NoConvergence
 from ...formulas import vec
 from ...formulas.classes.frozen import frozen
 from ...groups.matrices.skew_matrices import like_sizes
+from ...simulation.reports.written_tables import html_table
 from .near_a_state import NearState, states_near
 from .symmetries import kept_momenta, momentum_slopes, nonzero, null_space, pivoted
 
@@ -89,24 +90,34 @@ class RelativeEquilibrium:
             return "asymptotically stable"
         return "spectrally stable"
 
-    def __str__(self) -> str:
+    @property
+    def _headline(self) -> str:
         if self.growth:
             why = f"a disturbance grows as exp({self.growth:.6g} t)"
         elif self.squares is None:
             why = "the energy is not kept, and says nothing"
         else:
             why = "the augmented energy has {} positive and {} negative squares".format(*self.squares)
+        return f"relative equilibrium, {self.verdict}: {why}"
+
+    def _rows(self, indent: int) -> list[tuple[str, str]]:
+        """Names and numbers; what is rounding beside others is shown as 0."""
         shown = {
             **self.state.arrays,
             "velocity": self.velocity[: len(self.velocity) // 2],
             "frequencies": self.frequencies,
         }
-        lines = [f"relative equilibrium, {self.verdict}: {why}"]
+        rows = []
         for name, x in shown.items():
-            numbers = np.where(np.abs(x) > FEW_DIGITS**2 * np.abs(x).max(initial=0.0), x, 0.0)  # but for rounding
-            lines.append(f"  {name:<12} {np.array2string(numbers, precision=6, prefix=' ' * 15)}")
-        lines.append(f"  {'symmetries':<12} {self.symmetries}")
-        return "\n".join(lines)
+            numbers = np.where(np.abs(x) > FEW_DIGITS**2 * np.abs(x).max(initial=0.0), x, 0.0)
+            rows.append((name, np.array2string(numbers, precision=6, prefix=" " * indent)))
+        return [*rows, ("symmetries", str(self.symmetries))]
+
+    def __repr__(self) -> str:
+        return "\n".join([self._headline, *(f"  {name:<12} {numbers}" for name, numbers in self._rows(15))])
+
+    def _repr_html_(self) -> str:
+        return html_table(self._headline, ("", ""), self._rows(0))
 
 
 def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
