@@ -35,7 +35,7 @@ from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers import philox, products, series, transposes
 from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.conversions import as_others_see, compensated, double_double, fitted, plain, rounded
-from ...formulas.numbers.dual import Dual
+from ...formulas.numbers.dual import Dual, at_rest
 from ...formulas.numbers.forms import LinearForm, chosen
 from ...formulas.numbers.pairs import PAIRS, paired
 from ...formulas.numbers.series import Series, SeriesInMemory
@@ -91,7 +91,7 @@ class Interpreter(Statements):
             getattr: self.named,
             dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, as_others_see, compensated, double_double, plain, rounded, fitted, axes)},
-            **{f: f for f in (records_in, with_fields)},
+            **{f: f for f in (records_in, with_fields, at_rest)},
             with_records: lambda x, kind, new: with_records(x, kind, new, self.reads.exchanged),
             **{
                 slopes: lambda formula, *x, slopes=slopes: slopes(
