@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -54,6 +55,28 @@ def test_a_lagrange_top_is_regular_and_a_heavy_one_is_not(method: lm.Method) -> 
     assert found.mean_megno[-1] == pytest.approx(0.5 * found.exponents[0] * 200.0, rel=0.4)
     assert abs(found.exponents.sum()) < (1e-10 if isinstance(method, lm.LieVerlet) else 1e-4)
     np.testing.assert_allclose(found.exponents, -found.exponents[::-1], atol=0.02)
+
+
+@pytest.mark.parametrize("time", [4.0, 6.0, 8.0])
+def test_a_short_run_of_a_chaotic_motion_is_not_called_regular(time: float) -> None:
+    """<Y> = lambda t/2 passes 2, where that of regular motion stays."""
+    saddles, rate = Saddles(0.7, 0.3), 0.7
+    plan, start = lm.Plan(saddles, lm.RKMK(order=4), h=0.05), saddles.state(q=[1.0, 0.0], p=[rate, 0.0])
+    found = lm.lyapunov(plan, start, steps=round(time / rate / 0.05))
+    along = dataclasses.replace(found, megno=rate * found.t, mean_megno=0.5 * rate * found.t)
+    assert along.mean_megno[-1] == pytest.approx(0.5 * time, rel=0.01) and along.verdict == "undecided"
+
+
+def test_backwards_exponents_tell_how_disturbances_grow() -> None:
+    """Exponents of a reversible motion are those of the way back."""
+    saddles = Saddles(0.7, 0.3)
+    start = saddles.state(q=[1e-9, 2e-9], p=[0.0, 0.0])
+    there, back = (
+        lm.lyapunov(lm.Plan(saddles, lm.RKMK(order=8), h=h), start, steps=500, exponents=4) for h in (0.1, -0.1)
+    )
+    np.testing.assert_allclose(back.exponents, [0.7, 0.3, -0.3, -0.7], atol=0.1)
+    np.testing.assert_allclose(back.history[-1], 0.7, atol=0.1)
+    assert there.verdict == back.verdict == "chaotic"
 
 
 @pytest.mark.slow

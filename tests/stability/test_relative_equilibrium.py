@@ -226,6 +226,29 @@ def test_under_friction_it_comes_to_rest() -> None:
     np.testing.assert_allclose(np.sort_complex(found.eigenvalues), np.sort_complex(np.concatenate(wanted)), atol=1e-9)
 
 
+@lm.record
+class Shaken(lm.Force):
+    """A force that is none at t = 0."""
+
+    def covector(self, t: float, xi: lm.Vec, g: lm.Mat) -> lm.Vec:
+        return lm.vec(np.sin(t), 0.0, 0.0)
+
+
+@lm.record
+class Swelling(lm.Force):
+    """A friction that feeds in energy later on."""
+
+    def covector(self, t: float, xi: lm.Vec, g: lm.Mat) -> lm.Vec:
+        return -np.cos(t) * xi
+
+
+@pytest.mark.parametrize("load", [Shaken(), Swelling()], ids=repr)
+def test_loads_that_change_with_time_leave_no_steady_motion(load: lm.Force) -> None:
+    body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), InTheField(), load=load)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="changes with time"):
+        lm.relative_equilibrium(body, body.state(mu=np.zeros(3), g=np.eye(3)))
+
+
 def test_where_there_is_none_it_says_so() -> None:
     falling = lm.MechanicalSystem(
         lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 1.5, 2.0, 3.0, 3.0, 3.0])), lm.models.UniformGravity(9.81)

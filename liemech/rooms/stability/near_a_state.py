@@ -13,6 +13,7 @@ Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sect
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ import numpy as np
 from ...errors import IncompatibleSystem
 from ...formulas import Vec, dot, jacobian, vec
 from ...formulas.classes.frozen import frozen
+from ...formulas.numbers.anything import indices_in, traced
 from ...formulas.vectors import small
 from ...groups.lie_group import LieGroup
 from ...groups.vector_space import VectorSpace
@@ -164,6 +166,19 @@ class NearState:
         at_pace = x * pace / mobile
         mu = np.where(mu > FAINT * at_pace, mu, at_pace)
         return np.repeat([*x, *np.where(mu > 0.0, mu, 1.0)], (*widths, *widths))
+
+    def require_autonomous(self, name: str, sizes: np.ndarray) -> None:
+        """Raise IncompatibleSystem for rates that depend on the time, at a random state: a load that does, a user's motion.
+        name : of the caller, for messages.  sizes : of displacements.
+        """
+        if not isinstance(self.system, CotangentMotion):
+            return
+        other = self.moved(sizes * np.random.default_rng(3).uniform(-0.5, 0.5, len(sizes)))
+        rates, why = traced(lambda t: [*chain(*self.system.rates(t[0], other.mu, other.g))], [1])
+        if why or any(indices_in(x) for x in rates):
+            raise IncompatibleSystem(
+                f"{name}: the force on {self.system!r} changes with time; wanted is a system that moves alike at all times"
+            )
 
 
 def states_near(name: str, system: Any, state: Any) -> NearState:

@@ -138,6 +138,7 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     """
     near = states_near("relative_equilibrium", system, guess)
     sizes = near.sizes()
+    near.require_autonomous("relative_equilibrium", sizes)
     conserved = kept_momenta(near, sizes)
     near, w = _found(near, sizes, conserved)
     return _judged(near, near.sizes(), conserved, w)
