@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -224,6 +225,71 @@ def test_under_friction_it_comes_to_rest() -> None:
     # about e_k: J s^2 + c s + the sum of the other two fields = 0
     wanted = [np.roots([J, 0.3, k]) for J, k in ((1.0, 5.0), (1.5, 4.0), (2.0, 3.0))]
     np.testing.assert_allclose(np.sort_complex(found.eigenvalues), np.sort_complex(np.concatenate(wanted)), atol=1e-9)
+
+
+@lm.record
+class OnAHill(lm.HamiltonianSystem):
+    """A charge in a magnetic field, on a round hill, or in a bowl if the slope is negative."""
+
+    degrees = 2
+    field: float
+    slope: float
+
+    def energy(self, q: lm.Vec, p: lm.Vec) -> float:
+        v = p + 0.5 * self.field * lm.vec(q[1], -q[0])
+        return 0.5 * lm.dot(v, v) - 0.5 * self.slope * lm.dot(q, q) + 0.1 * lm.dot(q, q) ** 2
+
+
+@lm.record
+class TwoSigns(lm.HamiltonianSystem):
+    """Two oscillators, one of negative energy, which q_1 p_2 + q_2 p_1 leaves alone."""
+
+    degrees = 2
+
+    def energy(self, q: lm.Vec, p: lm.Vec) -> float:
+        both = p[0] ** 2 + q[0] ** 2 - p[1] ** 2 - q[1] ** 2
+        return 0.5 * both + 0.1 * both**2
+
+
+@pytest.mark.parametrize(
+    ("system", "squares", "verdict"),
+    [
+        (OnAHill(0.0, 4.0), (2, 2), "unstable"),
+        (OnAHill(1.0, 1.0), (2, 2), "unstable"),
+        (OnAHill(3.0, 1.0), (4, 0), "stable"),
+        (OnAHill(0.0, -1.0), (4, 0), "stable"),
+        (TwoSigns(), (2, 2), "spectrally stable"),
+    ],
+    ids=repr,
+)
+def test_at_the_centre_of_a_symmetry_no_direction_is_left_out(system: Any, squares: Any, verdict: str) -> None:
+    """There its momentum is stationary, so that all four directions are at the level of it."""
+    found = lm.relative_equilibrium(system, system.state(q=[0.0, 0.0], p=[0.0, 0.0]))
+    assert (found.symmetries, found.squares, found.verdict) == (1, squares, verdict)
+    if isinstance(system, OnAHill):  # q'' = i B q' + k q in the complex plane
+        roots = np.roots([1.0, -1j * system.field, -system.slope])
+        wanted = np.sort_complex(np.round([*roots, *roots.conj()], 12))
+        np.testing.assert_allclose(np.sort_complex(np.round(found.eigenvalues, 12)), wanted, atol=1e-9)
+
+
+@lm.record
+class OfTwoLines(lm.Potential):
+    """A saddle, or a bowl."""
+
+    k: lm.Vec
+
+    def energy(self, g: lm.Vec) -> float:
+        return 0.5 * lm.dot(self.k * g, g)
+
+
+@pytest.mark.parametrize(("k", "squares"), [((1.0, 2.0), (4, 0)), ((1.0, -1.0), (3, 1))])
+def test_left_less_right_translations_of_a_line_are_no_momentum(k: Any, squares: tuple[int, int]) -> None:
+    plane = lm.LiePoissonSystem(lm.VectorSpace(1) * lm.VectorSpace(1), lm.KineticEnergy([1.0, 1.5]))
+    point = lm.MechanicalSystem(plane, OfTwoLines(k))
+    found = lm.relative_equilibrium(point, point.state(mu=[0.0, 0.0], g=[0.0, 0.0]))
+    assert (found.symmetries, found.squares) == (0, squares)
+    rates = [x for c, m in zip(k, (1.0, 1.5)) for x in np.roots([m, 0.0, c])]
+    np.testing.assert_allclose(np.sort_complex(found.eigenvalues**2), np.sort_complex(np.square(rates)), atol=1e-9)
 
 
 @lm.record

@@ -24,7 +24,7 @@ from ...formulas.classes.frozen import frozen
 from ...groups.matrices.skew_matrices import like_sizes
 from ...simulation.reports.written_tables import html_table
 from .near_a_state import NearState, states_near
-from .symmetries import kept_momenta, momentum_slopes, nonzero, null_space, pivoted
+from .symmetries import changing, kept_momenta, momentum_slopes, nonzero, null_space, pivoted
 
 TURNS = 60
 """Newton steps, of which a good guess takes ten."""
@@ -139,18 +139,22 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     near = states_near("relative_equilibrium", system, guess)
     sizes = near.sizes()
     near.require_autonomous("relative_equilibrium", sizes)
-    conserved = kept_momenta(near, sizes)
-    near, w = _found(near, sizes, conserved)
-    return _judged(near, near.sizes(), conserved, w)
+    conserved, changes = kept_momenta(near, sizes)
+    near, w = _found(near, sizes, conserved, changes)
+    return _judged(near, near.sizes(), conserved, changing(near, sizes, conserved, changes), w)
 
 
-def _found(near: NearState, sizes: np.ndarray, conserved: np.ndarray) -> tuple[NearState, np.ndarray]:
+def _found(
+    near: NearState, sizes: np.ndarray, conserved: np.ndarray, changes: np.ndarray
+) -> tuple[NearState, np.ndarray]:
     """The equilibrium, and the weights w of its kept momenta."""
     prescribed = np.asarray(near.momenta(near.here)) @ conserved
-    w = np.linalg.lstsq(_generated(near, conserved) / sizes[:, None], np.asarray(near.field(near.here)) / sizes)[0]
+    moving = changing(near, sizes, conserved, changes)
+    w = np.linalg.lstsq(_generated(near, moving) / sizes[:, None], np.asarray(near.field(near.here)) / sizes)[0]
     left, settled = np.inf, False
     for _ in range(TURNS):
-        matrix, defects, units = _equations(near, sizes, conserved, w, prescribed)
+        moving = changing(near, sizes, conserved, changes)
+        matrix, defects, units = _equations(near, sizes, moving, w, prescribed * moving.any(axis=0))
         left = float(np.abs(defects).max())
         step = np.linalg.lstsq(matrix, -defects, rcond=DEPENDENT)[0]
         step *= min(1.0, FARTHEST / np.abs(step[: len(sizes)]).max(initial=FARTHEST))
@@ -183,11 +187,13 @@ def _equations(
     return matrix, np.concatenate([steady / fast, (momenta - prescribed) / levels]), units
 
 
-def _judged(near: NearState, sizes: np.ndarray, conserved: np.ndarray, w: np.ndarray) -> RelativeEquilibrium:
-    """The equilibrium with the motion near it."""
-    generated = _generated(near, conserved) / sizes[:, None]
+def _judged(
+    near: NearState, sizes: np.ndarray, conserved: np.ndarray, moving: np.ndarray, w: np.ndarray
+) -> RelativeEquilibrium:
+    """The equilibrium with the motion near it.  moving : those of the kept momenta that are not stationary there."""
+    generated = _generated(near, moving) / sizes[:, None]
     units = 1.0 / nonzero(np.abs(generated).max(axis=0))  # of the weights
-    generated, by_state = generated * units, conserved.T @ momentum_slopes(near) * sizes
+    generated, by_state = generated * units, moving.T @ momentum_slopes(near) * sizes
     by_state = by_state / nonzero(np.abs(by_state).max(axis=1))[:, None]
     form = near.two_form().T * sizes * sizes[:, None]
 

@@ -25,12 +25,13 @@ STILL = 1e-9
 """Beside how large its terms are, the rate of a momentum that is kept."""
 
 
-def kept_momenta(near: NearState, sizes: np.ndarray) -> np.ndarray:
-    """The coefficients, (m, k), of k independent momenta that stand still at all states.
+def kept_momenta(near: NearState, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The coefficients, (m, k), of k independent momenta that stand still at all states, and how much these change on
+    displacements of such sizes at the most, (k,).
 
     sizes : of displacements, (2 dim,): the random states are so far away.
     """
-    rng, values, rates, terms = np.random.default_rng(2), [], [], []
+    rng, values, rates, terms, slopes_of_all = np.random.default_rng(2), [], [], [], []
     for _ in range(len(near.momenta(near.here)) + STATES):
         z = sizes * rng.uniform(-0.5, 0.5, len(sizes))
         if not near.only_adds:  # on a far orbit the torque of a planet is lost beside the momentum
@@ -42,6 +43,7 @@ def kept_momenta(near: NearState, sizes: np.ndarray) -> np.ndarray:
         field, slopes = np.asarray(other.field(near.here)), momentum_slopes(other)
         size = np.abs(slopes) @ _largest(np.abs(field), (*near.group.unit_blocks, *near.group.unit_blocks))
         values.append(np.asarray(other.momenta(near.here)))
+        slopes_of_all.append(slopes * sizes)
         rates.append(slopes @ field / (size.max() or 1.0))
         terms.append(size / (size.max() or 1.0))
     unit = nonzero(np.max(terms, axis=0))
@@ -49,8 +51,19 @@ def kept_momenta(near: NearState, sizes: np.ndarray) -> np.ndarray:
     still = rows[int((singular > STILL).sum()) :].T / unit[:, None]
     # of those that are no function at all, such as a right translation less the left one of an abelian group
     of_still = np.array(values) @ still
+    of_still[:, np.abs(of_still).max(axis=0) <= STILL * (np.abs(values) @ np.abs(still)).max(axis=0)] = 0.0
     by_size = nonzero(np.abs(of_still).max(axis=0))
-    return still / by_size @ _row_space(of_still / by_size)
+    kept = still / by_size @ _row_space(of_still / by_size)
+    return kept, np.abs(kept.T @ np.array(slopes_of_all)).max(axis=(0, 2), initial=0.0)
+
+
+def changing(near: NearState, sizes: np.ndarray, conserved: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """The coefficients of kept momenta, zero of those that are stationary at the state, as angular momentum is where all
+    is at rest at the origin: what is left of its slope is rounding.
+    changes : of `kept_momenta`, for displacements of these sizes.
+    """
+    here = np.abs(conserved.T @ momentum_slopes(near) * sizes).max(axis=1, initial=0.0)
+    return conserved * (here > STILL * changes)
 
 
 def momentum_slopes(near: NearState) -> np.ndarray:
