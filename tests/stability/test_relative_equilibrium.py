@@ -293,6 +293,57 @@ def test_left_less_right_translations_of_a_line_are_no_momentum(k: Any, squares:
 
 
 @lm.record
+class OnALineAndInAHat(lm.CotangentSystem):
+    """A point on a line, with V = k x^2/2 + x^4/10, and one in a plane, with V = (|q|^2 - 1)^2."""
+
+    configurations = lm.VectorSpace(1) * lm.VectorSpace(2)
+    k: float
+    quartic: float
+
+    def energy(self, mu: lm.Vec, g: lm.Vec) -> float:
+        x, height = g[0], g[1] ** 2 + g[2] ** 2 - 1.0
+        return 0.5 * lm.dot(mu, mu) + 0.5 * self.k * x**2 + self.quartic * x**4 + height**2
+
+
+@pytest.mark.parametrize(
+    ("k", "quartic", "mu", "q", "squares", "growth"),
+    [
+        (-1.4, 0.1, (0.0, 0.0, 0.7), (0.0, 1.0, 0.0), (3, 1), math.sqrt(1.4)),
+        (0.0, 0.0, (0.0, 0.0, 0.7), (0.0, 1.0, 0.0), (2, 0), 0.0),
+        (0.0, 0.0, (0.6, 0.0, 0.0), (0.3, 0.0, 0.0), (2, 2), 2.0),
+        (-1.4, 0.0, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (3, 1), math.sqrt(1.4)),
+    ],
+)
+def test_two_points_are_as_stable_as_each(
+    k: float, quartic: float, mu: Any, q: Any, squares: Any, growth: float
+) -> None:
+    both = OnALineAndInAHat(k, quartic)
+    found = lm.relative_equilibrium(both, both.state(mu=mu, g=q))
+    assert found.squares == squares and found.growth == pytest.approx(growth, abs=1e-9)
+    assert found.verdict == ("unstable" if growth else "stable")
+
+
+@lm.record
+class BodyAndSphere(lm.CotangentSystem):
+    """Two free bodies, of which one has equal moments, and one on a line."""
+
+    configurations = lm.SO3() * lm.SO3() * lm.VectorSpace(1)
+
+    def energy(self, mu: lm.Vec, g: lm.Vec) -> float:
+        body, sphere = mu[:3], mu[3:6]
+        return 0.5 * (lm.dot(body, body / lm.vec(1.0, 1.6, 2.3)) + lm.dot(sphere, sphere) + mu[6] ** 2)
+
+
+def test_momenta_that_move_nothing_and_add_nothing_change_no_squares() -> None:
+    both = BodyAndSphere()
+    eye = np.eye(3).ravel()
+    found = lm.relative_equilibrium(
+        both, both.state(mu=[0.0, 1.2, 0.0, 0.0, 0.7, 0.0, 0.1], g=np.concatenate([eye, eye, [0.0]]))
+    )
+    assert (found.symmetries, found.squares, found.verdict) == (3 + 6 + 1, (1, 1), "unstable")
+
+
+@lm.record
 class Shaken(lm.Force):
     """A force that is none at t = 0."""
 

@@ -137,12 +137,14 @@ class NearState:
         c = vec(*of_momenta.tolist())
         return np.asarray(jacobian(lambda z: self.field(z) - self.generated(c, z), self.here))
 
-    def sizes(self) -> np.ndarray:
+    def sizes(self, beside: np.ndarray | None = None) -> np.ndarray:
         """How large displacements z are that change much, (2 dim,), by blocks of one unit: a radian or the distance from
         the origin, and the momentum.
 
         Near the origin it is the radius of gyration instead, and of a part that hardly moves the momentum at the pace of
         the others; at rest, the momentum of the potential energy.
+
+        beside : the sizes of a guess; a place that is near the origin beside them has theirs, it is rounding.
         """
         n, widths = self.dim, self.group.unit_blocks
         starts = np.cumsum((0, *widths))[:-1]
@@ -157,6 +159,8 @@ class NearState:
         )
         turning = of_blocks(self.group.scale(self.group.identity())) > 0.0
         x, mobile = of_blocks(self.group.scale(self.g)), np.where(mobile > 0.0, mobile, 1.0)
+        if beside is not None:
+            x = np.where(x > FAINT * beside[starts], x, beside[starts])
         if turning.any():
             gyration = np.sqrt(mobile * (1.0 / mobile[turning]).max())
             x = np.where(x > FAINT * gyration, x, gyration)

@@ -24,7 +24,7 @@ from ...formulas.classes.frozen import frozen
 from ...groups.matrices.skew_matrices import like_sizes
 from ...simulation.reports.written_tables import html_table
 from .near_a_state import NearState, states_near
-from .symmetries import changing, kept_momenta, momentum_slopes, nonzero, null_space, pivoted
+from .symmetries import STILL, changing, kept_momenta, momentum_slopes, nonzero, null_space, pivoted
 
 TURNS = 60
 """Newton steps, of which a good guess takes ten."""
@@ -141,7 +141,7 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     near.require_autonomous("relative_equilibrium", sizes)
     conserved, changes = kept_momenta(near, sizes)
     near, w = _found(near, sizes, conserved, changes)
-    return _judged(near, near.sizes(), conserved, changing(near, sizes, conserved, changes), w)
+    return _judged(near, near.sizes(sizes), conserved, changing(near, sizes, conserved, changes), w)
 
 
 def _found(
@@ -213,7 +213,10 @@ def _judged(
     if np.abs(energy - energy.T).max(initial=0.0) <= FEW_DIGITS * np.abs(energy).max(initial=0.0):
         idle = null_space(generated)[0].T  # weights of momenta that move nothing
         others = [form @ linear_motion(w + units * weights) - energy for weights in idle]
-        squares = _squares(*[across.T @ x @ across for x in (energy, *others)])
+        size = np.abs([energy, *others]).max(axis=(1, 2), initial=0.0)
+        forms = across.T @ np.array([energy, *others]) @ across
+        some = np.abs(forms).max(axis=(1, 2), initial=0.0) > STILL * np.maximum(size, size[0])  # the rest is rounding
+        squares = _squares(forms[0], *forms[1:][some[1:]])
     velocity = np.asarray(near.field(near.here))
     return RelativeEquilibrium(near.state, velocity, conserved.shape[1], np.linalg.eigvals(reduced), squares)
 

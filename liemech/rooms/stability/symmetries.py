@@ -46,14 +46,15 @@ def kept_momenta(near: NearState, sizes: np.ndarray) -> tuple[np.ndarray, np.nda
         slopes_of_all.append(slopes * sizes)
         rates.append(slopes @ field / (size.max() or 1.0))
         terms.append(size / (size.max() or 1.0))
-    unit = nonzero(np.max(terms, axis=0))
-    _, singular, rows = np.linalg.svd(np.array(rates) / unit)
-    still = rows[int((singular > STILL).sum()) :].T / unit[:, None]
-    # of those that are no function at all, such as a right translation less the left one of an abelian group
-    of_still = np.array(values) @ still
-    of_still[:, np.abs(of_still).max(axis=0) <= STILL * (np.abs(values) @ np.abs(still)).max(axis=0)] = 0.0
-    by_size = nonzero(np.abs(of_still).max(axis=0))
-    kept = still / by_size @ _row_space(of_still / by_size)
+    # of functions that are alike, such as left and right translations of an abelian factor, one
+    by_size = nonzero(np.abs(values).max(axis=0))
+    _, order, rank = pivoted(np.array(values) / by_size)
+    some, unit = order[:rank], nonzero(np.max(terms, axis=0))
+    _, singular, rows = np.linalg.svd((np.array(rates) / unit)[:, some])
+    still = rows[int((singular > STILL).sum()) :].T
+    kept = np.zeros((len(unit), still.shape[1]))
+    kept[some] = still / unit[some, None]
+    kept /= nonzero(np.abs(values @ kept).max(axis=0))
     return kept, np.abs(kept.T @ np.array(slopes_of_all)).max(axis=(0, 2), initial=0.0)
 
 
@@ -102,11 +103,3 @@ def pivoted(a: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
 
     R, order = qr(a, mode="r", pivoting=True)
     return R, order, int((np.abs(np.diagonal(R)) > STILL).sum())
-
-
-def _row_space(a: np.ndarray) -> np.ndarray:
-    """An orthonormal basis, in columns, of the row space."""
-    if not a.shape[1]:
-        return np.zeros((0, 0))
-    _, values, rows = np.linalg.svd(a, full_matrices=False)
-    return rows[: int((values > STILL * values[0]).sum())].T
