@@ -201,6 +201,27 @@ def test_a_charged_top_in_a_magnetic_field() -> None:
 
 
 @lm.record
+class CircularHat(lm.Potential):
+    """-|x|^2/2 + |x|^4/4 of a point in the plane whose coordinates are factors of a product."""
+
+    def energy(self, g: lm.Vec) -> float:
+        square = g[0] * g[0] + g[1] * g[1]
+        return -0.5 * square + 0.25 * square * square
+
+
+def test_a_turn_may_mix_two_factors() -> None:
+    """On a circle of radius r: w^2 = r^2 - 1, and radial oscillations at sqrt(6 r^2 - 4)."""
+    line = lm.VectorSpace(1)
+    plane = lm.LiePoissonSystem(lm.ProductGroup(line, line), lm.KineticEnergy([1.0, 1.0]))
+    hat = lm.MechanicalSystem(plane, CircularHat())
+    found = lm.relative_equilibrium(hat, hat.state(mu=[0.1, 2.0], g=[1.5, 0.1]))
+    r = np.linalg.norm(found.state.g)
+    assert found.symmetries == 1 and found.verdict == "stable"
+    assert np.linalg.norm(found.state.mu) == pytest.approx(r * math.sqrt(r * r - 1.0), rel=1e-10)
+    np.testing.assert_allclose(found.frequencies, [math.sqrt(6.0 * r * r - 4.0)], rtol=1e-9)
+
+
+@lm.record
 class Friction(lm.Force):
     """A torque against the rotation."""
 

@@ -82,7 +82,7 @@ class NearState:
     def momenta(self, z: Vec) -> Vec:
         """<mu, X(g)>, (m,), of left and right translations and of linear maps."""
         g, mu = self.at(z)
-        linear = [p * q for first, x in self.vectors(g) for p in mu[first : first + len(x)] for q in x]
+        linear = [mu[place] * x for place, _ in self.vectors(g) for _, x in self.vectors(g)]
         right = [] if self.only_adds else mu
         return vec(*self.group.K(g, mu), *right, *linear)
 
@@ -95,14 +95,12 @@ class NearState:
         if not self.only_adds:
             right, used = of_momenta[n : 2 * n], 2 * n
             v, rate = [*(left + right)], [*self.group.ad_star(right, mu)]
-        for first, x in self.vectors(g):
-            size = len(x)
-            for i in range(size):
-                row = of_momenta[used + i * size : used + (i + 1) * size]
-                v[first + i] = v[first + i] + dot(row, x)
-                for j in range(size):
-                    rate[first + j] = rate[first + j] - row[j] * mu[first + i]
-            used += size * size
+        places, components = [place for place, _ in self.vectors(g)], vec(*[x for _, x in self.vectors(g)])
+        for i, place in enumerate(places):
+            row = of_momenta[used + i * len(places) : used + (i + 1) * len(places)]
+            v[place] = v[place] + dot(row, components)
+            for other, factor in zip(places, row):
+                rate[other] = rate[other] - factor * mu[place]
         return vec(*v, *rate)
 
     @property
@@ -110,13 +108,13 @@ class NearState:
         """Whether left and right translations are the same ones, additions."""
         return isinstance(self.group, VectorSpace)
 
-    def vectors(self, g: Any) -> Iterator[tuple[int, Vec]]:
-        """The factors of g that are vectors, each with the place of its first component in the algebra."""
+    def vectors(self, g: Any) -> Iterator[tuple[int, Any]]:
+        """The components of the factors of g that are vectors, each with its place in the algebra."""
         factors = getattr(self.group, "factors", None)
         elements, first = (g,) if factors is None else self.group.split(g), 0  # type: ignore[attr-defined]
         for factor, element in zip(factors or (self.group,), elements):
             if isinstance(factor, VectorSpace):
-                yield first, element
+                yield from enumerate(element, first)
             first += factor.dim
 
     # ---------------------------------------------------------------- in numbers

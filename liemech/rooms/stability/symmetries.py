@@ -36,9 +36,8 @@ def kept_momenta(near: NearState, sizes: np.ndarray) -> tuple[np.ndarray, np.nda
         z = sizes * rng.uniform(-0.5, 0.5, len(sizes))
         if not near.only_adds:  # on a far orbit the torque of a planet is lost beside the momentum
             nearer = 2.0 ** -rng.uniform(0.0, NEARER)
-            for first, x in near.vectors(near.g):
-                of = slice(first, first + len(x))
-                z[of] = nearer * z[of] - (1.0 - nearer) * np.asarray(x)
+            for place, x in near.vectors(near.g):
+                z[place] = nearer * z[place] - (1.0 - nearer) * x
         other = near.moved(z)
         field, slopes = np.asarray(other.field(near.here)), momentum_slopes(other)
         size = np.abs(slopes) @ _largest(np.abs(field), (*near.group.unit_blocks, *near.group.unit_blocks))
@@ -49,13 +48,13 @@ def kept_momenta(near: NearState, sizes: np.ndarray) -> tuple[np.ndarray, np.nda
     # of functions that are alike, such as left and right translations of an abelian factor, one
     by_size = nonzero(np.abs(values).max(axis=0))
     _, order, rank = pivoted(np.array(values) / by_size)
-    some, unit = order[:rank], nonzero(np.max(terms, axis=0))
-    _, singular, rows = np.linalg.svd((np.array(rates) / unit)[:, some])
+    different, unit = order[:rank], nonzero(np.max(terms, axis=0))
+    _, singular, rows = np.linalg.svd((np.array(rates) / unit)[:, different])
     still = rows[int((singular > STILL).sum()) :].T
-    kept = np.zeros((len(unit), still.shape[1]))
-    kept[some] = still / unit[some, None]
-    kept /= nonzero(np.abs(values @ kept).max(axis=0))
-    return kept, np.abs(kept.T @ np.array(slopes_of_all)).max(axis=(0, 2), initial=0.0)
+    coefficients = np.zeros((len(unit), still.shape[1]))
+    coefficients[different] = still / unit[different, None]
+    coefficients /= nonzero(np.abs(values @ coefficients).max(axis=0))
+    return coefficients, np.abs(coefficients.T @ np.array(slopes_of_all)).max(axis=(0, 2), initial=0.0)
 
 
 def changing(near: NearState, sizes: np.ndarray, conserved: np.ndarray, changes: np.ndarray) -> np.ndarray:
