@@ -151,7 +151,8 @@ class SitesOfPlan:
         """Are steps looked at for events of totals alone?"""
         plan = self.plan
         whole = plan.adaptive and plan.options.dense
-        return self.kind.watches and not whole and all(second(event) == TOTAL for event in plan.events)
+        of_totals = [second(event) == TOTAL for event in plan.events]
+        return bool(of_totals) and all(of_totals) and self.kind.watches and not whole
 
     @functools.cached_property
     def of_sites(self) -> str | None:
