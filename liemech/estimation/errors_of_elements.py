@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, derivative, mat, transpose, vec
+from ..formulas import Mat, Vec, derivative, identity_matrix, mat, transpose, vec
 from ..formulas.derivatives import axes
 
 SIDES = "left", "right"
@@ -68,12 +68,8 @@ def transported(group: Any, side: str, e: Vec, P: Mat) -> Mat:
     """The covariance of errors from the estimate moved by e: J P J^T with J = dexp_e, as
     exp(e + d) = exp(e) exp(J d) on the left, exp(J d) exp(e) on the right.
     """
-    J = transpose(mat(*[group.dexp(e, unit, side) for unit in _units(group.dim)]))
+    J = transpose(mat(*[group.dexp(e, unit, side) for unit in identity_matrix(group.dim)]))
     return symmetric(J @ P @ J.T)
-
-
-def _units(n: int) -> list[Vec]:
-    return [vec(*[float(i == j) for j in range(n)]) for i in range(n)]
 
 
 def symmetric(P: Mat) -> Mat:

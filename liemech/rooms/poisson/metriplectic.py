@@ -107,14 +107,14 @@ class Metriplectic(System):
         mu, xi = [Vec.of(rng.uniform(0.5, 1.0, self.dim).tolist()) for _ in range(2)]
         moved = [self.structure.sharp(mu, x) for x in (self.entropy.gradient(mu), xi)]
         terms = sum(abs(a * b) for a, b in zip(xi, moved[1], strict=True)) + dot(moved[1], moved[1])
-        if not dot(moved[0], moved[0]) <= TOLERANCE * max(terms, dot(moved[1], moved[1])):
+        if not dot(moved[0], moved[0]) <= TOLERANCE * terms:
             raise InvalidInput(
                 f"{type(self).__name__}: the entropy {self.entropy!r} is no Casimir function of {self.system!r}: it would "
                 f"move mu = {mu!r} by {moved[0]!r}, and must not. Take a function of its Casimirs, such as those of "
                 "`system.casimirs`"
             )
-        diagonal, other = (np.abs(self.friction.pairing(mu, xi, x)).max() for x in (xi, mu))
-        if not diagonal <= TOLERANCE * max(other, diagonal * TOLERANCE):
+        diagonal, beside = (np.abs(self.friction.pairing(mu, xi, x)).max() for x in (xi, mu))
+        if not diagonal <= TOLERANCE * beside:
             raise InvalidInput(
                 f"{type(self).__name__}: the forms of {self.friction!r} must be skew, A(xi, xi) = 0, for the energy to "
                 f"stay; at xi = {xi!r} the largest is {diagonal:g}"
