@@ -175,6 +175,26 @@ def determinant(m: Mat) -> Any:
     return product
 
 
+def triangular(rows: list[Vec]) -> tuple[list[Vec], list[Any]]:
+    """Rows of equations, (n, n + k), each without the unknowns of those before it, and the pivots: without exchange, as
+    matrices allow whose symmetric part is positive.  A pivot that is zero is not divided by.
+
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., sections 3.2 and 4.1.
+    """
+    for k in range(len(rows)):
+        share = 1.0 / rows[k][k] if rows[k][k] != 0.0 else 1.0
+        rows = [row if i <= k else row - (share * row[k]) * rows[k] for i, row in enumerate(rows)]
+    return rows, [row[k] for k, row in enumerate(rows)]
+
+
+def keep_sign(pivots: Any, sign: float) -> bool:
+    """Whether a determinant, by its pivots, has the sign of that of `sign` times a positive matrix."""
+    factor = 1.0
+    for pivot in pivots:
+        factor = where(sign * pivot > 0.0, factor, -factor)
+    return factor > 0.0
+
+
 def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
     """m^-1, by cofactors of three rows at a time; 1 if its determinant has the sign of that of `sign` times a positive
     matrix, else -1; and whether all pivots are above DEPENDENT times their former values.

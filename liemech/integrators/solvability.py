@@ -8,7 +8,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ..formulas import Mat, Vec, acos, cos, dot, sqrt, vec, vectors, where
+from ..formulas import Mat, Vec, acos, cos, dot, sqrt, vec, vectors
+from ..formulas.elimination import keep_sign, triangular
 from ..groups.retractions import Cayley, CayleyAdjoint, Exponential, Retraction
 from ..groups.rigid.so3 import SO3Algebra
 from ..solvers import TOLERANCE, correction
@@ -194,17 +195,5 @@ def grown(
 
 
 def is_upright(jacobian: Mat, rate: float) -> bool:
-    """Whether the determinant has the sign of rate times a positive inertia, as on the whole
-    branch from h = 0.
-
-    By elimination, whose pivots need no order: only their signs count.  jacobian : (n, n).
-    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 3.2.
-    """
-    n, sign = len(jacobian), 1.0
-    rows = [jacobian[i] for i in range(n)]
-    for k in range(n):
-        pivot = rate * rows[k][k]
-        sign = where(pivot > 0.0, sign, -sign)
-        scale = rate / pivot if pivot != 0.0 else 0.0
-        rows = [rows[i] - (scale * rows[i][k]) * rows[k] if i > k else rows[i] for i in range(n)]
-    return sign > 0.0
+    """Whether the determinant has the sign of rate times a positive inertia, as on the whole branch from h = 0."""
+    return keep_sign(triangular([*jacobian])[1], rate)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import NoConvergence
 from ...formulas import Element, Mat, Vec, derivative, identity_matrix, mat, vec, where
+from ...formulas.elimination import triangular
 from ...systems.kinetic_energy import has_inertia
 
 
@@ -21,12 +22,9 @@ def negative_pivots(m: Mat, conditions: float = 0.0) -> float:
 
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 8.1.5 (Sylvester's law of inertia).
     """
-    total, rows = 0.0, [*m]
-    for k in range(len(m)):
-        pivot = rows[k][k]
+    total = 0.0
+    for k, pivot in enumerate(triangular([*m])[1]):
         total = total + where(pivot < 0.0, where(k < conditions, -1.0, 1.0), 0.0)
-        share = 1.0 / where(pivot == 0.0, 1.0, pivot)
-        rows = [row if i <= k else row - (share * row[k]) * rows[k] for i, row in enumerate(rows)]
     return total
 
 

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ...formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors, where
-from ...formulas.elimination import DEPENDENT
+from ...formulas import Element, Mat, Vec, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
+from ...formulas.elimination import DEPENDENT, keep_sign, triangular
 from ...formulas.numbers.sizes import EPSILON
 from ...groups.retractions import Exponential, Retraction
 from ...integrators.kicks.explicit_kicks import bound_refusal, negative_pivots
@@ -358,34 +358,25 @@ def split(unknown: Vec, dim: int) -> tuple[Vec, Vec]:
 
 
 def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool]:
-    """m^-1 of each column, by elimination in the given order; and whether det m has the sign of
-    that of a positive matrix times `sign`.
-
-    For matrices whose symmetric part is positive, as those of a step that is not too large: they
-    need no exchange of rows.
-    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.
+    """m^-1 of each column, for matrices such as those of a step that is not too large: their symmetric part is positive;
+    and whether det m has the sign of that of a positive matrix times `sign`.
     """
-    n, sign_kept = len(m), 1.0
-    rows = [vec(*m[i], *[column[i] for column in columns]) for i in range(n)]
-    for k in range(n):
-        sign_kept = where(sign * rows[k][k] > 0.0, sign_kept, -sign_kept)
-        pivot = 1.0 / rows[k][k]
-        rows = [row if i <= k else row - (pivot * row[k]) * rows[k] for i, row in enumerate(rows)]
+    n = len(m)
+    rows, pivots = triangular([vec(*m[i], *[column[i] for column in columns]) for i in range(n)])
     solution: list[Any] = []  # from the last row upwards, each of all columns
     for k in range(n - 1, -1, -1):
         remainder = vec(*rows[k][n:])
         for i, x in enumerate(solution):
             remainder = remainder - rows[k][n - 1 - i] * x
         solution = [*solution, remainder / rows[k][k]]
-    return [vec(*[solution[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], sign_kept > 0.0
+    return [vec(*[solution[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], keep_sign(pivots, sign)
 
 
 def regular(system: Any, m: list[list[Any]], pivots: list[Any], sign: float) -> bool:
     """Whether det m has the sign of that of a positive matrix times `sign`, with no pivot below DEPENDENT times what it
     was before.
     """
-    sign_kept, independent = 1.0, True
+    independent = True
     for row, pivot, ends in zip(m, pivots, system.elimination):
-        sign_kept = where(sign * pivot > 0.0, sign_kept, -sign_kept)
         independent = independent and abs(pivot) > DEPENDENT * abs(row[ends[0]])
-    return independent and sign_kept > 0.0
+    return independent and keep_sign(pivots, sign)
