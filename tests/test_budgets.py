@@ -28,7 +28,7 @@ BUDGETS = {
     "names": (310, 1_120),
     "plots": (2_370, 13_450),
     "rooms/at_work": (1_770, 9_100),
-    "rooms/constraints": (2_950, 16_350),
+    "rooms/constraints": (2_940, 16_300),
     "rooms/derivatives": (4_050, 25_350),
     "rooms/fictive_time": (1_660, 8_200),
     "rooms/files": (1_410, 9_550),

@@ -8,11 +8,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ..formulas import Mat, Vec, acos, cos, dot, sqrt, vec, vectors
+from ..formulas import Mat, Vec, acos, cos, dot, sqrt, vec, vectors, where
 from ..formulas.elimination import keep_sign, triangular
 from ..groups.retractions import Cayley, CayleyAdjoint, Exponential, Retraction
 from ..groups.rigid.so3 import SO3Algebra
-from ..solvers import TOLERANCE, correction
 from ..systems.kinetic_energy import has_inertia
 
 HALF_TURN, WHOLE_TURN, THIRD = math.pi, 2.0 * math.pi, 2.0 * math.pi / 3.0
@@ -157,41 +156,39 @@ def principal_moments(inertia: Mat) -> Vec:
     return vec(least, 3.0 * mean - most - least, most)
 
 
-def grown(
-    equation: Callable[[float, Vec], tuple[Vec, Mat, float]], is_inside: Callable[[Vec], bool], first: Vec, h: float
-) -> tuple[Vec, float]:
-    """The displacement that grows out of zero when the step grows from nothing to h, and the part
-    of h to which that goes.
+def grown(trial: Callable[..., Any], first: Vec, guess: Vec, most: float = INFINITY) -> tuple[Vec, float]:
+    """The solution that grows out of zero with the step h, and the part of h up to which it does, 1 or less.
 
-    equation : at 1/h and x the mismatch, its derivative by x and a factor.  is_inside : is x in the
-    chart?  first : h xi at h = 0.  What is followed is x/s, for steps s h.  A piece of the way
-    counts if x changes little on it, in proportion if x is large, if Newton's first correction is
-    small and the next ones shrink well, the derivative `is_upright`, and the root is inside; else
-    it is halved.
-    Returns x and s, less than 1 where the branch ends.
+    trial : at a part s of the step, an unknown, the solution so far and the size of Newton's correction before, infinite
+    for the first one: the corrected unknown, the size of its correction, may it be trusted, and has it settled?  If not to
+    be trusted, half as much of the way is tried.  first : the unknown over s, which is followed, at s = 0.  guess : of the
+    whole step.  most : corrections.
 
-    Source: Deuflhard, Newton Methods for Nonlinear Problems, section 5.1 (with the simplest
-    prediction).
+    Source: Deuflhard, Newton Methods for Nonlinear Problems, section 5.1 (with the simplest prediction).
     """
-    x, z, y = 0.0 * first, first, first
-    reached, piece, scale, before = 0.0, 1.0, 1.0, MISS / CONTRACTION
-    while reached < 1.0 and piece > SHORTEST:
+    x, slope, y = 0.0 * first, first, guess
+    reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
+    while reached < 1.0 and piece > SHORTEST and tried < most:
         part = min(1.0, reached + piece)
-        r, jacobian, _ = equation(1.0 / (part * h), part * y)
-        change = correction(jacobian, r)
-        new = part * y - change
-        leap, size = new - x, dot(change, change)
-        good = size <= CONTRACTION * before and dot(leap, leap) <= LEAP * scale and is_upright(jacobian, h)
-        done = good and size <= TOLERANCE * TOLERANCE * dot(new, new)
-        if not good or (done and not is_inside(new)):
-            y, piece, before = z, 0.5 * piece, MISS / CONTRACTION * scale
+        new, size, good, done = trial(part, part * y, x, before)
+        if not good:
+            y, piece, before = slope, 0.5 * piece, INFINITY
         elif done:
-            x, reached, piece, scale = new, part, 2.0 * piece, 1.0 + dot(new, new) / 16.0
-            z = y = new / part
-            before = MISS / CONTRACTION * scale
+            x, reached, piece, before = new, part, 2.0 * piece, INFINITY
+            slope = y = new / part
         else:
             y, before = new / part, size
+        tried = tried + 1.0
     return x, reached
+
+
+def stays_near(x: Vec, former: Vec, size: float, before: float) -> bool:
+    """Whether a corrected displacement is still near the former one, in proportion if that is large, and the first of the
+    squared corrections is small, each of the next ones much smaller.
+    """
+    leap, scale = x - former, 1.0 + dot(former, former) / 16.0
+    small = size <= where(before < INFINITY, CONTRACTION * before, MISS * scale)
+    return small and dot(leap, leap) <= LEAP * scale
 
 
 def is_upright(jacobian: Mat, rate: float) -> bool:

@@ -12,7 +12,7 @@ from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..formulas.numbers.double_double import is_long
 from ..groups.retractions import Exponential, Retraction
-from ..solvers import leading_power, narrow, newton, refined
+from ..solvers import TOLERANCE, correction, leading_power, narrow, newton, refined
 from ..systems.kinetic_energy import has_inertia
 from ..systems.lie_poisson import BodyState
 from ..systems.many.site_state import StateOfSites
@@ -21,7 +21,7 @@ from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit
 from .memory import Memory, extrapolated
 from .method import alternatives
-from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
+from .solvability import first_fold, grown, is_upright, largest_impulse, stays_near, surely_solvable, turns_freely
 
 LEAST, MOST = 2.0**-336, 2.0**339
 """The sizes of J/h, about 1e-101 and 1e102, whose third powers are ordinary floats."""
@@ -159,12 +159,17 @@ class CovariantVariational(Implicit):
 
     def _grown(self, system: Any, h: float, mu: Vec, second: float) -> Vec:
         """The displacement that grows out of zero with h, in this unit of time."""
-        x, part = grown(
-            lambda rate, x: self.equation(system, rate, mu, x),
-            lambda x: self.retraction.is_chart(system.group, x),
-            h * system.velocity(mu),
-            h,
-        )
+
+        def trial(part: float, x: Vec, former: Vec, before: float) -> tuple[Vec, float, bool, bool]:
+            r, jacobian, _ = self.equation(system, 1.0 / (part * h), mu, x)
+            change = correction(jacobian, r)
+            new, size = x - change, dot(change, change)
+            good = stays_near(new, former, size, before) and is_upright(jacobian, h)
+            done = good and size <= TOLERANCE * TOLERANCE * dot(new, new)
+            return new, size, good and not (done and not self.retraction.is_chart(system.group, new)), done
+
+        first = h * system.velocity(mu)
+        x, part = grown(trial, first, first)
         if part < 1.0:
             raise self._unconnected(
                 second * h, part * second * h, f"h|xi| = {norm(x):.2g}", self._usable(system, second * h, mu / second)

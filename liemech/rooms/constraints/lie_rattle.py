@@ -14,7 +14,7 @@ from ...groups.retractions import Exponential, Retraction
 from ...integrators.kicks.explicit_kicks import bound_refusal, negative_pivots
 from ...integrators.memory import Memory, Remembering, extrapolated, followed, repeated
 from ...integrators.method import alternatives
-from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, SHORTEST
+from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, grown
 from ...integrators.variational import momentum_slope, with_inertia
 from ...solvers import NOISE, newton, newton_of_kicks
 from ...systems.kinetic_energy import times
@@ -141,35 +141,23 @@ class LieRATTLE(Remembering):
     def _solved(self, system: Any, h: float, memory: Memory, guess: Vec) -> Vec:
         """Displacement and impulses: the solution that grows out of zero with h.
 
-        The whole step is tried from the guess.  It counts if Newton's corrections shrink well, if
-        the determinants have the signs that they have on the whole branch, and if the displacement
-        is in the inner half of the chart; else the step is followed from h = 0 on, in pieces to
-        which the same applies.  What is followed is the unknown over the part s of the step.
+        A correction counts if it shrinks well, if the determinants have the signs that they have on the whole branch, and
+        if the displacement that it settles at is in the inner half of the chart.
         """
         mu, g, size = (plain(memory.state.mu), plain(memory.state.g), self._size(system, memory.state.g))
         first_guess = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
-        solution, slope, y = 0.0 * guess, first_guess, guess
-        reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
-        while True:
-            part = min(1.0, reached + piece)
-            change, upright = self._correction(system, part * h, mu, g, memory, part * y)
-            new = part * y - change
+
+        def trial(part: float, y: Vec, solution: Vec, before: float) -> tuple[Vec, float, bool, bool]:
+            change, upright = self._correction(system, part * h, mu, g, memory, y)
+            new = y - change
             x, dx = (split(new, system.configurations.dim)[0], split(change, system.configurations.dim)[0])
             length, whole = self._square(system, dx), self._square(system, x)
             shrinks, noisy = (length <= CONTRACTION * before, length <= NOISE * NOISE * (whole + size))
-            good = upright and (shrinks or noisy)
             settled = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
-            done = good and (settled or not shrinks)
-            if not good or (done and not self._is_inside(system, x)):
-                y, piece, before = slope, 0.5 * piece, INFINITY
-            elif done:
-                solution, reached, piece, before = new, part, 2.0 * piece, INFINITY
-                slope = y = new / part
-            else:
-                y, before = new / part, length
-            tried = tried + 1.0
-            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
-                break
+            good, done = upright and (shrinks or noisy), settled or not shrinks
+            return new, length, good and not (done and not self._is_inside(system, x)), done
+
+        solution, reached = grown(trial, first_guess, guess, MOST)
         if reached < 1.0:
             x = split(solution, system.configurations.dim)[0]
             raise self._ended(system, h, reached * h, memory, x)
