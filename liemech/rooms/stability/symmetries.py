@@ -62,8 +62,8 @@ def changing(near: NearState, sizes: np.ndarray, conserved: np.ndarray, changes:
     is at rest at the origin: what is left of its slope is rounding.
     changes : of `kept_momenta`, for displacements of these sizes.
     """
-    here = np.abs(conserved.T @ momentum_slopes(near) * sizes).max(axis=1, initial=0.0)
-    return conserved * (here > STILL * changes)
+    slopes = np.abs(conserved.T @ momentum_slopes(near) * sizes).max(axis=1, initial=0.0)
+    return conserved * (slopes > STILL * changes)
 
 
 def momentum_slopes(near: NearState) -> np.ndarray:
