@@ -41,6 +41,7 @@ def test_saddles_have_the_exponents_of_their_map() -> None:
 G = np.asarray(lm.SO3().exp([0.3, -0.4, 0.5]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieVerlet()], ids=repr)
 def test_a_lagrange_top_is_regular_and_a_heavy_one_is_not(method: lm.Method) -> None:
     """Mean MEGNO tends to 2, or grows as lambda t/2."""

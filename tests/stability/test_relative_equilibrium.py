@@ -71,6 +71,7 @@ def test_a_top_precesses_without_nodding() -> None:
     np.testing.assert_allclose(found.frequencies, [math.sqrt(bent / A)], rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_motion_from_it_is_steady() -> None:
     top = lm.models.HeavyTop([1.0, 1.6, 2.3], 0.8, [0.1, 0.2, 1.0])
     found = lm.relative_equilibrium(top, top.state(mu=[0.0, 0.0, -2.5], g=tilted(3.0)))
@@ -81,6 +82,7 @@ def test_a_motion_from_it_is_steady() -> None:
     assert np.allclose(np.sort(np.abs(found.eigenvalues))[::2], found.frequencies)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("moments", "verdict"), [((10.0, 14.0, 15.0), "stable"), ((15.0, 14.0, 10.0), "unstable")])
 def test_a_satellite_faces_its_planet(moments: tuple[float, ...], verdict: str) -> None:
     """In pitch s^2 = -3 (J_roll - J_yaw)/J_pitch, in roll and yaw s^4 + (1 + 3 a + a b) s^2 + 4 a b = 0, in orbits;
@@ -387,6 +389,7 @@ def test_loads_that_change_with_time_leave_no_steady_motion(load: lm.Force) -> N
         lm.relative_equilibrium(body, body.state(mu=np.zeros(3), g=np.eye(3)))
 
 
+@pytest.mark.slow
 def test_where_there_is_none_it_says_so() -> None:
     falling = lm.MechanicalSystem(
         lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 1.5, 2.0, 3.0, 3.0, 3.0])), lm.models.UniformGravity(9.81)
