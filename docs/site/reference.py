@@ -31,6 +31,10 @@ PARTS = {
     "hamilton_jacobi": ("Hamilton-Jacobi methods", "Steps from generating functions."),
     "fictive_time": ("Time transformations", "Time scales, and steps in a fictive time."),
     "noise": ("Noise and damping", "White noise and dissipation on coadjoint orbits."),
+    "stability": (
+        "Steady motions and chaos",
+        "Relative equilibria, their stability, Lyapunov exponents.",
+    ),
     "at_work": ("Plans at work", "Steppers, commands, measured orders."),
     "derivatives": ("Derivatives", "Runs as functions of other packages."),
     "models": ("Models", "Systems that are ready: bodies, tops, pendulums, planets, lattices."),
