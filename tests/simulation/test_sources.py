@@ -35,3 +35,14 @@ def test_ensembles_and_composed_methods_cite_what_they_are_made_of() -> None:
     start = bodies[0].state(mu=np.ones((2, 3)))
     named = lm.integrate(bodies, lm.Composition(lm.CovariantVariational(), order=4), start, h=0.1, steps=2).cite().named
     assert {"RigidBody", "CovariantVariational"} <= named.keys() and len(set(named.values())) == len(named)
+
+
+@lm.record
+class Signs(lm.models.HeavyTop):
+    """A top. Source: Euler & Sons, A_1 to 100 % (1758)."""
+
+
+def test_signs_of_latex_are_texts_in_bibtex() -> None:
+    top = Signs([1.0, 1.6, 2.3], 0.8, [0.1, 0.2, 1.0])
+    run = lm.integrate(top, lm.LieVerlet(), top.state(mu=[0.0, 0.0, 1.0], g=np.eye(3)), h=0.1, steps=2)
+    assert r"note = {Euler \& Sons, A\_1 to 100 \% (1758).}" in run.cite().bibtex

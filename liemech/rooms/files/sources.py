@@ -12,6 +12,7 @@ from ...formulas import Record
 from ...formulas.classes.frozen import frozen
 from ...formulas.classes.records import fields_of
 from ...simulation.compiled.systems import OfBodies
+from ...simulation.reports.written_tables import latex
 
 
 @frozen
@@ -38,7 +39,7 @@ class Sources:
     def bibtex(self) -> str:
         """The sources as entries of BibTeX, their words as notes, under the names of the classes."""
         entries = {"liemech": f"liemech: mechanics on Lie groups, version {self.version}"} | self.named
-        return "\n\n".join(f"@misc{{{name},\n  note = {{{text}}}\n}}" for name, text in entries.items())
+        return "\n\n".join(f"@misc{{{name},\n  note = {{{latex(text)}}}\n}}" for name, text in entries.items())
 
 
 def sources_of(*things: Any) -> Sources:
