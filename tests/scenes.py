@@ -308,3 +308,22 @@ class Oscillator(lm.SeparableSystem):
 
     def potential(self, q: lm.Vec) -> float:
         return 0.5 * self.w * self.w * q[0] * q[0]
+
+
+@lm.record
+class Charged(lm.CotangentSystem):
+    """A heavy charged body about a fixed point, in a magnetic field along the vertical."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    inertia: lm.Vec
+    charge: lm.Mat
+    weight: lm.Vec
+    field: float
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        u = mu - (0.5 * self.field) * (self.charge @ g[2])
+        return 0.5 * lm.dot(u, u / self.inertia) + lm.dot(self.weight, g[2])
+
+    def symmetry(self, mu: Any, g: Any) -> dict[str, Any]:
+        return {"vertical momentum": self.spatial_momentum(mu, g)[..., 2]}

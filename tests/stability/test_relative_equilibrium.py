@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Charged
 
 import liemech as lm
 
@@ -171,26 +172,10 @@ def test_a_body_at_rest_is_one_too() -> None:
     assert lm.relative_equilibrium(pendulum, up.state).growth == pytest.approx(up.growth, rel=1e-12)
 
 
-@lm.record
-class ChargedTop(lm.CotangentSystem):
-    """H = (mu - A) . J^-1 (mu - A)/2 + chi . g^T e3, A = M g^T b/2, b along e3."""
-
-    configurations = lm.SO3()
-
-    inertia: lm.Vec
-    charges: lm.Mat
-    weight: lm.Vec
-    field: float
-
-    def energy(self, mu: lm.Vec, g: lm.Mat) -> float:
-        v = mu - 0.5 * self.field * (self.charges @ g[2])
-        return 0.5 * lm.dot(v, v / self.inertia) + lm.dot(self.weight, g[2])
-
-
 def test_a_charged_top_in_a_magnetic_field() -> None:
     """Numbers of an independent program, which differentiated by complex steps."""
     M = [[1.1, 0.3, 0.0], [0.3, 0.7, 0.2], [0.0, 0.2, 1.3]]
-    top = ChargedTop([1.0, 1.6, 2.3], M, [0.08, 0.16, 0.8], 1.2)
+    top = Charged([1.0, 1.6, 2.3], M, [0.08, 0.16, 0.8], 1.2)
     # the level of the momentum is that of the guess
     guess = top.state(mu=np.asarray(tilted(3.0)).T @ [0.0, 0.0, 2.5], g=tilted(3.0))
     found = lm.relative_equilibrium(top, guess)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Charged
 from scipy.integrate import solve_ivp
 
 import liemech as lm
@@ -19,26 +20,6 @@ J, B = np.array([1.0, 1.6, 2.3]), 1.2
 CHARGE = np.array([[1.1, 0.3, 0.0], [0.3, 0.7, 0.2], [0.0, 0.2, 1.3]])
 WEIGHT = 0.8 * np.array([0.1, 0.2, 1.0])
 G0, MU0 = lm.SO3().exp([0.3, -0.4, 0.5]), np.array([0.5, 1.1, -0.4])
-
-
-@lm.record
-class Charged(lm.CotangentSystem):
-    """A heavy charged body about a fixed point, in a magnetic field along the vertical."""
-
-    configurations: ClassVar[lm.LieGroup] = lm.SO3()
-
-    inertia: lm.Vec
-    charge: lm.Mat
-    weight: lm.Vec
-    field: float
-
-    def energy(self, mu: lm.Vec, g: Any) -> float:
-        u = mu - (0.5 * self.field) * (self.charge @ g[2])
-        return 0.5 * lm.dot(u, u / self.inertia) + lm.dot(self.weight, g[2])
-
-    def symmetry(self, mu: Any, g: Any) -> dict[str, Any]:
-        return {"vertical momentum": self.spatial_momentum(mu, g)[..., 2]}
-
 
 BODY = Charged(J, CHARGE, WEIGHT, B)
 START = BODY.state(mu=MU0, g=G0)
