@@ -36,7 +36,7 @@ BUDGETS = {
     "rooms/noise": (800, 3_050),
     "rooms/poisson": (1_780, 8_300),
     "rooms/sites": (8_320, 47_300),
-    "rooms/stability": (720, 4_350),
+    "rooms/stability": (720, 4_300),
     "simulation": (9_270, 53_750),
     "systems": (4_460, 20_150),
     "tableaus": (2_460, 9_100),

@@ -22,6 +22,8 @@ import numpy as np
 from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas.classes.frozen import frozen
 from ...simulation import arguments
+from .near_a_state import largest_of_blocks
+from .symmetries import nonzero
 
 STEPS_AT_ONCE = 100
 """Steps after which the disturbances are made orthonormal again; a hundredth of the time with adaptive steps."""
@@ -132,7 +134,5 @@ def _sizes(system: Any, run: Any, start: Any) -> np.ndarray:
         samples = np.asarray(getattr(run, name))
         numbers = np.abs(group._scales(samples) if name == "g" else samples.reshape(len(samples), -1)).max(axis=0)
         blocks = group.unit_blocks if len(numbers) == sum(group.unit_blocks) else (len(numbers),)
-        sizes += [
-            np.full(n, x.max() or 1.0) for n, x in zip(blocks, np.split(numbers, np.cumsum(blocks)[:-1]), strict=True)
-        ]
+        sizes.append(np.repeat(nonzero(largest_of_blocks(numbers, blocks)), blocks))
     return np.concatenate(sizes)

@@ -26,7 +26,7 @@ from ...formulas.vectors import small
 from ...groups.lie_group import LieGroup
 from ...groups.vector_space import VectorSpace
 from ...systems.canonical import CanonicalState, HamiltonianSystem
-from ...systems.cotangent import CotangentMotion, DrivenCotangentSystem
+from ...systems.cotangent import CotangentMotion
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
 
 FAINT = 1e-6
@@ -145,20 +145,19 @@ class NearState:
         beside : the sizes of a guess; a place that is near the origin beside them has theirs, it is rounding.
         """
         n, widths = self.dim, self.group.unit_blocks
-        starts = np.cumsum((0, *widths))[:-1]
 
         def of_blocks(numbers: Any) -> np.ndarray:
-            return np.maximum.reduceat(np.abs(np.asarray(numbers)), starts)
+            return largest_of_blocks(numbers, widths)
 
         hessian = self.two_form().T @ self.slopes(np.zeros(len(self.momenta(self.here))))
         stiff, mobile = (
-            np.maximum.reduceat(np.maximum.reduceat(np.abs(h), starts, axis=0), starts, axis=1).diagonal()
+            largest_of_blocks(largest_of_blocks(h, widths).T, widths).diagonal()
             for h in (hessian[:n, :n], hessian[n:, n:])
         )
         turning = of_blocks(self.group.scale(self.group.identity())) > 0.0
         x, mobile = of_blocks(self.group.scale(self.g)), np.where(mobile > 0.0, mobile, 1.0)
         if beside is not None:
-            x = np.where(x > FAINT * beside[starts], x, beside[starts])
+            x = np.where(x > FAINT * of_blocks(beside[:n]), x, of_blocks(beside[:n]))
         if turning.any():
             gyration = np.sqrt(mobile * (1.0 / mobile[turning]).max())
             x = np.where(x > FAINT * gyration, x, gyration)
@@ -179,8 +178,15 @@ class NearState:
         rates, why = traced(lambda t: [*chain(*self.system.rates(t[0], other.mu, other.g))], [1])
         if why or any(indices_in(x) for x in rates):
             raise IncompatibleSystem(
-                f"{name}: the force on {self.system!r} changes with time; wanted is a system that moves alike at all times"
+                f"{name}: the energy of {self.system!r}, or a force on it, changes with time; wanted is one that does not"
             )
+
+
+def largest_of_blocks(numbers: Any, widths: tuple[int, ...]) -> np.ndarray:
+    """The largest |x| in each block of equal units of the last axis, (..., blocks).  numbers : (..., n).  widths : of the
+    blocks.
+    """
+    return np.maximum.reduceat(np.abs(np.asarray(numbers)), np.cumsum((0, *widths))[:-1], axis=-1)
 
 
 def states_near(name: str, system: Any, state: Any) -> NearState:
@@ -190,8 +196,7 @@ def states_near(name: str, system: Any, state: Any) -> NearState:
     if isinstance(system, HamiltonianSystem) and isinstance(state, CanonicalState) and state.bodies is None:
         q, p = (small(np.asarray(x)) for x in (state.q, state.p))
         return NearState(system, VectorSpace(system.degrees), q, p)
-    driven = isinstance(system, DrivenCotangentSystem) or getattr(system, "driven", False)
-    if driven or not isinstance(system, (LiePoissonSystem, CotangentMotion)):
+    if not isinstance(system, (LiePoissonSystem, CotangentMotion)):
         raise IncompatibleSystem(
             f"{name}: {system!r}; wanted is a LiePoissonSystem, a MechanicalSystem, a CotangentSystem or a "
             "HamiltonianSystem, whose energy does not change with time"

@@ -215,10 +215,9 @@ def _judged(
         others = [form @ linear_motion(w + units * weights) - energy for weights in idle]
         size = np.abs([energy, *others]).max(axis=(1, 2), initial=0.0)
         forms = across.T @ np.array([energy, *others]) @ across
-        relevant = np.abs(forms).max(axis=(1, 2), initial=0.0) > STILL * np.maximum(
-            size, size[0]
-        )  # the rest is rounding
-        squares = _squares(forms[0], *forms[1:][relevant[1:]])
+        changes = np.abs(forms).max(axis=(1, 2), initial=0.0)
+        above_rounding = changes > STILL * np.maximum(size, size[0])
+        squares = _squares(forms[0], *forms[1:][above_rounding[1:]])
     velocity = np.asarray(near.field(near.here))
     return RelativeEquilibrium(near.state, velocity, conserved.shape[1], np.linalg.eigvals(reduced), squares)
 

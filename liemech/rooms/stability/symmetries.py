@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...formulas import vec
-from .near_a_state import NearState
+from .near_a_state import NearState, largest_of_blocks
 
 STATES = 6
 """At so many more random states than there are unknown coefficients the momenta are looked at."""
@@ -31,6 +31,7 @@ def kept_momenta(near: NearState, sizes: np.ndarray) -> tuple[np.ndarray, np.nda
 
     sizes : of displacements, (2 dim,): the random states are so far away.
     """
+    blocks = (*near.group.unit_blocks, *near.group.unit_blocks)
     rng, values, rates, terms, slopes_of_all = np.random.default_rng(2), [], [], [], []
     for _ in range(len(near.momenta(near.here)) + STATES):
         z = sizes * rng.uniform(-0.5, 0.5, len(sizes))
@@ -40,7 +41,7 @@ def kept_momenta(near: NearState, sizes: np.ndarray) -> tuple[np.ndarray, np.nda
                 z[place] = nearer * z[place] - (1.0 - nearer) * x
         other = near.moved(z)
         field, slopes = np.asarray(other.field(near.here)), momentum_slopes(other)
-        size = np.abs(slopes) @ _largest(np.abs(field), (*near.group.unit_blocks, *near.group.unit_blocks))
+        size = np.abs(slopes) @ np.repeat(largest_of_blocks(field, blocks), blocks)
         values.append(np.asarray(other.momenta(near.here)))
         slopes_of_all.append(slopes * sizes)
         rates.append(slopes @ field / (size.max() or 1.0))
@@ -76,11 +77,6 @@ def momentum_slopes(near: NearState) -> np.ndarray:
 def nonzero(sizes: np.ndarray) -> np.ndarray:
     """The sizes, 1 for those that are zero."""
     return np.where(sizes == 0.0, 1.0, sizes)
-
-
-def _largest(sizes: np.ndarray, blocks: tuple[int, ...]) -> np.ndarray:
-    """The largest of the numbers of one unit, in place of each."""
-    return np.repeat([part.max() for part in np.split(sizes, np.cumsum(blocks)[:-1])], blocks)
 
 
 def null_space(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
