@@ -83,6 +83,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--part", type=int, default=0, metavar="K", help="which of the N parts --one-in leaves, by K modulo N"
     )
     parser.addoption("--every-variant", action="store_true", help="tests that are not slow, in all their variants")
+    parser.addoption(
+        "--draw", type=int, default=0, metavar="N", help="other random numbers: every test holds for any of them"
+    )
 
 
 def sampled(variants: list[pytest.Function], count: int) -> list[pytest.Function]:
@@ -167,7 +170,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(plain)
 
 
+def numbers_of(test: pytest.FixtureRequest) -> np.random.Generator:
+    """Random numbers of a test, whichever tests ran before it."""
+    return np.random.default_rng([crc32(test.node.nodeid.encode()), test.config.getoption("draw")])
+
+
 @pytest.fixture
-def rng() -> np.random.Generator:
-    """Random numbers that are the same in every run."""
-    return np.random.default_rng(20_240_229)
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    """The random numbers of a test."""
+    return numbers_of(request)
+
+
+@pytest.fixture(autouse=True)
+def generator_of_the_file(request: pytest.FixtureRequest) -> None:
+    """A test that draws from the generator `RNG` of its file finds it at the test's own numbers."""
+    generator = getattr(getattr(request, "module", None), "RNG", None)
+    if generator is not None:
+        generator.bit_generator.state = numbers_of(request).bit_generator.state
