@@ -10,7 +10,10 @@ from typing import Any
 
 from ..names import meant
 
-COMMANDS = {"run": "run", "scenes": "lists", "methods": "lists", "check": "check", "bench": "bench", "view": "view"}
+COMMANDS = {
+    "run": "run", "scenes": "lists", "methods": "lists", "check": "check", "bench": "bench", "view": "view",
+    "reproduce": "reproduce",
+}  # fmt: skip
 """The commands, and the file of each, which is loaded when it is wanted."""
 
 MAIN = "main_job"

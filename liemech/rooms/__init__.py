@@ -10,6 +10,7 @@
     stability/          steady motions and their stability, Lyapunov exponents
     at_work/            plans outside of `run`: steppers, commands, C code, many machines, orders
     files/              runs in files
+    published/          results of others, computed again
 
 Mechanisms are in `liemech/joints`, ready systems in `liemech/models`; estimation, checks, plots, viewer and the
 command line are rooms too.  `tests/test_architecture.py` says which room may import which, and by which doors the core

@@ -1,0 +1,40 @@
+"""`liemech reproduce`: published results, computed again."""
+
+from __future__ import annotations
+
+import sys
+from argparse import RawDescriptionHelpFormatter
+from collections.abc import Sequence
+
+from ..errors import InvalidInput
+from ..rooms.published import RESULTS
+from ..rooms.published.compared import reproduced, title_of
+from .options import Parser
+
+
+def reproduce(arguments: Sequence[str]) -> int:
+    """The command.  Returns the exit status: 0, 1 if a published number was not reached."""
+    parser = Parser(
+        prog="liemech reproduce",
+        description="Compute published results again, and print theirs beside ours; without a name, list them.",
+        epilog="examples:\n  liemech reproduce iftomm-a02\n  liemech reproduce all --full",
+        formatter_class=RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of a result, or all")
+    parser.add_argument("--full", action="store_true", help="with the rows that take minutes")
+    options = parser.parse_args(arguments)
+    if not options.names:
+        width = max(map(len, RESULTS)) + 2
+        print("\n".join(f"{name:<{width}}{title_of(name)}" for name in RESULTS))
+        return 0
+    hold = []
+    for name in RESULTS if options.names == ["all"] else options.names:
+        try:
+            result = reproduced(name, options.full)
+        except InvalidInput as wrong:
+            parser.error(str(wrong))
+        print(result, end="\n\n", flush=True)
+        hold.append(result.holds)
+    if len(hold) > 1:
+        print(f"{sum(hold)} of {len(hold)} reproduced", file=sys.stderr)
+    return 0 if all(hold) else 1

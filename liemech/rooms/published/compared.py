@@ -1,0 +1,77 @@
+"""A published number beside ours."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from ...errors import InvalidInput
+from . import RESULTS
+
+
+class Compared(NamedTuple):
+    """A published number and the one computed now.
+
+    within : how far the computed one may be from it, by the digits that the source prints; None where the published number is an
+    error, which the computed one must not exceed.
+    """
+
+    quantity: str
+    published: float
+    computed: float
+    within: float | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is the published number, or an error no larger."""
+        if self.within is None:
+            return abs(self.computed) <= self.published
+        return abs(self.computed - self.published) <= self.within
+
+
+class Reproduced(NamedTuple):
+    """A result: its name, title and source, the rows, and the seconds they took."""
+
+    name: str
+    title: str
+    source: str
+    rows: tuple[Compared, ...]
+    seconds: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether all of its rows hold."""
+        return all(row.holds for row in self.rows)
+
+    def __str__(self) -> str:
+        width = max(len(row.quantity) for row in self.rows)
+        lines = [f"{self.name}: {self.title}", f"Source: {self.source}", ""]
+        lines.append(f"  {'':<{width}}  {'published':>18}  {'ours':>18}")
+        for row in self.rows:
+            sign = "" if row.holds else "   NOT REPRODUCED"
+            limit = "at most " if row.within is None else ""
+            lines.append(
+                f"  {row.quantity:<{width}}  {limit + f'{row.published:.12g}':>18}  {row.computed:>18.12g}{sign}"
+            )
+        return "\n".join([*lines, "", f"{'reproduced' if self.holds else 'NOT REPRODUCED'} in {self.seconds:.2g} s"])
+
+
+def file_of(name: str) -> Any:
+    """The file of a result.  Raises InvalidInput for a name that is none."""
+    if name not in RESULTS:
+        raise InvalidInput(f"there is no published result {name!r}; there are {', '.join(RESULTS)}")
+    return import_module(f".{RESULTS[name]}", __package__)
+
+
+def title_of(name: str) -> str:
+    """The title of a result, a sentence."""
+    return str(file_of(name).__doc__).partition("\n")[0]
+
+
+def reproduced(name: str, full: bool = False) -> Reproduced:
+    """A published result, computed now.  full : with the rows that take minutes."""
+    file, started = file_of(name), time.perf_counter()
+    rows: Iterable[Compared] = file.compared(full)
+    return Reproduced(name, title_of(name), file.SOURCE, tuple(rows), time.perf_counter() - started)

@@ -1,0 +1,70 @@
+"""Published numbers are reached, and what is not reached is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import liemech as lm
+from liemech.command_line.main import main
+from liemech.errors import InvalidInput
+from liemech.rooms.published import RESULTS
+from liemech.rooms.published.compared import Compared, reproduced, title_of
+from liemech.rooms.published.four_bars import four_bars
+
+LONG = {name for name in RESULTS if name != "elastica"}
+PAGE = Path(__file__).parent.parent.parent / "docs" / "proof" / "published_results.md"
+
+
+@pytest.mark.parametrize("name", [pytest.param(x, marks=pytest.mark.slow) if x in LONG else x for x in RESULTS])
+def test_a_published_result_is_reached(name: str) -> None:
+    result = reproduced(name)
+    assert result.rows and result.holds, str(result)
+    assert result.source in str(result)
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("name", ["iftomm-a02", "wafr-10"])
+def test_long_rows_are_reached(name: str) -> None:
+    result = reproduced(name, full=True)
+    assert result.holds, str(result)
+
+
+def test_a_number_that_is_not_reached_is_told() -> None:
+    assert not Compared("a place", 1.0, 1.1, 0.05).holds
+    assert not Compared("an error", 0.01, -0.02).holds
+    assert Compared("an error", 0.01, -0.01).holds
+    assert not Compared("a place", 1.0, float("nan"), 0.05).holds
+
+
+def test_results_are_listed_and_a_name_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce"]) == 0
+    listed = capsys.readouterr().out
+    assert all(name in listed and title_of(name) in listed for name in RESULTS)
+    with pytest.raises(InvalidInput, match="iftomm-a02"):
+        reproduced("iftomm-a99")
+    with pytest.raises(SystemExit, match="2"):
+        main(["reproduce", "iftomm-a99"])
+
+
+def test_every_result_is_on_the_page() -> None:
+    page = PAGE.read_text()
+    assert all(f"`{name}`" in page for name in RESULTS)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("steps", [pytest.param(40, marks=pytest.mark.slow), pytest.param(160, marks=pytest.mark.slow)])
+def test_a_step_that_lands_on_the_dead_point_goes_on(steps: int) -> None:
+    linkage, poses = four_bars(2)
+    weight, inertia = 9.81 * 3.5, 3.0
+    upright = linkage.state(rates={"crank 0": 1.0}, near=poses)
+    quarter, _ = quad(lambda q: 1.0 / np.sqrt(1.0 + 2.0 * weight / inertia * (1.0 - np.cos(q))), 0.0, np.pi / 2)
+    run = lm.integrate(linkage, lm.LieRATTLE(), upright, h=quarter / steps, steps=4 * steps, progress=False)
+    first, last = (run.joint(f"crank {k}").angle for k in (0, 2))
+    assert abs(first[steps] - np.pi / 2) < 1.0 / steps**2  # all bars in one line
+    assert np.abs(first - last).max() < 1e-12 and np.ptp(first) > np.pi
+    assert np.ptp(run.energy) < 200.0 / steps**2
