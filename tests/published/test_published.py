@@ -57,7 +57,8 @@ def test_every_result_is_on_the_page() -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("steps", [pytest.param(40, marks=pytest.mark.slow), pytest.param(160, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [40, 160])
 def test_a_step_that_lands_on_the_dead_point_goes_on(steps: int) -> None:
     linkage, poses = four_bars(2)
     weight, inertia = 9.81 * 3.5, 3.0
@@ -66,5 +67,5 @@ def test_a_step_that_lands_on_the_dead_point_goes_on(steps: int) -> None:
     run = lm.integrate(linkage, lm.LieRATTLE(), upright, h=quarter / steps, steps=4 * steps, progress=False)
     first, last = (run.joint(f"crank {k}").angle for k in (0, 2))
     assert abs(first[steps] - np.pi / 2) < 1.0 / steps**2  # all bars in one line
-    assert np.abs(first - last).max() < 1e-12 and np.ptp(first) > np.pi
+    assert np.abs(first - last).max() < 1e-9 and np.ptp(first) > np.pi
     assert np.ptp(run.energy) < 200.0 / steps**2
