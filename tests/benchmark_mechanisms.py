@@ -93,9 +93,8 @@ def one_freedom(
     energy: Callable[[Any], Any],
     inside: tuple[float, float] | None = None,
 ) -> np.ndarray:
-    """(q, q') at the end, of M(q) q'' = -M'(q) q'^2/2 - V'(q), M by complex steps from where the
-    bodies are at q, M' by differences of order 8; or M and V by Chebyshev polynomials `inside` these
-    angles, where they are dear.
+    """(q, q') at the end, of M(q) q'' = -M'(q) q'^2/2 - V'(q), M by complex steps from where the bodies are at q, M' by
+    differences of order 8; or M and V by Chebyshev polynomials `inside` these angles, where they are dear.
     """
     tiny = 1e-30
 
@@ -357,11 +356,10 @@ def about(axis: Any, angle: Any) -> Any:
 
 
 def governor(end: float = 2.0) -> Mechanism:
-    """Watt's: a spindle turns freely, two arms with balls swing on it, two rods carry a collar on a
-    spring and a damper; two freedoms.
+    """Watt's: a spindle turns freely, two arms with balls swing on it, two rods carry a collar on a spring and a
+    damper; two freedoms.
 
-    Source: Gonzalez et al. (2006), problem A06 (a flyball governor, with rods in the place of its stiff
-    springs).
+    Source: Gonzalez et al. (2006), problem A06 (a flyball governor, with rods in the place of its stiff springs).
     """
     a, b, m, collar, k, c = 0.4, 0.3, 1.0, 2.0, 400.0, 2.0
     arm = np.array([0.03, 0.03, 0.002])

@@ -44,9 +44,7 @@ execution.WAIT = 0.6
 
 
 def can_compile() -> bool:
-    """Whether native code may be made in this run: llvmlite is installed and nobody asked for plain
-    Python.
-    """
+    """Whether native code may be made in this run: llvmlite is installed and nobody asked for plain Python."""
     switched_off = os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
     return not switched_off and importlib.util.find_spec("llvmlite") is not None
 
@@ -89,9 +87,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def sampled(variants: list[pytest.Function], count: int) -> list[pytest.Function]:
-    """So many variants of a test, each with those values of its parameters that were taken least
-    often before.
-    """
+    """So many variants of a test, each with those values of its parameters that were taken least often before."""
     taken: Counter[str] = Counter()
     # neighbours apart
     rest = sorted(range(len(variants)), key=lambda i: 0.618034 * i % 1.0)

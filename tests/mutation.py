@@ -1,5 +1,4 @@
-"""What the tests would miss: one token of a formula is changed at a time, and the tests that reach
-it must notice.
+"""What the tests would miss: one token of a formula is changed at a time, and the tests that reach it must notice.
 
 `python tests/mutation.py 200 --seed 1` tries two hundred changes in a copy of the tree; `--list`
 only shows them, `--under groups compiler/machine/guard_words.py` takes those of some folders and files.  Numbers
@@ -7,13 +6,12 @@ of all kinds (sizes, indices, thresholds), signs, operators, comparisons, guards
 `not`), truth values, what ends loops, and `min`, `max`, `any`, `all` are changed; of groups,
 methods, tableaus, systems, models and formulas, if nothing else is asked for.
 
-First all tests run once in plain Python, and which lines each of them reaches is kept (`--reach`
-names the file).  Then each change is put into the functions of a process that has collected all
-tests, and those that reach its line run in a fork, the quickest and most particular first, until
-one fails.  What no function holds (a tableau, a default), and what was not noticed, meets whole
-files of tests in a new process, native code and all.  Survivors are listed, to be judged by a
-reader: some change nothing that can be observed.  Those that the table tests/unnoticed.md
-names, with a reason, are not tried and not counted.  Needs Python 3.12 and a system that can fork.
+First all tests run once in plain Python, and which lines each of them reaches is kept (`--reach` names the file).  Then
+each change is put into the functions of a process that has collected all tests, and those that reach its line run in a
+fork, the quickest and most particular first, until one fails.  What no function holds (a tableau, a default), and what
+was not noticed, meets whole files of tests in a new process, native code and all.  Survivors are listed, to be judged
+by a reader: some change nothing that can be observed.  Those that the table tests/unnoticed.md names, with a reason,
+are not tried and not counted.  Needs Python 3.12 and a system that can fork.
 """
 
 from __future__ import annotations
@@ -348,9 +346,7 @@ def nested(code: types.CodeType) -> Iterator[types.CodeType]:
 
 
 class Trials:
-    """A plugin of pytest that runs the tests once and again, in forks, with one change after
-    another.
-    """
+    """A plugin of pytest that runs the tests once and again, in forks, with one change after another."""
 
     def __init__(self, tree: Path, chosen: list[Change], kept: Path) -> None:
         self.tree, self.chosen, self.kept = tree, chosen, kept

@@ -25,9 +25,7 @@ FLOOR = 5e-14
 
 @dataclass(frozen=True)
 class Problem:
-    """A motion of four starts to the time t_end, where it is compared; and the fewest steps, for
-    each order.
-    """
+    """A motion of four starts to the time t_end, where it is compared; and the fewest steps, for each order."""
 
     name: str
     system: lm.System
@@ -68,12 +66,10 @@ class Problem:
         return [float(np.sqrt(np.mean((a - b[:bodies]) ** 2))) for a, b in zip(self.end(method, n, bodies), self.exact)]
 
     def slopes(self, method: lm.Method, order: int) -> list[float]:
-        """The measured orders of momentum and attitude, by least squares over three steps, each
-        half of the one before.
+        """The measured orders of momentum and attitude, by least squares over three steps, each half of the one before.
 
-        Below order 4 the error of one start; from then on that of four, for one alone may have
-        hardly any error by chance.  From order 5 on the three smallest steps that are not lost in
-        rounding.
+        Below order 4 the error of one start; from then on that of four, for one alone may have hardly any error by
+        chance.  From order 5 on the three smallest steps that are not lost in rounding.
         """
         bodies, n = (1 if order < 4 else 4), self.fewest[order - 1]
         counts, found = [], []
@@ -99,9 +95,7 @@ SMALL = {2: 3e-3, 4: 3e-5, 6: 3e-8, 8: 1e-9}
 
 
 class Smooth(Problem):
-    """A problem on which the leading term of the error shows early, so that a level of the error
-    tells where to begin.
-    """
+    """A problem on which the leading term of the error shows early, so that a level of the error tells where to begin."""
 
     def slopes(self, method: lm.Method, order: int) -> list[float]:
         """The measured orders, by least squares over three steps from the first with a `SMALL`
@@ -123,11 +117,9 @@ class Smooth(Problem):
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the page: its first line, its rows of names, methods and orders, and a column for
-    each problem.
+    """A table of the page: its first line, its rows of names, methods and orders, and a column for each problem.
 
-    A column has one problem or several of the same motion, of which the first is taken that the
-    method accepts.
+    A column has one problem or several of the same motion, of which the first is taken that the method accepts.
     """
 
     head: str
@@ -182,9 +174,7 @@ class Table:
         )
 
     def agrees(self, name: str, slopes: list[float | None]) -> None:
-        """Assert that the page has these slopes, to 0.05, and stars where they are due; nan is what
-        was not measured.
-        """
+        """Assert that the page has these slopes, to 0.05, and stars where they are due; nan is what was not measured."""
         cells = [cell.strip() for cell in self.printed()[name].split("|")[3:-1]]
         for cell, p in zip(cells, slopes, strict=True):
             if p is not None and math.isnan(p):

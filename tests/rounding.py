@@ -1,5 +1,4 @@
-"""Rounding, measured: what single steps lose against the same steps in more digits, and what long
-runs lose.
+"""Rounding, measured: what single steps lose against the same steps in more digits, and what long runs lose.
 
 `python tests/rounding.py --write` puts the table into docs/proof/measured/orders.md; `--print` only shows
 it.  Every step of a run in double precision is made once more from where it began, in long doubles
@@ -28,8 +27,7 @@ Wide = np.longdouble
 HAS_MORE_DIGITS = np.finfo(Wide).eps < 1e-3 * EPS
 Array = np.ndarray
 
-# ---------------------------------------------------------------- vectors as columns: (3, n), in
-# double or long double
+# ---------------------------------------------------------------- vectors as columns: (3, n), in double or long double
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -84,9 +82,7 @@ CAYLEY_MAP = Turn(lambda x: (4 / (4 + x), 2 / (4 + x)), lambda x: (4 / (4 + x), 
 
 
 def fixed(equation: Callable[..., Array], start: Array, *data: Array | Wide) -> Array:
-    """The fixed point of a contraction that depends on data: in double precision first, then in
-    long doubles.
-    """
+    """The fixed point of a contraction that depends on data: in double precision first, then in long doubles."""
     x = start
     for digits, most in ((float, 60), (Wide, 30)):
         x, given = x.astype(digits), [d.astype(digits) for d in data]
@@ -142,9 +138,7 @@ def algorithm_1(turn: Turn, h: Wide, moments: Array, mu: Array) -> Array:
 
 
 def hamilton_jacobi_4(turn: Turn, h: Wide, moments: Array, mu: Array) -> Array:
-    """x(p) = h v + (h^3/6) ds_3, p = (dtau_x)* mu; of a quadratic energy, by the formula for
-    rotations.
-    """
+    """x(p) = h v + (h^3/6) ds_3, p = (dtau_x)* mu; of a quadratic energy, by the formula for rotations."""
 
     def displacement(p: Array, h: Wide, J: Array) -> Array:
         v = p / J
@@ -178,9 +172,7 @@ SUZUKI = (S, S, 1 - 4 * S, S, S)
 
 @dataclass(frozen=True)
 class Case:
-    """A method of the library, and its step once more: displacements of substeps, between kicks if
-    there is a field.
-    """
+    """A method of the library, and its step once more: displacements of substeps, between kicks if there is a field."""
 
     method: lm.Method
     turn: Turn
@@ -271,9 +263,7 @@ def casimir(scene: Scene, mu: Array, vertical: Array) -> Array:
 
 
 def error_of_mean(values: Array, block: int = 1000) -> float:
-    """The standard error of the mean of values that may be correlated within a block, as those of
-    compensated sums are.
-    """
+    """The standard error of the mean of values that may be correlated within a block, as those of compensated sums are."""
     n = len(values) // block
     means = values[: n * block].reshape(n, block).mean(axis=1)
     return float(means.std() / np.sqrt(n - 1))
@@ -368,9 +358,7 @@ def reversibility(case: Case, compensated: bool | None = None, h: float = 0.1, s
 
 
 def spatial_drift(case: Case, steps: int, compensated: bool | None = None, h: float = 0.1) -> tuple[float, float]:
-    """The largest changes of what the space sees, the momentum (of a top its vertical part), and of
-    g^T g.
-    """
+    """The largest changes of what the space sees, the momentum (of a top its vertical part), and of g^T g."""
     run = case.run(steps, h, every=steps // 100, compensated=compensated)
     space = np.einsum("nij,nj->ni", run.g, run.mu)[:, 2 if case.scene.weight else slice(None)]
     size = np.linalg.norm(run.mu[0])

@@ -104,9 +104,7 @@ def step_map(system: lm.LiePoissonSystem, method: lm.Method, h: float) -> Callab
 
 
 def poisson_defect(system: lm.LiePoissonSystem, method: lm.Method, mu: np.ndarray, h: float) -> float:
-    """max |phi' B(mu) phi'^T - B(phi(mu))| of one step phi; phi' by central differences,
-    extrapolated.
-    """
+    """max |phi' B(mu) phi'^T - B(phi(mu))| of one step phi; phi' by central differences, extrapolated."""
     phi, n = step_map(system, method, h), len(mu)
 
     def derivative(e: float) -> np.ndarray:
@@ -156,8 +154,7 @@ class SteeredFromSpace(Steered):
     side = "right"
 
 
-# ---------------------------------------------------------------- bodies with reference values, and
-# bodies in fields
+# ---------------------------------------------------------------- bodies with reference values, and bodies in fields
 
 
 def reference(name: str) -> dict[str, Any]:
@@ -199,9 +196,7 @@ def orbiting_body(radius: float = 3.0) -> tuple[lm.models.OrbitingBody, lm.BodyS
 
 
 def kirchhoff_body() -> tuple[lm.models.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]]:
-    """A body in a fluid with all its couplings, a start, and where it is later: times, momenta and
-    poses, to 20 digits.
-    """
+    """A body in a fluid with all its couplings, a start, and where it is later: times, momenta and poses, to 20 digits."""
     data = reference("kirchhoff_se3")
     A, D, M, R0, x0 = (numbers(data[name]) for name in ("A", "D", "M", "R0", "x0"))
     body = lm.models.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
@@ -217,8 +212,7 @@ def pose(R: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.block([[R, x[:, None]], [np.zeros(3), 1.0]])
 
 
-# ---------------------------------------------------------------- a group that writes only what it
-# must
+# ---------------------------------------------------------------- a group that writes only what it must
 
 
 @lm.record
@@ -247,9 +241,7 @@ class PlaneAlgebra(lm.LieAlgebra):
 
 @lm.record
 class PlaneMotions(lm.LieGroup):
-    """SE(2), the motions of the plane: not compact, its adjoint action not orthogonal, and without
-    closed forms.
-    """
+    """SE(2), the motions of the plane: not compact, its adjoint action not orthogonal, and without closed forms."""
 
     @property
     def algebra(self) -> PlaneAlgebra:
@@ -282,9 +274,7 @@ class PlaneMotions(lm.LieGroup):
 
 @lm.record
 class Relativistic(lm.SeparableSystem):
-    """A relativistic particle in an anharmonic well: T is not quadratic, and no derivative is
-    written.
-    """
+    """A relativistic particle in an anharmonic well: T is not quadratic, and no derivative is written."""
 
     degrees: ClassVar[int] = 2
     c: float = 2.0

@@ -1,6 +1,4 @@
-"""What runs are tested with: bodies, methods and observers, of numbers that need no library, and few
-kernels.
-"""
+"""What runs are tested with: bodies, methods and observers, of numbers that need no library, and few kernels."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The shape of the library: which file may import which, what an import costs, what a public name
-owes its reader.
-"""
+"""The shape of the library: which file may import which, what an import costs, what a public name owes its reader."""
 
 from __future__ import annotations
 
@@ -81,9 +79,7 @@ SOURCED = (
     *("groups", "integrators", "joints", "models", "estimation"),
     *("rooms.constraints", "rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson", "rooms.stability"),
 )
-"""The parts made of other people's mathematics: a public docstring says where the formula stands
-in print.
-"""
+"""The parts made of other people's mathematics: a public docstring says where the formula stands in print."""
 
 UNSOURCED: frozenset[str] = frozenset()
 """Public names of those layers that hold nobody's formula."""
@@ -117,9 +113,7 @@ def part(module: str) -> str:
 
 
 def layer(module: str) -> str:
-    """liemech.groups.rigid.so3 is of the layer `groups`, and so is the package itself; `liemech` is above
-    all layers.
-    """
+    """liemech.groups.rigid.so3 is of the layer `groups`, and so is the package itself; `liemech` is above all layers."""
     return module.partition(".")[2].partition(".")[0]
 
 
@@ -140,9 +134,7 @@ def parts(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def executed(node: ast.AST, lazy: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
-    """The import statements that run, and whether only when some function is called; annotations do
-    not count.
-    """
+    """The import statements that run, and whether only when some function is called; annotations do not count."""
     for child in parts(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child, lazy
@@ -328,9 +320,7 @@ def test_only_numpy_is_imported_before_it_is_needed() -> None:
 
 
 def loaded_by(statements: str) -> set[str]:
-    """The top-level modules of a new process after the statements, without the standard library and
-    liemech.
-    """
+    """The top-level modules of a new process after the statements, without the standard library and liemech."""
     code = f"{statements}\nimport json, sys; print(json.dumps(sorted(sys.modules)))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
     names = {name.partition(".")[0] for name in json.loads(run.stdout.splitlines()[-1])}

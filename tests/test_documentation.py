@@ -1,5 +1,4 @@
-"""What the pages say is true: their Python runs, the examples run, and CI runs the commands of the
-README.
+"""What the pages say is true: their Python runs, the examples run, and CI runs the commands of the README.
 
 A page is one program: its ```python blocks share one namespace and run in order, in an empty
 folder. A ```text block right after one is what that one prints. A block tagged
@@ -49,18 +48,14 @@ COMPILED = {
 """Pages and examples about native code, or too long without it."""
 
 QUICK = {"README", "conventions", "tableaus", "tennis_racket"}
-"""Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs a
-third of them.
-"""
+"""Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs a third of them."""
 
 TIME_LIMIT = 300  # seconds for one page or one example
 
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block of a page: what its fence says, its lines, where they begin, and the paragraph
-    before it.
-    """
+    """A fenced block of a page: what its fence says, its lines, where they begin, and the paragraph before it."""
 
     language: str
     lines: tuple[str, ...]
@@ -85,9 +80,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def programs(files: list[Path]) -> list[Any]:
-    """The files as parameters of a test, with marks for those that need the compiler and for the
-    slow ones.
-    """
+    """The files as parameters of a test, with marks for those that need the compiler and for the slow ones."""
     native = {f: [pytest.mark.compiled] if f.stem in COMPILED else [] for f in files}
     slow = {f: [] if f.stem in QUICK else [pytest.mark.slow] for f in files}
     return [pytest.param(f, marks=[*native[f], *slow[f]]) for f in files]

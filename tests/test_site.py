@@ -78,9 +78,7 @@ def test_every_link_to_a_term_of_the_glossary_finds_it() -> None:
 
 
 def test_every_row_of_a_table_has_as_many_cells_as_its_head() -> None:
-    """A bar inside a cell parts it, in code too, unless a backslash stands before it; what is too
-    much is not shown.
-    """
+    """A bar inside a cell parts it, in code too, unless a backslash stands before it; what is too much is not shown."""
     for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
         cells = None
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):

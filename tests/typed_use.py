@@ -1,6 +1,4 @@
-"""A user's program with types, which mypy reads with the library: constructors ask for what they
-take, and for no more.
-"""
+"""A user's program with types, which mypy reads with the library: constructors ask for what they take, and for no more."""
 
 from __future__ import annotations
 

@@ -2,9 +2,8 @@
 
     python tests/benchmarks/adaptive_ensembles.py [bodies ...]
 
-Microseconds of a body, medians of runs in turn, only the end kept; one thread.  heyoka is of
-another kind, Taylor's method without structure: its column is to the same tolerance, not to the same
-error.
+Microseconds of a body, medians of runs in turn, only the end kept; one thread.  heyoka is of another kind, Taylor's
+method without structure: its column is to the same tolerance, not to the same error.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
-"""The way back through runs of many spins: what J^T w and the derivatives by all couplings cost over the
-run itself, and how much memory they take, as curves in the number of sites and of steps.
+"""The way back through runs of many spins: what J^T w and the derivatives by all couplings cost over the run itself,
+and how much memory they take, as curves in the number of sites and of steps.
 
     python tests/benchmarks/adjoint.py [--quick] [--picture FILE]
 
-The motion is chaotic, and J grows; long runs have short steps, so that it does not overflow.
-Processor time, the least of some rounds, run and way back in turn.  Memory is the peak of what Python and NumPy
-allocate.
+The motion is chaotic, and J grows; long runs have short steps, so that it does not overflow. Processor time, the least
+of some rounds, run and way back in turn.  Memory is the peak of what Python and NumPy allocate.
 """
 
 from __future__ import annotations

@@ -20,9 +20,7 @@ CONTRACTIONS = ("off", "fast")
 
 
 def libraries(source: Path) -> dict[str, ctypes.CDLL]:
-    """The C++ of a file in each contraction mode, "off" and "fast", compiled for this processor; empty without
-    g++.
-    """
+    """The C++ of a file in each contraction mode, "off" and "fast", compiled for this processor; empty without g++."""
     compiler = os.environ.get("CXX") or shutil.which("g++")
     if not compiler:
         return {}
@@ -68,16 +66,13 @@ class Baseline:
     _library: ctypes.CDLL
 
     def lanes(self, groups: int = 3) -> int:
-        """Bodies advanced together by the ensemble kernel: SIMD width times registers per variable
-        (3 is the best).
-        """
+        """Bodies advanced together by the ensemble kernel: SIMD width times registers per variable (3 is the best)."""
         return self.width * groups
 
     def advance(
         self, method: int, lanes: int, mu: np.ndarray, g: np.ndarray | None, inertia: np.ndarray, h: float, steps: int
     ) -> float:
-        """Advance momenta (3, n) and attitudes (9, n) or None in place; returns Newton solves per
-        step.
+        """Advance momenta (3, n) and attitudes (9, n) or None in place; returns Newton solves per step.
 
         inertia : the moments, (3,), followed by weight times centre if it is a top, (6,).
         """
@@ -100,9 +95,7 @@ class Baseline:
         return solves / (steps * (n // lanes))
 
     def packed(self) -> dict[str, dict[str, int]]:
-        """Arithmetic instructions of each ensemble kernel by register: zmm, ymm (packed) and
-        scalar. Needs objdump.
-        """
+        """Arithmetic instructions of each ensemble kernel by register: zmm, ymm (packed) and scalar. Needs objdump."""
         if shutil.which("objdump") is None:
             return {}
         listing = subprocess.run(
@@ -123,9 +116,7 @@ class Baseline:
 
 
 def build(*, sweep: bool = False) -> dict[str, Baseline]:
-    """Compile the kernels in each contraction mode, side by side; empty without g++. Kept in the
-    temporary folder.
-    """
+    """Compile the kernels in each contraction mode, side by side; empty without g++. Kept in the temporary folder."""
     compiler = os.environ.get("CXX") or shutil.which("g++")
     if not compiler:
         return {}

@@ -1,11 +1,10 @@
-"""Public methods called with many rows: against plain C++ loops over the same rows, and against
-SciPy's rotations.
+"""Public methods called with many rows: against plain C++ loops over the same rows, and against SciPy's rotations.
 
     python tests/benchmarks/batches.py [--quick] [--rows N] [--out FILE]
 
-Each figure is nanoseconds per row of a whole call: the checks of the arguments (finite, group
-elements) and a fresh array for the result are included in ours.  C++ has no checks and writes into
-an array that is there already ("C++"), or fresh as well ("fresh").
+Each figure is nanoseconds per row of a whole call: the checks of the arguments (finite, group elements) and a fresh
+array for the result are included in ours.  C++ has no checks and writes into an array that is there already ("C++"), or
+fresh as well ("fresh").
 """
 
 import argparse

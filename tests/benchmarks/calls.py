@@ -3,10 +3,9 @@
     python tests/benchmarks/calls.py [--quick] [--only TEXT] [--out results.json]
     python tests/benchmarks/calls.py --against OTHER [--gate 1.03] [--rounds 5] [--only TEXT]
 
-Each line is the least of many repetitions: what the machine needs when nothing else runs.  `beyond`
-leaves out what native code takes, which is clocked by itself.  With --against the same table is
-made of this tree and of another one, whose path is given, in processes of their own and in turn;
-where a ratio is larger than the gate the exit code is 1.
+Each line is the least of many repetitions: what the machine needs when nothing else runs.  `beyond` leaves out what
+native code takes, which is clocked by itself.  With --against the same table is made of this tree and of another one,
+whose path is given, in processes of their own and in turn; where a ratio is larger than the gate the exit code is 1.
 """
 
 from __future__ import annotations
@@ -325,9 +324,7 @@ def calls() -> Iterator[Entry]:
 
 
 def least(call: Call, duration: float) -> float:
-    """Microseconds of a call: the least of several runs, each of a millisecond or of one call, for
-    so many seconds.
-    """
+    """Microseconds of a call: the least of several runs, each of a millisecond or of one call, for so many seconds."""
     call()
     begun = time.perf_counter()
     call()

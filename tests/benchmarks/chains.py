@@ -1,13 +1,11 @@
-"""Chains of rods by loops over bodies and joints, against C++ and, if they are there, MuJoCo and
-Pinocchio.
+"""Chains of rods by loops over bodies and joints, against C++ and, if they are there, MuJoCo and Pinocchio.
 
     python tests/benchmarks/chains.py [--quick] [--peers] [--only PART] [--out FILE]
 
-Figures are nanoseconds of processor time per rod and step of 2 ms, of whole runs that keep the last
-state, the least of several rounds in turn; "hinges" is the same chain on hinges, "order 4" a
-composition of five substeps.  Then rods that hang from the rim of one wheel.  Ours is by default
-compensated; the methods of C++ and of ours are two different ones of order 2.  C++ is built without
-contraction.  Then the seconds of compiling, with no code on disk.
+Figures are nanoseconds of processor time per rod and step of 2 ms, of whole runs that keep the last state, the least of
+several rounds in turn; "hinges" is the same chain on hinges, "order 4" a composition of five substeps.  Then rods that
+hang from the rim of one wheel.  Ours is by default compensated; the methods of C++ and of ours are two different ones
+of order 2.  C++ is built without contraction.  Then the seconds of compiling, with no code on disk.
 """
 
 import argparse

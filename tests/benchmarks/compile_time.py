@@ -1,12 +1,11 @@
-"""Cost of compiling: seconds of translation and of LLVM for methods on systems, cold, instructions
-given to LLVM, and ns a step.
+"""Cost of compiling: seconds of translation and of LLVM for methods on systems, cold, instructions given to LLVM, and
+ns a step.
 
     python tests/benchmarks/compile_time.py [--quick] [--only TEXT] [--no-steps] [--out
     results.json]
 
-Times are of the processor, so other work on the machine changes them by tens of percent, not by
-multiples.  Each case runs in a process of its own, which is ended after `--limit` seconds.  A
-dagger marks a time beyond its goal.
+Times are of the processor, so other work on the machine changes them by tens of percent, not by multiples.  Each case
+runs in a process of its own, which is ended after `--limit` seconds.  A dagger marks a time beyond its goal.
 """
 
 import argparse
@@ -95,9 +94,7 @@ class Bodies(lm.HamiltonianSystem):
 # ------------------------------------------------------------------ cases
 
 Case = tuple[Any, Any, Any, float] | Callable[[], Any]
-"""A system, a method, a start and the step; or a run of another kind, of which only the compilation
-is measured.
-"""
+"""A system, a method, a start and the step; or a run of another kind, of which only the compilation is measured."""
 COVARIANT = {"Cayley": lm.CovariantVariational(lm.Cayley()), "exp": lm.CovariantVariational(lm.Exponential())}
 
 

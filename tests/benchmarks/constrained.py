@@ -91,9 +91,8 @@ def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:
 
 
 def time_to_error(repetitions: int) -> list[dict[str, Any]]:
-    """The least time to T = 50 with 100 outputs whose positions err by less than 1e-3, 1e-6, 1e-9:
-    of a prepared run, and of its native steps alone; processor time, so that other processes count
-    little.
+    """The least time to T = 50 with 100 outputs whose positions err by less than 1e-3, 1e-6, 1e-9: of a prepared run,
+    and of its native steps alone; processor time, so that other processes count little.
     """
     fine = lm.integrate(
         SPHERE, METHODS["geodesics, order 8"], SWINGING, h=T_END / 8000, steps=8000, every=80, progress=False

@@ -62,9 +62,7 @@ def timed(runs: dict[str, Run], rounds: int) -> dict[str, dict[str, float]]:
 
 
 def steps_of_crowds(quick: bool) -> list[dict[str, Any]]:
-    """Order 4, momentum and attitude, the end kept: RKMK4 here, RK4 with quaternions in JAX,
-    MuJoCo's RK4.
-    """
+    """Order 4, momentum and attitude, the end kept: RKMK4 here, RK4 with quaternions in JAX, MuJoCo's RK4."""
     rows = []
     for n in (16, 256) if quick else (16, 256, 4096, 65_536, 1_000_000):
         for steps in (20, 200):
@@ -109,9 +107,7 @@ def _ours(n: int, steps: int) -> Run:
 
 
 def _jax(n: int, steps: int, block: int = 0) -> Run:
-    """All bodies at once, or one block after the other, each through all steps while it is in the
-    cache.
-    """
+    """All bodies at once, or one block after the other, each through all steps while it is in the cache."""
     jax: Any = importlib.import_module("jax")
     jax.config.update("jax_enable_x64", True)
 

@@ -1,13 +1,12 @@
-"""Energy and Casimirs of a free rigid body and of a heavy top until t = 10^5, by this library and
-by others that are installed.
+"""Energy and Casimirs of a free rigid body and of a heavy top until t = 10^5, by this library and by others that are
+installed.
 
     python tests/benchmarks/energy.py [--quick] [--out energy.json] [--figure energy.png] [--errors
     1e-3 1e-6] [--only NAME]
 
-Every method runs at the loosest of its settings with which momentum and attitude come out with such
-an error at the time of `work_precision.py`, t = 100 of the free body and t = 10 of the top.  An
-error at a time is the largest of some between half of it and it, relative to the value at the
-start.
+Every method runs at the loosest of its settings with which momentum and attitude come out with such an error at the
+time of `work_precision.py`, t = 100 of the free body and t = 10 of the top.  An error at a time is the largest of some
+between half of it and it, relative to the value at the start.
 """
 
 import argparse
@@ -83,9 +82,7 @@ def setting_for(contender: Contender, problem: Problem, error: float) -> float |
 
 
 def constants(problem: Problem, state: Result) -> tuple[float, np.ndarray]:
-    """Energy, and the Casimirs: |mu|^2 of a free body; |Gamma|^2 and mu . Gamma of a top,
-    Gamma = g^T e3.
-    """
+    """Energy, and the Casimirs: |mu|^2 of a free body; |Gamma|^2 and mu . Gamma of a top, Gamma = g^T e3."""
     mu, g = state
     energy = 0.5 * mu @ (mu / np.array(problem.inertia)) + g[2] @ np.array(problem.load)
     return float(energy), np.array([g[2] @ g[2], mu @ g[2]] if problem.heavy else [mu @ mu])
@@ -112,9 +109,7 @@ def long_run(contender: Contender, problem: Problem, setting: float, end: float)
 
 
 def figure(results: list[dict[str, Any]], path: Path) -> None:
-    """Energy error against time, both logarithmic: a row for each error at the short time, a column
-    for each problem.
-    """
+    """Energy error against time, both logarithmic: a row for each error at the short time, a column for each problem."""
     from matplotlib.lines import Line2D
 
     problems, errors = (list(dict.fromkeys(r[key] for r in results)) for key in ("problem", "error"))

@@ -1,10 +1,9 @@
-"""Gravity of all pairs beside C++ and REBOUND: a step for 10 to 1000 bodies, and ten planets to a
-given accuracy.
+"""Gravity of all pairs beside C++ and REBOUND: a step for 10 to 1000 bodies, and ten planets to a given accuracy.
 
     python tests/benchmarks/gravity.py [--rounds 7] [--figure FILE] [--out gravity.json]
 
-Processor time, least of the rounds, which take turns; "plain" is without compensated sums, as C++ is.
-Without REBOUND its columns are missing, and ten planets have no opponent.
+Processor time, least of the rounds, which take turns; "plain" is without compensated sums, as C++ is. Without REBOUND
+its columns are missing, and ten planets have no opponent.
 """
 
 import argparse
@@ -194,9 +193,7 @@ def contenders(rebound: Any, t_end: float) -> dict[str, Callable[[float], Callab
 
 
 def to_an_accuracy(rebound: Any, rounds: int, t_end: float = 60.0) -> dict[str, list[list[float]]]:
-    """Ten planets: by method its steps (of IAS15 the tolerance), the error of the places at the end, and
-    milliseconds.
-    """
+    """Ten planets: by method its steps (of IAS15 the tolerance), the error of the places at the end, and milliseconds."""
     fine = ours(*planets(), lm.Splitting(order=8), t_end / 16000)(16000)
     found: dict[str, list[list[float]]] = {}
     for name, prepare in contenders(rebound, t_end).items():

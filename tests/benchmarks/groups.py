@@ -39,8 +39,7 @@ TOP = np.array([1.0, 1.0, 0.5, 0.0, 0.0, 0.8])  # moments of inertia, and weight
 MU_TOP = np.array([0.3, 0.0, 2.0, 0.0, np.sin(0.4), np.cos(0.4)])
 
 
-# ------------------------------------------------------------------ a user's energies, groups and
-# methods
+# ------------------------------------------------------------------ a user's energies, groups and methods
 
 
 @lm.record
@@ -90,9 +89,7 @@ class RigidMotions(lm.MatrixLieGroup):
 
 @lm.record
 class ByHand(lm.Method):
-    """What the methods below share: displacements of momentum and attitude, velocities in the
-    chart.
-    """
+    """What the methods below share: displacements of momentum and attitude, velocities in the chart."""
 
     def velocity(self, system: Any, mu: lm.Vec, omega: lm.Vec, terms: int) -> lm.Vec:
         xi = system.hamiltonian.gradient(system.group.exp_Ad_star(omega, mu))
@@ -208,9 +205,7 @@ def build() -> dict[str, Any]:
 def compared(
     title: str, cases: Mapping[tuple[str, str], Mapping[str, Callable[[int], Any]]], budget: float | None, *timing: Any
 ) -> list[dict[str, Any]]:
-    """One row for each case: ns of every run, and the ratios of the others to the first, or of the
-    first to C++.
-    """
+    """One row for each case: ns of every run, and the ratios of the others to the first, or of the first to C++."""
     results: list[dict[str, Any]] = []
     for (what, records), runs in cases.items():
         times = measure(runs, *timing)
@@ -261,9 +256,7 @@ def records(n: int) -> dict[str, np.ndarray | None]:
 
 
 def rigid_motions(libraries: Mapping[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
-    """SE(3) beside C++: a body in a fluid, with principal axes and with a full matrix, and the
-    heavy top.
-    """
+    """SE(3) beside C++: a body in a fluid, with principal axes and with a full matrix, and the heavy top."""
     inverse, chi = lm.Vec.of(1.0 / TOP[:3]), lm.Vec.of(TOP[3:])
     bodies = {
         "body, J diagonal": (0, lm.KineticEnergy(lm.Vec.of(J6)), MU6, J6),

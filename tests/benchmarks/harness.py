@@ -1,6 +1,4 @@
-"""Measure side by side: interleaved repetitions, ratios taken pair by pair, a table to read and
-JSON to keep.
-"""
+"""Measure side by side: interleaved repetitions, ratios taken pair by pair, a table to read and JSON to keep."""
 
 import argparse
 import json

@@ -1,10 +1,9 @@
-"""What a step of Lie-RATTLE costs in native code, and how long that takes to make: a body with a
-fixed point, chains.
+"""What a step of Lie-RATTLE costs in native code, and how long that takes to make: a body with a fixed point, chains.
 
     python tests/benchmarks/joints.py [--long 1000]
 
-With `--long` chains of up to so many rods in plain Python, and the power of the number of rods with
-which the time of a step grows.
+With `--long` chains of up to so many rods in plain Python, and the power of the number of rods with which the time of a
+step grows.
 """
 
 from __future__ import annotations
@@ -18,9 +17,7 @@ import liemech as lm
 
 
 def cost(system: lm.System, method: lm.Method, start: lm.State, steps: int = 10_000) -> tuple[float, float]:
-    """Processor time: seconds until the first steps are made, and nanoseconds a step, the least of
-    five.
-    """
+    """Processor time: seconds until the first steps are made, and nanoseconds a step, the least of five."""
     options = {"h": 0.01, "compiled": True, "progress": False}
     begun = time.process_time()
     lm.integrate(system, method, start, steps=10, every=10, **options)

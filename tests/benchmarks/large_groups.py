@@ -1,11 +1,9 @@
-"""Large groups of matrices: the free body of SO(n) by the isospectral midpoint beside C++ and a loop of
-NumPy's, RKMK, and ideal flow on the sphere; time of a step, of compiling, and the products of
-matrices that a step takes.
+"""Large groups of matrices: the free body of SO(n) by the isospectral midpoint beside C++ and a loop of NumPy's, RKMK,
+and ideal flow on the sphere; time of a step, of compiling, and the products of matrices that a step takes.
 
     python tests/benchmarks/large_groups.py [--quick] [--rounds 5] [--out large_groups.json]
 
-Processor time, least of the rounds, which take turns; BLAS on one thread.  Without g++ the columns
-of C++ are missing.
+Processor time, least of the rounds, which take turns; BLAS on one thread.  Without g++ the columns of C++ are missing.
 """
 
 import argparse

@@ -1,5 +1,4 @@
-"""Large runs: 10^8 steps of a body, 10^6 bodies, 10^4 calls, Ctrl-C in each of them, and what a
-tangent map costs.
+"""Large runs: 10^8 steps of a body, 10^6 bodies, 10^4 calls, Ctrl-C in each of them, and what a tangent map costs.
 
     python tests/benchmarks/large_runs.py
 

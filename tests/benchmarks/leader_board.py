@@ -57,9 +57,7 @@ class Curve:
     failed: list[list[Any]] = field(default_factory=list)
 
     def attempt(self, setting: float, exact: np.ndarray) -> dict[str, Any] | None:
-        """Set up and called once: error, and seconds of setting up and of the first call; None if
-        the package gives up.
-        """
+        """Set up and called once: error, and seconds of setting up and of the first call; None if the package gives up."""
         entry = self.entry
         try:
             with warnings.catch_warnings(action="ignore"):

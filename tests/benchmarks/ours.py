@@ -23,9 +23,7 @@ TABLEAUS = {
     "Verner7": verner.VERNER7,
     "DOP853": dop853.DOP853,
 }
-"""Of the Munthe-Kaas methods with fixed steps; those with an embedded method run with adaptive
-steps too.
-"""
+"""Of the Munthe-Kaas methods with fixed steps; those with an embedded method run with adaptive steps too."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +57,7 @@ def reduced(problem: Problem) -> Place:
 
 
 def reference(problem: Problem) -> Result:
-    """Momentum and attitude at the last time: the exact motion of a free body, for the top digits
-    from elsewhere.
-    """
+    """Momentum and attitude at the last time: the exact motion of a free body, for the top digits from elsewhere."""
     end = problem.times[-1]
     if not problem.heavy:
         body = place(problem)
@@ -76,8 +72,7 @@ def ours(problem: Problem) -> list[Contender]:
     return [*symplectic(problem), *classical(problem)]
 
 
-# ------------------------------------------------------------------ which methods, with which
-# numbers of steps
+# ------------------------------------------------------------------ which methods, with which numbers of steps
 
 
 def symplectic(problem: Problem) -> list[Contender]:

@@ -29,8 +29,7 @@ TIGHTEST = 2.3e-14
 
 @dataclass(frozen=True)
 class Problem:
-    """A rigid body, mu' = mu x J^-1 mu + Gamma x load, Gamma = g^T e3: free, or a heavy top if it
-    has a load.
+    """A rigid body, mu' = mu x J^-1 mu + Gamma x load, Gamma = g^T e3: free, or a heavy top if it has a load.
 
     name : of the problem.  inertia : principal moments.  load : weight times centre of mass, in
     body axes.

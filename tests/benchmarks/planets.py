@@ -1,10 +1,9 @@
-"""The outer Solar System over a million years beside REBOUND: time and energy of the same methods
-at the same step.
+"""The outer Solar System over a million years beside REBOUND: time and energy of the same methods at the same step.
 
     python tests/benchmarks/planets.py [--years 1e6] [--out planets.json]
 
-REBOUND's WHFast and SABA integrators take steps of the same kind in the same coordinates; without
-REBOUND its rows are missing.
+REBOUND's WHFast and SABA integrators take steps of the same kind in the same coordinates; without REBOUND its rows are
+missing.
 """
 
 import argparse
@@ -39,9 +38,7 @@ stages: order (8, 2).
 
 
 def errors(energies: np.ndarray) -> tuple[float, float]:
-    """The largest relative error of the energy, and how much larger it is in the second half than
-    in the first.
-    """
+    """The largest relative error of the energy, and how much larger it is in the second half than in the first."""
     change = np.abs(energies / energies[0] - 1.0)
     half = len(change) // 2
     return float(change.max()), float(change[half:].max() / change[1:half].max())

@@ -218,9 +218,7 @@ SPEEDS = (
     (0.0, 0.0, 0.0), (0.00565429, -0.00412490, -0.00190589), (0.00168318, 0.00483525, 0.00192462),
     (0.00354178, 0.00137102, 0.00055029), (0.00288930, 0.00114527, 0.00039677), (0.00276725, -0.00170702, -0.00136504),
 )  # fmt: skip
-"""Sun, Jupiter, Saturn, Uranus, Neptune, Pluto: Hairer, Lubich, Wanner, I.2.4, table 2.2; AU and
-days.
-"""
+"""Sun, Jupiter, Saturn, Uranus, Neptune, Pluto: Hairer, Lubich, Wanner, I.2.4, table 2.2; AU and days."""
 
 
 def barycentric(rows: Any) -> list[float]:
@@ -270,9 +268,7 @@ RACES = (
 
 
 def reference(race: Race) -> list[list[str]]:
-    """The states at the outputs, by heyoka in 113 bits, 1e-30 a step; in 64 bits where that would
-    take hours.
-    """
+    """The states at the outputs, by heyoka in 113 bits, 1e-30 a step; in 64 bits where that would take hours."""
     hy: Any = importlib.import_module("heyoka")
     names = [f"y{i}" for i in range(len(race.start))]
     variables = hy.make_vars(*names)

@@ -1,7 +1,6 @@
-"""Cost of a step: RKMK4, Algorithm 1 and its composition of order 4, Hamilton-Jacobi of order 4 on
-a free rigid body, Lie-Verlet on a heavy top; momentum only and with attitude, one body and many,
-beside the best C++ of the same step and plain Python; free bodies beside SciPy's DOP853 at equal
-error; and start-up times.
+"""Cost of a step: RKMK4, Algorithm 1 and its composition of order 4, Hamilton-Jacobi of order 4 on a free rigid body,
+Lie-Verlet on a heavy top; momentum only and with attitude, one body and many, beside the best C++ of the same step and
+plain Python; free bodies beside SciPy's DOP853 at equal error; and start-up times.
 
     python tests/benchmarks/rigid_body.py [--quick] [--out results.json] [--sweep] [--only NAME]
 """
@@ -73,9 +72,7 @@ def random_momenta(n: int) -> np.ndarray:
 def compiled_cpp(
     cpp: baseline.Baseline, method: int, lanes: int, mu: np.ndarray, attitude: bool, h: float, steps: int
 ) -> tuple[np.ndarray, np.ndarray | None, float]:
-    """Run the C++ kernel from momenta (n, 3); final mu (n, 3), g (n, 3, 3) and Newton solves per
-    step.
-    """
+    """Run the C++ kernel from momenta (n, 3); final mu (n, 3), g (n, 3, 3) and Newton solves per step."""
     p = np.array(mu.T, order="C")  # a copy: the kernel works in place
     g = np.array(attitudes(mu).reshape(-1, 9).T, order="C") if attitude else None
     solves = cpp.advance(method, lanes, p, g, np.concatenate([INERTIA, LOAD]), h, steps)
@@ -122,11 +119,10 @@ def validate_library() -> None:
 
 
 def steps_table(cpps: dict[str, baseline.Baseline], only: str, repetitions: int) -> list[dict[str, Any]]:
-    """ns per step of one body, without the call, by ordinary sums as in C++: every method, momentum
-    only and with attitude.
+    """ns per step of one body, without the call, by ordinary sums as in C++: every method, momentum only and with
+    attitude.
 
-    Beside them the step as `integrate` takes it, with compensated sums, and a composition in steps
-    of its base.
+    Beside them the step as `integrate` takes it, with compensated sums, and a composition in steps of its base.
     """
     results: list[dict[str, Any]] = []
     for name, method in baseline.METHODS.items():
@@ -236,9 +232,7 @@ def sweep_table(repetitions: int, duration: float) -> list[dict[str, Any]]:
 
 
 def equal_error_table(cpps: dict[str, baseline.Baseline], quick: bool) -> list[dict[str, Any]]:
-    """Milliseconds to t = 100 at equal error of the momentum: SciPy's DOP853 at its loosest
-    sufficient tolerance.
-    """
+    """Milliseconds to t = 100 at equal error of the momentum: SciPy's DOP853 at its loosest sufficient tolerance."""
     from scipy.integrate import solve_ivp
 
     t_end, steps = 100.0, 1000
@@ -303,9 +297,7 @@ lm.integrate(body, {method}, start, h=0.1, steps=1000, every=1000, compiled=True
 
 
 def start_up_table(repetitions: int) -> list[dict[str, Any]]:
-    """Seconds of whole processes, interleaved; the compiler's cache is in a folder of its own, a
-    new one if cold.
-    """
+    """Seconds of whole processes, interleaved; the compiler's cache is in a folder of its own, a new one if cold."""
 
     def process(*arguments: str, cache: str | None = None) -> float:
         environment = os.environ | ({"XDG_CACHE_HOME": cache, "LIEMECH_CACHE_DIR": cache} if cache else {})

@@ -1,7 +1,6 @@
-"""Makes rigid_body_steps.json: the methods themselves in 45-digit arithmetic, from their
-definitions.
+"""Makes rigid_body_steps.json: the methods themselves in 45-digit arithmetic, from their definitions.
 
-    python tests/benchmarks/rigid_body_steps.py
+python tests/benchmarks/rigid_body_steps.py
 """
 
 import json
@@ -110,9 +109,7 @@ def verlet(base: Step) -> Step:
 
 
 def rkmk4(mu: Vector, g: Any, h: Any) -> tuple[Vector, Any]:
-    """mu' = Ad*_exp(x) mu, x' = dexp^-1 of the velocity to second order, by the classical
-    Runge-Kutta method.
-    """
+    """mu' = Ad*_exp(x) mu, x' = dexp^-1 of the velocity to second order, by the classical Runge-Kutta method."""
 
     def slope(x: Vector) -> Vector:
         turn = exponential(x) if any(x) else mp.eye(3)

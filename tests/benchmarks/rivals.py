@@ -1,9 +1,7 @@
-"""Other packages in the races of the leader board, whichever are installed, each in the form that
-suits it best.
+"""Other packages in the races of the leader board, whichever are installed, each in the form that suits it best.
 
-Those for smooth equations, heyoka, SciPy and diffrax, read the equations of `races.py`.  Exudyn,
-Lielab, MuJoCo and REBOUND have bodies or groups of their own and take part where they have the
-problem.
+Those for smooth equations, heyoka, SciPy and diffrax, read the equations of `races.py`.  Exudyn, Lielab, MuJoCo and
+REBOUND have bodies or groups of their own and take part where they have the problem.
 """
 
 from __future__ import annotations
@@ -51,9 +49,7 @@ class Entry:
 
 
 def entries(race: Race) -> tuple[list[Entry], dict[str, str | None]]:
-    """All that are installed and have the problem, and the version of each package, None if it is
-    missing.
-    """
+    """All that are installed and have the problem, and the version of each package, None if it is missing."""
     found: list[Entry] = []
     versions: dict[str, str | None] = {}
     for package, make in PACKAGES.items():
@@ -111,9 +107,7 @@ def heyoka(race: Race) -> list[Entry]:
 
 
 def _equations_of_heyoka(hy: Any, race: Race) -> tuple[Any, np.ndarray]:
-    """The equations, and which of our numbers are its own: gravity has a model there, whose code is
-    made in a second.
-    """
+    """The equations, and which of our numbers are its own: gravity has a model there, whose code is made in a second."""
     if race.key == "planets":
         system = hy.model.nbody(len(SUNS), masses=list(SUNS), Gconst=PULL)
         places = np.arange(36).reshape(2, len(SUNS), 3)  # x, y, z, then velocities
@@ -184,9 +178,7 @@ def _scipy(race: Race, label: str, f: Callable[..., Any]) -> list[Entry]:
 
 
 def diffrax(race: Race) -> list[Entry]:
-    """Tsit5 and Dopri8 with a controller of PID type, compiled once by JAX; the tolerance is an
-    argument.
-    """
+    """Tsit5 and Dopri8 with a controller of PID type, compiled once by JAX; the tolerance is an argument."""
     jax: Any = importlib.import_module("jax")
     dx: Any = importlib.import_module("diffrax")
     jax.config.update("jax_enable_x64", True)
@@ -251,9 +243,7 @@ def _of_peers(
 
 
 def exudyn(race: Race) -> list[Entry]:
-    """Explicit Lie group methods of a rigid body; forces of other problems would be called back in
-    Python.
-    """
+    """Explicit Lie group methods of a rigid body; forces of other problems would be called back in Python."""
     importlib.import_module("exudyn")
     fine = 1000.0 if race.end > 1e4 else 1.0
     steps = {"RK67": doubled(50, 6), "RK44": doubled(400, 4)}

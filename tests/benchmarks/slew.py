@@ -2,11 +2,10 @@
 
     python tests/benchmarks/slew.py [--quick]
 
-Each node is one step, over which the input is held, or a straight line.  SciPy's SLSQP finds the
-cheapest inputs that end at rest at the target, for both sides with exact derivatives: `plan.gradient`
-and `plan.pullback` through our steps, complex steps through explicit Runge-Kutta steps of quaternion,
-place and momenta (direct shooting).  The inputs are then replayed by an accurate run, which tells by
-how much they miss.
+Each node is one step, over which the input is held, or a straight line.  SciPy's SLSQP finds the cheapest inputs that
+end at rest at the target, for both sides with exact derivatives: `plan.gradient` and `plan.pullback` through our steps,
+complex steps through explicit Runge-Kutta steps of quaternion, place and momenta (direct shooting).  The inputs are
+then replayed by an accurate run, which tells by how much they miss.
 """
 
 from __future__ import annotations

@@ -2,11 +2,10 @@
 
     python tests/benchmarks/spacecraft.py [--quick] [--rounds 5] [--out spacecraft.json]
 
-Hub, and hub with three reaction wheels, about a point mass; in the day with its gravity gradient.
-Processor time, least of the rounds, which take turns, without compiling and preparing.  Basilisk, the
-package `bsk`, has the step and the integrator (RK4, RKF45, RKF78) that come to the error first.
-Errors of everybody are those to RKMK of order 8 with 1 s steps.  Without Basilisk, or without g++,
-their columns are missing.
+Hub, and hub with three reaction wheels, about a point mass; in the day with its gravity gradient. Processor time, least
+of the rounds, which take turns, without compiling and preparing.  Basilisk, the package `bsk`, has the step and the
+integrator (RK4, RKF45, RKF78) that come to the error first. Errors of everybody are those to RKMK of order 8 with 1 s
+steps.  Without Basilisk, or without g++, their columns are missing.
 """
 
 import argparse

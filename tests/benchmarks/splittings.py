@@ -1,7 +1,6 @@
-"""Splittings in R^2n: a step beside plain C of the same step, and errors at equal numbers of
-forces.
+"""Splittings in R^2n: a step beside plain C of the same step, and errors at equal numbers of forces.
 
-    python tests/benchmarks/splittings.py [--quick] [--out results.json]
+python tests/benchmarks/splittings.py [--quick] [--out results.json]
 """
 
 import ctypes

@@ -1,6 +1,4 @@
-"""Single steps of native code, without the call of `integrate` around them, in turn with the C++ of
-the same step.
-"""
+"""Single steps of native code, without the call of `integrate` around them, in turn with the C++ of the same step."""
 
 import time
 from collections.abc import Callable, Mapping

@@ -78,9 +78,7 @@ def at_once(*runs: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def beside_cpp(repetitions: int) -> list[dict[str, Any]]:
-    """Rows of 10^5 bodies: a million steps a second, and the share of the speed of C++, middle and
-    best.
-    """
+    """Rows of 10^5 bodies: a million steps a second, and the share of the speed of C++, middle and best."""
     build, rows = baseline.build().get("off"), []
     for name, method in METHODS.items():
         for attitude in (False, True):
@@ -106,9 +104,7 @@ def beside_cpp(repetitions: int) -> list[dict[str, Any]]:
 
 
 def by_workers(repetitions: int) -> list[dict[str, Any]]:
-    """How many times as fast two workers are as one, and two threads of C++, with half of the
-    bodies each, as one.
-    """
+    """How many times as fast two workers are as one, and two threads of C++, with half of the bodies each, as one."""
     build, rows, name = baseline.build().get("off"), [], "Algorithm 1, Cayley"
     for bodies, steps in ((17, 1000), (1000, 1000), (BODIES, 20), (BODIES, 200)):
         runs = {str(w): ours(METHODS[name], bodies, steps, w) for w in (1, 2)}

@@ -58,9 +58,7 @@ def library(tableau: SplittingTableau, contraction: str, folder: Path) -> Any:
 
 
 def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:
-    """ns a step: liemech with ordinary and with compensated sums, and C without and with fused
-    multiply-add.
-    """
+    """ns a step: liemech with ordinary and with compensated sums, and C without and with fused multiply-add."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for row, (name, tableau, system, method, h) in STEPS.items():

@@ -1,11 +1,10 @@
-"""What is shown, against what it costs: the run behind it, the writing of the page, the size of the
-page.
+"""What is shown, against what it costs: the run behind it, the writing of the page, the size of the page.
 
     python tests/benchmarks/viewer.py [--quick]
 
-A free rigid body by LiePoissonHamiltonJacobi(order=4).  `run` is the time of the integration, which
-records what is shown and no more; `page` that of drawing and writing; both are processor time,
-medians of alternating repetitions in one warm process.
+A free rigid body by LiePoissonHamiltonJacobi(order=4).  `run` is the time of the integration, which records what is
+shown and no more; `page` that of drawing and writing; both are processor time, medians of alternating repetitions in
+one warm process.
 """
 
 import argparse

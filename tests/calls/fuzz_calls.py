@@ -36,9 +36,7 @@ HOOKS = (
     *("distance", "of_blocks", "constants", "symmetry", "rate", "deviation", "join", "moved"),
     *("displaced", "variation"),
 )
-"""Methods that pass parts of a state, or of several arrays, on to others, which then name
-themselves.
-"""
+"""Methods that pass parts of a state, or of several arrays, on to others, which then name themselves."""
 
 SHAPELESS = (
     *("constants", "symmetry", "state", "exact", "essential_part", "variation", "vouched", "further_invariants"),
@@ -51,9 +49,7 @@ shapes nobody compares.
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """An object whose methods are called, the group that its arguments belong to, and values of
-    some arguments by name.
-    """
+    """An object whose methods are called, the group that its arguments belong to, and values of some arguments by name."""
 
     thing: Any
     group: lm.LieGroup

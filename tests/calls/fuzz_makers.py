@@ -247,9 +247,7 @@ WRONG_VALUES: dict[str, Callable[[str], str]] = {
 
 
 def signature_ending(rng: np.random.Generator) -> tuple[str, str]:
-    """How a class with one wrong method ends, `made` if it is refused there as it should be, and
-    the class.
-    """
+    """How a class with one wrong method ends, `made` if it is refused there as it should be, and the class."""
     all_of_them = overridables()
     what = all_of_them[int(rng.integers(len(all_of_them)))]
     name = str(rng.choice(list(what.methods)))

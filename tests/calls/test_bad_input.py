@@ -142,9 +142,7 @@ def test_a_method_that_needs_more_than_the_system_has() -> None:
 
 
 def test_what_can_be_meant_is_taken() -> None:
-    """Numbers of any real kind, negative steps, no steps at all, lists in a state, a start from
-    another object.
-    """
+    """Numbers of any real kind, negative steps, no steps at all, lists in a state, a start from another object."""
     for h in (np.float32(0.5), np.array(0.5), np.int64(1), 1, -0.5):
         assert go(h=h, steps=np.int32(2)).t[-1] == 2 * float(h)
     assert len(go(steps=0)) == 1

@@ -1,6 +1,4 @@
-"""What is seen at a glance is what the long way would have said: the same values, the same
-refusals.
-"""
+"""What is seen at a glance is what the long way would have said: the same values, the same refusals."""
 
 from __future__ import annotations
 

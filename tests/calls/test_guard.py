@@ -147,9 +147,7 @@ def test_equal_objects_made_anew_are_the_same() -> None:
 
 
 def test_parts_of_arguments_are_compared_by_their_tokens() -> None:
-    """Another argument with the same numbers passes, and from then on at once; one with others does
-    not.
-    """
+    """Another argument with the same numbers passes, and from then on at once; one with others does not."""
     first, equal, other = (types.SimpleNamespace(b=(0.5, float(x))) for x in ("0.5", "0.5", "0.25"))
     paths: tuple[Step, ...] = ((-1, "argument", 0), (0, "attribute", "b"))
     guard = Guard(list(paths), [first, first.b], ["", digest(first.b)], {})

@@ -55,9 +55,7 @@ def test_momentum_or_velocity() -> None:
 
 
 def test_quaternions_in_both_orders(rng: np.random.Generator) -> None:
-    """As SciPy has it; q and -q are one rotation, and the product of quaternions is that of
-    rotations.
-    """
+    """As SciPy has it; q and -q are one rotation, and the product of quaternions is that of rotations."""
     R = transform.Rotation.random(40, random_state=1)
     q, G = R.as_quat(), lm.SO3()
     for found in (

@@ -16,8 +16,7 @@ from liemech.checks.points.sample_points import phi1, sample_points
 from liemech.formulas import acos, cos, sin, sqrt, vec
 from liemech.groups.rigid.so3 import SO3Algebra
 
-# ---------------------------------------------------------------- a second group, whose Ad is not
-# orthogonal
+# ---------------------------------------------------------------- a second group, whose Ad is not orthogonal
 
 
 @lm.record
@@ -99,16 +98,13 @@ def test_what_is_no_group_is_refused(wrong: object) -> None:
         check_group(wrong)
 
 
-# ---------------------------------------------------------------- slips, one class each, and the
-# law each breaks
+# ---------------------------------------------------------------- slips, one class each, and the law each breaks
 
 SLIPS: list[tuple[object, str, str]] = []
 
 
 def slip(law: str, hint: str = "", group: type = object):  # type: ignore[no-untyped-def]
-    """Enter a broken class: the law that must be named, a word of the hint; a broken algebra goes
-    into a group.
-    """
+    """Enter a broken class: the law that must be named, a word of the hint; a broken algebra goes into a group."""
 
     def enter(cls: type) -> type:
         made = lm.record(cls)

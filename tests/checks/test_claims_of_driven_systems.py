@@ -1,6 +1,4 @@
-"""Claims of methods on driven systems: brackets are observed there too, on momenta, on groups and
-in R^2n.
-"""
+"""Claims of methods on driven systems: brackets are observed there too, on momenta, on groups and in R^2n."""
 
 from __future__ import annotations
 

@@ -265,9 +265,7 @@ def test_what_cannot_be_checked_is_said(arguments: tuple[Any, ...], words: str) 
 
 
 def test_a_total_momentum_of_zero_is_a_constant_like_any_other():
-    """Its terms are those of the bodies: the rounding of their sum is none of a number that is
-    zero.
-    """
+    """Its terms are those of the bodies: the rounding of their sum is none of a number that is zero."""
     bodies = lm.models.NBody([1.0, 2.0, 3.0])
     q = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.3, -0.7, 0.2]
     p = [0.3, 0.2, 0.1, -0.1, 0.5, 0.2, -0.2, -0.7, -0.3]

@@ -1,6 +1,4 @@
-"""What the command line is given by mistake is refused in one line; what was computed before Ctrl-C
-is kept.
-"""
+"""What the command line is given by mistake is refused in one line; what was computed before Ctrl-C is kept."""
 
 from __future__ import annotations
 
@@ -149,8 +147,7 @@ def test_steps_in_fictive_time_are_explained(capsys: pytest.CaptureFixture[str])
     assert "in fictive time" in told and "angular momentum" in told
 
 
-# ---------------------------------------------------------------- checks, and runs that cannot be
-# saved
+# ---------------------------------------------------------------- checks, and runs that cannot be saved
 
 
 @pytest.mark.slow

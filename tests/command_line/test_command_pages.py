@@ -1,6 +1,4 @@
-"""The page of the command line and the gallery are true: every command runs, every example is
-shown.
-"""
+"""The page of the command line and the gallery are true: every command runs, every example is shown."""
 
 from __future__ import annotations
 

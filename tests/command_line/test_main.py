@@ -1,6 +1,4 @@
-"""The main job: its table tells the truth, its picture is drawn, and what cannot be done is said in
-one line.
-"""
+"""The main job: its table tells the truth, its picture is drawn, and what cannot be done is said in one line."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Random small formulas: branches, loops, returns and errors in every nesting, for the comparison
-of the three worlds.
-"""
+"""Random small formulas: branches, loops, returns and errors in every nesting, for the comparison of the three worlds."""
 
 from __future__ import annotations
 

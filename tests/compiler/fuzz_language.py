@@ -1,9 +1,8 @@
-"""Random programs over the whole of Python that formulas may use, for the comparison of CPython
-with native code.
+"""Random programs over the whole of Python that formulas may use, for the comparison of CPython with native code.
 
-Each feature is a few lines that read some of the variables a, b, c, d (floats) and n (an int known
-at run time), and assign one.  They are put into the branches and loops of `fuzz.Writer`.  The
-formula is a method of a record with a static field of each kind.
+Each feature is a few lines that read some of the variables a, b, c, d (floats) and n (an int known at run time), and
+assign one.  They are put into the branches and loops of `fuzz.Writer`.  The formula is a method of a record with a
+static field of each kind.
 """
 
 from __future__ import annotations
@@ -138,9 +137,7 @@ GLOBAL_CHANGES = {
 
 
 class Language(fuzz.Writer):
-    """Writes a module with the record `World`, whose method `formula(self, a, b, c, d, n)` is the
-    program.
-    """
+    """Writes a module with the record `World`, whose method `formula(self, a, b, c, d, n)` is the program."""
 
     def __init__(self, seed: int) -> None:
         super().__init__(seed)
@@ -1238,9 +1235,7 @@ X = derivative(V2, E, 1.0)
 
 
 class Derivatives(fuzz.Writer):
-    """Writes expressions of derivatives within derivatives, which `math` and `mpmath` have an
-    opinion on too.
-    """
+    """Writes expressions of derivatives within derivatives, which `math` and `mpmath` have an opinion on too."""
 
     def smooth(self, names: tuple[str, ...], depth: int, level: int) -> str:
         """An expression of these variables, with derivatives up to this level inside."""
@@ -1309,9 +1304,7 @@ class Memories(fuzz.Writer):
         return "lm.mat([0.5, 1.0], [-0.25, 0.0])", r.choice(["lm.mat([F, F], [F, F])", f"{path}.T"])
 
     def part(self, path: str, depth: int) -> tuple[str, str]:
-        """A leaf, or a tuple, or a record of some parts; letters stand for what is chosen when all
-        names are known.
-        """
+        """A leaf, or a tuple, or a record of some parts; letters stand for what is chosen when all names are known."""
         r, choice = self.random, self.random.random()
         if depth == 0 or choice < 0.5:
             return self.leaf(path)

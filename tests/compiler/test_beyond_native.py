@@ -1,6 +1,4 @@
-"""What native code cannot do, plain Python does: its word counts, and the run goes on with the same
-bits.
-"""
+"""What native code cannot do, plain Python does: its word counts, and the run goes on with the same bits."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The disk cache: found by the next process, missed after every edit that matters and no other,
-hard to break.
-"""
+"""The disk cache: found by the next process, missed after every edit that matters and no other, hard to break."""
 
 from __future__ import annotations
 
@@ -179,8 +177,7 @@ class Project:
         )
 
     def hits(self, **environment: str) -> bool:
-        """Run the formula in another process, of a new Python if it has its own environment: was
-        its code found?
+        """Run the formula in another process, of a new Python if it has its own environment: was its code found?
 
         The result is right in any case.
         """
@@ -305,9 +302,7 @@ def copy_of_the_package(place: Path) -> Path:
 def test_an_installation_keeps_its_code_beside_itself_or_with_the_user_or_nowhere(
     project: Project, tmp_path: Path
 ) -> None:
-    """A file where the folder should be is as bad as a disk that cannot be written, and stops even
-    the super-user.
-    """
+    """A file where the folder should be is as bad as a disk that cannot be written, and stops even the super-user."""
     beside = copy_of_the_package(tmp_path / "site")
     user = tmp_path / "home"
     places = {
@@ -529,9 +524,7 @@ QUICK = {"a nested lambda", "a default", "a slot", "a module reached through a c
     "what", [what if what in QUICK else pytest.param(what, marks=pytest.mark.slow) for what in IN_PLACE]
 )
 def test_an_edit_while_the_process_runs_poisons_nothing(what: str, tmp_path: Path) -> None:
-    """The process that was there before the edit runs what it has read, or refuses; the next one
-    runs the new text.
-    """
+    """The process that was there before the edit runs what it has read, or refuses; the next one runs the new text."""
     (tmp_path / "edited.py").write_text(EDITABLE)
     (tmp_path / "elsewhere.py").write_text("RATE = 0.5\n")
 

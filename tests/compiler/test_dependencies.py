@@ -1,6 +1,4 @@
-"""What a compiled formula read from outside is honoured when it changes: in this process, at any
-length of run.
-"""
+"""What a compiled formula read from outside is honoured when it changes: in this process, at any length of run."""
 
 from __future__ import annotations
 
@@ -342,9 +340,7 @@ def test_public_functions_of_many_rows_see_a_global(monkeypatch: pytest.MonkeyPa
 def test_constants_that_numpy_computes_are_those_of_the_instance(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """A cached property keeps what it has in plain Python, and a new instance computes anew; so
-    does native code.
-    """
+    """A cached property keeps what it has in plain Python, and a new instance computes anew; so does native code."""
     text = """
 import functools
 import numpy as np

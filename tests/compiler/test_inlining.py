@@ -174,9 +174,7 @@ def test_what_grows_has_the_same_bits(name: str, small: list[Any], tmp_path: Pat
 
 
 def test_what_grows_is_given_up_soon(small: list[Any], tmp_path: Path) -> None:
-    """Not when all of it has been written out: nested formulas were translated twice for each that
-    is around them.
-    """
+    """Not when all of it has been written out: nested formulas were translated twice for each that is around them."""
     text = """
 def turn(x, y):
     return x * x - y * y, x * y + x

@@ -1,6 +1,4 @@
-"""Kernels in one process: bounded in number, made once, safe in threads and after a fork; one file
-binds LLVM.
-"""
+"""Kernels in one process: bounded in number, made once, safe in threads and after a fork; one file binds LLVM."""
 
 from __future__ import annotations
 
@@ -176,9 +174,7 @@ def test_a_child_forked_while_another_thread_compiles_can_compile(no_disk: None)
 
 
 def test_an_instance_made_anew_is_not_looked_at_as_another(no_disk: None) -> None:
-    """Runs of new instances with the same static part share the kernel without following all paths
-    again.
-    """
+    """Runs of new instances with the same static part share the kernel without following all paths again."""
     runs = []
     for moments in ([1.0, 2.0, 3.0], [2.0, 3.0, 4.0]):
         body = lm.RigidBody(moments)

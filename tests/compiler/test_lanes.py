@@ -1,6 +1,4 @@
-"""What becomes of a formula: static structure leaves no trace, lanes become vector instructions,
-rounding stays.
-"""
+"""What becomes of a formula: static structure leaves no trace, lanes become vector instructions, rounding stays."""
 
 from __future__ import annotations
 
@@ -168,9 +166,7 @@ def test_no_multiplication_is_fused_with_an_addition(side_by_side: bool) -> None
 
 
 def keeps_everything_across_calls(a, b, c, d, n):
-    """More numbers alive than there are registers, while some lanes call the C library and others
-    do not.
-    """
+    """More numbers alive than there are registers, while some lanes call the C library and others do not."""
     kept = [x * (i + 1.0) for i in range(8) for x in (a, b, c, d)]
     x = a
     if a > 0.0:
@@ -198,9 +194,7 @@ def turns_until_small(a, b, c, d, n):
 
 
 def test_the_turns_of_a_loop_are_counted_once_for_all_lanes() -> None:
-    """A vector of counters would take a register and a mask; only `k`, which is asked for later,
-    needs one.
-    """
+    """A vector of counters would take a register and a mask; only `k`, which is asked for later, needs one."""
     worlds.same_in_all_worlds(turns_until_small, ROWS, lanes=[1, 4, kernel.lanes()])
     lines = instructions(turns_until_small, kernel.width())
     scalar, vectors = (
@@ -289,9 +283,7 @@ def test_what_has_no_components_may_stand_under_a_mask() -> None:
 
 @pytest.mark.slow
 def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
-    """Fast and slow bodies side by side: large steps leave the polynomials and call the C library,
-    small ones do not.
-    """
+    """Fast and slow bodies side by side: large steps leave the polynomials and call the C library, small ones do not."""
     body = lm.RigidBody([1.0, 1.5, 2.0])
     rng = np.random.default_rng(7)
     mu = rng.normal(size=(37, 3)) * 10.0 ** rng.uniform(-3, 1.5, size=(37, 1))

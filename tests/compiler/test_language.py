@@ -700,9 +700,7 @@ def test_loops_of_every_length(function, turns):
 
 
 def test_the_comparison_notices_a_difference(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The harness itself: a formula that is not the same in both worlds is caught, and so is one
-    bit.
-    """
+    """The harness itself: a formula that is not the same in both worlds is caught, and so is one bit."""
     assert worlds.bits(0.0) != worlds.bits(-0.0)
     assert worlds.bits(1.0) != worlds.bits(math.nextafter(1.0, 2.0))
 

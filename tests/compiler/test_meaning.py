@@ -1,8 +1,6 @@
-"""A formula means what Python says: closures, iterators, integers, divisions, functions of Python,
-in every world.
+"""A formula means what Python says: closures, iterators, integers, divisions, functions of Python, in every world.
 
-Each function below is run by CPython on floats, by native code for one body, and in the lanes of an
-ensemble.
+Each function below is run by CPython on floats, by native code for one body, and in the lanes of an ensemble.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Numbers made of two: derivatives that formulas carry along, complex entries, and the lambdas that
-make use of them.
-"""
+"""Numbers made of two: derivatives that formulas carry along, complex entries, and the lambdas that make use of them."""
 
 from __future__ import annotations
 
@@ -220,9 +218,7 @@ def _squares(array: Any, layout: Any, out: Any) -> None:
 
 @pytest.mark.compiled
 def test_complex_numbers_in_native_code() -> None:
-    """The numbers of a complex matrix lie as re, im, as in an array of complex128; same bits as
-    plain Python.
-    """
+    """The numbers of a complex matrix lie as re, im, as in an array of complex128; same bits as plain Python."""
     m = Mat.of((np.random.default_rng(4).normal(size=(2, 2, 2)) @ [1, 1j]).tolist())
     flat, outs = np.array(m).ravel().view(float), (np.zeros(8), np.zeros(8))
     _squares(flat, layout_of(m), outs[0])

@@ -1,6 +1,4 @@
-"""Records, small vectors and matrices as Python objects, and the arguments of their methods, where
-nonsense is refused.
-"""
+"""Records, small vectors and matrices as Python objects, and the arguments of their methods, where nonsense is refused."""
 
 from __future__ import annotations
 
@@ -425,9 +423,7 @@ class Given(Counted):
 
 @pytest.mark.skipif(sys.version_info >= (3, 14), reason="no simulation where it is so")
 def test_annotations_that_are_computed_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """PEP 649, Python 3.14, simulated: a class has no `__annotations__`, and what is not known yet
-    is a ForwardRef.
-    """
+    """PEP 649, Python 3.14, simulated: a class has no `__annotations__`, and what is not known yet is a ForwardRef."""
     library = types.ModuleType("annotationlib")
     library.Format = types.SimpleNamespace(FORWARDREF="forward references")  # type: ignore[attr-defined]
     library.get_annotations = lambda thing, format: getattr(thing, "__annotate__", lambda _: {})(format)  # type: ignore[attr-defined]

@@ -1,6 +1,4 @@
-"""What native code cannot express is said in one sentence, with class, method, file, line and
-reason.
-"""
+"""What native code cannot express is said in one sentence, with class, method, file, line and reason."""
 
 from __future__ import annotations
 
@@ -380,9 +378,7 @@ def test_the_same_bits_without_a_compiler() -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("at_once")
 def test_a_compiler_that_fails_is_no_reason_to_stop(gyrostat, monkeypatch: pytest.MonkeyPatch) -> None:
-    """LLVM itself may refuse (an unknown processor, a broken installation): the run goes on, with a
-    warning.
-    """
+    """LLVM itself may refuse (an unknown processor, a broken installation): the run goes on, with a warning."""
 
     def broken(*_):
         raise RuntimeError("LLVM does not know this processor")

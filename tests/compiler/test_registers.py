@@ -1,6 +1,4 @@
-"""Numbers of an ensemble lie in two vector registers each, or in one if the kernel is long: both
-give the same bits.
-"""
+"""Numbers of an ensemble lie in two vector registers each, or in one if the kernel is long: both give the same bits."""
 
 from __future__ import annotations
 

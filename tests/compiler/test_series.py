@@ -1,6 +1,4 @@
-"""Power series against the derivatives that mpmath takes in many digits, and against the laws of
-power series.
-"""
+"""Power series against the derivatives that mpmath takes in many digits, and against the laws of power series."""
 
 from __future__ import annotations
 
@@ -297,9 +295,8 @@ def test_what_was_computed_since_is_taken_back() -> None:
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_terms_that_are_first_wanted_in_a_part_that_is_taken_back() -> None:
-    """A term is computed where it is first wanted.  Where the compiler tries a loop or a formula and
-    takes it back, or where that is a branch, it is computed anew elsewhere: before, the code was
-    invalid.
+    """A term is computed where it is first wanted.  Where the compiler tries a loop or a formula and takes it back, or
+    where that is a branch, it is computed anew elsewhere: before, the code was invalid.
     """
     a = np.random.default_rng(0).normal(size=(6, 6))
     body = lm.models.KirchhoffBody(a @ a.T + 6.0 * np.eye(6))

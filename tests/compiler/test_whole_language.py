@@ -1,5 +1,4 @@
-"""Random programs over the whole language: native code gives what CPython gives, or refuses by
-name.
+"""Random programs over the whole language: native code gives what CPython gives, or refuses by name.
 
 `python tests/compiler/test_whole_language.py 0 2000` runs many, and prints failures and refusals by
 kind; `... 0 100 memories` runs methods that remember something, in every driver, between guard

@@ -1,6 +1,4 @@
-"""One formula in three worlds: plain Python, native code for one body, native code for many bodies
-in lanes.
-"""
+"""One formula in three worlds: plain Python, native code for one body, native code for many bodies in lanes."""
 
 from __future__ import annotations
 

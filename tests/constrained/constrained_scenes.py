@@ -43,9 +43,7 @@ HANGING = CHAIN.state(DOUBLE["q0"], MASSES * DOUBLE["v0"])
 
 @lm.record
 class Stretching(lm.ConstrainedSystem):
-    """A particle on the unit sphere whose mass depends on where it is: not separable, and no
-    derivative is written.
-    """
+    """A particle on the unit sphere whose mass depends on where it is: not separable, and no derivative is written."""
 
     degrees: ClassVar[int] = 3
 

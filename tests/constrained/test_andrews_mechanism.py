@@ -10,9 +10,7 @@ from liemech.models.swinging import andrews
 
 MECHANISM = lm.models.AndrewsMechanism()
 END = [15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948, 0.5244099658805304]
-"""The first five angles at t = 0.03; the sixth is minus the fourth.  Source: Mazzia and Magherini,
-II-10.
-"""
+"""The first five angles at t = 0.03; the sixth is minus the fourth.  Source: Mazzia and Magherini, II-10."""
 
 
 def test_accelerations_and_multipliers_at_the_start() -> None:

@@ -1,6 +1,4 @@
-"""Where constrained systems end: masses that are none, folds, methods reduced twice, joints that
-shear, lost energies.
-"""
+"""Where constrained systems end: masses that are none, folds, methods reduced twice, joints that shear, lost energies."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""What must be the same: RATTLE and SHAKE, Moser-Veselov, Lobatto; multipliers and Lagrange's
-equations; models.
-"""
+"""What must be the same: RATTLE and SHAKE, Moser-Veselov, Lobatto; multipliers and Lagrange's equations; models."""
 
 from __future__ import annotations
 
@@ -37,9 +35,7 @@ def test_the_pair_of_two_stages_is_rattle() -> None:
 
 
 def test_positions_of_rattle_are_those_of_shake() -> None:
-    """q_n+1 - 2 q_n + q_n-1 = h^2 M^-1 (f - G(q_n)^T lambda) for some lambda: the rest is along the
-    rods.
-    """
+    """q_n+1 - 2 q_n + q_n-1 = h^2 M^-1 (f - G(q_n)^T lambda) for some lambda: the rest is along the rods."""
     h = 0.02
     run = plain(CHAIN, lm.RATTLE(), HANGING, h, 20)
     for before, here, after in zip(run.q, run.q[1:], run.q[2:], strict=False):
@@ -50,9 +46,7 @@ def test_positions_of_rattle_are_those_of_shake() -> None:
 
 
 def test_rattle_on_the_sphere_in_closed_form() -> None:
-    """The multiplier is the smaller root of a quadratic equation; momenta are projected along the
-    new position.
-    """
+    """The multiplier is the smaller root of a quadratic equation; momenta are projected along the new position."""
     h, g = 0.05, np.array([0.0, 0.0, -PENDULUM.gravity])
     q, p = np.array(SWINGING.q), np.array(SWINGING.p)
     run = plain(PENDULUM, lm.RATTLE(), SWINGING, h, 20)
@@ -101,9 +95,7 @@ def test_a_plane_cuts_the_chain_out_of_space() -> None:
 
 
 def test_conical_motion_is_steady() -> None:
-    """At the angle a the pendulum circles with w^2 = g/(l cos a), and the tension is m g/cos a:
-    exact, at every time.
-    """
+    """At the angle a the pendulum circles with w^2 = g/(l cos a), and the tension is m g/cos a: exact, at every time."""
     a, system = 0.7, lm.SphericalPendulum(mass=2.0, length=1.5)
     r, w = 1.5 * np.sin(a), np.sqrt(system.gravity / (1.5 * np.cos(a)))
     start = system.state([r, 0.0, -1.5 * np.cos(a)], [0.0, 2.0 * r * w, 0.0])
@@ -164,9 +156,7 @@ def test_the_equations_of_euler_and_lagrange() -> None:
 
 
 def test_lagranges_equations_are_hamiltons() -> None:
-    """(M G^T; G 0) gives the multipliers of the Hamiltonian side, and the acceleration of its
-    motion.
-    """
+    """(M G^T; G 0) gives the multipliers of the Hamiltonian side, and the acceleration of its motion."""
     system = Slider()
     start = system.consistent([np.cos(0.4), np.sin(0.4), 0.4], [-0.3, 0.6, 0.9])
     v = system.velocity(start.q, start.p)

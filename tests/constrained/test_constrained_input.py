@@ -1,6 +1,4 @@
-"""Bad input and bad dynamics: starts off the constraints, dependent constraints, dead points, steps
-too large, kinks.
-"""
+"""Bad input and bad dynamics: starts off the constraints, dependent constraints, dead points, steps too large, kinks."""
 
 from __future__ import annotations
 
@@ -49,9 +47,7 @@ def test_rounding_is_no_inconsistency() -> None:
 
 
 def test_the_nearest_consistent_state() -> None:
-    """On the sphere it is q/|q|, with the tangential part of p; on an ellipsoid the foot of the
-    perpendicular.
-    """
+    """On the sphere it is q/|q|, with the tangential part of p; on an ellipsoid the foot of the perpendicular."""
     q, p = np.array([0.7, 0.1, -0.9]), np.array([0.3, 1.0, 0.2])
     found, n = PENDULUM.consistent(q, p), q / np.linalg.norm(q)
     assert np.array(found.q) == pytest.approx(n, abs=1e-15)
@@ -164,8 +160,7 @@ def test_slips_in_written_formulas_are_found() -> None:
             lm.check_system(slipped)
 
 
-# ---------------------------------------------------------------- methods and systems that do not
-# go together
+# ---------------------------------------------------------------- methods and systems that do not go together
 
 
 METHODS = lm.RATTLE(), lm.LobattoPair(), lm.GeodesicSplitting(), lm.IndexReduction(lm.RKMK(order=4))
@@ -249,9 +244,7 @@ def test_the_reduced_equation_says_where_constraints_become_dependent() -> None:
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_one_member_of_an_ensemble_may_fail() -> None:
-    """The one with too much speed stops, with the reason; others have the bits that they have
-    alone.
-    """
+    """The one with too much speed stops, with the reason; others have the bits that they have alone."""
     free = lm.SphericalPendulum(gravity=0.0)
     q, p = np.tile([1.0, 0.0, 0.0], (5, 1)), np.outer([0.5, 0.8, 3.0, 0.9, 0.2], [0.0, 1.0, 0.0])
     with pytest.warns(RuntimeWarning, match="body 2 after 0 steps"):
@@ -262,9 +255,7 @@ def test_one_member_of_an_ensemble_may_fail() -> None:
 
 
 def test_a_start_is_that_of_its_own_system():
-    """A point of one sphere is none of another: the same class and group say nothing about the
-    length.
-    """
+    """A point of one sphere is none of another: the same class and group say nothing about the length."""
     short, long = lm.SphericalPendulum(length=1.0), lm.SphericalPendulum(length=2.0)
     start = short.state([0.0, 0.6, -0.8], [1.0, 0.0, 0.0])
     with pytest.raises(errors.InvalidInput, match="not consistent"):

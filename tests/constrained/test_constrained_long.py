@@ -18,9 +18,7 @@ SCENES: dict[str, Any] = {"sphere": (PENDULUM, SWINGING), "chain": (CHAIN, HANGI
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_both_constraints_hold_to_four_eps_after_a_million_steps(scene: str) -> None:
-    """g beside its own terms; G H_p beside the largest speeds of the run, for bodies turn round on
-    the way.
-    """
+    """g beside its own terms; G H_p beside the largest speeds of the run, for bodies turn round on the way."""
     system, start = SCENES[scene]
     run = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=1_000_000, every=100, compiled=True, progress=False)
     m = len(system.constraint(start.q))
@@ -31,9 +29,7 @@ def test_both_constraints_hold_to_four_eps_after_a_million_steps(scene: str) -> 
 
 
 def test_the_energy_of_the_reduced_equation_grows_in_proportion_to_time_and_that_of_rattle_does_not() -> None:
-    """Ten million steps: means over tenths.  Projected, so that the reduced one stays on the sphere
-    at least.
-    """
+    """Ten million steps: means over tenths.  Projected, so that the reduced one stays on the sphere at least."""
     means = []
     for method in (lm.IndexReduction(lm.RKMK(order=4), project=True), lm.RATTLE()):
         run = lm.integrate(

@@ -1,6 +1,4 @@
-"""Models beside 25-digit motions in coordinates of their own
-(docs/derivations/constrained_models.py).
-"""
+"""Models beside 25-digit motions in coordinates of their own (docs/derivations/constrained_models.py)."""
 
 from __future__ import annotations
 
@@ -62,9 +60,7 @@ STEPS = {"planar chain": 40, "spatial chain": 40, "bead": 40, "ellipsoid": 20, "
 
 @pytest.mark.parametrize("name", [slow(name) if name in ("spatial chain", "linkage 2") else name for name in STEPS])
 def test_models_are_where_they_should_be(name: str) -> None:
-    """The reduced equation comes there to 9 digits, RATTLE to those of order 2 at two steps, the
-    error falling as h^2.
-    """
+    """The reduced equation comes there to 9 digits, RATTLE to those of order 2 at two steps, the error falling as h^2."""
     system, start, known = scene(name)
     wanted, t = np.array(known["q"]), known["t"]
     n = STEPS[name]

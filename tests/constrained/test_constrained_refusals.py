@@ -50,9 +50,7 @@ METHODS = [lm.RATTLE(), lm.ConstrainedEuler()]
 @pytest.mark.parametrize("h", [0.04, 0.05])
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_one_constraint_whose_derivative_vanishes_on_the_way(method: lm.Method, h: float) -> None:
-    """Down the line x = z, z = 1/16 - t^2/4: it is at the apex at t = 1/2, between two steps or
-    after one.
-    """
+    """Down the line x = z, z = 1/16 - t^2/4: it is at the apex at t = 1/2, between two steps or after one."""
     start = Cone().state([0.0625, 0.0, 0.0625], [0.0, 0.0, 0.0])
     with pytest.raises(InconsistentState, match=r"nearly dependent at q = .*a dead point") as stopped:
         plain(Cone(), method, start, h, 40)

@@ -1,6 +1,4 @@
-"""Steps that positions on constraints would not notice, and units of mass and time that Algorithm 1
-takes.
-"""
+"""Steps that positions on constraints would not notice, and units of mass and time that Algorithm 1 takes."""
 
 from __future__ import annotations
 

@@ -33,8 +33,7 @@ from liemech.formulas import (
 
 ROWS = [(0.3, 0.7), (1.1, 0.4), (2.3, 1.9), (0.2, 1.3)]
 
-# ------------------------------------------------------------------ formulas of two numbers, and
-# what they should be
+# ------------------------------------------------------------------ formulas of two numbers, and what they should be
 
 
 def confusion(x, y, turns):
@@ -268,9 +267,7 @@ class Potential(lm.Potential):
 
 
 def stiffness(a, b, turns):
-    """The derivative of the torque along the group, d/dt torque(g exp(t eta)): the torque is itself
-    such a derivative.
-    """
+    """The derivative of the torque along the group, d/dt torque(g exp(t eta)): the torque is itself such a derivative."""
     group, eta = lm.SO3(), vec(a, b, 0.5)
     g = group.exp(vec(b, a, 0.25))
     return derivative(lambda t: Potential().force(group, group.compose_exp(g, t * eta)), 0.0)

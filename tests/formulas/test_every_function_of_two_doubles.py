@@ -1,6 +1,4 @@
-"""Every operation and function of numbers of two doubles beside 60 digits, on both sides of every
-change of formula.
-"""
+"""Every operation and function of numbers of two doubles beside 60 digits, on both sides of every change of formula."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Sizes of numbers with derivatives, sums of arrays and matrices, powers, inverse sines and roots
-of two doubles.
-"""
+"""Sizes of numbers with derivatives, sums of arrays and matrices, powers, inverse sines and roots of two doubles."""
 
 from __future__ import annotations
 

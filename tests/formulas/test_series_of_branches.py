@@ -31,9 +31,7 @@ class Springs(lm.HamiltonianSystem):
 
 @lm.record
 class Arm(lm.HamiltonianSystem):
-    """p^T M(q)^-1 p/2 in three ways, of a mass whose larger entry is here in one row, there in the
-    other.
-    """
+    """p^T M(q)^-1 p/2 in three ways, of a mass whose larger entry is here in one row, there in the other."""
 
     degrees: int = 2
 

@@ -1,6 +1,4 @@
-"""Small vectors and matrices: what stands beside them, what is refused, and the same bits in every
-world.
-"""
+"""Small vectors and matrices: what stands beside them, what is refused, and the same bits in every world."""
 
 from __future__ import annotations
 

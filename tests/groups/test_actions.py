@@ -70,9 +70,7 @@ def test_arrays_of_points_and_elements(action: lm.GroupAction) -> None:
 
 @lm.record
 class OnThePlane(lm.GroupAction):
-    """SL(2) on the projective line, one angle for a direction of the plane: what a user must write,
-    and no more.
-    """
+    """SL(2) on the projective line, one angle for a direction of the plane: what a user must write, and no more."""
 
     def act(self, g: lm.Element, x: lm.Vec) -> lm.Vec:
         denominator = g[1, 0] * x[0] + g[1, 1]
@@ -80,9 +78,7 @@ class OnThePlane(lm.GroupAction):
 
 
 def test_what_is_left_out_follows() -> None:
-    """Moebius maps x -> (a x + b)/(c x + d): at x the algebra's matrix (p, q; r, -p) moves with 2 p
-    x + q - r x^2.
-    """
+    """Moebius maps x -> (a x + b)/(c x + d): at x the algebra's matrix (p, q; r, -p) moves with 2 p x + q - r x^2."""
     action = OnThePlane(lm.SL(2))
     assert lm.check_action(action, points=[[0.3], [-0.8], [0.1]])
     xi, x = np.array([0.2, -0.5, 0.7]), np.array([0.4])
@@ -239,8 +235,7 @@ def test_coadjoint_action_is_one_of_these(rng: np.random.Generator) -> None:
     assert action.on_same_orbit(mu, action.exp_act(xi, mu), tolerance=64 * EPS)
 
 
-# ---------------------------------------------------------------- vectors moving vectors, a group
-# moving itself
+# ---------------------------------------------------------------- vectors moving vectors, a group moving itself
 
 
 def test_translations_add_no_operation(rng: np.random.Generator) -> None:

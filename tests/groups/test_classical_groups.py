@@ -45,9 +45,7 @@ def test_dimensions() -> None:
 
 @names
 def test_algebra(group: MatrixLieGroup) -> None:
-    """Antisymmetry and Jacobi; the bracket is the commutator, vee undoes hat, constants are small
-    integers.
-    """
+    """Antisymmetry and Jacobi; the bracket is the commutator, vee undoes hat, constants are small integers."""
     algebra, (xi, eta, mu) = group.algebra, samples(group)
     algebra.check()
     x, y = np.array(algebra.hat(xi)), np.array(algebra.hat(eta))
@@ -123,9 +121,7 @@ def test_who_has_a_cayley_map() -> None:
 
 @names
 def test_casimir_functions(group: MatrixLieGroup) -> None:
-    """B grad C = 0 by differences, as many independent ones as the orbits leave; and RKMK keeps
-    them.
-    """
+    """B grad C = 0 by differences, as many independent ones as the orbits leave; and RKMK keeps them."""
     mu = samples(group, 1.0)[2]
     e = 1e-5
     plus, minus = (group.casimirs(mu + s * e * np.eye(group.dim)) for s in (1, -1))
@@ -149,9 +145,7 @@ def test_casimir_functions_along_a_motion(group: MatrixLieGroup) -> None:
 
 @names
 def test_nearest(group: MatrixLieGroup) -> None:
-    """On the group, at an element the element itself, and never farther than the element that was
-    disturbed.
-    """
+    """On the group, at an element the element itself, and never farther than the element that was disturbed."""
     rng = np.random.default_rng(8)
     g = group.random(3)
     noise = 1e-3 * rng.normal(size=g.shape)
@@ -173,9 +167,7 @@ def test_nearest_of_compact_groups_is_the_polar_factor() -> None:
 
 @pytest.mark.parametrize("group", [SO(3), SO(4), SU(2), SU(3), U(2)], ids=repr)
 def test_random_elements_are_uniform(group: MatrixLieGroup) -> None:
-    """Haar measure: the mean of |tr g|^2 is 1 (2 for none of these), that of g is 0, before and
-    after a fixed factor.
-    """
+    """Haar measure: the mean of |tr g|^2 is 1 (2 for none of these), that of g is 0, before and after a fixed factor."""
     g = group.random(7, 4000)
     h = group.random(8) @ g
     for sample in (g, h):
@@ -240,9 +232,7 @@ def test_sizes_that_make_no_group(cls: type, n: object) -> None:
 
 @pytest.mark.parametrize("n", [5, 6, 7])
 def test_casimirs_of_rotations_have_the_signs_they_say(n: int) -> None:
-    """(-1)^k/2 tr hat(mu)^2k, in terms of the rates a_i of rotation in planes: the sum of a_i^2k,
-    never negative.
-    """
+    """(-1)^k/2 tr hat(mu)^2k, in terms of the rates a_i of rotation in planes: the sum of a_i^2k, never negative."""
     group = lm.SO(n)
     mu = np.random.default_rng(n).normal(size=group.dim)
     rates = np.linalg.eigvals(np.array(group.algebra.hat(mu))).imag

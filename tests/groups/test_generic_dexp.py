@@ -103,9 +103,7 @@ def test_the_slope_of_the_mean_is_its_derivative() -> None:
 
 
 def test_the_mean_of_a_long_motion_is_halved_until_its_series_is_short() -> None:
-    """Of rotations by twelve turns: the part along the axis stays, what is across is
-    (sin, 1 - cos)/angle of itself.
-    """
+    """Of rotations by twelve turns: the part along the axis stays, what is across is (sin, 1 - cos)/angle of itself."""
     group, angle = lm.SO3(), 75.0
     xi = vec(0.0, 0.0, angle)
     x, _, z = averaged(group.ad, lambda w, x: group.Ad(group.exp(w), x), angle * angle, xi, vec(1.0, 0.0, 1.0))

@@ -44,9 +44,7 @@ def invariance(algebra: lm.LieAlgebra, form: np.ndarray) -> float:
 @pytest.mark.sample(4)
 @pytest.mark.parametrize("group", SEMISIMPLE, ids=repr)
 def test_killing_form_of_semisimple_algebras(group: lm.LieGroup) -> None:
-    """K_ij = tr(ad_i ad_j) is symmetric, invariant and nondegenerate, and is minus the invariant
-    form, up to its size.
-    """
+    """K_ij = tr(ad_i ad_j) is symmetric, invariant and nondegenerate, and is minus the invariant form, up to its size."""
     algebra, e = group.algebra, np.eye(group.dim)
     ad = [np.stack([algebra.bracket(x, y) for y in e], axis=1) for x in e]
     K = algebra.killing_form

@@ -40,9 +40,7 @@ def test_against_the_exponential_of_a_block(group: lm.LieGroup) -> None:
 @pytest.mark.sample(len(GROUPS))  # every group, some milliseconds each
 @pytest.mark.parametrize("group", small_first, ids=repr)
 def test_what_they_are_for(group: lm.LieGroup) -> None:
-    """exp(xi + d) = exp(J_l d) exp(xi) = exp(xi) exp(J_r d), log(g exp(d)) = xi + J_r^-1 d, g
-    exp(d) = exp(Ad d) g.
-    """
+    """exp(xi + d) = exp(J_l d) exp(xi) = exp(xi) exp(J_r d), log(g exp(d)) = xi + J_r^-1 d, g exp(d) = exp(Ad d) g."""
     algebra, rng = group.algebra, np.random.default_rng(2)
     xi, d = 0.5 * rng.normal(size=(2, group.dim))
     d *= 1e-5

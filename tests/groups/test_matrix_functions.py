@@ -1,6 +1,4 @@
-"""Functions of small matrices against SciPy, against many digits, and against what they must
-satisfy.
-"""
+"""Functions of small matrices against SciPy, against many digits, and against what they must satisfy."""
 
 from __future__ import annotations
 

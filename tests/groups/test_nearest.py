@@ -28,9 +28,7 @@ GROUPS = (
 
 @pytest.mark.parametrize("group", GROUPS, ids=lambda g: repr(g)[:36])
 def test_an_element_of_the_kind_asked_for(group: lm.MatrixLieGroup) -> None:
-    """On the group; real where the group is; and no neighbour is nearer, save for SU(n), whose
-    projection is another.
-    """
+    """On the group; real where the group is; and no neighbour is nearer, save for SU(n), whose projection is another."""
     rng = np.random.default_rng(8)
     for _ in range(3):
         g = group.random(rng)
@@ -115,9 +113,7 @@ def test_boosts_from_the_polar_factor_of_their_form() -> None:
 
 @pytest.mark.parametrize("n", [2, 3, 4, 5])
 def test_a_reflection_is_turned_along_its_shortest_direction(n: int, rng: np.random.Generator) -> None:
-    """The stationary points of |h - g| on SO(n) are u s v, s = diag(+-1, ...), g = u d v: none of
-    them is nearer.
-    """
+    """The stationary points of |h - g| on SO(n) are u s v, s = diag(+-1, ...), g = u d v: none of them is nearer."""
     for _ in range(10):
         g = rng.normal(size=(n, n))
         g[0] *= -np.sign(np.linalg.det(g))

@@ -1,6 +1,4 @@
-"""The coefficients of rotations against arithmetic of many digits, and against the laws they come
-from.
-"""
+"""The coefficients of rotations against arithmetic of many digits, and against the laws they come from."""
 
 from __future__ import annotations
 
@@ -53,11 +51,9 @@ def value(name: str, x: float) -> float:
 
 
 def exact(name: str, x: float) -> mpf:
-    """The function of the double x, from its definition; enough digits for the cancellation at
-    small x and at 2 pi.
+    """The function of the double x, from its definition; enough digits for the cancellation at small x and at 2 pi.
 
-    sinc' = (segment - versine)/2, versine' = (sinc - 2 versine)/(2 x) and segment' = (versine - 3
-    segment)/(2 x).
+    sinc' = (segment - versine)/2, versine' = (sinc - 2 versine)/(2 x) and segment' = (versine - 3 segment)/(2 x).
     """
     with mp.workdps(70 + max(0, int(-7 * math.log10(x)))):
         y = mpf(x)
@@ -153,9 +149,7 @@ def test_the_polynomials_are_closer_than_rounding(name: str) -> None:
 
 
 def test_the_definitions_in_the_derivation() -> None:
-    """Taylor coefficients: (-1)^k/(2k+m)! for the Stumpff functions, |B_2k|/(2k)! for the inverse
-    differential.
-    """
+    """Taylor coefficients: (-1)^k/(2k+m)! for the Stumpff functions, |B_2k|/(2k)! for the inverse differential."""
     with mp.workdps(60):
         x = mpf("0.37")
         for m, name in enumerate(("sinc", "versine", "segment"), start=1):
@@ -271,9 +265,7 @@ def test_sine_and_versine_of_a_vector_of_any_length(size: float) -> None:
 
 
 def test_an_angle_that_no_double_can_tell_is_an_angle_still() -> None:
-    """Beyond 2^53 a double has no digit behind the point; what comes out is the sine and cosine of
-    some angle, not nan.
-    """
+    """Beyond 2^53 a double has no digit behind the point; what comes out is the sine and cosine of some angle, not nan."""
     for size in (1e17, 1e50, 1e150):
         x = size * size * 1.1
         s, c = code.sin_cos_root(x)

@@ -99,9 +99,7 @@ def test_half_turns_about_the_axes(axis: int, zero: float) -> None:
 
 
 def test_half_turns_and_their_sign() -> None:
-    """2 n n^T/|n|^2 - 1 is exactly symmetric; of +-n we get the one that is positive at the largest
-    diagonal entry.
-    """
+    """2 n n^T/|n|^2 - 1 is exactly symmetric; of +-n we get the one that is positive at the largest diagonal entry."""
     for n in itertools.product((-2, -1, 0, 1, 2), repeat=3):
         if any(n):
             nn = sum(c * c for c in n)
@@ -135,9 +133,7 @@ def test_the_quaternion_is_a_unit_and_gives_the_matrix_back() -> None:
 
 
 def test_a_quarter_turn_has_the_textbook_quaternion() -> None:
-    """About the third axis, body to space: e_1 goes to e_2, q = (0, 0, sin 45, cos 45), scalar
-    last.
-    """
+    """About the third axis, body to space: e_1 goes to e_2, q = (0, 0, sin 45, cos 45), scalar last."""
     R = Mat((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     h = math.sqrt(0.5)
     assert tuple(rotation_quaternion(R)) == pytest.approx((0.0, 0.0, h, h), rel=EPS, abs=0.0)

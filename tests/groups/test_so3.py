@@ -1,6 +1,4 @@
-"""The rotation group against reference numbers made without closed forms, and against its
-conventions written out.
-"""
+"""The rotation group against reference numbers made without closed forms, and against its conventions written out."""
 
 from __future__ import annotations
 
@@ -101,9 +99,7 @@ def test_actions_of_a_rotation(rng: np.random.Generator) -> None:
 
 
 def test_the_matrix_of_the_articles_momentum_equation(rng: np.random.Generator) -> None:
-    """(3) as printed, entry by entry: it is -hat(J^-1 pi), and its product with pi the velocity of
-    a free body.
-    """
+    """(3) as printed, entry by entry: it is -hat(J^-1 pi), and its product with pi the velocity of a free body."""
     J, pi = np.array([2 / 3, 1.0, 2.0]), rng.normal(size=3)
     x, y, z = pi / J
     A = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])

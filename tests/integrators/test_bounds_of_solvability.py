@@ -1,6 +1,4 @@
-"""Bounds on the step of Algorithm 1 and signs of determinants, against definitions written once
-more.
-"""
+"""Bounds on the step of Algorithm 1 and signs of determinants, against definitions written once more."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Compensated sums: numbers that remember what rounding takes from them, and long runs that are
-summed up with them.
-"""
+"""Compensated sums: numbers that remember what rounding takes from them, and long runs that are summed up with them."""
 
 from __future__ import annotations
 
@@ -145,9 +143,7 @@ class Drift(lm.GroupEquation):
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_a_uniform_motion_arrives_where_it_should() -> None:
-    """A million steps of a constant velocity: the rounding errors, all alike, add up to 1e6 of them
-    or to none.
-    """
+    """A million steps of a constant velocity: the rounding errors, all alike, add up to 1e6 of them or to none."""
     system = Drift(lm.VectorSpace(2), vec(0.1, -0.3))
     start = system.state([0.0, 1.0])
     end = {
@@ -250,9 +246,7 @@ def test_on_other_groups(group: lm.LieGroup) -> None:
 def test_several_displacements_a_step_remember_in_native_code(
     group: lm.LieGroup, method: lm.Method, size: float
 ) -> None:
-    """What a displacement leaves remembers, however large it was, or the next one could not be
-    compiled.
-    """
+    """What a displacement leaves remembers, however large it was, or the next one could not be compiled."""
     body = lm.LiePoissonSystem(group, lm.KineticEnergy(1.0 + 0.1 * np.arange(group.dim)))
     start = body.state(size * np.linspace(-0.4, 0.5, group.dim), group.identity())
     plain_run, native, loose = (
@@ -285,9 +279,7 @@ METHODS = (
 @pytest.mark.sample(3)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_a_step_keeps_what_rounding_takes(method: lm.Method) -> None:
-    """The low parts are there after a step, and the value they belong to is that of an ordinary
-    step, to rounding.
-    """
+    """The low parts are there after a step, and the value they belong to is that of an ordinary step, to rounding."""
     start = compensated(START)
     after = method.observe(method.step(TOP, 0.0, method.start(TOP, start, 0.1), 0.1))
     plain = method.observe(method.step(TOP, 0.0, method.start(TOP, START, 0.1), 0.1))

@@ -1,6 +1,4 @@
-"""The exact flow of a free body, step by step: what rounds alike in every step changes the time,
-and not the energy.
-"""
+"""The exact flow of a free body, step by step: what rounds alike in every step changes the time, and not the energy."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""What a method finds among its fields: retractions must be ones of the system's group, whatever
-their names.
-"""
+"""What a method finds among its fields: retractions must be ones of the system's group, whatever their names."""
 
 from __future__ import annotations
 

@@ -29,9 +29,7 @@ def test_trace_of_ad_reaches_every_start(group: lm.LieGroup, retraction: lm.Retr
 
 
 def test_on_groups_of_rotations_alike() -> None:
-    """SU(2) with the generators of SO(3) in another basis, [E_1, E_2] = 2 E_3: the same turn, by an
-    angle of 1/2.
-    """
+    """SU(2) with the generators of SO(3) in another basis, [E_1, E_2] = 2 E_3: the same turn, by an angle of 1/2."""
     factor = [
         lm.class_functions.TraceOfAd().size(group, lm.Exponential(), lm.vec(0.3, -0.4, 0.0))
         for group in (lm.SO3(), lm.SU(2))
@@ -42,9 +40,7 @@ def test_on_groups_of_rotations_alike() -> None:
 
 @pytest.mark.parametrize("length", [2.0**-3, 2.0**20])
 def test_screws_in_other_units(length: float) -> None:
-    """(Pi, P) in a unit of length to the power (2, 1), J, D, M to (2, 1, 0): the same motion to
-    rounding.
-    """
+    """(Pi, P) in a unit of length to the power (2, 1), J, D, M to (2, 1, 0): the same motion to rounding."""
     J, D, M = np.diag([1.0, 1.5, 2.0]), 0.1 * np.eye(3) + 0.05, np.diag([1.0, 1.2, 1.4])
     mu = np.array([0.5, 0.1, 0.8, 1.0, -0.3, 0.2])
 

@@ -320,9 +320,7 @@ def test_where_no_bound_is_known_a_quarter_is_told() -> None:
 
 
 def test_numbers_that_newtons_method_bears() -> None:
-    """J/h between 2^-960 and 2^960 and J below 2^510 where J is constant; the third powers of J/h
-    where it is not.
-    """
+    """J/h between 2^-960 and 2^960 and J below 2^510 where J is constant; the third powers of J/h where it is not."""
     cases: list[tuple[Any, float, float, bool]] = []
     for power, fits in ((959.0, True), (961.0, False), (-959.0, True), (-961.0, False)):
         J = 2.0 ** (0.5 * power)

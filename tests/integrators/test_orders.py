@@ -43,9 +43,7 @@ TOP = json.loads((Path(__file__).parent.parent / "reference" / "heavy_top.json")
 
 @lm.record
 class HeavyTop(lm.Hamiltonian):
-    """A heavy top on se(3)*: mu = (pi, Gamma), H = pi.J^-1 pi/2 + Gamma.weight.  Its gradient is
-    derived.
-    """
+    """A heavy top on se(3)*: mu = (pi, Gamma), H = pi.J^-1 pi/2 + Gamma.weight.  Its gradient is derived."""
 
     inertia: lm.Vec
     weight: lm.Vec
@@ -127,9 +125,7 @@ ALWAYS = {
 orders are measured beside their methods, too.
 """
 WANDERING = {"RKMK, order 7, Cayley coordinates", "RKMK, order 8, Cayley coordinates"}
-"""Where the slope depends on the steps, for errors are rounding before their leading term is the
-largest.
-"""
+"""Where the slope depends on the steps, for errors are rounding before their leading term is the largest."""
 
 # ---------------------------------------------------------------- the table
 
@@ -162,12 +158,11 @@ def test_the_page_has_the_table() -> None:
 @pytest.mark.compiled  # in plain Python each row takes ten seconds and more
 @pytest.mark.parametrize(("name", "half"), CHOICES)
 def test_order(name: str, half: int | None) -> None:
-    """Within 0.1, on every problem.  More than that is starred in the page, above order 4 alone,
-    and not on all problems.
+    """Within 0.1, on every problem.  More than that is starred in the page, above order 4 alone, and not on all
+    problems.
 
-    On half of the problems, those that are always measured on the other half if slow; `--print`
-    measures all.  The rows of `WANDERING` do not settle before rounding; of them no more is asked
-    than not to be of a lower order.
+    On half of the problems, those that are always measured on the other half if slow; `--print` measures all.  The rows
+    of `WANDERING` do not settle before rounding; of them no more is asked than not to be of a lower order.
     """
     order, slopes = ROWS[name][1], TABLE.measured(name, half)
     found = [p for p in slopes if p is not None and not math.isnan(p)]
@@ -179,9 +174,7 @@ def test_order(name: str, half: int | None) -> None:
 
 @pytest.mark.parametrize("order", range(3, 9))
 def test_a_truncation_that_costs_an_order_is_said(order: int) -> None:
-    """Even p fall to p - 1, and so does 3; odd p from 5 on do not, for the Bernoulli number
-    B_(p - 2) is zero.
-    """
+    """Even p fall to p - 1, and so does 3; odd p from 5 on do not, for the Bernoulli number B_(p - 2) is zero."""
     lm.RKMK(order=order, truncation=order - 2)
     if order not in (5, 7):
         with pytest.warns(lm.errors.OrderWarning, match=f"of order {order - 1}, not {order}"):

@@ -1,8 +1,7 @@
-"""How large a step may be: certificates against the determinants they speak of, and every solution
-against the branch from h = 0.
+"""How large a step may be: certificates against the determinants they speak of, and every solution against the branch
+from h = 0.
 
-The branch is computed here once more, with arc length as its parameter, so that folds are passed
-and seen.
+The branch is computed here once more, with arc length as its parameter, so that folds are passed and seen.
 """
 
 from __future__ import annotations
@@ -25,8 +24,7 @@ BOTH = pytest.mark.parametrize("method", [EXP, CAYLEY], ids=named)
 INFINITY = math.inf
 
 
-# ---------------------------------------------------------------- the equation, for many bodies at
-# once
+# ---------------------------------------------------------------- the equation, for many bodies at once
 
 
 def coefficients(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -53,9 +51,7 @@ def excess(method: lm.CovariantVariational, J: np.ndarray, x: np.ndarray, m: np.
 
 
 def slopes(method: lm.CovariantVariational, J: np.ndarray, x: np.ndarray, m: np.ndarray) -> np.ndarray:
-    """Its derivative by x, (..., 3, 3): of a polynomial for Cayley, else by central differences of
-    order 4.
-    """
+    """Its derivative by x, (..., 3, 3): of a polynomial for Cayley, else by central differences of order 4."""
     columns = []
     for e in np.eye(3):
         near, far = 2e-3 * e, 4e-3 * e
@@ -158,8 +154,7 @@ def against_the_branch(method: lm.CovariantVariational, count: int, seed: int, p
     return accepted, int((part < 1.0).sum())
 
 
-# ---------------------------------------------------------------- every step is the one that grows
-# out of h = 0
+# ---------------------------------------------------------------- every step is the one that grows out of h = 0
 
 
 @pytest.mark.slow
@@ -297,9 +292,7 @@ def test_no_derivative_is_singular_before_the_first_fold() -> None:
 
 
 def test_the_bound_of_the_proof() -> None:
-    """The symmetric part of the derivative of (dexp_x)* m by x is at most |m| (1 - sin|x|/|x|)/|x|
-    for |x| <= pi.
-    """
+    """The symmetric part of the derivative of (dexp_x)* m by x is at most |m| (1 - sin|x|/|x|)/|x| for |x| <= pi."""
     for th in np.linspace(0.1, math.pi, 20):
         angle = np.linspace(0.0, math.pi, 31)
         x, m = (np.broadcast_to([0.0, 0.0, th], (31, 3)), np.stack([np.sin(angle), 0 * angle, np.cos(angle)], -1))
@@ -440,9 +433,7 @@ def least_value(J: np.ndarray, across: np.ndarray) -> float:
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
 def test_the_condition_is_that_a_quadratic_form_is_not_negative(share: float) -> None:
-    """From thick to thin bodies it fails where the form does, on a grid that is fine along all
-    ratios of the x_i^2.
-    """
+    """From thick to thin bodies it fails where the form does, on a grid that is fine along all ratios of the x_i^2."""
     logarithms = np.linspace(-6.0, 6.0, 241)
     u, v = (10.0 ** x.ravel() for x in np.meshgrid(logarithms, logarithms))
     across = np.stack([np.ones_like(u), u, v], axis=-1) / (1.0 + u + v)[:, None]

@@ -34,9 +34,7 @@ class Turned(Smooth, Rotating):
 
 @functools.cache
 def columns() -> tuple[tuple[Problem, ...], ...]:
-    """A free body, a body in a fluid, a body in four dimensions, one on SL(2), a heavy top on SO(3)
-    or on se(3)*.
-    """
+    """A free body, a body in a fluid, a body in four dimensions, one on SL(2), a heavy top on SO(3) or on se(3)*."""
     rng = np.random.default_rng(5)
     rotations = np.array([rotation(rng) for _ in range(4)])
     free = lm.RigidBody([1.0, 1.6, 2.3])
@@ -94,9 +92,7 @@ HEAD = (
 ROWS = {method.name: (method, method.order) for method in rows()}
 TABLE = Table(HEAD, ROWS, columns)
 ALWAYS = {m.name for m in (*ALGORITHM_1, lm.ThreeRotations(), lm.Isospectral(4))}
-"""What is measured whenever the tests run, on half of the problems.  In fields test_mechanical has
-the orders, too.
-"""
+"""What is measured whenever the tests run, on half of the problems.  In fields test_mechanical has the orders, too."""
 CHOICES = [
     *(pytest.param(name, 0, marks=[] if name in ALWAYS else [pytest.mark.slow]) for name in ROWS),
     *(pytest.param(name, 1, marks=pytest.mark.slow) for name in ROWS if name in ALWAYS),
@@ -111,9 +107,7 @@ def test_the_page_has_the_table() -> None:
 @pytest.mark.compiled  # in plain Python each row takes ten seconds and more
 @pytest.mark.parametrize(("name", "half"), CHOICES)
 def test_order(name: str, half: int) -> None:
-    """Within 0.1, on half of the problems, and within 0.05 of what the page has; `--print` measures
-    all.
-    """
+    """Within 0.1, on half of the problems, and within 0.05 of what the page has; `--print` measures all."""
     order, slopes = ROWS[name][1], TABLE.measured(name, half)
     found = [p for p in slopes if p is not None and not math.isnan(p)]
     assert found == pytest.approx([order] * len(found), abs=0.1)

@@ -1,6 +1,4 @@
-"""Algorithm 1 and its compositions beyond rotations: what is exact on SE(3), SO(4) and a group
-given by generators.
-"""
+"""Algorithm 1 and its compositions beyond rotations: what is exact on SE(3), SO(4) and a group given by generators."""
 
 from __future__ import annotations
 
@@ -51,9 +49,7 @@ EACH = pytest.mark.parametrize(
 
 @EACH
 def test_momentum_fits_the_velocity(scene: object, method: lm.CovariantVariational) -> None:
-    """The two lines of the algorithm: (dtau^-1)* J xi is the momentum after the step, the right one
-    that before it.
-    """
+    """The two lines of the algorithm: (dtau^-1)* J xi is the momentum after the step, the right one that before it."""
     system, start = scene()  # type: ignore[operator]
     h, group = 0.2, system.group
     run = lm.integrate(system, method, start, h=h, steps=1)
@@ -134,9 +130,7 @@ def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
 def test_order_two_of_hamilton_jacobi_is_the_same_step(retraction: lm.Retraction) -> None:
-    """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm
-    1; on any group.
-    """
+    """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm 1; on any group."""
     for scene in (on_SE3, on_SO4, on_generators):
         system, start = scene()
         places = lm.integrate(system, lm.CovariantVariational(retraction), start, h=0.2, steps=40, every=10)
@@ -168,9 +162,7 @@ def third(system: lm.LiePoissonSystem, retraction: lm.Retraction, p: np.ndarray)
 @pytest.mark.slow
 @EACH
 def test_modified_energy_is_kept_to_fourth_order(scene: object, method: lm.CovariantVariational) -> None:
-    """H - (h^2/6) s_3, s_3 of the Hamilton-Jacobi equation: its oscillation falls by 16 per
-    halving, that of H by 4.
-    """
+    """H - (h^2/6) s_3, s_3 of the Hamilton-Jacobi equation: its oscillation falls by 16 per halving, that of H by 4."""
     system, start = scene()  # type: ignore[operator]
     h, plain, modified = [0.1, 0.05, 0.025], [], []
     for step in h:

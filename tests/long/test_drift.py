@@ -1,6 +1,4 @@
-"""A million steps and more: what is promised to rounding stays there, what is bounded stays
-bounded.
-"""
+"""A million steps and more: what is promised to rounding stays there, what is bounded stays bounded."""
 
 from __future__ import annotations
 

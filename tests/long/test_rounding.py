@@ -33,9 +33,7 @@ def sums(case: Case) -> bool | None:
 
 @each()
 def test_steps_round_without_bias(case: Case) -> None:
-    """Energy and Casimir, each step against the same step in 19 digits: means within 3 standard
-    errors, or 1e-3 eps.
-    """
+    """Energy and Casimir, each step against the same step in 19 digits: means within 3 standard errors, or 1e-3 eps."""
     found = rounding.rounding(case, 200_000 // len(case.shares), compensated=sums(case))
     assert abs(found.energy) < max(3 * found.energy_error, 1e-3)
     assert abs(found.casimir) < max(3 * found.casimir_error, 1e-3)
@@ -49,9 +47,7 @@ def test_casimirs_over_ten_million_steps(case: Case) -> None:
 
 @each(SYMMETRIC)
 def test_energy_grows_like_a_random_walk(case: Case) -> None:
-    """The mean energy of 16 bodies after 10^4 to 10^6 steps: its rms change grows like N^(1/2), not
-    like N.
-    """
+    """The mean energy of 16 bodies after 10^4 to 10^6 steps: its rms change grows like N^(1/2), not like N."""
     exponent, rms = rounding.growth(case)
     assert exponent < 0.62  # sixteen random walks have exponents that scatter by 0.1
     assert rms[-1] < 1e-14
@@ -70,9 +66,7 @@ def test_momentum_in_space_and_orthogonality_over_a_million_steps(case: Case) ->
 
 
 def test_attitude_of_a_given_motion_over_a_million_steps() -> None:
-    """A rotation at a varying rate, against the product of the same million turns in 19 digits;
-    plain sums lose 6e-14.
-    """
+    """A rotation at a varying rate, against the product of the same million turns in 19 digits; plain sums lose 6e-14."""
     assert rounding.driven_attitude() < 3e-14
 
 
@@ -97,18 +91,14 @@ def test_the_offset_wanted_at_the_separatrix(method: lm.Method) -> None:
 
 @pytest.mark.parametrize("method", [rounding.EXP, rounding.CAYLEY], ids=lambda method: method.name)
 def test_the_offset_at_the_separatrix_in_31_digits(method: lm.Method) -> None:
-    """Rounding at 2^-105 changes the energy like an offset of 2^-52: one of 1e-12 is seen, one of
-    1e-24 is not.
-    """
+    """Rounding at 2^-105 changes the energy like an offset of 2^-52: one of 1e-12 is seen, one of 1e-24 is not."""
     assert rounding.offset(method, 1e-12, steps=100_000, precision="double-double") == pytest.approx(1e-12, rel=0.15)
     assert rounding.offset(method, 1e-24, steps=100_000, precision="double-double") < 1e-15
 
 
 @pytest.mark.parametrize("method", [rounding.EXP, rounding.CAYLEY], ids=lambda method: method.name)
 def test_orthogonality_over_ten_million_steps(method: lm.Method) -> None:
-    """Nothing is renormalised: with sums compensated throughout what is lost in 10^7 steps is some
-    hundred roundings.
-    """
+    """Nothing is renormalised: with sums compensated throughout what is lost in 10^7 steps is some hundred roundings."""
     case = next(case for case in CASES if case.method == method)
     run = case.run(10**7, every=10**6, compensated=True)
     assert np.abs(np.swapaxes(run.g, 1, 2) @ run.g - np.eye(3)).max() < 2e-13

@@ -1,6 +1,4 @@
-"""Carlson's integrals against 40 digits, on arguments such as the exact rigid body has for them,
-and their laws.
-"""
+"""Carlson's integrals against 40 digits, on arguments such as the exact rigid body has for them, and their laws."""
 
 from __future__ import annotations
 
@@ -16,9 +14,7 @@ EPS = 2.0**-52
 
 @pytest.fixture
 def arguments(rng: np.random.Generator) -> np.ndarray:
-    """x = cos^2, y = cos^2 + k'^2 sin^2, z = 1, p = 1 + nu sin^2, from the circle to next to the
-    separatrix.
-    """
+    """x = cos^2, y = cos^2 + k'^2 sin^2, z = 1, p = 1 + nu sin^2, from the circle to next to the separatrix."""
     angle = np.concatenate([[0.0, 1e-9, 0.5 * np.pi], rng.uniform(0.0, 0.5 * np.pi, 60)])
     k1 = 10.0 ** (rng.uniform(-1.0, 0.0, angle.size) * np.where(np.arange(angle.size) % 2, 1.0, 70.0))
     nu = 10.0 ** rng.uniform(-12.0, 0.0, angle.size)
@@ -68,9 +64,7 @@ def test_the_polynomial_of_the_arctangent(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_series_are_of_seventh_order(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without duplications the error falls by 2^8 when arguments come twice as close, seen in 30
-    digits.
-    """
+    """Without duplications the error falls by 2^8 when arguments come twice as close, seen in 30 digits."""
     monkeypatch.setattr(carlson, "CLOSE", 1.0)
     monkeypatch.setattr(carlson, "sqrt", mpmath.sqrt)
     way = np.random.default_rng(seed).uniform(-1.0, 1.0, 4)

@@ -1,6 +1,4 @@
-"""The exact motion of a planet against Kepler's equation in fifty digits, whose bisection knows no
-eccentricity.
-"""
+"""The exact motion of a planet against Kepler's equation in fifty digits, whose bisection knows no eccentricity."""
 
 from __future__ import annotations
 
@@ -102,9 +100,7 @@ def test_a_million_revolutions_are_taken_off_without_loss() -> None:
 
 
 def test_a_fall_into_the_sun_is_said() -> None:
-    """Without angular momentum: the way there is exact, the time of the fall is refused, and the
-    planet comes back.
-    """
+    """Without angular momentum: the way there is exact, the time of the fall is refused, and the planet comes back."""
     system = lm.Kepler()
     start = system.state([2.0, 0.0], [0.0, 0.0])
     period = system.period(start)
@@ -154,9 +150,7 @@ def test_the_guess_is_near_at_all_times(e: float, monkeypatch: pytest.MonkeyPatc
 
 
 def test_sizes_and_times_of_all_kinds() -> None:
-    """Units of 1e-200 to 1e200, times whose phase no digit knows, far out on a hyperbola, and a start
-    in the sun.
-    """
+    """Units of 1e-200 to 1e200, times whose phase no digit knows, far out on a hyperbola, and a start in the sun."""
     system = lm.Kepler()
     for size in (1e-200, 1e-100, 1e100):
         start = system.state([size, 0.0], [0.0, size**-0.5])

@@ -1,6 +1,4 @@
-"""The exact pendulum: against reference numbers and mpmath, in every regime, to some rounding
-errors times 1 + w t.
-"""
+"""The exact pendulum: against reference numbers and mpmath, in every regime, to some rounding errors times 1 + w t."""
 
 from __future__ import annotations
 

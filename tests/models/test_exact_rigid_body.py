@@ -1,6 +1,4 @@
-"""The exact free rigid body against its equations of motion, solved independently to 30 digits, and
-its own laws.
-"""
+"""The exact free rigid body against its equations of motion, solved independently to 30 digits, and its own laws."""
 
 import itertools
 import json
@@ -38,9 +36,7 @@ def scaled(x):
 
 
 def taylor(J, mu, g, times):
-    """mu (n, 3) and g (n, 3, 3) at the times, all of one sign and growing in size; J, mu of order
-    one.
-    """
+    """mu (n, 3) and g (n, 3, 3) at the times, all of one sign and growing in size; J, mu of order one."""
     unit = scaled(2.0 / top_rate(J, mu) if any(mu) else max(abs(times)))
     J = [scaled(x) for x in J]
     vectors = [[scaled(x) for x in v] for v in (mu, *g)]
@@ -141,8 +137,7 @@ def top_rate(J, mu):
 def errors(J, mu, g, t, solution):
     """Largest error of the momentum and of the attitude, each relative, over 1 + rate |t|.
 
-    The rate is |w|, or that of the momentum if it is greater, which takes a moment above the sum of
-    the others.
+    The rate is |w|, or that of the momentum if it is greater, which takes a moment above the sum of the others.
     """
     period = momentum_period(J, mu)
     rate = max(np.linalg.norm(np.divide(mu, J)), 2 * math.pi / period if period else 0.0)
@@ -176,9 +171,7 @@ def test_equations_of_motion_forwards_and_backwards(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("offset", [1e-2, -1e-2, 1e-7, -1e-7, 1e-13, -1e-13])
 def test_several_flips_next_to_the_separatrix(offset):
-    """The body waits near its middle axis and flips; the exact constants make even the time of the
-    flip exact.
-    """
+    """The body waits near its middle axis and flips; the exact constants make even the time of the flip exact."""
     J, mu = [2, 3, 6], [1, -0.5, 1 + offset]
     t = momentum_period(J, mu) * np.array([0.23, 0.49, 0.51, 1.1])
     assert max(errors(J, mu, attitude(), t, taylor(J, mu, attitude(), t))) < 10 * EPS
@@ -208,9 +201,7 @@ def test_derivatives(name):
 
 @pytest.mark.parametrize("name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name])
 def test_flow_property(name):
-    """From 0 to s, from there to s + t: the same as from 0 to s + t. (Next to the saddle, rounding
-    at s would grow.)
-    """
+    """From 0 to s, from there to s + t: the same as from 0 to s + t. (Next to the saddle, rounding at s would grow.)"""
     J, mu = REGIMES[name]
     s, t = np.array([3.7, -9.1]) / (top_rate(J, mu) or 1.0)
     there = exact_rigid_body(J, mu, attitude(), s)
@@ -220,9 +211,7 @@ def test_flow_property(name):
 
 @pytest.mark.parametrize("name", REGIMES)
 def test_conserved_over_long_times(name):
-    """Spatial momentum, |mu|, energy and orthogonality, to rounding at any time: none of them has a
-    phase to lose.
-    """
+    """Spatial momentum, |mu|, energy and orthogonality, to rounding at any time: none of them has a phase to lose."""
     J, mu = REGIMES[name]
     t = np.concatenate((np.linspace(-30, 30, 50), [1e4, -1e7, 1e12])) / (top_rate(J, mu) or 1.0)
     g = attitude()
@@ -239,9 +228,7 @@ def test_conserved_over_long_times(name):
 @pytest.mark.parametrize("J, mu", [([2 / 3, 1, 2], [0.5, 0, 0.75**0.5]), ([3, 1, 2], [0.3, 1.5, -0.4])])
 @pytest.mark.parametrize("periods", [1, 1000, 10**6, -(10**6)])
 def test_long_times(J, mu, periods):
-    """After a period the momentum is back, the body has turned about g mu by an angle; both from
-    30-digit integrals.
-    """
+    """After a period the momentum is back, the body has turned about g mu by an angle; both from 30-digit integrals."""
     with mp.workdps(30):
         a, b, c = sorted(range(3), key=lambda i: J[i])
         Ja, Jb, Jc = (mp.mpf(J[i]) for i in (a, b, c))

@@ -1,6 +1,4 @@
-"""The exact Lagrange top: against reference numbers and Taylor series of 40 digits, in every
-regime.
-"""
+"""The exact Lagrange top: against reference numbers and Taylor series of 40 digits, in every regime."""
 
 from __future__ import annotations
 
@@ -105,9 +103,7 @@ def test_against_power_series(name: str, number: Any, order: int) -> None:
 
 
 def test_falling_from_the_vertical() -> None:
-    """The separatrix: u = 1 - (1 - u_1)/cosh^2, and the top comes back to the vertical without ever
-    standing there.
-    """
+    """The separatrix: u = 1 - (1 - u_1)/cosh^2, and the top comes back to the vertical without ever standing there."""
     spin = 1.0
     lowest = spin * spin / 2.0 - 1.0
     speed = math.sqrt(2.0 * (1.0 - lowest) - spin * spin * (1.0 - lowest) / (1.0 + lowest))
@@ -127,9 +123,7 @@ def test_falling_from_the_vertical() -> None:
 
 
 def test_the_separatrix_itself() -> None:
-    """A start whose numbers lie on it exactly: upright, not turning about a horizontal axis, all
-    roots at 1 or below.
-    """
+    """A start whose numbers lie on it exactly: upright, not turning about a horizontal axis, all roots at 1 or below."""
     from liemech.models.bodies.exact_top import lagrange_top
 
     half = math.sqrt(0.5)

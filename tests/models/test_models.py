@@ -186,9 +186,7 @@ def test_inertia_in_mixed_units_is_fine() -> None:
 
 @pytest.mark.slow
 def test_a_bottom_heavy_vehicle_swings_upright() -> None:
-    """Neutrally buoyant, with the centre of mass below: a pendulum, of frequency sqrt(w l/J) for
-    small angles.
-    """
+    """Neutrally buoyant, with the centre of mass below: a pendulum, of frequency sqrt(w l/J) for small angles."""
     from liemech.systems.mechanical import MechanicalSystem
     from liemech.systems.potential import Potential
 

@@ -1,6 +1,4 @@
-"""Bodies whose attitude is a unit quaternion: the same momenta, the same rotation, or refused by
-name.
-"""
+"""Bodies whose attitude is a unit quaternion: the same momenta, the same rotation, or refused by name."""
 
 from __future__ import annotations
 

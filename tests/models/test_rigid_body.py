@@ -1,6 +1,4 @@
-"""The free rigid body: its inertia, its equations, its axes and units, and every method against its
-exact motion.
-"""
+"""The free rigid body: its inertia, its equations, its axes and units, and every method against its exact motion."""
 
 from __future__ import annotations
 

@@ -27,9 +27,7 @@ def test_the_point_of_contact_is_at_rest() -> None:
 
 
 def test_the_momentum_about_the_contact_is_kept() -> None:
-    """d/dt of R J w + r e3 x m v vanishes: of the forces only those in the contact are there.
-    Source: Chaplygin (1903).
-    """
+    """d/dt of R J w + r e3 x m v vanishes: of the forces only those in the contact are there. Source: Chaplygin (1903)."""
     run = lm.integrate(BALL, lm.RKMK(order=6), START, h=0.05, steps=10, compiled=False, progress=False)
     R = run.g[:, :9].reshape(-1, 3, 3)
     turning = np.einsum("nij,nj->ni", R, run.mu[:, :3])

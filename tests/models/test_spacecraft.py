@@ -291,9 +291,7 @@ def test_saturated_motors() -> None:
 
 @pytest.mark.slow
 def test_a_law_of_control_is_a_subclass() -> None:
-    """A wheel on each axis by a proportional and differential law: the error falls as of a damped
-    oscillator.
-    """
+    """A wheel on each axis by a proportional and differential law: the error falls as of a damped oscillator."""
 
     @lm.record
     class Pointing(M.ReactionWheels):

@@ -2,14 +2,13 @@
 
     python tests/net/net.py --write [--only TEXT]    write hashes.json, of the cases whose name has TEXT
 
-A rebuild of the simulation changes none of them.  Sums, products, quotients and square roots are
-those of IEEE 754, without contraction, at every SIMD width.  The C library's functions and the
-products of matrices by BLAS may round otherwise on another machine: cases that call them (`needs`)
-are compared only where these give the numbers of the machine that wrote the hashes
-(`fingerprints`).
+A rebuild of the simulation changes none of them.  Sums, products, quotients and square roots are those of IEEE 754,
+without contraction, at every SIMD width.  The C library's functions and the products of matrices by BLAS may round
+otherwise on another machine: cases that call them (`needs`) are compared only where these give the numbers of the
+machine that wrote the hashes (`fingerprints`).
 
-A case that is refused is recorded as "refused": it may be allowed later.  A run that fails is
-recorded with the samples that it leaves.
+A case that is refused is recorded as "refused": it may be allowed later.  A run that fails is recorded with the samples
+that it leaves.
 """
 
 from __future__ import annotations

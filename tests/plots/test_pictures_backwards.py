@@ -1,6 +1,4 @@
-"""Pictures of runs backwards in time, on constraints, and of ensembles whose members have times of
-their own.
-"""
+"""Pictures of runs backwards in time, on constraints, and of ensembles whose members have times of their own."""
 
 from __future__ import annotations
 
@@ -22,9 +20,7 @@ def follow(system: Any, method: Any, start: Any, **more: Any) -> Any:
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_section_of_a_run_backwards_has_the_direction_of_time(direction: int) -> None:
-    """Where q_1 = 0 is pierced with q_1 rising in time, p_1 = q_1' > 0; there and back pierces it
-    in the same points.
-    """
+    """Where q_1 = 0 is pierced with q_1 rising in time, p_1 = q_1' > 0; there and back pierces it in the same points."""
     start = GALAXY.state(q=[0.1, 0.1], p=[0.4, 0.1])
     there = follow(GALAXY, lm.RKMK(order=8), start, h=0.05, steps=300)
     end = GALAXY.state(q=there.q[-1], p=there.p[-1])

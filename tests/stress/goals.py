@@ -1,6 +1,4 @@
-"""The 28 goals of reliability: what is wanted, what is measured, whether it is met, and which test
-holds it.
-"""
+"""The 28 goals of reliability: what is wanted, what is measured, whether it is met, and which test holds it."""
 
 from __future__ import annotations
 
@@ -147,9 +145,7 @@ def cayleys(size: Size) -> Found:
 
 @functools.cache
 def lost(method: lm.Method, steps: int) -> tuple[float, float, float]:
-    """What the long mode loses of the Casimir, of the momentum in space and of g g^T, told from
-    both words.
-    """
+    """What the long mode loses of the Casimir, of the momentum in space and of g g^T, told from both words."""
     body, start = asymmetric_body()
     run = lm.integrate(body, method, start, h=0.1, steps=steps, every=steps, progress=False, **LONG)  # type: ignore[arg-type]
     return test_double_double.defects(run, start)
@@ -279,9 +275,7 @@ def cost_of_long_mode(size: Size) -> Found:
 
 
 def orders(size: Size) -> Found:
-    """Slopes of the largest errors of momentum, attitude and energy of the free body against its
-    exact motion.
-    """
+    """Slopes of the largest errors of momentum, attitude and energy of the free body against its exact motion."""
     texts, met = [], True
     body, start = asymmetric_body()
     for method, counts in ((EXP, (160, 320, 640, 1280)), (CAYLEY, (160, 320, 640, 1280)), (HJ4, (80, 160, 320, 640))):

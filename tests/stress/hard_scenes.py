@@ -1,6 +1,4 @@
-"""Hard scenes: every run keeps its structure to rounding, or is refused by an error of the package
-with finite samples.
-"""
+"""Hard scenes: every run keeps its structure to rounding, or is refused by an error of the package with finite samples."""
 
 from __future__ import annotations
 
@@ -60,9 +58,7 @@ def fast_and_thin(size: Size) -> Iterator[Run]:
 
 
 def ratios(size: Size) -> Iterator[Run]:
-    """Moments of inertia that differ by up to a million, in every order, turned about nothing in
-    particular.
-    """
+    """Moments of inertia that differ by up to a million, in every order, turned about nothing in particular."""
     for ratio in (1e2, 1e4, 1e6):
         for J in itertools.permutations([1.0, ratio**0.5, ratio]):
             yield from free(quiet_body(J), [0.3, 0.5, -0.4], steps=size.some(200))
@@ -100,9 +96,7 @@ def tops(size: Size) -> Iterator[Run]:
 
 
 def springs(size: Size) -> Iterator[Run]:
-    """Oscillators with h w from 0.1 to 1e150: past h w = 2 an explicit method blows up, and says
-    so.
-    """
+    """Oscillators with h w from 0.1 to 1e150: past h w = 2 an explicit method blows up, and says so."""
     for w in 10.0 ** np.linspace(0.0, 151.0, 8 if size.quick else 40):
         system = Oscillator(float(w))
         start = system.state([1.0], [0.0])
@@ -175,9 +169,7 @@ SCENES = (
 
 
 def ended(run: Run, most: float) -> tuple[str, float]:
-    """How a run ended: "kept", "refused", or what is wrong; and the largest change of what it
-    keeps.
-    """
+    """How a run ended: "kept", "refused", or what is wrong; and the largest change of what it keeps."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")

@@ -1,12 +1,11 @@
-"""Runs of up to 10^8 steps for each family of methods and for other packages: the error of the
-energy over time.
+"""Runs of up to 10^8 steps for each family of methods and for other packages: the error of the energy over time.
 
     python tests/stress/long_runs.py [--minutes 20] [--steps 1e8] [--only RKMK] [--page]
 
-A run goes on from sample to sample by factors of sqrt 10; of each part the largest error counts.
-It ends at the steps that were asked for, or when the next part would take longer than the time that
-is left for it.  Results are kept in `long_runs.json`, a longer run takes the place of a shorter
-one; --page writes the table and the figure of docs/proof/reliability.md from them.
+A run goes on from sample to sample by factors of sqrt 10; of each part the largest error counts. It ends at the steps
+that were asked for, or when the next part would take longer than the time that is left for it.  Results are kept in
+`long_runs.json`, a longer run takes the place of a shorter one; --page writes the table and the figure of
+docs/proof/reliability.md from them.
 """
 
 from __future__ import annotations
@@ -231,9 +230,7 @@ def rebound(method: str) -> tuple[float, Part]:
 
 
 def measured(make: Callable[[], tuple[float, Part]], most: float, seconds: float) -> dict[str, Any]:
-    """Steps and the largest relative error of the energy between two of them, as far as time
-    allows.
-    """
+    """Steps and the largest relative error of the energy between two of them, as far as time allows."""
     energy, go_on = make()
     done, found, begun = 0, [], time.process_time()
     spent = 0.0

@@ -1,6 +1,4 @@
-"""A figure of errors over time: what drifts like N, what is bounded, what walks like sqrt N, and
-what stays.
-"""
+"""A figure of errors over time: what drifts like N, what is bounded, what walks like sqrt N, and what stays."""
 
 from __future__ import annotations
 

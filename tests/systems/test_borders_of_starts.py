@@ -1,6 +1,4 @@
-"""Which starts are consistent, and which conditions independent: a little on both sides of every
-border.
-"""
+"""Which starts are consistent, and which conditions independent: a little on both sides of every border."""
 
 from __future__ import annotations
 

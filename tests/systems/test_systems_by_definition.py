@@ -261,9 +261,7 @@ def test_energies_of_one_coordinate(index: int) -> None:
 
 @pytest.mark.parametrize(("power", "field", "wanted"), [(2, 3, True), (3, 3, False), (2, 1, True), (4, 2, False)])
 def test_which_splittings_are_of_second_degree(power: int, field: int, wanted: bool) -> None:
-    """{V, {V, {V, T}}} = 0 for T of second degree in the momenta, whatever V is; on rotations for
-    no such pair.
-    """
+    """{V, {V, {V, T}}} = 0 for T of second degree in the momenta, whatever V is; on rotations for no such pair."""
 
     @lm.record
     class Kinetic(lm.Hamiltonian):

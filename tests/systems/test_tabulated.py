@@ -1,6 +1,4 @@
-"""Functions of time given by tables: SciPy's values, exact quadratures, one native code for all
-lengths, the same bits.
-"""
+"""Functions of time given by tables: SciPy's values, exact quadratures, one native code for all lengths, the same bits."""
 
 from __future__ import annotations
 

@@ -50,9 +50,7 @@ def f(t: float, y: np.ndarray) -> np.ndarray:
 
 
 def slopes(m: ButcherTableau, t: float, y: np.ndarray, h: float) -> list[np.ndarray]:
-    """The slopes of one step, those of the interpolant after those of the step; implicit ones by
-    iteration.
-    """
+    """The slopes of one step, those of the interpolant after those of the step; implicit ones by iteration."""
     k = [f(t, y)] * m.stages
     for _ in range(1 if m.explicit else 60):
         for i, (row, c) in enumerate(zip(m.A, m.c, strict=True)):
@@ -148,9 +146,7 @@ def test_the_interpolant_is_smooth_from_step_to_step(t: ButcherTableau) -> None:
 
 @pytest.mark.parametrize("t", DENSE, ids=named)
 def test_the_interpolant_follows_the_solution(t: ButcherTableau) -> None:
-    """Its error within a step is of one order more than its own; the nodes of the extra stages
-    count, too.
-    """
+    """Its error within a step is of one order more than its own; the nodes of the extra stages count, too."""
     theta, found = 0.37, []
     for h in (1.4, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125, 0.09):
         weights = [sum(p * theta**k for k, p in enumerate(row, start=1)) for row in t.interpolant]
@@ -481,9 +477,7 @@ def test_wrong_calls(error: type[Exception], words: str, change: dict[str, Any])
 
 
 def test_a_tableau_of_ones_own() -> None:
-    """Integers, fractions, lists and arrays become numbers; its method is told from the built-in
-    one by its repr.
-    """
+    """Integers, fractions, lists and arrays become numbers; its method is told from the built-in one by its repr."""
     third = Fraction(1, 3)
     ours = [
         ButcherTableau(order=3, **HEUN3),  # type: ignore[arg-type]
@@ -569,9 +563,7 @@ def test_what_is_worked_out_later_belongs_to_no_comparison() -> None:
 
 
 def test_the_table_in_the_documentation_is_complete() -> None:
-    """One row for each: name, order, stages, whether and how its error is estimated, the order in
-    between.
-    """
+    """One row for each: name, order, stages, whether and how its error is estimated, the order in between."""
     page = Path(__file__).parent.parent.parent / "docs" / "tableaus.md"
     lines = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
     found = {row[0]: row[1:5] for row in ([cell.strip() for cell in line.split("|")[1:]] for line in lines)}

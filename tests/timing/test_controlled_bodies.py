@@ -1,6 +1,4 @@
-"""The reversible controller on groups: an eccentric satellite, a top near the vertical, a free
-body.
-"""
+"""The reversible controller on groups: an eccentric satellite, a top near the vertical, a free body."""
 
 from __future__ import annotations
 
@@ -28,9 +26,7 @@ def distance(g: Any) -> float:
 
 
 def changes(system: Any, method: lm.Method, sigma: Any, start: Any, h: float, t_end: float) -> tuple[Any, float, float]:
-    """A controlled run, and the largest changes of the energy, controlled and in as many equal
-    steps.
-    """
+    """A controlled run, and the largest changes of the energy, controlled and in as many equal steps."""
     run = lm.integrate(system, lm.ReversibleController(method, sigma), start, h=h, t_end=t_end, progress=False)
     equal = lm.integrate(system, method, start, h=t_end / run.steps, steps=run.steps, progress=False)
     return run, *(float(np.abs(r.energy - r.energy[0]).max()) for r in (run, equal))
@@ -83,9 +79,7 @@ def test_an_eccentric_satellite_that_spins_does_not_drift() -> None:
     ("method", "gain"), [(lm.KickDrift(order=2), 1.7), pytest.param(lm.KickDrift(order=4), 3.0, marks=LONG)]
 )
 def test_a_top_near_the_vertical(method: lm.Method, gain: float) -> None:
-    """It spins too slowly to sleep: it lingers upright, falls fast, and rises again; the steps
-    follow its turning.
-    """
+    """It spins too slowly to sleep: it lingers upright, falls fast, and rises again; the steps follow its turning."""
     top = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.3, length=1.0)
     assert top.sleeping_momentum > 1.2
     start = top.state(mu=[0.0, 0.0, 1.2], g=lm.SO3().exp([1e-2, 0.0, 0.0]))

@@ -41,8 +41,7 @@ REVERSIBLE = {
 }
 """max |H - H_0| over ten periods, in about 5000 and about 10000 steps.
 
-Source: math of the slides (Hairer, Lubich, Wanner, VIII.2 and VIII.3), computed by an independent
-program.
+Source: math of the slides (Hairer, Lubich, Wanner, VIII.2 and VIII.3), computed by an independent program.
 """
 
 
@@ -96,17 +95,14 @@ def test_table_of_equal_steps() -> None:
         assert energy_error(KEPLER, lm.StormerVerlet(), 10.0 * PERIOD / steps, steps) == two_digits(wanted)
 
 
-# ------------------------------------------------------------------ long runs, and narrower
-# ellipses
+# ------------------------------------------------------------------ long runs, and narrower ellipses
 
 
 @pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("e", [0.99, 0.999])
 def test_steps_for_each_revolution_do_not_grow_with_the_eccentricity(e: float) -> None:
-    """120 steps of order 8: fixed steps of Stormer and Verlet need about 120 for each (1 - e)^(3/2)
-    of a period.
-    """
+    """120 steps of order 8: fixed steps of Stormer and Verlet need about 120 for each (1 - e)^(3/2) of a period."""
     start = KEPLER.pericentre(e)
     method = lm.Splitting(tableau=SplittingTableau.of(KAHAN_LI8).exchanged)
     run = lm.integrate(lm.LogarithmicHamiltonian(KEPLER), method, start, h=PERIOD / 120, t_end=10.0 * PERIOD)
@@ -133,9 +129,7 @@ def test_narrow_ellipses_by_distance_powers(e: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("choice", ["2, alpha = 3/2", "3"])
 def test_no_drift_over_a_hundred_thousand_periods(choice: str) -> None:
-    """Fifty million steps of each method: the largest energy error of the last tenth is that of the
-    first.
-    """
+    """Fifty million steps of each method: the largest energy error of the last tenth is that of the first."""
     h = fictive_period(SIGMAS[choice]) / 500
     for system, method in (
         (lm.TimeTransformed(KEPLER, SIGMAS[choice]), lm.AdaptiveVerlet()),

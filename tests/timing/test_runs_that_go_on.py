@@ -1,6 +1,4 @@
-"""Runs in fictive time go on, are kept in files, look for events, and are stepped one by one, as
-runs in time are.
-"""
+"""Runs in fictive time go on, are kept in files, look for events, and are stepped one by one, as runs in time are."""
 
 from __future__ import annotations
 
@@ -52,9 +50,7 @@ def test_steps_go_on_bit_for_bit(system: lm.System, method: lm.Method, every: in
 
 @pytest.mark.parametrize(("system", "method"), PAIRS)
 def test_a_run_to_a_time_goes_on_as_if_it_had_not_stopped(system: lm.System, method: lm.Method) -> None:
-    """The shorter step to the first t_end leads to a sample; the motion goes on from the last whole
-    step.
-    """
+    """The shorter step to the first t_end leads to a sample; the motion goes on from the last whole step."""
     prepared = plan(system, method)
     whole, first = prepared.run(ORBIT, t_end=3.0), prepared.run(ORBIT, t_end=2.0)
     rest = prepared.resume(first, t_end=3.0)

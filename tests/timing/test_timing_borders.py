@@ -27,9 +27,7 @@ class Rolling(lm.VelocityConstraint):
 
 
 def off(system: Any, method: Any, sigma: Any, start: Any, h: float) -> float:
-    """How far z sigma is from one: of second order in h where G is the rate of sigma along the
-    motion.
-    """
+    """How far z sigma is from one: of second order in h where G is the rate of sigma along the motion."""
     controlled = lm.ReversibleController(method, sigma)
     run = lm.integrate(system, controlled, start, h=h, steps=round(1.0 / h), compiled=False, progress=False)
     return float(np.abs(run.z * run.scale - 1.0).max())
@@ -79,9 +77,7 @@ def rolling() -> Any:
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [hanging, rolling])
 def test_bodies_under_constraints(make: Any) -> None:
-    """The controller takes bodies with joints and bodies that roll, and knows the forces of their
-    constraints.
-    """
+    """The controller takes bodies with joints and bodies that roll, and knows the forces of their constraints."""
     body, start, method = make()
 
     def sigma(mu: Any, g: Any) -> Any:

@@ -1,6 +1,4 @@
-"""A page under test: a real browser, real mouse and keys, and a record of everything it complained
-about or asked for.
-"""
+"""A page under test: a real browser, real mouse and keys, and a record of everything it complained about or asked for."""
 
 from __future__ import annotations
 

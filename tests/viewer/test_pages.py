@@ -1,6 +1,4 @@
-"""Scenes and their pages as data: what is in them, what is not, what is refused, and what it takes
-to write them.
-"""
+"""Scenes and their pages as data: what is in them, what is not, what is refused, and what it takes to write them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Many sites of one system on a page: they stand where they are, point where they point, and what is
-left out is said.
-"""
+"""Many sites of one system on a page: they stand where they are, point where they point, and what is left out is said."""
 
 from __future__ import annotations
 
