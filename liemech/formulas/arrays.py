@@ -8,9 +8,12 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType
 from .vectors import Vec, of_floats
+
+Array = NDArray[np.float64]
 
 
 def real_array(value: Any, name: str, or_complex: bool = False) -> np.ndarray:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..formulas.arrays import Array
 
 SHARP = np.cos(np.radians(25.0))
 """A trail whose segments mostly turn by more than this is shown by its points: a curve through them

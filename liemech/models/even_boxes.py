@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..formulas.arrays import Array
 from ..joints.link import Link
 from ..rooms.constraints.constrained_body import BoundBody
 from ..systems.mechanical import MechanicalSystem
-
-Array = NDArray[np.float64]
 
 THINNEST = 0.004
 """The square of the least edge of a box, of that of the largest."""

@@ -7,9 +7,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 from ..groups.composed.product import ProductGroup
 from ..groups.lie_group import LieGroup
 from ..groups.matrices.classical import SO
@@ -24,8 +24,6 @@ from .bodies.heavy_top import ReducedHeavyTop
 from .planets.n_body import NBody
 from .swinging.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
 from .swinging.pendulums import DoublePendulum, Pendulum
-
-Array = NDArray[np.float64]
 
 
 def configurations(system: Any) -> LieGroup | None:

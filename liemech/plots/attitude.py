@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 from ..models.poses import attitude, configurations, is_pose
 from .components import one_body, times_of
-from .style import legend, look, needs_run, part, plane_axes, thinned, time_label
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
+from .style import Axes, legend, look, needs_run, part, plane_axes, thinned, time_label
 
 EULER = ("$\\phi$ (precession)", "$\\theta$ (nutation)", "$\\psi$ (spin)")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,8 @@ from .phase import phase_portrait, plane
 from .spheres.cloud import cloud
 from .spheres.sphere import momentum_sphere
 from .spins import has_spins, spins
-from .style import needs_run
+from .style import Axes, needs_run
 from .vertical import vertical
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:

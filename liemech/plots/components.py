@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import InvalidInput
 from ..models.poses import configurations, turns
 from ..models.swinging.pendulums import DoublePendulum, Pendulum
-from .style import legend, look, needs_run, part, plane_axes, thinned, time_label, time_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from .style import Axes, legend, look, needs_run, part, plane_axes, thinned, time_label, time_unit
 
 NAMES = {"mu": "\\mu", "q": "q", "p": "p", "g": "g", "x": "x"}
 MOST_CURVES = 6

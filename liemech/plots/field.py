@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,10 +10,7 @@ from numpy.typing import ArrayLike
 from ..errors import InvalidInput
 from .spheres.globe import LIMB, bare
 from .spheres.projection import VIEW, view_frame
-from .style import COLORS, new_figure, require_matplotlib
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from .style import COLORS, Axes, new_figure, require_matplotlib
 
 FIELD = (COLORS[0], "#f7f7f5", COLORS[1])
 """The colours of the least value, of zero and of the largest."""

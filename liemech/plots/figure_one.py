@@ -12,10 +12,9 @@ from .spheres.energy_curves import separatrix
 from .spheres.globe import EXACT, LAST, LEVEL, RING, SEPARATRIX, limits
 from .spheres.projection import VIEW, view_frame
 from .spheres.sphere import momentum_sphere
-from .style import COLORS, GREY, INK, new_figure, require_matplotlib
+from .style import COLORS, GREY, INK, Figure, new_figure, require_matplotlib
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
 

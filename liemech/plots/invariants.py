@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 from ..formulas.numbers.sizes import EPSILON
-from .style import GREY, legend, look, named_runs, needs_run, plane_axes, time_label
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
+from .style import GREY, Axes, legend, look, named_runs, needs_run, plane_axes, time_label
 
 WIDE = (6.6, 3.4)
 """Inches, with room for a legend beside the curves."""

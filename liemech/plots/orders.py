@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 from ..rooms.at_work.measured_orders import falling, order_of
-from .style import GREY, legend, marked, plane_axes
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
+from .style import GREY, Axes, legend, marked, plane_axes
 
 
 def orders(

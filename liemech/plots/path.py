@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 from ..joints.given_motion import MovedJoint
 from ..joints.linkage import Linkage
 from ..models.planets.kepler import Kepler
@@ -20,12 +20,7 @@ from ..models.swinging.pendulums import Pendulum
 from ..systems.canonical import CanonicalSystem
 from .spheres.cloud import colors
 from .spheres.projection import VIEW, view_frame
-from .style import COLORS, GREY, INK, needs_run, part, plane_axes, thinned, time_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
+from .style import COLORS, GREY, INK, Axes, needs_run, part, plane_axes, thinned, time_unit
 
 
 def path(run: Any, *, ax: Axes | None = None, title: str | None = None, view: tuple[float, float] = VIEW) -> Axes:

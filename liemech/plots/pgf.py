@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..simulation.reports.written_tables import latex_label
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .style import Figure
 
 
 def write_pgf(figure: Figure, path: Path) -> None:

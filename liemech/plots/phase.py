@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 from ..models.swinging.pendulums import DoublePendulum, Pendulum
 from ..systems.canonical import CanonicalSystem
 from .components import unit_of
 from .spheres.cloud import colors
-from .style import COLORS, INK, needs_run, part, plane_axes, thinned
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
+from .style import COLORS, INK, Axes, needs_run, part, plane_axes, thinned
 
 
 def phase_portrait(

@@ -4,24 +4,19 @@ the invariable plane.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 from ..models.bodies.rigid_body import RigidBody
 from ..models.poses import attitude, rotated
 from .components import one_body
 from .spheres.energy_curves import energy_levels, separatrix
 from .spheres.globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, directions, halves
 from .spheres.projection import VIEW, split_at_horizon, view_frame
-from .style import COLORS, GREY, INK, needs_run, new_figure, part, plane_axes, require_matplotlib, thinned
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
+from .style import COLORS, GREY, INK, Axes, needs_run, new_figure, part, plane_axes, require_matplotlib, thinned
 
 
 def polhode(

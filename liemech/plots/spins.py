@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InvalidInput
 from ..formulas import real_array
+from ..formulas.arrays import Array
 from ..models.many.sites import base_of, by_site, fixed_places, is_spin, lattice_of
-from .style import DIRECTIONS, GREY, needs_run, part, plane_axes, thinned, time_label
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
+from .style import DIRECTIONS, GREY, Axes, needs_run, part, plane_axes, thinned, time_label
 
 MOST_ARROWS = 48
 """Along an axis; of larger lattices the colours alone are drawn."""

@@ -13,14 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType, MissingExtra
+from ..formulas.arrays import Array
 from ..models.many.sites import base_of, is_spin
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes as Axes
+    from matplotlib.figure import Figure as Figure
+else:
+    Axes = Figure = Any
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#7B1E5B", "#5C4A12", "#5A3FE0")
 """Blue, vermilion, green, plum, umber, indigo: the first three are Okabe and Ito's; all are told
@@ -188,7 +190,7 @@ def needs_run(run: Any, where: str) -> None:
         raise InvalidInput(f"{where} needs at least one sample; this run has none")
 
 
-def part(run: Any, name: str, where: str) -> NDArray[np.float64]:
+def part(run: Any, name: str, where: str) -> Array:
     """A recorded part of the state, (n, ...)."""
     rows = run.states.get(name)
     if rows is None:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 from ..models.bodies.heavy_top import ReducedHeavyTop
 from ..models.poses import attitude, configurations, is_pose, rotated
 from .spheres.globe import directions, dots, globe, line
 from .spheres.projection import VIEW
 from .spheres.sphere import GAMMA
-from .style import COLORS, needs_run, part
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
+from .style import COLORS, Axes, needs_run, part
 
 
 def vertical(

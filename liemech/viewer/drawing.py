@@ -7,13 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..formulas.arrays import Array
 from ..models.curves import is_smooth
 from ..models.poses import rotation, toward
 from .shapes import ThreeShape, ball, colored, often, plain, stick
-
-Array = NDArray[np.float64]
 
 STILL = 2.0**-20
 """A channel whose values differ by less than this, in units of the panel, stands still on every

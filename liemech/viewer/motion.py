@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType, require
 from ..formulas import check_finite, real_array
+from ..formulas.arrays import Array
 from ..models.many.sites import by_site, turn
 from ..simulation.trajectory import Trajectory
 from ..systems.system import State, System
@@ -34,7 +35,7 @@ class Motion:
     """
 
     system: System
-    t: NDArray[np.float64]
+    t: Array
     states: Any
     bodies: int | None = None
     sites: NDArray[np.intp] | None = None
@@ -141,6 +142,6 @@ class Motion:
     def __len__(self) -> int:
         return len(self.t)
 
-    def __getitem__(self, part: str) -> NDArray[np.float64]:
+    def __getitem__(self, part: str) -> Array:
         """The rows of one part of the state."""
         return self.states[part]

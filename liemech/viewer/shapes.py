@@ -15,14 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InvalidInput
+from ..formulas.arrays import Array
 
 FORMATS = (".stl", ".obj", ".dae")
 """Mesh files that meshcat's page can read."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

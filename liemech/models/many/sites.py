@@ -7,10 +7,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidInput
 from ...formulas import check_finite, real_array
+from ...formulas.arrays import Array
 from ...formulas.classes.of_each import Each
 from ...groups.composed.power import PowerGroup
 from ...groups.lie_group import LieGroup
@@ -21,8 +21,6 @@ from ...rooms.sites.terms.bound_terms import BoundTerm
 from ...rooms.sites.terms.sums_of_terms import OfTerms
 from ..even_boxes import edges_of_inertia
 from ..poses import attitude, configurations, flies, is_pose, place, places, quaternions, turns
-
-Array = NDArray[np.float64]
 
 SAMPLED = 200
 """Sites from which the distance to the next one is measured."""

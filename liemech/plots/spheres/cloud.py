@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from math import hypot
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidInput
+from ...formulas.arrays import Array
 from ...models.poses import configurations, turns
-from ..style import SCALE, needs_run, part
+from ..style import SCALE, Axes, needs_run, part
 from .globe import directions, dots, globe
 from .projection import VIEW
 from .sphere import MU, draw_energies
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def cloud(
@@ -47,10 +44,10 @@ def cloud(
     return ax
 
 
-def colors(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def colors(values: Array) -> Array:
     """Colours by the order of numbers, (n, 4)."""
     from matplotlib import colormaps
 
     rank = np.argsort(np.argsort(values, kind="stable"), kind="stable")
-    rgba: NDArray[np.float64] = colormaps[SCALE](rank / max(1, len(rank) - 1))
+    rgba: Array = colormaps[SCALE](rank / max(1, len(rank) - 1))
     return rgba

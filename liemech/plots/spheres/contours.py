@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...formulas.arrays import Array
 
 LATITUDES, LONGITUDES = 40, 80
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...errors import InvalidInput
+from ...formulas.arrays import Array
 
 
-def principal_moments(inertia: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def principal_moments(inertia: ArrayLike) -> tuple[Array, Array]:
     """Ascending principal moments (3,), scaled to J_max = 1, and the principal axes as columns
     (3, 3).
 
@@ -28,7 +29,7 @@ def principal_moments(inertia: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
     return moments / moments[-1], axes
 
 
-def separatrix(inertia: ArrayLike, samples: int = 361) -> NDArray[np.float64]:
+def separatrix(inertia: ArrayLike, samples: int = 361) -> Array:
     """The two great circles of the unit sphere on which the energy is that of the middle axis.
 
     With J1 <= J2 <= J3 they are cos(s) e2 + sin(s) (+- p1 e1 + p3 e3), p1^2 = J1 (J3 - J2) / (J2
@@ -46,7 +47,7 @@ def separatrix(inertia: ArrayLike, samples: int = 361) -> NDArray[np.float64]:
     return np.array(circles) @ axes.T
 
 
-def energy_levels(inertia: ArrayLike, count: int = 7, samples: int = 361) -> NDArray[np.float64]:
+def energy_levels(inertia: ArrayLike, count: int = 7, samples: int = 361) -> Array:
     """Closed curves of constant energy mu.J^-1 mu / 2 on the unit sphere, evenly spaced.
 
     Let k be the axis of an extreme moment, i the other extreme, j the middle one. The curve that
@@ -60,7 +61,7 @@ def energy_levels(inertia: ArrayLike, count: int = 7, samples: int = 361) -> NDA
     a spherical inertia.
     """
     J, axes = principal_moments(inertia)
-    curves: list[NDArray[np.float64]] = []
+    curves: list[Array] = []
     s = np.linspace(0.0, 2.0 * np.pi, samples)
     if not _spherical(J[0], J[2]):
         # axis 3 to the separatrix

@@ -7,21 +7,16 @@ be cut exactly where it passes behind; Matplotlib's 3-D axes do not hide what li
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...errors import InvalidInput, InvalidType
-from ...formulas.arrays import real_array
+from ...formulas.arrays import Array, real_array
 from ...simulation.trajectory import Trajectory
-from ..style import INK, MOST_DOTS, new_figure, require_matplotlib, thinned
+from ..style import INK, MOST_DOTS, Axes, new_figure, require_matplotlib, thinned
 from .projection import split_at_horizon, view_frame
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
 
 LEVEL = {"color": "#8c95a4", "linewidth": 0.5}
 SEPARATRIX = {"color": "#565f6d", "linewidth": 0.9}

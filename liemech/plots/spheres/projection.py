@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from ...formulas.arrays import Array
 
 VIEW = (40.0, 25.0)
 """Azimuth and elevation of the eye in degrees: all three body axes and the crossing of the separatrix are seen."""
 
 
-def view_frame(azimuth: float, elevation: float) -> NDArray[np.float64]:
+def view_frame(azimuth: float, elevation: float) -> Array:
     """The rotation that takes body axes to (right, up, towards the eye).
 
     The eye is at (cos e cos a, cos e sin a, sin e), with azimuth a and elevation e in degrees.
@@ -25,7 +27,7 @@ def view_frame(azimuth: float, elevation: float) -> NDArray[np.float64]:
     )
 
 
-def split_at_horizon(curve: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def split_at_horizon(curve: ArrayLike) -> tuple[Array, Array]:
     """Cut a curve (n, 3) in view coordinates where it passes from the front (z >= 0) to the back
     (z < 0).
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import hypot
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,14 +12,11 @@ from numpy.typing import ArrayLike
 from ...errors import InvalidInput
 from ...models.bodies.rigid_body import RigidBody
 from ...systems.lie_poisson import LiePoissonSystem
-from ..style import COLORS
+from ..style import COLORS, Axes
 from .contours import contours
 from .energy_curves import energy_levels, separatrix
 from .globe import EXACT, LAST, LEVEL, RING, SEPARATRIX, chords, dots, globe, line, mark, vectors
 from .projection import VIEW
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 MU = ("$\\mu_1$", "$\\mu_2$", "$\\mu_3$")
 GAMMA = ("$\\Gamma_1$", "$\\Gamma_2$", "$\\Gamma_3$")

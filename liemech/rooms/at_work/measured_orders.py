@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidInput, InvalidType
+from ...formulas.arrays import Array
 from ...formulas.classes.frozen import frozen
 from ...integrators.method import Method
 from ...integrators.rkmk import RKMK
 from ...simulation.plan import Plan
 from ...simulation.reports.written_tables import WrittenTable
-
-Array = NDArray[np.float64]
 
 SLOPES = 3
 """How many slopes tell an order: at larger steps it may not show yet."""

@@ -7,9 +7,10 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...errors import InvalidInput
+from ...formulas.arrays import Array
 from ...joints.rolling import Blade, Rolling
 from ...models.bodies.heavy_top import HeavyTop, ReducedHeavyTop
 from ...models.bodies.kirchhoff import KirchhoffBody
@@ -24,8 +25,6 @@ from ..shapes import ThreeShape, ball, box, mesh_file, mixed, often, shares, tur
 from ..thinning import Numbers, evenly
 from .content import UNITS, Content, refuse
 from .vectors import AXES, MOST_POINTS, axis_of, triad
-
-Array = NDArray[np.float64]
 
 STONE = "#d5dbe5"
 ORBITS = OrbitingBody, Spacecraft

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidInput, InvalidType, NotDefined
+from ...formulas.arrays import Array
 from ...models.curves import across
 from ...systems.system import System
 from ..drawing import Drawing
 from ..motion import Motion
-
-Array = NDArray[np.float64]
 
 UNITS = np.concatenate([np.eye(3), -np.eye(3)])
 """The reach of contents that say nothing else: the ball of radius 1 about the origin."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import FileWarning, InvalidInput, warn
+from ...formulas.arrays import Array
 from ...joints.joints import RigidRod
 from ...joints.link import LinkShape
 from ...joints.linkage import Linkage
@@ -20,8 +20,6 @@ from ..motion import Motion
 from ..shapes import ball, box, mesh_file, mixed, often, turned
 from .body import STONE
 from .content import Content, refuse
-
-Array = NDArray[np.float64]
 
 THIN = 0.03
 """The least thickness of a link, in units of the picture: thinner ones are drawn that thick."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidInput
 from ...formulas import check_finite, real_array
+from ...formulas.arrays import Array
 from ...models.planets.kepler import Kepler
 from ...models.planets.n_body import NBody
 from ...models.poses import places, rods
@@ -22,8 +22,6 @@ from ..drawing import Drawing
 from ..motion import Motion
 from ..shapes import ball, mixed
 from .content import Content, refuse
-
-Array = NDArray[np.float64]
 
 SUN = "#C87F00"
 MOST_RODS, FEW = 96, 12

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formulas.arrays import Array
 from ...models.many.cosserat_rod import CosseratRod
 from ...systems.system import System
 from ..drawing import Drawing, neighbours
@@ -14,8 +14,6 @@ from ..motion import Motion
 from ..shapes import ball, mixed
 from .body import STONE
 from .content import Content, refuse
-
-Array = NDArray[np.float64]
 
 PIECES = 120
 """A tube has at least so many straight pieces, where that is more than one for each element."""

@@ -9,10 +9,11 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...errors import InvalidInput
 from ...formulas import real_array
+from ...formulas.arrays import Array
 from ...models.many.sites import (
     atoms_of,
     attitudes_of,
@@ -34,8 +35,6 @@ from ..motion import Motion
 from ..shapes import box, needle, often, shares
 from .body import axes_legend, boxes
 from .content import Content, refuse
-
-Array = NDArray[np.float64]
 
 LONG = 0.85
 """Arrows and bodies fill this much of the distance between neighbours."""

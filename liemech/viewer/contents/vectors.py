@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidInput
+from ...formulas.arrays import Array
 from ...models.bodies.heavy_top import ReducedHeavyTop
 from ...models.bodies.rigid_body import RigidBody
 from ...models.poses import attitude, configurations, is_pose, rotated, turns
@@ -23,8 +23,6 @@ from ..motion import Motion
 from ..shapes import arrow, ball, mixed, rod, segments
 from ..thinning import evenly
 from .content import UNITS, Content, refuse
-
-Array = NDArray[np.float64]
 
 AXES = COLORS[1:4]
 """Of the body, one to three: red, green, plum, told from each other and from the blue of the first
