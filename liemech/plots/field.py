@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InvalidInput
-from .spheres.globe import LIMB, bare
+from .spheres.globe import LIMB, bare, sphere_axes
 from .spheres.projection import VIEW, view_frame
-from .style import COLORS, Axes, new_figure, require_matplotlib
+from .style import COLORS, Axes, require_matplotlib
 
 FIELD = (COLORS[0], "#f7f7f5", COLORS[1])
 """The colours of the least value, of zero and of the largest."""
@@ -53,8 +53,7 @@ def field(
     ahead = np.sqrt(np.clip(1.0 - right**2 - up**2, 0.0, None))
     space = np.stack([right, up, ahead], axis=-1) @ view_frame(*view)
     at = np.arcsin(np.clip(space[..., 2], -1.0, 1.0)), np.arctan2(space[..., 1], space[..., 0])
-    if ax is None:
-        ax = new_figure(3.4, 3.6 if title else 3.4).add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
+    ax = ax or sphere_axes(title)
     disk = ax.imshow(
         _between(grid, north, east, *at) * (0.86 + 0.14 * ahead),  # paler towards its edge
         extent=(-1, 1, -1, 1),

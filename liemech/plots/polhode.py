@@ -14,9 +14,9 @@ from ..models.bodies.rigid_body import RigidBody
 from ..models.poses import attitude, rotated
 from .components import one_body
 from .spheres.energy_curves import energy_levels, separatrix
-from .spheres.globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, directions, halves
+from .spheres.globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, directions, halves, sphere_axes
 from .spheres.projection import VIEW, split_at_horizon, view_frame
-from .style import COLORS, GREY, INK, Axes, needs_run, new_figure, part, plane_axes, require_matplotlib, thinned
+from .style import COLORS, GREY, INK, Axes, needs_run, part, plane_axes, require_matplotlib, thinned
 
 
 def polhode(
@@ -57,7 +57,7 @@ def polhode(
     _, _, basis = np.linalg.svd(facing[None])
     turn = np.array([basis[1], basis[2], facing / np.linalg.norm(facing)])
 
-    drawn = ax or new_figure(3.4, 3.6 if title else 3.4).add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
+    drawn = ax or sphere_axes(title)
 
     def draw(y: Array, zorder: float, **style: Any) -> None:
         front, behind = split_at_horizon(y @ turn.T)

@@ -33,9 +33,7 @@ def globe(ax: Axes | None, view: tuple[float, float], title: str | None, names: 
     require_matplotlib()
     from matplotlib.patches import Circle
 
-    if ax is None:
-        figure = new_figure(3.4, 3.6 if title else 3.4)
-        ax = figure.add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
+    ax = ax or sphere_axes(title)
     frame = view_frame(*view)
     ax.imshow(_shade(), extent=(-1, 1, -1, 1), interpolation="bilinear", zorder=0).set_clip_path(
         Circle((0, 0), 1.0, transform=ax.transData)
@@ -47,6 +45,11 @@ def globe(ax: Axes | None, view: tuple[float, float], title: str | None, names: 
     ax.set(xlim=(-width, width), ylim=(bottom, top), aspect="equal")
     bare(ax, title)
     return ax, frame
+
+
+def sphere_axes(title: str | None) -> Axes:
+    """The square axes of a new figure, with room for a title if there is one."""
+    return new_figure(3.4, 3.6 if title else 3.4).add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
 
 
 def bare(ax: Axes, title: str | None) -> None:
