@@ -43,29 +43,9 @@ class HeisenbergAlgebra(MatrixLieAlgebra):
         """r = p - mu - ad*_xi mu/2, linear in xi."""
         return p - self.dexp_dual(-xi, mu), 1.0, -0.5 * self._ad_star_of_basis(mu)
 
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """The coadjoint map of cay = exp, mu + ad*_xi mu."""
-        return self.exp_Ad_star(xi, mu)
-
-    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
-        """The differential of cay = exp, eta - [xi, eta]/2."""
-        return self.dexp(xi, eta)
-
-    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """The transposed differential of cay = exp, mu - ad*_xi mu/2."""
-        return self.dexp_dual(xi, mu)
-
-    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
-        """The inverse differential of cay = exp, eta + [xi, eta]/2."""
-        return self.dexp_inv(xi, eta)
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
-        """The transposed inverse differential of cay = exp, mu + ad*_xi mu/2."""
-        return self.dexp_inv_dual(xi, mu)
-
-    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """The residual of the exponential: the Cayley map is the same."""
-        return self.exp_residual(xi, p, mu)
+    # the Cayley map is the exponential one
+    cayley_Ad_star, cayley_residual = exp_Ad_star, exp_residual
+    dcayley, dcayley_dual, dcayley_inv, dcayley_inv_dual = dexp, dexp_dual, dexp_inv, dexp_inv_dual
 
 
 @record
@@ -152,19 +132,8 @@ class Heisenberg(MatrixLieGroup):
         """The element of least |h - g|: that with the same q, p and z."""
         return self._element(*self._parts(g))
 
-    # ---------------------------------------------------------------- Cayley map
-
-    def cayley(self, xi: Vec) -> Element:
-        """The Cayley map, which is exp(xi)."""
-        return self.exp(xi)
-
-    def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """The product g cay(xi) = g exp(xi)."""
-        return self.compose_exp(g, xi)
-
-    def cayley_inv(self, g: Element) -> Vec:
-        """The inverse Cayley map, which is log(g)."""
-        return self.log(g)
+    # the Cayley map is the exponential one
+    cayley, compose_cayley, cayley_inv = exp, compose_exp, log
 
     # ---------------------------------------------------------------- parts
 
