@@ -139,19 +139,7 @@ class VectorSpace(LieGroup):
         """The product g exp(xi) = g + xi."""
         return g + xi
 
-    # ---------------------------------------------------------------- Cayley map
-
-    def cayley(self, xi: Vec) -> Element:
-        """The Cayley map, the vector xi itself."""
-        return xi
-
-    def cayley_inv(self, g: Element) -> Vec:
-        """The inverse Cayley map, the vector g itself."""
-        return g
-
-    def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """The product g cay(xi) = g + xi."""
-        return g + xi
+    cayley, compose_cayley, cayley_inv = exp, compose_exp, log
 
     @property
     def by_adjoint(self) -> LieGroup:
