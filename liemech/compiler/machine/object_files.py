@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import graphlib
 import re
 from collections.abc import Callable, Iterable
-from typing import Any
+
+import numpy as np
 
 from ...errors import NotCompilable
 from ...formulas.classes.frozen import frozen
@@ -212,41 +214,19 @@ def _most(
 
 
 def _components(nodes: Iterable[str], follow: Callable[[str], list[str]]) -> list[set[str]]:
-    """Strongly connected components, those that follow before those they follow from.
+    """Strongly connected components, those that follow before those they follow from."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-    Source: Tarjan, SIAM J. Comput. 1 (1972), 146.
-    """
-    index: dict[str, int] = {}
-    low: dict[str, int] = {}
-    stack: list[str] = []
-    on: set[str] = set()
-    components: list[set[str]] = []
-    for root in nodes:
-        if root in index:
-            continue
-        work: list[tuple[str, Any]] = [(root, iter(follow(root)))]
-        index[root] = low[root] = len(index)
-        stack.append(root)
-        on.add(root)
-        while work:
-            node, pending = work[-1]
-            for other in pending:
-                if other not in index:
-                    index[other] = low[other] = len(index)
-                    stack.append(other)
-                    on.add(other)
-                    work.append((other, iter(follow(other))))
-                    break
-                if other in on:
-                    low[node] = min(low[node], index[other])
-            else:
-                work.pop()
-                if work:
-                    low[work[-1][0]] = min(low[work[-1][0]], low[node])
-                if low[node] == index[node]:
-                    part: set[str] = set()
-                    while node not in part:
-                        part.add(stack.pop())
-                    on -= part
-                    components.append(part)
-    return components
+    nodes = [*nodes]
+    numbers = {node: i for i, node in enumerate(nodes)}
+    edges = [(i, numbers[other]) for node, i in numbers.items() for other in follow(node)]
+    ends = np.array(edges, dtype=int).reshape(-1, 2).T
+    count, of = connected_components(coo_array((ends[0] >= 0, ends), (len(nodes),) * 2), connection="strong")
+    parts: list[set[str]] = [set() for _ in range(count)]
+    for node, k in zip(nodes, of, strict=True):
+        parts[k].add(node)
+    after: dict[int, set[int]] = {k: set() for k in range(count)}
+    for i, k in of[ends.T]:
+        after[i] |= {k} - {i}
+    return [parts[k] for k in graphlib.TopologicalSorter(after).static_order()]
