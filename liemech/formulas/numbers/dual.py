@@ -333,7 +333,7 @@ def at_rest(slope: Any) -> Any:
 # f(x + e d) = f(x) + e f'(x) d
 
 
-_TIMES: dict[str, Callable[[Any, Any], Any]] = {
+TIMES: dict[str, Callable[[Any, Any], Any]] = {
     "sin": lambda x, y: f.cos(x),
     "cos": lambda x, y: -f.sin(x),
     "tan": lambda x, y: 1.0 + y * y,
@@ -346,7 +346,7 @@ _TIMES: dict[str, Callable[[Any, Any], Any]] = {
 }
 """f'(x), for y = f(x)."""
 
-_OVER: dict[str, Callable[[Any, Any], Any]] = {
+OVER: dict[str, Callable[[Any, Any], Any]] = {
     "sqrt": lambda x, y: 2.0 * y,
     "cbrt": lambda x, y: 3.0 * y * y,
     "asin": lambda x, y: f.sqrt(1.0 - x * x),
@@ -394,7 +394,7 @@ def _of_two(x: Any, y: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], float]:
 
 
 f.RULES.update(
-    {name: _rule(getattr(f, name), slope, lambda s, k: _scaled(k, s)) for name, slope in _TIMES.items()}
-    | {name: _rule(getattr(f, name), slope, _over) for name, slope in _OVER.items()}
+    {name: _rule(getattr(f, name), slope, lambda s, k: _scaled(k, s)) for name, slope in TIMES.items()}
+    | {name: _rule(getattr(f, name), slope, _over) for name, slope in OVER.items()}
     | {"atan2": _atan2, "copysign": _copysign, "pow": operator.pow}
 )

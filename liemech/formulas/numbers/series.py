@@ -23,9 +23,9 @@ from ..classes.flattening import build, leaves
 from ..classes.layouts import layout_of
 from ..classes.records import fields_of, fill
 from ..classes.taken_back import noted
-from ..functions import LOG_2, LOG_10
 from ..vectors import Vec, vec
 from .bases import INTEGER_POWER, ONLY_THERE, CarriesMore, InMemory, Operand, Pair, StandIn, raise_if, whole_power
+from .dual import OVER, TIMES
 from .products import Products, cauchy, plus
 
 
@@ -257,11 +257,12 @@ class Series(Operand):
 
     @staticmethod
     def coefficient(x: Any, k: int) -> Any:
-        """c_k of a series, or of a number that carries a derivative and is made of series."""
-        if isinstance(x, Vec):
-            return vec(*[Series.coefficient(part, k) for part in x])
+        """c_k of a value that is a series or made of them; numbers end with c_0."""
+        if isinstance(x, tuple):
+            parts = [Series.coefficient(part, k) for part in x]
+            return vec(*parts) if isinstance(x, Vec) else tuple(parts)
         if not isinstance(x, Pair):
-            return x[k]
+            return x[k] if isinstance(x, Series) else x if k == 0 else 0.0
         kind, *options = x.form
         return kind(*[Series.coefficient(part, k) for part in x.parts], *options)
 
@@ -527,18 +528,18 @@ def _sqrt(x: Series) -> Series:
 
 
 def _rule(function: Callable[..., Any], slope: Callable[[Series, Series], Any]) -> Callable[[Series], Series]:
-    """An elementary function of a series x: y = f(x), from f' as a function of y and x."""
-    return lambda x: _integral(Series(function(x[0])), lambda y: slope(y, x), x)
+    """An elementary function of a series x: y = f(x), from f' as a function of x and y."""
+    return lambda x: _integral(Series(function(x[0])), lambda y: slope(x, y), x)
 
 
-def _over(function: Callable[..., Any], steepness: Callable[[Series], Series]) -> Callable[[Series], Series]:
-    """The series of the inverse from d = 1/f' as a function of x, in one sum of products.
+def _over(function: Callable[..., Any], steepness: Callable[[Series, None], Series]) -> Callable[[Series], Series]:
+    """The series of the inverse from d = 1/f' as a function of x alone, in one sum of products.
 
     d y' = x':   d_0 y_k = x_k - sum_j (j/k) y_j d_(k-j),   0 < j < k
     """
 
     def series_of(x: Series) -> Series:
-        y, d = Series(function(x[0])), steepness(x)
+        y, d = Series(function(x[0])), steepness(x, None)
 
         def residual(k: int) -> Any:
             middle = _Rule(lambda j: _each(lambda c: (j / k) * c, y.term(j) if 0 < j < k else None))
@@ -575,28 +576,16 @@ def _copysign(x: Any, y: Any) -> Any:
 
 
 _RULES: dict[str, Callable[..., Any]] = {
+    **{name: _rule(getattr(f, name), TIMES[name]) for name in ("exp", "exp2", "tan", "tanh")},
+    **{name: _over(getattr(f, name), OVER[name]) for name in OVER.keys() - {"sqrt", "cbrt"}},
     "sqrt": _sqrt,
     "cbrt": lambda x: _power(Series(f.cbrt(x[0])), 1.0 / 3.0, x),
-    "exp": _rule(f.exp, lambda y, x: y),
-    "exp2": _rule(f.exp2, lambda y, x: LOG_2 * y),
-    "log": _over(f.log, lambda x: x),
-    "log2": _over(f.log2, lambda x: LOG_2 * x),
-    "log10": _over(f.log10, lambda x: LOG_10 * x),
-    "expm1": _rule(f.expm1, lambda y, x: y + 1.0),
-    "log1p": _over(f.log1p, lambda x: 1.0 + x),
+    "expm1": _rule(f.expm1, lambda x, y: y + 1.0),
     "cos": _circle(f.cos, f.sin, -1.0, 0),
     "sin": _circle(f.cos, f.sin, -1.0, 1),
     "cosh": _circle(f.cosh, f.sinh, 1.0, 0),
     "sinh": _circle(f.cosh, f.sinh, 1.0, 1),
-    "tan": _rule(f.tan, lambda y, x: 1.0 + y * y),
-    "tanh": _rule(f.tanh, lambda y, x: 1.0 - y * y),
-    "asin": _over(f.asin, lambda x: f.sqrt(1.0 - x * x)),
-    "acos": _over(f.acos, lambda x: -f.sqrt(1.0 - x * x)),
-    "atan": _over(f.atan, lambda x: 1.0 + x * x),
     "atan2": _atan2,
-    "asinh": _over(f.asinh, lambda x: f.sqrt(x * x + 1.0)),
-    "acosh": _over(f.acosh, lambda x: f.sqrt(x - 1.0) * f.sqrt(x + 1.0)),
-    "atanh": _over(f.atanh, lambda x: (1.0 - x) * (1.0 + x)),
     "copysign": _copysign,
     "pow": lambda x, n: x**n,
 }

@@ -19,7 +19,7 @@ from ..classes.flattening import build, leaves
 from ..classes.layouts import layout_of
 from ..classes.taken_back import noted
 from ..vectors import Vec
-from .bases import Pair, is_any_number
+from .bases import is_any_number
 from .series import Series
 
 
@@ -180,24 +180,11 @@ class SeriesMeeting:
                     value = self.call(formula, *sites, *values[ends:])
                 finally:
                     self.inside = outer
-                return _coefficient(value, k)
+                return Series.coefficient(value, k)
 
-            sums = self.call(method, met, *before, of_order, _coefficient(start, k), *behind)
+            sums = self.call(method, met, *before, of_order, Series.coefficient(start, k), *behind)
             return list(sums) if isinstance(sums, Vec) else [sums]
 
         terms = self._asks(ask)
         series = [self._series(terms, i) for i in range(len(terms[0]))]
         return Vec(*series) if isinstance(start, Vec) else series[0]
-
-
-def _coefficient(x: Any, k: int) -> Any:
-    """c_k of a value that is a series or made of them; numbers end with c_0."""
-    if isinstance(x, (Vec, tuple)):
-        parts = [_coefficient(y, k) for y in x]
-        return Vec(*parts) if isinstance(x, Vec) else tuple(parts)
-    if isinstance(x, Series):
-        return x[k]
-    if isinstance(x, Pair):
-        kind, *options = x.form
-        return kind(*[_coefficient(part, k) for part in x.parts], *options)
-    return x if k == 0 else 0.0
