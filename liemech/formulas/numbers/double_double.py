@@ -301,19 +301,6 @@ def _modulo_4(k: Any) -> Any:
     return k - 4.0 * _whole(0.25 * k)
 
 
-def _sin(x: Any) -> Any:
-    return sin_cos(x)[0]
-
-
-def _cos(x: Any) -> Any:
-    return sin_cos(x)[1]
-
-
-def _tan(x: Any) -> Any:
-    s, c = sin_cos(x)
-    return s / c
-
-
 def _powers(x: Any) -> tuple[Any, Any]:
     """2^k and exp(x - k log 2) - 1, from a sixteenth of the exponent."""
     k, r = _reduced(x, LN_2)
@@ -373,18 +360,6 @@ def _atan2(y: Any, x: Any) -> Any:
     return (y * c - x * s) / (along + 1.0 * (along.value == 0.0)) + angle
 
 
-def _atan(x: Any) -> Any:
-    return _atan2(x, 1.0)
-
-
-def _asin(x: Any) -> Any:
-    return _atan2(x, _sqrt((1.0 - x) * (1.0 + x)))
-
-
-def _acos(x: Any) -> Any:
-    return _atan2(_sqrt((1.0 - x) * (1.0 + x)), x)
-
-
 def _sinh(x: Any) -> Any:
     e = _expm1(abs(x))
     return (0.5 * f.copysign(1.0, x.value)) * (e + e / (e + 1.0))
@@ -405,38 +380,27 @@ def _asinh(x: Any) -> Any:
     return f.copysign(1.0, x.value) * _log1p(size + square / (_sqrt(square + 1.0) + 1.0))
 
 
-def _acosh(x: Any) -> Any:
-    return _log(x + _sqrt((x - 1.0) * (x + 1.0)))
-
-
-def _atanh(x: Any) -> Any:
-    return 0.5 * _log1p(2.0 * x / (1.0 - x))
-
-
-def _exp2(x: Any) -> Any:
-    return _exp(x * DoubleDouble(*LN_2[:2]))
-
-
-def _log2(x: Any) -> Any:
-    return _log(x) / DoubleDouble(*LN_2[:2])
-
-
-def _log10(x: Any) -> Any:
-    return _log(x) / DoubleDouble(2.302585092994046, -2.1707562233822494e-16)
-
-
 def _copysign(x: Any, y: Any) -> Any:
     sign = f.copysign(1.0, rounded_number(y)) * f.copysign(1.0, rounded_number(x))
     return sign * x
 
 
+_RULES = _sqrt, _cbrt, _atan2, _sinh, _cosh, _tanh, _asinh, _exp, _log, _expm1, _log1p, _copysign
+
+f.DOUBLE_DOUBLE.update({rule.__name__[1:]: rule for rule in _RULES})
 f.DOUBLE_DOUBLE.update(
     {
-        rule.__name__[1:]: rule
-        for rule in (
-            _sqrt, _cbrt, _sin, _cos, _tan, _asin, _acos, _atan, _atan2, _sinh, _cosh, _tanh, _asinh, _acosh, _atanh, _exp, _exp2,
-            _log, _log2, _log10, _expm1, _log1p, _copysign,
-        )
-    },
-    pow=operator.pow,
-)  # fmt: skip
+        "sin": lambda x: sin_cos(x)[0],
+        "cos": lambda x: sin_cos(x)[1],
+        "tan": lambda x: operator.truediv(*sin_cos(x)),
+        "atan": lambda x: _atan2(x, 1.0),
+        "asin": lambda x: _atan2(x, _sqrt((1.0 - x) * (1.0 + x))),
+        "acos": lambda x: _atan2(_sqrt((1.0 - x) * (1.0 + x)), x),
+        "acosh": lambda x: _log(x + _sqrt((x - 1.0) * (x + 1.0))),
+        "atanh": lambda x: 0.5 * _log1p(2.0 * x / (1.0 - x)),
+        "exp2": lambda x: _exp(x * DoubleDouble(*LN_2[:2])),
+        "log2": lambda x: _log(x) / DoubleDouble(*LN_2[:2]),
+        "log10": lambda x: _log(x) / DoubleDouble(2.302585092994046, -2.1707562233822494e-16),
+        "pow": operator.pow,
+    }
+)
