@@ -25,6 +25,11 @@ TOGETHER = 16
 """Sums are this many interleaved ones."""
 
 
+def _operator(op: Callable[[Any, Any], Any]) -> Any:
+    """An operator, number by number, and its reflection."""
+    return lambda self, other: self._by_numbers(op, self, other), lambda self, other: self._by_numbers(op, other, self)
+
+
 class Large(InMemory):
     """A vector (k,) or a matrix (m, n), real or complex, in memory; `+ - * /` act number by number,
     with real numbers too, `@` multiplies matrices.
@@ -154,29 +159,13 @@ class Large(InMemory):
         with np.errstate(all="ignore"):
             return Large.of_numbers(op(left, right), self.is_complex)
 
-    def __add__(self, other: Any) -> Any:
-        return self._by_numbers(operator.add, self, other)
+    __add__ = _operator(operator.add)[0]
+    __sub__, __rsub__ = _operator(operator.sub)
+    __mul__, __rmul__ = _operator(operator.mul)
+    __truediv__, __rtruediv__ = _operator(operator.truediv)
 
     def __radd__(self, other: Any) -> Any:
         return self if type(other) is int and other == 0 else self._by_numbers(operator.add, other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return self._by_numbers(operator.sub, self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self._by_numbers(operator.sub, other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return self._by_numbers(operator.mul, self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self._by_numbers(operator.mul, other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self._by_numbers(operator.truediv, self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self._by_numbers(operator.truediv, other, self)
 
     def __neg__(self) -> Large:
         negative: Large = self._by_numbers(operator.mul, -1.0, self)

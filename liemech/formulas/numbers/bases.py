@@ -4,6 +4,7 @@ by a value, whole powers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -166,7 +167,9 @@ class Pair(Operand):
 
 
 class ByValue(Pair):
-    """A number with a `value`; what else it carries plays no part in comparisons."""
+    """A number with a `value`; what else it carries plays no part in comparisons, and none in whole numbers: between
+    jumps their derivative is zero.
+    """
 
     __slots__ = ()
     value: Any
@@ -191,6 +194,30 @@ class ByValue(Pair):
 
     def __bool__(self) -> bool:
         return bool(self.value)
+
+    def __pos__(self) -> ByValue:
+        return self
+
+    def __divmod__(self, other: Any) -> Any:
+        return self // other, self % other
+
+    def __rdivmod__(self, other: Any) -> Any:
+        return other // self, other % self
+
+    def __floor__(self) -> Any:
+        return math.floor(self.value)
+
+    def __ceil__(self) -> Any:
+        return math.ceil(self.value)
+
+    def __trunc__(self) -> Any:
+        return math.trunc(self.value)
+
+    def __round__(self, *digits: int) -> Any:
+        return round(self.value, *digits)
+
+    def __int__(self) -> Any:
+        return math.trunc(self)
 
     __hash__ = None  # type: ignore[assignment]
 

@@ -12,7 +12,6 @@ ed., VIII.5.
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Callable
 from typing import Any
@@ -42,10 +41,7 @@ class Compensated(ByValue):
     def __init__(self, value: Any, rest: Any = 0.0) -> None:
         self.value, self.rest = value, rest
 
-    @property
-    def parts(self) -> tuple[Any, Any]:
-        """The two numbers, as they lie in memory."""
-        return self.value, self.rest
+    parts = property(operator.attrgetter("value", "rest"))
 
     def settled(self) -> Compensated:
         """The number, from here on one that remembers, if only zero."""
@@ -72,9 +68,6 @@ class Compensated(ByValue):
     def __neg__(self) -> Compensated:
         return Compensated(-self.value, 0 - self.rest)  # of what is not there, 0, the same
 
-    def __pos__(self) -> Compensated:
-        return self
-
     __mul__, __rmul__ = _of_value(operator.mul)
     __truediv__, __rtruediv__ = _of_value(operator.truediv)
     __mod__, __rmod__ = _of_value(operator.mod)
@@ -86,28 +79,8 @@ class Compensated(ByValue):
     def __rpow__(self, base: Any) -> Any:
         return base**self.value
 
-    def __divmod__(self, other: Any) -> Any:
-        return self // other, self % other
-
-    def __rdivmod__(self, other: Any) -> Any:
-        return other // self, other % self
-
     def __abs__(self) -> Any:
         return abs(self.value)
-
-    def __floor__(self) -> Any:
-        return math.floor(self.value)
-
-    def __ceil__(self) -> Any:
-        return math.ceil(self.value)
-
-    def __trunc__(self) -> Any:
-        return math.trunc(self.value)
-
-    def __round__(self, *digits: int) -> Any:
-        return round(self.value, *digits)
-
-    __int__ = __trunc__
 
     def __float__(self) -> float:
         return float(self.value)

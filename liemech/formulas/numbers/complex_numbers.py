@@ -5,6 +5,7 @@ native code alike.
 from __future__ import annotations
 
 from math import inf
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -38,10 +39,7 @@ class Complex(Pair):
     def __init__(self, re: Any, im: Any = 0.0) -> None:
         self.re, self.im = re, im
 
-    @property
-    def parts(self) -> tuple[Any, Any]:
-        """The two numbers, as they lie in memory."""
-        return self.re, self.im
+    parts = property(attrgetter("re", "im"))
 
     def conjugate(self) -> Complex:
         """The complex conjugate, re - i im."""

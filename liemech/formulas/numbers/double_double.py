@@ -42,10 +42,7 @@ class DoubleDouble(ByValue):
     def __init__(self, value: Any, low: Any = 0.0) -> None:
         self.value, self.low = value, low
 
-    @property
-    def parts(self) -> tuple[Any, Any]:
-        """The two numbers, as they lie in memory."""
-        return self.value, self.low
+    parts = property(operator.attrgetter("value", "low"))
 
     def __add__(self, other: Any) -> Any:
         if isinstance(other, DoubleDouble):  # algorithm 5
@@ -132,9 +129,6 @@ class DoubleDouble(ByValue):
 
     def __neg__(self) -> DoubleDouble:
         return DoubleDouble(-self.value, -self.low)
-
-    def __pos__(self) -> DoubleDouble:
-        return self
 
     def __abs__(self) -> DoubleDouble:
         return self * f.copysign(1.0, self.value)

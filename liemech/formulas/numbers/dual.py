@@ -55,10 +55,7 @@ class Dual(ByValue):
             level = DEPTH.get() + 0.5
         self.value, self.slope, self.level = value, slope, level
 
-    @property
-    def parts(self) -> tuple[Any, Any]:
-        """The two numbers, as they lie in memory."""
-        return self.value, self.slope
+    parts = property(operator.attrgetter("value", "slope"))
 
     @property
     def form(self) -> tuple[Any, ...]:
@@ -162,33 +159,8 @@ class Dual(ByValue):
     def __rfloordiv__(self, other: Any) -> Any:
         return NotImplemented if outranks(other) else value_of(other) // value_of(self)
 
-    def __divmod__(self, other: Any) -> Any:
-        return self // other, self % other
-
-    def __rdivmod__(self, other: Any) -> Any:
-        return other // self, other % self
-
-    # Whole numbers: between jumps their derivative is zero.
-
-    def __floor__(self) -> Any:
-        return math.floor(value_of(self))
-
-    def __ceil__(self) -> Any:
-        return math.ceil(value_of(self))
-
-    def __trunc__(self) -> Any:
-        return math.trunc(value_of(self))
-
-    def __round__(self, *digits: int) -> Any:
-        return round(value_of(self), *digits)
-
-    __int__ = __trunc__
-
     def __neg__(self) -> Dual:
         return Dual(-self.value, -self.slope, self.level)
-
-    def __pos__(self) -> Dual:
-        return self
 
     def __abs__(self) -> Dual:
         sign = 1.0 * (self.value >= 0.0) - 1.0 * (self.value < 0.0)
