@@ -222,11 +222,11 @@ def _components(nodes: Iterable[str], follow: Callable[[str], list[str]]) -> lis
     numbers = {node: i for i, node in enumerate(nodes)}
     edges = [(i, numbers[other]) for node, i in numbers.items() for other in follow(node)]
     ends = np.array(edges, dtype=int).reshape(-1, 2).T
-    count, of = connected_components(coo_array((ends[0] >= 0, ends), (len(nodes),) * 2), connection="strong")
+    count, labels = connected_components(coo_array((ends[0] >= 0, ends), (len(nodes),) * 2), connection="strong")
     parts: list[set[str]] = [set() for _ in range(count)]
-    for node, k in zip(nodes, of, strict=True):
+    for node, k in zip(nodes, labels, strict=True):
         parts[k].add(node)
     after: dict[int, set[int]] = {k: set() for k in range(count)}
-    for i, k in of[ends.T]:
+    for i, k in labels[ends.T]:
         after[i] |= {k} - {i}
     return [parts[k] for k in graphlib.TopologicalSorter(after).static_order()]
