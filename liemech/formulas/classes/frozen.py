@@ -36,11 +36,11 @@ def frozen(cls: Any = None, *, eq: bool = True, repr: bool = True) -> Any:
         cls.__module__ = __name__
     dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
     cls.__module__ = home
-    wanted = {"__repr__": repr, "__eq__": eq, "__hash__": eq}
+    switches = {"__repr__": repr, "__eq__": eq, "__hash__": eq}
     # beside a written `__eq__` Python puts `__hash__ = None`
     written = {name for name, value in vars(cls).items() if value is not None}
     for method in _methods(cls, dataclasses.fields(cls)):
-        if wanted[method.__name__] and method.__name__ not in written:
+        if switches[method.__name__] and method.__name__ not in written:
             setattr(cls, method.__name__, method)
     return cls
 
