@@ -162,28 +162,12 @@ class SemidirectAlgebra(LieAlgebra):
 
 
 @record
-class Pairs(DirectProduct):
-    """Elements of a group beside vectors.
-
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
-    """
-
-    first: LieGroup
-    second: VectorSpace
-
-    @property
-    def factors(self) -> tuple[Any, ...]:
-        """The group and the vectors."""
-        return self.first, self.second
-
-
-@record
-class SemidirectProduct(LieGroup):
+class SemidirectProduct(DirectProduct):
     """Pairs (g, x) of a group element and a vector that it acts on,
     (g, x)(h, y) = (g h, x + g . y): `SemidirectProduct(SO3())`.
 
-    An element is one vector, the entries of g (a matrix row by row) and then x; `join` and `split`
-    translate.  Velocities are (xi, u) and momenta (mu, p), the group's part first.  With the
+    An element is one vector, the entries of g (a matrix row by row) and then x, as in a direct product; `join` and
+    `split` translate.  Velocities are (xi, u) and momenta (mu, p), the group's part first.  With the
     momentum map J of the action, <J(x, p), xi> = <p, xi . x>,
 
         exp(xi, u) = (exp xi, phi1(xi) u),                  phi1(xi) = 1 + xi/2 + xi^2/6 + ...,
@@ -225,20 +209,9 @@ class SemidirectProduct(LieGroup):
         return SemidirectAlgebra(self.action)
 
     @cached_property
-    def _pairs(self) -> Pairs:
-        """The pairs (g, x), before they are multiplied."""
-        return Pairs(self.acting, VectorSpace(self.action.space_dim))
-
-    def join(self, g: Any, x: Any) -> Any:
-        """The element (g, x), as a formula or for arrays with leading axes.  g : an element of the
-        group, x : (k,).
-        """
-        return self._pairs.join(g, x)
-
-    def split(self, g: Element) -> tuple[Any, Any]:
-        """The parts of an element: one of the group, and the vector."""
-        h, x = self._pairs.split(g)
-        return h, x
+    def factors(self) -> tuple[Any, ...]:  # type: ignore[override]
+        """The group and the vector space, whose elements are beside each other."""
+        return self.acting, VectorSpace(self.action.space_dim)
 
     def matrix(self, g: Element) -> Mat:
         """The affine map y -> g . y + x as a matrix [[g, x], [0, 1]].  Returns (k + 1, k + 1)."""
@@ -247,10 +220,6 @@ class SemidirectProduct(LieGroup):
         return mat(*[vec(*[column[i] for column in columns], x[i]) for i in range(len(x))], vec(*[0.0] * len(x), 1.0))
 
     # ---------------------------------------------------------------- group
-
-    def identity(self) -> Element:
-        """The neutral element of the pairs, (e, 0)."""
-        return self._pairs.identity()
 
     def compose(self, g: Element, h: Element) -> Element:
         """(a b, x + a . y)."""
@@ -295,30 +264,14 @@ class SemidirectProduct(LieGroup):
             return None
         return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
 
-    def scale(self, g: Element | None) -> Vec:
-        """The scale of the group, and the sizes of the components of the vector (None: 1)."""
-        return self._pairs.scale(g)
-
     # ---------------------------------------------------------------- membership
-
-    def defect(self, g: Ambient) -> float:
-        """The defect of the group's part."""
-        return self._pairs.defect(g)
 
     def objection(self, g: np.ndarray) -> str | None:
         """The objection of the group to its part."""
-        width = self._pairs.places[0][1]
+        width = self.places[0][1]
         numbers = g[:width].view(complex) if self.acting.is_complex else g[:width]
         reason = self.acting.objection(numbers.reshape(self.acting.element_shape))
         return reason and f"of its part in {self.acting!r}, {reason}"
-
-    def nearest(self, g: Ambient) -> Element:
-        """The nearest element of the group, with the same vector."""
-        return self._pairs.nearest(g)
-
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
-        """Random elements of the group, and vectors with normally distributed components."""
-        return self._pairs.random(rng, size)
 
     # ---------------------------------------------------------------- exponential
 

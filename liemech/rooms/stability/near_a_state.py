@@ -23,6 +23,7 @@ from ...formulas import Vec, dot, jacobian, vec
 from ...formulas.classes.frozen import frozen
 from ...formulas.numbers.anything import indices_in, traced
 from ...formulas.vectors import small
+from ...groups.composed.product import DirectSum
 from ...groups.lie_group import LieGroup
 from ...groups.vector_space import VectorSpace
 from ...systems.canonical import CanonicalState, HamiltonianSystem
@@ -110,9 +111,10 @@ class NearState:
 
     def vectors(self, g: Any) -> Iterator[tuple[int, Any]]:
         """The components of the factors of g that are vectors, each with its place in the algebra."""
-        factors = getattr(self.group, "factors", None)
-        elements, first = (g,) if factors is None else self.group.split(g), 0  # type: ignore[attr-defined]
-        for factor, element in zip(factors or (self.group,), elements):
+        group: Any = self.group
+        side_by_side = isinstance(group.algebra, DirectSum)
+        factors, elements, first = (group.factors, group.split(g), 0) if side_by_side else ((group,), (g,), 0)
+        for factor, element in zip(factors, elements):
             if isinstance(factor, VectorSpace):
                 yield from enumerate(element, first)
             first += factor.dim
