@@ -447,46 +447,34 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     """The tables of laws for a system, their subjects, and the names of the formulas that its class has written itself."""
     yield SYSTEM, system, lambda name: True
     tables: list[tuple[list[Law], Any, Any, Callable[[str], bool]]] = []  # with whose formulas these are
-    written: Callable[[str], bool]
     body = system.body if isinstance(system, (MechanicalSystem, BoundBody)) else system
     field = system.body if isinstance(system, BoundBody) else system
     body = body.body if isinstance(body, MechanicalSystem) else body
     if isinstance(body, LiePoissonSystem):
         tables.append((BODY, body, (body.hamiltonian, body.lagrangian), partial(_written, body)))
     if isinstance(field, MechanicalSystem):
-        written = partial(replaced, field.potential, Potential)
-        tables.append((FIELD, field, (field.potential,), written))
-    for kind, table in (CotangentSystem, COTANGENT), (DrivenCotangentSystem, DRIVEN_COTANGENT):
-        if isinstance(system, kind):
-            tables.append((table, system, (system,), partial(replaced, system, kind)))
-    if _terms_of(system):
-        tables.append((SITES, system, (), lambda name: True))
-    if isinstance(system, BoundBody):
-        tables.append((BOUND, system, (), lambda name: True))
+        tables.append((FIELD, field, (field.potential,), partial(replaced, field.potential, Potential)))
     if isinstance(system, CanonicalSystem):
         kinds = SeparableSystem, SeparableConstrainedSystem, ConstrainedSystem, HamiltonianSystem
         base = next(kind for kind in kinds if isinstance(system, kind))
         tables.append((CANONICAL, system, (system,), partial(replaced, system, base)))
-    if isinstance(system, ConstrainedSystem):
-        written = partial(replaced, system, ConstrainedSystem)
-        tables.append((CONSTRAINED, system, (system,), written))
-    if isinstance(system, DrivenHamiltonianSystem):
-        written = partial(replaced, system, DrivenHamiltonianSystem)
-        tables.append((DRIVEN, system, (system,), written))
-    if isinstance(system, DrivenLiePoissonSystem):
-        energy = system.hamiltonian
-        written = partial(replaced, energy, DrivenHamiltonian)
-        tables.append((DRIVEN_BODY, system, (energy,), written))
-    if isinstance(system, DrivenPoissonSystem):
-        energy = system.hamiltonian
-        written = partial(replaced, energy, DrivenHamiltonian)
-        tables.append((DRIVEN_POINT, system, (energy,), written))
-    if isinstance(system, SplitConstrainedSystem):
-        tables.append((CONSTRAINED_PARTS, system, (), lambda name: True))
-    if isinstance(system, PoissonSystem):
-        tables.append((PARTS, system, (), lambda name: True))
-    elif isinstance(system, VectorField):
-        tables.append((FIELDS, system, (), lambda name: True))
+    by_themselves: tuple[Any, ...] = (
+        *((CotangentSystem, COTANGENT), (DrivenCotangentSystem, DRIVEN_COTANGENT)),
+        *((ConstrainedSystem, CONSTRAINED), (DrivenHamiltonianSystem, DRIVEN)),
+    )
+    for kind, table in by_themselves:
+        if isinstance(system, kind):
+            tables.append((table, system, (system,), partial(replaced, system, kind)))
+    for kind, table in (DrivenLiePoissonSystem, DRIVEN_BODY), (DrivenPoissonSystem, DRIVEN_POINT):
+        if isinstance(system, kind):
+            energy = system.hamiltonian
+            tables.append((table, system, (energy,), partial(replaced, energy, DrivenHamiltonian)))
+    if _terms_of(system):
+        tables.append((SITES, system, (), lambda name: True))
+    field_laws = (PoissonSystem, PARTS) if isinstance(system, PoissonSystem) else (VectorField, FIELDS)
+    for kind, table in (BoundBody, BOUND), (SplitConstrainedSystem, CONSTRAINED_PARTS), field_laws:
+        if isinstance(system, kind):
+            tables.append((table, system, (), lambda name: True))
     for laws, subject, _, written in tables:
         yield laws, subject, written
     for owner in records_within(system):

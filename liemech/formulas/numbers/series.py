@@ -29,6 +29,19 @@ from .dual import OVER, TIMES
 from .products import Products, cauchy, plus
 
 
+def _termwise(combine: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """A sum or difference, of the terms of two series, or of the first one and a number."""
+
+    def operator(self: Series, other: Any) -> Any:
+        if isinstance(other, Series):
+            return _made(lambda k: combine(self.term(k), other.term(k)), self, other)
+        if not _is_number(other):
+            return NotImplemented
+        return _made(lambda k: self.term(k) if k else combine(self.term(0), other), self)
+
+    return operator
+
+
 class Series(Operand):
     """c_0 + c_1 s + c_2 s^2 + ...  Comparisons look at c_0.
 
@@ -68,25 +81,8 @@ class Series(Operand):
 
     # -------------------------------------------------------------- arithmetic
 
-    def __add__(self, other: Any) -> Any:
-        if isinstance(other, Series):
-            return _made(lambda k: plus(self.term(k), other.term(k)), self, other)
-        return (
-            _made(lambda k: self.term(k) if k else plus(self.term(0), other), self)
-            if _is_number(other)
-            else NotImplemented
-        )
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> Any:
-        if isinstance(other, Series):
-            return _made(lambda k: _difference(self.term(k), other.term(k)), self, other)
-        return (
-            _made(lambda k: self.term(k) if k else _difference(self.term(0), other), self)
-            if _is_number(other)
-            else NotImplemented
-        )
+    __add__ = __radd__ = _termwise(plus)
+    __sub__ = _termwise(lambda a, b: _difference(a, b))
 
     def __rsub__(self, other: Any) -> Any:
         return Series(other) - self if _is_number(other) else NotImplemented
