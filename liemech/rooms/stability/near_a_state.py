@@ -112,9 +112,8 @@ class NearState:
     def vectors(self, g: Any) -> Iterator[tuple[int, Any]]:
         """The components of the factors of g that are vectors, each with its place in the algebra."""
         group: Any = self.group
-        side_by_side = isinstance(group.algebra, DirectSum)
-        factors, elements, first = (group.factors, group.split(g), 0) if side_by_side else ((group,), (g,), 0)
-        for factor, element in zip(factors, elements):
+        first, beside = 0, isinstance(group.algebra, DirectSum)
+        for factor, element in zip(group.factors, group.split(g)) if beside else ((group, g),):
             if isinstance(factor, VectorSpace):
                 yield from enumerate(element, first)
             first += factor.dim
@@ -185,9 +184,7 @@ class NearState:
 
 
 def largest_of_blocks(numbers: Any, widths: tuple[int, ...]) -> np.ndarray:
-    """The largest |x| in each block of equal units of the last axis, (..., blocks).  numbers : (..., n).  widths : of the
-    blocks.
-    """
+    """The largest |x| in each block of the last axis, (..., blocks).  numbers : (..., n).  widths : of the blocks."""
     return np.maximum.reduceat(np.abs(np.asarray(numbers)), np.cumsum((0, *widths))[:-1], axis=-1)
 
 
