@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+import timeit
 import warnings
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -69,13 +70,9 @@ def measured(system: Any, method: Any, start: Any, h: float, steps: int) -> dict
         warnings.simplefilter("ignore", lm.errors.NotCompiledWarning)
         started = time.perf_counter()
         first = lm.integrate(system, method, start, h=h, steps=1, compiled=None, progress=False)
-        run(h, steps)
+        result = run(h, steps)
         whole = time.perf_counter() - started
-        times = []
-        for _ in range(3):
-            started = time.perf_counter()
-            result = run(h, steps)
-            times.append(time.perf_counter() - started)
+        least = min(timeit.repeat(lambda: run(h, steps), number=1, repeat=3))
         counts = [2**k for k in range(3, 3 + HALVINGS)]
         t = 8.0 * h
         ends = [_flat(run(t / n, n)) for n in (*counts, 4 * counts[-1])]
@@ -83,8 +80,8 @@ def measured(system: Any, method: Any, start: Any, h: float, steps: int) -> dict
     return {
         "system": repr(system),
         "method": repr(method),
-        "ns per step": 1e9 * min(times) / steps,
-        "seconds before": max(0.0, whole - min(times)),
+        "ns per step": 1e9 * least / steps,
+        "seconds before": max(0.0, whole - least),
         "compiled": bool(result.compiled),
         "order": order_of([t / n for n in counts], errors),
         "parts": list(first.states),

@@ -40,15 +40,12 @@ def read(text: str, kind: type, where: str, own: bool = True) -> Any:
     try:
         tree = ast.parse(expression.strip(), mode="eval").body
         instance = _value(tree, kind, where, modules)
-    except SyntaxError as wrong:
-        raise lm.errors.InvalidInput(
-            f"{where}: {_short(text)} cannot be read, {wrong.msg}; write it as RKMK(order=4)"
-        ) from None
     except lm.errors.LiemechError:
         raise
-    except (ValueError, ArithmeticError, RecursionError, MemoryError) as wrong:
+    except (SyntaxError, ValueError, ArithmeticError, RecursionError, MemoryError) as wrong:
+        reason = getattr(wrong, "msg", wrong)
         raise lm.errors.InvalidInput(
-            f"{where}: {_short(text)} cannot be read, {wrong}; write it as RKMK(order=4)"
+            f"{where}: {_short(text)} cannot be read, {reason}; write it as RKMK(order=4)"
         ) from None
     if isinstance(instance, type):
         instance = _call(instance, (), {}, where)
@@ -126,10 +123,13 @@ def _argument(value: Any, where: str, own: bool) -> Any:
     """A value of a file: numbers and lists as they are, text and tables as objects."""
     if isinstance(value, str):
         return read(value, lm.Record, where, own)
-    if isinstance(value, Mapping):
-        options = {k: v for k, v in value.items() if k != "name"}
-        return build(value.get("name"), options, lm.Record, where, own)
-    return value
+    return from_table(value, lm.Record, where, own) if isinstance(value, Mapping) else value
+
+
+def from_table(table: Mapping[str, Any], kind: type, where: str, own: bool) -> Any:
+    """The object that a table of a file describes, by the name of its class and its arguments."""
+    options = {key: value for key, value in table.items() if key != "name"}
+    return build(table.get("name"), options, kind, where, own)
 
 
 def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:

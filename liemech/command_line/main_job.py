@@ -7,7 +7,7 @@ import functools
 import math
 import sys
 import textwrap
-import time
+import timeit
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -131,12 +131,7 @@ def timed(body: Any, start: Any, runs: Sequence[tuple[str, lm.Trajectory]]) -> t
         with warnings.catch_warnings(), named(name):
             warnings.simplefilter("ignore")
             native = native and bool(again().compiled)
-            spent = []
-            for _ in range(3):
-                started = time.perf_counter()
-                again()
-                spent.append(time.perf_counter() - started)
-        costs.append(min(spent) / steps)
+            costs.append(min(timeit.repeat(again, number=1, repeat=3)) / steps)
     how = f"a native run of {TIMED} steps, compile time apart" if native else "plain Python"
     return costs, f"The time of a step is that of {how}."
 

@@ -37,7 +37,7 @@ import liemech as lm
 from ..names import meant
 from ..rooms.files.arrays import opened
 from ..simulation.arguments import chooses_steps
-from .constructors import build
+from .constructors import from_table
 from .scene import Setup
 
 TABLES = ("system", "start", "method", "run")
@@ -85,19 +85,12 @@ def scene_file(path: Path, trusted: bool = False) -> Setup:
     if not isinstance(title, str):
         raise lm.errors.InvalidInput(f"{where}: title must be a text; got {title!r}")
     lists: dict[str, Any] = {name: _names(data[name], f"{where}: {name}") for name in LISTS if name in data}
-    system = _object(data["system"], lm.System, f"{where} [system]", trusted)
-    method = _object(data["method"], lm.Method, f"{where} [method]", trusted)
+    system = from_table(data["system"], lm.System, f"{where} [system]", trusted)
+    method = from_table(data["method"], lm.Method, f"{where} [method]", trusted)
     start = _start(system, data["start"], f"{where} [start]")
     options = _run(data["run"], f"{where} [run]")
     _bounded(options, system, method, f"{where} [run]")
     return Setup(title, system, method, start, **options, **lists)
-
-
-def _object(table: Mapping[str, Any], kind: type, where: str, trusted: bool) -> Any:
-    if "name" not in table:
-        raise lm.errors.InvalidInput(f"{where}: needs a name, the class of a {kind.__name__}")
-    arguments = {key: value for key, value in table.items() if key != "name"}
-    return build(table["name"], arguments, kind, where, trusted)
 
 
 def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
