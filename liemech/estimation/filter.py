@@ -14,7 +14,7 @@ from ..formulas.arrays import real_array
 from .belief import Belief, checked
 from .errors_of_elements import check_side
 from .processes import Process
-from .sensors import Sensor
+from .sensors import Sensor, require_elements
 
 EVERYTHING = 1e300
 """The limit of the squared innovation where there is no gate."""
@@ -121,15 +121,14 @@ class Filter(Record):
         quantile of chi-square is left out (`accepted` says so).  z : (..., m).
         """
         correction = self._correction("update", belief, sensor, gate)
-        of = sensor.elements
-        if of is not None and not np.all(of.contains(z)):
-            raise InvalidInput(f"{type(self).__name__}.update: z is not in {of!r}: {_reason(of, z)}")
+        require_elements(f"{type(self).__name__}.update: z", sensor, z)
         g, covariance, nis = correction.corrected(belief.g, belief.covariance, z)
         return Belief(belief.group, g, covariance, self.side, nis, nis <= correction.limit)
 
     def innovation(self, belief: Any, sensor: Any, z: Any) -> tuple[Any, Any]:
         """The innovation r, (..., m), and its covariance S, (..., m, m)."""
         correction = self._correction("innovation", belief, sensor, None)
+        require_elements(f"{type(self).__name__}.innovation: z", sensor, z)
         r, S = correction.innovation(belief.g, belief.covariance, z)
         return r, S
 
@@ -185,8 +184,3 @@ def _probability(gate: Any) -> float:
     if not isinstance(gate, (float, int, np.floating)) or not 0.0 < gate < 1.0:
         raise InvalidInput(f"gate is a probability between 0 and 1, such as 0.999; got {gate!r}")
     return float(gate)
-
-
-def _reason(group: Any, z: Any) -> Any:
-    array = real_array(z, "z").reshape(-1, *group.element_shape)
-    return next(filter(None, map(group.objection, array)), None)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NoConvergence
+from ..errors import InvalidInput, NoConvergence
 
 DAMPING, FACTOR, MOST = 1e-4, 10.0, 1e12
 """The damping at the start, relative to the diagonal, by what it changes, and where it is given up."""
@@ -38,6 +38,8 @@ def minimise(
     Source: Nocedal and Wright, Numerical Optimization, 2nd ed., section 10.3; Absil, Mahony, Sepulchre,
     Optimization Algorithms on Matrix Manifolds (2008), section 8.4.
     """
+    if not isinstance(iterations, (int, np.integer)) or iterations < 1:
+        raise InvalidInput(f"{where}: iterations is a whole number from 1 on; got {iterations!r}")
     x, damping, promised = start, 0.0, np.inf
     _, cost, problem = linear(x, None)
     for done in range(iterations):

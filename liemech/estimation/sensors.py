@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..errors import InvalidInput, undefined
 from ..formulas import Ambient, Element, Mat, Record, Vec, mat, record, vec
+from ..formulas.arrays import real_array
 from ..groups.composed.product import ProductGroup
 from ..groups.lie_group import LieGroup
 from .errors_of_elements import check_side, error
@@ -63,6 +66,14 @@ class Sensor(Record):
 
     def _objection(self, argument: str, value: Any) -> str | None:
         return None if argument == "z" else self.group._objection(argument, value)
+
+
+def require_elements(where: str, sensor: Sensor, z: Any) -> None:
+    """Refuse measurements that are to be elements of a group and are none.  z : (..., m).  Raises InvalidInput."""
+    group = sensor.elements
+    if group is not None and not np.all(group.contains(z)):
+        array = real_array(z, where).reshape(-1, *group.element_shape)
+        raise InvalidInput(f"{where} is not in {group!r}: {next(filter(None, map(group.objection, array)), None)}")
 
 
 @record

@@ -18,7 +18,7 @@ from .block_tridiagonal import BlockTridiagonal, require_digits
 from .errors_of_elements import by_error, error, moved
 from .least_squares import minimise
 from .processes import Process
-from .sensors import Sensor
+from .sensors import Sensor, require_elements
 
 
 @record
@@ -273,6 +273,7 @@ def observed(
     values = real_array(z, f"{where}: values")
     if values.shape != (len(at), *sensor.value_shape):
         raise InvalidInput(f"{where}: values have shape {values.shape}; they must be {(len(at), *sensor.value_shape)}")
+    require_elements(f"{where}: values", sensor, values)
     return Sight(sensor, side), at, values
 
 

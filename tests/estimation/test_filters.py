@@ -574,6 +574,15 @@ def test_truths_drawn_from_a_wide_belief_are_found(group, angles, shifts, width,
     assert np.mean(belief.nees(truth) < chi2.ppf(0.95, n)) > 0.95 - 4.0 * np.sqrt(0.05 * 0.95 / runs)
 
 
+@pytest.mark.parametrize(("nees", "dim", "said"), [
+    ([[1.0, np.nan]], 3, r"nees\[0, 1\] is nan"), ([[1.0, -2.0]], 3, "nees holds squares"), ([[1.0, 2.0]], 0, "dim is"),
+    ([[1.0, 2.0]], -3, "dim is"), ([[1.0, 2.0]], "3", "dim is"), ([[1.0, 2.0]], np.nan, "dim is"),
+])  # fmt: skip
+def test_what_has_no_chi_square_is_refused(nees, dim, said):
+    with pytest.raises(InvalidInput, match=said):
+        es.consistency(nees, dim)
+
+
 def test_bounds_are_those_of_chi_square():
     found = es.consistency(np.full((4, 50), 6.0), 6, 0.9)
     assert np.allclose(found.bounds, chi2.ppf([0.05, 0.95], 300) / 50, rtol=1e-12)
@@ -599,6 +608,7 @@ GOOD = EKF.belief(np.eye(3), [0.1] * 3)
     (lambda: EKF.predict(np.eye(3), [1.0, 2.0, 3.0], 0.1), "must be a Belief"),
     (lambda: EKF.update(GOOD, es.Place(lm.SE3(), [0.1] * 6), np.eye(4)), "the filter estimates"),
     (lambda: EKF.update(GOOD, es.Place(SO3, [0.1] * 3), 2.0 * np.eye(3)), "z is not in"),
+    (lambda: EKF.innovation(GOOD, es.Place(SO3, [0.1] * 3), 2.0 * np.eye(3)), "z is not in"),
     (lambda: EKF.update(GOOD, "star", np.eye(3)), "must be a Sensor"),
     (lambda: EKF.update(GOOD, es.Direction(SO3, [0, 0, 1.0], [0.1] * 3), [1.0]), "z has shape"),
     (lambda: es.Position(SO3, [0.1] * 3), "OfPart"),

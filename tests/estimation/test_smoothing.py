@@ -267,7 +267,10 @@ def test_bad_starts_and_undetermined_paths_are_refused():
     fix = es.Position(group, [0.1] * 3)
     prior = believed(process, x[0], [0.1] * 6)
     seen = [(fix, [1], [[0.0, 0.0, 0.0]])]
+    reflected = [(es.Place(group, [0.1] * 6), [0, 1], [np.eye(4), np.diag([1.0, 1.0, -1.0, 1.0])])]
     cases = [
+        (lambda: es.smooth(process, prior, u, h, reflected), "observations.0.: values is not in"),
+        (lambda: es.smooth(process, prior, u, h, seen, iterations=0), "iterations is a whole number from 1 on; got 0"),
         (lambda: es.smooth(process, None, u, h, seen, initial=x), "do not determine"),
         (lambda: es.smooth(process, None, u, h, seen), "initial="),
         (lambda: es.smooth(process, prior, u[:, :5], h, seen), "inputs has shape"),
@@ -384,6 +387,7 @@ def test_what_cannot_be_fitted_is_refused():
         (lambda: es.fit(plan, start, seen, by="inertia"), "begins with"),
         (lambda: es.fit(plan, start, seen, by=["start", "mass"]), "mass is no parameter"),
         (lambda: es.fit(plan, start, [(star, [-1], run.g[:1])]), "from 0 on"),
+        (lambda: es.fit(plan, start, [(star, [1], 2.0 * run.g[:1])]), "values is not in"),
     ]
     for wrong, said in cases:
         with pytest.raises(InvalidInput, match=said):
