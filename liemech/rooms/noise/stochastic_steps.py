@@ -172,7 +172,7 @@ class NinomiyaVictoir(NoisySteps):
 
     method : for the flows of drift and fields, of order 4 or more, without memory: RKMK(order=4) by default.
 
-    Raises IncompatibleSystem for a system that is not Stochastic, InvalidInput for another method.
+    Raises IncompatibleSystem for a system that is not Stochastic, InvalidInput for another method and for two-point increments.
     Source: Ninomiya and Victoir, Weak approximation of stochastic differential equations and application to
     derivative pricing, Appl. Math. Finance 15 (2008).
     """
@@ -185,6 +185,11 @@ class NinomiyaVictoir(NoisySteps):
         if type(method).start is not Method.start or method.order < 4:
             raise InvalidInput(
                 f"NinomiyaVictoir: method must be of order 4 or more, without memory, such as RKMK(order=4); got {method!r}"
+            )
+        if self.increments == "two-point":
+            raise InvalidInput(
+                "NinomiyaVictoir: increments of weak order 2 have the moments of the normal ones up to the fifth: "
+                f"'three-point' or 'normal'; got {self.increments!r}, for WongZakai"
             )
 
     @property
