@@ -343,6 +343,22 @@ def test_check_method_observes_strong_and_weak_orders(method: Any, broken: tuple
     assert {"strong order", "weak order", "Casimir 1"} <= {x.law for x in report.findings}
 
 
+def test_a_parameter_of_the_drift_is_one() -> None:
+    """The motion along a step, made of the drift, offered its own damping and inertia, which changed nothing."""
+    damped = lm.DoubleBracket(lm.RigidBody(MOMENTS), 0.3)
+    system = noisy([0.3, 0.0, 0.1], body=damped)
+    plan, start = lm.Plan(system, lm.WongZakai(), h=0.1, compiled=False), system.state(START)
+    stepper = plan.stepper(start)
+    stepper.step(5, damping=0.6, inertia=[1.0, 1.7, 2.0])
+    other = noisy([0.3, 0.0, 0.1], body=lm.DoubleBracket(lm.RigidBody([1.0, 1.7, 2.0]), 0.6))
+    assert np.array_equal(stepper.mu, plan.replace(system=other).run(start, steps=5).mu[-1])
+    for name in ("motion.drift.damping", "motion.drift.system.inertia"):
+        with pytest.raises(lm.errors.InvalidInput, match="motion.* is no parameter"):
+            plan.tangent(start, steps=2, by=[name])
+    with pytest.raises(TypeError, match="motion"):
+        lm.Stochastic(damped, [], motion=damped)
+
+
 # ------------------------------------------------------------------ what is refused
 
 

@@ -28,6 +28,7 @@ from terms_of_spins import Zeeman
 import liemech as lm
 from liemech.command_line.scene_file import scene_file
 from liemech.rooms.files import arrays as files
+from liemech.simulation.compiled.control import TAKEN
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
@@ -350,6 +351,18 @@ def test_what_is_no_number_of_a_run_is_refused(
     (about["carry"] if name == "t0" else about)[name] = number
     files.write(path, arrays, about)
     with pytest.raises(lm.errors.InvalidInput, match=rf"run\.npz: ({name} is|.* is nothing that)"):
+        lm.Trajectory.load(path)
+
+
+@pytest.mark.parametrize("number", [-np.inf, np.nan, -1.0, 0.5, 2.0**53])
+@pytest.mark.parametrize("kind", ["steps", "bodies"])
+def test_what_counts_no_steps_is_refused(kind: str, number: float, written: dict[str, Any], tmp_path: Path) -> None:
+    """It was read, and a run that went on ended in an OverflowError."""
+    arrays, about, _ = written[kind]
+    arrays, path = copy.deepcopy(arrays), tmp_path / "run.npz"
+    arrays["carry.clock"][TAKEN] = number
+    files.write(path, arrays, about)
+    with pytest.raises(lm.errors.InvalidInput, match=r"run\.npz: .* are no numbers of steps"):
         lm.Trajectory.load(path)
 
 

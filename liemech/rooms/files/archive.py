@@ -26,7 +26,7 @@ from ...joints.link import LinkShape
 from ...simulation.between.dense import DenseOutput, DenseOutputs
 from ...simulation.between.events import Met
 from ...simulation.checkpoint import require_ending
-from ...simulation.compiled.control import CLOCK
+from ...simulation.compiled.control import CLOCK, REJECTED, TAKEN
 from ...simulation.compiled.systems import Methods, OfBodies, Systems, each_of, of_body
 from ...simulation.runs.carry import Carry, SiteCarry
 from ...simulation.stopped import Stopped
@@ -183,6 +183,9 @@ def _carry_of(fields: Any, arrays: dict[str, Any], bodies: int | None, origin: A
                 raise InvalidInput(f"{decode.where}: {name}, where the run stands, is {x!r}")
     for array, height in (numbers, len(numbers)), (clock, CLOCK.width), (last, len(last)):
         _require_shape(decode.where, array, (height, *lead))
+    counts = clock[[TAKEN, REJECTED]]
+    if not ((counts >= 0.0) & (counts < 2.0**53) & (counts == np.floor(counts))).all():
+        raise InvalidInput(f"{decode.where}: {counts.tolist()!r} are no numbers of steps")
     t0 = np.array(fields["t0"]) if isinstance(fields["t0"], list) else fields["t0"]
     ended = {int(i): None if text is None else IntegrationFailure(text) for i, text in fields["ended"].items()}
     each = {i: Met([(event, n) for event, n in counts]) for i, counts in fields["met"]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -143,7 +144,7 @@ class Stochastic(LiePoissonMotion):
     fields: tuple[Any, ...]
     seed: float = 0.0
     calculus: str = "stratonovich"
-    motion: Any = None  # along a step; made from the others
+    motion: Any = field(init=False, repr=False)  # along a step
 
     def __post_init__(self) -> None:
         name, drift = type(self).__name__, self.system
