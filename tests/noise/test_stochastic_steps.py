@@ -353,7 +353,7 @@ def test_a_parameter_of_the_drift_is_one() -> None:
     other = noisy([0.3, 0.0, 0.1], body=lm.DoubleBracket(lm.RigidBody([1.0, 1.7, 2.0]), 0.6))
     assert np.array_equal(stepper.mu, plan.replace(system=other).run(start, steps=5).mu[-1])
     for name in ("motion.drift.damping", "motion.drift.system.inertia"):
-        with pytest.raises(lm.errors.InvalidInput, match="motion.* is no parameter"):
+        with pytest.raises(lm.errors.InvalidInput, match=r"motion.* is no parameter"):
             plan.tangent(start, steps=2, by=[name])
     with pytest.raises(TypeError, match="motion"):
         lm.Stochastic(damped, [], motion=damped)
