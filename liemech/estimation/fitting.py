@@ -23,7 +23,7 @@ from ..simulation.plan import Plan
 from .block_tridiagonal import ALMOST
 from .least_squares import minimise
 from .sensors import Sensor
-from .smoothing import Mover, Prior, Sight, half_squares, observed, over
+from .smoothing import Mover, believed, half_squares, observed, over
 
 
 @frozen(eq=False)
@@ -97,6 +97,7 @@ def fit(
     Source: Tapley, Schutz, Born, Statistical Orbit Determination (2004), section 4.3; Nocedal and
     Wright, Numerical Optimization, 2nd ed., section 10.3.
     """
+    plan = plan.replace(every=1)
     system = plan.system
     space = phase_space(system, start)
     names = (by,) if isinstance(by, str) else tuple(by)
@@ -107,8 +108,7 @@ def fit(
         raise InvalidInput("fit: there are no observations")
     last = max(int(at.max(initial=0)) for _, at, _ in sights)
     if prior is not None:
-        belief = prior.seen_from("left")
-        sights.append((Sight(Prior(space, belief.covariance, "left"), "left"), np.array([0]), belief.g[None]))
+        sights.append(believed("fit", space, "left", prior))
     values = {name: np.asarray(parameter(system, name), dtype=float) for name in names[1:]}
     mover, dim, parts = Mover(space, "left"), space.dim, [*start.arrays]
 

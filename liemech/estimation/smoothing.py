@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType, require
 from ..formulas import Ambient, Element, Mat, Record, Vec, mat, record, sqrt, transpose, vec
 from ..formulas.arrays import real_array
 from ..formulas.classes.frozen import frozen
 from ..groups.lie_group import LieGroup
-from .belief import Belief
+from .belief import Belief, checked
 from .block_tridiagonal import BlockTridiagonal, require_digits
 from .errors_of_elements import by_error, error, moved
 from .least_squares import minimise
@@ -171,7 +171,7 @@ def smooth(
     normal equations are block tridiagonal.
 
     prior : of the first element; None, if measurements determine the path and `initial` is given.
-    inputs : (n, inputs), or None for processes without.  h : s, or (n,) of each step.
+    inputs : (n, inputs), of processes without any (n, 0).  h : s, or (n,) of each step.
     observations : of each sensor which times it measured, whole numbers from 0 to n, (m,), and what,
         (m, ...).
     initial : a path to begin with, (n + 1, ...); by default where the process leads from the prior.
@@ -182,15 +182,12 @@ def smooth(
     Estimation for Robotics (2017), section 8.2.
     """
     group = process.group
-    side = prior.side if prior is not None else "left"
-    if prior is not None and prior.group != group:
-        raise InvalidInput(f"smooth: prior is of {prior.group!r}, the process of {group!r}")
+    side = getattr(prior, "side", "left")
     u, times = _inputs(process, inputs, h)
     n = len(u)
     sights = [observed("smooth", group, side, n, number, *each) for number, each in enumerate(observations)]
     if prior is not None:
-        sensor = Prior(group, prior.covariance, side)
-        sights = [(Sight(sensor, side), np.array([0]), np.array([prior.g])), *sights]
+        sights = [believed("smooth", group, side, prior), *sights]
     if initial is not None:
         path = real_array(initial, "smooth: initial")
         if path.shape != (n + 1, *group.element_shape):
@@ -275,6 +272,16 @@ def observed(
         raise InvalidInput(f"{where}: values have shape {values.shape}; they must be {(len(at), *sensor.value_shape)}")
     require_elements(f"{where}: values", sensor, values)
     return Sight(sensor, side), at, values
+
+
+def believed(whose: str, group: Any, side: str, prior: Any) -> tuple[Sight, np.ndarray, np.ndarray]:
+    """The belief about the first element as a measurement of it."""
+    where = f"{whose}: prior"
+    require(where, prior, Belief, "a Belief, as `belief(g, covariance)` of a filter gives")
+    if prior.group != group:
+        raise InvalidInput(f"{where} is of {prior.group!r}; the states are in {group!r}")
+    belief = checked(where, group, prior.g, prior.covariance, prior.side).seen_from(side)
+    return Sight(Prior(group, belief.covariance, side), side), np.array([0]), belief.g[None]
 
 
 def over(where: str, covariance: np.ndarray, whose: str, *right: np.ndarray) -> list[np.ndarray]:

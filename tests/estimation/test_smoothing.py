@@ -267,8 +267,11 @@ def test_bad_starts_and_undetermined_paths_are_refused():
     fix = es.Position(group, [0.1] * 3)
     prior = believed(process, x[0], [0.1] * 6)
     seen = [(fix, [1], [[0.0, 0.0, 0.0]])]
+    lopsided = es.Belief(group, x[0], np.triu(np.ones((6, 6))))
     reflected = [(es.Place(group, [0.1] * 6), [0, 1], [np.eye(4), np.diag([1.0, 1.0, -1.0, 1.0])])]
     cases = [
+        (lambda: es.smooth(process, lopsided, u, h, seen), "smooth: prior: covariance P must be symmetric"),
+        (lambda: es.smooth(process, es.Belief(lm.SO3(), np.eye(3), np.eye(3)), u, h, seen), "prior is of SO3"),
         (lambda: es.smooth(process, prior, u, h, reflected), "observations.0.: values is not in"),
         (lambda: es.smooth(process, prior, u, h, seen, iterations=0), "iterations is a whole number from 1 on; got 0"),
         (lambda: es.smooth(process, None, u, h, seen, initial=x), "do not determine"),
@@ -372,6 +375,7 @@ def test_an_orbit_is_found_from_positions():
             return g[:2]
 
     assert Seen([0.1] * 2).group == space
+    plan = plan.replace(every=7)  # which samples a run would keep
     found = es.fit(plan, system.state(q=[1.1, 0.1], p=[0.1, 1.0]), [(Seen([0.1] * 2), at, run.q[at])])
     assert np.allclose(found.start.q, [1.0, 0.0], atol=1e-9)
     assert np.allclose(found.start.p, [0.0, 1.1], atol=1e-9)
@@ -386,6 +390,10 @@ def test_what_cannot_be_fitted_is_refused():
         (lambda: es.fit(plan, start, []), "no observations"),
         (lambda: es.fit(plan, start, seen, by="inertia"), "begins with"),
         (lambda: es.fit(plan, start, seen, by=["start", "mass"]), "mass is no parameter"),
+        (
+            lambda: es.fit(plan, start, seen, prior=es.Belief(space, space.identity(), -np.eye(6))),
+            "negative eigenvalue",
+        ),
         (lambda: es.fit(plan, start, [(star, [-1], run.g[:1])]), "from 0 on"),
         (lambda: es.fit(plan, start, [(star, [1], 2.0 * run.g[:1])]), "values is not in"),
     ]

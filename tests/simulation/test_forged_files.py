@@ -366,6 +366,14 @@ def test_what_counts_no_steps_is_refused(kind: str, number: float, written: dict
         lm.Trajectory.load(path)
 
 
+def test_samples_of_no_numbers_are_refused(written: dict[str, Any], tmp_path: Path) -> None:
+    arrays, about, _ = written["steps"]
+    path = tmp_path / "run.npz"
+    files.write(path, arrays | {"state.mu": arrays["state.mu"][:, :0]}, about)
+    with pytest.raises(lm.errors.InvalidInput, match=r"samples of mu are \(.*, 0\)"):
+        lm.Trajectory.load(path)
+
+
 def test_a_state_of_another_shape_is_no_place_to_stand(written: dict[str, Any], tmp_path: Path) -> None:
     arrays, about, _ = written["bodies"]
     about, path = copy.deepcopy(about), tmp_path / "run.npz"

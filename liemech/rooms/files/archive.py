@@ -454,7 +454,7 @@ def _require_samples(
         arrays = [(len(x), x, part.shape) for x in samples]
         arrays += [(t.size, at.arrays[name], part.shape[lead:]) for t, at in zeros if name in at.arrays]
         for count, x, shape in arrays:
-            if x.size and (x.shape != (count, *shape) or x.dtype != part.dtype):
+            if count and (x.shape != (count, *shape) or x.dtype != part.dtype):
                 raise InvalidInput(
                     f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {shape} of {part.dtype}"
                 )
