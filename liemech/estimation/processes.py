@@ -115,7 +115,8 @@ class Discrete(Process):
     """An equation on a group, g' = g xi(g, u, w), as one step of a method of the library.
 
     A subclass writes `velocity(g, u, w)` and `deviations`; `method` is the one that steps, such as
-    `lm.RKMK(order=4)`.  F is the derivative of that step, not of the equation.
+    `lm.RKMK(order=4)`.  F is the derivative of that step, not of the equation.  Raises IncompatibleSystem for a method
+    that does not move such equations.
 
     Source: Iserles et al., Acta Numerica 9 (2000), section 3.
     """
@@ -123,10 +124,16 @@ class Discrete(Process):
     group: LieGroup
     method: Method
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        none = vec(*[0.0] * self.inputs), vec(*[0.0] * len(self.deviations(1.0)))
+        self.method.require(_Driven(self.group, self, *none))
+
     def velocity(self, g: Element, u: Vec, w: Vec) -> Vec:
         """The body velocity, (dim,).  u : the input, w : the noise."""
         raise undefined(self, "velocity")
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
         """One step of the method, input and noise held."""
-        return self.method.step(_Driven(self.group, self, u, w), 0.0, GroupState(g), h).g
+        method, held = self.method, _Driven(self.group, self, u, w)
+        return method.observe(method.step(held, 0.0, method.start(held, GroupState(g), h), h)).g

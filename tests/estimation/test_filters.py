@@ -589,9 +589,42 @@ def test_bounds_are_those_of_chi_square():
     assert found.mean == 6.0 and found.inside == 1.0
 
 
+SO3 = lm.SO3()
+
+
+@lm.record
+class Tumbling(es.Discrete):
+    """A velocity that depends on the attitude."""
+
+    def velocity(self, g, u, w):
+        return u + w + 0.3 * lm.vec(g[2, 0], g[2, 1], g[2, 2])
+
+    def deviations(self, h):
+        return lm.vec(0.1, 0.1, 0.1) / h**0.5
+
+
+@lm.record
+class Equation(lm.GroupEquation):
+    def velocity(self, t, g):
+        return lm.vec(0.3, -0.2, 0.5) + 0.3 * lm.vec(g[2, 0], g[2, 1], g[2, 2])
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.RKMK(tableau=lm.tableaus.gauss(2))], ids=repr)
+def test_a_discrete_process_is_a_step_of_its_method(method):
+    equation = Equation(SO3)
+    g, u = SO3.exp([0.2, 0.3, 0.1]), [0.3, -0.2, 0.5]
+    run = lm.integrate(equation, method, equation.state(g), h=0.1, steps=1, compiled=False)
+    assert np.allclose(Tumbling(SO3, method).led(g, u, 0.1), run.g[-1], rtol=0, atol=1e-15)
+
+
+def test_a_discrete_process_has_a_method_that_moves_it():
+    """One for velocities that depend on time alone would step at order 1."""
+    with pytest.raises(lm.errors.IncompatibleSystem, match="needs a linear equation"):
+        Tumbling(SO3, lm.Magnus(order=4))
+
+
 # ---------------------------------------------------------------- what is refused
 
-SO3 = lm.SO3()
 EKF = es.ErrorStateFilter(es.Turning(SO3, [0.1] * 3))
 GOOD = EKF.belief(np.eye(3), [0.1] * 3)
 
