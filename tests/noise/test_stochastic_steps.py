@@ -344,19 +344,26 @@ def test_check_method_observes_strong_and_weak_orders(method: Any, broken: tuple
 
 
 def test_a_parameter_of_the_drift_is_one() -> None:
-    """The motion along a step, made of the drift, offered its own damping and inertia, which changed nothing."""
-    damped = lm.DoubleBracket(lm.RigidBody(MOMENTS), 0.3)
-    system = noisy([0.3, 0.0, 0.1], body=damped)
+    """The motion along a step, made of the drift, offered its own damping and inertia, whose derivatives were zero."""
+    system = noisy([0.3, 0.0, 0.1], body=lm.DoubleBracket(lm.RigidBody(MOMENTS), 0.3))
     plan, start = lm.Plan(system, lm.WongZakai(), h=0.1, compiled=False), system.state(START)
-    stepper = plan.stepper(start)
-    stepper.step(5, damping=0.6, inertia=[1.0, 1.7, 2.0])
-    other = noisy([0.3, 0.0, 0.1], body=lm.DoubleBracket(lm.RigidBody([1.0, 1.7, 2.0]), 0.6))
-    assert np.array_equal(stepper.mu, plan.replace(system=other).run(start, steps=5).mu[-1])
     for name in ("motion.drift.damping", "motion.drift.system.inertia"):
         with pytest.raises(lm.errors.InvalidInput, match=r"motion.* is no parameter"):
             plan.tangent(start, steps=2, by=[name])
     with pytest.raises(TypeError, match="motion"):
-        lm.Stochastic(damped, [], motion=damped)
+        lm.Stochastic(system.system, [], motion=system.motion)
+
+
+def test_noise_takes_no_commands() -> None:
+    """It began anew with each: a step between two had the numbers of the step before."""
+    system = noisy([0.3, 0.0, 0.1], body=lm.DoubleBracket(lm.RigidBody(MOMENTS), 0.3))
+    plan, start = lm.Plan(system, lm.WongZakai(), h=0.1), system.state(START)
+    stepper = plan.stepper(start)
+    for _ in range(3):
+        stepper.step(2)
+    assert np.array_equal(stepper.mu, plan.run(start, steps=6).mu[-1])
+    with pytest.raises(lm.errors.InvalidInput, match="damping of a system with noise is no input"):
+        stepper.step(1, damping=0.3)
 
 
 # ------------------------------------------------------------------ what is refused
