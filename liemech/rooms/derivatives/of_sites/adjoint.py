@@ -77,6 +77,8 @@ class BackwardRun:
         group = getattr(one, "configurations", one.group)
         if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
             raise IncompatibleSystem(NO_WAY.format(f"of {type(one).__name__} on {group!r}"))
+        if one.noisy:
+            raise IncompatibleSystem(NO_WAY.format("with noise"))
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
         way = plan._steps.way_of(0)
