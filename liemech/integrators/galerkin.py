@@ -263,10 +263,7 @@ def _velocity(body: Any, middle: Middle, p: Vec) -> Vec:
 
 def _body(system: Any, t: float = 0.0) -> Any:
     """The body without the field, with the energy that it has at time t."""
-    if not isinstance(system, MechanicalSystem):
-        return system
-    body: Any = system.body
-    return body._at(t) if system.driven else body
+    return system._body_at(t) if isinstance(system, MechanicalSystem) else system
 
 
 def _half(y: Vec, which: int) -> Vec:

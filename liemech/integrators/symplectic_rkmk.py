@@ -19,6 +19,7 @@ from .implicit import Implicit
 from .memory import Memory, extrapolated
 from .orders import require_order
 from .rkmk import combination
+from .variational import momentum_slope
 
 ORDERS = 2, 4, 6
 """Twice the number of stages."""
@@ -44,7 +45,8 @@ class SymplecticRKMK(Implicit):
     order : 2, 4 or 6, twice the number of stages.  For every motion on T*G: of a CotangentSystem, whose energy may mix
     momentum and place, or a MechanicalSystem, also under a load.
     Symmetric and symplectic; momenta of symmetries, in space and in the body, are kept to rounding, the energy
-    oscillates without drift.  Order 2 is the midpoint rule of variational integrators, of the action h l(g_m, x/h).
+    oscillates without drift.  Order 2 is the midpoint rule of variational integrators, of the action h l(g_m, x/h);
+    where there is a Lagrangian, of a TangentSystem or a body in a field, it is solved for the velocity x/h.
     Raises NoConvergence or OutsideChart if the step is too large.
 
     Source: Bogfjellmo and Marthinsen, Found. Comput. Math. 16 (2016) (partitioned methods, in the chart at the start);
@@ -86,20 +88,30 @@ class SymplecticRKMK(Implicit):
     # ---------------------------------------------------------------- one step
 
     def first(self, system: Any, state: BodyState, h: float) -> tuple[Vec, ...]:
-        """Velocity and force of the start at every stage, no change of the momentum and no impulse."""
+        """Velocity and force of the start at every stage, no change of the momentum and no impulse; with one stage and
+        a Lagrangian the velocity alone.
+        """
         xi, f = system.rates(0.0, plain(state.mu), plain(state.g))
         stages = len(self.tableau[1])
+        if stages == 1 and system.has_lagrangian:
+            return (xi,)
         return (*[xi for _ in range(stages)], *[f for _ in range(stages)], 0.0 * f, 0.0 * f)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for rates and momentum from the extrapolated ones, then add the kick, and move."""
-        start, guess = plain(memory.state), tuple([extrapolated(*values) for values in zip(*memory.past)])
-        near = _linearised(system, t, start, h, combination(self.tableau[1], guess), guess[len(guess) - 2])
-        unknown = fixed_point(lambda last: self._sweep(system, t, start, h, near, last), guess, self, h)
-        x, force = combination(self.tableau[1], unknown, h), unknown[len(unknown) - 1]
-        if not TAU.is_chart(system.configurations, x):
+        group, start = system.configurations, plain(memory.state)
+        guess = tuple([extrapolated(*values) for values in zip(*memory.past)])
+        if len(guess) == 1:
+            slope = _slope(system, t, start, h, guess[0])
+            unknown = fixed_point(lambda last: _corrected(system, t, start, h, slope, last[0]), guess, self, h)
+            x, force = h * unknown[0], h * _in_the_middle(system, t, start, h, unknown[0])[1]
+        else:
+            near = _linearised(system, t, start, h, combination(self.tableau[1], guess), guess[len(guess) - 2])
+            unknown = fixed_point(lambda last: self._sweep(system, t, start, h, near, last), guess, self, h)
+            x, force = combination(self.tableau[1], unknown, h), unknown[len(unknown) - 1]
+        if not TAU.is_chart(group, x):
             raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
-        kick = TAU.tau_Ad_star(system.configurations, -0.5 * x, force)
+        kick = TAU.tau_Ad_star(group, -0.5 * x, force)
         return self.after(memory, system.kicked(TAU, memory.state, kick, x), unknown)
 
     def _sweep(
@@ -130,6 +142,32 @@ class SymplecticRKMK(Implicit):
         X, blocks = tuple([v + shift for v in X]), system.unit_blocks
         steps, sizes = vec(*(off + shift), *turn), vec(*before, *start.mu)
         return (*X, *D, change + turn, force), one_norms(steps, blocks), one_norms(sizes, blocks)
+
+
+def _in_the_middle(system: Any, t: float, start: BodyState, h: float, xi: Vec) -> tuple[Vec, Vec]:
+    """Momentum and force in the middle of a step with this mean velocity."""
+    return system.momentum_and_force(t + 0.5 * h, xi, system.configurations.compose_exp(start.g, (0.5 * h) * xi))
+
+
+def _corrected(system: Any, t: float, start: BodyState, h: float, slope: Mat, xi: Vec) -> tuple[tuple[Vec], Vec, Vec]:
+    """The velocity anew whose momentum dl/dxi is p; how far it was off, and its size.  slope : of their difference."""
+    group, (momentum, f) = system.configurations, _in_the_middle(system, t, start, h, xi)
+    momentum = momentum - (0.5 * h) * TAU.dtau_dual(group, (-0.5 * h) * xi, f)
+    step = correction(slope, TAU.residual(group, h * xi, momentum, start.mu)[0])
+    return (xi - step,), one_norms(step, group.unit_blocks), one_norms(xi, group.unit_blocks)
+
+
+def _slope(system: Any, t: float, start: BodyState, h: float, xi: Vec) -> Mat:
+    """The derivative by xi of dl/dxi less p; its parts of f are those to first order in h."""
+    group = system.configurations
+    g = group.compose_exp(start.g, (0.5 * h) * xi)
+
+    def momentum(change: Vec) -> Vec:
+        p, f = system.momentum_and_force(t + 0.5 * h, xi + change, group.compose_exp(g, (0.5 * h) * change))
+        return p - (0.5 * h) * f
+
+    _, by_p, by_x = TAU.residual(group, h * xi, start.mu, start.mu)
+    return h * by_x + momentum_slope(by_p, jacobian(momentum, vec(*[0.0 for _ in xi])))
 
 
 def _linearised(system: Any, t: float, start: BodyState, h: float, xi: Vec, change: Vec) -> tuple[Mat, Mat, Mat]:

@@ -44,6 +44,8 @@ class CotangentMotion(System):
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
     # do steps on G x g* add up the momentum in space?
     in_space: ClassVar[bool] = False
+    # is momentum_and_force(t, xi, g) known, by a Lagrangian?
+    has_lagrangian: ClassVar[bool] = False
     if TYPE_CHECKING:  # a field here would be an argument of every system
 
         @property
@@ -256,6 +258,8 @@ class TangentSystem(CotangentSystem):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 7.2 and 13.5.
     """
 
+    has_lagrangian: ClassVar[bool] = True
+
     def lagrangian(self, xi: Vec, g: Element) -> float:
         """The Lagrangian l(xi, g), which a subclass writes.  xi : (dim,), g : an element."""
         raise undefined(self, "lagrangian")
@@ -295,7 +299,15 @@ class TangentSystem(CotangentSystem):
     def rates(self, t: float, mu: Vec, g: Element) -> tuple[Vec, Vec]:
         """The body velocity and the force.  mu : (dim,), g : an element."""
         xi = self.velocity(mu, g)
-        return xi, gradient(lambda eta: self.lagrangian(xi, self.configurations.compose_exp(g, eta)), self._at_rest())
+        return xi, self.momentum_and_force(t, xi, g)[1]
+
+    @final
+    def momentum_and_force(self, t: float, xi: Vec, g: Element) -> tuple[Vec, Vec]:
+        """The momentum dl/dxi and the force.  xi : (dim,), g : an element."""
+        group = self.configurations
+        return self.momentum(xi, g), gradient(
+            lambda eta: self.lagrangian(xi, group.compose_exp(g, eta)), self._at_rest()
+        )
 
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
         """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g.

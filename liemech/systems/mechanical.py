@@ -155,6 +155,21 @@ class MechanicalSystem(CotangentMotion):
         xi = self.velocity(mu, t)
         return xi, self.applied(t, xi, g)
 
+    @property
+    def has_lagrangian(self) -> bool:  # type: ignore[override]
+        """Whether the body has a Lagrangian."""
+        return self._body_at(0.0).lagrangian is not None
+
+    @final
+    def momentum_and_force(self, t: float, xi: Vec, g: Element) -> tuple[Vec, Vec]:
+        """The momentum dl/dxi, and the force of field and load.  xi : (dim,), g : an element."""
+        return self._body_at(t).lagrangian.momentum(xi), self.applied(t, xi, g)
+
+    def _body_at(self, t: float) -> Any:
+        """The body with the energy that it has at time t."""
+        body: Any = self.body
+        return body._at(t) if self.driven else body
+
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, unless that of the body changes with time, and the momenta that a symmetry of
         the potential keeps; nothing, as far as is known, under a load.

@@ -93,6 +93,10 @@ class LotkaVolterra(PoissonSystem):
         make: Any = cls
         return make(np.eye(n, k=1) - np.eye(n, k=-1), np.ones(n), np.zeros(n))
 
+    def logarithmic_gradient(self, y: Vec) -> Vec:
+        """d_i y_i - p_i.  y : (n,)."""
+        return self.weights * y - self.rates
+
     def equilibrium(self) -> PoissonState:
         """The state at rest, y_i = p_i/d_i."""
         return self.state(np.array(self.rates) / np.array(self.weights))

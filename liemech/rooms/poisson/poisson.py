@@ -83,6 +83,11 @@ class PoissonSystem(OfParts, VectorField):
             return gradient(lambda x: self.energy(x), y)
         return self.hamiltonian.gradient(y)
 
+    @derived
+    def logarithmic_gradient(self, y: Vec) -> Vec:
+        """y_i dH/dy_i, the gradient by the logarithms of y, (n,).  y : (n,)."""
+        return y * self.gradient(y)
+
     @final
     def velocity(self, y: Vec) -> Vec:
         """y' = B(y) dH(y).  y : (n,)."""

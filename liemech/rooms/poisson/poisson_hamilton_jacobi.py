@@ -119,7 +119,7 @@ class PoissonHamiltonJacobi(Implicit):
         y, mean = plain(memory.state.y), extrapolated(*memory.past)
         if isinstance(structure, LogCanonical):
             u = vec(*[log(where(constant(c) == 0.0, 1.0, abs(c))) for c in y])
-            dH_u = of_logarithms(dH, vec(*[sign(constant(c)) for c in y]))
+            dH_u = of_logarithms(system, vec(*[sign(constant(c)) for c in y]))
             change, mean = self.change(structure.of_logarithms, dH_u, middle, u, vec(1.0), mean, h)
             change = y * vec(*[expm1(c) for c in change])
         else:
@@ -164,12 +164,12 @@ def gradient_of(system: Any) -> Any:
     return lambda t, y: system.gradient(y)
 
 
-def of_logarithms(dH: Any, signs: Vec) -> Any:
+def of_logarithms(system: Any, signs: Vec) -> Any:
     """The gradient by the coordinates u = log |y|, of components y_i dH/dy_i.  signs : of y, 1, -1 or 0."""
 
     def gradient_at(t: Any, u: Vec) -> Vec:
         y = signs * vec(*[exp(c) for c in u])
-        return y * dH(t, y)
+        return y * system.gradient(t, y) if isinstance(system, DrivenPoissonSystem) else system.logarithmic_gradient(y)
 
     return gradient_at
 
