@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType
-from liemech.formulas import cos, sin
+from liemech.formulas import cos, derivative, sin
 
 ORDERS = 2, 4, 6
 J, B = np.array([1.0, 1.6, 2.3]), 1.2
@@ -139,6 +139,49 @@ def test_a_free_body_is_moved_as_by_hamilton_and_jacobi() -> None:
 
 
 @lm.record
+class Rubbing(lm.Force):
+    def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+        return lm.vec(0.6 * cos(4.0 * t), 0.0, 0.0) - 0.5 * xi
+
+
+@lm.record
+class Aligned(lm.Term):
+    strength: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return self.strength * lm.dot(a.g[2], b.g[2])
+
+
+def tops_in_a_ring(held: list[int]) -> Any:
+    body = lm.LiePoissonSystem(lm.SO3() ** 3, lm.PerSite(lm.KineticEnergy(J)))
+    return lm.MechanicalSystem(body, lm.Terms(Aligned(0.4).over(lm.neighbours.ring(3)), held=held))
+
+
+HEAVY = lm.models.FixedPointGravity(0.8, WEIGHT / 0.8)
+IN_SPACE = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy(np.diag([1.0, 1.6, 2.3, 2.0, 2.5, 3.0]) + 0.1))
+IN_FIELDS: dict[str, tuple[Any, Any, Any]] = {
+    "under a load": (lm.MechanicalSystem(lm.RigidBody(J), HEAVY, load=Rubbing()), MU0, G0),
+    "in space": (
+        lm.MechanicalSystem(IN_SPACE, lm.models.UniformGravity(0.7, [0.1, 0.0, 0.2])),
+        [*MU0, 0.2, 0.1, -0.3],
+        np.eye(4),
+    ),
+    "many": (tops_in_a_ring([]), [MU0, 0.0 * MU0, MU0[::-1]], [G0, np.eye(3), G0 @ G0]),
+    "many, one held": (tops_in_a_ring([1]), [MU0, 0.0 * MU0, MU0[::-1]], [G0, np.eye(3), G0 @ G0]),
+}
+
+
+@pytest.mark.parametrize("name", IN_FIELDS)
+def test_order_2_by_a_lagrangian_is_galerkins_method_of_order_2(name: str) -> None:
+    """Both make the action of one node stationary, one with a polynomial of degree 1."""
+    system, mu, g = IN_FIELDS[name]
+    start = system.state(np.array(mu), np.array(g))
+    found, wanted = (ended(system, m, start, 0.1, 3) for m in (lm.SymplecticRKMK(2), lm.GalerkinVariational(2)))
+    np.testing.assert_allclose(found[0], wanted[0], rtol=0.0, atol=2e-15)
+    np.testing.assert_allclose(found[1], wanted[1], rtol=0.0, atol=2e-15)
+
+
+@lm.record
 class Written(lm.CotangentSystem):
     """A heavy top, by its whole energy."""
 
@@ -165,12 +208,7 @@ def test_a_mechanical_system_is_a_case_of_it(method: Any) -> None:
 def test_a_load_acts_at_the_stages() -> None:
     """By the principle of Lagrange and d'Alembert, to the order of the method."""
 
-    @lm.record
-    class Rubbing(lm.Force):
-        def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
-            return lm.vec(0.6 * cos(4.0 * t), 0.0, 0.0) - 0.5 * xi
-
-    top = lm.MechanicalSystem(lm.RigidBody(J), lm.models.FixedPointGravity(0.8, WEIGHT / 0.8), load=Rubbing())
+    top = lm.MechanicalSystem(lm.RigidBody(J), HEAVY, load=Rubbing())
     start = top.state(MU0, G0)
     reference = ended(top, lm.RKMK(order=8), start, 0.01, 50)[0]
     for order in ORDERS:
@@ -214,6 +252,67 @@ def test_a_lagrangian_that_is_not_quadratic() -> None:
     np.testing.assert_allclose(system.momentum(xi, G0), MU0, rtol=1e-14)
     with pytest.raises(InvalidInput, match="not both"):
         system.state(MU0, G0, xi=xi)
+
+
+@lm.record
+class WithSecondTerm(lm.CotangentSystem):
+    """H + (h^2/6) s_3, s_3 = D^2H[w, w]/4 along the motion w = (xi, ad*_xi mu + f), of which a step of order 2 is that of
+    Hamilton and Jacobi of order 4.
+    """
+
+    system: lm.CotangentSystem
+    h: float
+
+    @property
+    def configurations(self) -> lm.LieGroup:  # type: ignore[override]
+        return self.system.configurations
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        energy, group = self.system.energy, self.configurations
+        xi, f = self.system.rates(0.0, mu, g)
+        turn = group.ad_star(xi, mu) + f
+        s3 = 0.25 * derivative(
+            lambda s: derivative(lambda r: energy(mu + r * turn, group.compose_exp(g, r * xi)), s, 1.0), 0.0, 1.0
+        )
+        return energy(mu, g) + self.h**2 / 6.0 * s3
+
+
+def test_the_second_term_of_the_generating_function_makes_order_4() -> None:
+    """The numbers are those of an independent program, with s_3 as a second derivative by time."""
+    mu, g = ended(WithSecondTerm(BODY, 0.2), lm.SymplecticRKMK(2), START, 0.2)
+    np.testing.assert_allclose(mu, [0.488978846242188, 1.020724401574145, -0.389447376378192], rtol=0.0, atol=2e-15)
+    np.testing.assert_allclose(g[0], [0.874538428412077, -0.444802233593483, -0.193218814355080], rtol=0.0, atol=2e-15)
+
+
+@lm.record
+class ManyTops(lm.CotangentSystem):
+    """Tops whose magnetic moments, along the momenta in space, attract each other: momenta and places in one term."""
+
+    configurations: lm.LieGroup
+    inertia: lm.Vec
+    coupling: float
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        group, energy, total = self.configurations, 0.0, 0.0 * lm.vec(*mu[:3])
+        for i in range(group.copies):
+            m = group.momentum_of(mu, i)
+            moment = group.base.K(group.site(g, i), m)
+            energy, total = (
+                energy + 0.5 * lm.dot(m, m / self.inertia) + self.coupling * lm.dot(total, moment),
+                total + moment,
+            )
+        return energy
+
+
+@pytest.mark.parametrize("order", (2, 4))
+def test_momenta_and_places_of_many_bodies_in_one_term(order: int) -> None:
+    """A turn of all keeps the sum of the momenta; dH/dmu_i = J^-1 mu_i + c g_i^T sum of the other moments."""
+    tops = ManyTops(lm.SO3() ** 2, J, 0.3)
+    start = tops.state(mu=np.array([MU0, [0.2, -0.3, 0.6]]), g=np.array([G0, np.eye(3)]))
+    np.testing.assert_allclose(tops.velocity(start.mu, start.g)[0], MU0 / J + 0.3 * G0.T @ [0.2, -0.3, 0.6], atol=1e-15)
+    mu, g = ended(tops, lm.SymplecticRKMK(order), start, 0.2, 2)
+    kept = [np.einsum("ijk,ik->j", a, m) for a, m in ((start.g, start.mu), (g, mu))]
+    np.testing.assert_allclose(kept[1], kept[0], atol=1e-14)
 
 
 # ---------------------------------------------------------------- frames that move
