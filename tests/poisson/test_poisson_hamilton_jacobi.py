@@ -387,6 +387,24 @@ def test_derivatives_of_power_series_by_parameters_are_refused_by_name() -> None
 
 
 @lm.record
+class OtherEnergy(lm.models.LotkaVolterra):
+    def energy(self, y: lm.Vec) -> float:
+        return y[0] ** 2 + y[0] * y[1] ** 3
+
+
+@lm.record
+class ThatEnergy(lm.Hamiltonian):
+    def energy(self, y: lm.Vec) -> float:
+        return y[0] ** 2 + y[0] * y[1] ** 3
+
+
+def test_the_gradient_by_logarithms_is_that_of_the_energy_of_a_subclass() -> None:
+    other, y = OtherEnergy(), [0.8, 1.1]
+    that = lm.PoissonSystem(other.structure, ThatEnergy())
+    assert np.array_equal(end(other, 4, y, 0.1, compiled=False), end(that, 4, y, 0.1, compiled=False))
+
+
+@lm.record
 class NoStructure(ThreeSpecies):
     far: float = 0.9
 

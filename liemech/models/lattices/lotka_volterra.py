@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import Mat, Vec, log, mat, real_array, record, vec
+from ...formulas.classes.derived import closed_form_of
 from ...groups.matrices.matrix_group import whole_number
 from ...groups.poisson_structure import LogCanonical
 from ...rooms.poisson.poisson import PoissonState, PoissonSystem, positive
@@ -53,8 +54,7 @@ class LotkaVolterra(PoissonSystem):
     Not every system of Lotka and Volterra is of this form: the coefficients of its products must be
     c_ij d_j.
 
-    Raises InvalidInput for a coupling that is not skew-symmetric, and for numbers that are not
-    positive.
+    Raises InvalidInput for a coupling that is not skew-symmetric, and for numbers that are not positive.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.1 and VII.2.2;
     Plank, J. Math. Phys. 36 (1995).
     """
@@ -93,6 +93,7 @@ class LotkaVolterra(PoissonSystem):
         make: Any = cls
         return make(np.eye(n, k=1) - np.eye(n, k=-1), np.ones(n), np.zeros(n))
 
+    @closed_form_of("energy", "gradient")
     def logarithmic_gradient(self, y: Vec) -> Vec:
         """d_i y_i - p_i.  y : (n,)."""
         return self.weights * y - self.rates
