@@ -21,7 +21,7 @@ from .orders import require_order
 from .rkmk import combination
 from .variational import momentum_slope
 
-ORDERS = 2, 4, 6
+ORDERS = 2, 4, 6, 8
 """Twice the number of stages."""
 
 TAU = Exponential()
@@ -42,7 +42,7 @@ class SymplecticRKMK(Implicit):
     p is not the momentum at the start plus half of what the stages add in this chart: the chart moves with the state, and
     such a step would not be symplectic.
 
-    order : 2, 4 or 6, twice the number of stages.  For every motion on T*G: of a CotangentSystem, whose energy may mix
+    order : 2, 4, 6 or 8, twice the number of stages.  For every motion on T*G: of a CotangentSystem, whose energy may mix
     momentum and place, or a MechanicalSystem, also under a load.
     Symmetric and symplectic; momenta of symmetries, in space and in the body, are kept to rounding, the energy
     oscillates without drift.  Order 2 is the midpoint rule of variational integrators, of the action h l(g_m, x/h);

@@ -56,7 +56,7 @@ METHODS: dict[type, dict[str, Any]] = {
 }
 OFFERED: list[tuple[Any, list[int]]] = [
     (lm.GalerkinVariational, [2, 4, 6, 8]),
-    (lm.SymplecticRKMK, [2, 4, 6]),
+    (lm.SymplecticRKMK, [2, 4, 6, 8]),
     (lm.LiePoissonHamiltonJacobi, [2, 4, 6, 8]),
     (lm.LobattoPair, [2, 4, 6, 8]),
     (lm.FirstKindHamiltonJacobi, [1, 2, 3, 4]),

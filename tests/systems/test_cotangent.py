@@ -79,18 +79,18 @@ def test_velocity_and_force_are_those_by_hand() -> None:
     lm.check_system(BODY)
 
 
-@pytest.mark.parametrize("order", ORDERS)
-def test_orders_beside_dop853(order: int) -> None:
-    mu, g = exact(1.0)
+@pytest.mark.parametrize(("order", "T"), [*((order, 1.0) for order in ORDERS), (8, 2.0)])
+def test_orders_beside_dop853(order: int, T: float) -> None:
+    mu, g = exact(T)
     errors = []
     for n in (5, 10):
-        m, a = ended(BODY, lm.SymplecticRKMK(order), START, 1.0 / n, n)
+        m, a = ended(BODY, lm.SymplecticRKMK(order), START, T / n, n)
         errors.append(max(np.abs(m - mu).max(), np.abs(a - g).max()))
-    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.05
+    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.06
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", (*ORDERS, 8))
 def test_all_claims_on_an_energy_of_momentum_and_place(order: int) -> None:
     lm.check_method(lm.SymplecticRKMK(order), BODY, START, keeps=("vertical momentum",))
 
@@ -426,8 +426,8 @@ def test_what_is_missing_is_named() -> None:
         lm.LieVerlet().require(BODY)
     with pytest.raises(IncompatibleSystem, match="needs a CotangentSystem, or a body in a field"):
         lm.SymplecticRKMK(4).require(lm.RigidBody(J))
-    with pytest.raises(InvalidInput, match=r"order is one of \[2, 4, 6\]; got 8"):
-        lm.SymplecticRKMK(8)
+    with pytest.raises(InvalidInput, match=r"order is one of \[2, 4, 6, 8\]; got 3"):
+        lm.SymplecticRKMK(3)
 
 
 def test_a_step_that_is_too_long_says_so() -> None:
