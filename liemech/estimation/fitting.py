@@ -16,8 +16,7 @@ from ..groups.composed.product import ProductGroup
 from ..groups.vector_space import VectorSpace
 from ..rooms.constraints.constrained import ConstrainedSystem
 from ..rooms.constraints.constrained_body import BoundBody
-from ..rooms.derivatives.frames import group_of
-from ..rooms.derivatives.tangent import frames_of
+from ..rooms.derivatives.frames import Frames, group_of
 from ..simulation.compiled.parameters import parameter, with_parameter
 from ..simulation.plan import Plan
 from .block_tridiagonal import ALMOST
@@ -57,12 +56,12 @@ def phase_space(system: Any, start: Any) -> Any:
     Raises IncompatibleSystem for states on a surface, such as those of a pendulum.
     """
     factors: list[Any] = []
-    frames = frames_of(system, start)
+    sizes = Frames(system, start).sizes
     bound = isinstance(system, (ConstrainedSystem, BoundBody))
     for name, part in start.arrays.items():
         if name == "g":
             factors.append(group_of(system))
-        elif not bound and part.ndim == 1 and len(frames[name](part[None])[0]) == len(part):
+        elif not bound and part.ndim == 1 and sizes[name] == len(part):
             factors.append(VectorSpace(len(part)))
         else:
             raise IncompatibleSystem(

@@ -16,7 +16,7 @@ from liemech import errors
 from liemech.formulas import derivative, where
 from liemech.formulas.functions import RULES
 from liemech.formulas.numbers.dual import Dual
-from liemech.rooms.derivatives.gradient import PreparedGradient, side_by_side
+from liemech.rooms.derivatives.through_blocks import PreparedGradient, side_by_side
 
 LEVEL = 0.5
 

@@ -16,8 +16,7 @@ from ...simulation.compiled.parameters import full_name, parameter, with_paramet
 from ...simulation.plan import Plan
 from ...systems.in_time.tabulated import PiecewisePolynomial
 from ...systems.system import State, member
-from .frames import basis_of
-from .tangent import frames_of
+from .frames import Frames, dual_basis
 
 Arrays = dict[str, np.ndarray]
 
@@ -214,15 +213,11 @@ class _Move:
         gradient = self._of(self.plan, systems).pullback(
             cotangents, start, t0=self.t0, by=by, every=self.every, **self.times
         ).gradient  # fmt: skip
-        rows, at = np.atleast_2d(gradient.pop("start")), 0
-        by_parts = {}
-        for name, directions in frames_of(self.plan._one, member(start, 0)).items():
-            points = np.asarray(start.parts[name])
-            points = points.reshape(len(rows), *points.shape[start.bodies is not None :])
-            basis = basis_of({name: directions}, {name: points})
-            components = rows[:, at : at + basis.shape[1]]
-            at += basis.shape[1]
-            by_parts[name] = (np.linalg.pinv(basis) @ components[..., None]).reshape(*batch, *shapes[0][name])
+        rows, frames = np.atleast_2d(gradient.pop("start")), Frames(self.plan._one, member(start, 0))
+        points = {name: np.reshape(start.parts[name], (len(rows), *shapes[0][name])) for name in frames.of}
+        numbers = (dual_basis(frames.basis(points)) @ rows[..., None])[..., 0]
+        by_parts = dict(zip(frames.of, np.split(numbers, np.cumsum([*frames.widths.values()])[:-1], axis=1)))
+        by_parts = {name: x.reshape(*batch, *shapes[0][name]) for name, x in by_parts.items()}
         return by_parts, {n: np.reshape(x, (*batch, *shapes[1][n])) for n, x in gradient.items()}
 
     def _batch(self, parts: Arrays, parameters: Arrays, shapes: Any, axes: Any = ()) -> Any:

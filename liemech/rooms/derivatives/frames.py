@@ -48,21 +48,74 @@ def real_numbers(array: np.ndarray) -> np.ndarray:
     return (flat.view(float) if np.iscomplexobj(flat) else flat).ravel()
 
 
-def basis_of(frames: dict[str, Any], states: dict[str, np.ndarray]) -> np.ndarray:
-    """The directions in which states can move, as changes of all their numbers, (n, components, width).
+class Frames:
+    """The directions in which states like an example can move, and the components of changes along them.
 
-    frames : by part of the state.  states : the parts of n states.
+    of : by part of the state, the function of points that `frame` gives.  sizes : by part, how many directions.
+    widths : by part, how many numbers.
     """
-    parts = []
-    for name, directions in frames.items():
-        changes = directions(np.asarray(states[name]))
-        parts.append(real_numbers(changes).reshape(*changes.shape[:2], -1))
-    basis = np.zeros((len(parts[0]), *np.sum([x.shape[1:] for x in parts], axis=0)))
-    i = j = 0
-    for part in parts:
-        basis[:, i : i + part.shape[1], j : j + part.shape[2]] = part
-        i, j = i + part.shape[1], j + part.shape[2]
-    return basis
+
+    def __init__(self, system: Any, example: Any) -> None:
+        parts = {name: part for name, part in example.parts.items() if part is not None}
+        self.of = {name: frame(system, name, part) for name, part in parts.items()}
+        self.sizes = {name: self.of[name](np.asarray(part)[None]).shape[1] for name, part in parts.items()}
+        self.widths = {name: layout_of(part).width for name, part in parts.items()}
+        self.count = sum(self.sizes.values())
+
+    def basis(self, states: dict[str, np.ndarray]) -> np.ndarray:
+        """The directions as changes of all numbers of states, (n, count, width).  states : the parts of n states."""
+        points = {name: np.asarray(states[name]) for name in self.of}
+        basis = np.zeros((len(next(iter(points.values()))), self.count, sum(self.widths.values())))
+        i = j = 0
+        for name, directions in self.of.items():
+            changes = directions(points[name])
+            basis[:, i : i + self.sizes[name], j : j + self.widths[name]] = real_numbers(changes).reshape(
+                *changes.shape[:2], -1
+            )
+            i, j = i + self.sizes[name], j + self.widths[name]
+        return basis
+
+    def components(self, states: dict[str, np.ndarray], changes: np.ndarray) -> np.ndarray:
+        """The components, (n, k, count), of changes of all numbers of states, (n, k, width)."""
+        return changes @ dual_basis(self.basis(states))
+
+    def in_a_row(self, components: np.ndarray) -> np.ndarray:
+        """The components of many sites, (n, sites, count), as those of one state: of all by their first part, then by
+        the next; (n, sites * count).
+        """
+        ends = np.cumsum([*self.sizes.values()])[:-1]
+        return np.concatenate([x.reshape(len(x), -1) for x in np.split(components, ends, axis=2)], axis=1)
+
+    def of_each(self, row: np.ndarray) -> np.ndarray:
+        """The inverse of `in_a_row`."""
+        sites = row.shape[1] // self.count
+        parts = np.split(row, sites * np.cumsum([*self.sizes.values()])[:-1], axis=1)
+        return np.concatenate([x.reshape(len(row), sites, -1) for x in parts], axis=2)
+
+
+class StatesInFrames:
+    """States of a run, of its bodies or of its sites, and the directions in which they can move.
+
+    arrays : the parts of the states by name, (n, many, ...).  numbers : of all parts, (n, many, width).
+    """
+
+    def __init__(self, frames: Frames, arrays: dict[str, np.ndarray]) -> None:
+        self.frames, self.arrays = frames, arrays
+        n, self.many = next(iter(arrays.values())).shape[:2]
+        rows = flat({name: x.reshape(n * self.many, *x.shape[2:]) for name, x in arrays.items()}, n * self.many)
+        self.numbers = rows.reshape(n, self.many, -1)
+
+    def basis(self, some: Any = slice(None)) -> np.ndarray:
+        """The directions at some of the states, (n, many, count, width)."""
+        points = {name: self.arrays[name][some] for name in self.frames.of}
+        basis = self.frames.basis({name: x.reshape(-1, *x.shape[2:]) for name, x in points.items()})
+        return basis.reshape(-1, self.many, *basis.shape[1:])
+
+
+def dual_basis(basis: np.ndarray) -> np.ndarray:
+    """P of the components c = dx P of changes dx = c E of numbers along the rows of bases E, (..., width, N)."""
+    q, r = np.linalg.qr(np.swapaxes(basis, -1, -2))
+    return q @ np.linalg.inv(np.swapaxes(r, -1, -2))
 
 
 def group_of(system: Any) -> Any:

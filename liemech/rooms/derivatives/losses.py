@@ -1,8 +1,9 @@
-"""Losses: functions of states, and their derivatives along directions of the states."""
+"""What is differentiated: losses and running costs, functions of states, or a cotangent; and its derivatives by states."""
 
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -15,11 +16,83 @@ from ...formulas import Record
 from ...formulas.classes.layouts import NUMBER, layout_of
 from ...formulas.numbers.conversions import fitted
 from ...formulas.numbers.dual import Dual
+from ...simulation import arguments
 from ...simulation.between.dense import evaluated, report
-from .frames import LEVEL
+from .frames import LEVEL, StatesInFrames, real_numbers
 from .tangent import dual_of
 
 VALUE = layout_of(Dual(0.0, 0.0, LEVEL))
+
+AT_ONCE = 2**12
+"""States, of all bodies or sites each, whose directions are in memory at once."""
+
+
+class Felt:
+    """A number that depends on the states of a run at some of its samples, and its derivatives by them.
+
+    run : with `states` as its samples, of a body like `example`, or of a site, and then `by_site`, from the parts of states
+    as users see them to those with an axis of sites.  samples : mask of the states by which more than the end counts;
+    None for the end alone.
+    value : the number; None of a cotangent.  by_states : (n, many, count), the derivatives.
+    """
+
+    def __init__(
+        self, run: Any, states: StatesInFrames, example: Any, samples: Any = None, by_site: Any = None
+    ) -> None:
+        self.run, self.states, self.example, self.by_site = run, states, example, by_site
+        self.alone, self.end = samples is None, np.array([len(states.numbers) - 1])
+        self.samples = self.end if samples is None else np.flatnonzero(samples)
+        self.value: float | None = None
+        self.by_states = np.zeros((len(states.numbers), states.many, states.frames.count))
+
+    def by_losses(self, loss: Any, along: Any, compiled: Any) -> None:
+        """Set it to a loss, a function of the end, and the sum of a running cost over the samples."""
+        states, values = self.states, []
+        for given, name, where in ((loss, "loss", self.end), (along, "along", self.samples)):
+            if name == "along" and given is None:
+                continue
+            function = Loss(given, name, self.run.bodies if self.by_site is None else None)
+            for some in pieces(where):
+                of_some = self.run.t[some], states.numbers[some], states.basis(some)
+                found, slopes = function.slopes(self.example, *of_some, compiled)
+                values.append(float(found.sum()))
+                self.by_states[some] += slopes
+        self.value = math.fsum(values)
+
+    def by_cotangent(self, given: Any) -> None:
+        """Set its derivatives by the samples to a cotangent: of each part of the state an array of its shape, by name, or
+        the components in a row; with the axis of samples before.
+        """
+        states, frames, some = self.states, self.states.frames, self.samples
+        ahead = () if self.alone else (len(some),)
+        if not isinstance(given, dict):
+            row = (states.many * frames.count,) if self.by_site else (frames.count,)
+            axes = (states.many,) if self.run.bodies is not None and not self.by_site else ()
+            array = arguments.cotangent(given, "", (*ahead, *axes, *row), "fiu").astype(float)
+            self.by_states[some] = (
+                frames.of_each(array.reshape(len(some), -1)) if self.by_site
+                else array.reshape(len(some), states.many, -1)
+            )  # fmt: skip
+            return
+        arguments.known_parts(given, self.run.states)
+        parts = {}
+        for name, x in self.run.states.items():
+            wanted, shown = (*ahead, *x.shape[1:]), self.run._by_site(name, x)
+            own = given.get(name, np.zeros(wanted))
+            if shown is not x and np.shape(own) == (*ahead, *shown.shape[1:]):
+                own = real_numbers(np.asarray(own, shown.dtype)).reshape(wanted)
+            array = arguments.cotangent(own, name, wanted, "fiuc" if np.iscomplexobj(x) else "fiu")
+            parts[name] = array.astype(x.dtype).reshape(len(some), *x.shape[1:])
+        parts = self.by_site(parts) if self.by_site else parts
+        shapes = {name: (len(some), states.many, *x.shape[2:]) for name, x in states.arrays.items()}
+        rows = StatesInFrames(frames, {name: x.reshape(shapes[name]) for name, x in parts.items()}).numbers
+        for piece in pieces(np.arange(len(some))):
+            self.by_states[some[piece]] = (states.basis(some[piece]) @ rows[piece][..., None])[..., 0]
+
+
+def pieces(numbers: np.ndarray) -> list[np.ndarray]:
+    """Some numbers, `AT_ONCE` in turn."""
+    return [numbers[k : k + AT_ONCE] for k in range(0, len(numbers), AT_ONCE)]
 
 
 class Loss:
@@ -70,12 +143,12 @@ class Loss:
         """The values at states of all bodies, (n, bodies), and the derivatives along the frames there, (n,
         bodies, N).
 
-        t : (n,) times.  numbers : (n, bodies, width).  frames : (n, bodies, N, width).
+        t : (n,) times, or (n, bodies).  numbers : (n, bodies, width).  frames : (n, bodies, N, width).
         """
         n, bodies, count, width = frames.shape
         rows = np.empty((n, bodies, count, 2 * width + 1))
         rows[..., 0:-1:2], rows[..., 1::2] = numbers[:, :, None], frames
-        rows[..., -1] = t[:, None, None]
+        rows[..., -1] = t.reshape(n, -1, 1)
         point = layout_of(dual_of(example))
         self._checked(example, t.item(0))
         duals = np.empty((n, bodies, count, 2))

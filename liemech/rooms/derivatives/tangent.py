@@ -39,7 +39,7 @@ from ..fictive_time.origin import Origin
 from ..hamilton_jacobi.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
 from .differences import part_of, slope_of
-from .frames import LEVEL, basis_of, frame, group_of
+from .frames import LEVEL, Frames, group_of
 from .varied_input import table_of
 
 # ------------------------------------------------------------------ what is asked for
@@ -69,7 +69,7 @@ def of_one(plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tu
 class Directions:
     """The directions in which a motion is differentiated."""
 
-    frames: dict[str, Any]  # by part of the state, the directions in which it can move
+    frames: Frames  # of the start
     moves: np.ndarray  # (directions, width), the changes of the numbers of the start
     method: Any
     systems: list[Any]  # by direction, the system whose numbers carry the derivative; None if it does not vary
@@ -103,14 +103,14 @@ class Directions:
         for table, _ in tables.values():
             table.find(system)
         of_steps, (whole, first_state) = dressed(method), begins_at(system, method, start)
-        layout, frames = layout_of((of_steps, whole, first_state)), frames_of(whole, first_state)
+        layout, frames = layout_of((of_steps, whole, first_state)), Frames(whole, first_state)
         first, last = layout.parts[0].width, layout.width - layout.parts[2].width
 
         def curves(name: str) -> list[Any]:
             """For each direction the curve x to (method, system, start) along it, and a step x for differences."""
             if name == "start":
                 inner = getattr(system, "system", None) if system.fictive else system
-                moves = displacements(inner, frames_of(inner, start), start)
+                moves = displacements(inner, start)
                 return [(lambda x, to=to: (of_steps, *begins_at(system, method, to(x))), step) for to, step in moves]
             if name == "h":
                 moves = parameter_moves(of_steps, name)
@@ -135,8 +135,8 @@ class Directions:
                 for _, place in by_coefficient:
                     slopes.append(np.eye(1, layout.width, first + place)[0])
             elif name == "start" and begins is None:
-                begun = {part: np.asarray(start.parts[part])[None] for part in frames}
-                slopes += [np.append(np.zeros(last), move) for move in basis_of(frames, begun)[0]]
+                begun = {part: np.asarray(start.parts[part])[None] for part in frames.of}
+                slopes += [np.append(np.zeros(last), move) for move in frames.basis(begun)[0]]
             else:
                 slopes += [slope(to, step, layout, name) for to, step in curves(name)]
             columns[name] = slice(begin, len(slopes))
@@ -146,20 +146,6 @@ class Directions:
         )
         moves = np.array([x[last:] for x in slopes])
         return cls(frames, moves, of_steps, systems, methods, columns, whole, tables)
-
-    def components(self, example: Any, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """Changes of the numbers of states, (n, directions, width), as components in the frames at
-        the states, (n, components, directions).
-        """
-        states, rows, at = unpacked(layout_of(example), values), [], 0
-        for name, directions in self.frames.items():
-            size = layout_of(example.parts[name]).width
-            # (n, components, numbers)
-            basis = basis_of({name: directions}, states)
-            changes = slopes[:, :, at : at + size]  # (n, directions, numbers)
-            rows.append(np.linalg.pinv(basis).transpose(0, 2, 1) @ changes.transpose(0, 2, 1))
-            at += size
-        return np.concatenate(rows, axis=1)
 
     def named(self, tangent: np.ndarray) -> dict[str, np.ndarray]:
         """The derivatives by the name of the parameter."""
@@ -210,11 +196,6 @@ def expands(method: Any) -> bool:
     return is_series or any(map(expands, inner))
 
 
-def frames_of(system: Any, start: Any) -> dict[str, Any]:
-    """For each part of a state the directions in which it can move."""
-    return {name: frame(system, name, part) for name, part in start.parts.items() if part is not None}
-
-
 # ------------------------------------------------------------------ runs
 
 
@@ -248,7 +229,8 @@ def carried_along(
         run = _Run(plan, start, directions, steps, t0)
         trajectory = run.trajectory()
     n, values, slopes = run.halves()
-    return trajectory, trajectory.t[:n], values, directions.components(start, values, slopes)
+    tangent = directions.frames.components(unpacked(layout_of(start), values), slopes).swapaxes(1, 2)
+    return trajectory, trajectory.t[:n], values, tangent
 
 
 @contextlib.contextmanager
@@ -310,12 +292,12 @@ def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
     return slope_of(numbers, step)
 
 
-def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
+def displacements(system: Any, start: Any) -> list[Any]:
     """For each direction of a start the function from x to the start moved by x along it, and a step x for differences,
     in its units.
     """
     moves = []
-    for name, directions in frames.items():
+    for name, directions in Frames(system, start).of.items():
         part = start.parts[name]
         group = group_of(system) if name == "g" else None
         for i, unit in enumerate(directions(np.asarray(part)[None])[0]):

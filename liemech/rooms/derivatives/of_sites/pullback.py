@@ -12,16 +12,13 @@ import numpy as np
 
 from ....errors import IncompatibleSystem
 from ....formulas.classes.of_each import Each
-from ....simulation import arguments
 from ....simulation.compiled.parameters import full_name, parameter
-from ....systems.system import state_of
-from ...sites.runs.states import by_site, first_of, kind_of, site_rows
-from ..frames import basis_of
-from ..losses import Loss
+from ...sites.runs.states import first_of
+from ..frames import Frames, StatesInFrames
+from ..losses import Felt
 from .adaptive import steps_of, with_samples
 from .adjoint import BackwardRun
 from .parameters import terms_of_sites
-from .tangent import Frames
 
 
 def gradient_by_sites(
@@ -55,8 +52,8 @@ def gradient_by_sites(
         if others:
             raise
         back = None
-    for name, given in (("loss", loss), ("along", along)):
-        if given is not None and not of_site(given):
+    for name, function in (("loss", loss), ("along", along)):
+        if function is not None and not of_site(function):
             raise IncompatibleSystem(
                 f"Plan.{what}: the {name} of many sites is the sum of a function of one, {name}=lambda site: "
                 "..., or lambda t, site: ...; of all together plan.pullback takes the derivative"
@@ -66,24 +63,24 @@ def gradient_by_sites(
     numbers = np.minimum(np.arange(len(run.t)) * between, steps).tolist()
     if ends is not None:
         run = replace(run, t=ends[numbers])
-    value, felt = None, {}
+    arrays, first = plan._one.by_site(run.states), first_of(state)
+    states = StatesInFrames(Frames(sites.site, first), arrays)
+    several = every is not None and (along is not None or cotangent is not None)
+    felt = Felt(run, states, first, np.ones(len(numbers), dtype=bool) if several else None, plan._one.by_site)
     if cotangent is not None:
-        some = len(numbers) if every else 1
-        rows = _cotangent(shown, state, run, cotangent, some, every is not None)
-        felt = dict(zip(numbers[-some:], rows, strict=True))
+        felt.by_cotangent(cotangent)
     else:
-        value, felt[steps] = _of_sites(loss, "loss", shown, run, -1)
-        for k, n in enumerate(numbers if along is not None else []):
-            more, slope = _of_sites(along, "along", shown, run, k)
-            value, felt[n] = value + more, felt.get(n, 0.0) + slope
+        felt.by_losses(loss, along, plan.options.compiled)
+    rows = states.frames.in_a_row(felt.by_states[felt.samples])
+    given = {numbers[k]: row for k, row in zip(felt.samples.tolist(), rows)}
     if back is None:
-        by = {"start": _by_directions(plan, adaptive, start, asked, felt)}
+        by = {"start": _by_directions(plan, adaptive, start, asked, given)}
     else:
-        found, by = back.back(felt)
+        found, by = back.back(given)
         by["start"] = found
-    sizes = [float(np.linalg.norm(w)) for w in felt.values()]
+    sizes = [float(np.linalg.norm(w)) for w in given.values()]
     growth = float(np.linalg.norm(by["start"])) / sizes[0] if len(sizes) == 1 and sizes[0] else None
-    return value, {name: by[name] for name in names}, run, growth
+    return felt.value, {name: by[name] for name in names}, run, growth
 
 
 def _by_directions(plan: Any, adaptive: Any, start: Any, asked: dict[str, Any], felt: dict[int, Any]) -> np.ndarray:
@@ -126,44 +123,3 @@ def of_site(function: Any) -> bool:
     except (TypeError, ValueError):
         return False
     return 1 <= len(names) <= 2 and names[-1] == "site"
-
-
-def _of_sites(loss: Any, name: str, plan: Any, run: Any, k: int) -> tuple[float, np.ndarray]:
-    """The sum of a function over the sites at a sample, and its derivative, (N,)."""
-    arrays = plan._one.by_site({n: x[k] for n, x in run.states.items()})
-    state = by_site(plan._one, state_of(kind_of(arrays), arrays))
-    frames = Frames(plan._sites.site, state)
-    rows, basis = site_rows(state).T, basis_of(frames.frames, state.arrays)
-    t = np.full(len(rows), run.t[k])
-    values, slopes = Loss(loss, name, None).slopes(
-        first_of(state), t, rows[:, None], basis[:, None], plan.options.compiled
-    )
-    ends = np.cumsum([x.shape[1] for x in frames.start.values()])[:-1]
-    parts = [own.ravel() for own in np.split(slopes[:, 0], ends, axis=1)]
-    return float(values.sum()), np.concatenate(parts)
-
-
-def _cotangent(plan: Any, state: Any, run: Any, given: Any, some: int, along: bool) -> np.ndarray:
-    """Cotangents as components, (samples, N)."""
-    frames = Frames(plan._sites.site, state)
-    if not isinstance(given, dict):
-        return _shaped(given, "", (frames.components,), some, along)
-    arguments.known_parts(given, frames.start)
-    found = []
-    for name, basis in frames.start.items():
-        there = run.states[name][-some:]
-        if name not in given:
-            found.append(np.zeros((some, basis.shape[0] * basis.shape[1])))
-            continue
-        own = _shaped(given[name], name, there.shape[1:], some, along)
-        if name == "g":
-            basis = frames._basis("g", there.reshape(-1, *there.shape[2:]))
-            own = np.einsum("sn,scn->sc", own.reshape(len(basis), -1), basis)
-        found.append(own.reshape(some, -1))
-    return np.concatenate(found, axis=1)
-
-
-def _shaped(given: Any, name: str, shape: tuple[int, ...], some: int, along: bool) -> np.ndarray:
-    """A cotangent by the components of a part, (samples, ...)."""
-    array = arguments.cotangent(given, name, (some,) * along + shape, "fiu")
-    return array.reshape(some, *shape).astype(float)

@@ -19,7 +19,7 @@ from ....simulation.between.dense import unpacked
 from ....simulation.result import of_tangent
 from ....simulation.runs.equal import affordable
 from ...sites.runs.states import first_of, site_rows
-from ..frames import LEVEL, basis_of, frame
+from ..frames import LEVEL, Frames, StatesInFrames, dual_basis
 from .adaptive import steps_of
 from .adjoint import BackwardRun
 
@@ -55,45 +55,6 @@ class Along:
         return rows[:, 0::2], rows[:, 1::2]
 
 
-class Frames:
-    """Directions of the states of all sites as components: changes of all momenta, then those of all
-    elements, dg = g hat(eta).
-    """
-
-    def __init__(self, site: Any, state: Any) -> None:
-        first = first_of(state)
-        self.layout, self.frames = layout_of(first), {}  # type: Any, dict[str, Any]
-        for name in state.arrays:
-            self.frames[name] = frame(site, name, first.parts[name])
-        self.start = {name: self._basis(name, np.asarray(x)) for name, x in state.arrays.items()}
-        self.components = sum(x.shape[0] * x.shape[1] for x in self.start.values())
-
-    def _basis(self, name: str, points: np.ndarray) -> np.ndarray:
-        """The directions of a part at points, (n, components, numbers)."""
-        return basis_of({name: self.frames[name]}, {name: points})
-
-    def numbers(self, direction: np.ndarray) -> np.ndarray:
-        """The slopes of the numbers of the start along a direction, (width, sites)."""
-        found, at = [], 0
-        for basis in self.start.values():
-            sites, components = basis.shape[:2]
-            own = direction[at : at + sites * components].reshape(sites, components)
-            found.append(np.einsum("sc,scn->ns", own, basis))
-            at += own.size
-        return np.concatenate(found)
-
-    def direction(self, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """The components, (n, all), of slopes of the numbers of states, both (n, width, sites)."""
-        found, at, n = [], 0, len(values)
-        for name, x in unpacked(self.layout, np.moveaxis(values, 1, -1)).items():
-            basis = self._basis(name, x.reshape(-1, *x.shape[2:]))
-            size = basis.shape[2]
-            own = np.moveaxis(slopes[:, at : at + size], 1, -1).reshape(-1, 1, size)
-            found.append((own @ np.linalg.pinv(basis)).reshape(n, -1))
-            at += size
-        return np.concatenate(found, axis=1)
-
-
 def tangent_by_sites(sites: Any, start: Any, steps: Any, t_end: Any, t0: float, given: Any) -> Any:
     """A run of many sites with its tangent map J, of which every direction of the start makes a column;
     or with products of it.
@@ -112,8 +73,9 @@ def tangent_by_sites(sites: Any, start: Any, steps: Any, t_end: Any, t0: float, 
 
 def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) -> Any:
     """The run of `tangent_by_sites` with fixed steps."""
-    plan, frames = sites.plan, Frames(sites.site, start)
-    n, every = frames.components, plan.options.every
+    plan, first = sites.plan, first_of(start)
+    frames, every = Frames(sites.site, first), plan.options.every
+    n = start.sites * frames.count
     name, wanted = given or ("start", None)
     some: Any = None if wanted is None else arguments.directions(name, wanted, n)
     out = n if some is None else 1 if some.ndim == 1 else some.shape[1]
@@ -122,15 +84,17 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
         with contextlib.suppress(IncompatibleSystem):
             return against_by_sites(sites, start, steps, t0, some)
     affordable(8 * n * out * (steps // every + 2), steps, every)
-    products = []
+    products, basis = [], frames.basis(start.arrays)
     for direction in np.atleast_2d(some.T) if name == "along" else np.eye(n):
-        kind = type("RunAlong", (Along, sites.kind), {"slopes": frames.numbers(direction)})
+        slopes = np.einsum("sc,scn->ns", frames.of_each(direction[None])[0], basis)
+        kind = type("RunAlong", (Along, sites.kind), {"slopes": slopes})
         run = kind(plan, sites.site, start, t0, steps, None, None, None)
         made = run.trajectory()
         values, slopes = run.halves()
-        column = frames.direction(values, slopes)
+        states = unpacked(layout_of(first), np.moveaxis(values, 1, -1))
+        duals = dual_basis(StatesInFrames(frames, states).basis())
+        column = frames.in_a_row((np.moveaxis(slopes, 1, -1)[:, :, None] @ duals)[:, :, 0])
         products.append(column @ some if name == "against" else column)
-    states = unpacked(frames.layout, np.moveaxis(values, 1, -1))
     tangent = np.stack(products, axis=1 if name == "against" else -1)
     one = name == "along" and some.ndim == 1
     return of_tangent(
