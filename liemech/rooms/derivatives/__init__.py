@@ -1,13 +1,15 @@
 """Derivatives of runs, of the discrete motion and exact up to rounding.
 
-tangent.py            the tangent map: steps in numbers that carry derivatives; frames.py: its components
-differences.py        by parameters of which others are made, by differences
+frames.py             directions in which states move, and components of changes along them
+tangent.py            forwards: the tangent map, by steps in numbers that carry derivatives
 tangent_runs.py       `plan.tangent`: of one body, of an ensemble, of many sites
-gradient.py           `plan.gradient`, backwards through a run in bounded memory
-blocks.py             steps of one run as bodies of one ensemble; reversal.py: which states are kept
+gradient.py           `plan.gradient` and `plan.pullback`
+losses.py             what is differentiated, a loss or a cotangent, and its derivatives by the states of a run
+through_blocks.py     backwards, of bodies: J^T w of a run by the Jacobians of blocks of its steps
+blocks.py             these blocks as bodies of one ensemble
 varied.py             systems and methods whose numbers carry derivatives; varied_input.py: tables of inputs
-losses.py             the function that is differentiated
+differences.py        by parameters of which others are made, by differences
+of_sites/             backwards, of many sites: J^T w of a run step by step
+steps_backwards.py    J^T w of one step; reversal.py: which states are kept on the way
 bridges.py            runs as functions of JAX and PyTorch
-steps_backwards.py    steps of methods, backwards
-of_sites/             all this of runs of many sites
 """

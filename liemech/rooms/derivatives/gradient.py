@@ -16,7 +16,7 @@ from ...simulation import arguments
 from ...simulation.result import of_some
 from ...simulation.trajectory import Trajectory
 from ...systems.system import State, member
-from .losses import Felt, Loss
+from .losses import Objective, Loss
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
 from .tangent import derived, in_steps
 from .through_blocks import Backward, prepared
@@ -107,19 +107,19 @@ def gradient_of(
         known = prepared(plan, start.bodies, member(start, 0), names, t0, run is None)
     forward = known.forward(plan, start, steps, t0, every, run)
     samples = (forward.edges % (every or 1) == 0) | (forward.edges == steps)
-    felt = Felt(forward.run, forward.states, forward.example, samples if every else None)
+    objective = Objective(forward.run, forward.states, forward.example, samples if every else None)
     if cotangent is not None:
-        felt.by_cotangent(cotangent)
+        objective.by_cotangent(cotangent)
     else:
-        felt.by_losses(loss, along, plan.options.compiled)
-    back = Backward(forward, known, felt.by_states)
+        objective.by_losses(loss, along, plan.options.compiled)
+    back = Backward(forward, known, objective.by_states)
     with derived(plan, "gradient"):
         back.go()
     tell(back.relative_growth())
     by_name = {name: back.by(name) for name in names}
     if start.bodies is None and "start" in names:
         by_name["start"] = by_name["start"][0]
-    return Gradient(felt.value, by_name, forward.run, float(np.linalg.norm(back.growth, 2, axis=(1, 2)).max()))
+    return Gradient(objective.value, by_name, forward.run, float(np.linalg.norm(back.growth, 2, axis=(1, 2)).max()))
 
 
 EPSILON = float(np.finfo(float).eps)

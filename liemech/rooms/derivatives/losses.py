@@ -1,4 +1,4 @@
-"""What is differentiated: losses and running costs, functions of states, or a cotangent; and its derivatives by states."""
+"""Losses and running costs, functions of states, and cotangents: values and derivatives by the states of a run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ AT_ONCE = 2**12
 """States, of all bodies or sites each, whose directions are in memory at once."""
 
 
-class Felt:
+class Objective:
     """A number that depends on the states of a run at some of its samples, and its derivatives by them.
 
     run : with `states` as its samples, of a body like `example`, or of a site, and then `by_site`, from the parts of states

@@ -15,7 +15,7 @@ from ....formulas.classes.of_each import Each
 from ....simulation.compiled.parameters import full_name, parameter
 from ...sites.runs.states import first_of
 from ..frames import Frames, StatesInFrames
-from ..losses import Felt
+from ..losses import Objective
 from .adaptive import steps_of, with_samples
 from .adjoint import BackwardRun
 from .parameters import terms_of_sites
@@ -66,13 +66,13 @@ def gradient_by_sites(
     arrays, first = plan._one.by_site(run.states), first_of(state)
     states = StatesInFrames(Frames(sites.site, first), arrays)
     several = every is not None and (along is not None or cotangent is not None)
-    felt = Felt(run, states, first, np.ones(len(numbers), dtype=bool) if several else None, plan._one.by_site)
+    objective = Objective(run, states, first, np.ones(len(numbers), dtype=bool) if several else None, plan._one.by_site)
     if cotangent is not None:
-        felt.by_cotangent(cotangent)
+        objective.by_cotangent(cotangent)
     else:
-        felt.by_losses(loss, along, plan.options.compiled)
-    rows = states.frames.in_a_row(felt.by_states[felt.samples])
-    given = {numbers[k]: row for k, row in zip(felt.samples.tolist(), rows)}
+        objective.by_losses(loss, along, plan.options.compiled)
+    rows = states.frames.in_a_row(objective.by_states[objective.samples])
+    given = {numbers[k]: row for k, row in zip(objective.samples.tolist(), rows)}
     if back is None:
         by = {"start": _by_directions(plan, adaptive, start, asked, given)}
     else:
@@ -80,7 +80,7 @@ def gradient_by_sites(
         by["start"] = found
     sizes = [float(np.linalg.norm(w)) for w in given.values()]
     growth = float(np.linalg.norm(by["start"])) / sizes[0] if len(sizes) == 1 and sizes[0] else None
-    return felt.value, {name: by[name] for name in names}, run, growth
+    return objective.value, {name: by[name] for name in names}, run, growth
 
 
 def _by_directions(plan: Any, adaptive: Any, start: Any, asked: dict[str, Any], felt: dict[int, Any]) -> np.ndarray:
